@@ -1,0 +1,29 @@
+"""The CAN frames of footsense as bytes and numbers; `footsense.dbc` says the same for other tools."""
+
+from enum import IntEnum, IntFlag
+
+#: CAN node id of each leg: left front, left middle, left rear, right front, right middle, right rear.
+NODE_IDS = {"lf": 1, "lm": 2, "lr": 3, "rf": 4, "rm": 5, "rr": 6}
+
+
+class State(IntEnum):
+    """Whether a leg's force may be used, and if not, why. Zero is not a usable state on purpose."""
+
+    ABSENT = 0  #: the leg's chips do not answer
+    VALID = 1  #: the force may be used
+    NO_BASELINE = 2  #: no tare has succeeded yet
+    TARING = 3  #: a tare is being taken
+    SATURATED = 4  #: a gap is shut or a code stands at the end of its range
+    ELEMENT_FAULT = 5  #: an element is open, shorted or gives no number; see the element mask
+    CONVERTER_FAULT = 6  #: the converter answers but its conversions do not finish
+    STALE = 7  #: the measurement is older than the age limit
+    OUT_OF_RANGE = 8  #: the load lies outside what the network was trained on
+    STOPPED = 9  #: the service was told to stop
+
+
+class Flag(IntFlag):
+    """Notes that do not forbid the value."""
+
+    SIMULATED = 1  #: made by the simulator, not by a foot
+    DEGRADED_TIMING = 2  #: the loop did not get the scheduling that it asked for
+    TARE_REFUSED = 4  #: the last tare was refused; the older baseline is in use

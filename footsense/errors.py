@@ -1,0 +1,63 @@
+"""Everything that footsense can fail at, as one tree.
+
+    FootsenseError            exit 1   a check failed, or a reason no other class names
+    ├── ConfigError           exit 2   a key is unknown, a value is out of range, two settings clash
+    ├── RecordingError        exit 3   not a recording, or cut short: what is whole was still replayed
+    ├── ModelError            exit 4   a model is missing, corrupt, or made for another foot
+    ├── HardwareError         exit 5   the bus or a chip that everything needs is not there
+    │   └── BusError                   one transaction failed; the scanner turns it into a state
+    │       ├── NackError              nobody acknowledged the address or a byte
+    │       └── BusTimeoutError        the adapter gave up: a line is held low
+    └── CanError              exit 6   the CAN channel is not there or is down
+
+The message of an error is one line for a person: what is wrong, where, and what would be right.
+Only `footsense.cli` turns an error into an exit code.
+"""
+
+
+class FootsenseError(Exception):
+    """Something that one line to the user explains."""
+
+    exit_code = 1
+
+
+class ConfigError(FootsenseError):
+    """A configuration or scene contradicts its schema or itself."""
+
+    exit_code = 2
+
+
+class RecordingError(FootsenseError):
+    """A recording cannot be read, or not to its end."""
+
+    exit_code = 3
+
+
+class ModelError(FootsenseError):
+    """A network or a response table cannot be used for these feet."""
+
+    exit_code = 4
+
+
+class HardwareError(FootsenseError):
+    """A bus or chip that the service cannot work without is not there."""
+
+    exit_code = 5
+
+
+class BusError(HardwareError):
+    """One I2C transaction failed; nothing of it may be used."""
+
+
+class NackError(BusError):
+    """No device acknowledged: absent, unpowered, or at another address."""
+
+
+class BusTimeoutError(BusError):
+    """The adapter waited its whole timeout: SDA or SCL is held low."""
+
+
+class CanError(FootsenseError):
+    """The CAN channel is missing or down."""
+
+    exit_code = 6

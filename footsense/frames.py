@@ -1,0 +1,91 @@
+"""The two values that travel through the daemon: a scan of capacitances, and the forces made of it.
+
+Both hold all legs of the robot at once, row n for the n-th leg of the configuration, because the network
+runs once for all of them. An entry that was not measured is NaN: a frame never holds a stand-in number.
+Arrays are read-only by agreement: whoever receives a frame may keep it.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_interface.can_frames import NODE_IDS, Flag, State
+
+__all__ = ["ELEMENTS", "LEGS", "CapFrame", "Flag", "ForceFrame", "Reading", "State"]
+
+#: Elements of a foot: a 3 x 3 grid, flat index 3 * row + column, row 0 the most forward, column 0 the leftmost.
+ELEMENTS = 9
+
+#: Every leg that a robot may have, in the order of the CAN node ids 1..6.
+LEGS = tuple(NODE_IDS)
+
+
+class Reading(IntEnum):
+    """How the converter answered for one element of one scan."""
+
+    OK = 0
+    NO_ANSWER = 1  #: the chip or its channel did not acknowledge
+    NOT_READY = 2  #: the conversion had not finished when it was read
+    OVER_RANGE = 3  #: the code stands at an end of the converter's range
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CapFrame:
+    """One scan of every element of every leg.
+
+    Attributes:
+        sequence: Number of the scan since start, from 0, without gaps.
+        t_ns: Middle of each element's conversion [ns, monotonic], shape (legs, 9), int64; 0 where there was none.
+        capacitance_pf: Capacitance as converted, stray included [pF], shape (legs, 9), float64, NaN unless OK.
+        reading: How each element answered, shape (legs, 9), uint8 of `Reading`.
+    """
+
+    sequence: int
+    t_ns: NDArray[np.int64]
+    capacitance_pf: NDArray[np.float64]
+    reading: NDArray[np.uint8]
+
+    def __post_init__(self) -> None:
+        """Check the shapes.
+
+        Raises:
+            ValueError: The three arrays are not all of one shape (legs, 9).
+        """
+        shape = self.capacitance_pf.shape
+        if len(shape) != 2 or shape[1] != ELEMENTS or self.t_ns.shape != shape or self.reading.shape != shape:
+            raise ValueError(
+                f"a CapFrame needs three arrays of shape (legs, {ELEMENTS}), "
+                f"got {self.t_ns.shape}, {shape}, {self.reading.shape}"
+            )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForceFrame:
+    """The contact force of every leg, as the consumer is to believe it.
+
+    Attributes:
+        sequence: Number of the scan that it was made of.
+        t_sent_ns: Time at which it is handed to the sinks [ns, monotonic].
+        t_ns: Time that the force belongs to: the mean of its elements' stamps [ns], shape (legs,); 0 where none.
+        force_n: Ground reaction on the foot in the foot frame [N], shape (legs, 3), NaN unless the state is VALID.
+        sigma_n: Standard deviation of each component [N], shape (legs, 3), NaN where the force is.
+        state: Whether and why the force may be used, shape (legs,), uint8 of `State`.
+        fault_mask: Bit e set where element e is not usable, shape (legs,), uint16.
+        flags: Notes that do not forbid the value, shape (legs,), uint8 of `Flag`.
+    """
+
+    sequence: int
+    t_sent_ns: int
+    t_ns: NDArray[np.int64]
+    force_n: NDArray[np.float64]
+    sigma_n: NDArray[np.float64]
+    state: NDArray[np.uint8]
+    fault_mask: NDArray[np.uint16]
+    flags: NDArray[np.uint8]
+
+    @property
+    def age_ns(self) -> NDArray[np.int64]:
+        """Age of each leg's measurement at the time of sending [ns], shape (legs,); of no meaning where t_ns is 0."""
+        return self.t_sent_ns - self.t_ns

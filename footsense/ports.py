@@ -1,0 +1,105 @@
+"""The seams of the daemon, one to three methods each.
+
+Behind every port stands either hardware or its simulation, chosen once in `footsense.app`; code above a port
+cannot tell which.
+"""
+
+from typing import NamedTuple, Protocol
+
+from footsense.frames import CapFrame, ForceFrame
+
+
+class Transaction(NamedTuple):
+    """One I2C transaction that every Linux adapter can do: a write, or a write and then a read, to one address.
+
+    Attributes:
+        address: 7-bit address.
+        write: Bytes to write; at least one.
+        n_read: Bytes to read after a repeated start; 0 for none.
+    """
+
+    address: int
+    write: bytes
+    n_read: int = 0
+
+
+class I2cBus(Protocol):
+    """One I2C adapter."""
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        """Do one transaction, from START to STOP, and return the bytes read (empty for a plain write).
+
+        Raises:
+            NackError: No device acknowledged the address or a byte.
+            BusTimeoutError: The adapter gave up waiting for a line.
+            BusError: Anything else that made the transaction void.
+        """
+        ...
+
+    def close(self) -> None:
+        """Release the adapter."""
+        ...
+
+
+class Clock(Protocol):
+    """Monotonic time; the only time in the program."""
+
+    def now_ns(self) -> int:
+        """Return the time since an arbitrary start [ns]."""
+        ...
+
+    def sleep_until_ns(self, t_ns: int) -> None:
+        """Return at `t_ns`, or at once if that has passed."""
+        ...
+
+
+class FrameSource(Protocol):
+    """Where scans come from: the scanner, or a recording."""
+
+    def read(self) -> CapFrame | None:
+        """Wait for the next scan and return it; None at the end of a recording."""
+        ...
+
+    def close(self) -> None:
+        """Stop the conversions and release what is held."""
+        ...
+
+
+class Command(NamedTuple):
+    """A request to the daemon, already checked for its crc and counter.
+
+    Attributes:
+        kind: What to do: "tare", "start" or "stop".
+        leg: Row of the leg in the frames.
+    """
+
+    kind: str
+    leg: int
+
+
+class ForceSink(Protocol):
+    """Where forces go, and where requests come from."""
+
+    def publish(self, frame: ForceFrame) -> None:
+        """Send one frame; a value that cannot be sent now is dropped and counted, never sent late."""
+        ...
+
+    def commands(self) -> list[Command]:
+        """Return the requests that have arrived since the last call, oldest first; never waits."""
+        ...
+
+    def close(self) -> None:
+        """Tell the consumers that no more frames come, and release the channel."""
+        ...
+
+
+class Observer(Protocol):
+    """Someone who watches every cycle without changing it: the recorder, the metrics, a score, a table."""
+
+    def observe(self, scan: CapFrame, forces: ForceFrame) -> None:
+        """Take note of one cycle; must return at once."""
+        ...
+
+    def close(self) -> None:
+        """Finish what was noted."""
+        ...
