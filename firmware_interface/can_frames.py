@@ -27,3 +27,22 @@ class Flag(IntFlag):
     SIMULATED = 1  #: made by the simulator, not by a foot
     DEGRADED_TIMING = 2  #: the loop did not get the scheduling that it asked for
     TARE_REFUSED = 4  #: the last tare was refused; the older baseline is in use
+
+
+class CommandKind(IntEnum):
+    """What a consumer may ask of one leg."""
+
+    TARE = 1  #: take the present capacitances as those of the unloaded foot
+    START = 2  #: publish forces again after STOP
+    STOP = 3  #: publish no force of this leg; its state becomes STOPPED
+
+
+class Result(IntEnum):
+    """What became of a command."""
+
+    DONE = 0
+    NOT_QUIET = 1  #: tare refused: the readings move more than noise does
+    LOADED = 2  #: tare refused: the readings are not those of an unloaded foot
+    ELEMENT_FAULT = 3  #: tare refused: an element gives no usable number
+    ABSENT = 4  #: refused: the leg does not answer
+    UNKNOWN = 5  #: refused: no such command

@@ -7,13 +7,27 @@ Arrays are read-only by agreement: whoever receives a frame may keep it.
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface.can_frames import NODE_IDS, Flag, State
+from firmware_interface.can_frames import NODE_IDS, CommandKind, Flag, Result, State
 
-__all__ = ["ELEMENTS", "LEGS", "CapFrame", "Flag", "ForceFrame", "Reading", "State"]
+__all__ = [
+    "ELEMENTS",
+    "LEGS",
+    "CapFrame",
+    "Command",
+    "CommandKind",
+    "Cycle",
+    "Flag",
+    "ForceFrame",
+    "Outcome",
+    "Reading",
+    "Result",
+    "State",
+]
 
 #: Elements of a foot: a 3 x 3 grid, flat index 3 * row + column, row 0 the most forward, column 0 the leftmost.
 ELEMENTS = 9
@@ -89,3 +103,45 @@ class ForceFrame:
     def age_ns(self) -> NDArray[np.int64]:
         """Age of each leg's measurement at the time of sending [ns], shape (legs,); of no meaning where t_ns is 0."""
         return self.t_sent_ns - self.t_ns
+
+
+class Command(NamedTuple):
+    """A request to the daemon, already checked for its crc and counter.
+
+    Attributes:
+        kind: What to do.
+        leg: Row of the leg in the frames.
+    """
+
+    kind: CommandKind
+    leg: int
+
+
+class Outcome(NamedTuple):
+    """What became of a command, or of the tare that the daemon takes by itself at start.
+
+    Attributes:
+        command: The request.
+        result: DONE, or why it was refused.
+        reason: The same in words, with the numbers that decided it.
+    """
+
+    command: Command
+    result: Result
+    reason: str
+
+
+class Cycle(NamedTuple):
+    """One turn of the loop, as its observers see it.
+
+    Attributes:
+        scan: What the converters said.
+        commands: Commands that were obeyed before the scan was processed.
+        forces: What was published.
+        outcomes: Commands that came to an end in this turn.
+    """
+
+    scan: CapFrame
+    commands: tuple[Command, ...]
+    forces: ForceFrame
+    outcomes: tuple[Outcome, ...]

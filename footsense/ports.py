@@ -6,7 +6,7 @@ cannot tell which.
 
 from typing import NamedTuple, Protocol
 
-from footsense.frames import CapFrame, ForceFrame
+from footsense.frames import CapFrame, Command, Cycle, ForceFrame, Outcome
 
 
 class Transaction(NamedTuple):
@@ -65,27 +65,19 @@ class FrameSource(Protocol):
         ...
 
 
-class Command(NamedTuple):
-    """A request to the daemon, already checked for its crc and counter.
-
-    Attributes:
-        kind: What to do: "tare", "start" or "stop".
-        leg: Row of the leg in the frames.
-    """
-
-    kind: str
-    leg: int
-
-
 class ForceSink(Protocol):
-    """Where forces go, and where requests come from."""
+    """Where forces go, and where commands come from."""
 
     def publish(self, frame: ForceFrame) -> None:
         """Send one frame; a value that cannot be sent now is dropped and counted, never sent late."""
         ...
 
     def commands(self) -> list[Command]:
-        """Return the requests that have arrived since the last call, oldest first; never waits."""
+        """Return the commands that have arrived since the last call, oldest first; never waits."""
+        ...
+
+    def answer(self, outcome: Outcome) -> None:
+        """Tell whoever asked what became of a command."""
         ...
 
     def close(self) -> None:
@@ -96,7 +88,7 @@ class ForceSink(Protocol):
 class Observer(Protocol):
     """Someone who watches every cycle without changing it: the recorder, the metrics, a score, a table."""
 
-    def observe(self, scan: CapFrame, forces: ForceFrame) -> None:
+    def observe(self, cycle: Cycle) -> None:
         """Take note of one cycle; must return at once."""
         ...
 
