@@ -6,6 +6,9 @@ cannot tell which.
 
 from typing import NamedTuple, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from footsense.frames import CapFrame, Command, Cycle, ForceFrame, Outcome
 
 
@@ -62,6 +65,14 @@ class FrameSource(Protocol):
 
     def close(self) -> None:
         """Stop the conversions and release what is held."""
+        ...
+
+
+class Estimator(Protocol):
+    """What turns normalised gap closures into forces: the network."""
+
+    def estimate(self, closure_rel: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the force of every leg [N], shape (legs, 3), for closures over the gap [1], shape (legs, 9)."""
         ...
 
 

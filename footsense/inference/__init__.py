@@ -1,0 +1,1 @@
+"""The network in use: one ONNX file that carries its own card."""

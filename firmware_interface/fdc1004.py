@@ -1,0 +1,188 @@
+"""Registers of the FDC1004 capacitance-to-digital converter.
+
+Source: Texas Instruments FDC1004 data sheet SNOSCY5; the sections named below are that document's.
+The converter measures the capacitance of one CIN pin to ground, whatever stands on that path included. All
+registers are 16 bits wide, sent most significant byte first.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+#: 7-bit bus address, not changeable. 24Cxx EEPROMs answer to it too.
+ADDRESS = 0x50
+
+
+class Register(IntEnum):
+    """Register addresses (section 8.6)."""
+
+    MEAS1_MSB = 0x00
+    MEAS1_LSB = 0x01
+    MEAS2_MSB = 0x02
+    MEAS2_LSB = 0x03
+    MEAS3_MSB = 0x04
+    MEAS3_LSB = 0x05
+    MEAS4_MSB = 0x06
+    MEAS4_LSB = 0x07
+    CONF_MEAS1 = 0x08
+    CONF_MEAS2 = 0x09
+    CONF_MEAS3 = 0x0A
+    CONF_MEAS4 = 0x0B
+    FDC_CONF = 0x0C
+    OFFSET_CAL_CIN1 = 0x0D
+    OFFSET_CAL_CIN4 = 0x10
+    GAIN_CAL_CIN1 = 0x11
+    GAIN_CAL_CIN4 = 0x14
+    MANUFACTURER_ID = 0xFE
+    DEVICE_ID = 0xFF
+
+
+MANUFACTURER_ID = 0x5449
+DEVICE_ID = 0x1004
+
+#: Values after power-up or reset; registers that are not named here are zero.
+RESET_VALUES = {
+    **dict.fromkeys(range(Register.CONF_MEAS1, Register.CONF_MEAS4 + 1), 0x1C00),
+    **dict.fromkeys(range(Register.GAIN_CAL_CIN1, Register.GAIN_CAL_CIN4 + 1), 0x4000),
+    Register.MANUFACTURER_ID: MANUFACTURER_ID,
+    Register.DEVICE_ID: DEVICE_ID,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A run of bits in a 16-bit register."""
+
+    shift: int
+    width: int
+
+    def encode(self, value: int) -> int:
+        """Return `value` at its place.
+
+        Raises:
+            ValueError: The value does not fit into the field.
+
+        Example:
+            >>> hex(CONF_CHB.encode(CHB_DISABLED))
+            '0x1c00'
+        """
+        if not 0 <= value < 1 << self.width:
+            raise ValueError(f"{value} does not fit into {self.width} bits")
+        return value << self.shift
+
+    def decode(self, word: int) -> int:
+        """Return the field's value in `word`.
+
+        Example:
+            >>> CONF_RATE.decode(0x0C80)
+            3
+        """
+        return (word >> self.shift) & ((1 << self.width) - 1)
+
+
+# CONF_MEASn (section 8.6.1.2): what measurement n measures.
+CONF_CHA = Field(shift=13, width=3)  #: positive input, 0..3 = CIN1..CIN4
+CONF_CHB = Field(shift=10, width=3)  #: negative input, 4 = CAPDAC, 7 = disabled
+CONF_CAPDAC = Field(shift=5, width=5)
+CHB_CAPDAC = 4
+CHB_DISABLED = 7
+
+# FDC_CONF (section 8.6.1.3): rate, triggers and completion.
+CONF_RESET = Field(shift=15, width=1)
+CONF_RATE = Field(shift=10, width=2)
+CONF_REPEAT = Field(shift=8, width=1)
+CONF_TRIGGERS = Field(shift=4, width=4)  #: MEAS_1 is the highest of the four bits
+CONF_DONE = Field(shift=0, width=4)  #: DONE_1 is the highest of the four bits
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """One of the three conversion rates.
+
+    Attributes:
+        code: Value of the RATE field.
+        conversion_ns: Nominal time of one conversion [ns].
+        noise_ff: White noise of one conversion [fF rms]: 33.2 aF/sqrt(Hz) over half the rate.
+    """
+
+    code: int
+    conversion_ns: int
+    noise_ff: float
+
+
+#: Conversion rates by samples per second (section 8.6.1.3; noise from the electrical characteristics).
+RATES = {
+    100: Rate(code=1, conversion_ns=10_000_000, noise_ff=0.235),
+    200: Rate(code=2, conversion_ns=5_000_000, noise_ff=0.332),
+    400: Rate(code=3, conversion_ns=2_500_000, noise_ff=0.470),
+}
+
+#: Planning value for how far a chip's own clock may be off. Not specified: verify on hardware.
+CLOCK_TOLERANCE_REL = 0.02
+
+#: One pF in codes: the 24-bit two's complement result has 19 fractional bits (section 8.6.1.1).
+CODES_PER_PF = 1 << 19
+CODE_MAX = 0x7FFFFF
+CODE_MIN = -0x800000
+
+#: One step of the CAPDAC [pF]. Its steps do not match well enough to change it between tare and measurement.
+CAPDAC_STEP_PF = 3.125
+
+SLOTS = 4
+
+
+def measurement_config(cin: int) -> int:
+    """Return CONF_MEASn for CIN `cin` (0..3) to ground, CAPDAC off: range -16..+16 pF.
+
+    Example:
+        >>> [hex(measurement_config(cin)) for cin in range(3)]
+        ['0x1c00', '0x3c00', '0x5c00']
+    """
+    return CONF_CHA.encode(cin) | CONF_CHB.encode(CHB_DISABLED)
+
+
+def slot_bit(slot: int) -> int:
+    """Return the bit of measurement `slot` (0..3) in the TRIGGERS and DONE fields.
+
+    Example:
+        >>> [slot_bit(s) for s in range(4)]
+        [8, 4, 2, 1]
+    """
+    return 1 << (SLOTS - 1 - slot)
+
+
+def trigger(rate_sps: int, slot: int) -> int:
+    """Return the FDC_CONF word that starts one conversion of measurement `slot` (0..3).
+
+    Without REPEAT only one measurement may be enabled at a time (section 8.5.3.1).
+
+    Example:
+        >>> [hex(trigger(400, slot)) for slot in range(3)]
+        ['0xc80', '0xc40', '0xc20']
+    """
+    return CONF_RATE.encode(RATES[rate_sps].code) | CONF_TRIGGERS.encode(slot_bit(slot))
+
+
+def result_register(slot: int) -> Register:
+    """Return the register with the upper 16 bits of measurement `slot`'s result."""
+    return Register(Register.MEAS1_MSB + 2 * slot)
+
+
+def signed_code(word_msb: int, word_lsb: int = 0) -> int:
+    """Return the 24-bit result of its two registers; without the second, its lowest 8 bits are zero.
+
+    Example:
+        >>> signed_code(0x2B00), signed_code(0xFFFF, 0xFF00), signed_code(0x7FFF, 0xFF00) == CODE_MAX
+        (2818048, -1, True)
+    """
+    code = word_msb << 8 | word_lsb >> 8
+    return code - (1 << 24) if code & 0x800000 else code
+
+
+def capacitance_pf(code: int) -> float:
+    """Return the capacitance of a result [pF], exact in float64.
+
+    Example:
+        >>> capacitance_pf(signed_code(0x2B00))
+        5.375
+    """
+    return code / CODES_PER_PF

@@ -1,0 +1,29 @@
+"""The TCA9548A eight-channel I2C switch.
+
+Source: Texas Instruments TCA9548A data sheet SCPS207. One control byte, bit n connects channel n, several at once
+are allowed; readable; 0 after power-up. A new selection takes effect at the STOP of the write, never at a repeated
+START (section 8.5.4), so selecting a leg and reading it are two transactions.
+
+With several channels connected a write reaches every chip at that address. The acknowledge is then the wired AND of
+all chips: one that is missing cannot be seen in a broadcast, only by reading it alone.
+"""
+
+#: 7-bit bus address with A2 A1 A0 = 001. Not 0x70: PCA9685 servo boards answer there (ALLCALL).
+ADDRESS = 0x71
+
+CHANNELS = 8
+
+
+def select(channels: tuple[int, ...]) -> int:
+    """Return the control byte that connects these channels.
+
+    Example:
+        >>> hex(select(tuple(range(6)))), select(())
+        ('0x3f', 0)
+    """
+    control = 0
+    for channel in channels:
+        if not 0 <= channel < CHANNELS:
+            raise ValueError(f"a TCA9548A has channels 0..{CHANNELS - 1}, got {channel}")
+        control |= 1 << channel
+    return control

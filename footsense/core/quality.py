@@ -1,0 +1,43 @@
+"""Judges every element and leg: which readings may be used, and which state a leg is in.
+
+Thresholds that are physics, not taste: a gap that is shut to 95 % no longer tells its load, and an element that has
+lost half of its unloaded capacitance cannot be a pressed one (pressing only adds): its line is open.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.frames import ELEMENTS, Reading, State
+
+SHUT_REL = 0.95
+OPEN_REL = 0.5
+
+_BITS = (1 << np.arange(ELEMENTS)).astype(np.uint16)
+
+Mask = NDArray[np.bool_]
+
+
+def open_elements(capacitance_pf: NDArray[np.float64], unloaded_pf: NDArray[np.float64]) -> Mask:
+    """Tell which elements have lost their electrode, shape as given; False where there is no reading."""
+    return capacitance_pf < OPEN_REL * unloaded_pf
+
+
+def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
+    """Return bit e for each unusable element e of each leg, shape (legs,).
+
+    Example:
+        >>> unusable = np.zeros((1, 9), bool)
+        >>> unusable[0, [0, 8]] = True
+        >>> bin(int(fault_mask(unusable)[0]))
+        '0b100000001'
+    """
+    masks: NDArray[np.uint16] = unusable @ _BITS
+    return masks
+
+
+def converter_states(state: NDArray[np.uint8], reading: NDArray[np.uint8], opened: Mask, shut: Mask) -> None:
+    """Write the states that forbid any value over `state`, shape (legs,); the gravest is written last."""
+    state[(reading == Reading.OVER_RANGE).any(axis=1) | shut.any(axis=1)] = State.SATURATED
+    state[opened.any(axis=1)] = State.ELEMENT_FAULT
+    state[(reading == Reading.NOT_READY).any(axis=1)] = State.CONVERTER_FAULT
+    state[(reading == Reading.NO_ANSWER).any(axis=1)] = State.ABSENT

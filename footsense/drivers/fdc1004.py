@@ -1,0 +1,97 @@
+"""The FDC1004 as commands: what to send, and what the answer means.
+
+Ids are checked before anything else, because a chip that is not there often "answers": pull-ups read as ones, a line
+held low as zeros. Register meanings: `firmware_interface/fdc1004.py`.
+"""
+
+from firmware_interface import fdc1004 as chip
+from footsense.errors import HardwareError, NackError
+from footsense.frames import Reading
+from footsense.ports import I2cBus, Transaction
+
+COLUMNS = 3
+
+
+def write_register(register: int, word: int) -> Transaction:
+    """Return the transaction that writes one 16-bit register."""
+    return Transaction(chip.ADDRESS, bytes((register, word >> 8, word & 0xFF)))
+
+
+def read_register(register: int) -> Transaction:
+    """Return the transaction that reads one 16-bit register."""
+    return Transaction(chip.ADDRESS, bytes((register,)), n_read=2)
+
+
+READ_CONF = read_register(chip.Register.FDC_CONF)
+_RESET = write_register(chip.Register.FDC_CONF, chip.CONF_RESET.encode(1))
+
+
+def identify(bus: I2cBus) -> None:
+    """Make sure that the connected chip is an FDC1004.
+
+    Raises:
+        HardwareError: Nothing answers, or something else does; the text says what that usually means.
+    """
+    try:
+        manufacturer = _read_word(bus, chip.Register.MANUFACTURER_ID)
+        device = _read_word(bus, chip.Register.DEVICE_ID)
+    except NackError as error:
+        raise HardwareError(
+            f"no answer at {chip.ADDRESS:#04x}: broken wire, no 3.3 V, or another mux channel"
+        ) from error
+    if (manufacturer, device) == (chip.MANUFACTURER_ID, chip.DEVICE_ID):
+        return
+    found = f"ids {manufacturer:#06x}/{device:#06x} at {chip.ADDRESS:#04x}"
+    wanted = f"an FDC1004 says {chip.MANUFACTURER_ID:#06x}/{chip.DEVICE_ID:#06x}"
+    if {manufacturer, device} == {0xFFFF}:
+        why = "nobody drives the lines: check the chip's power and the wires"
+    elif {manufacturer, device} == {0x0000}:
+        why = "SDA is held low: check for a short or a chip without power"
+    else:
+        why = "another chip has this address, such as a 24Cxx EEPROM"
+    raise HardwareError(f"{found}, {wanted}; {why}")
+
+
+def configure(bus: I2cBus) -> None:
+    """Reset the chip, then let measurement n measure CIN n to ground, CAPDAC off.
+
+    Raises:
+        BusError: A write was not acknowledged.
+    """
+    bus.transfer(_RESET)
+    for slot in range(COLUMNS):
+        bus.transfer(write_register(chip.Register.CONF_MEAS1 + slot, chip.measurement_config(slot)))
+
+
+def is_done(conf_answer: bytes, slot: int) -> bool:
+    """Tell from an answer to READ_CONF whether measurement `slot` has finished since it was last read."""
+    return bool(chip.CONF_DONE.decode(_word(conf_answer)) & chip.slot_bit(slot))
+
+
+def result_reads(slot: int, rate_sps: int) -> tuple[Transaction, ...]:
+    """Return the reads of a finished measurement.
+
+    At 400 S/s the noise of one conversion (0.47 fF) hides the lower register's bits (the upper one's step is
+    0.49 fF, 0.14 fF rms), while reading it would cost six legs a third of the bus: it is left out there.
+    """
+    upper = chip.result_register(slot)
+    if rate_sps == 400:
+        return (read_register(upper),)
+    return (read_register(upper), read_register(upper + 1))
+
+
+def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
+    """Return what the answers to `result_reads` say, and the capacitance [pF], NaN unless the reading is OK."""
+    words = [_word(answer) for answer in answers]
+    # The upper word alone tells the ends of the range: 0x7FFF is also what an unfinished measurement reads as.
+    if words[0] in {chip.CODE_MAX >> 8, chip.CODE_MIN >> 8 & 0xFFFF}:
+        return Reading.OVER_RANGE, float("nan")
+    return Reading.OK, chip.capacitance_pf(chip.signed_code(*words))
+
+
+def _word(answer: bytes) -> int:
+    return answer[0] << 8 | answer[1]
+
+
+def _read_word(bus: I2cBus, register: int) -> int:
+    return _word(bus.transfer(read_register(register)))

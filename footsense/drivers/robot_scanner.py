@@ -1,0 +1,59 @@
+"""The scans of all buses of the robot, put together into one frame.
+
+Buses scan at the same time, each in a thread of its own when there are several: the adapter's system call lets the
+others run. A frame is complete when the slowest bus is.
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from footsense.drivers.bus_scanner import BusScanner
+from footsense.frames import CapFrame
+
+
+class RobotScanner:
+    """The frame source of a robot with chips on one or more I2C buses.
+
+    Args:
+        buses: One scanner a bus; the rows of a frame are the legs of the first bus, then of the second, and so on.
+    """
+
+    def __init__(self, buses: Sequence[BusScanner]) -> None:
+        self._buses = tuple(buses)
+        self._sequence = 0
+        self._pool = (
+            ThreadPoolExecutor(len(self._buses), thread_name_prefix="i2c") if len(self._buses) > 1 else None
+        )
+
+    def start(self) -> None:
+        """Find and set up the chips of every bus.
+
+        Raises:
+            HardwareError: A bus has no mux.
+        """
+        for bus in self._buses:
+            bus.start()
+
+    def read(self) -> CapFrame:
+        """Scan every element of every leg once."""
+        if self._pool is None:
+            scans = [self._buses[0].scan()]
+        else:
+            scans = list(self._pool.map(BusScanner.scan, self._buses))
+        frame = CapFrame(
+            sequence=self._sequence,
+            t_ns=np.concatenate([scan.t_ns for scan in scans]),
+            capacitance_pf=np.concatenate([scan.capacitance_pf for scan in scans]),
+            reading=np.concatenate([scan.reading for scan in scans]),
+        )
+        self._sequence += 1
+        return frame
+
+    def close(self) -> None:
+        """Release the buses."""
+        if self._pool is not None:
+            self._pool.shutdown()
+        for bus in self._buses:
+            bus.stop()

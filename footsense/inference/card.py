@@ -1,0 +1,84 @@
+"""The card inside a network's ONNX file: what it was made for. A network without a fitting card is not used."""
+
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from footsense.core.design import CapacitorDesign
+from footsense.core.pipeline import Calibration
+from footsense.errors import ModelError
+
+#: Key of the card in the file's metadata.
+METADATA_KEY = "footsense_card"
+FORMAT = 1
+
+Nine = Annotated[list[float], Meta(min_length=9, max_length=9)]
+Three = Annotated[list[float], Meta(min_length=3, max_length=3)]
+Positive = Annotated[float, Meta(gt=0.0)]
+
+
+class Signal(msgspec.Struct, frozen=True):
+    """An input or output of the network; fields of a card that the daemon does not need are left unread."""
+
+    name: str
+    unit: str
+
+
+class Card(msgspec.Struct, frozen=True):
+    """What the daemon needs of a card."""
+
+    format: int
+    foot_type: str
+    input: Signal
+    output: Signal
+    gap_um: Positive
+    film_um: Positive
+    film_eps_r: Positive
+    electrode_area_mm2: Positive
+    closure_rel_min: Nine
+    closure_rel_max: Nine
+    sigma_floor_n: Three
+    sigma_rel: Three
+    response_sha256: str
+
+    @property
+    def calibration(self) -> Calibration:
+        """What the pipeline needs of it."""
+        return Calibration(
+            design=CapacitorDesign(
+                gap_um=self.gap_um,
+                film_um=self.film_um,
+                film_eps_r=self.film_eps_r,
+                electrode_area_mm2=self.electrode_area_mm2,
+            ),
+            closure_rel_min=np.array(self.closure_rel_min),
+            closure_rel_max=np.array(self.closure_rel_max),
+            sigma_floor_n=np.array(self.sigma_floor_n),
+            sigma_rel=np.array(self.sigma_rel),
+        )
+
+
+def read_card(text: str | None, where: str) -> Card:
+    """Return the card, or say why the file is not a network of footsense.
+
+    Args:
+        text: The metadata entry, None if the file has none.
+        where: Name of the file, for messages.
+
+    Raises:
+        ModelError: There is no card, it is not readable, or it is of another format or unit.
+    """
+    if text is None:
+        raise ModelError(f"{where}: no {METADATA_KEY} inside; a network made by `footsense lab build` has one")
+    try:
+        card = msgspec.json.decode(text, type=Card)
+    except msgspec.DecodeError as error:
+        raise ModelError(f"{where}: the card does not fit: {error}") from error
+    if card.format != FORMAT:
+        raise ModelError(f"{where}: card format {card.format}, this version reads format {FORMAT}")
+    for signal, unit in ((card.input, "1"), (card.output, "N")):
+        if signal.unit != unit:
+            raise ModelError(f"{where}: {signal.name} is in {signal.unit!r}, the daemon needs {unit!r}")
+    return card

@@ -1,0 +1,125 @@
+"""A simulated FDC1004, from the data sheet: registers, one-shot conversions, DONE bits, noise and range.
+
+It shares only register addresses with the driver. Behaviours kept (data sheet sections as there):
+- one conversion at a time: a trigger with several measurements and no REPEAT starts none (8.5.3.1), and a trigger
+  during a conversion abandons it;
+- DONE_n is set when measurement n ends and cleared when its result is read (8.5.3.4);
+- a result that was never converted, or is being converted, reads as 0x7FFFFF;
+- the result clips at the ends of the 24-bit range; white noise by rate.
+Not simulated: REPEAT, CAPDAC, offset and gain calibration, supply dependence.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from firmware_interface import fdc1004 as chip
+
+#: Mean capacitance [pF] that a CIN pin (0..3) saw to ground between two times [ns].
+CinCapacitance = Callable[[int, int, int], float]
+
+
+class SimulatedFdc1004:
+    """One converter.
+
+    Args:
+        cin_capacitance_pf: What is connected to the pins.
+        noise: Source of the converter's noise; None for a converter without.
+        clock_error_rel: How much longer its conversions last than nominal [1].
+    """
+
+    address = chip.ADDRESS
+
+    def __init__(
+        self,
+        cin_capacitance_pf: CinCapacitance,
+        noise: np.random.Generator | None,
+        clock_error_rel: float = 0.0,
+    ) -> None:
+        self.absent_from_ns: int | None = None
+        self.stuck_from_ns: int | None = None
+        self._cin_capacitance_pf = cin_capacitance_pf
+        self._noise = noise
+        self._clock_factor = 1.0 + clock_error_rel
+        self._pointer = 0
+        self._reset()
+
+    def acknowledges(self, t_ns: int) -> bool:
+        """Answer as long as the leg is there."""
+        return self.absent_from_ns is None or t_ns < self.absent_from_ns
+
+    def write(self, data: bytes, t_ns: int) -> None:
+        """Take a register pointer and, if two bytes follow, the register's new value."""
+        self._finish(t_ns)
+        self._pointer = data[0]
+        if len(data) < 3:
+            return
+        word = data[1] << 8 | data[2]
+        if self._pointer == chip.Register.FDC_CONF:
+            self._configure(word, t_ns)
+        elif chip.Register.CONF_MEAS1 <= self._pointer <= chip.Register.GAIN_CAL_CIN4:
+            self._registers[self._pointer] = word
+
+    def read(self, n: int, t_ns: int) -> bytes:
+        """Return the register at the pointer; further bytes are ones, as nobody drives the line."""
+        self._finish(t_ns)
+        word = self._register(self._pointer)
+        return bytes((word >> 8, word & 0xFF))[:n] + b"\xff" * (n - 2)
+
+    def _reset(self) -> None:
+        self._registers = dict(chip.RESET_VALUES)
+        self._results = [chip.CODE_MAX] * chip.SLOTS
+        self._conf = 0
+        self._done = 0
+        self._running: tuple[int, int, int] | None = None  # slot, start, end
+
+    def _configure(self, word: int, t_ns: int) -> None:
+        if chip.CONF_RESET.decode(word):
+            self._reset()
+            return
+        # DONE is read-only.
+        self._conf = word & ~chip.CONF_DONE.encode(0xF)
+        self._running = None
+        triggers = chip.CONF_TRIGGERS.decode(word)
+        one_shot = triggers.bit_count() == 1 and not chip.CONF_REPEAT.decode(word)
+        conversion_ns = {rate.code: rate.conversion_ns for rate in chip.RATES.values()}.get(
+            chip.CONF_RATE.decode(word)
+        )
+        if not one_shot or conversion_ns is None:
+            return
+        slot = chip.SLOTS - triggers.bit_length()
+        self._results[slot] = chip.CODE_MAX
+        self._running = (slot, t_ns, t_ns + round(conversion_ns * self._clock_factor))
+
+    def _finish(self, t_ns: int) -> None:
+        """Let a conversion that is over by now set its result."""
+        if self._running is None:
+            return
+        slot, t_start_ns, t_end_ns = self._running
+        if t_ns < t_end_ns or (self.stuck_from_ns is not None and t_end_ns >= self.stuck_from_ns):
+            return
+        self._running = None
+        self._results[slot] = self._convert(slot, t_start_ns, t_end_ns)
+        self._done |= chip.slot_bit(slot)
+
+    def _convert(self, slot: int, t_start_ns: int, t_end_ns: int) -> int:
+        cin = chip.CONF_CHA.decode(self._registers[chip.Register.CONF_MEAS1 + slot])
+        capacitance_pf = self._cin_capacitance_pf(cin, t_start_ns, t_end_ns)
+        if self._noise is not None:
+            noise_ff = {rate.code: rate.noise_ff for rate in chip.RATES.values()}[
+                chip.CONF_RATE.decode(self._conf)
+            ]
+            capacitance_pf += noise_ff * 1e-3 * self._noise.standard_normal()
+        return int(np.clip(round(capacitance_pf * chip.CODES_PER_PF), chip.CODE_MIN, chip.CODE_MAX))
+
+    def _register(self, address: int) -> int:
+        if address == chip.Register.FDC_CONF:
+            return self._conf | chip.CONF_DONE.encode(self._done)
+        if chip.Register.MEAS1_MSB <= address <= chip.Register.MEAS4_LSB:
+            slot, lower = divmod(address, 2)
+            code = self._results[slot] & 0xFFFFFF
+            if lower:
+                return (code & 0xFF) << 8
+            self._done &= ~chip.slot_bit(slot)
+            return code >> 8
+        return self._registers.get(address, 0)

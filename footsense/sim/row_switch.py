@@ -1,0 +1,62 @@
+"""A simulated ADG715 with a foot's row lines on it, and what the converter therefore sees."""
+
+from collections import deque
+from typing import NamedTuple
+
+from firmware_interface import adg715
+
+#: Capacitance to ground of a row line that nothing drives [pF]: the electrode and a few millimetres of trace.
+FLOATING_ROW_PF = 1.0
+
+
+class RowStates(NamedTuple):
+    """Which rows were at ground and which at the shield, from a time on."""
+
+    since_ns: int
+    grounded: int
+    shielded: int
+
+
+class SimulatedRowSwitch:
+    """An ADG715 behind a leg's mux channel: one data byte, readable, all switches open at power-up.
+
+    Args:
+        broken_rows: Mask of the rows whose line to the electrode is interrupted.
+    """
+
+    address = adg715.ADDRESS
+
+    def __init__(self) -> None:
+        self.absent_from_ns: int | None = None
+        self._switches = 0
+        # A conversion looks back one conversion time at most; rows change no faster than that.
+        self._history: deque[RowStates] = deque([RowStates(0, 0, 0)], maxlen=8)
+
+    def acknowledges(self, t_ns: int) -> bool:
+        """Answer as long as the leg is there."""
+        return self.absent_from_ns is None or t_ns < self.absent_from_ns
+
+    def write(self, data: bytes, t_ns: int) -> None:
+        """Set the switches; the last byte counts."""
+        self._switches = data[-1]
+        self._history.append(
+            RowStates(t_ns, adg715.grounded_rows(data[-1]), adg715.shielded_rows(data[-1]))
+        )
+
+    def read(self, n: int, t_ns: int) -> bytes:
+        """Return the switch byte."""
+        del t_ns
+        return bytes((self._switches,)) * n
+
+    def between(self, t_from_ns: int, t_to_ns: int) -> list[tuple[float, RowStates]]:
+        """Return the row states in a span of time, each with its share of it; the shares sum to 1."""
+        shares = []
+        until_ns = t_to_ns
+        for states in reversed(self._history):
+            since_ns = max(states.since_ns, t_from_ns)
+            if since_ns < until_ns:
+                shares.append(((until_ns - since_ns) / (t_to_ns - t_from_ns), states))
+                until_ns = since_ns
+            if until_ns <= t_from_ns:
+                break
+        return shares

@@ -1,0 +1,160 @@
+"""A scene: what a simulated robot does and which effects are on, as a YAML file.
+
+An effect that a scene does not name is not computed. Named scenes are in `footsense/sim/scenes`.
+"""
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from footsense import strict_yaml
+from footsense.errors import ConfigError
+from footsense.frames import LEGS
+from footsense.sim import load
+
+_NS_PER_S = 1_000_000_000
+
+Force = Annotated[float, Meta(ge=0.0, le=2.0)]
+Pitch = Annotated[float, Meta(ge=-30.0, le=30.0)]
+Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr"]
+
+
+class _Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A strict part of a scene."""
+
+
+class Unloaded(_Part, tag="unloaded", tag_field="kind"):
+    """All feet in the air."""
+
+    def build(self, from_ns: int) -> load.Load:
+        """Return the load."""
+        del from_ns
+        return load.Unloaded()
+
+
+class Constant(_Part, tag="constant", tag_field="kind"):
+    """One force on every foot, through the centre of its ball."""
+
+    force_n: tuple[float, float, Annotated[float, Meta(gt=0.0, le=2.0)]]
+
+    def build(self, from_ns: int) -> load.Load:
+        """Return the load."""
+        return load.Constant(self.force_n, from_ns)
+
+
+class Tripod(_Part, tag="tripod", tag_field="kind"):
+    """A tripod gait with rounded stances."""
+
+    period_s: Annotated[float, Meta(ge=0.1, le=10.0)] = 1.2
+    duty_rel: Annotated[float, Meta(gt=0.0, lt=1.0)] = 0.6
+    peak_force_n: Force = 1.2
+    friction_rel: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.15
+    pitch_deg: Pitch = 10.0
+
+    def build(self, from_ns: int) -> load.Load:
+        """Return the load."""
+        reaction = load.smooth_step(self.duty_rel, self.peak_force_n, self.friction_rel)
+        return load.Walk(
+            dict.fromkeys(LEGS, reaction),
+            period_ns=round(self.period_s * _NS_PER_S),
+            duty_rel=self.duty_rel,
+            pitch_deg=self.pitch_deg,
+            from_ns=from_ns,
+        )
+
+
+class MeasuredWalk(_Part, tag="measured_walk", tag_field="kind"):
+    """A tripod gait whose legs feel the measured ground reactions of a walking person, scaled."""
+
+    peak_force_n: Force = 1.5
+    pitch_deg: Pitch = 10.0
+
+    def build(self, from_ns: int) -> load.Load:
+        """Return the load."""
+        return load.measured_walk(self.peak_force_n, self.pitch_deg, from_ns)
+
+
+class Effects(_Part):
+    """What is not ideal.
+
+    Attributes:
+        converter_noise: White noise of every conversion, by rate.
+        converter_clock_rel: Largest deviation of a converter's clock; each chip draws its own [1].
+        stray_pf: Capacitance to ground in parallel with every element [pF].
+    """
+
+    converter_noise: bool = False
+    converter_clock_rel: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.0
+    stray_pf: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
+
+
+class _Fault(_Part):
+    at_s: Annotated[float, Meta(ge=0.0)]
+    leg: Leg
+
+    @property
+    def at_ns(self) -> int:
+        """When it happens [ns]."""
+        return round(self.at_s * _NS_PER_S)
+
+
+class Absent(_Fault, tag="absent", tag_field="fault"):
+    """The leg's chips no longer answer."""
+
+
+class StuckConverter(_Fault, tag="stuck_converter", tag_field="fault"):
+    """The leg's conversions no longer finish."""
+
+
+class BrokenRow(_Fault, tag="broken_row", tag_field="fault"):
+    """The line of a row is interrupted between the switch and the foot."""
+
+    row: Annotated[int, Meta(ge=0, le=2)]
+
+
+class Scene(_Part):
+    """What a simulated robot does.
+
+    Attributes:
+        description: One line for the reader.
+        load: What the ground does.
+        lead_in_s: Time before the load begins, all feet in the air: the feet are tared in it [s].
+        host_cost_us: What the host adds to every I2C transaction [us].
+        seed: Of everything random.
+        effects: What is not ideal.
+        faults: What breaks, and when.
+    """
+
+    description: str
+    load: Unloaded | Constant | Tripod | MeasuredWalk
+    lead_in_s: Annotated[float, Meta(ge=0.0)] = 0.6
+    host_cost_us: Annotated[float, Meta(ge=0.0, le=10_000.0)] = 0.0
+    seed: int = 1
+    effects: Effects = Effects()
+    faults: tuple[Absent | StuckConverter | BrokenRow, ...] = ()
+
+
+def scene_names() -> list[str]:
+    """Return the names of the scenes that come with footsense."""
+    folder = files("footsense.sim") / "scenes"
+    return sorted(entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml"))
+
+
+def load_scene(name_or_path: str) -> Scene:
+    """Return the scene of that name, or of that YAML file.
+
+    Raises:
+        ConfigError: There is no such scene, or it is not a valid one.
+    """
+    if name_or_path in scene_names():
+        resource = files("footsense.sim") / "scenes" / f"{name_or_path}.yaml"
+        return strict_yaml.loads(resource.read_text(encoding="utf-8"), Scene, where=f"scene {name_or_path}")
+    path = Path(name_or_path)
+    if not path.suffix:
+        raise ConfigError(
+            f"no scene {name_or_path!r}: there are {', '.join(scene_names())}, or give the path of a YAML file"
+        )
+    return strict_yaml.load(path, Scene)
