@@ -1,0 +1,44 @@
+"""`footsense check-config FILE`: what a configuration means, before a robot walks by it."""
+
+from pathlib import Path
+
+import click
+
+from footsense.config import Bus, Config, load_config
+
+
+@click.command("check-config")
+@click.argument("file", type=click.Path(path_type=Path))
+def check_config(file: Path) -> None:
+    """Say what the configuration FILE means, or which key is wrong and what would be right."""
+    config = load_config(file)
+    for line in _summary(config):
+        click.echo(line)
+    for warning in config.warnings:
+        click.echo(f"warning: {warning}", err=True)
+
+
+def _summary(config: Config) -> list[str]:
+    realtime, metrics = config.realtime, config.metrics
+    cpu = "" if realtime is None or realtime.cpu is None else f" on processor {realtime.cpu}"
+    return [
+        f"{len(config.legs)} legs on the board {config.board}",
+        f"scan: {config.scan.rate_sps} conversions/s in {config.scan.order} order",
+        *(_bus_line(bus, config) for bus in config.buses),
+        f"tare: over {config.tare.window_frames} scans",
+        f"  quiet below {config.tare.noise_limit_ff:g} fF of noise",
+        f"  unloaded below {config.tare.unloaded_limit_rel:g} of the gap closed",
+        f"stale after {config.max_age_ms} ms",
+        f"network: {config.model or 'the released one'}",
+        f"CAN: {config.can.interface} {config.can.channel}, {config.can.bitrate // 1000} kbit/s",
+        f"metrics: {f'http://{metrics.address}:{metrics.port}/metrics' if metrics else 'none'}",
+        f"real time: {f'SCHED_FIFO {realtime.priority}{cpu}' if realtime else 'not asked for'}",
+    ]
+
+
+def _bus_line(bus: Bus, config: Config) -> str:
+    legs = ", ".join(
+        f"{leg} on channel {channel}" + (f" ({config.feet[leg]})" if leg in config.feet else "")
+        for leg, channel in sorted(bus.legs.items(), key=lambda item: item[1])
+    )
+    return f"{bus.device} at {bus.rate_hz // 1000} kHz, TCA9548A at {bus.mux.address:#04x}: {legs}"

@@ -1,0 +1,50 @@
+"""The daemon's configuration: what `--config FILE` may say, and what the built-in simulation is.
+
+`footsense.app` reads the objects once and hands on plain values: nothing below it imports this package.
+"""
+
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from footsense.config.contradictions import first_contradiction
+from footsense.config.schema import Bus, Can, Config, Metrics, Mux, OtherDevice, Realtime, Scan, Tare
+from footsense.strict_yaml import load
+
+__all__ = [
+    "DEFAULT",
+    "Bus",
+    "Can",
+    "Config",
+    "Metrics",
+    "Mux",
+    "OtherDevice",
+    "Realtime",
+    "Scan",
+    "Tare",
+    "load_config",
+]
+
+#: The simulation that runs without any file: six legs behind one multiplexer, CAN within the process.
+DEFAULT = Config(
+    buses=(Bus(device="sim", legs={"lf": 0, "lm": 1, "lr": 2, "rf": 3, "rm": 4, "rr": 5}),),
+    can=Can(interface="virtual"),
+)
+
+
+def load_config(path: Path) -> Config:
+    """Return the configuration in a YAML file.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The configuration, with `model` resolved against the directory of the file.
+
+    Raises:
+        ConfigError: The file is missing, is not such YAML, does not fit, or contradicts itself.
+    """
+    config = load(path, Config, check=first_contradiction)
+    if config.model is None:
+        return config
+    return replace(config, model=str(path.parent / config.model))

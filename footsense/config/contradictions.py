@@ -1,0 +1,110 @@
+"""Settings that are each right and together wrong: the path in the file, and what would be right."""
+
+from collections.abc import Iterator
+from ipaddress import ip_address
+
+from firmware_interface import adg715, fdc1004
+from footsense.config.schema import PCA9685_ALLCALL, Bus, Config
+from footsense.strict_yaml import Problem
+
+__all__ = ["first_contradiction"]
+
+#: Addresses that each leg occupies while its channel is connected to the trunk.
+_LEG_DEVICES = {fdc1004.ADDRESS: "FDC1004", adg715.ADDRESS: "ADG715"}
+
+
+def first_contradiction(config: Config) -> Problem | None:
+    """Return the first contradiction of a configuration, None if there is none."""
+    return next(_contradictions(config), None)
+
+
+def _contradictions(config: Config) -> Iterator[Problem]:
+    if config.board != "fdc1004":
+        yield Problem(("board",), f"the board {config.board} is not supported yet; use fdc1004")
+    yield from _between_buses(config)
+    for i, bus in enumerate(config.buses):
+        yield from _channels(bus, i)
+        yield from _addresses(bus, i)
+    yield from _feet(config)
+    if config.metrics is not None:
+        yield from _metrics(config.metrics.address)
+
+
+def _between_buses(config: Config) -> Iterator[Problem]:
+    device_of: dict[str, int] = {}
+    bus_of: dict[str, int] = {}
+    for i, bus in enumerate(config.buses):
+        if bus.device in device_of:
+            other = f"buses[{device_of[bus.device]}]"
+            remedy = "give each its own, or join their legs under one bus"
+            yield Problem(("buses", i, "device"), f"{bus.device} is already the device of {other}; {remedy}")
+        device_of[bus.device] = i
+        for leg in bus.legs:
+            if leg in bus_of:
+                yield Problem(
+                    ("buses", i, "legs", leg),
+                    f"{leg} is already a leg of buses[{bus_of[leg]}]; a leg has one foot, so name it once",
+                )
+            bus_of[leg] = i
+    simulated = [bus.device.startswith("sim") for bus in config.buses]
+    if any(simulated) and not all(simulated):
+        i = simulated.index(True)
+        yield Problem(
+            ("buses", i, "device"), "simulated and real buses cannot be mixed; use sim for all or none"
+        )
+
+
+def _channels(bus: Bus, i: int) -> Iterator[Problem]:
+    leg_on: dict[int, str] = {}
+    for leg, channel in bus.legs.items():
+        if channel in leg_on:
+            free = sorted(set(range(8)) - set(bus.legs.values()))
+            yield Problem(
+                ("buses", i, "legs", leg),
+                f"channel {channel} is already that of {leg_on[channel]}; free channels are {free}",
+            )
+        leg_on[channel] = leg
+
+
+def _addresses(bus: Bus, i: int) -> Iterator[Problem]:
+    for k, device in enumerate(bus.other_devices):
+        path = ("buses", i, "other_devices", k)
+        if "pca9685" in device.name.lower() and bus.mux.address == PCA9685_ALLCALL:
+            yield Problem(
+                ("buses", i, "mux", "address"),
+                f"{device.name} answers at 0x70 too (ALLCALL): every channel switch would reach the servos; "
+                "strap the TCA9548A to 0x71 to 0x77",
+            )
+        if device.address in _LEG_DEVICES:
+            yield Problem(
+                (*path, "address"),
+                f"{device.name} answers at {device.address:#04x}, as does the {_LEG_DEVICES[device.address]} "
+                "of every leg; move it to another address or another bus",
+            )
+        if device.address == bus.mux.address:
+            yield Problem(
+                (*path, "address"),
+                f"{device.name} answers at {device.address:#04x}, which is the address of the multiplexer; "
+                f"change one of them",
+            )
+
+
+def _feet(config: Config) -> Iterator[Problem]:
+    leg_of: dict[str, str] = {}
+    for leg, foot in config.feet.items():
+        if foot in leg_of:
+            yield Problem(("feet", leg), f"{foot} is already mounted on {leg_of[foot]}")
+        leg_of[foot] = leg
+    for section, legs in (("feet", config.feet), ("stray_pf", config.stray_pf)):
+        for leg in legs:
+            if leg not in config.legs:
+                yield Problem(
+                    (section, leg), f"no bus has the leg {leg}; the legs are {', '.join(config.legs)}"
+                )
+
+
+def _metrics(address: str) -> Iterator[Problem]:
+    try:
+        ip_address(address)
+    except ValueError:
+        yield Problem(("metrics", "address"), f"{address!r} is not an IP address; such as 127.0.0.1")

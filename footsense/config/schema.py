@@ -1,0 +1,202 @@
+"""The shape of a configuration file: one field, one reason, one range.
+
+Paths and remedies of what contradicts itself are in `footsense.config.contradictions`.
+"""
+
+from ipaddress import ip_address
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct
+
+from firmware_interface import tca9548a
+from footsense.frames import ELEMENTS, LEGS
+
+__all__ = [
+    "PCA9685_ALLCALL",
+    "Bus",
+    "Can",
+    "Config",
+    "Metrics",
+    "Mux",
+    "OtherDevice",
+    "Realtime",
+    "Scan",
+    "Tare",
+]
+
+Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr"]
+
+#: PCA9685 servo boards answer to it beside their own address unless MODE1.ALLCALL is cleared.
+PCA9685_ALLCALL = 0x70
+
+Channel = Annotated[int, Meta(ge=0, le=tca9548a.CHANNELS - 1, description="a channel of the TCA9548A")]
+StrayPf = Annotated[
+    tuple[Annotated[float, Meta(ge=0.0, le=20.0)], ...], Meta(min_length=ELEMENTS, max_length=ELEMENTS)
+]
+FootId = Annotated[str, Meta(pattern=r"^foot-[0-9]{4}$", description="such as foot-0007")]
+
+
+class Mux(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The TCA9548A that stands between a bus and its legs.
+
+    Attributes:
+        address: 7-bit address on the trunk.
+    """
+
+    address: Annotated[int, Meta(ge=0x70, le=0x77, description="0x70 to 0x77, set by its pins")] = (
+        tca9548a.ADDRESS
+    )
+
+
+class OtherDevice(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Something else that answers on the trunk of a bus, named so that a clash is found in time.
+
+    Attributes:
+        name: What it is.
+        address: Its 7-bit address.
+    """
+
+    name: Annotated[str, Meta(min_length=1, max_length=40)]
+    address: Annotated[int, Meta(ge=0x03, le=0x77, description="a 7-bit address, 0x03 to 0x77")]
+
+
+class Bus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """One I2C adapter, its multiplexer, and the legs behind it.
+
+    Attributes:
+        device: The adapter: `/dev/i2c-N`, or `sim`, `sim1`, ... for a simulated one.
+        rate_hz: Clock of the bus [Hz]; tells how long a transaction takes, does not set it.
+        mux: The multiplexer.
+        legs: Channel of the multiplexer for each leg.
+        other_devices: What else answers on the trunk.
+    """
+
+    device: Annotated[
+        str, Meta(pattern=r"^(/dev/[^\s]+|sim[0-9]?)$", description="such as /dev/i2c-1, or sim")
+    ]
+    legs: Annotated[dict[Leg, Channel], Meta(min_length=1)]
+    rate_hz: Annotated[
+        int, Meta(ge=10_000, le=400_000, description="FDC1004 and TCA9548A are 400 kHz parts")
+    ] = 400_000
+    mux: Mux = Mux()
+    other_devices: tuple[OtherDevice, ...] = ()
+
+
+class Scan(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How the elements are read.
+
+    Attributes:
+        rate_sps: Conversions per second of one converter; slower is quieter.
+        order: Order of the elements: Lo-Shu cancels the false tilt that a rising force gives a raster.
+    """
+
+    rate_sps: Literal[100, 200, 400] = 400
+    order: Literal["lo_shu", "raster"] = "lo_shu"
+
+
+class Tare(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """When the present capacitances may become those of the unloaded foot.
+
+    Attributes:
+        window_frames: Scans that are averaged.
+        noise_limit_ff: Largest standard deviation of an element over the window [fF].
+        unloaded_limit_rel: Largest mean gap closure, as a part of the gap, that counts as unloaded.
+    """
+
+    window_frames: Annotated[int, Meta(ge=2, le=1000)] = 16
+    noise_limit_ff: Annotated[float, Meta(gt=0.0, le=1000.0)] = 5.0
+    unloaded_limit_rel: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.03
+
+
+class Can(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Where the forces go.
+
+    Attributes:
+        interface: `socketcan` on the robot; `virtual` stays within the process.
+        channel: Name of the network interface.
+        bitrate: For information [bit/s]: the kernel sets it (deploy/README.md).
+    """
+
+    interface: Literal["virtual", "socketcan"]
+    channel: Annotated[
+        str, Meta(pattern=r"^[^\s/]{1,15}$", description="a network interface such as can0")
+    ] = "can0"
+    bitrate: Annotated[int, Meta(ge=10_000, le=1_000_000, description="classic CAN ends at 1 Mbit/s")] = (
+        500_000
+    )
+
+
+class Metrics(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Where Prometheus finds the counters.
+
+    Attributes:
+        address: Address to listen on; the loopback by default because the page has no password.
+        port: TCP port.
+    """
+
+    address: str = "127.0.0.1"
+    port: Annotated[int, Meta(ge=1, le=65535)] = 9108
+
+
+class Realtime(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What the loop asks of the scheduler.
+
+    Attributes:
+        priority: SCHED_FIFO priority; threaded interrupts run at 50 by default.
+        cpu: Processor to stay on; None leaves it to the kernel.
+    """
+
+    priority: Annotated[int, Meta(ge=1, le=99)] = 50
+    cpu: Annotated[int, Meta(ge=0, le=1023)] | None = None
+
+
+class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """All that the daemon is told.
+
+    Attributes:
+        board: Electronics of a foot.
+        buses: I2C adapters.
+        can: Where the forces go. No default: a robot whose forces stay in the process would look healthy.
+        scan: How the elements are read.
+        tare: When a foot counts as quiet and unloaded.
+        max_age_ms: Age at which a measurement becomes `stale` [ms].
+        stray_pf: Capacitance beside each element that is not the foot's [pF], nine per leg; 0 where absent.
+        model: Network to use, relative to the file; None for the released one.
+        feet: Which foot is mounted on which leg.
+        metrics: Where the counters are shown; None for nowhere.
+        realtime: What the loop asks of the scheduler; None for nothing.
+    """
+
+    board: Literal["fdc1004", "ad7746", "mcu"] = "fdc1004"
+    buses: Annotated[tuple[Bus, ...], Meta(min_length=1, max_length=6)]
+    can: Annotated[Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
+    scan: Scan = Scan()
+    tare: Tare = Tare()
+    max_age_ms: Annotated[int, Meta(ge=1, le=10_000)] = 100
+    stray_pf: dict[Leg, StrayPf] = {}
+    model: Annotated[str, Meta(min_length=1)] | None = None
+    feet: dict[Leg, FootId] = {}
+    metrics: Metrics | None = None
+    realtime: Realtime | None = None
+
+    @property
+    def legs(self) -> tuple[str, ...]:
+        """Return the configured legs in the order of their CAN node ids: the rows of every frame."""
+        mounted = {leg for bus in self.buses for leg in bus.legs}
+        return tuple(leg for leg in LEGS if leg in mounted)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Return what is allowed but has surprised others, each as one line with its path."""
+        found = [
+            f"buses[{i}].mux.address: 0x70 is also the ALLCALL address of PCA9685 servo boards; prefer 0x71"
+            for i, bus in enumerate(self.buses)
+            if bus.mux.address == PCA9685_ALLCALL
+        ]
+        if self.metrics is not None and not ip_address(self.metrics.address).is_loopback:
+            found.append(f"metrics.address: the network reads {self.metrics.address} without a password")
+        if self.can.interface == "virtual" and any(bus.device.startswith("/dev/") for bus in self.buses):
+            found.append(
+                "can.interface: virtual never leaves the process; the robot's controller needs socketcan"
+            )
+        return tuple(found)

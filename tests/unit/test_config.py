@@ -1,0 +1,125 @@
+"""The configuration says what it means, and refuses what contradicts itself with the path and the remedy."""
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from footsense.cli.check_config import check_config
+from footsense.config import DEFAULT, Metrics, load_config
+from footsense.errors import ConfigError
+from footsense.frames import LEGS
+
+DEPLOY = Path(__file__).parents[2] / "deploy"
+
+ONE_BUS = """\
+buses:
+  - device: /dev/i2c-1
+    legs: {lf: 0, rf: 1}
+can: {interface: socketcan}
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "robot.yaml"
+
+
+@pytest.mark.parametrize("name", ["footsense.yaml", "footsense-two-buses.yaml"])
+def test_the_examples_are_right(name: str) -> None:
+    """Both example files hold all six legs and nothing to warn of."""
+    config = load_config(DEPLOY / name)
+    assert config.legs == LEGS == DEFAULT.legs
+    assert config.warnings == ()
+
+
+def test_the_commented_values_are_the_defaults(file: Path) -> None:
+    """What the example calls a default is what an absent key means."""
+    file.write_text(ONE_BUS)
+    short, long = load_config(file), load_config(DEPLOY / "footsense.yaml")
+    assert (short.board, short.scan, short.tare, short.max_age_ms) == (
+        long.board,
+        long.scan,
+        long.tare,
+        long.max_age_ms,
+    )
+    assert (short.buses[0].mux, short.buses[0].rate_hz) == (long.buses[0].mux, long.buses[0].rate_hz)
+    assert long.metrics == Metrics()
+    assert short.metrics is None
+
+
+def test_the_model_is_found_beside_the_file(file: Path) -> None:
+    """A relative model path does not depend on the directory in which the daemon is started."""
+    file.write_text(ONE_BUS + "model: my.onnx")
+    assert load_config(file).model == str(file.parent / "my.onnx")
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        (ONE_BUS + "board: ad7746", "line 5: board: the board ad7746 is not supported yet; use fdc1004"),
+        (
+            ONE_BUS.replace("rf: 1", "rf: 0"),
+            "line 3: buses[0].legs.rf: channel 0 is already that of lf; free",
+        ),
+        (
+            ONE_BUS.replace("{lf: 0, rf: 1}", "{}"),
+            "line 3: buses[0].legs: expected at least 1 entries of lf, lm",
+        ),
+        (
+            ONE_BUS.replace("device", "rate_hz: 1000000\n    device"),
+            "buses[0].rate_hz: 1000000 is out of range",
+        ),
+        (
+            ONE_BUS.replace("can:", "  - device: /dev/i2c-2\n    legs: {lf: 2}\ncan:"),
+            "line 5: buses[1].legs.lf: lf is already a leg of buses[0]",
+        ),
+        (
+            ONE_BUS.replace("can:", "  - device: /dev/i2c-1\n    legs: {lm: 2}\ncan:"),
+            "line 4: buses[1].device: /dev/i2c-1 is already the device of buses[0]",
+        ),
+        (
+            ONE_BUS.replace("can:", "    other_devices: [{name: HAT EEPROM, address: 0x50}]\ncan:"),
+            "buses[0].other_devices[0].address: HAT EEPROM answers at 0x50, as does the FDC1004 of every leg",
+        ),
+        (
+            ONE_BUS.replace("can:", "    other_devices: [{name: LED, address: 0x71}]\ncan:"),
+            "LED answers at 0x71, which is the address of the multiplexer",
+        ),
+        (
+            ONE_BUS.replace(
+                "can:",
+                "    mux: {address: 0x70}\n    other_devices: [{name: my PCA9685, address: 0x40}]\ncan:",
+            ),
+            "line 4: buses[0].mux.address: my PCA9685 answers at 0x70 too (ALLCALL)",
+        ),
+        (ONE_BUS + "feet: {lf: foot-0001, rf: foot-0001}", "feet.rf: foot-0001 is already mounted on lf"),
+        (ONE_BUS + "feet: {lm: foot-0001}", "feet.lm: no bus has the leg lm; the legs are lf, rf"),
+        (ONE_BUS + "metrics: {address: localhost}", "metrics.address: 'localhost' is not an IP address"),
+        (
+            ONE_BUS.split("can:", maxsplit=1)[0],
+            "the key can is missing (interface: socketcan, channel: can0 on a robot)",
+        ),
+    ],
+)
+def test_a_contradiction_names_its_path_and_remedy(file: Path, text: str, wanted: str) -> None:
+    """Settings that cannot work together are refused where they stand in the file."""
+    file.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        load_config(file)
+    assert wanted in str(caught.value)
+
+
+def test_a_multiplexer_at_0x70_is_warned_of(file: Path) -> None:
+    """0x70 works until somebody adds a servo board, so it is said but not refused."""
+    file.write_text(ONE_BUS.replace("can:", "    mux: {address: 0x70}\ncan:"))
+    (warning,) = load_config(file).warnings
+    assert warning.startswith("buses[0].mux.address: 0x70 is also the ALLCALL address of PCA9685")
+
+
+def test_check_config_explains_a_file() -> None:
+    """The command says where each leg is and where the forces go."""
+    result = CliRunner().invoke(check_config, [str(DEPLOY / "footsense-two-buses.yaml")])
+    assert result.exit_code == 0
+    assert "/dev/i2c-3 at 400 kHz, TCA9548A at 0x71: rf on channel 0" in result.output
+    assert "CAN: socketcan can0, 500 kbit/s" in result.output

@@ -1,0 +1,127 @@
+"""YAML either becomes the object it describes, or one line that says where and why not."""
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, Literal
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec import Meta, Struct
+
+from footsense.errors import ConfigError
+from footsense.strict_yaml import MAX_BYTES, Problem, load
+
+
+class Mux(Struct, frozen=True, forbid_unknown_fields=True):
+    address: Annotated[int, Meta(ge=0x70, le=0x77, description="three pins")]
+
+
+class Ramp(Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="ramp"):
+    slope_n_per_s: float
+
+
+class Step(Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="step"):
+    force_n: float
+
+
+class Robot(Struct, frozen=True, forbid_unknown_fields=True):
+    mux: Mux
+    rate_sps: Literal[100, 200, 400] = 400
+    legs: dict[Literal["lf", "rf"], Annotated[int, Meta(ge=0, le=7)]] = {}
+    stray_pf: Annotated[tuple[float, ...], Meta(max_length=2)] = ()
+    load: Ramp | Step | None = None
+    quiet: bool = False
+
+
+GOOD = "mux: {address: 0x71}\n"
+
+
+def refusal(text: str | bytes | Path) -> str:
+    with pytest.raises(ConfigError) as caught:
+        load(text, Robot, None if isinstance(text, Path) else "robot.yaml")
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
+
+
+def test_reads_what_fits() -> None:
+    """Hexadecimal numbers, mappings, lists and tagged choices become the frozen structs."""
+    robot = load(GOOD + "legs: {lf: 3}\nstray_pf: [1, 2.5]\nload: {kind: step, force_n: 2}", Robot)
+    assert robot == Robot(Mux(0x71), legs={"lf": 3}, stray_pf=(1.0, 2.5), load=Step(2.0))
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        (
+            "mux:\n  adress: 0x71",
+            "robot.yaml, line 2: mux.adress: unknown key, did you mean address?; the keys here",
+        ),
+        ("mux: {}", "line 1: mux: the key address is missing (three pins)"),
+        (
+            "mux: {address: 0x78}",
+            "line 1: mux.address: 120 is out of range; expected a whole number from 112 to 119",
+        ),
+        ("mux: {address: true}", "mux.address: expected a whole number from 112 to 119, got true"),
+        ("mux: {address: 1e2}", "got the text '1e2'; YAML takes that for text, write 100"),
+        (GOOD + "rate_sps: 300", "line 2: rate_sps: expected one of 100, 200, 400; got 300"),
+        (
+            GOOD + "legs:\n  lf: 1\n  rf: 9",
+            "line 4: legs.rf: 9 is out of range; expected a whole number from 0 to 7",
+        ),
+        (GOOD + "legs: {lx: 1}", "legs.lx: unknown key; the keys here are lf, rf"),
+        (GOOD + "stray_pf:\n- 1\n- x", "line 4: stray_pf[1]: expected a number, got the text 'x'"),
+        (GOOD + "stray_pf: [1, 2, 3]", "stray_pf: expected a list of 0 to 2 values, got 3"),
+        (
+            GOOD + "load: {kind: stop}",
+            "load.kind: expected one of ramp, step; got the text 'stop', did you mean step?",
+        ),
+        (GOOD + "load: {force_n: 1}", "load: the key kind is missing; expected one of ramp, step"),
+        (GOOD + "quiet: 1", "line 2: quiet: expected true or false, got 1"),
+        (GOOD + "mux: {address: 0x72}", "line 2: the key 'mux' stands twice, first on line 1"),
+        (GOOD + "load:\n  <<: {kind: step}", "line 3: the merge key << is not supported"),
+        (GOOD + "stray_pf: [.nan]", "line 2: .nan is not a finite number"),
+        ("- a", "line 1: expected a mapping with the keys mux, rate_sps"),
+        ("mux: [", "is not valid YAML"),
+        ("", "robot.yaml: is empty"),
+        (b"mux: \xff", "robot.yaml: is not UTF-8 text: byte 5 is 0xff"),
+        (" " * (MAX_BYTES + 1), f"has {MAX_BYTES + 1} bytes; at most {MAX_BYTES} are read"),
+    ],
+)
+def test_says_what_is_wrong_and_where(text: str | bytes, wanted: str) -> None:
+    """Every refusal is one line with the place, the path, the fault and the remedy."""
+    assert wanted in refusal(text)
+
+
+def test_bombs_are_refused_at_once() -> None:
+    """Aliases that multiply or hold themselves, and nesting that would overflow a stack, end at once."""
+    billion = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
+        f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]\n" for i in range(1, 10)
+    )
+    assert "aliases multiply" in refusal(billion)
+    assert "aliases multiply" in refusal("a: &a [*a]")
+    assert "nested deeper" in refusal("[" * 200_000)
+    assert "nested deeper" in refusal("? " * 100_000)
+
+
+def test_names_the_file(tmp_path: Path) -> None:
+    """A missing file and a directory are refused by name."""
+    assert refusal(tmp_path / "none.yaml") == f"{tmp_path / 'none.yaml'}: no such file"
+    assert "cannot be read: Is a directory" in refusal(tmp_path)
+
+
+def test_a_check_names_the_line_of_a_contradiction() -> None:
+    """What the caller finds contradictory is reported like any other fault."""
+    with pytest.raises(ConfigError, match=r"^r.yaml, line 3: legs.rf: taken$"):
+        load(GOOD + "legs: {lf: 1,\n rf: 1}", Robot, "r.yaml", lambda _: Problem(("legs", "rf"), "taken"))
+
+
+yaml_like = st.text(alphabet=st.sampled_from("ab:{}[],&*!|>-?#'\"\n 0x1.e~%@<\t"), max_size=60)
+
+
+@given(st.one_of(st.text(), st.binary(), yaml_like))
+def test_any_text_loads_or_is_refused(text: str | bytes) -> None:
+    """No text or bytes make the reader fail in any other way than by its own error."""
+    with suppress(ConfigError):
+        load(text, Robot)
