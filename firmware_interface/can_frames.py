@@ -1,48 +1,237 @@
-"""The CAN frames of footsense as bytes and numbers; `footsense.dbc` says the same for other tools."""
+"""The CAN frames of footsense as bytes and numbers; `footsense.dbc` says the same for other tools.
 
-from enum import IntEnum, IntFlag
+Here are the two frames that every scan sends for each leg, `Force` and `Quality`. The frames that go with
+events are in `can_events`, the codes of states and the like in `can_codes`. Everything is little-endian.
+Byte 0 and the low nibble of byte 1 protect a frame as told in `crc8`.
 
-#: CAN node id of each leg: left front, left middle, left rear, right front, right middle, right rear.
-NODE_IDS = {"lf": 1, "lm": 2, "lr": 3, "rf": 4, "rm": 5, "rr": 6}
+A number that is not there has a code of its own, apart from those of numbers too large for their field, so
+that neither is ever taken for a measurement.
+
+Units:
+    Force and its standard deviation N, age ns; on the wire 1 mN, 2 mN and 0.1 ms per bit.
+"""
+
+import struct
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from firmware_interface.can_codes import NODE_IDS, CommandKind, Flag, Result, State
+from firmware_interface.crc8 import FrameError, check, protect
+
+__all__ = [
+    "FORCE_ID",
+    "NODE_IDS",
+    "QUALITY_ID",
+    "CommandKind",
+    "Flag",
+    "Force",
+    "FrameError",
+    "Quality",
+    "Result",
+    "State",
+    "decode_force",
+    "decode_quality",
+    "encode_force",
+    "encode_quality",
+    "node_of",
+    "state_of",
+]
+
+#: CAN ids are these plus the node id, as CANopen's default transmit PDOs 1 and 2.
+FORCE_ID = 0x180
+QUALITY_ID = 0x280
 
 
-class State(IntEnum):
-    """Whether a leg's force may be used, and if not, why. Zero is not a usable state on purpose."""
+class Force(NamedTuple):
+    """What `Force` says of one leg.
 
-    ABSENT = 0  #: the leg's chips do not answer
-    VALID = 1  #: the force may be used
-    NO_BASELINE = 2  #: no tare has succeeded yet
-    TARING = 3  #: a tare is being taken
-    SATURATED = 4  #: a gap is shut or a code stands at the end of its range
-    ELEMENT_FAULT = 5  #: an element is open, shorted or gives no number; see the element mask
-    CONVERTER_FAULT = 6  #: the converter answers but its conversions do not finish
-    STALE = 7  #: the measurement is older than the age limit
-    OUT_OF_RANGE = 8  #: the load lies outside what the network was trained on
-    STOPPED = 9  #: the service was told to stop
+    Attributes:
+        node: CAN node id of the leg, 1..6.
+        counter: Running number of the frame, 0..14.
+        state: Whether the force may be used.
+        force_n: Ground reaction (fx, fy, fz) on the foot in the foot frame [N]; NaN: no value.
+    """
 
-
-class Flag(IntFlag):
-    """Notes that do not forbid the value."""
-
-    SIMULATED = 1  #: made by the simulator, not by a foot
-    DEGRADED_TIMING = 2  #: the loop did not get the scheduling that it asked for
-    TARE_REFUSED = 4  #: the last tare was refused; the older baseline is in use
+    node: int
+    counter: int
+    state: State
+    force_n: tuple[float, float, float]
 
 
-class CommandKind(IntEnum):
-    """What a consumer may ask of one leg."""
+class Quality(NamedTuple):
+    """What `Quality` says of the force with the same counter.
 
-    TARE = 1  #: take the present capacitances as those of the unloaded foot
-    START = 2  #: publish forces again after STOP
-    STOP = 3  #: publish no force of this leg; its state becomes STOPPED
+    Attributes:
+        node: CAN node id of the leg, 1..6.
+        counter: Running number of the frame, 0..14.
+        flags: Notes that do not forbid the value.
+        age_ns: From the measurement to the send [ns], in steps of 0.1 ms; None: unknown, or above 409.4 ms.
+        fault_mask: Bit e set where element e is not usable, 9 bits.
+        sigma_n: Standard deviation of each component [N]; NaN: no value; 1.02: or more.
+    """
+
+    node: int
+    counter: int
+    flags: Flag
+    age_ns: int | None
+    fault_mask: int
+    sigma_n: tuple[float, float, float]
 
 
-class Result(IntEnum):
-    """What became of a command."""
+_FORCE = struct.Struct("<Bhhh")
+_NO_FORCE = -32768
+_MAX_FORCE_N = 32.767
+_FORCE_PER_N = 1000
 
-    DONE = 0
-    NOT_QUIET = 1  #: tare refused: the readings move more than noise does
-    LOADED = 2  #: tare refused: the readings are not those of an unloaded foot
-    ELEMENT_FAULT = 3  #: tare refused: an element gives no usable number
-    ABSENT = 4  #: refused: the leg does not answer
-    UNKNOWN = 5  #: refused: no such command
+_AGE_NS = 100_000
+_NO_AGE = 0xFFF
+_MAX_AGE_NS = (_NO_AGE - 1) * _AGE_NS
+
+_NO_SIGMA = 511
+_MAX_SIGMA = 510
+_SIGMA_PER_N = 500
+# Rounds up, but not for what double arithmetic adds to a whole number of bits.
+_ROUND_UP = 1 - 1e-6
+
+_NAN = float("nan")
+
+
+def node_of(can_id: int, base: int) -> int:
+    """Return the node id in a CAN id.
+
+    Raises:
+        FrameError: The id belongs to another kind of frame, or to a node that is no leg.
+    """
+    node = can_id - base
+    if not 1 <= node <= len(NODE_IDS):
+        raise FrameError(f"CAN id 0x{can_id:03x} is not 0x{base:03x} plus a node 1..{len(NODE_IDS)}")
+    return node
+
+
+def state_of(code: int) -> State:
+    """Return the state that a code of four bits stands for.
+
+    Raises:
+        FrameError: No state has this code.
+    """
+    try:
+        return State(code)
+    except ValueError:
+        raise FrameError(f"no state has the code {code}") from None
+
+
+def encode_force(node: int, counter: int, state: int, force_n: Sequence[float]) -> bytes:
+    """Return the 8 data bytes of `Force`.
+
+    ::
+
+        byte    0        1           2    3      4    5      6    7
+             +-------+-----+-----+-----------+-----------+-----------+
+             | crc8  |state| cnt | fx  int16 | fy  int16 | fz  int16 |   1 mN per bit, -32768: no value
+             +-------+-----+-----+-----------+-----------+-----------+
+                      7..4  3..0
+
+    A force leaves whole and with the state VALID, or not at all: under any other state all three components
+    are "no value", and a VALID force of which a component is NaN leaves as ELEMENT_FAULT. One above 32.767 N
+    leaves as that, which is not "no value".
+
+    Example:
+        >>> encode_force(1, 0, State.VALID, (0.5, -0.25, 1.0)).hex(" ")
+        '9c 10 f4 01 06 ff e8 03'
+    """
+    x_n, y_n, z_n = force_n
+    if not (
+        -_MAX_FORCE_N <= x_n <= _MAX_FORCE_N
+        and -_MAX_FORCE_N <= y_n <= _MAX_FORCE_N
+        and -_MAX_FORCE_N <= z_n <= _MAX_FORCE_N
+        and state == State.VALID
+    ):
+        if state == State.VALID and any(component != component for component in force_n):  # noqa: PLR0124 - NaN
+            state = State.ELEMENT_FAULT
+        if state != State.VALID:
+            none = _FORCE.pack(state << 4 | counter, _NO_FORCE, _NO_FORCE, _NO_FORCE)
+            return protect(FORCE_ID + node, none)
+        x_n, y_n, z_n = (max(-_MAX_FORCE_N, min(_MAX_FORCE_N, component)) for component in force_n)
+    payload = _FORCE.pack(
+        state << 4 | counter, round(x_n * _FORCE_PER_N), round(y_n * _FORCE_PER_N), round(z_n * _FORCE_PER_N)
+    )
+    return protect(FORCE_ID + node, payload)
+
+
+def decode_force(can_id: int, data: bytes) -> Force:
+    """Return what a `Force` frame says.
+
+    Raises:
+        FrameError: The id, length, crc, counter or state is wrong.
+    """
+    node = node_of(can_id, FORCE_ID)
+    counter = check(can_id, data, 8)
+    head, *codes = _FORCE.unpack_from(data, 1)
+    x_n, y_n, z_n = (_NAN if code == _NO_FORCE else code / _FORCE_PER_N for code in codes)
+    return Force(node, counter, state_of(head >> 4), (x_n, y_n, z_n))
+
+
+def encode_quality(  # noqa: PLR0917 - the fields in their order, and a call per leg and scan
+    node: int, counter: int, flags: int, age_ns: int | None, fault_mask: int, sigma_n: Sequence[float]
+) -> bytes:
+    """Return the 8 data bytes of `Quality`.
+
+    ::
+
+        bit   0     8     12      16      28           37        46        55      63
+              +-----+-----+-------+-------+------------+---------+---------+---------+
+              | crc8| cnt | flags |  age  | fault mask | sigma x | sigma y | sigma z |
+              +-----+-----+-------+-------+------------+---------+---------+---------+
+        bits     8     4      4      12         9           9         9         9
+
+        bit 0 is the least significant of byte 0
+        age: 0.1 ms per bit, 0xFFF: none, negative, or above 409.4 ms
+        sigma: 2 mN per bit, 511: no value, 510: 1.02 N or more
+
+    Age and sigma are rounded up: a frame never looks younger or more certain than it is.
+
+    Example:
+        >>> encode_quality(1, 0, Flag.SIMULATED, 12_300_000, 0, (0.01, 0.01, 0.02)).hex(" ")
+        '04 10 7b 00 a0 40 01 05'
+    """
+    x_n, y_n, z_n = sigma_n
+    age = _NO_AGE if age_ns is None or not 0 <= age_ns <= _MAX_AGE_NS else -(-age_ns // _AGE_NS)
+    bits = (
+        counter
+        | (flags & 0xF) << 4
+        | age << 8
+        | (fault_mask & 0x1FF) << 20
+        | _sigma_code(x_n) << 29
+        | _sigma_code(y_n) << 38
+        | _sigma_code(z_n) << 47
+    )
+    return protect(QUALITY_ID + node, bits.to_bytes(7, "little"))
+
+
+def decode_quality(can_id: int, data: bytes) -> Quality:
+    """Return what a `Quality` frame says.
+
+    Raises:
+        FrameError: The id, length, crc or counter is wrong.
+    """
+    node = node_of(can_id, QUALITY_ID)
+    counter = check(can_id, data, 8)
+    bits = int.from_bytes(data[1:], "little")
+    age = bits >> 8 & 0xFFF
+    codes = (bits >> 29 & 0x1FF, bits >> 38 & 0x1FF, bits >> 47 & 0x1FF)
+    x_n, y_n, z_n = (_NAN if code == _NO_SIGMA else code / _SIGMA_PER_N for code in codes)
+    return Quality(
+        node=node,
+        counter=counter,
+        flags=Flag(bits >> 4 & 0xF),
+        age_ns=None if age == _NO_AGE else age * _AGE_NS,
+        fault_mask=bits >> 20 & 0x1FF,
+        sigma_n=(x_n, y_n, z_n),
+    )
+
+
+def _sigma_code(sigma_n: float) -> int:
+    """Return the 9 bits of a standard deviation; one that is negative or NaN is no value."""
+    if 0.0 <= sigma_n < _MAX_SIGMA / _SIGMA_PER_N:
+        return int(sigma_n * _SIGMA_PER_N + _ROUND_UP)
+    return _MAX_SIGMA if sigma_n > 0.0 else _NO_SIGMA

@@ -1,0 +1,62 @@
+"""The codes that stand in the CAN frames of footsense: nodes, states, flags, commands, results.
+
+The same names, in CamelCase, are the value tables of `footsense.dbc`. A code is never given a new meaning.
+"""
+
+from enum import IntEnum, IntFlag
+
+__all__ = ["NODE_IDS", "CommandKind", "Flag", "NmtState", "Result", "State"]
+
+#: CAN node id of each leg: left front, left middle, left rear, right front, right middle, right rear.
+NODE_IDS = {"lf": 1, "lm": 2, "lr": 3, "rf": 4, "rm": 5, "rr": 6}
+
+
+class State(IntEnum):
+    """Whether a leg's force may be used, and if not, why. Zero is not a usable state on purpose."""
+
+    ABSENT = 0  #: the leg's chips do not answer
+    VALID = 1  #: the force may be used
+    NO_BASELINE = 2  #: no tare has succeeded yet
+    TARING = 3  #: a tare is being taken
+    SATURATED = 4  #: a gap is shut or a code stands at the end of its range
+    ELEMENT_FAULT = 5  #: an element is open, shorted or gives no number; see the element mask
+    CONVERTER_FAULT = 6  #: the converter answers but its conversions do not finish
+    STALE = 7  #: the measurement is older than the age limit
+    OUT_OF_RANGE = 8  #: the load lies outside what the network was trained on
+    STOPPED = 9  #: the service was told to stop
+
+
+class Flag(IntFlag):
+    """Notes that do not forbid the value."""
+
+    SIMULATED = 1  #: made by the simulator, not by a foot
+    DEGRADED_TIMING = 2  #: the loop did not get the scheduling that it asked for
+    TARE_REFUSED = 4  #: the last tare was refused; the older baseline is in use
+
+
+class CommandKind(IntEnum):
+    """What a consumer may ask of one leg."""
+
+    TARE = 1  #: take the present capacitances as those of the unloaded foot
+    START = 2  #: publish forces again after STOP
+    STOP = 3  #: publish no force of this leg; its state becomes STOPPED
+
+
+class Result(IntEnum):
+    """What became of a command."""
+
+    DONE = 0
+    NOT_QUIET = 1  #: tare refused: the readings move more than noise does
+    LOADED = 2  #: tare refused: the readings are not those of an unloaded foot
+    ELEMENT_FAULT = 3  #: tare refused: an element gives no usable number
+    ABSENT = 4  #: refused: the leg does not answer
+    UNKNOWN = 5  #: refused: no such command
+
+
+class NmtState(IntEnum):
+    """What a heartbeat says of its node. Source: CiA 301, producer heartbeat."""
+
+    BOOT = 0x00  #: the service has just opened the channel
+    STOPPED = 0x04  #: no forces come: the service ends, or was told to stop
+    OPERATIONAL = 0x05
+    PRE_OPERATIONAL = 0x7F  #: alive, but waiting for a baseline

@@ -1,0 +1,237 @@
+"""The CAN frames that go with events: fault report, command, answer, heartbeat.
+
+All but the heartbeat are protected as told in `crc8`. The ids are CANopen's, so that a CANopen tool shows an
+emergency, a request, an answer and a heartbeat; the contents of the first three are footsense's own.
+"""
+
+import struct
+from typing import NamedTuple
+
+from firmware_interface.can_codes import CommandKind, NmtState, Result, State
+from firmware_interface.can_frames import node_of, state_of
+from firmware_interface.crc8 import COUNTER_PERIOD, FrameError, check, protect
+
+__all__ = [
+    "ANSWER_ID",
+    "COMMAND_ID",
+    "FAULT_ID",
+    "HEARTBEAT_ID",
+    "UNASKED",
+    "WORDS",
+    "Answer",
+    "Command",
+    "Fault",
+    "UnknownCommandError",
+    "decode_answer",
+    "decode_command",
+    "decode_fault",
+    "decode_heartbeat",
+    "encode_answer",
+    "encode_command",
+    "encode_fault",
+    "encode_heartbeat",
+]
+
+#: CAN ids are these plus the node id.
+FAULT_ID = 0x080
+COMMAND_ID = 0x200
+ANSWER_ID = 0x580
+HEARTBEAT_ID = 0x700
+
+#: The word that a command spells out beside its kind, so that no stray frame is one.
+#: Source: CiA 404 auto-zero is started by writing "zero" to object 0x6125; the others follow its manner.
+WORDS = {CommandKind.TARE: b"zero", CommandKind.START: b"strt", CommandKind.STOP: b"stop"}
+
+#: Stands for the counter of the command in an answer that no command frame asked for.
+UNASKED = COUNTER_PERIOD
+
+
+class UnknownCommandError(FrameError):
+    """A frame that arrived whole but asks for nothing that exists.
+
+    Attributes:
+        kind: Its kind byte.
+        counter: Its counter.
+    """
+
+    def __init__(self, kind: int, counter: int, word: bytes) -> None:
+        super().__init__(f"no command is of kind {kind} with the word {word!r}")
+        self.kind = kind
+        self.counter = counter
+
+
+class Fault(NamedTuple):
+    """What a fault report says: the state of a leg, or its element mask, has changed.
+
+    Attributes:
+        node: CAN node id of the leg, 1..6.
+        counter: Running number of the frame, 0..14.
+        state: State from now on.
+        previous: State until now.
+        fault_mask: Bit e set where element e is not usable, 9 bits.
+    """
+
+    node: int
+    counter: int
+    state: State
+    previous: State
+    fault_mask: int
+
+
+class Command(NamedTuple):
+    """A request to one leg.
+
+    Attributes:
+        node: CAN node id of the leg, 1..6.
+        counter: Running number of the frame, 0..14; the answer repeats it.
+        kind: What to do.
+    """
+
+    node: int
+    counter: int
+    kind: CommandKind
+
+
+class Answer(NamedTuple):
+    """What became of a command.
+
+    Attributes:
+        node: CAN node id of the leg, 1..6.
+        counter: Running number of the frame, 0..14.
+        result: DONE, or why it was refused.
+        kind: Kind byte of the command, known or not.
+        asked: Counter of the command; `UNASKED` for the tare that the service takes by itself.
+    """
+
+    node: int
+    counter: int
+    result: Result
+    kind: int
+    asked: int
+
+
+_FAULT = struct.Struct("<BBH")
+_COMMAND = struct.Struct("<BBB4s")
+_ANSWER = struct.Struct("<BBB")
+
+
+def encode_fault(node: int, counter: int, state: int, previous: int, fault_mask: int) -> bytes:
+    """Return the 5 data bytes of `Fault`.
+
+    ::
+
+        byte    0        1           2         3    4
+             +-------+-----+-----+------+---+---------+
+             | crc8  |state| cnt |  0   |old|  mask   |   mask: bits 0..8, the others 0
+             +-------+-----+-----+------+---+---------+
+                      7..4  3..0  7..4   3..0
+
+    Example:
+        >>> encode_fault(2, 7, State.ELEMENT_FAULT, State.VALID, 0b1_0000_0001).hex(" ")
+        'b7 57 01 01 01'
+    """
+    return protect(FAULT_ID + node, _FAULT.pack(state << 4 | counter, previous, fault_mask & 0x1FF))
+
+
+def decode_fault(can_id: int, data: bytes) -> Fault:
+    """Return what a `Fault` frame says.
+
+    Raises:
+        FrameError: The id, length, crc, counter or a state is wrong.
+    """
+    node = node_of(can_id, FAULT_ID)
+    counter = check(can_id, data, 5)
+    head, previous, fault_mask = _FAULT.unpack_from(data, 1)
+    return Fault(node, counter, state_of(head >> 4), state_of(previous & 0xF), fault_mask & 0x1FF)
+
+
+def encode_command(node: int, counter: int, kind: CommandKind) -> bytes:
+    """Return the 8 data bytes of `Command`.
+
+    ::
+
+        byte    0        1           2      3      4    5    6    7
+             +-------+-----+-----+------+------+-------------------+
+             | crc8  |  0  | cnt | kind |  0   |  word, 4 letters  |
+             +-------+-----+-----+------+------+-------------------+
+                      7..4  3..0
+
+    Example:
+        >>> encode_command(1, 0, CommandKind.TARE).hex(" ")
+        '98 00 01 00 7a 65 72 6f'
+    """
+    return protect(COMMAND_ID + node, _COMMAND.pack(counter, kind, 0, WORDS[kind]))
+
+
+def decode_command(can_id: int, data: bytes) -> Command:
+    """Return what a `Command` frame asks for.
+
+    Raises:
+        UnknownCommandError: The frame is whole, but kind and word are not those of a command.
+        FrameError: The id, length, crc or counter is wrong.
+    """
+    node = node_of(can_id, COMMAND_ID)
+    counter = check(can_id, data, 8)
+    _, code, _, word = _COMMAND.unpack_from(data, 1)
+    for kind, known in WORDS.items():
+        if code == kind and word == known:
+            return Command(node, counter, kind)
+    raise UnknownCommandError(code, counter, word)
+
+
+def encode_answer(node: int, counter: int, result: int, kind: int, asked: int) -> bytes:
+    """Return the 4 data bytes of `Answer`.
+
+    ::
+
+        byte    0        1            2        3
+             +-------+------+-----+------+---+-----+
+             | crc8  |result| cnt | kind | 0 |asked|   asked: counter of the command, 15: none
+             +-------+------+-----+------+---+-----+
+                      7..4   3..0         7..4 3..0
+
+    Example:
+        >>> encode_answer(1, 3, Result.LOADED, CommandKind.TARE, 0).hex(" ")
+        '6a 23 01 00'
+    """
+    return protect(ANSWER_ID + node, _ANSWER.pack(result << 4 | counter, kind, asked))
+
+
+def decode_answer(can_id: int, data: bytes) -> Answer:
+    """Return what an `Answer` frame says.
+
+    Raises:
+        FrameError: The id, length, crc, counter or result is wrong.
+    """
+    node = node_of(can_id, ANSWER_ID)
+    counter = check(can_id, data, 4)
+    head, kind, asked = _ANSWER.unpack_from(data, 1)
+    try:
+        result = Result(head >> 4)
+    except ValueError:
+        raise FrameError(f"no result has the code {head >> 4}") from None
+    return Answer(node, counter, result, kind, asked & 0xF)
+
+
+def encode_heartbeat(state: NmtState) -> bytes:
+    """Return the data byte of `Heartbeat`, which is CANopen's and has no crc.
+
+    Example:
+        >>> encode_heartbeat(NmtState.OPERATIONAL).hex()
+        '05'
+    """
+    return bytes([state])
+
+
+def decode_heartbeat(can_id: int, data: bytes) -> tuple[int, NmtState]:
+    """Return the node and the state that a heartbeat tells.
+
+    Raises:
+        FrameError: The id, length or state is wrong.
+    """
+    node = node_of(can_id, HEARTBEAT_ID)
+    try:
+        (code,) = data
+        return node, NmtState(code)
+    except ValueError:
+        raise FrameError(f"{data.hex() or 'nothing'} is no heartbeat of CiA 301") from None

@@ -1,0 +1,235 @@
+"""`footsense.dbc`, read by cantools, and the Python codecs are two accounts of the same frames."""
+
+import math
+from enum import IntEnum, IntFlag
+from pathlib import Path
+from typing import Any
+
+import cantools
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware_interface.can_codes import NODE_IDS, CommandKind, Flag, NmtState, Result, State
+from firmware_interface.can_events import (
+    ANSWER_ID,
+    COMMAND_ID,
+    FAULT_ID,
+    HEARTBEAT_ID,
+    UNASKED,
+    WORDS,
+    decode_answer,
+    decode_command,
+    decode_fault,
+    encode_answer,
+    encode_command,
+    encode_fault,
+    encode_heartbeat,
+)
+from firmware_interface.can_frames import (
+    FORCE_ID,
+    QUALITY_ID,
+    decode_force,
+    decode_quality,
+    encode_force,
+    encode_quality,
+)
+from firmware_interface.crc8 import protect
+
+DBC = cantools.database.load_file(Path(__file__).parents[2] / "firmware_interface/footsense.dbc")
+SENDERS = {
+    "Force": (FORCE_ID, 8, "Footsense"),
+    "Quality": (QUALITY_ID, 8, "Footsense"),
+    "Fault": (FAULT_ID, 5, "Footsense"),
+    "Command": (COMMAND_ID, 8, "GaitController"),
+    "Answer": (ANSWER_ID, 4, "Footsense"),
+    "Heartbeat": (HEARTBEAT_ID, 1, "Footsense"),
+}
+LEGS = [leg.capitalize() for leg in NODE_IDS]
+
+legs = st.sampled_from(list(NODE_IDS))
+counters = st.integers(0, 14)
+masks = st.integers(0, 0x1FF)
+millinewtons = st.one_of(st.none(), st.integers(-32767, 32767))
+sigma_codes = st.one_of(st.none(), st.integers(0, 510))
+
+
+def decode(name: str, data: bytes) -> dict[str, Any]:
+    """Return the numbers that cantools reads, with value tables left alone."""
+    signals: dict[str, Any] = DBC.decode_message(name, data, decode_choices=False)
+    return signals
+
+
+def encode(name: str, signals: dict[str, Any]) -> bytes:
+    """Return what cantools writes, with the crc put in, which a DBC cannot compute."""
+    message = DBC.get_message_by_name(name)
+    data: bytes = message.encode({"CHECKSUM": 0, **signals}, strict=False)
+    return protect(message.frame_id, data[1:])
+
+
+def camel(names: type[IntEnum] | type[IntFlag]) -> dict[int, str]:
+    """Return an enumeration as a value table of the DBC."""
+    return {member.value: str(member.name).title().replace("_", "") for member in names}
+
+
+def test_every_leg_has_every_frame_and_there_are_no_others() -> None:
+    """Names, ids, lengths and senders are those of the codecs."""
+    expected = {
+        name + leg: (base + NODE_IDS[leg.lower()], length, sender)
+        for name, (base, length, sender) in SENDERS.items()
+        for leg in LEGS
+    }
+    assert {m.name: (m.frame_id, m.length, m.senders[0]) for m in DBC.messages} == expected
+    assert not any(message.is_extended_frame for message in DBC.messages)
+
+
+@pytest.mark.parametrize("name", SENDERS)
+def test_the_legs_differ_in_nothing_but_name_and_id(name: str) -> None:
+    """Each leg's frame has the same signals, so that the others' tests hold for all."""
+    first, *others = [
+        [
+            (
+                s.name,
+                s.start,
+                s.length,
+                s.is_signed,
+                s.byte_order,
+                s.scale,
+                s.offset,
+                s.unit,
+                s.choices,
+                s.comment,
+            )
+            for s in DBC.get_message_by_name(name + leg).signals
+        ]
+        for leg in LEGS
+    ]
+    assert all(other == first for other in others)
+    assert all(signal[4] == "little_endian" and signal[9] for signal in first)
+
+
+@pytest.mark.parametrize(
+    ("message", "signal", "names"),
+    [
+        ("ForceLf", "State", State),
+        ("FaultLf", "State", State),
+        ("FaultLf", "PreviousState", State),
+        ("CommandLf", "Kind", CommandKind),
+        ("AnswerLf", "Kind", CommandKind),
+        ("AnswerLf", "Result", Result),
+        ("HeartbeatLf", "NmtState", NmtState),
+    ],
+)
+def test_value_tables_are_the_enumerations(message: str, signal: str, names: type[IntEnum]) -> None:
+    """A new state, command or result has to be entered in both."""
+    choices = DBC.get_message_by_name(message).get_signal_by_name(signal).choices
+    assert {code: str(name) for code, name in choices.items()} == camel(names)
+
+
+def test_flags_are_single_bits_and_the_words_are_the_commands() -> None:
+    """Each flag is a signal at its bit behind the counter; each word's letters name its command."""
+    quality = DBC.get_message_by_name("QualityLf")
+    for bit, name in camel(Flag).items():
+        signal = quality.get_signal_by_name(name)
+        assert (1 << (signal.start - 12), signal.length) == (bit, 1)
+    words = DBC.get_message_by_name("CommandLf").get_signal_by_name("Word").choices
+    assert {code: str(name) for code, name in words.items()} == {
+        int.from_bytes(word, "little"): kind.name.title() for kind, word in WORDS.items()
+    }
+
+
+def test_cyclic_frames_tell_their_period_and_the_others_have_none() -> None:
+    """Heartbeats come at 5 Hz, forces at the scan rate of the default board."""
+    assert {m.name: m.cycle_time for m in DBC.messages if m.cycle_time} == {
+        name + leg: period
+        for name, period in (("Force", 25), ("Quality", 25), ("Heartbeat", 200))
+        for leg in LEGS
+    }
+
+
+@given(legs, counters, st.sampled_from(State), st.tuples(millinewtons, millinewtons, millinewtons))
+def test_force(
+    leg: str, counter: int, state: State, force_mn: tuple[int | None, int | None, int | None]
+) -> None:
+    """Each reads what the other writes."""
+    name, node = f"Force{leg.capitalize()}", NODE_IDS[leg]
+    force_n = tuple(math.nan if mn is None else mn / 1000 for mn in force_mn)
+    data = encode_force(node, counter, state, force_n)
+    signals = decode(name, data)
+    ours = decode_force(FORCE_ID + node, data)
+    assert (signals["CHECKSUM"], signals["COUNTER"], signals["State"]) == (data[0], counter, ours.state)
+    read = [signals["ForceX"], signals["ForceY"], signals["ForceZ"]]
+    assert read == pytest.approx([-32.768 if math.isnan(f) else f for f in ours.force_n])
+    theirs = encode(name, signals)
+    assert theirs == data
+
+
+@given(legs, counters, st.integers(0, 7), st.one_of(st.none(), st.integers(0, 4094)), masks, sigma_codes)
+def test_quality(  # noqa: PLR0917 - one argument for each field
+    leg: str, counter: int, flags: int, age: int | None, mask: int, sigma: int | None
+) -> None:
+    """Each reads what the other writes."""
+    name, node = f"Quality{leg.capitalize()}", NODE_IDS[leg]
+    sigma_n = (math.nan if sigma is None else sigma / 500, 0.0, 0.02)
+    data = encode_quality(node, counter, flags, None if age is None else age * 100_000, mask, sigma_n)
+    signals = decode(name, data)
+    assert signals == pytest.approx(
+        {
+            "CHECKSUM": data[0],
+            "COUNTER": counter,
+            "Simulated": flags & 1,
+            "DegradedTiming": flags >> 1 & 1,
+            "TareRefused": flags >> 2 & 1,
+            "Age": 409.5 if age is None else age / 10,
+            "FaultMask": mask,
+            "SigmaX": 1.022 if sigma is None else sigma / 500,
+            "SigmaY": 0.0,
+            "SigmaZ": 0.02,
+        }
+    )
+    theirs = encode(name, signals)
+    assert decode_quality(QUALITY_ID + node, theirs)[:5] == decode_quality(QUALITY_ID + node, data)[:5]
+    assert theirs == data
+
+
+def test_codes_for_no_value_are_named() -> None:
+    """A tool that shows value tables shows `NoValue`, not a number."""
+    force = DBC.decode_message("ForceLf", encode_force(1, 0, State.STALE, (1.0, 1.0, 1.0)))
+    assert [str(force[f"Force{axis}"]) for axis in "XYZ"] == ["NoValue"] * 3
+    quality = DBC.decode_message("QualityLf", encode_quality(1, 0, 0, None, 0, (math.nan, 2.0, math.nan)))
+    assert [str(quality[s]) for s in ("Age", "SigmaX", "SigmaY")] == ["NoValue", "NoValue", "Saturated"]
+
+
+@given(legs, counters, st.sampled_from(State), st.sampled_from(State), masks)
+def test_fault(leg: str, counter: int, state: State, previous: State, mask: int) -> None:
+    """Each reads what the other writes."""
+    node = NODE_IDS[leg]
+    signals = {"COUNTER": counter, "State": state, "PreviousState": previous, "FaultMask": mask}
+    theirs = encode(f"Fault{leg.capitalize()}", signals)
+    assert decode_fault(FAULT_ID + node, theirs) == (node, counter, state, previous, mask)
+    assert theirs == encode_fault(node, counter, state, previous, mask)
+
+
+@given(legs, counters, st.sampled_from(CommandKind))
+def test_command(leg: str, counter: int, kind: CommandKind) -> None:
+    """A command written with the DBC's names is obeyed."""
+    node, name = NODE_IDS[leg], kind.name.title()
+    theirs = encode(f"Command{leg.capitalize()}", {"COUNTER": counter, "Kind": name, "Word": name})
+    assert decode_command(COMMAND_ID + node, theirs) == (node, counter, kind)
+    assert theirs == encode_command(node, counter, kind)
+
+
+@given(legs, counters, st.sampled_from(Result), st.sampled_from(CommandKind), st.integers(0, UNASKED))
+def test_answer(leg: str, counter: int, result: Result, kind: CommandKind, asked: int) -> None:
+    """Each reads what the other writes."""
+    node = NODE_IDS[leg]
+    signals = {"COUNTER": counter, "Result": result, "Kind": kind, "AskedCounter": asked}
+    theirs = encode(f"Answer{leg.capitalize()}", signals)
+    assert decode_answer(ANSWER_ID + node, theirs) == (node, counter, result, kind, asked)
+    assert theirs == encode_answer(node, counter, result, kind, asked)
+
+
+@pytest.mark.parametrize("state", NmtState)
+def test_heartbeat(state: NmtState) -> None:
+    """The one byte has the DBC's name."""
+    assert decode("HeartbeatRr", encode_heartbeat(state)) == {"NmtState": state}
