@@ -1,0 +1,1 @@
+"""What touches the operating system's buses; one vendor library a file."""

@@ -94,7 +94,9 @@ class TareWindow:
                 f"at most {self._limits.unloaded_limit_rel:.1%} is allowed",
                 None,
             )
-        return Verdict(Result.DONE, f"tared over {len(readings_pf)} scans, {noise_ff.max():.2f} fF rms", mean_pf)
+        return Verdict(
+            Result.DONE, f"tared over {len(readings_pf)} scans, {noise_ff.max():.2f} fF rms", mean_pf
+        )
 
 
 def _names(elements: NDArray[np.intp]) -> str:

@@ -11,7 +11,17 @@ from numpy.typing import NDArray
 from footsense.core import quality
 from footsense.core.baseline import TareLimits, TareWindow, Verdict
 from footsense.core.design import CapacitorDesign
-from footsense.frames import ELEMENTS, CapFrame, Command, CommandKind, Flag, ForceFrame, Outcome, Result, State
+from footsense.frames import (
+    ELEMENTS,
+    CapFrame,
+    Command,
+    CommandKind,
+    Flag,
+    ForceFrame,
+    Outcome,
+    Result,
+    State,
+)
 from footsense.ports import Estimator
 
 Vector = NDArray[np.float64]
@@ -87,6 +97,11 @@ class Pipeline:
 
     def process(self, scan: CapFrame, now_ns: int) -> tuple[ForceFrame, tuple[Outcome, ...]]:
         """Return the forces of a scan as of `now_ns`, and the tares that ended with it."""
+        # A code of zero divides by zero; what comes of it is judged like any other reading.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            return self._process(scan, now_ns)
+
+    def _process(self, scan: CapFrame, now_ns: int) -> tuple[ForceFrame, tuple[Outcome, ...]]:
         capacitance_pf = scan.capacitance_pf - self._stray_pf
         outcomes = self._tare(capacitance_pf) if self._windows else ()
         calibration = self._calibration
@@ -124,7 +139,9 @@ class Pipeline:
         untared = np.isnan(self._baseline_pf[:, 0])
         if untared.any():
             state[untared] = State.TARING
-            state[[leg for leg in np.flatnonzero(untared).tolist() if leg in self._last_refusal]] = State.NO_BASELINE
+            state[[leg for leg in np.flatnonzero(untared).tolist() if leg in self._last_refusal]] = (
+                State.NO_BASELINE
+            )
 
     def _tare(self, capacitance_pf: Vector) -> tuple[Outcome, ...]:
         outcomes = []

@@ -39,9 +39,7 @@ class SimulatedRowSwitch:
     def write(self, data: bytes, t_ns: int) -> None:
         """Set the switches; the last byte counts."""
         self._switches = data[-1]
-        self._history.append(
-            RowStates(t_ns, adg715.grounded_rows(data[-1]), adg715.shielded_rows(data[-1]))
-        )
+        self._history.append(RowStates(t_ns, adg715.grounded_rows(data[-1]), adg715.shielded_rows(data[-1])))
 
     def read(self, n: int, t_ns: int) -> bytes:
         """Return the switch byte."""

@@ -140,7 +140,9 @@ class Scene(_Part):
 def scene_names() -> list[str]:
     """Return the names of the scenes that come with footsense."""
     folder = files("footsense.sim") / "scenes"
-    return sorted(entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml"))
+    return sorted(
+        entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml")
+    )
 
 
 def load_scene(name_or_path: str) -> Scene:
@@ -151,7 +153,7 @@ def load_scene(name_or_path: str) -> Scene:
     """
     if name_or_path in scene_names():
         resource = files("footsense.sim") / "scenes" / f"{name_or_path}.yaml"
-        return strict_yaml.loads(resource.read_text(encoding="utf-8"), Scene, where=f"scene {name_or_path}")
+        return strict_yaml.load(resource.read_text(encoding="utf-8"), Scene, where=f"scene {name_or_path}")
     path = Path(name_or_path)
     if not path.suffix:
         raise ConfigError(

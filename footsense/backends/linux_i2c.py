@@ -1,0 +1,104 @@
+"""The Linux I2C adapter behind the I2cBus port; the only file that knows smbus2.
+
+Only two kinds of transaction are used, because only they work on every adapter: a write, and a write followed by a
+read of the same address. Their kernel messages are built once per transaction and used again.
+"""
+
+import contextlib
+import errno
+import fcntl
+from typing import Protocol
+
+import smbus2
+
+from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
+from footsense.ports import Transaction
+
+_I2C_TIMEOUT = 0x0702  # linux/i2c-dev.h
+#: Adapter timeout in units of 10 ms. The kernel's default of 1 s would let one stuck leg stop all others for as long.
+_TIMEOUT_10MS = 2
+
+_NACK_ERRNOS = {errno.EREMOTEIO, errno.ENXIO}
+
+
+class Adapter(Protocol):
+    """What is used of `smbus2.SMBus`."""
+
+    def i2c_rdwr(self, *messages: smbus2.i2c_msg) -> None:
+        """Do the messages as one transaction."""
+        ...
+
+    def close(self) -> None:
+        """Close the device file."""
+        ...
+
+
+class LinuxI2cBus:
+    """One adapter.
+
+    Args:
+        adapter: The open adapter.
+        device: Its device file, for messages.
+    """
+
+    def __init__(self, adapter: Adapter, device: str) -> None:
+        self._adapter = adapter
+        self._device = device
+        self._messages: dict[Transaction, list[smbus2.i2c_msg]] = {}
+
+    @classmethod
+    def open(cls, device: str) -> "LinuxI2cBus":
+        """Open a device file such as /dev/i2c-1 and shorten the adapter's timeout.
+
+        Raises:
+            HardwareError: There is no such adapter, or this user may not use it.
+        """
+        try:
+            adapter = smbus2.SMBus(device)
+        except FileNotFoundError as error:
+            raise HardwareError(
+                f"{device}: no such I2C adapter; enable it, or see `ls /dev/i2c-*`"
+            ) from error
+        except PermissionError as error:
+            raise HardwareError(
+                f"{device}: permission denied; the service's user belongs in group i2c"
+            ) from error
+        except OSError as error:
+            raise HardwareError(f"{device}: {error.strerror}") from error
+        # An adapter that does not take the timeout still works, only slower when a line is stuck.
+        with contextlib.suppress(OSError):
+            fcntl.ioctl(adapter.fd, _I2C_TIMEOUT, _TIMEOUT_10MS)
+        return cls(adapter, device)
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        """Do one transaction and return the bytes read.
+
+        Raises:
+            NackError: Nobody acknowledged.
+            BusTimeoutError: A line is stuck.
+            BusError: The transaction failed otherwise.
+        """
+        messages = self._messages.get(transaction)
+        if messages is None:
+            messages = self._messages[transaction] = _messages(transaction)
+        try:
+            self._adapter.i2c_rdwr(*messages)
+        except OSError as error:
+            where = f"{self._device}, address {transaction.address:#04x}"
+            if error.errno in _NACK_ERRNOS:
+                raise NackError(f"{where}: no acknowledge") from error
+            if error.errno == errno.ETIMEDOUT:
+                raise BusTimeoutError(f"{where}: timeout, SDA or SCL is held low") from error
+            raise BusError(f"{where}: {error.strerror or error}") from error
+        return bytes(messages[-1]) if transaction.n_read else b""
+
+    def close(self) -> None:
+        """Close the device file."""
+        self._adapter.close()
+
+
+def _messages(transaction: Transaction) -> list[smbus2.i2c_msg]:
+    messages = [smbus2.i2c_msg.write(transaction.address, transaction.write)]
+    if transaction.n_read:
+        messages.append(smbus2.i2c_msg.read(transaction.address, transaction.n_read))
+    return messages

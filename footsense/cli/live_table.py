@@ -1,0 +1,100 @@
+"""The live table: every leg's force as it goes out on CAN, beside what the foot really feels where that is known."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from footsense.frames import Cycle, State
+
+_PERIOD_NS = 66_000_000
+_BAR_CELLS = 16
+_BAR_FULL_N = 1.5
+
+_STYLES = {
+    State.VALID: "green",
+    State.TARING: "yellow",
+    State.NO_BASELINE: "yellow",
+    State.STOPPED: "dim",
+}
+
+
+class LiveTable:
+    """An observer that redraws a table some fifteen times a second of the frames' own time.
+
+    Args:
+        console: Where to draw.
+        legs: Names of the legs in the order of the frames' rows.
+        title: What runs.
+        felt_n: What every foot feels at a time, None where nobody knows.
+    """
+
+    def __init__(
+        self,
+        console: Console,
+        legs: tuple[str, ...],
+        title: str,
+        felt_n: Callable[[int], NDArray[np.float64]] | None,
+    ) -> None:
+        self._legs = legs
+        self._title = title
+        self._felt_n = felt_n
+        self._drawn_ns = -_PERIOD_NS
+        self._start_ns: int | None = None
+        self._live = Live(console=console, auto_refresh=False)
+        self._live.start()
+
+    def observe(self, cycle: Cycle) -> None:
+        """Redraw if it is time to."""
+        t_ns = cycle.forces.t_sent_ns
+        if self._start_ns is None:
+            self._start_ns = t_ns
+        if t_ns - self._drawn_ns < _PERIOD_NS:
+            return
+        self._drawn_ns = t_ns
+        self._live.update(self._render(cycle, (t_ns - self._start_ns) * 1e-9), refresh=True)
+
+    def close(self) -> None:
+        """Leave the last picture on the screen."""
+        self._live.stop()
+
+    def _render(self, cycle: Cycle, elapsed_s: float) -> Group:
+        forces = cycle.forces
+        felt_n = self._felt_n(forces.t_sent_ns) if self._felt_n else None
+        table = Table(box=None, pad_edge=False, padding=(0, 2))
+        table.add_column("leg")
+        table.add_column("state", min_width=15)
+        for axis in ("fx", "fy", "fz"):
+            table.add_column(f"{axis} [N]", justify="right", min_width=7)
+        table.add_column("load", min_width=_BAR_CELLS)
+        if felt_n is not None:
+            table.add_column("felt fz [N]", justify="right")
+        table.add_column("age [ms]", justify="right")
+        for row, leg in enumerate(self._legs):
+            state = State(int(forces.state[row]))
+            valid = state is State.VALID
+            components = [f"{value:+.3f}" if valid else "–" for value in forces.force_n[row].tolist()]
+            cells: list[str | Text] = [
+                leg,
+                Text(state.name.lower().replace("_", " "), _STYLES.get(state, "bold red")),
+                *components,
+                Text(_bar(float(forces.force_n[row, 2])) if valid else "", "cyan"),
+            ]
+            if felt_n is not None:
+                cells.append(Text(f"{felt_n[row, 2]:.3f}", "dim"))
+            cells.append(f"{forces.age_ns[row] * 1e-6:.1f}" if valid else "–")
+            table.add_row(*cells)
+        head = Text.assemble(
+            ("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s   scan {forces.sequence}", "dim")
+        )
+        return Group(head, Text(), table)
+
+
+def _bar(force_n: float) -> str:
+    eighths = round(min(max(force_n / _BAR_FULL_N, 0.0), 1.0) * _BAR_CELLS * 8)
+    full, part = divmod(eighths, 8)
+    return "█" * full + ("", "▏", "▎", "▍", "▌", "▋", "▊", "▉")[part]

@@ -1,0 +1,135 @@
+"""How good the published forces were: rate, age, states, and, where the truth is known, the error.
+
+The truth is what the foot felt at the time of sending, so the age of a measurement counts as error here. All
+statistics are kept in fixed tables: a day of walking takes no more memory than a minute.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.frames import Cycle, State
+
+#: Truth from which a frame counts as loaded and its direction as defined [N].
+LOADED_N = 0.1
+
+_DIRECTION_BIN_DEG = 0.02
+_AGE_BIN_MS = 0.05
+
+
+class Histogram:
+    """Counts in bins of equal width from 0; what lies beyond the last one is counted in it.
+
+    Args:
+        width: Width of a bin.
+        end: Upper end of the last one.
+    """
+
+    def __init__(self, width: float, end: float) -> None:
+        self._width = width
+        self._counts = np.zeros(round(end / width), np.int64)
+        self._sum = 0.0
+
+    def add(self, values: NDArray[np.float64]) -> None:
+        """Count the values, none of them negative."""
+        bins = np.minimum((values / self._width).astype(np.int64), len(self._counts) - 1)
+        np.add.at(self._counts, bins, 1)
+        self._sum += float(values.sum())
+
+    @property
+    def total(self) -> int:
+        """Number of values."""
+        return int(self._counts.sum())
+
+    @property
+    def mean(self) -> float | None:
+        """Mean of the values, None without any."""
+        return self._sum / self.total if self.total else None
+
+    def quantile(self, share: float) -> float | None:
+        """Return the value below which `share` of all lie, to one bin's width; None without values.
+
+        Example:
+            >>> ages = Histogram(0.1, 10.0)
+            >>> ages.add(np.arange(100) / 100)
+            >>> round(ages.quantile(0.5), 3)
+            0.5
+        """
+        if not self.total:
+            return None
+        rank = np.searchsorted(self._counts.cumsum(), share * self.total)
+        return float((rank + 1) * self._width)
+
+
+class Score:
+    """Watches every cycle and keeps the tally.
+
+    Args:
+        legs: Names of the legs in the order of the frames' rows.
+        felt_n: What every foot felt at a time [ns -> N, shape (legs, 3)]; None where nobody knows.
+    """
+
+    def __init__(self, legs: tuple[str, ...], felt_n: Callable[[int], NDArray[np.float64]] | None) -> None:
+        self._legs = legs
+        self._felt_n = felt_n
+        self._scans = 0
+        self._first_ns = self._last_ns = 0
+        self._states = np.zeros((len(legs), len(State)), np.int64)
+        self._age_ms = Histogram(_AGE_BIN_MS, 500.0)
+        self._direction_deg = Histogram(_DIRECTION_BIN_DEG, 180.0)
+        self._squared_n2 = np.zeros(3)
+        self._valid = 0
+
+    def observe(self, cycle: Cycle) -> None:
+        """Take note of one cycle."""
+        forces = cycle.forces
+        if self._scans == 0:
+            self._first_ns = forces.t_sent_ns
+        self._last_ns = forces.t_sent_ns
+        self._scans += 1
+        self._states[np.arange(len(self._legs)), forces.state] += 1
+        valid = forces.state == State.VALID
+        if not valid.any():
+            return
+        self._age_ms.add(forces.age_ns[valid] * 1e-6)
+        if self._felt_n is not None:
+            self._compare(forces.force_n[valid], self._felt_n(forces.t_sent_ns)[valid])
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _compare(self, said_n: NDArray[np.float64], felt_n: NDArray[np.float64]) -> None:
+        self._squared_n2 += np.square(said_n - felt_n).sum(axis=0)
+        self._valid += len(said_n)
+        felt = np.linalg.norm(felt_n, axis=1)
+        said = np.linalg.norm(said_n, axis=1)
+        loaded = (felt >= LOADED_N) & (said > 0)
+        cosine = (said_n[loaded] * felt_n[loaded]).sum(axis=1) / (felt[loaded] * said[loaded])
+        self._direction_deg.add(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+    def summary(self) -> dict[str, object]:
+        """Return the tally as plain values; a figure that does not exist is None."""
+        span_s = (self._last_ns - self._first_ns) * 1e-9
+        summary: dict[str, object] = {
+            "scans": self._scans,
+            "scan_rate_hz": (self._scans - 1) / span_s if span_s > 0 else None,
+            "age_ms": {"p50": self._age_ms.quantile(0.5), "p99": self._age_ms.quantile(0.99)},
+            "states": {
+                leg: {State(s).name.lower(): int(n) for s, n in enumerate(counts) if n}
+                for leg, counts in zip(self._legs, self._states, strict=True)
+            },
+            "faults": int(
+                self._states.sum() - self._states[:, [State.VALID, State.TARING, State.STOPPED]].sum()
+            ),
+        }
+        if self._felt_n is not None:
+            rmse_n = np.sqrt(self._squared_n2 / self._valid).tolist() if self._valid else [None] * 3
+            summary["force_rmse_n"] = dict(zip("xyz", rmse_n, strict=True))
+            summary["direction_error_deg"] = {
+                "mean": self._direction_deg.mean,
+                "p95": self._direction_deg.quantile(0.95),
+                "loaded_frames": self._direction_deg.total,
+                "loaded_from_n": LOADED_N,
+            }
+        return summary

@@ -1,0 +1,81 @@
+"""The loop: read a scan, obey commands, estimate, publish, let the observers see it.
+
+It runs the same over hardware, over the simulator and over a recording; all that differs is behind its ports. The
+source sets the pace: a scanner waits for its conversions. Nothing else may run Python in this process while the loop
+does: recorder and metrics exporter are processes of their own.
+"""
+
+from collections.abc import Callable, Sequence
+
+from footsense.core.pipeline import Pipeline
+from footsense.frames import CapFrame, Command, Cycle
+from footsense.ports import Clock, ForceSink, FrameSource, Observer
+
+
+def run(
+    source: FrameSource,
+    pipeline: Pipeline,
+    sink: ForceSink,
+    observers: Sequence[Observer],
+    clock: Clock,
+    stop: Callable[[], bool],
+) -> None:
+    """Run until the source ends or `stop` says so; the caller closes what it opened.
+
+    Args:
+        source: Where scans come from.
+        pipeline: What makes forces of them.
+        sink: Where forces go and commands come from.
+        observers: Who sees every cycle.
+        clock: The time that the scans' stamps are in.
+        stop: Asked once a cycle.
+    """
+    while not stop():
+        scan = source.read()
+        if scan is None:
+            return
+        step(scan, pipeline, sink, observers, clock)
+
+
+def step(
+    scan: CapFrame, pipeline: Pipeline, sink: ForceSink, observers: Sequence[Observer], clock: Clock
+) -> Cycle:
+    """Do all that follows from one scan, and return it."""
+    commands: tuple[Command, ...] = tuple(sink.commands())
+    at_once = [outcome for command in commands if (outcome := pipeline.obey(command)) is not None]
+    forces, ended = pipeline.process(scan, clock.now_ns())
+    sink.publish(forces)
+    cycle = Cycle(scan, commands, forces, (*at_once, *ended))
+    for outcome in cycle.outcomes:
+        sink.answer(outcome)
+    for observer in observers:
+        observer.observe(cycle)
+    return cycle
+
+
+class Paced:
+    """A source in virtual or recorded time that is played at the speed of real time.
+
+    Args:
+        source: The source to slow down.
+        played: The time that its frames are in.
+        real: The time to play them in.
+    """
+
+    def __init__(self, source: FrameSource, played: Clock, real: Clock) -> None:
+        self._source = source
+        self._played = played
+        self._real = real
+        self._offset_ns: int | None = None
+
+    def read(self) -> CapFrame | None:
+        """Return the next scan when its time has come."""
+        scan = self._source.read()
+        if self._offset_ns is None:
+            self._offset_ns = self._real.now_ns() - self._played.now_ns()
+        self._real.sleep_until_ns(self._played.now_ns() + self._offset_ns)
+        return scan
+
+    def close(self) -> None:
+        """Close the source."""
+        self._source.close()

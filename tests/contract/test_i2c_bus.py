@@ -1,0 +1,99 @@
+"""What every I2cBus promises, asked of the simulated one and of the Linux one over a fake adapter."""
+
+import errno
+import os
+from collections.abc import Callable
+
+import pytest
+import smbus2
+
+from footsense.backends.linux_i2c import LinuxI2cBus
+from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
+from footsense.ports import I2cBus, Transaction
+from footsense.sim.bus import SimulatedBus, SimulatedMux
+from footsense.sim.clock import VirtualClock
+
+MUX = 0x71
+
+
+class KernelAdapter:
+    """What `smbus2.SMBus` does to messages, with one TCA9548A on the wire."""
+
+    def __init__(self) -> None:
+        self.control = 0
+        self.fails_with: int | None = None
+        self.calls: list[list[tuple[int, int, int]]] = []
+
+    def i2c_rdwr(self, *messages: smbus2.i2c_msg) -> None:
+        self.calls.append([(message.addr, message.flags, message.len) for message in messages])
+        number = self.fails_with or (0 if messages[0].addr == MUX else errno.EREMOTEIO)
+        if number:
+            raise OSError(number, os.strerror(number))
+        for message in messages:
+            if message.flags & 1:
+                for i in range(message.len):
+                    message.buf[i] = self.control
+            else:
+                self.control = bytes(message)[-1]
+
+    def close(self) -> None:
+        pass
+
+
+def linux() -> I2cBus:
+    return LinuxI2cBus(KernelAdapter(), "/dev/i2c-1")
+
+
+def simulated() -> I2cBus:
+    return SimulatedBus(VirtualClock(), 400_000, 0, SimulatedMux(MUX), {})
+
+
+@pytest.mark.parametrize("make", [linux, simulated])
+def test_a_written_byte_is_read_back(make: Callable[[], I2cBus]) -> None:
+    """A write answers nothing; a write with a read answers what was asked for, each time anew."""
+    bus = make()
+    assert bus.transfer(Transaction(MUX, b"\x05")) == b""
+    assert bus.transfer(Transaction(MUX, b"\x09", 1)) == b"\x09"
+    assert bus.transfer(Transaction(MUX, b"\x0a", 1)) == b"\x0a"
+    assert bus.transfer(Transaction(MUX, b"\x09", 1)) == b"\x09"
+    bus.close()
+
+
+@pytest.mark.parametrize("make", [linux, simulated])
+def test_silence_is_a_nack(make: Callable[[], I2cBus]) -> None:
+    """An address that nobody has is a NackError, which names it."""
+    with pytest.raises(NackError, match="0x50"):
+        make().transfer(Transaction(0x50, b"\x00", 2))
+
+
+@pytest.mark.parametrize(
+    ("number", "kind"),
+    [
+        (errno.EREMOTEIO, NackError),
+        (errno.ENXIO, NackError),
+        (errno.ETIMEDOUT, BusTimeoutError),
+        (errno.EAGAIN, BusError),
+        (errno.EIO, BusError),
+    ],
+)
+def test_the_kernel_s_errors_get_names(number: int, kind: type[BusError]) -> None:
+    """What the adapters of different boards say means the same to the scanner."""
+    adapter = KernelAdapter()
+    adapter.fails_with = number
+    with pytest.raises(kind, match="/dev/i2c-1, address 0x71"):
+        LinuxI2cBus(adapter, "/dev/i2c-1").transfer(Transaction(MUX, b"\x01"))
+
+
+def test_only_portable_transactions_reach_the_kernel() -> None:
+    """One write, or one write and one read of the same address with the read last: what all adapters can do."""
+    adapter = KernelAdapter()
+    bus = LinuxI2cBus(adapter, "/dev/i2c-1")
+    bus.transfer(Transaction(MUX, b"\x01"))
+    bus.transfer(Transaction(MUX, b"\x01", 1))
+    assert adapter.calls == [[(MUX, 0, 1)], [(MUX, 0, 1), (MUX, 1, 1)]]
+
+
+def test_an_adapter_that_is_not_there_is_one_clear_line() -> None:
+    """The message names the device and what to look at."""
+    with pytest.raises(HardwareError, match="/dev/i2c-99: no such I2C adapter; enable it"):
+        LinuxI2cBus.open("/dev/i2c-99")

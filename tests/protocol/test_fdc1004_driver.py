@@ -1,0 +1,101 @@
+"""The bytes that the FDC1004 driver puts on the wire, pinned to the data sheet (TI SNOSCY5, section 8.6)."""
+
+import pytest
+
+from footsense.drivers import fdc1004
+from footsense.drivers.scan_plan import scan_plan
+from footsense.errors import HardwareError, NackError
+from footsense.frames import Reading
+from footsense.ports import Transaction
+from tests.protocol.scripted_bus import ScriptedBus
+
+READ_MANUFACTURER = Transaction(0x50, b"\xfe", 2)
+READ_DEVICE = Transaction(0x50, b"\xff", 2)
+
+
+def test_the_right_chip_is_recognised_by_both_ids() -> None:
+    """0x5449 ("TI") and 0x1004 are what an FDC1004 says of itself."""
+    with ScriptedBus((READ_MANUFACTURER, b"\x54\x49"), (READ_DEVICE, b"\x10\x04")) as bus:
+        fdc1004.identify(bus)
+
+
+@pytest.mark.parametrize(
+    ("manufacturer", "device", "hint"),
+    [
+        (b"\xff\xff", b"\xff\xff", "nobody drives the lines"),
+        (b"\x00\x00", b"\x00\x00", "SDA is held low"),
+        (b"\x12\x34", b"\x56\x78", "EEPROM"),
+    ],
+)
+def test_a_wrong_id_is_explained_in_words(manufacturer: bytes, device: bytes, hint: str) -> None:
+    """What a wrong answer usually means is part of the error."""
+    with (
+        ScriptedBus((READ_MANUFACTURER, manufacturer), (READ_DEVICE, device)) as bus,
+        pytest.raises(HardwareError, match=hint),
+    ):
+        fdc1004.identify(bus)
+
+
+def test_silence_is_explained_in_words() -> None:
+    """No acknowledge means wire, power or channel."""
+    with (
+        ScriptedBus((READ_MANUFACTURER, NackError("no acknowledge"))) as bus,
+        pytest.raises(
+            HardwareError, match="no answer at 0x50: broken wire, no 3.3 V, or another mux channel"
+        ),
+    ):
+        fdc1004.identify(bus)
+
+
+def test_configuration_is_reset_then_one_cin_per_slot() -> None:
+    """Reset is bit 15 of 0x0C; CHA = CINn, CHB = disabled gives 0x1C00, 0x3C00, 0x5C00 in 0x08 to 0x0A."""
+    with ScriptedBus(
+        (Transaction(0x50, b"\x0c\x80\x00"), b""),
+        (Transaction(0x50, b"\x08\x1c\x00"), b""),
+        (Transaction(0x50, b"\x09\x3c\x00"), b""),
+        (Transaction(0x50, b"\x0a\x5c\x00"), b""),
+    ) as bus:
+        fdc1004.configure(bus)
+
+
+def test_the_plan_triggers_one_measurement_at_a_time() -> None:
+    """At 400 S/s the triggers are 0x0C80, 0x0C40, 0x0C20; the rows are grounded one by one, the others shielded."""
+    steps = {step.element: step for step in scan_plan("lo_shu", 400).steps}
+    assert [steps[e].trigger.write.hex() for e in (0, 1, 2)] == ["0c0c80", "0c0c40", "0c0c20"]
+    assert [steps[e].select_row for e in (0, 3, 6)] == [
+        Transaction(0x49, bytes((switches,))) for switches in (0b110001, 0b101010, 0b011100)
+    ]
+    assert steps[4].read == (Transaction(0x50, b"\x02", 2),)
+
+
+def test_slower_rates_read_the_lower_half_of_the_result_too() -> None:
+    """Below 400 S/s the bus has time for the register that holds the last 8 bits."""
+    step = scan_plan("lo_shu", 100).steps[0]
+    assert step.element == 5
+    assert step.read == (Transaction(0x50, b"\x04", 2), Transaction(0x50, b"\x05", 2))
+
+
+def test_no_step_reads_a_slot_that_the_next_one_converts() -> None:
+    """A result is read while the following conversion runs, so neighbours must use different slots."""
+    for order in ("lo_shu", "raster"):
+        slots = [step.slot for step in scan_plan(order, 400).steps]
+        assert all(slot != following for slot, following in zip(slots, slots[1:] + slots[:1], strict=True))
+
+
+@pytest.mark.parametrize(
+    ("answers", "reading", "capacitance_pf"),
+    [
+        ([b"\x2b\x00"], Reading.OK, 5.375),
+        ([b"\x2b\x00", b"\x01\x00"], Reading.OK, 5.375 + 2**-19),
+        ([b"\xff\xff", b"\xff\x00"], Reading.OK, -(2**-19)),
+        ([b"\x7f\xff"], Reading.OVER_RANGE, None),
+        ([b"\x80\x00"], Reading.OVER_RANGE, None),
+    ],
+)
+def test_results_are_two_s_complement_with_19_fractional_bits(
+    answers: list[bytes], reading: Reading, capacitance_pf: float | None
+) -> None:
+    """Also just below zero, where a well-known driver jumps by 32 pF; an end of the range is no number."""
+    got, value_pf = fdc1004.decode_result(answers)
+    assert got is reading
+    assert value_pf == capacitance_pf if capacitance_pf is not None else value_pf != value_pf

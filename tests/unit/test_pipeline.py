@@ -1,0 +1,231 @@
+"""From scan to force: what is published, and the state of every leg for which nothing may be."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from footsense.core.baseline import TareLimits
+from footsense.core.design import CapacitorDesign
+from footsense.core.pipeline import Calibration, Pipeline
+from footsense.frames import CapFrame, Command, CommandKind, Flag, ForceFrame, Reading, Result, State
+
+DESIGN = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
+WINDOW = 4
+SCAN_NS = 25_000_000
+MAX_AGE_NS = 100_000_000
+
+
+class SumOfClosures:
+    """An estimator whose every component is the sum of the closures."""
+
+    def estimate(self, closure_rel: NDArray[np.float64]) -> NDArray[np.float64]:
+        assert np.isfinite(closure_rel).all(), "the network must never see a number that is none"
+        return np.repeat(closure_rel.sum(axis=1, keepdims=True), 3, axis=1)
+
+
+def pipeline(n_legs: int = 2, stray_pf: float = 0.0) -> Pipeline:
+    return Pipeline(
+        SumOfClosures(),
+        Calibration(
+            design=DESIGN,
+            closure_rel_min=np.full(9, -0.05),
+            closure_rel_max=np.full(9, 0.8),
+            sigma_floor_n=np.array([0.01, 0.01, 0.02]),
+            sigma_rel=np.zeros(3),
+        ),
+        np.full((n_legs, 9), stray_pf),
+        TareLimits(window_frames=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
+        MAX_AGE_NS,
+        Flag.SIMULATED,
+    )
+
+
+class Feet:
+    """Makes scans of feet whose closures are given, and feeds them to a pipeline."""
+
+    def __init__(self, n_legs: int = 2, stray_pf: float = 0.0) -> None:
+        self.pipeline = pipeline(n_legs, stray_pf)
+        self.n_legs = n_legs
+        self.stray_pf = stray_pf
+        self.sequence = 0
+        self.outcomes: list[tuple[int, Result, str]] = []
+
+    def scan(self, closure_um: float | NDArray[np.float64] = 0.0) -> CapFrame:
+        closures = np.broadcast_to(np.asarray(closure_um, float), (self.n_legs, 9))
+        self.sequence += 1
+        return CapFrame(
+            self.sequence,
+            np.full((self.n_legs, 9), self.sequence * SCAN_NS),
+            DESIGN.capacitance_pf(closures) + self.stray_pf,
+            np.zeros((self.n_legs, 9), np.uint8),
+        )
+
+    def feed(self, scan: CapFrame, age_ns: int = 0) -> ForceFrame:
+        forces, outcomes = self.pipeline.process(scan, scan.sequence * SCAN_NS + age_ns)
+        self.outcomes += [(o.command.leg, o.result, o.reason) for o in outcomes]
+        return forces
+
+    def tared(self) -> "Feet":
+        for _ in range(WINDOW):
+            self.feed(self.scan())
+        assert [result for _, result, _ in self.outcomes] == [Result.DONE] * self.n_legs
+        self.outcomes.clear()
+        return self
+
+
+def test_before_the_first_tare_there_is_no_force() -> None:
+    """TARING while the window fills, then VALID."""
+    feet = Feet()
+    states = [feet.feed(feet.scan()).state.tolist() for _ in range(WINDOW)]
+    assert states == [[State.TARING] * 2] * (WINDOW - 1) + [[State.VALID] * 2]
+
+
+@pytest.mark.parametrize("stray_pf", [0.0, 1.0])
+def test_the_force_is_the_network_s_of_normalised_closures(stray_pf: float) -> None:
+    """5 um on all elements are 0.25 of the gap, also with a known stray."""
+    feet = Feet(stray_pf=stray_pf).tared()
+    forces = feet.feed(feet.scan(5.0))
+    np.testing.assert_allclose(forces.force_n, 9 * 0.25, rtol=1e-9)
+    np.testing.assert_array_equal(forces.sigma_n[0], [0.01, 0.01, 0.02])
+    assert (forces.flags == Flag.SIMULATED).all()
+
+
+def test_a_foot_with_other_gaps_is_measured_right() -> None:
+    """The gap of an element drops out of its closure, so a tolerance of the gap is no error."""
+    feet = Feet()
+    gaps_um = np.linspace(19.5, 20.5, 9)
+    uneven = CapacitorDesign(
+        gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0
+    ).capacitance_pf
+    for closure_um in (0.0,) * WINDOW + (5.0,):
+        scan = feet.scan()
+        scan.capacitance_pf[:] = uneven(closure_um + 20.0 - gaps_um)
+        forces = feet.feed(scan)
+    np.testing.assert_allclose(forces.force_n, 9 * 0.25, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("reading", "state"),
+    [
+        (Reading.NO_ANSWER, State.ABSENT),
+        (Reading.NOT_READY, State.CONVERTER_FAULT),
+        (Reading.OVER_RANGE, State.SATURATED),
+    ],
+)
+def test_a_missing_reading_is_a_state_and_no_number(reading: Reading, state: State) -> None:
+    """The leg says why; its element is in the mask; the other leg's force is untouched."""
+    feet = Feet().tared()
+    scan = feet.scan(2.0)
+    scan.capacitance_pf[0, 4] = np.nan
+    scan.reading[0, 4] = reading
+    forces = feet.feed(scan)
+    assert forces.state.tolist() == [state, State.VALID]
+    assert forces.fault_mask.tolist() == [1 << 4, 0]
+    assert np.isnan(forces.force_n[0]).all()
+    assert np.isnan(forces.sigma_n[0]).all()
+    assert np.isfinite(forces.force_n[1]).all()
+
+
+def test_an_open_row_is_an_element_fault() -> None:
+    """Three elements that lose most of their capacitance are named in the mask."""
+    feet = Feet().tared()
+    scan = feet.scan(2.0)
+    scan.capacitance_pf[1, 3:6] = 0.8
+    forces = feet.feed(scan)
+    assert forces.state.tolist() == [State.VALID, State.ELEMENT_FAULT]
+    assert forces.fault_mask.tolist() == [0, 0b000111000]
+
+
+@pytest.mark.parametrize(
+    ("closure_um", "state"),
+    [(15.0, State.VALID), (17.0, State.OUT_OF_RANGE), (19.5, State.SATURATED), (-2.0, State.OUT_OF_RANGE)],
+)
+def test_loads_beyond_the_training_or_the_gap_have_no_value(closure_um: float, state: State) -> None:
+    """Extrapolation is out_of_range, a shut gap is saturated."""
+    feet = Feet().tared()
+    closures = np.zeros((2, 9))
+    closures[0, 2] = closure_um
+    assert feet.feed(feet.scan(closures)).state.tolist() == [state, State.VALID]
+
+
+def test_an_old_measurement_is_stale() -> None:
+    """The age limit counts from the oldest element to the sending."""
+    feet = Feet().tared()
+    assert feet.feed(feet.scan(), age_ns=MAX_AGE_NS).state[0] == State.VALID
+    assert feet.feed(feet.scan(), age_ns=MAX_AGE_NS + 1).state[0] == State.STALE
+
+
+def test_a_tare_under_load_is_refused_with_numbers_and_tried_again_at_start() -> None:
+    """NO_BASELINE while it fails, the reason once, and success as soon as the foot is free."""
+    feet = Feet(n_legs=1)
+    for _ in range(3 * WINDOW):
+        forces = feet.feed(feet.scan(3.0))
+    assert forces.state.tolist() == [State.NO_BASELINE]
+    [(leg, result, reason)] = feet.outcomes
+    assert (leg, result) == (0, Result.LOADED)
+    assert "not unloaded: element 0 reads 6.081 pF, +12.9% from the 5.387 pF" in reason
+    for _ in range(WINDOW):
+        forces = feet.feed(feet.scan())
+    assert forces.state.tolist() == [State.VALID]
+
+
+def test_a_tare_of_a_moving_foot_is_refused() -> None:
+    """Movement beyond the noise limit within the window is not quiet."""
+    feet = Feet(n_legs=1)
+    for closure_um in np.linspace(0, 0.2, WINDOW):
+        feet.feed(feet.scan(float(closure_um)))
+    [(_, result, reason)] = feet.outcomes
+    assert result is Result.NOT_QUIET
+    assert "fF rms" in reason
+
+
+def test_a_refused_command_keeps_the_baseline_and_says_so() -> None:
+    """The old baseline stays in use, the frames carry the flag until a tare succeeds."""
+    feet = Feet().tared()
+    feet.pipeline.obey(Command(CommandKind.TARE, 1))
+    for _ in range(WINDOW):
+        forces = feet.feed(feet.scan(3.0))
+    assert [(leg, result) for leg, result, _ in feet.outcomes] == [(1, Result.LOADED)]
+    assert forces.state.tolist() == [State.VALID, State.VALID]
+    assert forces.flags.tolist() == [Flag.SIMULATED, Flag.SIMULATED | Flag.TARE_REFUSED]
+    feet.pipeline.obey(Command(CommandKind.TARE, 1))
+    for _ in range(WINDOW):
+        forces = feet.feed(feet.scan(0.1))
+    assert forces.flags.tolist() == [Flag.SIMULATED] * 2
+    np.testing.assert_allclose(forces.force_n[1], 0, atol=1e-9)
+
+
+def test_stop_and_start_are_obeyed_at_once() -> None:
+    """STOPPED has no value; after START the force is back."""
+    feet = Feet().tared()
+    outcome = feet.pipeline.obey(Command(CommandKind.STOP, 0))
+    assert outcome is not None
+    assert outcome.result is Result.DONE
+    assert feet.feed(feet.scan()).state.tolist() == [State.STOPPED, State.VALID]
+    feet.pipeline.obey(Command(CommandKind.START, 0))
+    assert feet.feed(feet.scan()).state.tolist() == [State.VALID, State.VALID]
+
+
+@given(
+    st.lists(
+        st.tuples(st.sampled_from(list(Reading)), st.floats(allow_nan=True, allow_infinity=True)),
+        min_size=18,
+        max_size=18,
+    ),
+    st.integers(-(10**12), 10**12),
+)
+def test_whatever_the_converters_say_a_value_is_valid_or_missing(
+    elements: list[tuple[Reading, float]], age_ns: int
+) -> None:
+    """Any codes at any time: a finite force with state VALID, or NaN with another state; never an exception."""
+    feet = Feet().tared()
+    scan = feet.scan()
+    scan.reading[:] = np.array([reading for reading, _ in elements], np.uint8).reshape(2, 9)
+    scan.capacitance_pf[:] = np.array([value for _, value in elements]).reshape(2, 9)
+    scan.capacitance_pf[scan.reading != Reading.OK] = np.nan
+    forces = feet.feed(scan, age_ns)
+    valid = forces.state == State.VALID
+    assert np.isfinite(forces.force_n[valid]).all()
+    assert np.isnan(forces.force_n[~valid]).all()

@@ -1,0 +1,192 @@
+"""The scanner over byte-level chips: right values, right times, and no leg pays for another."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from footsense.drivers.bus_scanner import BusScanner
+from footsense.drivers.robot_scanner import RobotScanner
+from footsense.drivers.scan_plan import ORDERS, scan_plan
+from footsense.errors import HardwareError
+from footsense.frames import CapFrame, Reading
+from footsense.sim.bus import SimulatedBus, SimulatedMux
+from footsense.sim.clock import JoinedClock, VirtualClock
+from footsense.sim.fdc1004_chip import SimulatedFdc1004
+from footsense.sim.row_switch import SimulatedRowSwitch
+
+T_CONV_NS = 2_500_000
+#: A different capacitance for every element, so that a swap shows [pF].
+DISTINCT_PF = 5.0 + 0.125 * np.arange(9)
+
+Capacitance = Callable[[int, int], float]  # element, t_ns -> pF
+
+
+class Robot:
+    """Legs with given capacitances on one or more buses, and their scanner."""
+
+    def __init__(
+        self,
+        capacitance_pf: Capacitance,
+        *,
+        n_buses: int = 1,
+        host_cost_ns: int = 0,
+        rate_sps: int = 400,
+        order: str = "lo_shu",
+        clock_error_rel: float = 0.0,
+    ) -> None:
+        self.converters: list[SimulatedFdc1004] = []
+        self.switches: list[SimulatedRowSwitch] = []
+        clocks = [VirtualClock() for _ in range(n_buses)]
+        scanners = []
+        per_bus = 6 // n_buses
+        for clock in clocks:
+            legs = {}
+            for channel in range(per_bus):
+                switch = SimulatedRowSwitch()
+                converter = SimulatedFdc1004(
+                    lambda cin, t0, t1, switch=switch: sum(
+                        share * capacitance_pf(3 * row + cin, (t0 + t1) // 2)
+                        for share, rows in switch.between(t0, t1)
+                        for row in range(3)
+                        if rows.grounded >> row & 1
+                    ),
+                    None,
+                    clock_error_rel,
+                )
+                self.converters.append(converter)
+                self.switches.append(switch)
+                legs[channel] = (converter, switch)
+            bus = SimulatedBus(clock, 400_000, host_cost_ns, SimulatedMux(0x71), legs)
+            channels = {f"{len(scanners)}{n}": n for n in range(per_bus)}
+            scanners.append(BusScanner(bus, clock, channels, 0x71, scan_plan(order, rate_sps)))
+        self.clock = JoinedClock(clocks)
+        self.scanner = RobotScanner(scanners)
+        self.scanner.start()
+
+    def read(self, n: int = 1) -> CapFrame:
+        for _ in range(n):
+            frame = self.scanner.read()
+            self.clock.now_ns()
+        return frame
+
+    def period_ns(self, n: int = 20) -> float:
+        self.read(2)
+        start_ns = self.clock.now_ns()
+        self.read(n)
+        return (self.clock.now_ns() - start_ns) / n
+
+
+def distinct(element: int, t_ns: int) -> float:
+    del t_ns
+    return float(DISTINCT_PF[element])
+
+
+@pytest.mark.parametrize("order", list(ORDERS))
+@pytest.mark.parametrize("rate_sps", [100, 200, 400])
+@pytest.mark.parametrize("n_buses", [1, 2])
+def test_every_element_lands_at_its_place(order: str, rate_sps: int, n_buses: int) -> None:
+    """Each of nine different capacitances is read exactly, on all legs, in whatever order and at every rate."""
+    frame = Robot(distinct, order=order, rate_sps=rate_sps, n_buses=n_buses).read(2)
+    np.testing.assert_array_equal(frame.capacitance_pf, np.tile(DISTINCT_PF, (6, 1)))
+    assert (frame.reading == Reading.OK).all()
+
+
+@pytest.mark.parametrize(
+    ("host_cost_us", "n_buses", "limit"),
+    [(0, 1, 1.08), (0, 2, 1.08), (40, 1, 1.10), (100, 1, 1.17), (100, 2, 1.15)],
+)
+def test_the_scan_period_is_near_the_conversion_limit(host_cost_us: int, n_buses: int, limit: float) -> None:
+    """Nine conversions of 2.5 ms and little else, in virtual time, for six legs at 400 kHz."""
+    robot = Robot(distinct, n_buses=n_buses, host_cost_ns=host_cost_us * 1000)
+    assert 9 * T_CONV_NS < robot.period_ns() < limit * 9 * T_CONV_NS
+
+
+def test_stamps_are_the_middle_of_each_conversion() -> None:
+    """A capacitance that counts time is read as the time of its stamp, for every element on its own."""
+    robot = Robot(lambda element, t_ns: t_ns * 2**-30)
+    frame = robot.read(2)
+    np.testing.assert_allclose(frame.capacitance_pf * 2**30, frame.t_ns, atol=2**30 * 2**-11)
+    steps = np.diff(np.sort(frame.t_ns[0]))
+    assert (steps > T_CONV_NS).all()
+    assert (steps < 1.2 * T_CONV_NS).all()
+
+
+@pytest.mark.parametrize(("order", "least_ff", "most_ff"), [("lo_shu", 0.0, 1.0), ("raster", 50.0, 500.0)])
+def test_a_ramp_makes_no_tilt_in_lo_shu_order(order: str, least_ff: float, most_ff: float) -> None:
+    """1 pF in 200 ms on all elements: the raster reads it as a tilt, the magic square does not."""
+    frame = Robot(lambda element, t_ns: 5.0 + t_ns * 5e-9, order=order).read(3)
+    grid = frame.capacitance_pf[0].reshape(3, 3)
+    tilt_ff = 1e3 * max(abs((grid[0] - grid[2]).mean()), abs((grid[:, 0] - grid[:, 2]).mean()))
+    assert least_ff <= tilt_ff <= most_ff
+
+
+@pytest.mark.parametrize("clock_error_rel", [-0.02, 0.02])
+def test_chips_at_the_end_of_their_tolerance_still_finish_in_time(clock_error_rel: float) -> None:
+    """The plan waits for the slowest chip that is allowed."""
+    frame = Robot(distinct, clock_error_rel=clock_error_rel).read(3)
+    assert (frame.reading == Reading.OK).all()
+
+
+def test_a_chip_slower_than_its_tolerance_gives_no_number() -> None:
+    """A conversion that is still running is NOT_READY, never the value of the scan before."""
+    frame = Robot(distinct, clock_error_rel=0.08).read(2)
+    assert (frame.reading == Reading.NOT_READY).all()
+    assert np.isnan(frame.capacitance_pf).all()
+
+
+def test_an_absent_leg_costs_only_itself_and_comes_back() -> None:
+    """Its elements are NO_ANSWER, all others read on at the same pace; when it answers again it is taken up."""
+    robot = Robot(distinct)
+    period_ns = robot.period_ns()
+    gone_ns = robot.clock.now_ns()
+    robot.converters[2].absent_from_ns = robot.switches[2].absent_from_ns = gone_ns
+    for _ in range(12):
+        before_ns = robot.clock.now_ns()
+        frame = robot.read()
+        assert (frame.reading[2] == Reading.NO_ANSWER).any()
+        others = np.delete(np.arange(6), 2)
+        np.testing.assert_array_equal(frame.capacitance_pf[others], np.tile(DISTINCT_PF, (5, 1)))
+        assert robot.clock.now_ns() - before_ns < 1.05 * period_ns
+    robot.converters[2].absent_from_ns = robot.switches[2].absent_from_ns = None
+    frame = robot.read(200)
+    assert (frame.reading == Reading.OK).all()
+
+
+def test_a_stuck_converter_costs_only_itself() -> None:
+    """Its elements are NOT_READY; the others keep every element and their pace, also while it is tried again."""
+    robot = Robot(distinct)
+    period_ns = robot.period_ns()
+    robot.converters[4].stuck_from_ns = robot.clock.now_ns()
+    robot.read()
+    for _ in range(60):
+        before_ns = robot.clock.now_ns()
+        frame = robot.read()
+        assert (frame.reading[4] == Reading.NOT_READY).all()
+        np.testing.assert_array_equal(frame.capacitance_pf[[0, 1, 2, 3, 5]], np.tile(DISTINCT_PF, (5, 1)))
+        assert robot.clock.now_ns() - before_ns < 1.05 * period_ns
+
+
+def test_a_leg_that_is_missing_at_start_is_looked_for_again() -> None:
+    """The others start without it; once it is plugged in it takes part."""
+    robot = Robot(distinct)
+    robot.converters[0].absent_from_ns = 0
+    robot.scanner.start()
+    assert (robot.read(2).reading[0] == Reading.NO_ANSWER).any()
+    robot.converters[0].absent_from_ns = None
+    assert (robot.read(100).reading == Reading.OK).all()
+
+
+def test_a_bus_without_its_mux_is_an_error_at_start() -> None:
+    """Nothing can work behind a mux that does not answer; the message says what to check."""
+    clock = VirtualClock()
+    bus = SimulatedBus(clock, 400_000, 0, SimulatedMux(0x72), {})
+    scanner = BusScanner(bus, clock, {"lf": 0}, 0x71, scan_plan("lo_shu", 400))
+    with pytest.raises(HardwareError, match=r"no mux \(TCA9548A\) at 0x71: check its power"):
+        scanner.start()
+
+
+def test_readings_of_all_legs_belong_to_the_same_conversion() -> None:
+    """A broadcast triggers all legs at once: their stamps are equal to the nanosecond."""
+    frame = Robot(distinct).read(2)
+    assert (frame.t_ns == frame.t_ns[0]).all()
