@@ -170,7 +170,9 @@ class BusScanner:
     def _probe_one(self, select_row: Transaction) -> None:
         """Try the leg that has waited longest, if one is due; one a scan, so that the others keep their time."""
         now_ns = self._clock.now_ns()
-        due = [leg for leg in self._legs if leg.status is not LinkStatus.IN_SCAN and leg.retry_at_ns <= now_ns]
+        due = [
+            leg for leg in self._legs if leg.status is not LinkStatus.IN_SCAN and leg.retry_at_ns <= now_ns
+        ]
         if not due:
             return
         leg = min(due, key=lambda leg: leg.retry_at_ns)

@@ -71,7 +71,9 @@ def read_card(text: str | None, where: str) -> Card:
         ModelError: There is no card, it is not readable, or it is of another format or unit.
     """
     if text is None:
-        raise ModelError(f"{where}: no {METADATA_KEY} inside; a network made by `footsense lab build` has one")
+        raise ModelError(
+            f"{where}: no {METADATA_KEY} inside; a network made by `footsense lab build` has one"
+        )
     try:
         card = msgspec.json.decode(text, type=Card)
     except msgspec.DecodeError as error:

@@ -41,19 +41,27 @@ class Network:
         options.inter_op_num_threads = 1
         options.execution_mode = ort.ExecutionMode.ORT_SEQUENTIAL
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-        options.log_severity_level = 4  # its errors come as exceptions; its warnings are not for the robot's journal
+        options.log_severity_level = (
+            4  # its errors come as exceptions; its warnings are not for the robot's journal
+        )
         try:
             self._session = ort.InferenceSession(content, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # the library raises a dozen types that share no base of their own
             raise ModelError(f"{path}: not a readable ONNX network") from error
-        self.card: Card = read_card(self._session.get_modelmeta().custom_metadata_map.get(METADATA_KEY), str(path))
+        self.card: Card = read_card(
+            self._session.get_modelmeta().custom_metadata_map.get(METADATA_KEY), str(path)
+        )
         self._check_shapes(path)
         # The values alias these arrays: a call copies nothing and allocates nothing.
         self._closure_rel = np.zeros((n_legs, ELEMENTS), np.float32)
         self._force_n = np.zeros((n_legs, _AXES), np.float32)
         self._binding = self._session.io_binding()
-        self._binding.bind_ortvalue_input(self.card.input.name, ort.OrtValue.ortvalue_from_numpy(self._closure_rel))
-        self._binding.bind_ortvalue_output(self.card.output.name, ort.OrtValue.ortvalue_from_numpy(self._force_n))
+        self._binding.bind_ortvalue_input(
+            self.card.input.name, ort.OrtValue.ortvalue_from_numpy(self._closure_rel)
+        )
+        self._binding.bind_ortvalue_output(
+            self.card.output.name, ort.OrtValue.ortvalue_from_numpy(self._force_n)
+        )
         self.estimate(np.zeros((n_legs, ELEMENTS)))  # the first call plans memory: not in the loop
 
     def estimate(self, closure_rel: NDArray[np.float64]) -> NDArray[np.float64]:
