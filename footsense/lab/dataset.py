@@ -1,0 +1,141 @@
+"""Load cases with their closures: the paper's two sets, and the wide set that the shipped network learns from.
+
+The paper's loads are centred (the force goes through the middle of the ball, so the contact normal is parallel to
+it) and have three magnitudes. A walking foot sees more: any magnitude, and contacts whose normal is tilted away
+from the force by friction and uneven ground, which turn the pattern of closures far more than an inclined centred
+force does. The network has to tell the two apart, so it has to be taught both.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.core.design import CapacitorDesign
+from footsense.lab.response import SYMMETRIES, element_map
+from footsense.sim.foot import FootResponse
+
+#: Newtons in a gram-force.
+GRAM_FORCE_N = 9.80665e-3
+#: Largest force of the wide set [N].
+WIDE_MAX_N = 2.0
+#: Share of the wide set's centred loads; the others lean by up to the friction angle.
+WIDE_CENTRED_SHARE = 0.25
+#: Largest angle between force and contact normal [deg]: a friction coefficient of 0.7.
+FRICTION_ANGLE_DEG = 35.0
+#: Lowest elevation of force and of contact normal in the wide set [deg].
+WIDE_MIN_ELEVATION_DEG = 30.0
+#: A gap counts as open up to this closure [1 of the gap]: beyond, the daemon says `saturated`.
+OPEN_REL = 0.97
+#: Noise of one conversion and of the baseline [pF, rms], as the card's sigma is measured with.
+NOISE_PF, BASELINE_NOISE_PF = 0.5e-3, 0.2e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cases:
+    """Loads and what the gaps do under them.
+
+    Attributes:
+        force_n: Ground reaction on the foot [N], shape (n, 3).
+        closure_um: Mean closure of each element [um], shape (n, 9).
+    """
+
+    force_n: NDArray[np.float64]
+    closure_um: NDArray[np.float64]
+
+    def with_symmetric_copies(self) -> "Cases":
+        """Return the cases and their seven images under the square's symmetries, shape (8 n, ...)."""
+        closures = []
+        for symmetry in SYMMETRIES:
+            image = np.empty_like(self.closure_um)
+            image[:, element_map(symmetry)] = self.closure_um
+            closures.append(image)
+        return Cases(np.concatenate([self.force_n @ g.T for g in SYMMETRIES]), np.concatenate(closures))
+
+
+def directions(azimuth_deg: NDArray[np.float64], elevation_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (cos t2 cos t1, cos t2 sin t1, sin t2) of azimuth t1 and elevation t2 [deg], shape (..., 3)."""
+    t1, t2 = np.radians(azimuth_deg), np.radians(elevation_deg)
+    return np.stack([np.cos(t2) * np.cos(t1), np.cos(t2) * np.sin(t1), np.sin(t2)], axis=-1)
+
+
+def _ring_directions(first_azimuth: float, elevations: list[float]) -> NDArray[np.float64]:
+    """Return directions at 36 azimuths, 10 deg apart, for each elevation [deg]."""
+    t1, t2 = np.meshgrid(first_azimuth + 10.0 * np.arange(36), elevations, indexing="ij")
+    return directions(t1.ravel(), t2.ravel())
+
+
+def _centred(response: FootResponse, direction: NDArray[np.float64], magnitudes_gf: list[float]) -> Cases:
+    """Return centred loads: every direction at every magnitude."""
+    force = np.concatenate([direction * magnitude * GRAM_FORCE_N for magnitude in magnitudes_gf])
+    return Cases(force, response.closure_um(np.tile(direction, (len(magnitudes_gf), 1)), force))
+
+
+def paper_training(response: FootResponse) -> Cases:
+    """Return the paper's 362 training cases: 181 directions at 50 and 150 gf (section III F).
+
+    181 = 36 azimuths x 5 elevations (40 to 80 deg) and the pole.
+    """
+    ring = _ring_directions(0.0, [40.0, 50.0, 60.0, 70.0, 80.0])
+    return _centred(response, np.concatenate([ring, [[0.0, 0.0, 1.0]]]), [50.0, 150.0])
+
+
+def paper_verification(response: FootResponse) -> Cases:
+    """Return the paper's 180 verification cases: both angles shifted by 5 deg, at 100 gf (section III F)."""
+    return _centred(response, _ring_directions(5.0, [45.0, 55.0, 65.0, 75.0, 85.0]), [100.0])
+
+
+def _cap(rng: np.random.Generator, n: int, lowest_deg: float) -> NDArray[np.float64]:
+    """Return n unit vectors, uniform in area over the cap above an elevation [deg]."""
+    z = rng.uniform(np.sin(np.radians(lowest_deg)), 1.0, n)
+    azimuth = rng.uniform(0.0, 2.0 * np.pi, n)
+    flat = np.sqrt(1.0 - z**2)
+    return np.column_stack([flat * np.cos(azimuth), flat * np.sin(azimuth), z])
+
+
+def _lean(rng: np.random.Generator, direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return contact normals that lean away from the force's direction by up to the friction angle."""
+    n = len(direction)
+    angle = np.radians(FRICTION_ANGLE_DEG) * np.sqrt(rng.uniform(size=n))
+    angle[rng.uniform(size=n) < WIDE_CENTRED_SHARE] = 0.0
+    sideways = np.cross(direction, rng.normal(size=(n, 3)))
+    sideways /= np.linalg.norm(sideways, axis=1, keepdims=True)
+    normal: NDArray[np.float64] = np.cos(angle)[:, None] * direction + np.sin(angle)[:, None] * sideways
+    return normal
+
+
+def wide(response: FootResponse, n: int, seed: int) -> Cases:
+    """Return n random loads that leave every gap open.
+
+    Half of the magnitudes are uniform up to 2 N, half uniform in the logarithm from 10 mN, so that a light touch
+    is as well known as a firm step. Loads that would shut a gap are drawn again: their force is not in the
+    closures any more.
+    """
+    rng = np.random.default_rng(seed)
+    lowest_z = np.sin(np.radians(WIDE_MIN_ELEVATION_DEG))
+    forces, closures, found = [], [], 0
+    while found < n:
+        direction = _cap(rng, n, WIDE_MIN_ELEVATION_DEG)
+        normal = _lean(rng, direction)
+        even = rng.uniform(size=n) < 0.5
+        magnitude = np.where(
+            even, rng.uniform(0.0, WIDE_MAX_N, n), np.exp(rng.uniform(np.log(0.01), np.log(WIDE_MAX_N), n))
+        )
+        reachable = normal[:, 2] >= lowest_z
+        force = (direction * magnitude[:, None])[reachable]
+        closure = response.closure_um(normal[reachable], force)
+        open_gaps = closure.max(axis=1) < OPEN_REL * response.design.gap_um
+        forces.append(force[open_gaps])
+        closures.append(closure[open_gaps])
+        found += int(open_gaps.sum())
+    return Cases(np.concatenate(forces)[:n], np.concatenate(closures)[:n])
+
+
+def measured_closure_rel(
+    design: CapacitorDesign, closure_um: NDArray[np.float64], rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Return closures over the gap [1] as the daemon gets them: through noisy capacitance and a noisy baseline."""
+    measured = design.capacitance_pf(closure_um) + NOISE_PF * rng.normal(size=closure_um.shape)
+    baseline = design.rest_pf + BASELINE_NOISE_PF * rng.normal(size=closure_um.shape)
+    closure_rel: NDArray[np.float64] = design.closure_um(measured, baseline) / design.gap_um
+    return closure_rel
