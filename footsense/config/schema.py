@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from msgspec import Meta, Struct
 
 from firmware_interface import tca9548a
-from footsense.frames import ELEMENTS, LEGS
+from footsense.frames import ELEMENTS
 
 __all__ = [
     "PCA9685_ALLCALL",
@@ -181,9 +181,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def legs(self) -> tuple[str, ...]:
-        """Return the configured legs in the order of their CAN node ids: the rows of every frame."""
-        mounted = {leg for bus in self.buses for leg in bus.legs}
-        return tuple(leg for leg in LEGS if leg in mounted)
+        """Return the configured legs bus by bus: the rows of every frame."""
+        return tuple(leg for bus in self.buses for leg in bus.legs)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -1,0 +1,22 @@
+"""`footsense recover FILE`: a sound recording out of one that was cut short."""
+
+from pathlib import Path
+
+import click
+
+from footsense.recording.recover import recover as rewrite
+from footsense.recording.recover import recovered_path
+
+
+@click.command("recover")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="The file to make; FILE is left as it is."
+)
+def recover(file: Path, output: Path | None) -> None:
+    """Rewrite the recording FILE with its index, as far as it is whole."""
+    target = output or recovered_path(file)
+    recovered = rewrite(file, target)
+    click.echo(f"{target}: {recovered.n_cycles} cycles")
+    if recovered.damage is not None:
+        click.echo(f"{recovered.damage}", err=True)

@@ -1,0 +1,71 @@
+"""Whether the forces made again are those that were recorded."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.frames import ForceFrame, State
+
+__all__ = ["TOLERANCE_N", "compare", "same_machine"]
+
+#: Largest difference of a force made on another processor or by other library versions [N].
+TOLERANCE_N = 1e-3
+
+#: Entries of the header that have to be equal for bits to be equal.
+MACHINE_KEYS = ("processor", "python", "numpy", "onnxruntime")
+
+_AXES = "xyz"
+
+
+def same_machine(header: Mapping[str, str], here: Mapping[str, str]) -> bool:
+    """Return whether a recording was made by this processor and these library versions."""
+    return all(key in header and header[key] == here.get(key) for key in MACHINE_KEYS)
+
+
+def compare(recorded: ForceFrame, recomputed: ForceFrame, *, exact: bool, legs: Sequence[str]) -> str | None:
+    """Return the first difference between two frames in words.
+
+    Args:
+        recorded: What was published then.
+        recomputed: What the same scan gives now.
+        exact: Whether forces and sigmas have to be equal bit for bit (NaN equals NaN), else to 1 mN.
+        legs: Name of each row.
+
+    Returns:
+        The scan, leg, field and both values; None if there is no difference.
+    """
+    for field in ("sequence", "t_sent_ns"):
+        then, now = getattr(recorded, field), getattr(recomputed, field)
+        if then != now:
+            return f"scan {recorded.sequence}: {field} was {then}, is now {now}"
+    for row, leg in enumerate(legs):
+        difference = _leg_difference(recorded, recomputed, row, exact=exact)
+        if difference:
+            t_s = recorded.t_sent_ns * 1e-9
+            return f"scan {recorded.sequence}, sent at {t_s:.3f} s, leg {leg}: {difference}"
+    return None
+
+
+def _leg_difference(recorded: ForceFrame, recomputed: ForceFrame, row: int, *, exact: bool) -> str | None:
+    then, now = int(recorded.state[row]), int(recomputed.state[row])
+    if then != now:
+        return f"state was {State(then).name}, is now {State(now).name}"
+    for field in ("t_ns", "fault_mask", "flags"):
+        then, now = int(getattr(recorded, field)[row]), int(getattr(recomputed, field)[row])
+        if then != now:
+            return f"{field} was {then}, is now {now}"
+    for field, name in (("force_n", "f"), ("sigma_n", "sigma_")):
+        a, b = getattr(recorded, field)[row], getattr(recomputed, field)[row]
+        differs = ~_equal(a, b, exact=exact)
+        if differs.any():
+            k = int(differs.argmax())
+            return f"{name}{_AXES[k]}_n was {a[k]!s}, is now {b[k]!s}"
+    return None
+
+
+def _equal(a: NDArray[np.float64], b: NDArray[np.float64], *, exact: bool) -> NDArray[np.bool_]:
+    if not exact:
+        return np.isclose(a, b, rtol=0.0, atol=TOLERANCE_N, equal_nan=True)
+    same_bits = np.ascontiguousarray(a).view(np.uint64) == np.ascontiguousarray(b).view(np.uint64)
+    return np.asarray(same_bits | (np.isnan(a) & np.isnan(b)))

@@ -1,0 +1,80 @@
+"""The pipe that carries cycles out of the loop's process, and what happens when it is full.
+
+In virtual time the loop waits for room and nothing is lost. In real time it never waits: a cycle that finds
+the pipe full is lost, counted, and its loss recorded before the next cycle that gets in.
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+
+from footsense.frames import Cycle
+from footsense.recording.pipe_format import CyclePacker, Loss, pack_header, pack_loss
+
+__all__ = ["CyclePipe"]
+
+
+class CyclePipe:
+    """The writing end of a pipe of cycles.
+
+    Args:
+        fd: The descriptor, nothing written to it yet; closed by `close`.
+        legs: Name of each row of the frames.
+        header: What the recording is to say of itself.
+        blocking: Whether a full pipe makes the sender wait.
+
+    Attributes:
+        n_cycles: Cycles that were to be sent.
+        lost: Those of them that found no room, or no reader.
+    """
+
+    def __init__(self, fd: int, legs: Sequence[str], header: Mapping[str, str], *, blocking: bool) -> None:
+        self._fd = fd
+        self._packer = CyclePacker(len(legs))
+        self._rest = b""
+        self._unreported = 0
+        self._t_ns = 0
+        self.n_cycles = 0
+        self.lost = 0
+        # The header has to get in whatever its length.
+        self._write(pack_header({**header, "legs": ",".join(legs)}))
+        os.set_blocking(fd, blocking)
+
+    def send(self, cycle: Cycle) -> None:
+        """Copy one cycle into the pipe; never fails, whatever becomes of the reader."""
+        self._t_ns = cycle.forces.t_sent_ns
+        record = self._packer.pack(self.n_cycles, cycle)
+        if self._unreported:
+            record = pack_loss(Loss(self.n_cycles, self._t_ns, self._unreported)) + record
+        self.n_cycles += 1
+        if self._write(record):
+            self._unreported = 0
+        else:
+            self._unreported += 1
+            self.lost += 1
+
+    def _write(self, record: bytes | bytearray) -> bool:
+        """Write a record; a part that found no room goes first next time.
+
+        Returns:
+            Whether the record is on its way; if not, none of it is.
+        """
+        try:
+            if self._rest:
+                self._rest = self._rest[os.write(self._fd, self._rest) :]
+                if self._rest:
+                    return False
+            n = os.write(self._fd, record)
+        except (BlockingIOError, BrokenPipeError):
+            return False
+        if n < len(record):
+            self._rest = bytes(record[n:])
+        return True
+
+    def close(self) -> None:
+        """Wait until the pipe has taken what is left, a last loss included, and end it."""
+        os.set_blocking(self._fd, True)
+        if self._rest or self._unreported:
+            self._write(
+                pack_loss(Loss(self.n_cycles, self._t_ns, self._unreported)) if self._unreported else b""
+            )
+        os.close(self._fd)

@@ -1,0 +1,187 @@
+"""Cycles out of an MCAP container, in file order, as far as they are certainly what was written.
+
+The library's indexed readers give nothing for a file without its end, and its stream reader takes short
+reads, missing checksums and lost chunks for good; so everything is counted and checked here, and reading
+stops at the first byte that is in doubt.
+"""
+
+import json
+import os
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from mcap.exceptions import McapError
+from mcap.records import Channel, Chunk, DataEnd, Message, Metadata
+from mcap.records import Header as McapHeader
+from mcap.stream_reader import StreamReader, breakup_chunk
+from zstandard import ZstdError
+
+from footsense.errors import RecordingError
+from footsense.frames import CapFrame, Command, Cycle, Outcome
+from footsense.recording import messages
+from footsense.recording.mcap_writer import HEADER_CRC, METADATA, PROFILE, header_crc
+from footsense.recording.pipe_format import Loss, Numbered
+
+__all__ = ["read_entries", "read_header"]
+
+#: Largest chunk that is unpacked [bytes]; ours have 64 KiB.
+MAX_CHUNK_BYTES = 1 << 24
+
+#: What the libraries below raise when they meet bytes that they did not write.
+_DAMAGE = (McapError, ZstdError, ValueError, LookupError, TypeError, OverflowError, MemoryError, struct.error)
+
+_Record = Any  # the library is not typed
+
+
+class _Bounded:
+    """A file that never tries to read beyond its end, whatever a damaged length says."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.size = os.fstat(file.fileno()).st_size
+
+    def read(self, n: int) -> bytes:
+        """Return `n` bytes, fewer at the end."""
+        return self._file.read(min(n, self.size - self._file.tell()))
+
+
+def read_header(path: Path) -> dict[str, str]:
+    """Return what a recording says of itself.
+
+    Args:
+        path: The recording.
+
+    Returns:
+        The header; its entry `legs` names the rows of the frames.
+
+    Raises:
+        RecordingError: The file is missing, or not a recording, or its header is damaged.
+    """
+    try:
+        with path.open("rb") as file:
+            records = StreamReader(_Bounded(file), emit_chunks=True).records
+            container = next(records)
+            if not isinstance(container, McapHeader) or container.profile != PROFILE:
+                raise RecordingError(f"{path}: is an MCAP file, but not a recording of footsense")
+            metadata = next(records)
+            header = metadata.metadata if isinstance(metadata, Metadata) else {}
+            if header.get(HEADER_CRC) != header_crc(header) or metadata.name != METADATA:
+                raise RecordingError(f"{path}: the header of the recording is damaged; nothing can be read")
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
+    except (*_DAMAGE, StopIteration):
+        raise RecordingError(f"{path}: is not a recording, or was cut off in its first bytes") from None
+    return {key: value for key, value in header.items() if key != HEADER_CRC}
+
+
+def read_entries(path: Path, legs: tuple[str, ...]) -> Iterator[Numbered | Loss]:
+    """Yield every whole cycle and every known loss, in file order.
+
+    Args:
+        path: The recording.
+        legs: Name of each row of the frames.
+
+    Yields:
+        What the file holds up to its end or its first damage.
+
+    Raises:
+        RecordingError: The file ends before its end mark, or is damaged; the message says from where on.
+    """
+    with path.open("rb") as file:
+        bounded = _Bounded(file)
+        assembly = _Assembly(legs)
+        good = 0
+        try:
+            for record in StreamReader(bounded, emit_chunks=True, validate_crcs=True).records:
+                if isinstance(record, Chunk):
+                    yield from assembly.take(_contents(record))
+                elif isinstance(record, DataEnd):
+                    _require(record.data_section_crc != 0, "the checksum of the file is missing")
+                    return
+                good = file.tell()
+        except _DAMAGE as error:
+            raise RecordingError(f"{path}: {assembly.words(good, bounded.size, error)}") from None
+        raise RecordingError(f"{path}: {assembly.words(good, bounded.size, ValueError('no end mark'))}")
+
+
+def _require(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the sentence it checks
+    """Treat what was not written by us as damage.
+
+    Raises:
+        ValueError: It does not hold.
+    """
+    if not holds:
+        raise ValueError(words)
+
+
+def _contents(chunk: _Record) -> list[_Record]:
+    _require(chunk.uncompressed_crc != 0, "a chunk has no checksum")
+    _require(chunk.uncompressed_size <= MAX_CHUNK_BYTES, "a chunk is larger than any that is written")
+    return list(breakup_chunk(chunk, validate_crc=True))
+
+
+class _Assembly:
+    """Puts cycles together from their messages, and notices when one is missing."""
+
+    def __init__(self, legs: tuple[str, ...]) -> None:
+        self._legs = legs
+        self._topics: dict[int, str] = {}
+        self._expected = 0
+        self._scan: CapFrame | None = None
+        self._commands: list[Command] = []
+        self._outcomes: list[Outcome] = []
+        self._n_cycles = 0
+        self._t_first_ns = 0
+        self._t_last_ns = 0
+
+    def take(self, records: list[_Record]) -> Iterator[Numbered | Loss]:
+        for record in records:
+            if isinstance(record, Channel):
+                self._topics[record.id] = record.topic
+            elif isinstance(record, Message):
+                whole = self._message(self._topics[record.channel_id], record)
+                if whole is not None:
+                    yield whole
+
+    def _message(self, topic: str, message: _Record) -> Numbered | Loss | None:
+        event = json.loads(message.data) if topic == messages.EVENT else {}
+        if event.get("event") == "loss":
+            self._expected += event["n_cycles"]
+        _require(message.sequence == self._expected & 0xFFFF_FFFF, "cycles are missing")
+        match topic, event.get("event"):
+            case messages.EVENT, "loss":
+                return Loss(self._expected, message.log_time, event["n_cycles"])
+            case messages.EVENT, "command":
+                self._commands.append(messages.decode_command(event, self._legs))
+            case messages.EVENT, "outcome":
+                self._outcomes.append(messages.decode_outcome(event, self._legs))
+            case messages.SCAN, None:
+                _require(self._scan is None, "forces are missing")
+                self._scan = messages.decode_scan(message.data, self._legs)
+            case messages.FORCE, None:
+                return self._cycle(message.data)
+        return None
+
+    def _cycle(self, data: bytes) -> Numbered:
+        forces = messages.decode_force(data, self._legs)
+        if self._scan is None:
+            raise ValueError("a scan is missing")
+        cycle = Cycle(self._scan, tuple(self._commands), forces, tuple(self._outcomes))
+        numbered = Numbered(self._expected, cycle)
+        self._scan, self._commands, self._outcomes = None, [], []
+        self._expected += 1
+        self._t_first_ns = forces.t_sent_ns if self._n_cycles == 0 else self._t_first_ns
+        self._t_last_ns = forces.t_sent_ns
+        self._n_cycles += 1
+        return numbered
+
+    def words(self, good: int, size: int, error: Exception) -> str:
+        """Return what is lost, in words."""
+        t_s = (self._t_last_ns - self._t_first_ns) * 1e-9
+        why = " ".join(str(error).split())[:80] or "the file ends there"
+        return (
+            f"cut short or damaged at byte {good} of {size} ({why}): "
+            f"{self._n_cycles} cycles are whole, up to {t_s:.3f} s after the first; what follows is lost"
+        )

@@ -1,0 +1,103 @@
+"""Cycles into an MCAP container.
+
+Chunks are small and carry checksums, so that a killed process loses little and a damaged one is noticed; the
+whole data section has a checksum of its own, and so has our header, which stands outside the chunks.
+A cycle's force is written last: a reader that has it has the whole cycle.
+"""
+
+import json
+import zlib
+from collections.abc import Mapping
+from typing import Protocol
+
+from mcap.writer import CompressionType, Writer
+
+from footsense.recording import messages
+from footsense.recording.pipe_format import Loss, Numbered
+
+__all__ = ["HEADER_CRC", "METADATA", "PROFILE", "McapFile", "Stream", "header_crc"]
+
+#: Profile of the container, by which a reader knows our files from others'.
+PROFILE = "footsense"
+
+#: Name of the metadata record that carries the header.
+METADATA = "footsense"
+
+#: Key of the header's own checksum.
+HEADER_CRC = "crc32"
+
+#: Chunk size before compression [bytes]: about half a second of six legs.
+CHUNK_BYTES = 65_536
+
+
+class Stream(Protocol):
+    """What the container is written to."""
+
+    def write(self, data: bytes) -> int:
+        """Write all of `data`."""
+        ...
+
+    def tell(self) -> int:
+        """Return how many bytes were written."""
+        ...
+
+    def flush(self) -> None:
+        """Hand everything to the kernel."""
+        ...
+
+
+def header_crc(header: Mapping[str, str]) -> str:
+    """Return the checksum of a header, itself left out."""
+    entries = sorted((key, value) for key, value in header.items() if key != HEADER_CRC)
+    return f"{zlib.crc32(json.dumps(entries).encode()):08x}"
+
+
+class McapFile:
+    """One recording while it is written.
+
+    Args:
+        stream: Where to.
+        header: What the recording says of itself; its entry `legs` names the rows of the frames.
+    """
+
+    def __init__(self, stream: Stream, header: Mapping[str, str]) -> None:
+        self._legs = header["legs"].split(",")
+        self._writer = Writer(
+            stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True
+        )
+        self._writer.start(profile=PROFILE)
+        self._writer.add_metadata(METADATA, {**header, HEADER_CRC: header_crc(header)})
+        self._channels = {}
+        for topic, schema in messages.schemas(self._legs).items():
+            schema_id = self._writer.register_schema(f"footsense.{topic[1:]}", "jsonschema", schema)
+            self._channels[topic] = self._writer.register_channel(topic, "json", schema_id)
+
+    def add_cycle(self, numbered: Numbered) -> None:
+        """Write one cycle."""
+        counter, (scan, commands, forces, outcomes) = numbered
+        t_ns = forces.t_sent_ns
+        for command in commands:
+            self._add(messages.EVENT, counter, t_ns, messages.command_event(command, self._legs))
+        for outcome in outcomes:
+            self._add(messages.EVENT, counter, t_ns, messages.outcome_event(outcome, self._legs))
+        self._add(messages.SCAN, counter, t_ns, messages.encode_scan(scan, self._legs))
+        self._add(messages.FORCE, counter, t_ns, messages.encode_force(forces, self._legs))
+
+    def add_loss(self, loss: Loss) -> None:
+        """Write that cycles are missing here."""
+        self._add(messages.EVENT, loss.counter, loss.t_ns, messages.loss_event(loss.n_cycles))
+
+    def _add(self, topic: str, counter: int, t_ns: int, data: bytes) -> None:
+        # The container's own sequence field has 32 bits and serves to notice a missing chunk.
+        self._writer.add_message(
+            self._channels[topic], log_time=t_ns, publish_time=t_ns, sequence=counter & 0xFFFF_FFFF, data=data
+        )
+
+    def flush(self) -> None:
+        """Close the chunk and hand everything to the kernel."""
+        self._writer.flush()
+
+    def finish(self) -> None:
+        """Write the index."""
+        self._writer.finish()
+        self._writer.flush()

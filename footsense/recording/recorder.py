@@ -1,0 +1,148 @@
+"""The recorder's end in the loop's process: it starts the writer's process and copies cycles into its pipe.
+
+An MCAP writer in the loop's process, thread or not, costs the loop milliseconds now and then; a pipe costs
+microseconds.
+"""
+
+import contextlib
+import fcntl
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from footsense.errors import RecordingError
+from footsense.frames import Cycle
+from footsense.recording.cycle_pipe import CyclePipe
+
+__all__ = ["Recorder", "check_target", "partial_path"]
+
+#: Room in the pipe [bytes]: about 20 s of six legs at 40 Hz, and the most that Linux gives a user by default.
+PIPE_BYTES = 1 << 20
+
+#: Longest wait for the writer to finish after the pipe has ended [s].
+FINISH_TIMEOUT_S = 30.0
+
+
+def partial_path(path: Path) -> Path:
+    """Return the name that a recording has until it is whole."""
+    return path.with_name(path.name + ".partial")
+
+
+def check_target(path: Path) -> None:
+    """Check that a recording may be written to `path`; to be called before anything is started.
+
+    Raises:
+        RecordingError: The file or its unfinished form exists, or the directory cannot be written to.
+    """
+    partial = partial_path(path)
+    if path.exists():
+        raise RecordingError(f"{path}: exists and is not overwritten; choose another name or remove it")
+    if partial.exists():
+        raise RecordingError(
+            f"{partial}: exists, a recording that was cut short; footsense recover it, or remove it"
+        )
+    if not path.parent.is_dir():
+        raise RecordingError(f"{path}: there is no directory {path.parent}")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise RecordingError(f"{path}: the directory {path.parent} cannot be written to")
+
+
+class Recorder:
+    """Records every cycle that it observes.
+
+    To be made before the process turns to real-time scheduling, which the writer would inherit.
+
+    Args:
+        path: File to make; it is `FILE.partial` until it is whole.
+        legs: Name of each row of the frames.
+        header: What the recording is to say of itself.
+        blocking: Whether a full pipe makes the loop wait (virtual time) or loses the cycle (real time).
+
+    Raises:
+        RecordingError: The file cannot be made.
+    """
+
+    def __init__(self, path: Path, legs: Sequence[str], header: Mapping[str, str], *, blocking: bool) -> None:
+        check_target(path)
+        self._path = path.absolute()
+        self._writer, fd = _start_writer(self._path)
+        self._pipe = CyclePipe(fd, legs, header, blocking=blocking)
+        self._n_written: int | None = None
+
+    @property
+    def lost(self) -> int:
+        """Return how many cycles are not in the recording as far as is known; final after `close`."""
+        return self._pipe.lost if self._n_written is None else self._pipe.n_cycles - self._n_written
+
+    def observe(self, cycle: Cycle) -> None:
+        """Copy one cycle into the pipe.
+
+        Timing: microseconds unless `blocking`; never fails, whatever becomes of the writer.
+        """
+        self._pipe.send(cycle)
+
+    def close(self) -> None:
+        """End the recording and wait until it is whole.
+
+        Raises:
+            RecordingError: It is not whole; what was written is in `FILE.partial`.
+        """
+        if self._n_written is not None:
+            return
+        self._n_written = 0
+        self._pipe.close()
+        try:
+            report = self._writer.communicate(timeout=FINISH_TIMEOUT_S)[1]
+        except subprocess.TimeoutExpired:
+            raise RecordingError(
+                f"{self._path}: not whole yet, its writer goes on; the disk is slow"
+            ) from None
+        try:
+            last = report.decode(errors="replace").strip().rpartition("\n")[2]
+            said = json.loads(last)
+        except ValueError:
+            said = {"n_cycles": 0, "failure": last or f"its writer was killed ({self._writer.returncode})"}
+        self._n_written = int(said["n_cycles"])
+        if said["failure"]:
+            raise RecordingError(
+                f"{self._path}: {said['failure']}; {self.lost} of {self._pipe.n_cycles} cycles are missing, "
+                f"the others are in {partial_path(self._path).name}"
+            )
+
+
+def _start_writer(path: Path) -> tuple[subprocess.Popen[bytes], int]:
+    """Start the process that writes `path`.
+
+    Returns:
+        The process, and the end of the pipe that feeds it.
+
+    Raises:
+        RecordingError: The file cannot be made.
+    """
+    partial = partial_path(path)
+    try:
+        file = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+    except OSError as error:
+        raise RecordingError(f"{partial}: cannot be made: {error.strerror}") from None
+    read_end, write_end = os.pipe()
+    with contextlib.suppress(OSError):  # a smaller pipe serves too
+        fcntl.fcntl(write_end, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
+    # A blocked signal stays blocked in the child: a Ctrl-C or a stop of the service ends the loop, and then
+    # the end of the pipe ends the writer.
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        writer = subprocess.Popen(  # noqa: S603 - our own module
+            [sys.executable, "-P", "-m", "footsense.recording.writer", str(path)],
+            stdin=read_end,
+            stdout=file,
+            stderr=subprocess.PIPE,
+        )
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        os.close(read_end)
+        os.close(file)
+    return writer, write_end

@@ -1,0 +1,79 @@
+"""A sound recording out of one that was cut short."""
+
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+from footsense.errors import RecordingError
+from footsense.recording.mcap_writer import McapFile
+from footsense.recording.pipe_format import Numbered
+from footsense.recording.recorder import check_target, partial_path
+from footsense.recording.replay import Replay
+from footsense.recording.writer import FdStream
+
+__all__ = ["Recovered", "recover", "recovered_path"]
+
+
+class Recovered(NamedTuple):
+    """What came out.
+
+    Attributes:
+        n_cycles: Cycles in the new file.
+        damage: What is lost, in words; None if nothing but the index was.
+    """
+
+    n_cycles: int
+    damage: RecordingError | None
+
+
+def recovered_path(path: Path) -> Path:
+    """Return the name for the sound file: without `.partial`, else with `.recovered` in it.
+
+    Example:
+        >>> recovered_path(Path("walk.mcap.partial")).name, recovered_path(Path("walk.mcap")).name
+        ('walk.mcap', 'walk.recovered.mcap')
+    """
+    return path.with_suffix("") if path.suffix == ".partial" else path.with_suffix(f".recovered{path.suffix}")
+
+
+def recover(path: Path, target: Path) -> Recovered:
+    """Write all that is whole in a recording to a new one, with its index.
+
+    Args:
+        path: The recording that was cut short; left as it is.
+        target: The file to make.
+
+    Returns:
+        How much came through and what did not.
+
+    Raises:
+        RecordingError: `path` is no recording, or `target` cannot be made.
+    """
+    replay = Replay(path)
+    # The unfinished form of the target may be the very file that is recovered.
+    unfinished = target.with_name(target.name + ".recovering")
+    if target.exists() or partial_path(target) != path:
+        check_target(target)
+    n_cycles, damage = 0, None
+    try:
+        fd = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+        try:
+            file = McapFile(FdStream(fd), replay.header)
+            try:
+                for entry in replay.entries():
+                    if isinstance(entry, Numbered):
+                        file.add_cycle(entry)
+                        n_cycles += 1
+                    else:
+                        file.add_loss(entry)
+            except RecordingError as error:
+                damage = error
+            file.finish()
+            os.fsync(fd)
+        finally:
+            os.close(fd)
+        unfinished.rename(target)
+    except OSError as error:
+        unfinished.unlink(missing_ok=True)
+        raise RecordingError(f"{target}: cannot be written: {error.strerror}") from None
+    return Recovered(n_cycles, damage)

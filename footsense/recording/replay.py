@@ -1,0 +1,111 @@
+"""A recording as the source of scans for the very same loop."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from footsense.errors import RecordingError
+from footsense.frames import CapFrame, Command, Cycle
+from footsense.recording.mcap_reader import read_entries, read_header
+from footsense.recording.pipe_format import Loss, Numbered
+
+__all__ = ["Replay", "ReplayClock", "ReplaySource"]
+
+
+class Replay:
+    """A recording, read from its beginning as often as it is iterated.
+
+    Args:
+        path: The recording, finished or not.
+
+    Attributes:
+        path: The same.
+        header: What the recording says of itself.
+        legs: Name of each row of the frames.
+
+    Raises:
+        RecordingError: The file is missing, or not a recording, or its header is damaged.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.header = read_header(path)
+        self.legs = tuple(self.header["legs"].split(","))
+
+    def entries(self) -> Iterator[Numbered | Loss]:
+        """Return whole cycles and known losses in file order.
+
+        Returns:
+            An iterator that reads the file as it goes.
+
+        Raises:
+            RecordingError: What follows is cut off or damaged.
+        """
+        return read_entries(self.path, self.legs)
+
+    def __iter__(self) -> Iterator[Cycle]:
+        """Iterate over whole cycles in file order.
+
+        Returns:
+            An iterator that reads the file as it goes.
+
+        Raises:
+            RecordingError: What follows is cut off or damaged.
+        """
+        return (entry.cycle for entry in self.entries() if isinstance(entry, Numbered))
+
+
+class ReplaySource:
+    """The scans of a recording, as a `FrameSource`.
+
+    Args:
+        replay: The recording.
+
+    Attributes:
+        cycle: The cycle as recorded, whose scan was read last; None before the first.
+        damage: Why the recording ended early; None if it did not, or has not ended yet.
+    """
+
+    def __init__(self, replay: Replay) -> None:
+        self._cycles = iter(replay)
+        self._commands: tuple[Command, ...] = ()
+        self.cycle: Cycle | None = None
+        self.damage: RecordingError | None = None
+
+    def read(self) -> CapFrame | None:
+        """Return the next scan; None at the end, and where the recording is damaged (see `damage`)."""
+        try:
+            cycle = next(self._cycles, None)
+        except RecordingError as error:
+            self.damage = error
+            return None
+        if cycle is None:
+            return None
+        self.cycle = cycle
+        self._commands = cycle.commands
+        return cycle.scan
+
+    def commands(self) -> list[Command]:
+        """Return the commands that were obeyed before the scan read last was processed, once."""
+        commands, self._commands = list(self._commands), ()
+        return commands
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+class ReplayClock:
+    """The time at which the recorded loop sent its forces, as a `Clock` that never waits.
+
+    Args:
+        source: Tells which cycle it is.
+    """
+
+    def __init__(self, source: ReplaySource) -> None:
+        self._source = source
+
+    def now_ns(self) -> int:
+        """Return the recorded time of sending of the current cycle [ns]; 0 before the first."""
+        return self._source.cycle.forces.t_sent_ns if self._source.cycle else 0
+
+    def sleep_until_ns(self, t_ns: int) -> None:
+        """Return at once: a replay runs as fast as it can."""
