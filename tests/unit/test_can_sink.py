@@ -1,0 +1,372 @@
+import errno
+import math
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+
+from firmware_interface.can_codes import NODE_IDS, CommandKind, NmtState, Result, State
+from firmware_interface.can_events import (
+    UNASKED,
+    decode_answer,
+    decode_fault,
+    decode_heartbeat,
+    encode_command,
+)
+from firmware_interface.can_frames import decode_force, decode_quality
+from firmware_interface.crc8 import protect
+from footsense.errors import CanError, ConfigError
+from footsense.frames import Command, ForceFrame, Outcome
+from footsense.publish.can_sink import CanSink
+
+MS = 1_000_000
+
+
+class FakeClock:
+    """A clock that stands until it is set."""
+
+    def __init__(self) -> None:
+        self.t_ns = 0
+
+    def now_ns(self) -> int:
+        return self.t_ns
+
+    def sleep_until_ns(self, t_ns: int) -> None:
+        self.t_ns = max(self.t_ns, t_ns)
+
+
+class Robot:
+    """A sink on a channel of its own, and a consumer that listens to it."""
+
+    def __init__(self, channel: str, legs: tuple[str, ...] = ("lf",), log_file: Path | None = None) -> None:
+        self.clock = FakeClock()
+        self.consumer = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True)
+        self.sink = CanSink(
+            interface="virtual", channel=channel, legs=legs, clock=self.clock, log_file=log_file
+        )
+        self.legs = legs
+        self.heard()
+
+    def publish(self, t_ns: int, state: State = State.VALID, age_ns: int = 0, mask: int = 0) -> None:
+        """Publish one frame at a time at which its measurement is `age_ns` old."""
+        self.clock.t_ns = t_ns
+        n = len(self.legs)
+        force_n = 0.5 if state == State.VALID else math.nan
+        self.sink.publish(
+            ForceFrame(
+                sequence=0,
+                t_sent_ns=t_ns,
+                t_ns=np.full(n, t_ns - age_ns),
+                force_n=np.full((n, 3), force_n),
+                sigma_n=np.full((n, 3), force_n / 50),
+                state=np.full(n, state, np.uint8),
+                fault_mask=np.full(n, mask, np.uint16),
+                flags=np.zeros(n, np.uint8),
+            )
+        )
+
+    def heard(self, base: int | None = None) -> list[can.Message]:
+        """Return what has arrived at the consumer, of one kind of frame or of all."""
+        messages = list(iter(lambda: self.consumer.recv(timeout=0), None))
+        return [m for m in messages if base is None or m.arbitration_id - base in NODE_IDS.values()]
+
+    def ask(self, data: bytes, can_id: int = 0x201) -> None:
+        """Send a command frame."""
+        self.consumer.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+
+    def close(self) -> None:
+        self.sink.close()
+        self.consumer.shutdown()
+
+
+@pytest.fixture
+def robot(request: pytest.FixtureRequest) -> Iterator[Robot]:
+    """A robot with one leg."""
+    robot = Robot(request.node.nodeid)
+    yield robot
+    robot.close()
+
+
+def test_each_leg_sends_force_and_quality_with_one_counter(request: pytest.FixtureRequest) -> None:
+    """Twelve frames a scan for six legs, each decodable, counting 0..14 and on."""
+    robot = Robot(request.node.nodeid, tuple(NODE_IDS))
+    for scan in range(17):
+        robot.publish(scan * 20 * MS + MS, age_ns=12_300_000)
+        messages = robot.heard()
+        forces = [decode_force(m.arbitration_id, bytes(m.data)) for m in messages[:12:2]]
+        qualities = [decode_quality(m.arbitration_id, bytes(m.data)) for m in messages[1:12:2]]
+        assert (
+            [force.node for force in forces] == [quality.node for quality in qualities] == [1, 2, 3, 4, 5, 6]
+        )
+        assert {force.counter for force in forces} == {q.counter for q in qualities} == {scan % 15}
+        assert forces[0].force_n == (0.5, 0.5, 0.5)
+        assert (qualities[0].age_ns, qualities[0].sigma_n) == (12_300_000, (0.01, 0.01, 0.01))
+    robot.close()
+
+
+def test_no_number_leaves_under_a_state_that_forbids_it(robot: Robot) -> None:
+    """A leg that is not VALID sends its state and `no value`."""
+    robot.publish(MS, State.STALE)
+    force = decode_force(0x181, bytes(robot.heard(0x180)[0].data))
+    assert force.state == State.STALE
+    assert all(math.isnan(component) for component in force.force_n)
+
+
+def test_a_leg_that_was_not_measured_has_no_age(request: pytest.FixtureRequest) -> None:
+    """The stamp 0 means that there was no measurement, not that it is as old as the robot."""
+    robot = Robot(request.node.nodeid)
+    robot.publish(5 * MS, State.ABSENT, age_ns=5 * MS)
+    assert decode_quality(0x281, bytes(robot.heard(0x280)[0].data)).age_ns is None
+    robot.close()
+
+
+def test_heartbeats_come_at_5_hz_and_missed_ones_are_not_made_up_for(robot: Robot) -> None:
+    """One each 200 ms by the clock; after a stall one, not a burst."""
+    for t_ms in range(0, 1000, 20):
+        robot.publish(t_ms * MS)
+    assert len(robot.heard(0x700)) == 5
+    robot.publish(5010 * MS)
+    robot.publish(5190 * MS)
+    robot.publish(5200 * MS)
+    assert [m.timestamp for m in robot.heard(0x700)] == [5.01, 5.2]
+
+
+def test_heartbeats_tell_waiting_and_stopped_legs(robot: Robot) -> None:
+    """A leg without a baseline is pre-operational, a stopped one stopped."""
+    for t_ms, state in ((0, State.NO_BASELINE), (200, State.VALID), (400, State.STOPPED)):
+        robot.publish(t_ms * MS, state)
+    assert [decode_heartbeat(m.arbitration_id, bytes(m.data))[1] for m in robot.heard(0x700)] == [
+        NmtState.PRE_OPERATIONAL,
+        NmtState.OPERATIONAL,
+        NmtState.STOPPED,
+    ]
+
+
+def test_a_change_is_reported_once(robot: Robot) -> None:
+    """The first state, each new state and each new element mask make one report."""
+    for state, mask in (
+        (State.VALID, 0),
+        (State.VALID, 0),
+        (State.ELEMENT_FAULT, 4),
+        (State.ELEMENT_FAULT, 6),
+    ):
+        robot.publish(0, state, mask=mask)
+    reports = [decode_fault(0x081, bytes(m.data)) for m in robot.heard(0x080)]
+    assert reports == [
+        (1, 0, State.VALID, State.STOPPED, 0),
+        (1, 1, State.ELEMENT_FAULT, State.VALID, 4),
+        (1, 2, State.ELEMENT_FAULT, State.ELEMENT_FAULT, 6),
+    ]
+
+
+def test_a_command_arrives_and_its_answer_names_its_counter(robot: Robot) -> None:
+    """A tare is handed to the loop; what became of it goes to whoever asked."""
+    robot.ask(encode_command(1, 7, CommandKind.TARE))
+    (command,) = robot.sink.commands()
+    assert command == Command(CommandKind.TARE, 0)
+    robot.sink.answer(Outcome(command, Result.LOADED, ""))
+    robot.sink.answer(Outcome(command, Result.DONE, "the service's own tare"))
+    answers = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
+    assert answers == [
+        (1, 0, Result.LOADED, CommandKind.TARE, 7),
+        (1, 1, Result.DONE, CommandKind.TARE, UNASKED),
+    ]
+
+
+def test_bad_and_repeated_commands_are_counted_and_ignored(robot: Robot) -> None:
+    """A wrong crc, another leg's frame under this id, and the same counter again do nothing."""
+    good = encode_command(1, 3, CommandKind.STOP)
+    robot.ask(bytes([good[0] ^ 1]) + good[1:])
+    robot.ask(encode_command(2, 3, CommandKind.STOP))
+    robot.ask(good)
+    robot.ask(good)
+    assert robot.sink.commands() == [Command(CommandKind.STOP, 0)]
+    assert (robot.sink.stats.received, robot.sink.stats.rejected) == (4, 3)
+    assert robot.heard(0x580) == []
+
+
+def test_a_restarted_consumer_may_begin_with_the_same_counter(robot: Robot) -> None:
+    """A counter that was last seen a second ago is no repetition."""
+    robot.ask(encode_command(1, 0, CommandKind.STOP))
+    assert len(robot.sink.commands()) == 1
+    robot.clock.t_ns = 1000 * MS
+    robot.ask(encode_command(1, 0, CommandKind.START))
+    assert robot.sink.commands() == [Command(CommandKind.START, 0)]
+
+
+def test_an_unknown_command_is_refused_in_words(robot: Robot) -> None:
+    """A whole frame that asks for nothing known gets the answer UNKNOWN."""
+    robot.ask(protect(0x201, bytes([5, 9, 0]) + b"zero"))
+    assert robot.sink.commands() == []
+    answers = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
+    assert answers == [(1, 0, Result.UNKNOWN, 9, 5)]
+
+
+def test_foreign_traffic_neither_hides_a_command_nor_piles_up(robot: Robot) -> None:
+    """Frames of others are taken from the channel with the commands."""
+    for can_id in (0x123, 0x202, 0x7FF):
+        robot.ask(b"foreign", can_id)
+    robot.ask(encode_command(1, 0, CommandKind.TARE))
+    assert len(robot.sink.commands()) == 1
+    assert robot.sink.stats.received == 1
+    assert robot.sink._channel._bus.recv(timeout=0) is None
+
+
+def test_a_full_channel_drops_frames_and_the_consumer_sees_the_gap(
+    request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    """What does not go out is counted, is not in the log, and never comes later."""
+    slow = can.Bus(interface="virtual", channel=request.node.nodeid, rx_queue_size=4)
+    log_file = tmp_path / "sent.log"
+    robot = Robot(request.node.nodeid, log_file=log_file)  # the boot heartbeat is the first of the four
+    robot.publish(0)
+    robot.publish(MS)
+    assert (robot.sink.stats.sent, robot.sink.stats.dropped) == (4, 3)
+    while slow.recv(timeout=0):
+        pass
+    robot.publish(2 * MS)
+    arrived = slow.recv(timeout=0)
+    assert arrived is not None
+    assert decode_force(0x181, bytes(arrived.data)).counter == 2
+    slow.shutdown()
+    robot.close()
+    counters = [
+        int(line.split("#")[1][3], 16) for line in log_file.read_text().splitlines() if " 181#" in line
+    ]
+    assert counters == [0, 2]
+
+
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".blf"])
+def test_the_log_holds_what_was_sent_at_the_forces_time(
+    request: pytest.FixtureRequest, tmp_path: Path, suffix: str
+) -> None:
+    """Every format reads back with the consumer's frames in order, stamped with virtual time."""
+    log_file = tmp_path / f"walk{suffix}"
+    robot = Robot(request.node.nodeid, log_file=log_file)
+    for t_ms in (1000, 1020, 60_000):
+        robot.publish(t_ms * MS)
+    heard = robot.heard()
+    robot.close()
+    with can.LogReader(log_file, relative_timestamp=False) as reader:
+        boot, *logged, last = reader
+    assert [(m.arbitration_id, bytes(m.data)) for m in logged] == [
+        (m.arbitration_id, bytes(m.data)) for m in heard
+    ]
+    elapsed_s = [m.timestamp - boot.timestamp for m in logged]
+    assert elapsed_s == pytest.approx([m.timestamp - 1.0 for m in heard], abs=1e-5)
+    assert bytes(boot.data + last.data) == bytes([NmtState.BOOT, NmtState.STOPPED])
+
+
+def test_closing_says_stopped_for_every_leg_and_twice_is_once(request: pytest.FixtureRequest) -> None:
+    """The last thing that a consumer hears of each leg is `stopped`."""
+    robot = Robot(request.node.nodeid, ("lf", "rr"))
+    robot.sink.close()
+    robot.sink.close()
+    last = [decode_heartbeat(m.arbitration_id, bytes(m.data)) for m in robot.heard()]
+    assert last == [(1, NmtState.STOPPED), (6, NmtState.STOPPED)]
+    robot.consumer.shutdown()
+
+
+def open_sink(interface: str, channel: str, log_file: Path | None = None) -> CanSink:
+    """Open a sink of one leg."""
+    return CanSink(interface=interface, channel=channel, legs=("lf",), clock=FakeClock(), log_file=log_file)
+
+
+def test_an_unknown_log_suffix_is_refused_with_those_known(tmp_path: Path) -> None:
+    """One line that names the file and what would be right; no file is made."""
+    with pytest.raises(ConfigError, match=r"walk\.csv: the suffix must be one of \.log, \.asc, \.blf"):
+        open_sink("virtual", "log", tmp_path / "walk.csv")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_log_in_a_missing_folder_is_one_line(tmp_path: Path) -> None:
+    """The error names the file and the reason."""
+    with pytest.raises(ConfigError, match=r"walk\.log: No such file or directory"):
+        open_sink("virtual", "log", tmp_path / "missing" / "walk.log")
+
+
+def test_an_unknown_interface_is_a_can_error(tmp_path: Path) -> None:
+    """One line that names the channel; no log file is made."""
+    with pytest.raises(CanError, match=r"CAN channel can0 \(telepathy\) cannot be opened"):
+        open_sink("telepathy", "can0", tmp_path / "walk.log")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_channel_that_is_not_there_is_a_can_error_with_a_remedy() -> None:
+    """Either the interface is missing or the kernel has no CAN at all; both say what to do."""
+    with pytest.raises(
+        CanError, match=r"CAN channel can98 \(socketcan\) (does not exist|needs a kernel with CAN)"
+    ):
+        open_sink("socketcan", "can98")
+
+
+class DeadBus(can.BusABC):
+    """A CAN interface that exists and fails each send, as Linux reports it."""
+
+    error_code = errno.ENETDOWN
+
+    def __init__(self, channel: str, **kwargs: Any) -> None:
+        super().__init__(channel, **kwargs)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        raise can.CanOperationError("Failed to transmit", self.error_code)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        raise can.CanOperationError("Failed to receive", self.error_code)
+
+
+class UnheardBus(DeadBus):
+    """An interface whose queue is full because no node acknowledges."""
+
+    error_code = errno.ENOBUFS
+
+
+@pytest.fixture
+def _fake_interfaces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make the two buses known to python-can as it knows its own."""
+    module = ModuleType("fake_interfaces")
+    vars(module).update(DeadBus=DeadBus, UnheardBus=UnheardBus)
+    monkeypatch.setitem(sys.modules, "fake_interfaces", module)
+    for name, bus in (("dead", "DeadBus"), ("unheard", "UnheardBus")):
+        monkeypatch.setitem(can.interfaces.BACKENDS, name, ("fake_interfaces", bus))
+
+
+@pytest.mark.usefixtures("_fake_interfaces")
+def test_a_channel_that_is_down_is_named_with_the_command_that_brings_it_up(tmp_path: Path) -> None:
+    """The error says what to type; no log file is made."""
+    with pytest.raises(
+        CanError, match=r"can0 \(dead\) is down; try: ip link set can0 up type can bitrate 500000"
+    ):
+        open_sink("dead", "can0", tmp_path / "walk.log")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.usefixtures("_fake_interfaces")
+def test_a_bus_on_which_nobody_listens_drops_everything_and_stops_nothing() -> None:
+    """ENOBUFS from the first frame on: all is counted, nothing raised."""
+    sink = open_sink("unheard", "can0")
+    nan = np.full((1, 3), np.nan)
+    one = np.ones(1, np.int64)
+    sink.publish(
+        ForceFrame(0, 1, one, nan, nan, one.astype(np.uint8), one.astype(np.uint16), one.astype(np.uint8))
+    )
+    assert sink.commands() == []
+    sink.close()
+    assert (sink.stats.sent, sink.stats.dropped) == (0, 6)
+
+
+def test_a_full_disk_ends_the_log_and_not_the_forces(request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    """The forces go on; why the log ended is kept to be told at the end."""
+    log_file = tmp_path / "walk.log"
+    log_file.symlink_to("/dev/full")
+    robot = Robot(request.node.nodeid, log_file=log_file)
+    for t_ms in range(0, 4000, 20):
+        robot.publish(t_ms * MS)
+    assert robot.sink.stats.dropped == 0
+    robot.close()
+    assert robot.sink.log_error == "the CAN log ended early: No space left on device"
