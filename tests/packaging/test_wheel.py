@@ -1,0 +1,67 @@
+"""What a robot installs: the wheel and its runtime packages run by themselves, far from the checkout.
+
+It needs a package index, as the set-up of the checkout does.
+"""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+#: Packages of the workshop and of development that a robot does not carry.
+NOT_ON_A_ROBOT = {
+    "ngsolve",
+    "jax",
+    "optax",
+    "onnx",
+    "scipy",
+    "matplotlib",
+    "cantools",
+    "pytest",
+    "hypothesis",
+}
+
+
+def run(*command: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, timeout=120)
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return an environment that holds the wheel and what it depends on."""
+    place = tmp_path_factory.mktemp("robot")
+    built = run(sys.executable, "-m", "build", "--wheel", "--outdir", place, ROOT, cwd=place)
+    assert built.returncode == 0, built.stdout + built.stderr
+    (wheel,) = place.glob("*.whl")
+    assert run(sys.executable, "-m", "venv", place / "venv", cwd=place).returncode == 0
+    installed = run(place / "venv/bin/pip", "install", "--quiet", wheel, cwd=place)
+    assert installed.returncode == 0, installed.stderr
+    return place / "venv/bin"
+
+
+def test_the_robot_carries_no_workshop(robot: Path, tmp_path: Path) -> None:
+    """Nothing that meshes, trains or draws is among the runtime packages."""
+    listed = run(robot / "pip", "list", "--format", "json", cwd=tmp_path)
+    packages = {package["name"].lower() for package in json.loads(listed.stdout)}
+    assert "footsense" in packages
+    assert packages & NOT_ON_A_ROBOT == set()
+
+
+def test_the_installed_daemon_walks(robot: Path, tmp_path: Path) -> None:
+    """From an empty directory the built-in robot walks, and the summary counts its frames."""
+    walked = run(robot / "footsense", "run", "--duration", "1", "--summary", "json", cwd=tmp_path)
+    assert walked.returncode == 0, walked.stderr
+    assert json.loads(walked.stdout)["frames"] > 0
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_workshop_names_its_extra(robot: Path, tmp_path: Path) -> None:
+    """Without the extra the workshop says in one line how to get it."""
+    refused = run(robot / "footsense", "lab", "build", cwd=tmp_path)
+    assert refused.returncode != 0
+    (line,) = refused.stderr.splitlines()
+    assert "footsense[lab]" in line
