@@ -122,8 +122,8 @@ class PipeWriter:
 
 
 def _write_until_end(writer: PipeWriter, pipe: int) -> None:
-    # Asked for no event, poll still tells the end of the pipe. To be woken for every cycle would be work for the
-    # loop, whose write has to do the waking.
+    # Asked for no event, poll still tells the end of the pipe. To be woken for every cycle would be work for
+    # the loop, whose write has to do the waking.
     end = select.poll()
     end.register(pipe, 0)
     os.set_blocking(pipe, False)
