@@ -18,6 +18,9 @@ _ALL_ROWS = (1 << ROWS) - 1
 def select_rows(rows_to_ground: int) -> int:
     """Return the switch byte that grounds the rows in the bit mask and shields the others.
 
+    Raises:
+        ValueError: The mask has more bits than a foot has rows.
+
     Example:
         >>> [bin(select_rows(1 << row)) for row in range(3)]
         ['0b110001', '0b101010', '0b11100']

@@ -171,7 +171,7 @@ def decode_force(can_id: int, data: bytes) -> Force:
     return Force(node, counter, state_of(head >> 4), (x_n, y_n, z_n))
 
 
-def encode_quality(  # noqa: PLR0917 - the fields in their order, and a call per leg and scan
+def encode_quality(
     node: int, counter: int, flags: int, age_ns: int | None, fault_mask: int, sigma_n: Sequence[float]
 ) -> bytes:
     """Return the 8 data bytes of `Quality`.

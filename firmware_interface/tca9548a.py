@@ -17,6 +17,9 @@ CHANNELS = 8
 def select(channels: tuple[int, ...]) -> int:
     """Return the control byte that connects these channels.
 
+    Raises:
+        ValueError: There is no such channel.
+
     Example:
         >>> hex(select(tuple(range(6)))), select(())
         ('0x3f', 0)

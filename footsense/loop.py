@@ -34,14 +34,18 @@ def run(
         scan = source.read()
         if scan is None:
             return
-        step(scan, pipeline, sink, observers, clock)
+        step(scan, tuple(sink.commands()), pipeline, sink, observers, clock)
 
 
 def step(
-    scan: CapFrame, pipeline: Pipeline, sink: ForceSink, observers: Sequence[Observer], clock: Clock
+    scan: CapFrame,
+    commands: tuple[Command, ...],
+    pipeline: Pipeline,
+    sink: ForceSink,
+    observers: Sequence[Observer],
+    clock: Clock,
 ) -> Cycle:
-    """Do all that follows from one scan, and return it."""
-    commands: tuple[Command, ...] = tuple(sink.commands())
+    """Do all that follows from one scan and the commands before it, and return it."""
     at_once = [outcome for command in commands if (outcome := pipeline.obey(command)) is not None]
     forces, ended = pipeline.process(scan, clock.now_ns())
     sink.publish(forces)

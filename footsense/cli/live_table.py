@@ -77,7 +77,7 @@ class LiveTable:
         for row, leg in enumerate(self._legs):
             state = State(int(forces.state[row]))
             valid = state is State.VALID
-            components = [f"{value:+.3f}" if valid else "–" for value in forces.force_n[row].tolist()]
+            components = [f"{value:+.3f}" if valid else "-" for value in forces.force_n[row].tolist()]
             cells: list[str | Text] = [
                 leg,
                 Text(state.name.lower().replace("_", " "), _STYLES.get(state, "bold red")),
@@ -86,7 +86,7 @@ class LiveTable:
             ]
             if felt_n is not None:
                 cells.append(Text(f"{felt_n[row, 2]:.3f}", "dim"))
-            cells.append(f"{forces.age_ns[row] * 1e-6:.1f}" if valid else "–")
+            cells.append(f"{forces.age_ns[row] * 1e-6:.1f}" if valid else "-")
             table.add_row(*cells)
         head = Text.assemble(
             ("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s   scan {forces.sequence}", "dim")

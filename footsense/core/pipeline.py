@@ -65,7 +65,7 @@ class Pipeline:
         stray_pf: Vector,
         tare: TareLimits,
         max_age_ns: int,
-        flags: Flag = Flag(0),
+        flags: int = 0,
     ) -> None:
         self._estimator = estimator
         self._calibration = calibration
@@ -85,15 +85,12 @@ class Pipeline:
 
     def obey(self, command: Command) -> Outcome | None:
         """Begin what a command asks for; a tare ends in a later scan, the rest at once."""
-        match command.kind:
-            case CommandKind.TARE:
-                self._windows[command.leg] = TareWindow(self._tare_limits)
-                self._commanded.add(command.leg)
-                return None
-            case CommandKind.START | CommandKind.STOP:
-                self._stopped[command.leg] = command.kind is CommandKind.STOP
-                return Outcome(command, Result.DONE, f"{command.kind.name.lower()} obeyed")
-        return Outcome(command, Result.UNKNOWN, "no such command")
+        if command.kind is CommandKind.TARE:
+            self._windows[command.leg] = TareWindow(self._tare_limits)
+            self._commanded.add(command.leg)
+            return None
+        self._stopped[command.leg] = command.kind is CommandKind.STOP
+        return Outcome(command, Result.DONE, f"{command.kind.name.lower()} obeyed")
 
     def process(self, scan: CapFrame, now_ns: int) -> tuple[ForceFrame, tuple[Outcome, ...]]:
         """Return the forces of a scan as of `now_ns`, and the tares that ended with it."""

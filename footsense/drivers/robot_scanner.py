@@ -38,10 +38,8 @@ class RobotScanner:
 
     def read(self) -> CapFrame:
         """Scan every element of every leg once."""
-        if self._pool is None:
-            scans = [self._buses[0].scan()]
-        else:
-            scans = list(self._pool.map(BusScanner.scan, self._buses))
+        scan_all = map if self._pool is None else self._pool.map
+        scans = list(scan_all(BusScanner.scan, self._buses))
         frame = CapFrame(
             sequence=self._sequence,
             t_ns=np.concatenate([scan.t_ns for scan in scans]),

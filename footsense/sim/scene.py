@@ -26,7 +26,7 @@ class _Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     """A strict part of a scene."""
 
 
-class Unloaded(_Part, tag="unloaded", tag_field="kind"):
+class Unloaded(_Part, frozen=True, tag="unloaded", tag_field="kind"):
     """All feet in the air."""
 
     def build(self, from_ns: int) -> load.Load:
@@ -35,7 +35,7 @@ class Unloaded(_Part, tag="unloaded", tag_field="kind"):
         return load.Unloaded()
 
 
-class Constant(_Part, tag="constant", tag_field="kind"):
+class Constant(_Part, frozen=True, tag="constant", tag_field="kind"):
     """One force on every foot, through the centre of its ball."""
 
     force_n: tuple[float, float, Annotated[float, Meta(gt=0.0, le=2.0)]]
@@ -45,7 +45,7 @@ class Constant(_Part, tag="constant", tag_field="kind"):
         return load.Constant(self.force_n, from_ns)
 
 
-class Tripod(_Part, tag="tripod", tag_field="kind"):
+class Tripod(_Part, frozen=True, tag="tripod", tag_field="kind"):
     """A tripod gait with rounded stances."""
 
     period_s: Annotated[float, Meta(ge=0.1, le=10.0)] = 1.2
@@ -66,7 +66,7 @@ class Tripod(_Part, tag="tripod", tag_field="kind"):
         )
 
 
-class MeasuredWalk(_Part, tag="measured_walk", tag_field="kind"):
+class MeasuredWalk(_Part, frozen=True, tag="measured_walk", tag_field="kind"):
     """A tripod gait whose legs feel the measured ground reactions of a walking person, scaled."""
 
     peak_force_n: Force = 1.5
@@ -77,7 +77,7 @@ class MeasuredWalk(_Part, tag="measured_walk", tag_field="kind"):
         return load.measured_walk(self.peak_force_n, self.pitch_deg, from_ns)
 
 
-class Effects(_Part):
+class Effects(_Part, frozen=True):
     """What is not ideal.
 
     Attributes:
@@ -91,7 +91,7 @@ class Effects(_Part):
     stray_pf: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
 
 
-class _Fault(_Part):
+class _Fault(_Part, frozen=True):
     at_s: Annotated[float, Meta(ge=0.0)]
     leg: Leg
 
@@ -101,21 +101,21 @@ class _Fault(_Part):
         return round(self.at_s * _NS_PER_S)
 
 
-class Absent(_Fault, tag="absent", tag_field="fault"):
+class Absent(_Fault, frozen=True, tag="absent", tag_field="fault"):
     """The leg's chips no longer answer."""
 
 
-class StuckConverter(_Fault, tag="stuck_converter", tag_field="fault"):
+class StuckConverter(_Fault, frozen=True, tag="stuck_converter", tag_field="fault"):
     """The leg's conversions no longer finish."""
 
 
-class BrokenRow(_Fault, tag="broken_row", tag_field="fault"):
+class BrokenRow(_Fault, frozen=True, tag="broken_row", tag_field="fault"):
     """The line of a row is interrupted between the switch and the foot."""
 
     row: Annotated[int, Meta(ge=0, le=2)]
 
 
-class Scene(_Part):
+class Scene(_Part, frozen=True):
     """What a simulated robot does.
 
     Attributes:

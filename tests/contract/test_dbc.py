@@ -165,9 +165,7 @@ def test_force(
 
 
 @given(legs, counters, st.integers(0, 7), st.one_of(st.none(), st.integers(0, 4094)), masks, sigma_codes)
-def test_quality(  # noqa: PLR0917 - one argument for each field
-    leg: str, counter: int, flags: int, age: int | None, mask: int, sigma: int | None
-) -> None:
+def test_quality(leg: str, counter: int, flags: int, age: int | None, mask: int, sigma: int | None) -> None:
     """Each reads what the other writes."""
     name, node = f"Quality{leg.capitalize()}", NODE_IDS[leg]
     sigma_n = (math.nan if sigma is None else sigma / 500, 0.0, 0.02)

@@ -1,6 +1,7 @@
 """A bus that follows a script of (transaction, answer), as read off the data sheet."""
 
 from types import TracebackType
+from typing import Self
 
 from footsense.ports import Transaction
 
@@ -14,7 +15,7 @@ class ScriptedBus:
     def __init__(self, *script: tuple[Transaction, bytes | Exception]) -> None:
         self._script = list(script)
 
-    def __enter__(self) -> "ScriptedBus":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(

@@ -12,7 +12,7 @@ from footsense.errors import HardwareError
 from footsense.frames import CapFrame, Reading
 from footsense.sim.bus import SimulatedBus, SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
-from footsense.sim.fdc1004_chip import SimulatedFdc1004
+from footsense.sim.fdc1004_chip import CinCapacitance, SimulatedFdc1004
 from footsense.sim.row_switch import SimulatedRowSwitch
 
 T_CONV_NS = 2_500_000
@@ -20,6 +20,20 @@ T_CONV_NS = 2_500_000
 DISTINCT_PF = 5.0 + 0.125 * np.arange(9)
 
 Capacitance = Callable[[int, int], float]  # element, t_ns -> pF
+
+
+def column_through(switch: SimulatedRowSwitch, capacitance_pf: Capacitance) -> CinCapacitance:
+    """Return what a pin sees of its column through the rows that the switch grounds."""
+
+    def seen_pf(cin: int, t_start_ns: int, t_end_ns: int) -> float:
+        return sum(
+            share * capacitance_pf(3 * row + cin, (t_start_ns + t_end_ns) // 2)
+            for share, rows in switch.between(t_start_ns, t_end_ns)
+            for row in range(3)
+            if rows.grounded >> row & 1
+        )
+
+    return seen_pf
 
 
 class Robot:
@@ -38,22 +52,13 @@ class Robot:
         self.converters: list[SimulatedFdc1004] = []
         self.switches: list[SimulatedRowSwitch] = []
         clocks = [VirtualClock() for _ in range(n_buses)]
-        scanners = []
+        scanners: list[BusScanner] = []
         per_bus = 6 // n_buses
         for clock in clocks:
             legs = {}
             for channel in range(per_bus):
                 switch = SimulatedRowSwitch()
-                converter = SimulatedFdc1004(
-                    lambda cin, t0, t1, switch=switch: sum(
-                        share * capacitance_pf(3 * row + cin, (t0 + t1) // 2)
-                        for share, rows in switch.between(t0, t1)
-                        for row in range(3)
-                        if rows.grounded >> row & 1
-                    ),
-                    None,
-                    clock_error_rel,
-                )
+                converter = SimulatedFdc1004(column_through(switch, capacitance_pf), None, clock_error_rel)
                 self.converters.append(converter)
                 self.switches.append(switch)
                 legs[channel] = (converter, switch)

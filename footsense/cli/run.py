@@ -1,0 +1,126 @@
+"""`footsense run`: the service, on a robot or in simulation."""
+
+import json
+import signal
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from types import FrameType
+
+import click
+from rich.console import Console
+
+from footsense import app
+from footsense.cli.live_table import LiveTable
+from footsense.cli.summary_text import print_summary
+from footsense.clock import MonotonicClock, process_age_ns
+from footsense.config import DEFAULT, load_config
+from footsense.core.score import Score
+from footsense.errors import ConfigError
+from footsense.loop import Paced
+from footsense.sim.scene import load_scene
+
+_DEFAULT_SCENE = "tripod"
+_NS_PER_S = 1_000_000_000
+
+
+class StopRequest:
+    """Becomes true when the process is asked to end, or when its time is over."""
+
+    def __init__(self) -> None:
+        self.requested = False
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._request)
+
+    def _request(self, number: int, frame: FrameType | None) -> None:
+        del number, frame
+        self.requested = True
+
+
+@click.command()
+@click.option(
+    "--config",
+    "config_file",
+    type=click.Path(path_type=Path),
+    help="YAML file of a robot; default: six simulated legs.",
+)
+@click.option(
+    "--scene",
+    "scene_name",
+    help="Simulate this scene: a name (tripod, measured_walk, hanging) or a YAML file.",
+)
+@click.option(
+    "--duration",
+    "duration_s",
+    type=click.FloatRange(min=0, min_open=True),
+    help="Stop after so many seconds of the robot's time.",
+)
+@click.option(
+    "--record", type=click.Path(path_type=Path), help="Record every scan and force to this .mcap file."
+)
+@click.option(
+    "--can-log",
+    type=click.Path(path_type=Path),
+    help="Write what was sent on CAN: .log (candump), .asc or .blf.",
+)
+@click.option("--summary", type=click.Choice(["text", "json"]), help="Print how it went; no live table.")
+@click.option(
+    "--realtime/--fast",
+    default=None,
+    help="Pace a simulation with the clock on the wall, or not. Default: paced if a live table is shown.",
+)
+def run(
+    config_file: Path | None,
+    scene_name: str | None,
+    duration_s: float | None,
+    record: Path | None,
+    can_log: Path | None,
+    summary: str | None,
+    *,
+    realtime: bool | None,
+) -> None:
+    r"""Read the feet, estimate their forces, publish them on CAN.
+
+    Without --config this is the built-in simulation of a walking robot.
+    \f
+
+    Raises:
+        ConfigError: The options contradict each other or the configuration.
+    """
+    config = load_config(config_file) if config_file else DEFAULT
+    if scene_name is None and app.is_simulated(config):
+        scene_name = _DEFAULT_SCENE
+    scene = load_scene(scene_name) if scene_name else None
+    if scene is None and realtime is not None:
+        raise ConfigError("--realtime and --fast are for simulations; this configuration names real buses")
+    console = Console()
+    live = console.is_terminal and summary is None
+    paced = scene is not None and (live if realtime is None else realtime)
+    stop = StopRequest()
+    with ExitStack() as stack:
+        service = stack.enter_context(
+            app.service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
+        )
+        score = Score(service.legs, service.scanning.felt_n)
+        service.observers.append(score)
+        if live:
+            title = scene.description if scene else "on the robot"
+            table = LiveTable(console, service.legs, title, service.scanning.felt_n)
+            stack.callback(table.close)
+            service.observers.append(table)
+        if paced:
+            service.source = Paced(service.source, service.scanning.clock, MonotonicClock())
+        clock = service.scanning.clock
+        end_ns = None if duration_s is None else clock.now_ns() + round(duration_s * _NS_PER_S)
+        service.run(lambda: stop.requested or (end_ns is not None and clock.now_ns() >= end_ns))
+    figures = {
+        "scene": scene_name,
+        **score.summary(),
+        **service.figures(),
+        "start_to_end_s": process_age_ns() * 1e-9,
+    }
+    if summary == "json":
+        json.dump(figures, sys.stdout, indent=2)
+        sys.stdout.write("\n")
+    else:
+        print_summary(console, figures)

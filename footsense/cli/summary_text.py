@@ -1,0 +1,44 @@
+"""The figures of a run as text for a person."""
+
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+
+def print_summary(console: Console, figures: dict[str, Any]) -> None:
+    """Print what `footsense run --summary json` says, shorter."""
+    table = Table(box=None, show_header=False, padding=(0, 2), pad_edge=False)
+    table.add_column(style="bold")
+    table.add_column()
+
+    def row(name: str, text: str) -> None:
+        table.add_row(name, text)
+
+    rate_hz = figures["scan_rate_hz"]
+    row("scans", f"{figures['scans']}" + (f" at {rate_hz:.1f} Hz" if rate_hz else ""))
+    rmse_n = figures.get("force_rmse_n")
+    if rmse_n is not None and rmse_n["x"] is not None:
+        row(
+            "force error",
+            "  ".join(f"{axis} {1e3 * value:.1f}" for axis, value in rmse_n.items()) + "  mN rms",
+        )
+    direction = figures.get("direction_error_deg")
+    if direction is not None and direction["mean"] is not None:
+        row(
+            "direction error",
+            f"mean {direction['mean']:.2f} deg, p95 {direction['p95']:.2f} deg over "
+            f"{direction['loaded_frames']} loaded frames",
+        )
+    age_ms = figures["age_ms"]
+    if age_ms["p50"] is not None:
+        row("age when sent", f"p50 {age_ms['p50']:.1f} ms, p99 {age_ms['p99']:.1f} ms")
+    can = figures["can"]
+    row("CAN", f"{can['sent']} frames sent, {can['dropped']} dropped")
+    if figures.get("recording"):
+        row("recording", f"{figures['recording']['file']}, {figures['recording']['lost']} cycles lost")
+    for leg, states in figures["states"].items():
+        others = {state: n for state, n in states.items() if state not in {"valid", "taring"}}
+        if others:
+            row(f"leg {leg}", ", ".join(f"{n} x {state}" for state, n in others.items()))
+    console.print(table)

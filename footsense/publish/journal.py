@@ -1,0 +1,67 @@
+"""What the journal says of the legs: a line when a leg's state changes and when a tare ends.
+
+A state that flickers would fill the journal, so each leg gets a limited number of lines per minute and the rest is
+counted; the wire and the metrics show every change.
+"""
+
+import logging
+
+import numpy as np
+
+from footsense.frames import CommandKind, Cycle, Result, State
+
+_log = logging.getLogger(__name__)
+
+_LINES_PER_MINUTE = 10
+_MINUTE_NS = 60_000_000_000
+#: States that a healthy leg passes through.
+_EXPECTED = {State.VALID, State.TARING, State.STOPPED}
+
+
+class Journal:
+    """An observer that logs.
+
+    Args:
+        legs: Names of the legs in the order of the frames' rows.
+    """
+
+    def __init__(self, legs: tuple[str, ...]) -> None:
+        self._legs = legs
+        self._state = np.full(len(legs), State.TARING, np.uint8)
+        self._lines = [0] * len(legs)
+        self._suppressed = [0] * len(legs)
+        self._minute = 0
+
+    def observe(self, cycle: Cycle) -> None:
+        """Log what has changed."""
+        forces = cycle.forces
+        if forces.t_sent_ns // _MINUTE_NS != self._minute:
+            self._next_minute(forces.t_sent_ns // _MINUTE_NS)
+        for leg in np.flatnonzero(forces.state != self._state).tolist():
+            before, now = State(int(self._state[leg])), State(int(forces.state[leg]))
+            level = logging.INFO if now in _EXPECTED else logging.WARNING
+            self._line(leg, level, f"{before.name.lower()} -> {now.name.lower()}")
+        self._state = forces.state
+        for outcome in cycle.outcomes:
+            level = logging.INFO if outcome.result is Result.DONE else logging.WARNING
+            what = CommandKind(outcome.command.kind).name.lower()
+            verdict = "done" if outcome.result is Result.DONE else "refused"
+            self._line(outcome.command.leg, level, f"{what} {verdict}: {outcome.reason}")
+
+    def close(self) -> None:
+        """Say what was left unsaid."""
+        self._next_minute(0)
+
+    def _line(self, leg: int, level: int, text: str) -> None:
+        if self._lines[leg] >= _LINES_PER_MINUTE:
+            self._suppressed[leg] += 1
+            return
+        self._lines[leg] += 1
+        _log.log(level, "leg %s: %s", self._legs[leg], text)
+
+    def _next_minute(self, minute: int) -> None:
+        self._minute = minute
+        for leg, count in enumerate(self._suppressed):
+            if count:
+                _log.warning("leg %s: %d more changes within the minute", self._legs[leg], count)
+            self._lines[leg] = self._suppressed[leg] = 0
