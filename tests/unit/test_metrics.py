@@ -1,0 +1,196 @@
+import math
+import os
+import select
+import signal
+import subprocess
+import sys
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from prometheus_client import CollectorRegistry
+
+from footsense.errors import ConfigError, FootsenseError
+from footsense.frames import CapFrame, Command, CommandKind, Cycle, ForceFrame, Outcome, Result, State
+from footsense.publish.can_stats import CanStats
+from footsense.publish.exporter import SharedCollector
+from footsense.publish.exporter_process import start_exporter
+from footsense.publish.metrics import Metrics
+from footsense.publish.shared_counters import Family, SharedCounters, read_counters
+
+MS = 1_000_000
+LEGS = ("lf", "rr")
+
+
+def cycle(
+    t_ms: float, states: tuple[State, State], age_ms: float = 12, outcomes: tuple[Outcome, ...] = ()
+) -> Cycle:
+    """Return a turn of the loop with two legs; a leg in the state ABSENT was not measured."""
+    t_ns = round(t_ms * MS)
+    state = np.array(states, np.uint8)
+    force_n = np.full((2, 3), math.nan)
+    return Cycle(
+        scan=CapFrame(0, np.zeros((2, 9), np.int64), np.full((2, 9), math.nan), np.zeros((2, 9), np.uint8)),
+        commands=(),
+        forces=ForceFrame(
+            sequence=0,
+            t_sent_ns=t_ns,
+            t_ns=np.where(state == State.ABSENT, 0, t_ns - round(age_ms * MS)),
+            force_n=force_n,
+            sigma_n=force_n,
+            state=state,
+            fault_mask=np.zeros(2, np.uint16),
+            flags=np.zeros(2, np.uint8),
+        ),
+        outcomes=outcomes,
+    )
+
+
+@pytest.fixture
+def metrics(tmp_path: Path) -> Iterator[Metrics]:
+    """Metrics of two legs with a file of their own."""
+    metrics = Metrics(LEGS, CanStats(), directory=tmp_path)
+    yield metrics
+    metrics.close()
+
+
+def shown(metrics: Metrics) -> CollectorRegistry:
+    """Return the metrics as the exporter would read them, in a process of its own or not."""
+    registry = CollectorRegistry()
+    registry.register(SharedCollector(*read_counters(metrics.path)))
+    return registry
+
+
+def test_scan_period_and_age_are_histograms_in_seconds(metrics: Metrics) -> None:
+    """The first scan has no period; a leg that was not measured has no age; a bound belongs to its bucket."""
+    both, one = (State.VALID, State.VALID), (State.VALID, State.ABSENT)
+    for t_ms, states, age_ms in ((1000, both, 12), (1022.5, one, 13), (1500, one, 900)):
+        metrics.observe(cycle(t_ms, states, age_ms))
+    get = shown(metrics).get_sample_value
+    assert get("footsense_scans_total") == 3
+    assert get("footsense_scan_period_seconds_bucket", {"le": "0.0225"}) == 1
+    assert get("footsense_scan_period_seconds_bucket", {"le": "0.02"}) == 0
+    assert get("footsense_scan_period_seconds_count") == 2
+    assert get("footsense_scan_period_seconds_sum") == pytest.approx(0.5)
+    assert get("footsense_frame_age_seconds_count", {"leg": "lf"}) == 3
+    assert get("footsense_frame_age_seconds_bucket", {"leg": "lf", "le": "0.012"}) == 1
+    assert get("footsense_frame_age_seconds_bucket", {"leg": "lf", "le": "0.5"}) == 2
+    assert get("footsense_frame_age_seconds_sum", {"leg": "lf"}) == pytest.approx(0.925)
+    assert get("footsense_frame_age_seconds_count", {"leg": "rr"}) == 1
+
+
+def test_a_fault_counts_once_per_fall_and_the_state_is_shown(metrics: Metrics) -> None:
+    """A wire that breaks twice is two faults, each of several scans; a tare is none; the other leg has none."""
+    for state in (
+        State.TARING,
+        State.VALID,
+        State.ELEMENT_FAULT,
+        State.ELEMENT_FAULT,
+        State.VALID,
+        State.ELEMENT_FAULT,
+    ):
+        metrics.observe(cycle(0, (State.VALID, state)))
+    get = shown(metrics).get_sample_value
+    assert get("footsense_faults_total", {"leg": "rr", "kind": "element_fault"}) == 2
+    assert get("footsense_leg_scans_total", {"leg": "rr", "state": "element_fault"}) == 3
+    assert get("footsense_leg_scans_total", {"leg": "lf", "state": "valid"}) == 6
+    assert get("footsense_faults_total", {"leg": "lf", "kind": "element_fault"}) == 0
+    assert get("footsense_faults_total", {"leg": "rr", "kind": "taring"}) is None
+    assert get("footsense_leg_state", {"leg": "rr"}) == State.ELEMENT_FAULT
+    assert get("footsense_leg_state", {"leg": "lf"}) == State.VALID
+
+
+def test_can_recorder_and_tares_are_counted(tmp_path: Path) -> None:
+    """What the CAN channel, the recorder and the tares report is shown as it is."""
+    can = CanStats(sent=120, dropped=3, received=4, rejected=1, bus_errors=2)
+    metrics = Metrics(LEGS, can, recorder_lost=lambda: 7, directory=tmp_path)
+    refused = Outcome(Command(CommandKind.TARE, 1), Result.NOT_QUIET, "")
+    stopped = Outcome(Command(CommandKind.STOP, 1), Result.DONE, "")
+    metrics.observe(cycle(0, (State.VALID, State.VALID), outcomes=(refused, stopped)))
+    get = shown(metrics).get_sample_value
+    assert [
+        get(f"footsense_can_{name}_total")
+        for name in ("sent_frames", "dropped_frames", "received_frames", "rejected_frames", "bus_errors")
+    ] == [120, 3, 4, 1, 2]
+    assert get("footsense_recorder_lost_frames_total") == 7
+    assert get("footsense_tares_total", {"leg": "rr", "result": "not_quiet"}) == 1
+    assert get("footsense_tares_total", {"leg": "rr", "result": "done"}) == 0
+    metrics.close()
+
+
+def test_the_file_describes_itself_and_is_gone_at_the_end(tmp_path: Path) -> None:
+    """A reader needs nothing but the file; closing twice is once."""
+    families = [
+        Family("a_total", "counter", "A.", {"leg": ["lf", "rr"]}),
+        Family("b", "histogram", "B.", {}, [1.0]),
+    ]
+    counters = SharedCounters(families, tmp_path)
+    counters.cells[counters.first["b"] + 2] = 2.5
+    read, cells = read_counters(counters.path)
+    assert read == families
+    assert cells.tolist() == [0, 0, 0, 0, 2.5]
+    counters.close()
+    counters.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("content", [b"", b"short", b"FSCOUNT1" + b"\xff" * 40, b"x" * 64])
+def test_another_file_is_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
+    """Neither an empty nor a foreign file is taken for counters."""
+    path = tmp_path / "file"
+    path.write_bytes(content)
+    with pytest.raises(FootsenseError, match=r"file does not hold footsense's counters"):
+        read_counters(path)
+
+
+def test_a_missing_file_is_one_line(tmp_path: Path) -> None:
+    """The reason is the system's."""
+    with pytest.raises(FootsenseError, match="No such file"):
+        read_counters(tmp_path / "missing")
+
+
+def test_the_exporter_shows_the_counters_and_ends_when_told(metrics: Metrics) -> None:
+    """A scrape over HTTP has the living numbers."""
+    exporter = start_exporter(metrics.path, "127.0.0.1", 0)
+    metrics.observe(cycle(0, (State.VALID, State.VALID)))
+    with urllib.request.urlopen(f"http://127.0.0.1:{exporter.port}/metrics", timeout=10) as answer:
+        text = answer.read().decode()
+    assert "footsense_scans_total 1.0" in text.splitlines()
+    with pytest.raises(
+        ConfigError, match=rf"127\.0\.0\.1:{exporter.port}: Address already in use; choose another"
+    ):
+        start_exporter(metrics.path, "127.0.0.1", exporter.port)
+    exporter.close()
+    exporter.close()
+
+
+def test_an_exporter_without_counters_is_one_line(tmp_path: Path) -> None:
+    """What the exporter cannot do is told by whoever started it."""
+    with pytest.raises(FootsenseError, match=r"exporter did not start: .*missing: No such file"):
+        start_exporter(tmp_path / "missing", "127.0.0.1", 0)
+
+
+def test_the_exporter_ends_after_a_killed_service_and_removes_its_file(tmp_path: Path) -> None:
+    """SIGKILL leaves neither a process nor a file behind."""
+    service = (
+        "import sys; from pathlib import Path\n"
+        "from footsense.publish.can_stats import CanStats\n"
+        "from footsense.publish.exporter_process import start_exporter\n"
+        "from footsense.publish.metrics import Metrics\n"
+        "metrics = Metrics(('lf',), CanStats(), directory=Path(sys.argv[1]))\n"
+        "exporter = start_exporter(metrics.path, '127.0.0.1', 0)\n"
+        "print(exporter._process.pid, flush=True)\n"
+        "sys.stdin.read()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", service, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        exporter = os.pidfd_open(int(process.stdout.readline()))
+        process.send_signal(signal.SIGKILL)
+    # A process descriptor becomes readable when its process has ended.
+    assert select.select([exporter], [], [], 10.0)[0]
+    os.close(exporter)
+    assert list(tmp_path.iterdir()) == []
