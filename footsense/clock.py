@@ -32,3 +32,10 @@ def process_age_ns() -> int:
         started_ticks = int(stat.read().rpartition(")")[2].split()[19])
     ticks_per_s = 100  # USER_HZ, part of the kernel's interface
     return time.clock_gettime_ns(time.CLOCK_BOOTTIME) - started_ticks * (1_000_000_000 // ticks_per_s)
+
+
+def resident_mib() -> float:
+    """Return the memory of this process that is in RAM [MiB]. Linux only."""
+    with open("/proc/self/status", encoding="ascii") as status:  # noqa: PTH123
+        kib = next(int(line.split()[1]) for line in status if line.startswith("VmRSS"))
+    return kib / 1024

@@ -13,10 +13,11 @@ from rich.console import Console
 from footsense import app
 from footsense.cli.live_table import LiveTable
 from footsense.cli.summary_text import print_summary
-from footsense.clock import MonotonicClock, process_age_ns
+from footsense.clock import MonotonicClock, process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
 from footsense.core.score import Score
 from footsense.errors import ConfigError
+from footsense.frames import Cycle
 from footsense.loop import Paced
 from footsense.sim.scene import load_scene
 
@@ -35,6 +36,21 @@ class StopRequest:
     def _request(self, number: int, frame: FrameType | None) -> None:
         del number, frame
         self.requested = True
+
+
+class FirstFrame:
+    """An observer that notes how long the process had run when the first frame was out."""
+
+    after_s: float | None = None
+
+    def observe(self, cycle: Cycle) -> None:
+        """Note the first one."""
+        del cycle
+        if self.after_s is None:
+            self.after_s = process_age_ns() * 1e-9
+
+    def close(self) -> None:
+        """Nothing is held."""
 
 
 @click.command()
@@ -103,6 +119,8 @@ def run(
         )
         score = Score(service.legs, service.scanning.felt_n)
         service.observers.append(score)
+        first = FirstFrame()
+        service.observers.append(first)
         if live:
             title = scene.description if scene else "on the robot"
             table = LiveTable(console, service.legs, title, service.scanning.felt_n)
@@ -117,7 +135,8 @@ def run(
         "scene": scene_name,
         **score.summary(),
         **service.figures(),
-        "start_to_end_s": process_age_ns() * 1e-9,
+        "start_to_first_frame_s": first.after_s,
+        "resident_mib": resident_mib(),
     }
     if summary == "json":
         json.dump(figures, sys.stdout, indent=2)

@@ -35,8 +35,8 @@ def print_summary(console: Console, figures: dict[str, Any]) -> None:
         row("age when sent", f"p50 {age_ms['p50']:.1f} ms, p99 {age_ms['p99']:.1f} ms")
     can = figures["can"]
     row("CAN", f"{can['sent']} frames sent, {can['dropped']} dropped")
-    if figures.get("recording"):
-        row("recording", f"{figures['recording']['file']}, {figures['recording']['lost']} cycles lost")
+    if figures["cycles_not_recorded"]:
+        row("recording", f"{figures['cycles_not_recorded']} cycles lost")
     for leg, states in figures["states"].items():
         others = {state: n for state, n in states.items() if state not in {"valid", "taring"}}
         if others:

@@ -1,0 +1,25 @@
+"""The composition root: the only place that knows which backend stands behind which port.
+
+scanning     buses -> scanner          real adapters, or a simulated robot in a scene
+estimation   card  -> pipeline         the network, and what it was made for
+service      all of it, opened in order and closed in the opposite one
+"""
+
+from footsense.app.estimation import FOOT_TYPE, load_network, pipeline_for, recorded_config, released
+from footsense.app.scanning import Scanning, is_simulated, scanning, simulated_robot
+from footsense.app.service import Service, can_sink, service
+
+__all__ = [
+    "FOOT_TYPE",
+    "Scanning",
+    "Service",
+    "can_sink",
+    "is_simulated",
+    "load_network",
+    "pipeline_for",
+    "recorded_config",
+    "released",
+    "scanning",
+    "service",
+    "simulated_robot",
+]

@@ -1,0 +1,89 @@
+"""From configuration to scans: real adapters or a simulated robot, and the scanner over them."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.app.estimation import released
+from footsense.backends.linux_i2c import LinuxI2cBus
+from footsense.clock import MonotonicClock
+from footsense.config import Config
+from footsense.drivers.bus_scanner import BusScanner
+from footsense.drivers.robot_scanner import RobotScanner
+from footsense.drivers.scan_plan import scan_plan
+from footsense.ports import Clock, I2cBus
+from footsense.sim.foot import FootResponse
+from footsense.sim.robot import SimulatedRobot, Wiring
+from footsense.sim.scene import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class Scanning:
+    """Where scans come from.
+
+    Attributes:
+        source: The scanner, started.
+        clock: The time that its stamps are in.
+        felt_n: What every foot feels at a time, None on a real robot.
+    """
+
+    source: RobotScanner
+    clock: Clock
+    felt_n: Callable[[int], NDArray[np.float64]] | None
+
+
+def is_simulated(config: Config) -> bool:
+    """Tell whether the configuration names simulated buses."""
+    return all(bus.device.startswith("sim") for bus in config.buses)
+
+
+def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
+    """Return the robot of a scene, wired as configured.
+
+    Raises:
+        ModelError: The response table of its feet is missing or unreadable.
+    """
+    wiring = [Wiring(bus.rate_hz, bus.mux.address, dict[str, int](bus.legs.items())) for bus in config.buses]
+    return SimulatedRobot(scene, FootResponse.load(released("response.npz")), wiring)
+
+
+@contextmanager
+def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
+    """Open the buses, start the scanner, and close both at the end.
+
+    Args:
+        config: The robot.
+        scene: What it does if its buses are to be simulated; None for its real buses.
+
+    Yields:
+        The started scanner and its clock.
+
+    Raises:
+        HardwareError: A bus or its mux is not there.
+    """
+    with ExitStack() as stack:
+        robot = None
+        buses: list[I2cBus] = []
+        clocks: list[Clock] = []
+        clock: Clock = MonotonicClock()
+        if scene is not None:
+            robot = simulated_robot(config, scene)
+            buses, clocks, clock = list(robot.buses), list(robot.clocks), robot.clock
+        else:
+            for bus in config.buses:
+                buses.append(LinuxI2cBus.open(bus.device))
+                stack.callback(buses[-1].close)
+                clocks.append(clock)
+        plan = scan_plan(config.scan.order, config.scan.rate_sps)
+        source = RobotScanner(
+            [
+                BusScanner(adapter, bus_clock, dict[str, int](bus.legs.items()), bus.mux.address, plan)
+                for adapter, bus_clock, bus in zip(buses, clocks, config.buses, strict=True)
+            ]
+        )
+        stack.callback(source.close)
+        source.start()
+        yield Scanning(source, clock, robot.felt_n if robot else None)

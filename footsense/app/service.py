@@ -1,0 +1,162 @@
+"""The daemon, put together: scans in, forces out, and everyone who watches."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from footsense import __version__, loop
+from footsense.app.estimation import load_network, pipeline_for
+from footsense.app.scanning import Scanning, scanning
+from footsense.clock import wall_time_iso
+from footsense.config import Config
+from footsense.core.pipeline import Pipeline
+from footsense.inference.network import Network
+from footsense.ports import Clock, FrameSource, Observer
+from footsense.publish.can_sink import CanSink
+from footsense.publish.exporter_process import start_exporter
+from footsense.publish.journal import Journal
+from footsense.publish.metrics import Metrics
+from footsense.publish.supervision import Supervision
+from footsense.publish.systemd import SystemdNotifier
+from footsense.recording.machine import this_machine
+from footsense.recording.recorder import Recorder, check_target
+from footsense.sim.scene import Scene
+
+
+@contextmanager
+def can_sink(config: Config, clock: Clock, log_file: Path | None) -> Iterator[CanSink]:
+    """Open the CAN channel, and end with every leg's heartbeat `stopped`.
+
+    Yields:
+        The sink.
+
+    Raises:
+        CanError: The channel is missing or down.
+        ConfigError: The log cannot be written.
+    """
+    sink = CanSink(
+        interface=config.can.interface,
+        channel=config.can.channel,
+        legs=config.legs,
+        clock=clock,
+        log_file=log_file,
+        bitrate=config.can.bitrate,
+    )
+    try:
+        yield sink
+    finally:
+        sink.close()
+
+
+@dataclass(slots=True)
+class Service:
+    """The daemon, put together and open.
+
+    Attributes:
+        legs: Names of the legs in the order of the rows of every frame.
+        scanning: Where scans come from.
+        source: The same source, or what slows it down.
+        network: The network in use.
+        pipeline: What makes forces of scans.
+        sink: Where forces go.
+        observers: Who sees every cycle; more may be added before `run`.
+        recorder: What records, if anything does.
+    """
+
+    legs: tuple[str, ...]
+    scanning: Scanning
+    source: FrameSource
+    network: Network
+    pipeline: Pipeline
+    sink: CanSink
+    observers: list[Observer]
+    recorder: Recorder | None
+
+    def run(self, stop: Callable[[], bool]) -> None:
+        """Run until `stop` says so."""
+        loop.run(self.source, self.pipeline, self.sink, self.observers, self.scanning.clock, stop)
+
+    def figures(self) -> dict[str, object]:
+        """Return what was sent and what was lost, as plain values."""
+        stats = self.sink.stats
+        return {
+            "can": {"sent": stats.sent, "dropped": stats.dropped, "rejected_commands": stats.rejected},
+            "cycles_not_recorded": self.recorder.lost if self.recorder else None,
+        }
+
+
+@contextmanager
+def service(
+    config: Config,
+    scene: Scene | None,
+    *,
+    real_time: bool,
+    record: Path | None = None,
+    can_log: Path | None = None,
+) -> Iterator[Service]:
+    """Open all that the daemon needs, outputs last, and close it in the opposite order.
+
+    Nothing is written before everything else has been found in order.
+
+    Args:
+        config: The robot.
+        scene: What it does if it is simulated, None for its real buses.
+        real_time: Whether the loop must never wait for its recorder.
+        record: File to record to.
+        can_log: File for what is sent on CAN.
+
+    Yields:
+        The service.
+
+    Raises:
+        FootsenseError: Something is missing or wrong; the message says what.
+    """
+    legs = config.legs
+    with ExitStack() as stack:
+        if record is not None:
+            check_target(record)
+        network = load_network(config)
+        scan = stack.enter_context(scanning(config, scene))
+        recorder = None
+        if record is not None:
+            recorder = Recorder(
+                record, legs, _recording_header(config, scene, network), blocking=not real_time
+            )
+        sink = stack.enter_context(can_sink(config, scan.clock, can_log))
+        observers: list[Observer] = [Journal(legs), Supervision(SystemdNotifier(), legs)]
+        if recorder is not None:
+            observers.append(recorder)
+        if config.metrics is not None:
+            metrics = Metrics(legs, sink.stats)
+            stack.callback(metrics.close)
+            exporter = start_exporter(metrics.path, config.metrics.address, config.metrics.port)
+            stack.callback(exporter.close)
+            observers.append(metrics)
+        for observer in observers:
+            stack.callback(observer.close)
+        yield Service(
+            legs=legs,
+            scanning=scan,
+            source=scan.source,
+            network=network,
+            pipeline=pipeline_for(config, network, simulated=scene is not None),
+            sink=sink,
+            observers=observers,
+            recorder=recorder,
+        )
+
+
+def _recording_header(config: Config, scene: Scene | None, network: Network) -> dict[str, str]:
+    return {
+        "footsense": __version__,
+        "started": wall_time_iso(),
+        "config": msgspec.json.encode(config).decode(),
+        "scene": msgspec.json.encode(scene).decode() if scene else "",
+        "model_sha256": network.sha256,
+        "foot_type": network.card.foot_type,
+        "feet": ",".join(f"{leg}={foot}" for leg, foot in config.feet.items()),
+        **this_machine(),
+    }
