@@ -1,0 +1,92 @@
+"""The files in `deploy/` say what the service needs, in a form that systemd and udev read."""
+
+import shutil
+import subprocess
+from configparser import RawConfigParser
+from pathlib import Path
+
+import pytest
+
+DEPLOY = Path(__file__).parents[2] / "deploy"
+UNIT = DEPLOY / "footsense.service"
+
+
+def parsed(path: Path) -> RawConfigParser:
+    """Return a systemd file's sections; keys keep their case, and one that is set twice is an error."""
+    parser = RawConfigParser(delimiters=("=",), comment_prefixes=("#",), interpolation=None)
+    parser.optionxform = str  # type: ignore[assignment,method-assign]
+    parser.read_string(path.read_text())
+    return parser
+
+
+def test_the_service_is_watched_and_started_again() -> None:
+    """The supervisor hears when forces come, restarts a loop that hangs or fails, and not a wrong configuration."""
+    service = parsed(UNIT)["Service"]
+    assert service["Type"] == "notify"
+    assert int(service["WatchdogSec"]) > 0
+    assert service["Restart"] == "on-failure"
+    assert service["RestartPreventExitStatus"].split() == ["2", "4"]
+    assert service["KillMode"] == "mixed"
+    assert service["ExecStart"] == "/opt/footsense/bin/footsense run --config /etc/footsense/footsense.yaml"
+
+
+def test_the_service_may_do_what_the_loop_needs() -> None:
+    """Real-time priority below the interrupt threads, locked memory, I2C, CAN and local HTTP."""
+    service = parsed(UNIT)["Service"]
+    assert service["CPUSchedulingPolicy"] == "fifo"
+    assert int(service["CPUSchedulingPriority"]) < 50 <= int(service["LimitRTPRIO"])
+    assert service["LimitMEMLOCK"] == "infinity"
+    assert service["SupplementaryGroups"] == "i2c"
+    assert service["DeviceAllow"] == "char-i2c rw"
+    assert set(service["RestrictAddressFamilies"].split()) == {"AF_UNIX", "AF_CAN", "AF_INET", "AF_INET6"}
+    forbidden = {"RestrictRealtime", "PrivateDevices", "PrivateNetwork", "CPUSchedulingResetOnFork"}
+    assert not forbidden & set(service)
+
+
+def test_the_service_may_do_little_else() -> None:
+    """A user of its own, no capabilities, a file system that it cannot change but for its state."""
+    service = parsed(UNIT)["Service"]
+    assert service["User"] == service["StateDirectory"] == "footsense"
+    assert service["CapabilityBoundingSet"] == ""
+    assert service["ProtectSystem"] == "strict"
+    for key in ("NoNewPrivileges", "ProtectHome", "PrivateTmp", "ProtectKernelModules", "RestrictNamespaces"):
+        assert service[key] == "yes"
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
+def test_systemd_has_no_complaint(tmp_path: Path) -> None:
+    """The supervisor knows every key, once the program stands where the unit says."""
+    copy = tmp_path / UNIT.name
+    copy.write_text(UNIT.read_text().replace("/opt/footsense/bin/footsense", "/bin/true"))
+    done = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", str(copy)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert [line for line in done.stderr.splitlines() if UNIT.name in line] == []
+
+
+def test_can0_comes_up_by_itself_with_a_queue_of_one_scan() -> None:
+    """The bit rate is footsense's default, a bus-off ends, and the queue holds a scan but not many."""
+    network = parsed(DEPLOY / "80-can0.network")
+    assert (network["Match"]["Name"], network["CAN"]["BitRate"], network["CAN"]["RestartSec"]) == (
+        "can0",
+        "500000",
+        "100ms",
+    )
+    link = parsed(DEPLOY / "80-can0.link")
+    assert link["Match"]["OriginalName"] == "can0"
+    n_frames = 6 * 4  # force, quality, fault report and heartbeat of each leg, all in one scan
+    assert n_frames <= int(link["Link"]["TransmitQueueLength"]) <= 2 * n_frames
+
+
+def test_i2c_adapters_are_known_to_systemd() -> None:
+    """The unit waits for the adapter, which systemd does not know without the tag."""
+    (rule,) = [
+        line
+        for line in (DEPLOY / "99-footsense-i2c.rules").read_text().splitlines()
+        if line and not line.startswith("#")
+    ]
+    assert rule == 'SUBSYSTEM=="i2c-dev", GROUP="i2c", MODE="0660", TAG+="systemd"'
+    assert "dev-i2c\\x2d1.device" in parsed(UNIT)["Unit"]["After"]
