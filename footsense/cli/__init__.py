@@ -13,13 +13,14 @@ import click
 import footsense
 from footsense.errors import FootsenseError
 
+#: Where each command is, and its line in the help, so that help imports none of them.
 _COMMANDS = {
-    "run": "footsense.cli.run:run",
-    "replay": "footsense.cli.replay:replay",
-    "recover": "footsense.cli.recover:recover",
-    "check-config": "footsense.cli.check_config:check_config",
-    "bench": "footsense.cli.bench:bench",
-    "lab": "footsense.cli.lab:lab",
+    "run": ("footsense.cli.run:run", "Read the feet, estimate their forces, publish them on CAN."),
+    "replay": ("footsense.cli.replay:replay", "Run a recording through the pipeline again, or check it."),
+    "recover": ("footsense.cli.recover:recover", "Rewrite a recording that was cut short."),
+    "check-config": ("footsense.cli.check_config:check_config", "Say what a configuration file means."),
+    "bench": ("footsense.cli.bench:bench", "Measure scan, cycle and start beside their limits."),
+    "lab": ("footsense.cli.lab:lab", "From rubber to network (needs footsense[lab])."),
 }
 
 
@@ -36,9 +37,15 @@ class LazyGroup(click.Group):
         del ctx
         if cmd_name not in _COMMANDS:
             return None
-        module, _, name = _COMMANDS[cmd_name].partition(":")
+        module, _, name = _COMMANDS[cmd_name][0].partition(":")
         command: click.Command = getattr(importlib.import_module(module), name)
         return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the table of commands."""
+        del ctx
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, line) for name, (_, line) in _COMMANDS.items()])
 
     def invoke(self, ctx: click.Context) -> Any:  # noqa: ANN401 - click's signature
         """Run a command; an error of footsense is one line and its exit code, never a traceback."""
