@@ -58,7 +58,8 @@ def start_exporter(path: Path, address: str, port: int, timeout_s: float = 20.0)
     assert process.stdout is not None
     with selectors.DefaultSelector() as selector:
         selector.register(process.stdout, selectors.EVENT_READ)
-        line = process.stdout.readline().decode().strip() if selector.select(timeout_s) else ""
+        spoke = bool(selector.select(timeout_s))
+    line = process.stdout.readline().decode().strip() if spoke else ""
     word, _, rest = line.partition(" ")
     if word == "ready":
         process.stdout.close()
@@ -66,7 +67,8 @@ def start_exporter(path: Path, address: str, port: int, timeout_s: float = 20.0)
     _end(process)
     if word == "refused":
         raise ConfigError(f"metrics cannot be shown on {address}:{port}: {rest}; choose another metrics.port")
-    raise FootsenseError(f"the metrics exporter did not start: {rest or f'no word within {timeout_s:g} s'}")
+    silence = "it ended without a word" if spoke else f"no word within {timeout_s:g} s"
+    raise FootsenseError(f"the metrics exporter did not start: {rest or silence}")
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

@@ -175,6 +175,9 @@ def test_foreign_contents_under_a_right_crc_raise_nothing_but_frame_error(
 def test_a_heartbeat_names_its_node() -> None:
     """The id tells the node, the byte its state."""
     assert decode_heartbeat(HEARTBEAT_ID + 6, encode_heartbeat(NmtState.STOPPED)) == (6, NmtState.STOPPED)
+    for data in (b"", b"\x42", b"\x05\x05"):
+        with pytest.raises(FrameError, match="is no heartbeat"):
+            decode_heartbeat(HEARTBEAT_ID + 6, data)
 
 
 @pytest.mark.parametrize("vector", VECTORS["force"], ids=lambda vector: vector["data"])
