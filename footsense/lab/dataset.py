@@ -20,7 +20,7 @@ GRAM_FORCE_N = 9.80665e-3
 #: Largest force of the wide set [N].
 WIDE_MAX_N = 2.0
 #: Share of the wide set's centred loads; the others lean by up to the friction angle.
-WIDE_CENTRED_SHARE = 0.25
+WIDE_CENTRED_SHARE = 1.0 / 3.0
 #: Largest angle between force and contact normal [deg]: a friction coefficient of 0.7.
 FRICTION_ANGLE_DEG = 35.0
 #: Lowest elevation of force and of contact normal in the wide set [deg].

@@ -49,7 +49,7 @@ def fit_series(field: SurfaceField, degree: int = DEGREE) -> NDArray[np.float64]
     root = np.sqrt(field.weight_mm2[used])[:, None]
     basis = series_basis(field.normal[used], degree, FIT_ELEVATION_DEG) * root
     values = field.influence[used].reshape(-1, 27) * root
-    coefficients, *_ = np.linalg.lstsq(basis, values, rcond=1e-10)
+    coefficients: NDArray[np.float64] = np.linalg.lstsq(basis, values, rcond=1e-10)[0]
     return coefficients.reshape(-1, 9, 3)
 
 
@@ -131,7 +131,8 @@ def disc_normals(lowest_deg: float, rings: int = 40, spokes: int = 96) -> NDArra
 def _values(series: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the series [um/N] at unit normals (n, 3), shape (n, 9, 3)."""
     basis = series_basis(normal, _degree_of(series), FIT_ELEVATION_DEG)
-    return (basis @ series.reshape(-1, 27)).reshape(-1, 9, 3)
+    values: NDArray[np.float64] = basis @ series.reshape(-1, 27)
+    return values.reshape(-1, 9, 3)
 
 
 def _rms_rel(difference: NDArray[np.float64], reference: NDArray[np.float64]) -> float:

@@ -56,7 +56,8 @@ def series_basis(normal: NDArray[np.float64], degree: int, fit_elevation_deg: fl
     order = np.arange(degree + 1.0)
     chebyshev = np.cos(np.arccos(np.minimum(np.maximum(plane, -1.0), 1.0))[..., None] * order)
     products = chebyshev[..., 0, :, None] * chebyshev[..., 1, None, :]
-    return products.reshape(*products.shape[:-2], -1)[..., _kept(degree)]
+    kept: NDArray[np.float64] = products.reshape(*products.shape[:-2], -1)[..., _kept(degree)]
+    return kept
 
 
 _KEPT: dict[int, NDArray[np.intp]] = {}
@@ -171,7 +172,10 @@ class FootResponse:
     ) -> NDArray[np.float64]:
         """Return the Hertz radius a [mm] of the contact patch, shape (...), of loads as in `closure_um`."""
         pressing = np.abs((normal * force_n).sum(axis=-1))
-        return np.cbrt(0.75 * self.ball_radius_mm / self.hertz_modulus_mpa * pressing)
+        radius_mm: NDArray[np.float64] = np.cbrt(
+            0.75 * self.ball_radius_mm / self.hertz_modulus_mpa * pressing
+        )
+        return radius_mm
 
     def closure_um(self, normal: NDArray[np.float64], force_n: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the mean closure of each gap under a contact, as if no gap could shut.

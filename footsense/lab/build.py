@@ -1,0 +1,182 @@
+"""The whole chain, from rubber to the released files: solve, tabulate, train, judge, export.
+
+Nothing is written before everything is made, and a file appears whole or not at all.
+"""
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import ngsolve as ng
+import numpy as np
+import onnx
+
+from footsense.lab import dataset
+from footsense.lab.adjoint import influence_field
+from footsense.lab.dataset import Cases, measured_closure_rel, paper_training, wide
+from footsense.lab.evaluate import Errors, Readout, sigma_model
+from footsense.lab.evaluate_models import (
+    HELD_OUT_CASES,
+    HELD_OUT_SEED,
+    NETWORK_FILE,
+    RESPONSE_FILE,
+    error_table,
+)
+from footsense.lab.export import OnnxNetwork, library_versions, onnx_model
+from footsense.lab.geometry import SoleDesign
+from footsense.lab.model_card import readme
+from footsense.lab.network import Weights
+from footsense.lab.response import make_response
+from footsense.lab.solid import COARSE, SHIPPED, MeshSize, Solid
+from footsense.lab.train import Protocol, predict, train
+from footsense.sim.foot import FootResponse
+
+#: Seed of the wide training set and of every noise drawn for training.
+TRAINING_SEED = 1
+#: ONNX Runtime may differ from JAX by this much [N]: float32 of a 2 N force.
+PARITY_N = 2e-5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recipe:
+    """What one build does.
+
+    Attributes:
+        mesh: Fineness of the solid.
+        wide_cases: Size of the wide training set, before its symmetric copies.
+        shipped: Training of the released network.
+        only_362: Training on the paper's cases alone.
+    """
+
+    mesh: MeshSize
+    wide_cases: int
+    shipped: Protocol
+    only_362: Protocol
+
+
+#: The release.
+FULL = Recipe(mesh=SHIPPED, wide_cases=60_000, shipped=Protocol(), only_362=Protocol(steps=30_000))
+#: Every step of the chain in half a minute; its numbers are no release.
+QUICK = Recipe(mesh=COARSE, wide_cases=10_000, shipped=Protocol(steps=6_000), only_362=Protocol(steps=3_000))
+
+
+@dataclass(frozen=True, slots=True)
+class Built:
+    """What a build made.
+
+    Attributes:
+        table: Errors by row.
+        card: The network's card.
+        parity_n: Largest difference between JAX and ONNX Runtime [N].
+    """
+
+    table: dict[str, Errors]
+    card: dict[str, Any]
+    parity_n: float
+
+
+def _through_noise(response: FootResponse, cases: Cases, seed: int) -> tuple[Any, Any]:
+    """Return closures over the gap, with noise, and forces, of the cases and their symmetric copies."""
+    copies = cases.with_symmetric_copies()
+    rng = np.random.default_rng(seed)
+    return measured_closure_rel(response.design, copies.closure_um, rng), copies.force_n
+
+
+def _readout(weights: Weights, gap_um: float) -> Readout:
+    """Return the network as a read-out of closures [um]."""
+    return lambda closure_um: predict(weights, closure_um / gap_um)
+
+
+def _card(
+    response: FootResponse, recipe: Recipe, weights: Weights, seen: Cases, table: dict[str, Errors]
+) -> dict[str, Any]:
+    """Return the card: what the daemon must know to use the network, and how it came to be."""
+    design = response.design
+    held_out = wide(response, HELD_OUT_CASES, HELD_OUT_SEED)
+    noisy = measured_closure_rel(design, held_out.closure_um, np.random.default_rng(HELD_OUT_SEED))
+    floor, rel = sigma_model(held_out.force_n, predict(weights, noisy))
+    seen_rel = seen.closure_um / design.gap_um
+    return {
+        "format": 1,
+        "foot_type": response.foot_type,
+        "input": {
+            "name": "closure_rel",
+            "unit": "1, gap closure over the designed gap, positive when pressed",
+            "order": "flat index 3 * row + column, row 0 most forward, column 0 leftmost",
+        },
+        "output": {"name": "force_n", "unit": "N, ground reaction on the foot", "order": "x y z, foot frame"},
+        **asdict(design),
+        "closure_rel_min": [round(float(value), 6) for value in seen_rel.min(axis=0)],
+        "closure_rel_max": [round(float(value), 6) for value in seen_rel.max(axis=0)],
+        "sigma_floor_n": [round(float(value), 6) for value in floor],
+        "sigma_rel": [round(float(value), 6) for value in rel],
+        "response_sha256": response.sha256,
+        "training": {
+            "wide": {
+                "cases": recipe.wide_cases,
+                "seed": TRAINING_SEED,
+                "symmetric_copies": 8,
+                "max_n": dataset.WIDE_MAX_N,
+                "friction_angle_deg": dataset.FRICTION_ANGLE_DEG,
+                "min_elevation_deg": dataset.WIDE_MIN_ELEVATION_DEG,
+                "centred_share": dataset.WIDE_CENTRED_SHARE,
+                "open_rel": dataset.OPEN_REL,
+                "noise_pf": dataset.NOISE_PF,
+                "baseline_noise_pf": dataset.BASELINE_NOISE_PF,
+            },
+            "held_out": {"cases": HELD_OUT_CASES, "seed": HELD_OUT_SEED},
+            "shipped": recipe.shipped.card(),
+            "only_362": recipe.only_362.card(),
+            "weights": weights.size,
+        },
+        "errors": {name: asdict(row) for name, row in table.items()},
+        "built_with": {**library_versions(), "ngsolve": ng.__version__},
+    }
+
+
+def build(output: Path, recipe: Recipe, report: Callable[[str], None]) -> Built:
+    """Make the released files of the paper's foot.
+
+    Args:
+        output: Folder for network.onnx, response.npz and README.md; made if missing.
+        recipe: How fine and how long.
+        report: Told what has just been done, one line each.
+
+    Returns:
+        Errors, card and parity.
+
+    Raises:
+        ArithmeticError: ONNX Runtime does not compute what was trained.
+    """
+    solid = Solid(SoleDesign(), recipe.mesh)
+    report(f"solid factorised: {solid.mesh.ne} elements, {solid.n_unknowns} unknowns")
+    made = make_response(solid, influence_field(solid))
+    report(f"response table: {made.provenance}")
+    output.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=output) as scratch:
+        made.save(Path(scratch) / RESPONSE_FILE)
+        response = FootResponse.load(Path(scratch) / RESPONSE_FILE)
+        gap_um = response.design.gap_um
+        paper = paper_training(response).with_symmetric_copies()
+        only_362 = train(paper.closure_um / gap_um, paper.force_n, recipe.only_362)
+        report("trained on the paper's 362 cases")
+        cases = wide(response, recipe.wide_cases, TRAINING_SEED)
+        weights = train(*_through_noise(response, cases, TRAINING_SEED), recipe.shipped)
+        report(f"trained on {recipe.wide_cases} wide cases: {weights.size} weights")
+        table = error_table(response, _readout(weights, gap_um), _readout(only_362, gap_um))
+        card = _card(response, recipe, weights, cases.with_symmetric_copies(), table)
+        onnx.save(onnx_model(weights, card), Path(scratch) / NETWORK_FILE)
+        parity = np.abs(
+            OnnxNetwork(Path(scratch) / NETWORK_FILE).force_n(cases.closure_um / gap_um)
+            - predict(weights, cases.closure_um / gap_um)
+        ).max()
+        if not parity <= PARITY_N:
+            raise ArithmeticError(
+                f"ONNX Runtime and JAX differ by {parity:.2e} N, more than {PARITY_N:.0e} N"
+            )
+        (Path(scratch) / "README.md").write_text(readme(made, card, table, float(parity)), encoding="utf-8")
+        for name in (RESPONSE_FILE, NETWORK_FILE, "README.md"):
+            (Path(scratch) / name).replace(output / name)
+    return Built(table, card, float(parity))

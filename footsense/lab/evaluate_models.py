@@ -1,0 +1,116 @@
+"""The error table: the paper's protocol and the wide set, linear read-outs and network side by side."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from footsense.errors import ModelError
+from footsense.lab.dataset import Cases, measured_closure_rel, paper_training, paper_verification, wide
+from footsense.lab.evaluate import (
+    PAPER_DIRECTION_DEG,
+    PAPER_MAGNITUDE_GF,
+    Errors,
+    Readout,
+    capacitance_readout,
+    elastance_readout,
+    errors,
+)
+from footsense.lab.export import OnnxNetwork
+from footsense.sim.foot import FootResponse
+
+#: Names of the released files.
+RESPONSE_FILE, NETWORK_FILE = "response.npz", "network.onnx"
+#: Seed and size of the held-out wide set.
+HELD_OUT_SEED, HELD_OUT_CASES = 2, 10_000
+#: The wide set's table leaves out loads so small that the converter's noise alone hides their direction [N].
+WIDE_TABLE_MIN_N = 0.2
+
+
+def error_table(
+    response: FootResponse, shipped: Readout, only_362: Readout | None = None
+) -> dict[str, Errors]:
+    """Return the errors of every read-out.
+
+    Args:
+        response: The foot.
+        shipped: The network trained on the wide set.
+        only_362: The network trained on the paper's cases alone, if at hand.
+
+    Returns:
+        Rows by name: `paper_*` on the 180 verification cases without noise, `wide_*` on held-out random loads
+        with the converter's noise, from 0.2 N.
+    """
+    training, verification = paper_training(response), paper_verification(response)
+    rng = np.random.default_rng(HELD_OUT_SEED)
+    held_out = wide(response, HELD_OUT_CASES, HELD_OUT_SEED)
+    felt = np.linalg.norm(held_out.force_n, axis=1) >= WIDE_TABLE_MIN_N
+    noisy_um = measured_closure_rel(response.design, held_out.closure_um, rng) * response.design.gap_um
+    loads = Cases(held_out.force_n[felt], noisy_um[felt])
+    readouts: dict[str, tuple[Readout, Cases]] = {
+        "paper_linear_dc": (capacitance_readout(response.design, training), verification),
+        "paper_linear_elastance": (elastance_readout(training), verification),
+        "paper_network": (shipped, verification),
+        "wide_linear_elastance": (elastance_readout(wide(response, HELD_OUT_CASES, 3)), loads),
+        "wide_network": (shipped, loads),
+    }
+    if only_362 is not None:
+        readouts["paper_network_362"] = (only_362, verification)
+    return {name: errors(cases.force_n, read(cases.closure_um)) for name, (read, cases) in readouts.items()}
+
+
+def open_models(folder: Path) -> tuple[FootResponse, OnnxNetwork]:
+    """Open the two released files of a foot type.
+
+    Raises:
+        ModelError: One is missing or corrupt, or the network was trained on another response.
+    """
+    response = FootResponse.load(folder / RESPONSE_FILE)
+    network = OnnxNetwork(folder / NETWORK_FILE)
+    if network.card.get("response_sha256") != response.sha256:
+        raise ModelError(
+            f"{folder / NETWORK_FILE} was not trained on {folder / RESPONSE_FILE}: "
+            "the card names another hash; rebuild both with `footsense lab build`"
+        )
+    return response, network
+
+
+def evaluate_models(folder: Path) -> dict[str, Errors]:
+    """Return the error table of released files; the row of the 362-case network is the one in the card."""
+    response, network = open_models(folder)
+    gap_um = response.design.gap_um
+    table = error_table(response, lambda closure_um: network.force_n(closure_um / gap_um))
+    table["paper_network_362"] = Errors(**network.card["errors"]["paper_network_362"])
+    return table
+
+
+def as_json(table: dict[str, Errors]) -> dict[str, Any]:
+    """Return the table as JSON values, with the figures that the project lives by at the top."""
+    shipped, alone = table["paper_network"], table["paper_network_362"]
+    linear = table["paper_linear_elastance"]
+    return {
+        "direction_deg": shipped.direction_deg,
+        "magnitude_gf": shipped.magnitude_gf,
+        "direction_deg_362": alone.direction_deg,
+        "magnitude_gf_362": alone.magnitude_gf,
+        "linear_direction_deg": linear.direction_deg,
+        "linear_magnitude_gf": linear.magnitude_gf,
+        "paper_direction_deg": PAPER_DIRECTION_DEG,
+        "paper_magnitude_gf": PAPER_MAGNITUDE_GF,
+        "table": {name: asdict(row) for name, row in table.items()},
+    }
+
+
+def as_markdown(table: dict[str, Errors]) -> str:
+    """Return the table for people, the paper's figures on top."""
+    lines = [
+        "| read-out | cases | direction mean / p95 [deg] | magnitude mean / p95 [gf] |",
+        "|---|---:|---:|---:|",
+        f"| the paper (simulation) | 180 | {PAPER_DIRECTION_DEG} / - | {PAPER_MAGNITUDE_GF} / - |",
+    ]
+    for name, row in sorted(table.items()):
+        direction = f"{row.direction_deg:.3f} / {row.direction_p95_deg:.3f}"
+        magnitude = f"{row.magnitude_gf:.3f} / {row.magnitude_p95_gf:.3f}"
+        lines.append(f"| {name} | {row.n} | {direction} | {magnitude} |")
+    return "\n".join(lines)

@@ -1,0 +1,45 @@
+"""The page beside the released files that tells people what they are and how good."""
+
+from typing import Any
+
+from footsense.lab.evaluate import Errors
+from footsense.lab.evaluate_models import HELD_OUT_CASES, as_markdown
+from footsense.sim.foot import FootResponse
+
+
+def readme(response: FootResponse, card: dict[str, Any], table: dict[str, Errors], parity_n: float) -> str:
+    """Return the model card for people."""
+    where = response.provenance
+    sigma = ", ".join(
+        f"{1000 * floor:.1f} mN + {100 * rel:.2f} % of |f|"
+        for floor, rel in zip(card["sigma_floor_n"], card["sigma_rel"], strict=True)
+    )
+    wide = card["training"]["wide"]
+    asymmetry, residual, cut_off = (
+        f"{100 * where[key]:.4f} %" for key in ("mesh_asymmetry_rel", "fit_residual_rel", "interpolation_rel")
+    )
+    return f"""# {response.foot_type}
+
+The soft foot of Aoyagi et al.: nine capacitors between two rubber hemispheres of {response.ball_radius_mm:g} mm
+radius. Everything here is made by one command and nothing is edited by hand:
+
+    footsense lab build --output models/{response.foot_type}
+
+| file | what |
+|---|---|
+| `network.onnx` | `closure_rel` [n, 9] to `force_n` [n, 3], {card["training"]["weights"]} weights, card inside |
+| `response.npz` | the simulator's foot: contact normals above {response.min_elevation_deg:g} deg |
+
+`paper_*`: the paper's 180 verification cases (100 gf, centred), no noise; read-outs fitted to the paper's 362 training
+cases, but for `paper_network`, the released one. `wide_*`: {HELD_OUT_CASES} held-out random loads, those from 0.2 N,
+contact normals leaning by up to {wide["friction_angle_deg"]:g} deg, converter noise of {1000 * wide["noise_pf"]:g} fF.
+
+{as_markdown(table)}
+
+Sigma per axis: {sigma}. Largest difference between JAX and ONNX Runtime: {1000 * parity_n:.4f} mN.
+
+Solid: {where["elements"]} tetrahedra of order {where["order"]}, {where["unknowns"]} unknowns. The mesh breaks the
+square's symmetry by {asymmetry} (rms, averaged out); the series differs from the field's samples by {residual}, and
+from a series of four degrees less by {cut_off}.
+Not modelled: shut gaps that carry load, large strain, creep, air trapped in the cavities.
+"""
