@@ -16,6 +16,7 @@ from footsense.core.pipeline import Pipeline
 from footsense.inference.network import Network
 from footsense.ports import Clock, FrameSource, Observer
 from footsense.publish.can_sink import CanSink
+from footsense.publish.can_stats import CanStats
 from footsense.publish.exporter_process import start_exporter
 from footsense.publish.journal import Journal
 from footsense.publish.metrics import Metrics
@@ -27,7 +28,9 @@ from footsense.sim.scene import Scene
 
 
 @contextmanager
-def can_sink(config: Config, clock: Clock, log_file: Path | None) -> Iterator[CanSink]:
+def can_sink(
+    config: Config, clock: Clock, log_file: Path | None, stats: CanStats | None = None
+) -> Iterator[CanSink]:
     """Open the CAN channel, and end with every leg's heartbeat `stopped`.
 
     Yields:
@@ -44,6 +47,7 @@ def can_sink(config: Config, clock: Clock, log_file: Path | None) -> Iterator[Ca
         clock=clock,
         log_file=log_file,
         bitrate=config.can.bitrate,
+        stats=stats,
     )
     try:
         yield sink
@@ -115,26 +119,25 @@ def service(
         FootsenseError: Something is missing or wrong; the message says what.
     """
     legs = config.legs
+    stats = CanStats()
+    recorder: Recorder | None = None
     with ExitStack() as stack:
         if record is not None:
             check_target(record)
         network = load_network(config)
         scan = stack.enter_context(scanning(config, scene))
-        recorder = None
-        if record is not None:
-            recorder = Recorder(
-                record, legs, _recording_header(config, scene, network), blocking=not real_time
-            )
-        sink = stack.enter_context(can_sink(config, scan.clock, can_log))
         observers: list[Observer] = [Journal(legs), Supervision(SystemdNotifier(), legs)]
-        if recorder is not None:
-            observers.append(recorder)
         if config.metrics is not None:
-            metrics = Metrics(legs, sink.stats)
+            metrics = Metrics(legs, stats, recorder_lost=lambda: recorder.lost if recorder else 0)
             stack.callback(metrics.close)
             exporter = start_exporter(metrics.path, config.metrics.address, config.metrics.port)
             stack.callback(exporter.close)
             observers.append(metrics)
+        sink = stack.enter_context(can_sink(config, scan.clock, can_log, stats))
+        if record is not None:
+            header = _recording_header(config, scene, network)
+            recorder = Recorder(record, legs, header, blocking=not real_time)
+            observers.append(recorder)
         for observer in observers:
             stack.callback(observer.close)
         yield Service(

@@ -41,9 +41,9 @@ class CanChannel:
         accept: CAN ids that `receive` returns.
         greeting: First frames, by CAN id; they also show whether the channel is up.
         log_file: File for every frame sent, its format by suffix; None for none. Made when all else is well.
+        stats: Where to count.
 
     Attributes:
-        stats: What the channel has done so far.
         log_error: Why the log ended early, such as a full disk; empty while it is whole.
 
     Raises:
@@ -60,12 +60,13 @@ class CanChannel:
         accept: Collection[int],
         greeting: Mapping[int, bytes],
         log_file: Path | None,
+        stats: CanStats,
     ) -> None:
         if log_file is not None and log_file.suffix not in LOG_SUFFIXES:
             raise ConfigError(f"CAN log {log_file}: the suffix must be one of {', '.join(LOG_SUFFIXES)}")
         import can
 
-        self.stats = CanStats()
+        self.stats = stats
         self.log_error = ""
         self._failures = (can.CanError, OSError)
         self._accept = frozenset(accept)

@@ -12,6 +12,7 @@ from firmware_interface.crc8 import FrameError, next_counter
 from footsense.frames import Command, ForceFrame, Outcome
 from footsense.ports import Clock
 from footsense.publish.can_channel import CanChannel
+from footsense.publish.can_stats import CanStats
 
 __all__ = ["CanSink"]
 
@@ -57,6 +58,7 @@ class CanSink:
         clock: Times the heartbeats.
         log_file: File for every frame sent: candump `.log`, `.asc` or `.blf`; None for none.
         bitrate: Bit rate of the bus [bit/s]; Linux sets it when the interface comes up, so it is only told.
+        stats: Where to count; None to begin a new count.
 
     Attributes:
         stats: What the channel has done so far.
@@ -78,7 +80,9 @@ class CanSink:
         clock: Clock,
         log_file: Path | None = None,
         bitrate: int = 500_000,
+        stats: CanStats | None = None,
     ) -> None:
+        self.stats = stats or CanStats()
         nodes = [NODE_IDS[leg] for leg in legs]
         boot = can_events.encode_heartbeat(NmtState.BOOT)
         self._channel = CanChannel(
@@ -88,8 +92,8 @@ class CanSink:
             accept=[can_events.COMMAND_ID + node for node in nodes],
             greeting={can_events.HEARTBEAT_ID + node: boot for node in nodes},
             log_file=log_file,
+            stats=self.stats,
         )
-        self.stats = self._channel.stats
         self._clock = clock
         now_ns = clock.now_ns()
         self._stamp_s = now_ns / 1e9

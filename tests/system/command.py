@@ -1,0 +1,38 @@
+"""The command line as its user runs it: a process of its own."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+TIMEOUT_S = 120
+
+
+def footsense(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run `footsense` with these arguments to its end."""
+    return subprocess.run(
+        [sys.executable, "-m", "footsense", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT_S,
+        check=False,
+        cwd=cwd,
+    )
+
+
+def run_json(*arguments: str | Path) -> dict[str, Any]:
+    """Run `footsense run ... --summary json` and return the figures."""
+    result = footsense("run", *arguments, "--summary", "json")
+    assert result.returncode == 0, result.stderr
+    figures: dict[str, Any] = json.loads(result.stdout)
+    return figures
+
+
+def one_line_error(result: subprocess.CompletedProcess[str], exit_code: int) -> str:
+    """Check that a command failed with one clear line and this exit code, and return the line."""
+    assert result.returncode == exit_code, (result.returncode, result.stderr)
+    lines = result.stderr.strip().splitlines()
+    assert len(lines) == 1, result.stderr
+    assert lines[0].startswith("footsense: ")
+    return lines[0].removeprefix("footsense: ")

@@ -1,0 +1,127 @@
+"""What breaks on one leg shows as the right state, on CAN and in the metrics, and touches no other leg.
+
+The scenes have no noise of the host, so "untouched" can be taken at its word: the other legs' forces are the same
+bits at the same times as in a run in which nothing breaks.
+"""
+
+from collections import Counter
+from pathlib import Path
+
+import can
+import cantools
+import numpy as np
+import pytest
+from prometheus_client import CollectorRegistry
+
+import firmware_interface
+from footsense import app
+from footsense.config import DEFAULT
+from footsense.frames import Cycle, State
+from footsense.publish.exporter import SharedCollector
+from footsense.publish.metrics import Metrics
+from footsense.publish.shared_counters import read_counters
+from footsense.sim.scene import load_scene
+
+DBC = Path(firmware_interface.__file__).parent / "footsense.dbc"
+DURATION_NS = 4_000_000_000
+BROKEN_AT_NS = 2_000_000_000
+
+NOTHING = ""
+FAULTS = {
+    "{at_s: 2.0, leg: rm, fault: absent}": State.ABSENT,
+    "{at_s: 2.0, leg: rm, fault: stuck_converter}": State.CONVERTER_FAULT,
+    "{at_s: 2.0, leg: rm, fault: broken_row, row: 1}": State.ELEMENT_FAULT,
+}
+
+
+class Walk:
+    """A walk of four seconds in which something may break after two."""
+
+    def __init__(self, fault: str, folder: Path) -> None:
+        scene = folder / "scene.yaml"
+        scene.write_text(
+            "description: a fault\nload: {kind: tripod}\neffects: {converter_noise: true}\n"
+            f"host_cost_us: 40\nfaults: [{fault}]\n"
+        )
+        self.log = folder / "can.log"
+        self.cycles: list[Cycle] = []
+        with app.service(DEFAULT, load_scene(str(scene)), real_time=False, can_log=self.log) as service:
+            clock = service.scanning.clock
+            metrics = Metrics(service.legs, service.sink.stats, directory=folder)
+            service.observers += [self, metrics]
+            service.run(lambda: clock.now_ns() > DURATION_NS)
+            registry = CollectorRegistry()
+            registry.register(SharedCollector(*read_counters(metrics.path)))
+            self.faults = {
+                (leg, state): registry.get_sample_value(
+                    "footsense_faults_total", {"leg": leg, "kind": state.name.lower()}
+                )
+                for leg in service.legs
+                for state in FAULTS.values()
+            }
+            self.leg_state = registry.get_sample_value("footsense_leg_state", {"leg": "rm"})
+            metrics.close()
+        self.legs = DEFAULT.legs
+
+    def observe(self, cycle: Cycle) -> None:
+        self.cycles.append(cycle)
+
+    def close(self) -> None:
+        pass
+
+    def states(self, leg: str, from_ns: int) -> Counter[State]:
+        row = self.legs.index(leg)
+        return Counter(State(int(c.forces.state[row])) for c in self.cycles if c.forces.t_sent_ns > from_ns)
+
+
+@pytest.fixture(scope="module")
+def walks(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Walk]:
+    """The same walk with each fault and with none."""
+    return {fault: Walk(fault, tmp_path_factory.mktemp("fault")) for fault in (NOTHING, *FAULTS)}
+
+
+@pytest.mark.parametrize(("fault", "state"), FAULTS.items())
+def test_the_leg_says_what_is_wrong_and_gives_no_force(
+    walks: dict[str, Walk], fault: str, state: State
+) -> None:
+    """From the second scan after the fault on, nothing but this state, and never a number."""
+    walk = walks[fault]
+    assert walk.states("rm", BROKEN_AT_NS + 50_000_000).keys() == {state}
+    row = walk.legs.index("rm")
+    for cycle in walk.cycles:
+        if cycle.forces.state[row] != State.VALID:
+            assert np.isnan(cycle.forces.force_n[row]).all()
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_the_other_legs_are_untouched(walks: dict[str, Walk], fault: str) -> None:
+    """Same number of scans, same stamps, same forces to the bit."""
+    healthy, broken = walks[NOTHING], walks[fault]
+    others = [row for row, leg in enumerate(healthy.legs) if leg != "rm"]
+    assert abs(len(healthy.cycles) - len(broken.cycles)) <= 1
+    for a, b in zip(healthy.cycles, broken.cycles, strict=False):
+        np.testing.assert_array_equal(a.forces.force_n[others], b.forces.force_n[others])
+        np.testing.assert_array_equal(a.forces.t_ns[others], b.forces.t_ns[others])
+        np.testing.assert_array_equal(a.forces.state[others], b.forces.state[others])
+
+
+@pytest.mark.parametrize(("fault", "state"), FAULTS.items())
+def test_can_and_metrics_show_it(walks: dict[str, Walk], fault: str, state: State) -> None:
+    """The last force frame, the fault report and the counters name the state; a broken row names its elements."""
+    walk = walks[fault]
+    database = cantools.database.load_file(DBC)
+    last: dict[str, dict[str, object]] = {}
+    for message in can.LogReader(walk.log):
+        name = database.get_message_by_frame_id(message.arbitration_id).name
+        decoded = database.decode_message(message.arbitration_id, message.data)
+        assert isinstance(decoded, dict)
+        last[name] = decoded
+    shown = "".join(part.capitalize() for part in state.name.split("_"))
+    assert str(last["ForceRm"]["State"]) == shown
+    assert str(last["FaultRm"]["State"]) == shown
+    assert str(last["ForceLm"]["State"]) == "Valid"
+    if state is State.ELEMENT_FAULT:
+        assert last["QualityRm"]["FaultMask"] == 0b000111000
+    assert walk.faults["rm", state] == 1
+    assert walk.faults["lm", state] == 0
+    assert walk.leg_state == state
