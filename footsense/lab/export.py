@@ -91,8 +91,9 @@ class OnnxNetwork:
             self._session = onnxruntime.InferenceSession(path.read_bytes(), options, ["CPUExecutionProvider"])
             self.card = json.loads(self._session.get_modelmeta().custom_metadata_map[CARD_KEY])
         except Exception as error:  # the runtime's own exceptions share no documented base
+            why = str(error).splitlines()[0]
             raise ModelError(
-                f"{path} is no network with a card ({error}); rebuild it with `footsense lab build`"
+                f"{path} is no network with a card ({why}); rebuild it with `footsense lab build`"
             ) from error
 
     def force_n(self, closure_rel: NDArray[np.float64]) -> NDArray[np.float64]:
