@@ -110,17 +110,23 @@ def test_a_can_channel_that_is_down(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["robot.yaml"]
 
 
+CLASH = """
+buses:
+  - device: sim
+    legs: {lf: 0}
+    mux: {address: 0x70}
+    other_devices: [{name: pca9685, address: 0x40}]
+can: {interface: virtual}
+"""
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
         ("buses: [{device: sim, legs: {lf: 0, rf: 0}}]\ncan: {interface: virtual}\n", "buses[0].legs"),
         ("buses: [{device: sim, legs: {lf: 0}}]\ncan: {interface: virtual}\nscna: {}\n", "did you mean scan"),
         ("buses: [{device: sim, legs: {lf: 9}}]\ncan: {interface: virtual}\n", "buses[0].legs.lf"),
-        (
-            "buses:\n- {device: sim, legs: {lf: 0}, mux: {address: 0x70}, other_devices: [{name: pca9685, address: 64}]}\n"
-            + "can: {interface: virtual}\n",
-            "0x70",
-        ),
+        (CLASH, "0x70"),
     ],
 )
 def test_a_configuration_that_contradicts_itself(tmp_path: Path, text: str, says: str) -> None:
