@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from footsense.cli.lab import lab
-from footsense.errors import ModelError
+from footsense.errors import FootsenseError, ModelError
 from footsense.lab import dataset
 from footsense.lab.build import PARITY_N, QUICK, Built, build
 from footsense.lab.compare import compare
@@ -173,3 +173,11 @@ def test_a_bad_network_is_one_clear_error(tmp_path: Path, content: bytes | None)
         path.write_bytes(content)
     with pytest.raises(ModelError, match=r"network\.onnx.*footsense lab build"):
         OnnxNetwork(path)
+
+
+def test_without_the_extra_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A robot's install has no workshop: the command says so and names the extra."""
+    monkeypatch.setattr("footsense.cli.lab.importlib.util.find_spec", lambda _: None)
+    result = CliRunner().invoke(lab, ["evaluate"])
+    assert isinstance(result.exception, FootsenseError)
+    assert str(result.exception).endswith("install footsense[lab]")
