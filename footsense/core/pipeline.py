@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from footsense.core import quality
 from footsense.core.baseline import TareLimits, TareWindow, Verdict
 from footsense.core.design import CapacitorDesign
+from footsense.core.skew import SkewRemoval
 from footsense.frames import (
     ELEMENTS,
     CapFrame,
@@ -76,6 +77,7 @@ class Pipeline:
         #: Unloaded capacitance without stray [pF], NaN until a tare has succeeded.
         self._baseline_pf = np.full((n_legs, ELEMENTS), np.nan)
         self._unloaded_pf = np.full((n_legs, ELEMENTS), calibration.design.rest_pf)
+        self._skew = SkewRemoval(n_legs, ELEMENTS)
         self._stopped = np.zeros(n_legs, bool)
         self._flags = np.full(n_legs, flags, np.uint8)
         # Every leg is tared at start, again and again until that succeeds.
@@ -105,6 +107,7 @@ class Pipeline:
         closure_rel = (
             calibration.design.closure_um(capacitance_pf, self._baseline_pf) / calibration.design.gap_um
         )
+        closure_rel = self._skew.apply(closure_rel, scan.t_ns)
         # NaN compares as False: an element that was not read is neither open, shut nor out of range.
         opened = quality.open_elements(capacitance_pf, self._unloaded_pf)
         shut = closure_rel > quality.SHUT_REL
