@@ -1,7 +1,7 @@
 """Whether two builds are the same release: the largest differences beside what is tolerated.
 
-The solve repeats to rounding, so the response must. Training in float32 over 10^5 steps does not repeat bit for
-bit on another processor; what must repeat is how good the network is.
+The solve repeats to rounding, so the response must. Training in float32 over 10^5 steps amplifies the last bit of
+its input and of another processor's arithmetic; what must repeat is how good the network is.
 """
 
 from dataclasses import dataclass

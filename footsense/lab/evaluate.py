@@ -26,15 +26,19 @@ class Errors:
     Attributes:
         direction_deg: Mean angle [deg].
         direction_p95_deg: 95th percentile of the angle [deg].
+        direction_max_deg: Largest angle [deg].
         magnitude_gf: Mean magnitude error [gf].
         magnitude_p95_gf: 95th percentile of it [gf].
+        magnitude_max_gf: Largest one [gf].
         n: Cases.
     """
 
     direction_deg: float
     direction_p95_deg: float
+    direction_max_deg: float
     magnitude_gf: float
     magnitude_p95_gf: float
+    magnitude_max_gf: float
     n: int
 
 
@@ -48,8 +52,10 @@ def errors(truth_n: NDArray[np.float64], estimate_n: NDArray[np.float64]) -> Err
     return Errors(
         direction_deg=float(angle_deg.mean()),
         direction_p95_deg=float(np.percentile(angle_deg, 95)),
+        direction_max_deg=float(angle_deg.max()),
         magnitude_gf=float(magnitude_gf.mean()),
         magnitude_p95_gf=float(np.percentile(magnitude_gf, 95)),
+        magnitude_max_gf=float(magnitude_gf.max()),
         n=len(truth_n),
     )
 

@@ -25,6 +25,9 @@ FIT_ELEVATION_DEG = 12.0
 MIN_ELEVATION_DEG = 25.0
 #: Radius of the patch that G2 is got from [mm]: that of 0.9 N.
 PATCH_MM = 1.0
+#: Decimals that are kept of the coefficients [um/N]: a parallel solve differs from run to run by 1e-9, and two
+#: builds are to give the same bytes. What is cut off is below 0.1 nm per newton.
+DECIMALS = 6
 
 #: The eight symmetries of the square, each as a 3 x 3 matrix that maps the foot frame onto itself.
 SYMMETRIES: tuple[NDArray[np.float64], ...] = tuple(
@@ -144,7 +147,7 @@ def make_response(solid: Solid, field: SurfaceField) -> FootResponse:
     """Return the response table of a foot, symmetrised, with its errors in the provenance."""
     sole = solid.sole
     raw = fit_series(field)
-    point = symmetrise(raw)
+    point = np.round(symmetrise(raw), DECIMALS)
     normal = disc_normals(MIN_ELEVATION_DEG)
     on_disc = _values(point, normal)
     lower = symmetrise(fit_series(field, DEGREE - 4), DEGREE - 4)
@@ -161,7 +164,7 @@ def make_response(solid: Solid, field: SurfaceField) -> FootResponse:
         min_elevation_deg=MIN_ELEVATION_DEG,
         fit_elevation_deg=FIT_ELEVATION_DEG,
         degree=DEGREE,
-        coefficients=np.stack([point, patch.reshape(-1, 9, 3)]),
+        coefficients=np.stack([point, np.round(patch, DECIMALS).reshape(-1, 9, 3)]),
         provenance={
             "mesh_mm": {
                 "ball": solid.size.ball_mm,
