@@ -47,16 +47,13 @@ def test_the_papers_sets_have_the_papers_sizes(response: FootResponse) -> None:
 
 
 def test_symmetric_copies_are_loads_of_the_same_foot(response: FootResponse) -> None:
-    """Each copy of (force, closures) is what the foot does under the copied force."""
-    case = dataset.wide(response, 1, 7)
-    copies = case.with_symmetric_copies()
-    normal = case.force_n / np.linalg.norm(case.force_n)
-    centred = dataset.Cases(case.force_n, response.closure_um(normal, case.force_n)).with_symmetric_copies()
-    for force, closure in zip(centred.force_n, centred.closure_um, strict=True):
-        np.testing.assert_allclose(
-            response.closure_um(force / np.linalg.norm(force), force), closure, rtol=1e-8
-        )
-    assert len(copies.force_n) == 8
+    """Each copy of (force, closures) is what the foot does under the copied force, to the table's rounding."""
+    force = dataset.wide(response, 1, 7).force_n
+    normal = force / np.linalg.norm(force)
+    copies = dataset.Cases(force, response.closure_um(normal, force)).with_symmetric_copies()
+    assert len(np.unique(copies.force_n.round(6), axis=0)) == 8
+    again = response.closure_um(copies.force_n / np.linalg.norm(force), copies.force_n)
+    np.testing.assert_allclose(again, copies.closure_um, atol=1e-4)
 
 
 def test_element_map_turns_the_array() -> None:

@@ -92,13 +92,13 @@ def test_turning_a_free_body_costs_nothing(solid: Solid) -> None:
 
 
 def test_closures_are_those_of_the_drawing(response: FootResponse) -> None:
-    """Each element closes 2 to 10 um under a centred newton, corners most; the square's symmetry is exact."""
+    """Each element closes 2 to 10 um under a centred newton, corners most; the square's symmetry holds to 0.1 nm."""
     up = np.array([0.0, 0.0, 1.0])
     grid = response.closure_um(up, up).reshape(3, 3)
     assert 2.0 < grid.min() < grid.max() < 10.0
     assert grid[0, 0] > grid[0, 1] > grid[1, 1]
     for copy in (grid.T, grid[::-1], grid[:, ::-1]):
-        np.testing.assert_allclose(copy, grid, rtol=1e-9)
+        np.testing.assert_allclose(copy, grid, atol=1e-4)
 
 
 @pytest.mark.parametrize("axis", [0, 1])
