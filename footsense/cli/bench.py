@@ -5,9 +5,11 @@ The scan is measured in virtual time, where bus bits, conversions and host costs
 processor, ours and the naive one in turns, so that what else the machine does strikes both alike.
 """
 
+import importlib.util
 import json
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +22,16 @@ from rich.table import Table
 import firmware_interface
 from firmware_interface import fdc1004
 from footsense import app
-from footsense.cli.bench_naive import naive_cycle, sequential_scan
+from footsense.cli.bench_naive import NaiveCycle, sequential_scan
 from footsense.clock import stopwatch_ns
 from footsense.config import DEFAULT, Bus, Config
-from footsense.frames import LEGS, CapFrame
+from footsense.frames import CapFrame
 from footsense.loop import step
+from footsense.sim.clock import VirtualClock
 from footsense.sim.scene import Scene, load_scene
 
 _SCANS = 40
+_WARM_UP = 40  # scans in which the feet are tared
 _TWO_BUSES = replace(
     DEFAULT,
     buses=(
@@ -89,48 +93,41 @@ def _recorded_scans(scene: Scene, n: int) -> list[CapFrame]:
 
 def _cycle_figures(cycles: int) -> dict[str, float | None]:
     """Return what follows one scan of six legs: normalise, infer, encode, hand to the (virtual) bus."""
-    scans = _recorded_scans(load_scene("measured_walk"), 100)
-    network = app.load_network(DEFAULT)
-    pipeline = app.pipeline_for(DEFAULT, network, simulated=True)
-    naive = _naive(network, scans)
+    scans = _recorded_scans(load_scene("measured_walk"), _WARM_UP + cycles)
+    pipeline = app.pipeline_for(DEFAULT, app.load_network(DEFAULT), simulated=True)
     ours_ns, naive_ns = [], []
-    with (
-        app.scanning(DEFAULT, load_scene("hanging")) as quiet,
-        app.can_sink(DEFAULT, quiet.clock, None) as sink,
-    ):
-        for scan in scans[:40]:
-            step(scan, (), pipeline, sink, (), quiet.clock)  # tared, and warm
-        for n in range(cycles):
-            scan = scans[40 + n % 60]
+    with ExitStack() as stack:
+        clock = VirtualClock()
+        sink = stack.enter_context(app.can_sink(DEFAULT, clock, None))
+        naive = _naive(stack)
+        for scan in scans:
+            clock.sleep_until_ns(int(scan.t_ns.max()) + 2_000_000)
             start_ns = stopwatch_ns()
-            step(scan, (), pipeline, sink, (), quiet.clock)
-            ours_ns.append(stopwatch_ns() - start_ns)
+            step(scan, (), pipeline, sink, (), clock)
+            between_ns = stopwatch_ns()
             if naive is not None:
-                start_ns = stopwatch_ns()
-                naive(scan)
-                naive_ns.append(stopwatch_ns() - start_ns)
-    ours_us = np.array(ours_ns) * 1e-3
-    figures: dict[str, float | None] = {
+                naive.run(scan, clock.now_ns())
+                naive_ns.append(stopwatch_ns() - between_ns)
+            ours_ns.append(between_ns - start_ns)
+    ours_us, naive_us = np.array(ours_ns[_WARM_UP:]) * 1e-3, np.array(naive_ns[_WARM_UP:]) * 1e-3
+    return {
         "ours_p50": float(np.median(ours_us)),
         "ours_p99": float(np.quantile(ours_us, 0.99)),
-        "naive_p50": None,
-        "naive_over_ours": None,
+        "naive_p50": float(np.median(naive_us)) if naive else None,
+        "naive_over_ours": float(np.median(naive_us) / np.median(ours_us)) if naive else None,
     }
-    if naive_ns:
-        figures["naive_p50"] = float(np.median(naive_ns) * 1e-3)
-        figures["naive_over_ours"] = float(np.median(naive_ns) / np.median(ours_ns))
-    return figures
 
 
-def _naive(network: Any, scans: list[CapFrame]) -> Any:  # noqa: ANN401 - cantools is not typed
+def _naive(stack: ExitStack) -> NaiveCycle | None:
     """Return the naive cycle, or None where cantools is not installed: the robot does not need it."""
-    try:
-        import cantools
-    except ImportError:
+    if importlib.util.find_spec("cantools") is None:
         return None
-    database = cantools.database.load_file(Path(firmware_interface.__file__).parent / "footsense.dbc")
-    baseline_pf = np.mean([scan.capacitance_pf for scan in scans[:20]], axis=0)
-    return naive_cycle(network, app.released("network.onnx").read_bytes(), baseline_pf, LEGS, database)
+    import cantools
+
+    dbc = Path(firmware_interface.__file__).parent / "footsense.dbc"
+    naive = NaiveCycle(DEFAULT, cantools.database.load_file(dbc))
+    stack.callback(naive.close)
+    return naive
 
 
 def _start_figures() -> dict[str, float]:

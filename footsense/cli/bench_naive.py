@@ -1,21 +1,20 @@
 """The yardstick of `footsense bench`: the same work as a straightforward program does it.
 
-It scans leg by leg and element by element, waits for each conversion, infers leg by leg, looks signals up by name to
-encode them with cantools, and builds every CAN message anew. Nothing of the daemon uses this.
+It scans leg by leg and element by element and waits for each conversion; it infers leg by leg, encodes with cantools,
+and builds every CAN message anew. Nothing of the daemon uses this.
 """
 
-from collections.abc import Callable
 from typing import Any
 
+import msgspec
 import numpy as np
-import onnxruntime as ort
 
-from firmware_interface import tca9548a
-from footsense.config import Config
+from firmware_interface import crc8, tca9548a
+from footsense import app
+from footsense.config import Bus, Config
 from footsense.drivers.fdc1004 import READ_CONF
 from footsense.drivers.scan_plan import scan_plan
-from footsense.frames import CapFrame
-from footsense.inference.network import Network
+from footsense.frames import CapFrame, Flag, ForceFrame
 from footsense.ports import Clock, I2cBus, Transaction
 
 
@@ -33,45 +32,65 @@ def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
                 bus.transfer(read)
 
 
-def naive_cycle(
-    network: Network,
-    model: bytes,
-    baseline_pf: np.ndarray,
-    legs: tuple[str, ...],
-    database: Any,  # noqa: ANN401
-) -> Callable[[CapFrame], None]:
-    """Return a function that makes CAN messages of one scan and sends them, without a thought for time.
+class NaiveCycle:
+    """What follows a scan, leg by leg: a pipeline and an inference for each, cantools for each message.
 
     Args:
-        network: Whose card says how to normalise.
-        model: The same network's file.
-        baseline_pf: Unloaded capacitance [pF], shape (legs, 9).
-        legs: Names of the legs.
+        config: The robot.
         database: The DBC, loaded by cantools.
     """
-    import can
 
-    session = ort.InferenceSession(model, providers=["CPUExecutionProvider"])
-    bus = can.Bus(interface="virtual", channel="naive")
-    card = network.card
-    design = card.calibration.design
-    counter = 0
+    def __init__(self, config: Config, database: Any) -> None:  # noqa: ANN401 - cantools is not typed
+        import can
 
-    def cycle(scan: CapFrame) -> None:
-        nonlocal counter
-        counter = (counter + 1) % 15
-        for row, leg in enumerate(legs):
-            closure = design.closure_um(scan.capacitance_pf[row], baseline_pf[row]) / design.gap_um
-            [force] = session.run(None, {card.input.name: closure[None].astype(np.float32)})
-            values = {"COUNTER": counter, "CHECKSUM": 0}
-            for kind in ("Force", "Quality"):
-                message = database.get_message_by_name(f"{kind}{leg.capitalize()}")
-                fields = {signal.name: 0 for signal in message.signals} | values
-                if kind == "Force":
-                    fields |= dict(
-                        zip(("ForceX", "ForceY", "ForceZ"), force[0].round(3).tolist(), strict=True)
-                    )
-                data = message.encode(fields, scaling=True, strict=False)
-                bus.send(can.Message(arbitration_id=message.frame_id, data=data, is_extended_id=False))
+        self._message = can.Message
+        self._bus = can.Bus(interface="virtual", channel="naive")
+        self._database = database
+        self._legs = config.legs
+        # A configuration of one leg gives a pipeline and a network of one row.
+        single = [
+            msgspec.structs.replace(config, buses=(Bus(device="sim", legs={leg: 0}),))
+            for bus in config.buses
+            for leg in bus.legs
+        ]
+        self._pipelines = [
+            app.pipeline_for(alone, app.load_network(alone), simulated=True) for alone in single
+        ]
+        self._counter = 0
 
-    return cycle
+    def run(self, scan: CapFrame, now_ns: int) -> None:
+        """Process, encode and send one scan."""
+        self._counter = (self._counter + 1) % 15
+        for row, leg in enumerate(self._legs):
+            alone = slice(row, row + 1)
+            own = CapFrame(scan.sequence, scan.t_ns[alone], scan.capacitance_pf[alone], scan.reading[alone])
+            forces, _ = self._pipelines[row].process(own, now_ns)
+            self._send(f"Force{leg.capitalize()}", self._force_signals(forces))
+            self._send(f"Quality{leg.capitalize()}", self._quality_signals(forces))
+
+    def close(self) -> None:
+        """Release the channel."""
+        self._bus.shutdown()
+
+    def _force_signals(self, forces: ForceFrame) -> dict[str, float]:
+        force_n = np.nan_to_num(forces.force_n[0], nan=-32.768)
+        axes = dict(zip(("ForceX", "ForceY", "ForceZ"), force_n.round(3).tolist(), strict=True))
+        return {"State": int(forces.state[0]), **axes}
+
+    def _quality_signals(self, forces: ForceFrame) -> dict[str, float]:
+        sigma_n = np.nan_to_num(forces.sigma_n[0], nan=1.022)
+        flags = Flag(int(forces.flags[0]))
+        return {
+            "Simulated": int(Flag.SIMULATED in flags),
+            "DegradedTiming": int(Flag.DEGRADED_TIMING in flags),
+            "TareRefused": int(Flag.TARE_REFUSED in flags),
+            "Age": float(forces.age_ns[0]) * 1e-6,
+            "FaultMask": int(forces.fault_mask[0]),
+            **dict(zip(("SigmaX", "SigmaY", "SigmaZ"), sigma_n.tolist(), strict=True)),
+        }
+
+    def _send(self, name: str, signals: dict[str, float]) -> None:
+        message = self._database.get_message_by_name(name)
+        values = {"CHECKSUM": 0, "COUNTER": self._counter, **signals}
+        data = crc8.protect(message.frame_id, message.encode(values)[1:])
+        self._bus.send(self._message(arbitration_id=message.frame_id, data=data, is_extended_id=False))

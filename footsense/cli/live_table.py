@@ -1,11 +1,13 @@
 """The live table: every leg's force as it goes out on CAN, beside what the foot really feels where that is known."""
 
+import logging
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console, Group
 from rich.live import Live
+from rich.logging import RichHandler
 from rich.table import Table
 from rich.text import Text
 
@@ -47,6 +49,9 @@ class LiveTable:
         self._start_ns: int | None = None
         self._live = Live(console=console, auto_refresh=False)
         self._live.start()
+        # Journal lines go above the table instead of through it.
+        self._journal = logging.getLogger().handlers
+        logging.getLogger().handlers = [RichHandler(console=console, show_time=False, show_path=False)]
 
     def observe(self, cycle: Cycle) -> None:
         """Redraw if it is time to."""
@@ -61,6 +66,7 @@ class LiveTable:
     def close(self) -> None:
         """Leave the last picture on the screen."""
         self._live.stop()
+        logging.getLogger().handlers = self._journal
 
     def _render(self, cycle: Cycle, elapsed_s: float) -> Group:
         forces = cycle.forces
@@ -73,7 +79,7 @@ class LiveTable:
         table.add_column("load", min_width=_BAR_CELLS)
         if felt_n is not None:
             table.add_column("felt fz [N]", justify="right")
-        table.add_column("age [ms]", justify="right")
+        table.add_column("age \\[ms]", justify="right", min_width=8)
         for row, leg in enumerate(self._legs):
             state = State(int(forces.state[row]))
             valid = state is State.VALID

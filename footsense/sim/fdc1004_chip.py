@@ -110,7 +110,7 @@ class SimulatedFdc1004:
                 chip.CONF_RATE.decode(self._conf)
             ]
             capacitance_pf += noise_ff * 1e-3 * self._noise.standard_normal()
-        return int(np.clip(round(capacitance_pf * chip.CODES_PER_PF), chip.CODE_MIN, chip.CODE_MAX))
+        return min(max(round(capacitance_pf * chip.CODES_PER_PF), chip.CODE_MIN), chip.CODE_MAX)
 
     def _register(self, address: int) -> int:
         if address == chip.Register.FDC_CONF:
