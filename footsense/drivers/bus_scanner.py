@@ -67,6 +67,8 @@ class BusScanner:
         self._plan = plan
         self._legs = tuple(LegLink(name, channel, mux_address) for name, channel in channels.items())
         self._connected: Transaction | None = None
+        #: Legs that have failed in this scan: they are left out for its rest, so that they cost the others no more.
+        self._failed: dict[LegLink, Reading] = {}
         self._running: _Conversion | None = None
 
     def start(self) -> None:
@@ -95,12 +97,14 @@ class BusScanner:
         steps = self._plan.steps
         running = self._running or self._begin(steps[0], select_row=True)
         for position in range(len(steps)):
+            finished, following = running, steps[(position + 1) % len(steps)]
+            failed = self._failed
+            if following is steps[0]:
+                self._failed = {}  # the next scan begins with this step, and every leg gets its chance in it
             self._prepare()
-            self._clock.sleep_until_ns(running.t_start_ns + self._plan.wait_ns)
-            finished = running
-            following = steps[(position + 1) % len(steps)]
+            self._clock.sleep_until_ns(finished.t_start_ns + self._plan.wait_ns)
             running = self._begin(following, select_row=following.row_changes or not finished.started)
-            self._read_out(finished, result)
+            self._read_out(finished, result, failed)
         self._running = running
         self._note(result)
         self._probe_one(running.step.select_row)
@@ -115,10 +119,11 @@ class BusScanner:
 
     def _begin(self, step: Step, *, select_row: bool) -> _Conversion:
         """Start one conversion on every leg at once."""
-        started = any(leg.status is LinkStatus.IN_SCAN for leg in self._legs)
+        active = self._active()
+        started = bool(active)
         try:
             if started:
-                self._connect(self._join_active())
+                self._connect(self._join(active))
                 if select_row:
                     self._bus.transfer(step.select_row)
                 self._bus.transfer(step.trigger)
@@ -126,14 +131,14 @@ class BusScanner:
             started = False
         return _Conversion(step, self._clock.now_ns(), started)
 
-    def _read_out(self, conversion: _Conversion, into: BusScan) -> None:
-        """Read one finished conversion from every leg, into the element's column."""
+    def _read_out(self, conversion: _Conversion, into: BusScan, failed: dict[LegLink, Reading]) -> None:
+        """Read one finished conversion from every leg, into the element's column; note who fails."""
         step = conversion.step
         all_done = conversion.started and self._all_done(step)
         t_middle_ns = conversion.t_start_ns + self._plan.conversion_ns // 2
         for row, leg in enumerate(self._legs):
-            if leg.status is not LinkStatus.IN_SCAN:
-                into.reading[row, step.element] = leg.status.value
+            if leg.status is not LinkStatus.IN_SCAN or leg in failed:
+                into.reading[row, step.element] = failed.get(leg, leg.status.value)
                 continue
             if not conversion.started:
                 continue
@@ -142,6 +147,8 @@ class BusScanner:
             into.capacitance_pf[row, step.element] = capacitance_pf
             if reading is Reading.OK:
                 into.t_ns[row, step.element] = t_middle_ns
+            elif reading is not Reading.OVER_RANGE:
+                failed[leg] = reading
 
     def _all_done(self, step: Step) -> bool:
         """Ask all legs at once; False also when the question failed."""
@@ -185,10 +192,13 @@ class BusScanner:
     def _prepare(self) -> None:
         """Connect all legs while the conversion still runs; if that fails, `_begin` tries once more."""
         with contextlib.suppress(BusError):
-            self._connect(self._join_active())
+            self._connect(self._join(self._active()))
 
-    def _join_active(self) -> Transaction:
-        return self._join(tuple(leg.channel for leg in self._legs if leg.status is LinkStatus.IN_SCAN))
+    def _active(self) -> tuple[int, ...]:
+        """Return the channels of the legs that convert now."""
+        return tuple(
+            leg.channel for leg in self._legs if leg.status is LinkStatus.IN_SCAN and leg not in self._failed
+        )
 
     def _join(self, channels: tuple[int, ...]) -> Transaction:
         return Transaction(self._mux_address, bytes((tca9548a.select(channels),)))

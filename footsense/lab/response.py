@@ -147,7 +147,7 @@ def make_response(solid: Solid, field: SurfaceField) -> FootResponse:
     """Return the response table of a foot, symmetrised, with its errors in the provenance."""
     sole = solid.sole
     raw = fit_series(field)
-    point = np.round(symmetrise(raw), DECIMALS)
+    point = np.round(symmetrise(raw), DECIMALS) + 0.0  # without -0.0, which would be other bytes
     normal = disc_normals(MIN_ELEVATION_DEG)
     on_disc = _values(point, normal)
     lower = symmetrise(fit_series(field, DEGREE - 4), DEGREE - 4)
@@ -164,7 +164,7 @@ def make_response(solid: Solid, field: SurfaceField) -> FootResponse:
         min_elevation_deg=MIN_ELEVATION_DEG,
         fit_elevation_deg=FIT_ELEVATION_DEG,
         degree=DEGREE,
-        coefficients=np.stack([point, np.round(patch, DECIMALS).reshape(-1, 9, 3)]),
+        coefficients=np.stack([point, np.round(patch, DECIMALS).reshape(-1, 9, 3) + 0.0]),
         provenance={
             "mesh_mm": {
                 "ball": solid.size.ball_mm,

@@ -1,7 +1,7 @@
 """What breaks on one leg shows as the right state, on CAN and in the metrics, and touches no other leg.
 
-The scenes have no noise of the host, so "untouched" can be taken at its word: the other legs' forces are the same
-bits at the same times as in a run in which nothing breaks.
+The host costs nothing in these scenes, so no transaction more or less moves a conversion, and "untouched" can be taken
+at its word: the other legs' forces are the same bits at the same times as in a run in which nothing breaks.
 """
 
 from collections import Counter
@@ -41,7 +41,7 @@ class Walk:
         scene = folder / "scene.yaml"
         scene.write_text(
             "description: a fault\nload: {kind: tripod}\neffects: {converter_noise: true}\n"
-            f"host_cost_us: 40\nfaults: [{fault}]\n"
+            f"faults: [{fault}]\n"
         )
         self.log = folder / "can.log"
         self.cycles: list[Cycle] = []
