@@ -27,11 +27,13 @@ class Scanning:
     Attributes:
         source: The scanner, started.
         clock: The time that its stamps are in.
+        response_sha256: Hash of the response table that the simulated feet follow, None on a real robot.
         felt_n: What every foot feels at a time, None on a real robot.
     """
 
     source: RobotScanner
     clock: Clock
+    response_sha256: str | None
     felt_n: Callable[[int], NDArray[np.float64]] | None
 
 
@@ -86,4 +88,7 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
         )
         stack.callback(source.close)
         source.start()
-        yield Scanning(source, clock, robot.felt_n if robot else None)
+        if robot is None:
+            yield Scanning(source, clock, None, None)
+        else:
+            yield Scanning(source, clock, robot.response_sha256, robot.felt_n)

@@ -1,5 +1,6 @@
 """The daemon, put together: scans in, forces out, and everyone who watches."""
 
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -25,6 +26,8 @@ from footsense.publish.systemd import SystemdNotifier
 from footsense.recording.machine import this_machine
 from footsense.recording.recorder import Recorder, check_target
 from footsense.sim.scene import Scene
+
+_log = logging.getLogger(__name__)
 
 
 @contextmanager
@@ -126,6 +129,8 @@ def service(
             check_target(record)
         network = load_network(config)
         scan = stack.enter_context(scanning(config, scene))
+        if scan.response_sha256 not in {None, network.card.response_sha256}:
+            _log.warning("the network was trained on another response table than the simulated feet follow")
         observers: list[Observer] = [Journal(legs), Supervision(SystemdNotifier(), legs)]
         if config.metrics is not None:
             metrics = Metrics(legs, stats, recorder_lost=lambda: recorder.lost if recorder else 0)

@@ -115,7 +115,7 @@ class BusScanner:
         try:
             self._connect(self._join(()))
         except BusError as error:
-            _log.warning("the mux at %#04x was not released: %s", self._mux_address, error)
+            _log.info("the mux at %#04x was not released: %s", self._mux_address, error)
 
     def _begin(self, step: Step, *, select_row: bool) -> _Conversion:
         """Start one conversion on every leg at once."""

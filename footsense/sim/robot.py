@@ -97,13 +97,19 @@ class SimulatedRobot:
         scene: What it does.
         response: How its feet yield.
         buses: Its wiring.
+
+    Attributes:
+        clocks: The time of each bus.
+        clock: The time of whoever uses all buses together.
+        buses: The adapters.
+        response_sha256: Hash of the table that its feet follow.
     """
 
     def __init__(self, scene: Scene, response: FootResponse, buses: Sequence[Wiring]) -> None:
         self._load = scene.load.build(round(scene.lead_in_s * 1e9))
+        self.response_sha256 = response.sha256
         self._legs = tuple(leg for wiring in buses for leg in wiring.channels)
         self.clocks = tuple(VirtualClock() for _ in buses)
-        #: The time of whoever uses all buses together.
         self.clock = JoinedClock(self.clocks)
         self.buses = []
         for wiring, clock in zip(buses, self.clocks, strict=True):

@@ -1,0 +1,75 @@
+"""Commands by CAN, from a controller on the same bus: obeyed, answered, and refused with a reason."""
+
+from pathlib import Path
+
+import can
+import pytest
+
+from firmware_interface import can_events
+from footsense import app
+from footsense.config import DEFAULT
+from footsense.frames import CommandKind, Cycle, Result, State
+from footsense.sim.scene import load_scene
+
+NODE_LM = 2
+SCENE = """
+description: Every foot is pressed a second after the start.
+load: {kind: constant, force_n: [0.1, 0.0, 0.5]}
+lead_in_s: 1.0
+"""
+
+
+class Controller:
+    """An observer that sends commands at given times and keeps what comes back."""
+
+    def __init__(self, bus: can.BusABC, commands: dict[int, CommandKind]) -> None:
+        self._bus = bus
+        self._commands = commands
+        self._counter = 0
+        self.answers: list[tuple[CommandKind, Result]] = []
+        self.states: list[State] = []
+
+    def observe(self, cycle: Cycle) -> None:
+        self.states.append(State(int(cycle.forces.state[1])))
+        while (message := self._bus.recv(timeout=0)) is not None:
+            if message.arbitration_id == can_events.ANSWER_ID + NODE_LM:
+                answer = can_events.decode_answer(message.arbitration_id, bytes(message.data))
+                self.answers.append((CommandKind(answer.kind), Result(answer.result)))
+        kind = self._commands.get(cycle.scan.sequence)
+        if kind is not None:
+            data = can_events.encode_command(NODE_LM, self._counter, kind)
+            self._counter += 1
+            self._bus.send(
+                can.Message(arbitration_id=can_events.COMMAND_ID + NODE_LM, data=data, is_extended_id=False)
+            )
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> str:
+    """A scene file with half a newton on every foot after the first second."""
+    file = tmp_path / "pressed.yaml"
+    file.write_text(SCENE)
+    return str(file)
+
+
+def test_a_tare_is_granted_unloaded_and_refused_loaded(scene: str) -> None:
+    """The start's own tare is told too; then DONE in the air, LOADED on the ground, and the old baseline stays."""
+    with (
+        can.Bus(interface="virtual", channel=DEFAULT.can.channel) as bus,
+        app.service(DEFAULT, load_scene(scene), real_time=False) as service,
+    ):
+        controller = Controller(bus, {20: CommandKind.TARE, 60: CommandKind.TARE, 90: CommandKind.STOP})
+        service.observers.append(controller)
+        clock = service.scanning.clock
+        service.run(lambda: clock.now_ns() > 2_500_000_000)
+    assert controller.answers == [
+        (CommandKind.TARE, Result.DONE),
+        (CommandKind.TARE, Result.DONE),
+        (CommandKind.TARE, Result.LOADED),
+        (CommandKind.STOP, Result.DONE),
+    ]
+    assert controller.states[85] is State.VALID
+    assert controller.states[-1] is State.STOPPED
