@@ -6,7 +6,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: run test format clean
+.PHONY: run test format golden clean
 
 run: $(VENV)/robot.stamp
 	$(BIN)/footsense run --duration 10
@@ -38,3 +38,8 @@ $(VENV)/robot.stamp: $(VENV)/bin/python pyproject.toml
 $(VENV)/dev.stamp: $(VENV)/bin/python pyproject.toml
 	$(BIN)/python -m pip install --quiet --editable '.[lab]' --group dev
 	@touch $@ $(VENV)/robot.stamp
+
+# The recorded walk that every change is replayed against; to be made anew only by a change that is meant to change forces.
+golden: $(VENV)/robot.stamp
+	rm -f tests/golden/measured_walk.mcap
+	$(BIN)/footsense run --scene measured_walk --duration 4 --record tests/golden/measured_walk.mcap --summary text
