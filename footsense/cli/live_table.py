@@ -14,8 +14,8 @@ from rich.text import Text
 from footsense.frames import Cycle, State
 
 _PERIOD_NS = 66_000_000
-_BAR_CELLS = 16
-_BAR_FULL_N = 1.5
+_BAR_CELLS = 12
+_BAR_FULL_N = 1.2
 
 _STYLES = {
     State.VALID: "green",
@@ -71,14 +71,14 @@ class LiveTable:
     def _render(self, cycle: Cycle, elapsed_s: float) -> Group:
         forces = cycle.forces
         felt_n = self._felt_n(forces.t_sent_ns) if self._felt_n else None
-        table = Table(box=None, pad_edge=False, padding=(0, 2))
+        table = Table(box=None, pad_edge=False, padding=(0, 1))  # fits 80 columns
         table.add_column("leg")
-        table.add_column("state", min_width=15)
+        table.add_column("state", min_width=12)
         for axis in ("fx", "fy", "fz"):
             table.add_column(f"{axis} [N]", justify="right", min_width=7)
         table.add_column("load", min_width=_BAR_CELLS)
         if felt_n is not None:
-            table.add_column("felt fz [N]", justify="right")
+            table.add_column("felt [N]", justify="right", min_width=8)
         table.add_column("age \\[ms]", justify="right", min_width=8)
         for row, leg in enumerate(self._legs):
             state = State(int(forces.state[row]))
