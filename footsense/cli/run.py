@@ -122,7 +122,7 @@ def run(
         first = FirstFrame()
         service.observers.append(first)
         if live:
-            title = scene.description if scene else "on the robot"
+            title = f"{scene_name}, simulated" if scene else "on the robot"
             table = LiveTable(console, service.legs, title, service.scanning.felt_n)
             stack.callback(table.close)
             service.observers.append(table)
