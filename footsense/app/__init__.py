@@ -5,7 +5,14 @@ estimation   card  -> pipeline         the network, and what it was made for
 service      all of it, opened in order and closed in the opposite one
 """
 
-from footsense.app.estimation import FOOT_TYPE, load_network, pipeline_for, recorded_config, released
+from footsense.app.estimation import (
+    FOOT_TYPE,
+    load_network,
+    pipeline_for,
+    recorded_config,
+    recorded_flags,
+    released,
+)
 from footsense.app.scanning import Scanning, is_simulated, scanning, simulated_robot
 from footsense.app.service import Service, can_sink, service
 
@@ -18,6 +25,7 @@ __all__ = [
     "load_network",
     "pipeline_for",
     "recorded_config",
+    "recorded_flags",
     "released",
     "scanning",
     "service",

@@ -10,7 +10,7 @@ from footsense.config import Can, Config
 from footsense.core.baseline import TareLimits
 from footsense.core.pipeline import Pipeline
 from footsense.errors import ModelError, RecordingError
-from footsense.frames import ELEMENTS, Flag
+from footsense.frames import ELEMENTS
 from footsense.inference.network import Network
 from footsense.recording.replay import Replay
 
@@ -40,8 +40,8 @@ def load_network(config: Config) -> Network:
     return network
 
 
-def pipeline_for(config: Config, network: Network, *, simulated: bool) -> Pipeline:
-    """Return the pipeline of a robot."""
+def pipeline_for(config: Config, network: Network, flags: int) -> Pipeline:
+    """Return the pipeline of a robot whose frames carry these flags."""
     stray_pf = dict[str, tuple[float, ...]](config.stray_pf.items())
     return Pipeline(
         estimator=network,
@@ -53,8 +53,14 @@ def pipeline_for(config: Config, network: Network, *, simulated: bool) -> Pipeli
             unloaded_limit_rel=config.tare.unloaded_limit_rel,
         ),
         max_age_ns=config.max_age_ms * 1_000_000,
-        flags=Flag.SIMULATED if simulated else Flag(0),
+        flags=flags,
     )
+
+
+def recorded_flags(recording: Replay) -> int:
+    """Return the flags that every frame of a recording carries; without them in the header, none."""
+    text = recording.header.get("flags", "")
+    return int(text) if text.isdecimal() else 0
 
 
 def recorded_config(recording: Replay) -> Config:

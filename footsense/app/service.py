@@ -11,9 +11,10 @@ import msgspec
 from footsense import __version__, loop
 from footsense.app.estimation import load_network, pipeline_for
 from footsense.app.scanning import Scanning, scanning
-from footsense.clock import wall_time_iso
+from footsense.clock import request_realtime, wall_time_iso
 from footsense.config import Config
 from footsense.core.pipeline import Pipeline
+from footsense.frames import Flag
 from footsense.inference.network import Network
 from footsense.ports import Clock, FrameSource, Observer
 from footsense.publish.can_sink import CanSink
@@ -131,6 +132,8 @@ def service(
         scan = stack.enter_context(scanning(config, scene))
         if scan.response_sha256 not in {None, network.card.response_sha256}:
             _log.warning("the network was trained on another response table than the simulated feet follow")
+        # The recorder's and the exporter's processes give up again what they inherit of it.
+        flags = _flags(config, simulated=scene is not None)
         observers: list[Observer] = [Journal(legs), Supervision(SystemdNotifier(), legs)]
         if config.metrics is not None:
             metrics = Metrics(legs, stats, recorder_lost=lambda: recorder.lost if recorder else 0)
@@ -140,7 +143,7 @@ def service(
             observers.append(metrics)
         sink = stack.enter_context(can_sink(config, scan.clock, can_log, stats))
         if record is not None:
-            header = _recording_header(config, scene, network)
+            header = _recording_header(config, scene, network, flags)
             recorder = Recorder(record, legs, header, blocking=not real_time)
             observers.append(recorder)
         for observer in observers:
@@ -150,19 +153,31 @@ def service(
             scanning=scan,
             source=scan.source,
             network=network,
-            pipeline=pipeline_for(config, network, simulated=scene is not None),
+            pipeline=pipeline_for(config, network, flags),
             sink=sink,
             observers=observers,
             recorder=recorder,
         )
 
 
-def _recording_header(config: Config, scene: Scene | None, network: Network) -> dict[str, str]:
+def _flags(config: Config, *, simulated: bool) -> Flag:
+    """Ask for the scheduling that the configuration names; return what every frame has to say of itself."""
+    if simulated:
+        return Flag.SIMULATED
+    refusal = request_realtime(config.realtime.priority, config.realtime.cpu) if config.realtime else None
+    if refusal is None:
+        return Flag(0)
+    _log.warning("%s; the frames say degraded_timing", refusal)
+    return Flag.DEGRADED_TIMING
+
+
+def _recording_header(config: Config, scene: Scene | None, network: Network, flags: Flag) -> dict[str, str]:
     return {
         "footsense": __version__,
         "started": wall_time_iso(),
         "config": msgspec.json.encode(config).decode(),
         "scene": msgspec.json.encode(scene).decode() if scene else "",
+        "flags": str(int(flags)),
         "model_sha256": network.sha256,
         "foot_type": network.card.foot_type,
         "feet": ",".join(f"{leg}={foot}" for leg, foot in config.feet.items()),

@@ -25,7 +25,7 @@ from footsense import app
 from footsense.cli.bench_naive import NaiveCycle, sequential_scan
 from footsense.clock import stopwatch_ns
 from footsense.config import DEFAULT, Bus, Config
-from footsense.frames import CapFrame
+from footsense.frames import CapFrame, Flag
 from footsense.loop import step
 from footsense.sim.clock import VirtualClock
 from footsense.sim.scene import Scene, load_scene
@@ -94,7 +94,7 @@ def _recorded_scans(scene: Scene, n: int) -> list[CapFrame]:
 def _cycle_figures(cycles: int) -> dict[str, float | None]:
     """Return what follows one scan of six legs: normalise, infer, encode, hand to the (virtual) bus."""
     scans = _recorded_scans(load_scene("measured_walk"), _WARM_UP + cycles)
-    pipeline = app.pipeline_for(DEFAULT, app.load_network(DEFAULT), simulated=True)
+    pipeline = app.pipeline_for(DEFAULT, app.load_network(DEFAULT), Flag.SIMULATED)
     ours_ns, naive_ns = [], []
     with ExitStack() as stack:
         clock = VirtualClock()

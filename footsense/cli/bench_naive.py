@@ -54,7 +54,7 @@ class NaiveCycle:
             for leg in bus.legs
         ]
         self._pipelines = [
-            app.pipeline_for(alone, app.load_network(alone), simulated=True) for alone in single
+            app.pipeline_for(alone, app.load_network(alone), Flag.SIMULATED) for alone in single
         ]
         self._counter = 0
 

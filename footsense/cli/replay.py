@@ -53,7 +53,7 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool) -> 
             f"here is {network.sha256[:12]}; only the same network can give the same forces"
         )
     exact = same_machine(recording.header, this_machine())
-    pipeline = app.pipeline_for(config, network, simulated=bool(recording.header.get("scene")))
+    pipeline = app.pipeline_for(config, network, app.recorded_flags(recording))
     n_frames = 0
     with ExitStack() as stack:
         sink = stack.enter_context(app.can_sink(config, clock, can_log))

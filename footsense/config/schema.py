@@ -142,11 +142,11 @@ class Realtime(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What the loop asks of the scheduler.
 
     Attributes:
-        priority: SCHED_FIFO priority; threaded interrupts run at 50 by default.
+        priority: SCHED_FIFO priority; below 50, where the kernel's interrupt threads run: the loop waits for them.
         cpu: Processor to stay on; None leaves it to the kernel.
     """
 
-    priority: Annotated[int, Meta(ge=1, le=99)] = 50
+    priority: Annotated[int, Meta(ge=1, le=99)] = 40
     cpu: Annotated[int, Meta(ge=0, le=1023)] | None = None
 
 
