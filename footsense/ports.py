@@ -72,7 +72,7 @@ class Estimator(Protocol):
     """What turns normalised gap closures into forces: the network."""
 
     def estimate(self, closure_rel: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the force of every leg [N], shape (legs, 3), for closures over the gap [1], shape (legs, 9)."""
+        """Return the force of every row [N], shape (rows, 3), for closures over the gap [1], shape (rows, 9)."""
         ...
 
 

@@ -4,8 +4,10 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 import footsense
+from firmware_interface.fdc1004 import RATES
 from footsense.config import Can, Config
 from footsense.core.baseline import TareLimits
 from footsense.core.pipeline import Pipeline
@@ -32,7 +34,7 @@ def load_network(config: Config) -> Network:
         ModelError: There is none, or it is made for another foot.
     """
     path = Path(config.model) if config.model else released("network.onnx")
-    network = Network(path, n_legs=len(config.legs))
+    network = Network(path, n_rows=2 * len(config.legs))  # each leg is estimated two ways
     if network.card.foot_type != FOOT_TYPE:
         raise ModelError(
             f"{path}: made for foot type {network.card.foot_type!r}, these feet are {FOOT_TYPE!r}"
@@ -42,19 +44,29 @@ def load_network(config: Config) -> Network:
 
 def pipeline_for(config: Config, network: Network, flags: int) -> Pipeline:
     """Return the pipeline of a robot whose frames carry these flags."""
-    stray_pf = dict[str, tuple[float, ...]](config.stray_pf.items())
+    calibration = network.card.calibration
+    stray_pf = _per_leg(config, dict(config.stray_pf.items()), 0.0)
+    # The design's capacitance knows of no stray; a foot's own reading, as the configuration has it, includes it.
+    expected_pf = _per_leg(config, dict(config.unloaded_pf.items()), np.nan)
+    unloaded_pf = np.where(np.isnan(expected_pf), calibration.design.rest_pf, expected_pf - stray_pf)
+    scan_ms = ELEMENTS * RATES[config.scan.rate_sps].conversion_ns * 1e-6
     return Pipeline(
         estimator=network,
-        calibration=network.card.calibration,
-        stray_pf=np.array([stray_pf.get(leg, (0.0,) * ELEMENTS) for leg in config.legs]),
+        calibration=calibration,
+        stray_pf=stray_pf,
+        unloaded_pf=unloaded_pf,
         tare=TareLimits(
             window_frames=config.tare.window_frames,
             noise_limit_ff=config.tare.noise_limit_ff,
             unloaded_limit_rel=config.tare.unloaded_limit_rel,
         ),
-        max_age_ns=config.max_age_ms * 1_000_000,
+        max_age_ns=round((config.max_age_ms or 4 * scan_ms) * 1e6),
         flags=flags,
     )
+
+
+def _per_leg(config: Config, values: dict[str, tuple[float, ...]], default: float) -> NDArray[np.float64]:
+    return np.array([values.get(leg, (default,) * ELEMENTS) for leg in config.legs])
 
 
 def recorded_flags(recording: Replay) -> int:

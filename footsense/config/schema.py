@@ -33,6 +33,9 @@ Channel = Annotated[int, Meta(ge=0, le=tca9548a.CHANNELS - 1, description="a cha
 StrayPf = Annotated[
     tuple[Annotated[float, Meta(ge=0.0, le=20.0)], ...], Meta(min_length=ELEMENTS, max_length=ELEMENTS)
 ]
+UnloadedPf = Annotated[
+    tuple[Annotated[float, Meta(ge=0.1, le=15.0)], ...], Meta(min_length=ELEMENTS, max_length=ELEMENTS)
+]
 FootId = Annotated[str, Meta(pattern=r"^foot-[0-9]{4}$", description="such as foot-0007")]
 
 
@@ -100,10 +103,11 @@ class Tare(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     Attributes:
         window_frames: Scans that are averaged.
         noise_limit_ff: Largest standard deviation of an element over the window [fF].
-        unloaded_limit_rel: Largest mean gap closure, as a part of the gap, that counts as unloaded.
+        unloaded_limit_rel: Largest deviation of an element's capacitance from `unloaded_pf` that counts as unloaded;
+            3 % of the capacitance are 4 % of the gap.
     """
 
-    window_frames: Annotated[int, Meta(ge=2, le=1000)] = 16
+    window_frames: Annotated[int, Meta(ge=2, le=1000)] = 8
     noise_limit_ff: Annotated[float, Meta(gt=0.0, le=1000.0)] = 5.0
     unloaded_limit_rel: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.03
 
@@ -159,8 +163,10 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         can: Where the forces go. No default: a robot whose forces stay in the process would look healthy.
         scan: How the elements are read.
         tare: When a foot counts as quiet and unloaded.
-        max_age_ms: Age at which a measurement becomes `stale` [ms].
+        max_age_ms: Age of its oldest element at which a measurement becomes `stale` [ms]; None for four scans.
         stray_pf: Capacitance beside each element that is not the foot's [pF], nine per leg; 0 where absent.
+        unloaded_pf: What each element of a mounted foot reads while nothing presses it, stray included [pF], nine per
+            leg; none given means the design's. A tare must come near it.
         model: Network to use, relative to the file; None for the released one.
         feet: Which foot is mounted on which leg.
         metrics: Where the counters are shown; None for nowhere.
@@ -172,8 +178,9 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     can: Annotated[Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
     scan: Scan = Scan()
     tare: Tare = Tare()
-    max_age_ms: Annotated[int, Meta(ge=1, le=10_000)] = 100
+    max_age_ms: Annotated[int, Meta(ge=1, le=10_000)] | None = None
     stray_pf: dict[Leg, StrayPf] = {}
+    unloaded_pf: dict[Leg, UnloadedPf] = {}
     model: Annotated[str, Meta(min_length=1)] | None = None
     feet: dict[Leg, FootId] = {}
     metrics: Metrics | None = None

@@ -54,6 +54,14 @@ class CapacitorDesign:
         plate_distance_um = self.gap_um - closure_um + self.film_equivalent_um
         return EPS0_PF_UM_PER_MM2 * self.electrode_area_mm2 / plate_distance_um
 
+    def plate_distance_um(self, capacitance_pf: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the distance of the electrodes in air [um], the film's share included: the elastance as a length.
+
+        Args:
+            capacitance_pf: Capacitance without stray [pF], any shape.
+        """
+        return EPS0_PF_UM_PER_MM2 * self.electrode_area_mm2 / capacitance_pf
+
     def closure_um(
         self, capacitance_pf: NDArray[np.float64], baseline_pf: NDArray[np.float64]
     ) -> NDArray[np.float64]:
@@ -74,5 +82,4 @@ class CapacitorDesign:
             >>> round(float(sheet.closure_um(pressed, np.array([sheet.rest_pf]))[0]), 9)
             5.0
         """
-        plates_um = EPS0_PF_UM_PER_MM2 * self.electrode_area_mm2
-        return plates_um / baseline_pf - plates_um / capacitance_pf
+        return self.plate_distance_um(baseline_pf) - self.plate_distance_um(capacitance_pf)

@@ -9,20 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.core import quality
-from footsense.core.baseline import TareLimits, TareWindow, Verdict
+from footsense.core.baseline import Baselines, TareLimits
 from footsense.core.design import CapacitorDesign
 from footsense.core.skew import SkewRemoval
-from footsense.frames import (
-    ELEMENTS,
-    CapFrame,
-    Command,
-    CommandKind,
-    Flag,
-    ForceFrame,
-    Outcome,
-    Result,
-    State,
-)
+from footsense.frames import ELEMENTS, CapFrame, Command, CommandKind, ForceFrame, Outcome, Result, State
 from footsense.ports import Estimator
 
 Vector = NDArray[np.float64]
@@ -51,9 +41,10 @@ class Pipeline:
     """Turns scans into forces, and keeps each leg's baseline.
 
     Args:
-        estimator: The network.
+        estimator: The network, for twice the legs: each leg's force is estimated two ways to know its error.
         calibration: What its card says.
         stray_pf: Known capacitance in parallel with each element [pF], shape (legs, 9).
+        unloaded_pf: What each element of the free foot is expected to read, without stray [pF], shape (legs, 9).
         tare: When a tare is granted.
         max_age_ns: Age from which a measurement may not be used any more [ns].
         flags: Flags that every frame carries.
@@ -64,6 +55,7 @@ class Pipeline:
         estimator: Estimator,
         calibration: Calibration,
         stray_pf: Vector,
+        unloaded_pf: Vector,
         tare: TareLimits,
         max_age_ns: int,
         flags: int = 0,
@@ -71,25 +63,18 @@ class Pipeline:
         self._estimator = estimator
         self._calibration = calibration
         self._stray_pf = stray_pf
-        self._tare_limits = tare
+        self._unloaded_pf = unloaded_pf
         self._max_age_ns = max_age_ns
+        self._flags = flags
         n_legs = len(stray_pf)
-        #: Unloaded capacitance without stray [pF], NaN until a tare has succeeded.
-        self._baseline_pf = np.full((n_legs, ELEMENTS), np.nan)
-        self._unloaded_pf = np.full((n_legs, ELEMENTS), calibration.design.rest_pf)
+        self._baselines = Baselines(unloaded_pf, tare)
         self._skew = SkewRemoval(n_legs, ELEMENTS)
         self._stopped = np.zeros(n_legs, bool)
-        self._flags = np.full(n_legs, flags, np.uint8)
-        # Every leg is tared at start, again and again until that succeeds.
-        self._windows: dict[int, TareWindow] = {leg: TareWindow(tare) for leg in range(n_legs)}
-        self._commanded: set[int] = set()
-        self._last_refusal: dict[int, Result] = {}
 
     def obey(self, command: Command) -> Outcome | None:
         """Begin what a command asks for; a tare ends in a later scan, the rest at once."""
         if command.kind is CommandKind.TARE:
-            self._windows[command.leg] = TareWindow(self._tare_limits)
-            self._commanded.add(command.leg)
+            self._baselines.begin(command.leg)
             return None
         self._stopped[command.leg] = command.kind is CommandKind.STOP
         return Outcome(command, Result.DONE, f"{command.kind.name.lower()} obeyed")
@@ -101,75 +86,54 @@ class Pipeline:
             return self._process(scan, now_ns)
 
     def _process(self, scan: CapFrame, now_ns: int) -> tuple[ForceFrame, tuple[Outcome, ...]]:
+        calibration, design = self._calibration, self._calibration.design
         capacitance_pf = scan.capacitance_pf - self._stray_pf
-        outcomes = self._tare(capacitance_pf) if self._windows else ()
-        calibration = self._calibration
-        closure_rel = (
-            calibration.design.closure_um(capacitance_pf, self._baseline_pf) / calibration.design.gap_um
-        )
-        closure_rel = self._skew.apply(closure_rel, scan.t_ns)
+        outcomes = self._baselines.observe(capacitance_pf, scan.reading)
+        # Moved to one time as distances, which do not jump when a tare moves the baseline.
+        aligned = self._skew.apply(design.plate_distance_um(capacitance_pf), scan.t_ns)
+        rest_um = design.plate_distance_um(self._baselines.baseline_pf)
+        closure_rel = (rest_um - aligned.values) / design.gap_um
+
         # NaN compares as False: an element that was not read is neither open, shut nor out of range.
         opened = quality.open_elements(capacitance_pf, self._unloaded_pf)
         shut = closure_rel > quality.SHUT_REL
         outside = (closure_rel < calibration.closure_rel_min) | (closure_rel > calibration.closure_rel_max)
+        oldest_ns = scan.t_ns.min(axis=1)
 
         state = np.full(len(capacitance_pf), State.VALID, np.uint8)
         state[outside.any(axis=1)] = State.OUT_OF_RANGE
-        state[now_ns - scan.t_ns.min(axis=1) > self._max_age_ns] = State.STALE
-        self._mark_untared(state)
+        state[(now_ns - oldest_ns > self._max_age_ns) | ~aligned.together] = State.STALE
+        self._baselines.mark_untared(state)
         quality.converter_states(state, scan.reading, opened, shut)
         state[self._stopped] = State.STOPPED
 
-        valid = state == State.VALID
-        force_n = self._estimator.estimate(np.where(valid[:, None], closure_rel, 0.0))
-        force_n[~valid] = np.nan
-        magnitude_n = np.sqrt((force_n * force_n).sum(axis=1, keepdims=True))
+        force_n, sigma_n = self._estimate(state, closure_rel, (rest_um - aligned.coarser) / design.gap_um)
         return ForceFrame(
             sequence=scan.sequence,
             t_sent_ns=now_ns,
-            t_ns=np.where(scan.t_ns.min(axis=1) > 0, scan.t_ns.sum(axis=1) // ELEMENTS, 0),
+            t_ns=np.where(oldest_ns > 0, scan.t_ns.sum(axis=1) // ELEMENTS, 0),
             force_n=force_n,
-            sigma_n=calibration.sigma_floor_n + calibration.sigma_rel * magnitude_n,
+            sigma_n=sigma_n,
             state=state,
             fault_mask=quality.fault_mask((scan.reading != 0) | opened | shut),
-            flags=self._flags.copy(),
+            flags=self._baselines.flags | np.uint8(self._flags),
         ), outcomes
 
-    def _mark_untared(self, state: NDArray[np.uint8]) -> None:
-        untared = np.isnan(self._baseline_pf[:, 0])
-        if untared.any():
-            state[untared] = State.TARING
-            state[[leg for leg in np.flatnonzero(untared).tolist() if leg in self._last_refusal]] = (
-                State.NO_BASELINE
-            )
+    def _estimate(
+        self, state: NDArray[np.uint8], closure_rel: Vector, coarser_rel: Vector
+    ) -> tuple[Vector, Vector]:
+        """Return force and sigma [N], shape (legs, 3), NaN where `state` is not or no longer VALID.
 
-    def _tare(self, capacitance_pf: Vector) -> tuple[Outcome, ...]:
-        outcomes = []
-        for leg, window in list(self._windows.items()):
-            verdict = window.add(capacitance_pf[leg], self._unloaded_pf[leg])
-            if verdict is None:
-                continue
-            outcome = self._conclude(leg, verdict)
-            if outcome is not None:
-                outcomes.append(outcome)
-        return tuple(outcomes)
-
-    def _conclude(self, leg: int, verdict: Verdict) -> Outcome | None:
-        """Take or refuse a baseline; a first tare that is refused begins anew, and says so once per reason."""
-        del self._windows[leg]
-        commanded = leg in self._commanded
-        repeated = self._last_refusal.get(leg) is verdict.result
-        self._commanded.discard(leg)
-        if verdict.baseline_pf is not None:
-            self._baseline_pf[leg] = self._unloaded_pf[leg] = verdict.baseline_pf
-            self._last_refusal.pop(leg, None)
-            self._flags[leg] &= ~np.uint8(Flag.TARE_REFUSED)
-        else:
-            self._last_refusal[leg] = verdict.result
-            if np.isnan(self._baseline_pf[leg, 0]):
-                self._windows[leg] = TareWindow(self._tare_limits)
-            else:
-                self._flags[leg] |= Flag.TARE_REFUSED
-        if repeated and not commanded:
-            return None
-        return Outcome(Command(CommandKind.TARE, leg), verdict.result, verdict.reason)
+        Sigma is the network's own on a load at rest, and what the removal of skew may have left in motion.
+        """
+        valid = state == State.VALID
+        inputs = np.where(
+            np.concatenate((valid, valid))[:, None], np.concatenate((closure_rel, coarser_rel)), 0.0
+        )
+        force_n, coarser_n = np.split(self._estimator.estimate(inputs), 2)
+        nowhere = valid & ~np.isfinite(force_n).all(axis=1)
+        state[nowhere] = State.OUT_OF_RANGE
+        force_n[~valid | nowhere] = np.nan
+        magnitude_n = np.sqrt((force_n * force_n).sum(axis=1, keepdims=True))
+        at_rest_n = self._calibration.sigma_floor_n + self._calibration.sigma_rel * magnitude_n
+        return force_n, np.hypot(at_rest_n, force_n - coarser_n)

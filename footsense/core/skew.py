@@ -5,13 +5,36 @@ the scan cancels the false tilt of a force that grows evenly on all elements, bu
 than the others, and its shear is a small difference of large closures. So each element is moved along the parabola
 through its last three readings to the mean time of the scan: those read before it by extrapolation, those after it by
 interpolation. What changes with the square of time comes out exact. docs/adr/0005 has the figures.
+
+All elements of a leg are moved the same way: along a parabola if each has three readings, along a line if each has
+two. The step between the best two of these ways tells how far the result may be off, as embedded methods for
+differential equations do. A leg whose elements cannot be moved at all, after a gap or a stall, is not `together`.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
 Stamps = NDArray[np.int64]
+
+#: Farthest that an element is moved, in its own scan periods. Even steps need 0.44; more means that the scan stalled.
+_FARTHEST_REL = 0.75
+
+
+class Aligned(NamedTuple):
+    """A scan as of one time.
+
+    Attributes:
+        values: Moved the best way that each leg allows, shape (legs, elements).
+        coarser: Moved the next simpler way, same shape.
+        together: Whether the leg's elements could be moved, shape (legs,).
+    """
+
+    values: Vector
+    coarser: Vector
+    together: NDArray[np.bool_]
 
 
 class SkewRemoval:
@@ -24,38 +47,39 @@ class SkewRemoval:
 
     def __init__(self, n_legs: int, n_elements: int) -> None:
         shape = (n_legs, n_elements)
-        self._closure = np.full(shape, np.nan)
+        self._values = np.full(shape, np.nan)
         self._t_ns = np.zeros(shape, np.int64)
         self._slope = np.full(shape, np.nan)
         self._t_before_ns = np.zeros(shape, np.int64)
 
-    def apply(self, closure: Vector, t_ns: Stamps) -> Vector:
-        """Return every closure as of the mean stamp of its leg.
+    def apply(self, values: Vector, t_ns: Stamps) -> Aligned:
+        """Return every value as of the mean stamp of its leg.
 
         Args:
-            closure: Closures of a scan in any unit, shape (legs, elements), NaN where there is none.
+            values: One scan in any unit, shape (legs, elements), NaN where there is no reading.
             t_ns: Stamp of each [ns], same shape.
-
-        Returns:
-            Same shape; with one reading before it an element is moved along a line, with none it is taken as it is.
 
         Example:
             >>> skew = SkewRemoval(1, 2)
             >>> _ = skew.apply(np.array([[0.0, 1.0]]), np.array([[0, 10]]))
-            >>> skew.apply(np.array([[2.0, 3.0]]), np.array([[20, 30]])).tolist()
-            [[2.5, 2.5]]
+            >>> aligned = skew.apply(np.array([[2.0, 3.0]]), np.array([[20, 30]]))
+            >>> aligned.values.tolist(), aligned.coarser.tolist(), aligned.together.tolist()
+            ([[2.5, 2.5]], [[2.0, 3.0]], [True])
         """
-        # Newton's divided differences; a stamp that did not move belongs to a reading that is NaN.
-        elapsed_ns = np.maximum(t_ns - self._t_ns, 1)
-        slope = (closure - self._closure) / elapsed_ns
+        # Newton's divided differences, in float: a leg without readings has stamps of 0, and ns squared overflow.
+        elapsed_ns = np.maximum(t_ns - self._t_ns, 1).astype(np.float64)
+        slope = (values - self._values) / elapsed_ns
         bend = (slope - self._slope) / np.maximum(t_ns - self._t_before_ns, 1)
-        ahead_ns = t_ns.sum(axis=1, keepdims=True) // t_ns.shape[1] - t_ns
-        line, parabola = slope * ahead_ns, bend * (ahead_ns * (ahead_ns + elapsed_ns))
+        ahead_ns = (t_ns.sum(axis=1, keepdims=True) // t_ns.shape[1] - t_ns).astype(np.float64)
         self._t_before_ns, self._t_ns = self._t_ns, t_ns
-        self._closure, self._slope = closure, slope
-        moved: Vector = closure + _known(line) + _known(parabola)
-        return moved
-
-
-def _known(term: Vector) -> Vector:
-    return np.where(np.isfinite(term), term, 0.0)
+        self._values, self._slope = values, slope
+        line = values + slope * ahead_ns
+        parabola = line + bend * (ahead_ns * (ahead_ns + elapsed_ns))
+        has_two = np.isfinite(line).all(axis=1, keepdims=True)
+        has_three = np.isfinite(parabola).all(axis=1, keepdims=True)
+        near = (np.abs(ahead_ns) <= _FARTHEST_REL * elapsed_ns).all(axis=1)
+        return Aligned(
+            values=np.where(has_three, parabola, np.where(has_two, line, values)),
+            coarser=np.where(has_three, line, values),
+            together=has_two[:, 0] & near,
+        )

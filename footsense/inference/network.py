@@ -19,18 +19,18 @@ _AXES = 3
 
 
 class Network:
-    """A network that is ready to run for a fixed number of legs.
+    """A network that is ready to run for a fixed number of rows.
 
     Args:
         path: ONNX file with a card inside.
-        n_legs: Rows of every call.
+        n_rows: Rows of every call.
 
     Attributes:
         card: What the network was made for.
         sha256: Hash of the file, which names this very network in recordings.
     """
 
-    def __init__(self, path: Path, n_legs: int) -> None:
+    def __init__(self, path: Path, n_rows: int) -> None:
         try:
             content = path.read_bytes()
         except OSError as error:
@@ -53,8 +53,8 @@ class Network:
         )
         self._check_shapes(path)
         # The values alias these arrays: a call copies nothing and allocates nothing.
-        self._closure_rel = np.zeros((n_legs, ELEMENTS), np.float32)
-        self._force_n = np.zeros((n_legs, _AXES), np.float32)
+        self._closure_rel = np.zeros((n_rows, ELEMENTS), np.float32)
+        self._force_n = np.zeros((n_rows, _AXES), np.float32)
         self._binding = self._session.io_binding()
         self._binding.bind_ortvalue_input(
             self.card.input.name, ort.OrtValue.ortvalue_from_numpy(self._closure_rel)
@@ -62,10 +62,10 @@ class Network:
         self._binding.bind_ortvalue_output(
             self.card.output.name, ort.OrtValue.ortvalue_from_numpy(self._force_n)
         )
-        self.estimate(np.zeros((n_legs, ELEMENTS)))  # the first call plans memory: not in the loop
+        self.estimate(np.zeros((n_rows, ELEMENTS)))  # the first call plans memory: not in the loop
 
     def estimate(self, closure_rel: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the force of every leg [N], shape (legs, 3), for closures over the gap [1], shape (legs, 9)."""
+        """Return the force of every row [N], shape (rows, 3), for closures over the gap [1], shape (rows, 9)."""
         self._closure_rel[...] = closure_rel
         self._session.run_with_iobinding(self._binding)
         return self._force_n.astype(np.float64)
