@@ -11,6 +11,7 @@ Units:
     Force and its standard deviation N, age ns; on the wire 1 mN, 2 mN and 0.1 ms per bit.
 """
 
+import math
 import struct
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -132,8 +133,8 @@ def encode_force(node: int, counter: int, state: int, force_n: Sequence[float]) 
                       7..4  3..0
 
     A force leaves whole and with the state VALID, or not at all: under any other state all three components
-    are "no value", and a VALID force of which a component is NaN leaves as ELEMENT_FAULT. One above 32.767 N
-    leaves as that, which is not "no value".
+    are "no value", and a VALID force of which a component is NaN or infinite leaves as ELEMENT_FAULT. One above
+    32.767 N leaves as that, which is not "no value".
 
     Example:
         >>> encode_force(1, 0, State.VALID, (0.5, -0.25, 1.0)).hex(" ")
@@ -146,7 +147,7 @@ def encode_force(node: int, counter: int, state: int, force_n: Sequence[float]) 
         and -_MAX_FORCE_N <= z_n <= _MAX_FORCE_N
         and state == State.VALID
     ):
-        if state == State.VALID and any(component != component for component in force_n):  # noqa: PLR0124 - NaN
+        if state == State.VALID and not all(map(math.isfinite, force_n)):
             state = State.ELEMENT_FAULT
         if state != State.VALID:
             none = _FORCE.pack(state << 4 | counter, _NO_FORCE, _NO_FORCE, _NO_FORCE)

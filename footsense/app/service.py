@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,9 +14,11 @@ from footsense.app.scanning import Scanning, scanning
 from footsense.clock import request_realtime, wall_time_iso
 from footsense.config import Config
 from footsense.core.pipeline import Pipeline
+from footsense.errors import RecordingError
 from footsense.frames import Flag
 from footsense.inference.network import Network
 from footsense.ports import Clock, FrameSource, Observer
+from footsense.publish.can_log import check_log_target
 from footsense.publish.can_sink import CanSink
 from footsense.publish.can_stats import CanStats
 from footsense.publish.exporter_process import start_exporter
@@ -42,7 +44,8 @@ def can_sink(
 
     Raises:
         CanError: The channel is missing or down.
-        ConfigError: The log cannot be written.
+        ConfigError: The log's suffix is unknown.
+        RecordingError: The log cannot be made, or is not whole at the end.
     """
     sink = CanSink(
         interface=config.can.interface,
@@ -55,8 +58,11 @@ def can_sink(
     )
     try:
         yield sink
-    finally:
-        sink.close()
+    except BaseException:
+        with suppress(RecordingError):  # a log that is not whole must not hide what came before
+            sink.close()
+        raise
+    sink.close()
 
 
 @dataclass(slots=True)
@@ -128,6 +134,8 @@ def service(
     with ExitStack() as stack:
         if record is not None:
             check_target(record)
+        if can_log is not None:
+            check_log_target(can_log)
         network = load_network(config)
         scan = stack.enter_context(scanning(config, scene))
         if scan.response_sha256 not in {None, network.card.response_sha256}:

@@ -8,22 +8,21 @@ lasts a minute. python-can does not check the settings that it is given and woul
 home directory: it gets the chance for neither.
 """
 
+import contextlib
 import errno
 import logging
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from footsense.errors import CanError, ConfigError
+from footsense.errors import CanError, RecordingError
+from footsense.publish.can_log import check_log_suffix, open_log
 from footsense.publish.can_stats import CanStats
 
 if TYPE_CHECKING:
     import can
 
-__all__ = ["LOG_SUFFIXES", "CanChannel"]
-
-#: Formats of the log: candump, Vector ASCII, Vector binary.
-LOG_SUFFIXES = (".log", ".asc", ".blf")
+__all__ = ["CanChannel"]
 
 #: Ends the drain of a channel that never falls silent; a full bus of 1 Mbit/s carries fewer frames in a scan.
 _MAX_DRAINED = 1000
@@ -47,7 +46,8 @@ class CanChannel:
         log_error: Why the log ended early, such as a full disk; empty while it is whole.
 
     Raises:
-        ConfigError: The log's suffix is unknown, or the log cannot be opened.
+        ConfigError: The log's suffix is unknown.
+        RecordingError: The log cannot be opened.
         CanError: The channel is missing or down.
     """
 
@@ -62,15 +62,16 @@ class CanChannel:
         log_file: Path | None,
         stats: CanStats,
     ) -> None:
-        if log_file is not None and log_file.suffix not in LOG_SUFFIXES:
-            raise ConfigError(f"CAN log {log_file}: the suffix must be one of {', '.join(LOG_SUFFIXES)}")
+        if log_file is not None:
+            check_log_suffix(log_file)
         import can
 
         self.stats = stats
         self.log_error = ""
         self._failures = (can.CanError, OSError)
         self._accept = frozenset(accept)
-        self._log: can.io.generic.MessageWriter | None = None
+        self._log_file = log_file
+        self._log: can.io.generic.FileIOMessageWriter[Any] | None = None
         self._unlogged: list[can.Message] = []
         try:
             self._bus = can.Bus(
@@ -81,7 +82,7 @@ class CanChannel:
         try:
             self._greet(greeting, interface, channel, bitrate)
             if log_file is not None:
-                self._log = _open_log(log_file, channel)
+                self._log = open_log(log_file, channel)
         except BaseException:
             self._bus.shutdown()
             raise
@@ -134,10 +135,16 @@ class CanChannel:
         return arrived
 
     def close(self) -> None:
-        """Release the channel and finish the log."""
+        """Release the channel and finish the log.
+
+        Raises:
+            RecordingError: The log is not whole.
+        """
         self._bus.shutdown()
         if self._log is not None:
             self._end_log(self._log)
+        if self.log_error:
+            raise RecordingError(f"{self._log_file}: {self.log_error}; what was sent is not affected")
 
     def _greet(self, greeting: Mapping[int, bytes], interface: str, channel: str, bitrate: int) -> None:
         """Send the first frames.
@@ -158,7 +165,7 @@ class CanChannel:
                 self.stats.sent += 1
                 self._unlogged.append(frame)
 
-    def _write_log(self, log: "can.io.generic.MessageWriter", frame: "can.Message") -> None:
+    def _write_log(self, log: "can.io.generic.FileIOMessageWriter[Any]", frame: "can.Message") -> None:
         """Add a frame; a log that cannot grow ends, and the forces go on."""
         try:
             # The greeting was sent before there was a log, and before there were forces to tell the time.
@@ -171,12 +178,15 @@ class CanChannel:
             self.log_error = f"the CAN log ended early: {error.strerror}"
             self._end_log(log)
 
-    def _end_log(self, log: "can.io.generic.MessageWriter") -> None:
+    def _end_log(self, log: "can.io.generic.FileIOMessageWriter[Any]") -> None:
         self._log = None
         try:
             log.stop()
         except OSError as error:
             self.log_error = self.log_error or f"the CAN log is not whole: {error.strerror}"
+            # python-can leaves the file open where its last words do not fit.
+            with contextlib.suppress(OSError):
+                log.file.close()
 
 
 def _options(interface: str, accept: Collection[int]) -> dict[str, Any]:
@@ -189,26 +199,6 @@ def _options(interface: str, accept: Collection[int]) -> dict[str, Any]:
             "can_filters": [{"can_id": can_id, "can_mask": 0x7FF, "extended": False} for can_id in accept]
         }
     return {}
-
-
-def _open_log(log_file: Path, channel: str) -> "can.io.generic.MessageWriter":
-    """Return a writer of the format that the suffix names.
-
-    Raises:
-        ConfigError: The file cannot be written.
-    """
-    import can
-
-    try:
-        match log_file.suffix:
-            case ".log":
-                return can.CanutilsLogWriter(log_file, channel=channel)
-            case ".asc":
-                return can.ASCWriter(log_file)
-            case _:
-                return can.BLFWriter(log_file)
-    except OSError as error:
-        raise ConfigError(f"CAN log {log_file}: {error.strerror}") from error
 
 
 def _errno(error: BaseException) -> int | None:

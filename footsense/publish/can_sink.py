@@ -9,7 +9,7 @@ from pathlib import Path
 from firmware_interface import can_events, can_frames
 from firmware_interface.can_codes import NODE_IDS, NmtState, Result, State
 from firmware_interface.crc8 import FrameError, next_counter
-from footsense.frames import Command, ForceFrame, Outcome
+from footsense.frames import Command, CommandKind, ForceFrame, Outcome
 from footsense.ports import Clock
 from footsense.publish.can_channel import CanChannel
 from footsense.publish.can_stats import CanStats
@@ -18,11 +18,14 @@ __all__ = ["CanSink"]
 
 _HEARTBEAT_PERIOD_NS = 200_000_000
 
-#: The same counter again within this time is the same command again; later, it is a restarted consumer's.
+#: The same command with the same counter within this time is a repetition; later, it is a restarted consumer's.
 _REPEAT_NS = 1_000_000_000
 
+#: A leg whose chips give nothing waits for them as one without a baseline waits for its tare.
 _NMT_OF_STATE = {
     int(State.STOPPED): NmtState.STOPPED,
+    int(State.ABSENT): NmtState.PRE_OPERATIONAL,
+    int(State.CONVERTER_FAULT): NmtState.PRE_OPERATIONAL,
     int(State.NO_BASELINE): NmtState.PRE_OPERATIONAL,
     int(State.TARING): NmtState.PRE_OPERATIONAL,
 }
@@ -44,8 +47,10 @@ class _Leg:
         self.heartbeat_due_ns = heartbeat_due_ns
         # As if stopped until now: the first state is a change, and a consumer that was here before learns it.
         self.reported = (int(State.STOPPED), 0)
-        self.last_command: tuple[int, int] | None = None  # its counter and its time [ns]
-        self.asked: dict[int, int] = {}  # counter of the open command of each kind
+        self.last_command: tuple[CommandKind, int] | None = None  # its counter
+        self.last_command_ns = 0
+        # Counters of the open commands of each kind, oldest first.
+        self.asked: dict[CommandKind, list[int]] = {kind: [] for kind in CommandKind}
 
 
 class CanSink:
@@ -64,7 +69,8 @@ class CanSink:
         stats: What the channel has done so far.
 
     Raises:
-        ConfigError: The log's suffix is unknown, or the log cannot be opened.
+        ConfigError: The log's suffix is unknown.
+        RecordingError: The log cannot be opened.
         CanError: The channel is missing or down.
 
     Timing:
@@ -163,24 +169,34 @@ class CanSink:
             row = self._row_of_node[can_id - can_events.COMMAND_ID]
             leg = self._legs[row]
             now_ns = self._clock.now_ns()
-            if leg.last_command is not None:
-                last_counter, last_ns = leg.last_command
-                if counter == last_counter and now_ns - last_ns < _REPEAT_NS:
-                    self.stats.rejected += 1
-                    continue
-            leg.last_command = (counter, now_ns)
-            leg.asked[kind] = counter
+            if (kind, counter) == leg.last_command and now_ns - leg.last_command_ns < _REPEAT_NS:
+                self.stats.rejected += 1
+                continue
+            leg.last_command, leg.last_command_ns = (kind, counter), now_ns
+            if counter not in leg.asked[kind]:  # so the list cannot outgrow the counter's range
+                leg.asked[kind].append(counter)
             commands.append(Command(kind, row))
         return commands
 
     def answer(self, outcome: Outcome) -> None:
-        """Send a command's result on its leg's answer id, with the counter of the command."""
+        """Send a command's result on its leg's answer id, with the counter of the command.
+
+        A tare that is asked for while one runs begins that one anew: both have one end, and each its answer.
+        """
         kind, row = outcome.command
         leg = self._legs[row]
-        self._answer(leg, outcome.result, kind, leg.asked.pop(kind, can_events.UNASKED))
+        asked = leg.asked[kind]
+        n_ended = len(asked) if kind is CommandKind.TARE else 1
+        for counter in asked[:n_ended] or [can_events.UNASKED]:
+            self._answer(leg, outcome.result, kind, counter)
+        del asked[:n_ended]
 
     def close(self) -> None:
-        """Send each leg's last heartbeat, `stopped`, and release the channel; a second call does nothing."""
+        """Send each leg's last heartbeat, `stopped`, and release the channel; a second call does nothing.
+
+        Raises:
+            RecordingError: The log is not whole; the channel is released all the same.
+        """
         if self._closed:
             return
         self._closed = True

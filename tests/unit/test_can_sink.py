@@ -20,8 +20,9 @@ from firmware_interface.can_events import (
 )
 from firmware_interface.can_frames import decode_force, decode_quality
 from firmware_interface.crc8 import protect
-from footsense.errors import CanError, ConfigError
+from footsense.errors import CanError, ConfigError, RecordingError
 from footsense.frames import Command, ForceFrame, Outcome
+from footsense.publish.can_log import check_log_target
 from footsense.publish.can_sink import CanSink
 
 MS = 1_000_000
@@ -137,14 +138,18 @@ def test_heartbeats_come_at_5_hz_and_missed_ones_are_not_made_up_for(robot: Robo
 
 
 def test_heartbeats_tell_waiting_and_stopped_legs(robot: Robot) -> None:
-    """A leg without a baseline is pre-operational, a stopped one stopped."""
-    for t_ms, state in ((0, State.NO_BASELINE), (200, State.VALID), (400, State.STOPPED)):
-        robot.publish(t_ms * MS, state)
-    assert [decode_heartbeat(m.arbitration_id, bytes(m.data))[1] for m in robot.heard(0x700)] == [
-        NmtState.PRE_OPERATIONAL,
-        NmtState.OPERATIONAL,
-        NmtState.STOPPED,
-    ]
+    """A leg whose chips give nothing or that has no baseline is pre-operational, a stopped one stopped."""
+    waiting = {State.ABSENT, State.CONVERTER_FAULT, State.NO_BASELINE, State.TARING}
+    for number, state in enumerate(State):
+        robot.publish(number * 200 * MS, state)
+        (beat,) = robot.heard(0x700)
+        assert decode_heartbeat(0x701, bytes(beat.data))[1] == (
+            NmtState.PRE_OPERATIONAL
+            if state in waiting
+            else NmtState.STOPPED
+            if state == State.STOPPED
+            else NmtState.OPERATIONAL
+        )
 
 
 def test_a_change_is_reported_once(robot: Robot) -> None:
@@ -188,6 +193,31 @@ def test_bad_and_repeated_commands_are_counted_and_ignored(robot: Robot) -> None
     assert robot.sink.commands() == [Command(CommandKind.STOP, 0)]
     assert (robot.sink.stats.received, robot.sink.stats.rejected) == (4, 3)
     assert robot.heard(0x580) == []
+
+
+def test_a_counter_names_a_command_of_its_kind(robot: Robot) -> None:
+    """Another kind with the same counter is another command, not a repetition."""
+    for kind in (CommandKind.STOP, CommandKind.START):
+        robot.ask(encode_command(1, 3, kind))
+    assert [command.kind for command in robot.sink.commands()] == [CommandKind.STOP, CommandKind.START]
+    assert robot.sink.stats.rejected == 0
+
+
+def test_whoever_asks_is_answered(robot: Robot) -> None:
+    """Two tares that overlap end as one, and each gets the answer; two stops end one by one."""
+    for counter, kind in ((1, CommandKind.TARE), (2, CommandKind.TARE), (3, CommandKind.STOP)):
+        robot.ask(encode_command(1, counter, kind))
+    robot.ask(encode_command(1, 4, CommandKind.STOP))
+    assert len(robot.sink.commands()) == 4
+    for kind in (CommandKind.STOP, CommandKind.STOP, CommandKind.TARE):
+        robot.sink.answer(Outcome(Command(kind, 0), Result.DONE, ""))
+    answers = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
+    assert [(answer.kind, answer.asked) for answer in answers] == [
+        (CommandKind.STOP, 3),
+        (CommandKind.STOP, 4),
+        (CommandKind.TARE, 1),
+        (CommandKind.TARE, 2),
+    ]
 
 
 def test_a_restarted_consumer_may_begin_with_the_same_counter(robot: Robot) -> None:
@@ -288,9 +318,21 @@ def test_an_unknown_log_suffix_is_refused_with_those_known(tmp_path: Path) -> No
 
 
 def test_a_log_in_a_missing_folder_is_one_line(tmp_path: Path) -> None:
-    """The error names the file and the reason."""
-    with pytest.raises(ConfigError, match=r"walk\.log: No such file or directory"):
+    """The error names the file and the reason, at the check as at the opening."""
+    with pytest.raises(RecordingError, match=r"walk\.log: No such file or directory"):
         open_sink("virtual", "log", tmp_path / "missing" / "walk.log")
+    with pytest.raises(RecordingError, match=r"walk\.log: there is no directory .*missing"):
+        check_log_target(tmp_path / "missing" / "walk.log")
+
+
+def test_an_existing_log_is_refused_before_anything_is_opened(tmp_path: Path) -> None:
+    """A log is not overwritten, as a recording is not; a new name passes and nothing is made of it yet."""
+    old = tmp_path / "walk.log"
+    old.write_text("precious")
+    with pytest.raises(RecordingError, match=r"walk\.log: exists and is not overwritten; choose another"):
+        check_log_target(old)
+    check_log_target(tmp_path / "new.blf")
+    assert [path.name for path in tmp_path.iterdir()] == ["walk.log"]
 
 
 def test_an_unknown_interface_is_a_can_error(tmp_path: Path) -> None:
@@ -365,13 +407,25 @@ def test_a_bus_on_which_nobody_listens_drops_everything_and_stops_nothing() -> N
     assert (sink.stats.sent, sink.stats.dropped) == (0, 6)
 
 
-def test_a_full_disk_ends_the_log_and_not_the_forces(request: pytest.FixtureRequest, tmp_path: Path) -> None:
-    """The forces go on; why the log ended is kept to be told at the end."""
-    log_file = tmp_path / "walk.log"
+@pytest.mark.parametrize(
+    ("name", "n_scans", "says"),
+    [
+        ("walk.log", 200, "the CAN log ended early: No space left on device"),
+        ("walk.log", 1, "the CAN log is not whole: No space left on device"),
+        ("walk.blf", 1, "the CAN log is not whole: No space left on device"),
+    ],
+)
+def test_a_full_disk_ends_the_log_and_not_the_forces(
+    request: pytest.FixtureRequest, tmp_path: Path, name: str, n_scans: int, says: str
+) -> None:
+    """The forces go on to the last heartbeat; why the log ended is told at the end, and once."""
+    log_file = tmp_path / name
     log_file.symlink_to("/dev/full")
     robot = Robot(request.node.nodeid, log_file=log_file)
-    for t_ms in range(0, 4000, 20):
-        robot.publish(t_ms * MS)
+    for scan in range(n_scans):
+        robot.publish(scan * 20 * MS)
     assert robot.sink.stats.dropped == 0
+    with pytest.raises(RecordingError, match=rf"{name}: {says}; what was sent is not affected"):
+        robot.sink.close()
+    assert decode_heartbeat(0x701, bytes(robot.heard(0x700)[-1].data)) == (1, NmtState.STOPPED)
     robot.close()
-    assert robot.sink.log_error == "the CAN log ended early: No space left on device"
