@@ -18,6 +18,7 @@ _I2C_TIMEOUT = 0x0702  # linux/i2c-dev.h
 #: Adapter timeout in units of 10 ms. The kernel's default of 1 s would let one stuck leg stop all others for as long.
 _TIMEOUT_10MS = 2
 
+_NO_ADAPTER = {errno.ENOTTY, errno.EINVAL, errno.EISDIR}
 _NACK_ERRNOS = {errno.EREMOTEIO, errno.ENXIO}
 
 
@@ -64,7 +65,9 @@ class LinuxI2cBus:
                 f"{device}: permission denied; the service's user belongs in group i2c"
             ) from error
         except OSError as error:
-            raise HardwareError(f"{device}: {error.strerror}") from error
+            # Other kinds of files do not know the question that an adapter answers.
+            what = "not an I2C adapter; see `ls /dev/i2c-*`" if error.errno in _NO_ADAPTER else error.strerror
+            raise HardwareError(f"{device}: {what}") from error
         # An adapter that does not take the timeout still works, only slower when a line is stuck.
         with contextlib.suppress(OSError):
             fcntl.ioctl(adapter.fd, _I2C_TIMEOUT, _TIMEOUT_10MS)

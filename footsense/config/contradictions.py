@@ -67,6 +67,7 @@ def _channels(bus: Bus, i: int) -> Iterator[Problem]:
 
 
 def _addresses(bus: Bus, i: int) -> Iterator[Problem]:
+    name_at: dict[int, str] = {}
     for k, device in enumerate(bus.other_devices):
         path = ("buses", i, "other_devices", k)
         if "pca9685" in device.name.lower() and bus.mux.address == PCA9685_ALLCALL:
@@ -87,6 +88,13 @@ def _addresses(bus: Bus, i: int) -> Iterator[Problem]:
                 f"{device.name} answers at {device.address:#04x}, which is the address of the multiplexer; "
                 f"change one of them",
             )
+        if device.address in name_at:
+            yield Problem(
+                (*path, "address"),
+                f"{device.name} answers at {device.address:#04x}, as does {name_at[device.address]}; "
+                "change one of them, or name a device once",
+            )
+        name_at[device.address] = device.name
 
 
 def _feet(config: Config) -> Iterator[Problem]:

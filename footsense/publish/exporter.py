@@ -8,6 +8,7 @@ standard input does: that happens when the service ends, even if it was killed.
 
 import argparse
 import contextlib
+import errno
 import os
 import sys
 from collections.abc import Iterable, Sequence
@@ -79,6 +80,13 @@ def _yield_to_the_loop() -> None:
         os.nice(5)
 
 
+def _remedy(error: OSError | OverflowError) -> str:
+    """Return what would be right instead: another port, or an address of this machine."""
+    if isinstance(error, OverflowError) or error.errno in {errno.EADDRINUSE, errno.EACCES}:
+        return "choose another metrics.port"
+    return "metrics.address has to be an address of this machine, such as 127.0.0.1"
+
+
 def _say(line: str) -> None:
     sys.stdout.write(line + "\n")
     sys.stdout.flush()
@@ -102,7 +110,7 @@ def main() -> int:
     try:
         server, _ = start_http_server(arguments.port, arguments.address, registry)
     except (OSError, OverflowError) as error:
-        _say(f"refused {getattr(error, 'strerror', None) or error}")
+        _say(f"refused {getattr(error, 'strerror', None) or error}; {_remedy(error)}")
         return 2
     _say(f"ready {server.server_port}")
     sys.stdin.buffer.read()

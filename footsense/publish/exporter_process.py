@@ -66,7 +66,7 @@ def start_exporter(path: Path, address: str, port: int, timeout_s: float = 20.0)
         return ExporterProcess(process, int(rest))
     _end(process)
     if word == "refused":
-        raise ConfigError(f"metrics cannot be shown on {address}:{port}: {rest}; choose another metrics.port")
+        raise ConfigError(f"metrics cannot be shown on {address}:{port}: {rest}")
     silence = "it ended without a word" if spoke else f"no word within {timeout_s:g} s"
     raise FootsenseError(f"the metrics exporter did not start: {rest or silence}")
 

@@ -97,3 +97,10 @@ def test_an_adapter_that_is_not_there_is_one_clear_line() -> None:
     """The message names the device and what to look at."""
     with pytest.raises(HardwareError, match="/dev/i2c-99: no such I2C adapter; enable it"):
         LinuxI2cBus.open("/dev/i2c-99")
+
+
+@pytest.mark.parametrize("device", ["/dev/null", "/dev"])
+def test_another_kind_of_file_is_no_adapter(device: str) -> None:
+    """The message says so, not which system call failed."""
+    with pytest.raises(HardwareError, match=f"^{device}: not an I2C adapter; see `ls /dev/i2c-"):
+        LinuxI2cBus.open(device)

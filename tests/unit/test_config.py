@@ -89,6 +89,13 @@ def test_the_model_is_found_beside_the_file(file: Path) -> None:
         (
             ONE_BUS.replace(
                 "can:",
+                "    other_devices: [{name: IMU, address: 0x68}, {name: RTC, address: 0x68}]\ncan:",
+            ),
+            "buses[0].other_devices[1].address: RTC answers at 0x68, as does IMU; change one of them",
+        ),
+        (
+            ONE_BUS.replace(
+                "can:",
                 "    mux: {address: 0x70}\n    other_devices: [{name: my PCA9685, address: 0x40}]\ncan:",
             ),
             "line 4: buses[0].mux.address: my PCA9685 answers at 0x70 too (ALLCALL)",

@@ -166,6 +166,12 @@ def test_the_exporter_shows_the_counters_and_ends_when_told(metrics: Metrics) ->
     exporter.close()
 
 
+def test_an_address_of_another_machine_is_not_blamed_on_the_port(metrics: Metrics) -> None:
+    """The remedy names the key that is wrong; 192.0.2.0/24 is nobody's, by RFC 5737."""
+    with pytest.raises(ConfigError, match=r"192\.0\.2\.1:9108: Cannot assign .*; metrics\.address has to be"):
+        start_exporter(metrics.path, "192.0.2.1", 9108)
+
+
 def test_an_exporter_without_counters_is_one_line(tmp_path: Path) -> None:
     """What the exporter cannot do is told by whoever started it."""
     with pytest.raises(FootsenseError, match=r"exporter did not start: .*missing: No such file"):
