@@ -5,6 +5,7 @@ the pipe full is lost, counted, and its loss recorded before the next cycle that
 """
 
 import os
+import select
 from collections.abc import Mapping, Sequence
 
 from footsense.frames import Cycle
@@ -70,11 +71,22 @@ class CyclePipe:
             self._rest = bytes(record[n:])
         return True
 
-    def close(self) -> None:
-        """Wait until the pipe has taken what is left, a last loss included, and end it."""
-        os.set_blocking(self._fd, True)
-        if self._rest or self._unreported:
-            self._write(
-                pack_loss(Loss(self.n_cycles, self._t_ns, self._unreported)) if self._unreported else b""
-            )
+    def close(self, timeout_s: float) -> None:
+        """Wait until the pipe has taken what is left, a last loss included, and end it.
+
+        Args:
+            timeout_s: How long to wait for room [s]; what found none by then is lost.
+        """
+        left = memoryview(self._rest)
+        if self._unreported:
+            loss = pack_loss(Loss(self.n_cycles, self._t_ns, self._unreported))
+            left = memoryview(self._rest + loss)
+        os.set_blocking(self._fd, False)
+        room = select.poll()
+        room.register(self._fd, select.POLLOUT)
+        try:
+            while left and room.poll(timeout_s * 1000):
+                left = left[os.write(self._fd, left) :]
+        except (BlockingIOError, BrokenPipeError):
+            pass  # nobody reads; the recorder learns it from the writer's end
         os.close(self._fd)

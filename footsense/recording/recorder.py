@@ -14,14 +14,19 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from footsense.errors import RecordingError
+from footsense.errors import ConfigError, RecordingError
 from footsense.frames import Cycle
 from footsense.recording.cycle_pipe import CyclePipe
 
-__all__ = ["Recorder", "check_target", "partial_path"]
+__all__ = ["Recorder", "check_not_being_written", "check_target", "partial_path"]
+
+SUFFIX = ".mcap"
 
 #: Room in the pipe [bytes]: about 20 s of six legs at 40 Hz, and the most that Linux gives a user by default.
 PIPE_BYTES = 1 << 20
+
+#: Longest wait for the writer to take what is left in the loop's process [s].
+DRAIN_TIMEOUT_S = 10.0
 
 #: Longest wait for the writer to finish after the pipe has ended [s].
 FINISH_TIMEOUT_S = 30.0
@@ -36,12 +41,16 @@ def check_target(path: Path) -> None:
     """Check that a recording may be written to `path`; to be called before anything is started.
 
     Raises:
+        ConfigError: The name does not end in .mcap.
         RecordingError: The file or its unfinished form exists, or the directory cannot be written to.
     """
+    if path.suffix != SUFFIX:
+        raise ConfigError(f"recording {path}: the name has to end in {SUFFIX}")
     partial = partial_path(path)
     if path.exists():
         raise RecordingError(f"{path}: exists and is not overwritten; choose another name or remove it")
     if partial.exists():
+        check_not_being_written(partial)
         raise RecordingError(
             f"{partial}: exists, a recording that was cut short; footsense recover it, or remove it"
         )
@@ -49,6 +58,24 @@ def check_target(path: Path) -> None:
         raise RecordingError(f"{path}: there is no directory {path.parent}")
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise RecordingError(f"{path}: the directory {path.parent} cannot be written to")
+
+
+def check_not_being_written(partial: Path) -> None:
+    """Check that an unfinished recording is one that was left, not one that is in the making.
+
+    Raises:
+        RecordingError: Its writer, which holds a lock on it, is alive.
+    """
+    with contextlib.suppress(OSError):  # what cannot be opened is told by whoever needs it
+        fd = os.open(partial, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise RecordingError(
+                f"{partial}: is being written by another footsense; choose another name, or wait for its end"
+            ) from None
+        finally:
+            os.close(fd)
 
 
 class Recorder:
@@ -94,7 +121,7 @@ class Recorder:
         if self._n_written is not None:
             return
         self._n_written = 0
-        self._pipe.close()
+        self._pipe.close(DRAIN_TIMEOUT_S)
         try:
             report = self._writer.communicate(timeout=FINISH_TIMEOUT_S)[1]
         except subprocess.TimeoutExpired:
@@ -128,6 +155,9 @@ def _start_writer(path: Path) -> tuple[subprocess.Popen[bytes], int]:
         file = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
     except OSError as error:
         raise RecordingError(f"{partial}: cannot be made: {error.strerror}") from None
+    with contextlib.suppress(OSError):  # some network drives know no locks; the file is written all the same
+        # The writer inherits the lock with the file, and it ends with whoever has the file open last.
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     read_end, write_end = os.pipe()
     with contextlib.suppress(OSError):  # a smaller pipe serves too
         fcntl.fcntl(write_end, fcntl.F_SETPIPE_SZ, PIPE_BYTES)

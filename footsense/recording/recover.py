@@ -7,7 +7,7 @@ from typing import NamedTuple
 from footsense.errors import RecordingError
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.pipe_format import Numbered
-from footsense.recording.recorder import check_target, partial_path
+from footsense.recording.recorder import check_not_being_written, check_target, partial_path
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream
 
@@ -47,8 +47,10 @@ def recover(path: Path, target: Path) -> Recovered:
         How much came through and what did not.
 
     Raises:
-        RecordingError: `path` is no recording, or `target` cannot be made.
+        ConfigError: `target` does not end in .mcap.
+        RecordingError: `path` is no recording or is still being written, or `target` cannot be made.
     """
+    check_not_being_written(path)
     replay = Replay(path)
     # The unfinished form of the target may be the very file that is recovered.
     unfinished = target.with_name(target.name + ".recovering")

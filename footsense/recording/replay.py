@@ -62,27 +62,29 @@ class ReplaySource:
 
     Attributes:
         cycle: The cycle as recorded, whose scan was read last; None before the first.
+        lost: Cycles before that one that the recorder could not keep; what follows a loss saw another past.
         damage: Why the recording ended early; None if it did not, or has not ended yet.
     """
 
     def __init__(self, replay: Replay) -> None:
-        self._cycles = iter(replay)
+        self._entries = replay.entries()
         self._commands: tuple[Command, ...] = ()
         self.cycle: Cycle | None = None
+        self.lost = 0
         self.damage: RecordingError | None = None
 
     def read(self) -> CapFrame | None:
         """Return the next scan; None at the end, and where the recording is damaged (see `damage`)."""
         try:
-            cycle = next(self._cycles, None)
+            for entry in self._entries:
+                if isinstance(entry, Numbered):
+                    self.cycle = entry.cycle
+                    self._commands = self.cycle.commands
+                    return self.cycle.scan
+                self.lost += entry.n_cycles
         except RecordingError as error:
             self.damage = error
-            return None
-        if cycle is None:
-            return None
-        self.cycle = cycle
-        self._commands = cycle.commands
-        return cycle.scan
+        return None
 
     def commands(self) -> list[Command]:
         """Return the commands that were obeyed before the scan read last was processed, once."""

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from numpy.typing import NDArray
 
-from footsense.errors import RecordingError
+from footsense.errors import ConfigError, RecordingError
 from footsense.frames import (
     CapFrame,
     Command,
@@ -32,7 +32,7 @@ from footsense.recording.cycle_pipe import CyclePipe
 from footsense.recording.machine import this_machine
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.pipe_format import CyclePacker, Loss, Numbered, pack_header, pack_loss, unpack
-from footsense.recording.recorder import Recorder, partial_path
+from footsense.recording.recorder import Recorder, check_target, partial_path
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 from footsense.recording.writer import FdStream, PipeWriter
@@ -234,6 +234,19 @@ def test_replay_gives_scan_commands_and_time(walk: tuple[bytes, list[Cycle]], sc
     assert source.damage is None
 
 
+def test_replay_counts_what_was_lost(scratch: Path) -> None:
+    """The source gives the scans on both sides of a gap, and tells the gap with the scan after it."""
+    with scratch.open("wb") as file:
+        recording = McapFile(FdStream(file.fileno()), {"legs": ",".join(LEGS)})
+        recording.add_cycle(Numbered(0, cycle(0)))
+        recording.add_loss(Loss(4, 0, 3))
+        recording.add_cycle(Numbered(4, cycle(4)))
+        recording.finish()
+    source = ReplaySource(Replay(scratch))
+    seen = [(scan.sequence, source.lost) for scan in iter(source.read, None)]
+    assert seen == [(0, 0), (4, 3)]
+
+
 def test_compare_names_the_first_difference() -> None:
     """The difference is told with its leg, field and both values; 1 mN is none on another machine."""
     then, now = cycle(0).forces, cycle(0).forces
@@ -285,6 +298,26 @@ def test_an_existing_file_is_not_overwritten(tmp_path: Path) -> None:
             Recorder(tmp_path / name, LEGS, {}, blocking=True)
 
 
+@pytest.mark.parametrize("name", ["walk.txt", "-", "walk", "walk.mcap.partial"])
+def test_a_recording_ends_in_mcap(tmp_path: Path, name: str) -> None:
+    """Another suffix is a mistake, `-` among them; no file is made."""
+    with pytest.raises(ConfigError, match=rf"{name}: the name has to end in \.mcap"):
+        check_target(tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_in_the_making_is_told_from_one_that_was_cut_short(tmp_path: Path) -> None:
+    """A second recorder and `recover` leave it alone while its writer lives; at its end it is whole."""
+    path = tmp_path / "walk.mcap"
+    first = Recorder(path, LEGS, {}, blocking=True)
+    first.observe(cycle(0))
+    for attempt in (lambda: check_target(path), lambda: recover(partial_path(path), path)):
+        with pytest.raises(RecordingError, match=r"partial: is being written by another footsense"):
+            attempt()
+    first.close()
+    assert len(list(Replay(path))) == 1
+
+
 def test_a_full_pipe_loses_cycles_and_says_so(tmp_path: Path) -> None:
     """In real time a cycle that finds no room is counted, and recorded as lost before the next one."""
     read_end, write_end = os.pipe()
@@ -297,7 +330,7 @@ def test_a_full_pipe_loses_cycles_and_says_so(tmp_path: Path) -> None:
         writer = PipeWriter(file.fileno())
         writer.feed(os.read(read_end, 1 << 20))
         pipe.send(cycle(100))
-        pipe.close()
+        pipe.close(0.0)
         writer.feed(os.read(read_end, 1 << 20))
         writer.finish()
     os.close(read_end)
@@ -306,6 +339,18 @@ def test_a_full_pipe_loses_cycles_and_says_so(tmp_path: Path) -> None:
     numbered = [entry for entry in entries if isinstance(entry, Numbered)]
     assert [entry.counter for entry in numbered] == [*range(100 - lost), 100]
     assert all(same(entry.cycle, cycle(entry.counter)) for entry in numbered)
+
+
+@pytest.mark.parametrize("blocking", [True, False])
+def test_a_writer_that_hangs_does_not_hold_up_the_end(blocking: bool) -> None:  # noqa: FBT001 - a case
+    """With the pipe full and nobody reading, closing gives up after its timeout, here at once."""
+    read_end, write_end = os.pipe()
+    pipe = CyclePipe(write_end, LEGS, {}, blocking=False)
+    for number in range(100):
+        pipe.send(cycle(number))
+    os.set_blocking(write_end, blocking)
+    pipe.close(0.0)
+    os.close(read_end)
 
 
 def test_a_full_disk_does_not_stop_the_loop(tmp_path: Path) -> None:
