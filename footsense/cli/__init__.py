@@ -3,8 +3,11 @@
 Commands are imported when they are called: `footsense --help` needs no network runtime.
 """
 
+import contextlib
+import errno
 import importlib
 import logging
+import os
 import sys
 from typing import Any
 
@@ -12,6 +15,9 @@ import click
 
 import footsense
 from footsense.errors import FootsenseError
+
+#: Exit code of a command that Ctrl-C ended, as shells have it: 128 + SIGINT. `run` ends well, with 0.
+_INTERRUPTED = 130
 
 #: Where each command is, and its line in the help, so that help imports none of them.
 _COMMANDS = {
@@ -54,6 +60,31 @@ class LazyGroup(click.Group):
         except FootsenseError as error:
             click.echo(f"footsense: {error}", err=True)
             sys.exit(error.exit_code)
+        except KeyboardInterrupt:
+            sys.exit(_INTERRUPTED)
+
+    def main(self, *args: Any, **extra: Any) -> Any:  # noqa: ANN401 - click's signature
+        """Run the command line; an output that cannot be written, or only at its end, is one line too."""
+        try:
+            try:
+                return super().main(*args, **extra)
+            finally:
+                if sys.stdout is not None:  # closed by whoever started us
+                    sys.stdout.flush()
+        except OSError as error:
+            _give_up_output()
+            if error.errno != errno.EPIPE:  # whoever reads no further wants no more lines either
+                where = error.filename or "the output"
+                click.echo(f"footsense: {where}: {error.strerror or error}", err=True)
+            sys.exit(FootsenseError.exit_code)
+
+
+def _give_up_output() -> None:
+    """Let what is still buffered go nowhere, so that Python does not stumble over it at its end."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

@@ -43,7 +43,13 @@ _TWO_BUSES = replace(
 
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
-@click.option("--cycles", default=400, show_default=True, help="Cycles to time, ours and naive in turns.")
+@click.option(
+    "--cycles",
+    type=click.IntRange(min=1),
+    default=400,
+    show_default=True,
+    help="Cycles to time, ours and naive in turns.",
+)
 def bench(*, as_json: bool, cycles: int) -> None:
     """Measure scan period, cycle cost, start-up and memory, each beside its limit or a naive program."""
     figures: dict[str, Any] = {

@@ -4,7 +4,9 @@ from pathlib import Path
 
 import click
 
+from footsense import app
 from footsense.config import Bus, Config, load_config
+from footsense.inference.network import Network
 
 
 @click.command("check-config")
@@ -12,13 +14,14 @@ from footsense.config import Bus, Config, load_config
 def check_config(file: Path) -> None:
     """Say what the configuration FILE means, or which key is wrong and what would be right."""
     config = load_config(file)
-    for line in _summary(config):
+    network = app.load_network(config)
+    for line in _summary(config, network):
         click.echo(line)
     for warning in config.warnings:
         click.echo(f"warning: {warning}", err=True)
 
 
-def _summary(config: Config) -> list[str]:
+def _summary(config: Config, network: Network) -> list[str]:
     realtime, metrics = config.realtime, config.metrics
     cpu = "" if realtime is None or realtime.cpu is None else f" on processor {realtime.cpu}"
     return [
@@ -29,7 +32,7 @@ def _summary(config: Config) -> list[str]:
         f"  quiet below {config.tare.noise_limit_ff:g} fF of noise",
         f"  unloaded below {config.tare.unloaded_limit_rel:g} of the gap closed",
         f"stale after {config.max_age_ms} ms",
-        f"network: {config.model or 'the released one'}",
+        f"network: {config.model or 'the released one'}, {network.sha256[:12]}, for {network.card.foot_type}",
         f"CAN: {config.can.interface} {config.can.channel}, {config.can.bitrate // 1000} kbit/s",
         f"metrics: {f'http://{metrics.address}:{metrics.port}/metrics' if metrics else 'none'}",
         f"real time: {f'SCHED_FIFO {realtime.priority}{cpu}' if realtime else 'not asked for'}",

@@ -14,8 +14,14 @@ from rich.text import Text
 from footsense.frames import Cycle, State
 
 _PERIOD_NS = 66_000_000
-_BAR_CELLS = 12
+_BAR_CELLS = 10
 _BAR_FULL_N = 1.2
+
+_BLOCKS = ("", "▏", "▎", "▍", "▌", "▋", "▊", "▉", "█")
+#: Where the terminal knows no blocks; a whole cell is then the smallest step.
+_PLAIN = ("", "", "", "", "#", "#", "#", "#", "#")
+
+_STATE_NAMES = {state: state.name.lower().replace("_", " ") for state in State}
 
 _STYLES = {
     State.VALID: "green",
@@ -45,6 +51,7 @@ class LiveTable:
         self._legs = legs
         self._title = title
         self._felt_n = felt_n
+        self._blocks = _BLOCKS if _can_show("".join(_BLOCKS), console.encoding) else _PLAIN
         self._drawn_ns = -_PERIOD_NS
         self._start_ns: int | None = None
         self._live = Live(console=console, auto_refresh=False)
@@ -73,7 +80,7 @@ class LiveTable:
         felt_n = self._felt_n(forces.t_sent_ns) if self._felt_n else None
         table = Table(box=None, pad_edge=False, padding=(0, 1))  # fits 80 columns
         table.add_column("leg")
-        table.add_column("state", min_width=12)
+        table.add_column("state", min_width=max(map(len, _STATE_NAMES.values())), no_wrap=True)
         for axis in ("fx", "fy", "fz"):
             table.add_column(f"{axis} [N]", justify="right", min_width=7)
         table.add_column("load", min_width=_BAR_CELLS)
@@ -83,12 +90,12 @@ class LiveTable:
         for row, leg in enumerate(self._legs):
             state = State(int(forces.state[row]))
             valid = state is State.VALID
-            components = [f"{value:+.3f}" if valid else "-" for value in forces.force_n[row].tolist()]
+            components = [_signed(value) if valid else "-" for value in forces.force_n[row].tolist()]
             cells: list[str | Text] = [
                 leg,
-                Text(state.name.lower().replace("_", " "), _STYLES.get(state, "bold red")),
+                Text(_STATE_NAMES[state], _STYLES.get(state, "bold red")),
                 *components,
-                Text(_bar(float(forces.force_n[row, 2])) if valid else "", "cyan"),
+                Text(_bar(float(forces.force_n[row, 2]), self._blocks) if valid else "", "cyan"),
             ]
             if felt_n is not None:
                 cells.append(Text(f"{felt_n[row, 2]:.3f}", "dim"))
@@ -100,7 +107,25 @@ class LiveTable:
         return Group(head, Text(), table)
 
 
-def _bar(force_n: float) -> str:
+def _can_show(text: str, encoding: str) -> bool:
+    try:
+        text.encode(encoding)
+    except (UnicodeEncodeError, LookupError):
+        return False
+    return True
+
+
+def _signed(force_n: float) -> str:
+    """Return a component [N]; what rounds to zero has no sign, which would flicker.
+
+    Example:
+        >>> _signed(-0.0004), _signed(-0.0006)
+        ('+0.000', '-0.001')
+    """
+    return f"{round(force_n, 3) + 0.0:+.3f}"
+
+
+def _bar(force_n: float, blocks: tuple[str, ...]) -> str:
     eighths = round(min(max(force_n / _BAR_FULL_N, 0.0), 1.0) * _BAR_CELLS * 8)
     full, part = divmod(eighths, 8)
-    return "█" * full + ("", "▏", "▎", "▍", "▌", "▋", "▊", "▉")[part]
+    return blocks[8] * full + blocks[part]

@@ -19,4 +19,4 @@ def recover(file: Path, output: Path | None) -> None:
     recovered = rewrite(file, target)
     click.echo(f"{target}: {recovered.n_cycles} cycles")
     if recovered.damage is not None:
-        click.echo(f"{recovered.damage}", err=True)
+        click.echo(f"footsense: {recovered.damage}", err=True)

@@ -1,6 +1,5 @@
 """`footsense replay`: a recorded walk through the very same loop, and whether it still gives the same forces."""
 
-import sys
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -8,8 +7,11 @@ import click
 
 from footsense import app
 from footsense.clock import MonotonicClock
-from footsense.errors import FootsenseError, ModelError
+from footsense.errors import FootsenseError, ModelError, RecordingError
+from footsense.frames import ForceFrame
+from footsense.inference.network import Network
 from footsense.loop import Paced, step
+from footsense.publish.can_log import check_log_target
 from footsense.recording.compare import compare, same_machine
 from footsense.recording.machine import this_machine
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
@@ -17,6 +19,36 @@ from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 
 class DifferenceError(FootsenseError):
     """The forces made again are not those that were recorded."""
+
+
+class Comparison:
+    """Compares forces made again with those recorded, as long as both saw the same past.
+
+    Args:
+        file: The recording, for messages.
+        recording: Its header says on which machine it was made.
+    """
+
+    def __init__(self, file: Path, recording: Replay) -> None:
+        self._file = file
+        self._legs = recording.legs
+        self._exact = same_machine(recording.header, this_machine())
+        self.n_equal = 0
+
+    def take(self, recorded: ForceFrame, forces: ForceFrame) -> None:
+        """Compare one frame.
+
+        Raises:
+            DifferenceError: A force is not what it was.
+        """
+        difference = compare(recorded, forces, exact=self._exact, legs=self._legs)
+        if difference:
+            raise DifferenceError(f"{self._file}: {difference}")
+        self.n_equal += 1
+
+    def __str__(self) -> str:
+        how = "bit for bit" if self._exact else "to 1 mN (another processor or library version)"
+        return f"{self.n_equal} scans equal {how}"
 
 
 @click.command()
@@ -31,28 +63,23 @@ class DifferenceError(FootsenseError):
 )
 @click.option("--realtime", is_flag=True, help="Play at the speed of the recording.")
 def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool) -> None:
-    r"""Run the recorded scans of FILE through the pipeline again and publish the forces.
+    """Run the recorded scans of FILE through the pipeline again and publish the forces.
 
     The recording brings its configuration; its scans meet the same code as those of a robot.
     With --check, forces must be equal bit for bit where processor and library versions are those of the
-    recording, else to 1 mN. A recording that is cut short is replayed as far as it is whole (exit 3).
-    \f
-
-    Raises:
-        ModelError: The recording was made with another network.
-        DifferenceError: A force is not what it was.
+    recording, else to 1 mN. A recording that is cut short is replayed as far as it is whole, and compared up to
+    its first gap (exit 3).
     """
+    if can_log is not None:
+        check_log_target(can_log)
     recording = Replay(file)
     source = ReplaySource(recording)
     clock = ReplayClock(source)
     config = app.recorded_config(recording)
     network = app.load_network(config)
-    if check and network.sha256 != recording.header.get("model_sha256"):
-        raise ModelError(
-            f"{file}: recorded with network {recording.header.get('model_sha256', 'unknown')[:12]}, "
-            f"here is {network.sha256[:12]}; only the same network can give the same forces"
-        )
-    exact = same_machine(recording.header, this_machine())
+    comparison = Comparison(file, recording) if check else None
+    if comparison:
+        _require_same_network(file, recording, network)
     pipeline = app.pipeline_for(config, network, app.recorded_flags(recording))
     n_frames = 0
     with ExitStack() as stack:
@@ -63,16 +90,37 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool) -> 
             assert recorded is not None
             commands = (*source.commands(), *sink.commands())
             forces = step(scan, commands, pipeline, sink, (), clock).forces
-            difference = check and compare(recorded.forces, forces, exact=exact, legs=recording.legs)
-            if difference:
-                raise DifferenceError(f"{file}: {difference}")
+            if comparison and not source.lost:
+                comparison.take(recorded.forces, forces)
             n_frames += 1
-    how = (
-        ("equal bit for bit" if exact else "equal to 1 mN (another processor or library version)")
-        if check
-        else "replayed"
-    )
-    click.echo(f"{n_frames} scans {how}")
+    click.echo(str(comparison) if comparison else f"{n_frames} scans replayed")
+    _require_whole(file, source, comparison)
+
+
+def _require_same_network(file: Path, recording: Replay, network: Network) -> None:
+    """Check that a comparison makes sense.
+
+    Raises:
+        ModelError: The recording was made with another network.
+    """
+    then = recording.header.get("model_sha256", "unknown")
+    if network.sha256 != then:
+        raise ModelError(
+            f"{file}: recorded with network {then[:12]}, "
+            f"here is {network.sha256[:12]}; only the same network can give the same forces"
+        )
+
+
+def _require_whole(file: Path, source: ReplaySource, comparison: Comparison | None) -> None:
+    """Say at the end what the recording does not hold.
+
+    Raises:
+        RecordingError: It has gaps, or ends early.
+    """
+    lost = f"{source.lost} cycles were lost when it was recorded" if source.lost else ""
+    if lost and comparison:
+        lost += f", only the {comparison.n_equal} scans before the first of them were compared"
     if source.damage is not None:
-        click.echo(f"footsense: {source.damage}", err=True)
-        sys.exit(source.damage.exit_code)
+        raise RecordingError(f"{source.damage}; before that, {lost}" if lost else str(source.damage))
+    if lost:
+        raise RecordingError(f"{file}: {lost}")

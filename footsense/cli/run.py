@@ -1,11 +1,12 @@
 """`footsense run`: the service, on a robot or in simulation."""
 
 import json
+import math
 import signal
-import sys
 from contextlib import ExitStack
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 import click
 from rich.console import Console
@@ -19,7 +20,7 @@ from footsense.core.score import Score
 from footsense.errors import ConfigError
 from footsense.frames import Cycle
 from footsense.loop import Paced
-from footsense.sim.scene import load_scene
+from footsense.sim.scene import Scene, load_scene
 
 _DEFAULT_SCENE = "tripod"
 _NS_PER_S = 1_000_000_000
@@ -36,6 +37,24 @@ class StopRequest:
     def _request(self, number: int, frame: FrameType | None) -> None:
         del number, frame
         self.requested = True
+
+
+class Seconds(click.FloatRange):
+    """A duration: a number above zero that has an end."""
+
+    name = "seconds"
+
+    def __init__(self) -> None:
+        super().__init__(min=0, min_open=True)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:  # noqa: ANN401 - click's signature
+        """Return the number of seconds, or fail as click's own types do."""
+        seconds: float = super().convert(value, param, ctx)
+        if not math.isfinite(seconds):
+            self.fail(
+                f"{value} is not a duration; without the option it runs until it is stopped", param, ctx
+            )
+        return seconds
 
 
 class FirstFrame:
@@ -68,7 +87,7 @@ class FirstFrame:
 @click.option(
     "--duration",
     "duration_s",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Seconds(),
     help="Stop after so many seconds of the robot's time.",
 )
 @click.option(
@@ -95,20 +114,15 @@ def run(
     *,
     realtime: bool | None,
 ) -> None:
-    r"""Read the feet, estimate their forces, publish them on CAN.
+    """Read the feet, estimate their forces, publish them on CAN.
 
     Without --config this is the built-in simulation of a walking robot.
-    \f
-
-    Raises:
-        ConfigError: The options contradict each other or the configuration.
     """
     config = load_config(config_file) if config_file else DEFAULT
     if scene_name is None and app.is_simulated(config):
         scene_name = _DEFAULT_SCENE
     scene = load_scene(scene_name) if scene_name else None
-    if scene is None and realtime is not None:
-        raise ConfigError("--realtime and --fast are for simulations; this configuration names real buses")
+    _check_pace(scene, realtime)
     console = Console()
     live = console.is_terminal and summary is None
     paced = scene is not None and (live if realtime is None else realtime)
@@ -139,7 +153,16 @@ def run(
         "resident_mib": resident_mib(),
     }
     if summary == "json":
-        json.dump(figures, sys.stdout, indent=2)
-        sys.stdout.write("\n")
+        click.echo(json.dumps(figures, indent=2))
     else:
         print_summary(console, figures)
+
+
+def _check_pace(scene: Scene | None, realtime: bool | None) -> None:  # noqa: FBT001 - the option as it is
+    """Check that only a simulation is asked to keep a pace.
+
+    Raises:
+        ConfigError: A robot is.
+    """
+    if scene is None and realtime is not None:
+        raise ConfigError("--realtime and --fast are for simulations; this configuration names real buses")

@@ -1,0 +1,205 @@
+"""What every command promises its user: help without internals, one line for what goes wrong, the right exit code."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from footsense.cli import main
+from footsense.recording.mcap_writer import McapFile
+from footsense.recording.pipe_format import Loss, Numbered
+from footsense.recording.replay import Replay
+from footsense.recording.writer import FdStream
+from tests.system.command import TIMEOUT_S, footsense, one_line_error
+
+N_BEFORE, N_LOST = 30, 7
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a recording of two seconds."""
+    path = tmp_path_factory.mktemp("walk") / "walk.mcap"
+    result = footsense("run", "--duration", "2", "--fast", "--summary", "json", "--record", path)
+    assert result.returncode == 0, result.stderr
+    return path
+
+
+@pytest.fixture
+def gapped(walk: Path, tmp_path: Path) -> Path:
+    """Return the same recording as a recorder leaves it that was held up for seven cycles."""
+    replay = Replay(walk)
+    path = tmp_path / "gapped.mcap"
+    with path.open("wb") as file:
+        recording = McapFile(FdStream(file.fileno()), replay.header)
+        for entry in replay.entries():
+            assert isinstance(entry, Numbered)
+            if entry.counter == N_BEFORE + N_LOST:
+                recording.add_loss(Loss(entry.counter, entry.cycle.forces.t_sent_ns, N_LOST))
+            if not N_BEFORE <= entry.counter < N_BEFORE + N_LOST:
+                recording.add_cycle(entry)
+        recording.finish()
+    return path
+
+
+def commands() -> Iterator[tuple[str, ...]]:
+    for name in ("run", "replay", "recover", "check-config", "bench", "lab"):
+        yield (name,)
+    for name in ("build", "evaluate", "compare"):
+        yield ("lab", name)
+
+
+@pytest.mark.parametrize("command", list(commands()), ids=" ".join)
+def test_help_is_for_its_user(command: tuple[str, ...]) -> None:
+    """Neither the errors of a Python function nor marks for its tools stand in it."""
+    result = CliRunner().invoke(main, [*command, "--help"])
+    if command[0] == "lab" and result.exit_code == 1:
+        pytest.skip("needs the extra lab")
+    assert result.exit_code == 0
+    assert "Raises" not in result.output
+    assert "\\f" not in result.output
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("run", "--duration", "nan"),
+        ("run", "--duration", "inf"),
+        ("run", "--duration", "0"),
+        ("bench", "--cycles", "0"),
+        ("bench", "--cycles", "-5"),
+    ],
+    ids=" ".join,
+)
+def test_a_number_out_of_range_is_a_usage_error(tmp_path: Path, arguments: tuple[str, ...]) -> None:
+    """Exit 2 before anything is made."""
+    more = ("--record", str(tmp_path / "a.mcap")) if arguments[0] == "run" else ()
+    result = CliRunner().invoke(main, [*arguments, *more])
+    assert result.exit_code == 2
+    assert f"Invalid value for '{arguments[1]}'" in result.output
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("record", "can_log", "exit_code", "says"),
+    [
+        ("a.txt", "a.log", 2, "a.txt: the name has to end in .mcap"),
+        ("a.mcap", "a.mcap", 2, "CAN log {folder}/a.mcap: the suffix must be one of .log, .asc, .blf"),
+        (
+            "a.mcap",
+            "old.log",
+            3,
+            "CAN log {folder}/old.log: exists and is not overwritten; choose another name",
+        ),
+        ("old.mcap", "a.log", 3, "old.mcap: exists and is not overwritten"),
+        ("a.mcap", "none/a.log", 3, "none/a.log: there is no directory"),
+    ],
+)
+def test_outputs_are_checked_before_anything_is_opened(
+    tmp_path: Path, record: str, can_log: str, exit_code: int, says: str
+) -> None:
+    """Nothing is overwritten and nothing half-written is left."""
+    for name in ("old.log", "old.mcap"):
+        (tmp_path / name).write_text("precious")
+    result = footsense(
+        *("run", "--duration", "1", "--fast", "--record", tmp_path / record, "--can-log", tmp_path / can_log)
+    )
+    assert says.format(folder=tmp_path) in one_line_error(result, exit_code)
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {
+        "old.log": "precious",
+        "old.mcap": "precious",
+    }
+
+
+def test_replay_overwrites_no_log(walk: Path, tmp_path: Path) -> None:
+    """The same line as from `run`."""
+    log = tmp_path / "old.log"
+    log.write_text("precious")
+    assert "old.log: exists and is not overwritten" in one_line_error(
+        footsense("replay", walk, "--can-log", log), 3
+    )
+    assert log.read_text() == "precious"
+
+
+def test_a_can_log_that_cannot_grow_is_told_at_the_end(walk: Path, tmp_path: Path) -> None:
+    """The replay goes to its end, and then one line and exit 3 say that the log is not whole."""
+    result = subprocess.run(
+        [sys.executable, "-m", "footsense", "replay", str(walk), "--can-log", str(tmp_path / "a.log")],
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT_S,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)),
+    )
+    line = one_line_error(result, 3)
+    assert "a.log: the CAN log ended early: File too large; what was sent is not affected" in line
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("--help",), ("run", "--help"), ("run", "--duration", "1", "--fast", "--summary", "json")],
+    ids=" ".join,
+)
+def test_an_output_that_cannot_be_written_is_one_line(arguments: tuple[str, ...]) -> None:
+    """Exit 1 and the system's reason where the disk is full; silence where the reader has gone."""
+    command = [sys.executable, "-m", "footsense", *arguments]
+    with Path("/dev/full").open("w") as full:
+        result = subprocess.run(
+            command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=TIMEOUT_S, check=False
+        )
+    assert (result.returncode, result.stderr) == (1, "footsense: the output: No space left on device\n")
+    read_end, write_end = os.pipe()
+    os.close(read_end)
+    with os.fdopen(write_end) as closed:
+        result = subprocess.run(
+            command, stdout=closed, stderr=subprocess.PIPE, text=True, timeout=TIMEOUT_S, check=False
+        )
+    assert (result.returncode, result.stderr) == (1, "")
+
+
+def test_ctrl_c_ends_a_command_without_a_traceback(tmp_path: Path) -> None:
+    """Exit 130, as shells have it; the command here waits for its file."""
+    fifo = tmp_path / "robot.yaml"
+    os.mkfifo(fifo)
+    with (
+        subprocess.Popen(
+            [sys.executable, "-m", "footsense", "check-config", str(fifo)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        ) as process,
+        fifo.open("w"),
+    ):  # opens when the command has opened its end
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=TIMEOUT_S)
+    assert (process.returncode, output, errors) == (130, "", "")
+
+
+def test_a_gap_is_replayed_and_not_compared_across(gapped: Path) -> None:
+    """With --check the scans before it are compared and the rest only replayed; both ways the loss is told."""
+    checked = footsense("replay", gapped, "--check")
+    line = one_line_error(checked, 3)
+    assert line == (
+        f"{gapped}: {N_LOST} cycles were lost when it was recorded, "
+        f"only the {N_BEFORE} scans before the first of them were compared"
+    )
+    assert checked.stdout == f"{N_BEFORE} scans equal bit for bit\n"
+    replayed = footsense("replay", gapped)
+    assert one_line_error(replayed, 3) == f"{gapped}: {N_LOST} cycles were lost when it was recorded"
+    n_scans = len(list(Replay(gapped)))
+    assert n_scans > N_BEFORE + N_LOST
+    assert replayed.stdout == f"{n_scans} scans replayed\n"
+
+
+def test_recover_says_what_is_lost_in_one_line(walk: Path, tmp_path: Path) -> None:
+    """The new file is whole, so it is no failure; what the old one lacked is told as everything else is."""
+    cut = tmp_path / "walk.mcap.partial"
+    cut.write_bytes(walk.read_bytes()[: walk.stat().st_size // 2])
+    result = footsense("recover", cut)
+    assert "cut short or damaged" in one_line_error(result, 0)
+    assert footsense("replay", tmp_path / "walk.mcap", "--check").returncode == 0
