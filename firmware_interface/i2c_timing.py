@@ -18,9 +18,11 @@ def transaction_bits(n_write: int, n_read: int = 0) -> int:
         38
         >>> transaction_bits(1, 2)   # a 16-bit register read
         48
+        >>> transaction_bits(0, 1)   # a control byte read back
+        20
     """
-    if n_read == 0:
-        return 2 + 9 * (1 + n_write)
+    if n_read == 0 or n_write == 0:
+        return 2 + 9 * (1 + n_write + n_read)
     return 3 + 9 * (2 + n_write + n_read)
 
 

@@ -43,6 +43,7 @@ class Reading(IntEnum):
     NO_ANSWER = 1  #: the chip or its channel did not acknowledge
     NOT_READY = 2  #: the conversion had not finished when it was read
     OVER_RANGE = 3  #: the code stands at an end of the converter's range
+    MISCONFIGURED = 4  #: the leg's row switch or converter does not hold the setting that it was given
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,12 +13,12 @@ from footsense.frames import CapFrame, Command, Cycle, ForceFrame, Outcome
 
 
 class Transaction(NamedTuple):
-    """One I2C transaction that every Linux adapter can do: a write, or a write and then a read, to one address.
+    """One I2C transaction that every Linux adapter can do: a write, a read, or one and then the other, to one address.
 
     Attributes:
         address: 7-bit address.
-        write: Bytes to write; at least one.
-        n_read: Bytes to read after a repeated start; 0 for none.
+        write: Bytes to write; none for a plain read.
+        n_read: Bytes to read, after a repeated start if something was written; 0 for none.
     """
 
     address: int

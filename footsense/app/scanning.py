@@ -14,6 +14,7 @@ from footsense.config import Config
 from footsense.drivers.bus_scanner import BusScanner
 from footsense.drivers.robot_scanner import RobotScanner
 from footsense.drivers.scan_plan import scan_plan
+from footsense.errors import ConfigError
 from footsense.ports import Clock, I2cBus
 from footsense.sim.foot import FootResponse
 from footsense.sim.robot import SimulatedRobot, Wiring
@@ -47,7 +48,13 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
 
     Raises:
         ModelError: The response table of its feet is missing or unreadable.
+        ConfigError: Something is to break on a leg that the robot does not have.
     """
+    for n, fault in enumerate(scene.faults):
+        if fault.leg not in config.legs:
+            raise ConfigError(
+                f"scene: faults[{n}].leg: {fault.leg} is no leg of this robot; it has {', '.join(config.legs)}"
+            )
     wiring = [Wiring(bus.rate_hz, bus.mux.address, dict[str, int](bus.legs.items())) for bus in config.buses]
     return SimulatedRobot(scene, FootResponse.load(released("response.npz")), wiring)
 

@@ -1,6 +1,6 @@
 """The Linux I2C adapter behind the I2cBus port; the only file that knows smbus2.
 
-Only two kinds of transaction are used, because only they work on every adapter: a write, and a write followed by a
+Only these transactions are used, because only they work on every adapter: a write, a read, and a write followed by a
 read of the same address. Their kernel messages are built once per transaction and used again.
 """
 
@@ -101,7 +101,7 @@ class LinuxI2cBus:
 
 
 def _messages(transaction: Transaction) -> list[smbus2.i2c_msg]:
-    messages = [smbus2.i2c_msg.write(transaction.address, transaction.write)]
+    messages = [smbus2.i2c_msg.write(transaction.address, transaction.write)] if transaction.write else []
     if transaction.n_read:
         messages.append(smbus2.i2c_msg.read(transaction.address, transaction.n_read))
     return messages

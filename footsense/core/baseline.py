@@ -173,6 +173,9 @@ class Baselines:
             self.flags[leg] = 0
             self._refusal.pop(leg, None)
         elif np.isnan(self.baseline_pf[leg, 0]):
+            if verdict.result is Result.ABSENT and not commanded:
+                self._windows[leg] = self._window(leg)  # nothing was judged: the tare waits for the leg
+                return None
             self._refusal[leg] = verdict.result
             self._windows[leg] = self._window(leg)
         else:

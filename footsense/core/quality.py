@@ -39,5 +39,6 @@ def converter_states(state: NDArray[np.uint8], reading: NDArray[np.uint8], opene
     """Write the states that forbid any value over `state`, shape (legs,); the gravest is written last."""
     state[(reading == Reading.OVER_RANGE).any(axis=1) | shut.any(axis=1)] = State.SATURATED
     state[opened.any(axis=1)] = State.ELEMENT_FAULT
-    state[(reading == Reading.NOT_READY).any(axis=1)] = State.CONVERTER_FAULT
+    broken = (reading == Reading.NOT_READY) | (reading == Reading.MISCONFIGURED)
+    state[broken.any(axis=1)] = State.CONVERTER_FAULT
     state[(reading == Reading.NO_ANSWER).any(axis=1)] = State.ABSENT

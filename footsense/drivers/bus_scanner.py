@@ -4,11 +4,12 @@ One step of the plan, with what overlaps a conversion and what cannot:
 
       conversion k-1 runs                    conversion k runs
     ──────────────────────┤ row, trigger k ├──────────────────────────────────────────┤ row, trigger k+1 ...
-                                             done? (all) │ leg 1 │ ... │ leg 6 │ join
+                                             done? (all) │ leg 1 │ ... │ leg 6 │ join, check (all)
 
-`row` and `trigger` go to every leg at once through the mux. Whether the conversions are done is asked of all legs
-in one read: their answers are a wired AND, so a one means that every leg has finished. Only when it says otherwise
-is each leg asked alone. A result is read while the next conversion runs in another slot of the converter.
+`row` and `trigger` go to every leg at once through the mux. Whether the conversions are done, and whether rows and
+settings are held, is asked of all legs in one read: their answers are a wired AND, so that one answer speaks for all.
+Only when it says otherwise is each leg asked alone. A result is read while the next conversion runs in another slot of
+the converter. A leg that fails is left out for the rest of the scan, so that it costs the others no more time.
 """
 
 import contextlib
@@ -20,9 +21,9 @@ from numpy.typing import NDArray
 
 from firmware_interface import tca9548a
 from footsense.drivers import fdc1004
-from footsense.drivers.leg_link import LegLink, LinkStatus
-from footsense.drivers.scan_plan import ScanPlan, Step
-from footsense.errors import BusError, HardwareError, NackError
+from footsense.drivers.leg_link import LegLink
+from footsense.drivers.scan_plan import Check, ScanPlan, Step
+from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
 from footsense.frames import ELEMENTS, Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
@@ -40,11 +41,19 @@ class BusScan(NamedTuple):
 
 
 class _Conversion(NamedTuple):
-    """A conversion that runs on all legs; `started` is False when its trigger was not acknowledged."""
+    """A conversion that was triggered on some legs.
+
+    Attributes:
+        step: Which.
+        t_start_ns: When its trigger had gone out [ns].
+        legs: The legs that were told to convert; none if a transaction failed.
+        row_selected: Whether the row was selected for it, or left from the step before.
+    """
 
     step: Step
     t_start_ns: int
-    started: bool
+    legs: tuple[LegLink, ...]
+    row_selected: bool
 
 
 class BusScanner:
@@ -67,48 +76,56 @@ class BusScanner:
         self._plan = plan
         self._legs = tuple(LegLink(name, channel, mux_address) for name, channel in channels.items())
         self._connected: Transaction | None = None
-        #: Legs that have failed in this scan: they are left out for its rest, so that they cost the others no more.
-        self._failed: dict[LegLink, Reading] = {}
         self._running: _Conversion | None = None
 
     def start(self) -> None:
         """Find the mux and every leg's chips, and set them up. A leg that is missing is tried again later.
 
         Raises:
-            HardwareError: The mux does not answer: then no leg can.
+            HardwareError: The mux does not answer, or a line is stuck: then no leg can.
         """
+        mux = f"the mux (TCA9548A) at {self._mux_address:#04x}"
         try:
             self._connect(self._join(()))
         except NackError as error:
             raise HardwareError(
-                f"no mux (TCA9548A) at {self._mux_address:#04x}: "
-                "check its power, its wires and its address straps A0..A2 against the configuration"
+                f"no answer from {mux}: check its power, its wires and its address straps A0..A2"
             ) from error
+        except BusError as error:
+            raise HardwareError(f"{mux} cannot be reached: {error}") from error
         for leg in self._legs:
-            self._connect(leg.connect)
-            leg.probe(self._bus, self._plan.steps[0].select_row, self._clock.now_ns())
+            leg.retry_at_ns = 0
+            self._probe(leg, self._plan.steps[0].select_row)
 
     def scan(self) -> BusScan:
         """Run the plan once and return what it read; the first conversion of the next scan is then running."""
         shape = (len(self._legs), ELEMENTS)
-        result = BusScan(
+        into = BusScan(
             np.zeros(shape, np.int64), np.full(shape, _NAN), np.full(shape, Reading.NO_ANSWER, np.uint8)
         )
         steps = self._plan.steps
-        running = self._running or self._begin(steps[0], select_row=True)
-        for position in range(len(steps)):
-            finished, following = running, steps[(position + 1) % len(steps)]
-            failed = self._failed
+        running = self._running
+        if running is None or self._clock.now_ns() > running.t_start_ns + 2 * self._plan.wait_ns:
+            # Nothing runs yet, or the loop was held up: a result from before that would not belong to this scan.
+            running = self._begin(steps[0], select_row=True)
+        for step, following in zip(steps, (*steps[1:], steps[0]), strict=True):
+            self._check(running, into)
+            failed: dict[LegLink, Reading] = {
+                leg: leg.outcome for leg in self._legs if leg.outcome is not Reading.OK
+            }
             if following is steps[0]:
-                self._failed = {}  # the next scan begins with this step, and every leg gets its chance in it
+                self._rejoin(following)
             self._prepare()
-            self._clock.sleep_until_ns(finished.t_start_ns + self._plan.wait_ns)
-            running = self._begin(following, select_row=following.row_changes or not finished.started)
-            self._read_out(finished, result, failed)
+            self._clock.sleep_until_ns(running.t_start_ns + self._plan.wait_ns)
+            finished = running
+            running = self._begin(following, select_row=following.row_changes or not finished.legs)
+            for leg, outcome in failed.items():
+                into.reading[self._legs.index(leg), step.element] = outcome
+            self._read_out(finished, failed, into)
         self._running = running
-        self._note(result)
+        self._note(into)
         self._probe_one(running.step.select_row)
-        return result
+        return into
 
     def stop(self) -> None:
         """Disconnect every leg from the trunk."""
@@ -119,39 +136,40 @@ class BusScanner:
 
     def _begin(self, step: Step, *, select_row: bool) -> _Conversion:
         """Start one conversion on every leg at once."""
-        active = self._active()
-        started = bool(active)
+        legs = self._active()
         try:
-            if started:
-                self._connect(self._join(active))
+            if legs:
+                self._connect(self._join(legs))
                 if select_row:
                     self._bus.transfer(step.select_row)
                 self._bus.transfer(step.trigger)
-        except BusError:
-            started = False
-        return _Conversion(step, self._clock.now_ns(), started)
+        except BusError as error:
+            self._give_up(error)
+            legs = ()
+        return _Conversion(step, self._clock.now_ns(), legs, select_row)
 
-    def _read_out(self, conversion: _Conversion, into: BusScan, failed: dict[LegLink, Reading]) -> None:
-        """Read one finished conversion from every leg, into the element's column; note who fails."""
+    def _read_out(self, conversion: _Conversion, failed: dict[LegLink, Reading], into: BusScan) -> None:
+        """Read one finished conversion from every leg that did it, into the element's column."""
         step = conversion.step
-        all_done = conversion.started and self._all_done(step)
+        legs = [leg for leg in conversion.legs if leg not in failed]
+        all_done = bool(legs) and self._all_done(step)
         t_middle_ns = conversion.t_start_ns + self._plan.conversion_ns // 2
-        for row, leg in enumerate(self._legs):
-            if leg.status is not LinkStatus.IN_SCAN or leg in failed:
-                into.reading[row, step.element] = failed.get(leg, leg.status.value)
+        for leg in legs:
+            if not leg.in_scan:  # given up since the conversion began
                 continue
-            if not conversion.started:
-                continue
+            row = self._legs.index(leg)
             reading, capacitance_pf = self._read_leg(leg, step, all_done=all_done)
             into.reading[row, step.element] = reading
             into.capacitance_pf[row, step.element] = capacitance_pf
             if reading is Reading.OK:
                 into.t_ns[row, step.element] = t_middle_ns
             elif reading is not Reading.OVER_RANGE:
-                failed[leg] = reading
+                leg.outcome = reading
 
     def _all_done(self, step: Step) -> bool:
-        """Ask all legs at once; False also when the question failed."""
+        """Ask all legs at once; False also when the question failed or was not put to all of them."""
+        if self._connected != self._join(self._active()):
+            return False
         try:
             return fdc1004.is_done(self._bus.transfer(fdc1004.READ_CONF), step.slot)
         except BusError:
@@ -163,45 +181,106 @@ class BusScanner:
             if not all_done and not fdc1004.is_done(self._bus.transfer(fdc1004.READ_CONF), step.slot):
                 return Reading.NOT_READY, _NAN
             return fdc1004.decode_result([self._bus.transfer(read) for read in step.read])
-        except BusError:
+        except BusError as error:
+            self._give_up(error)
             return Reading.NO_ANSWER, _NAN
 
-    def _note(self, result: BusScan) -> None:
+    def _check(self, conversion: _Conversion, into: BusScan) -> None:
+        """Make sure, while a conversion runs, that every leg converts what it was told; note those that do not.
+
+        A leg that has lost its settings may have done so at any time: nothing that it gave in this scan counts.
+        """
+        step = conversion.step
+        if conversion.row_selected:
+            self._not_holding(step.row_check)
+        if step.setting_check is not None:
+            for leg in self._not_holding(step.setting_check):
+                row = self._legs.index(leg)
+                into.t_ns[row], into.capacitance_pf[row], into.reading[row] = 0, _NAN, leg.outcome
+
+    def _not_holding(self, check: Check) -> list[LegLink]:
+        """Return the legs that answer otherwise than they should, and leave them out of the rest of the scan."""
+        legs = self._active()
+        if not legs or self._holds(self._join(legs), check):
+            return []
+        wrong = [leg for leg in legs if not self._holds(leg.connect, check)]
+        for leg in wrong:
+            leg.outcome = Reading.MISCONFIGURED
+        return wrong
+
+    def _holds(self, connect: Transaction, check: Check) -> bool:
+        try:
+            self._connect(connect)
+            return self._bus.transfer(check.ask) == check.expected
+        except BusError as error:
+            self._give_up(error)
+            return False
+
+    def _rejoin(self, first: Step) -> None:
+        """Bring every leg that failed in this scan to where the others are, so that it takes part in the next one.
+
+        The others are still converting: the leg gets its row alone, and what its converter may have left is read away,
+        or its DONE would speak for a result of this scan in the next.
+        """
+        for leg in self._legs:
+            if not leg.in_scan or leg.outcome is Reading.OK:
+                continue
+            try:
+                self._connect(leg.connect)
+                self._bus.transfer(first.select_row)
+                for read in fdc1004.ALL_RESULTS:
+                    self._bus.transfer(read)
+            except BusError as error:
+                self._give_up(error)
+            else:
+                leg.outcome = Reading.OK
+
+    def _note(self, scan: BusScan) -> None:
         now_ns = self._clock.now_ns()
         for row, leg in enumerate(self._legs):
-            if leg.status is LinkStatus.IN_SCAN:
-                readings = set(result.reading[row].tolist())
-                missing = readings & {Reading.NO_ANSWER, Reading.NOT_READY}
-                leg.note_scan(Reading(min(missing, default=Reading.OK)), now_ns)
+            if leg.in_scan:
+                leg.note_scan(scan.reading[row], now_ns)
 
     def _probe_one(self, select_row: Transaction) -> None:
         """Try the leg that has waited longest, if one is due; one a scan, so that the others keep their time."""
         now_ns = self._clock.now_ns()
-        due = [
-            leg for leg in self._legs if leg.status is not LinkStatus.IN_SCAN and leg.retry_at_ns <= now_ns
-        ]
-        if not due:
-            return
-        leg = min(due, key=lambda leg: leg.retry_at_ns)
+        due = [leg for leg in self._legs if not leg.in_scan and leg.retry_at_ns <= now_ns]
+        if due:
+            leg = min(due, key=lambda leg: leg.retry_at_ns)
+            outcome = leg.outcome
+            self._probe(leg, select_row)
+            if leg.in_scan:
+                leg.outcome = (
+                    outcome  # it was not told of the conversion that runs, and joins with the next scan
+                )
+
+    def _probe(self, leg: LegLink, select_row: Transaction) -> None:
         try:
             self._connect(leg.connect)
-        except BusError:
-            return
-        leg.probe(self._bus, select_row, now_ns)
+        except BusError as error:
+            leg.leave(Reading.NO_ANSWER, str(error), self._clock.now_ns())
+        else:
+            leg.probe(self._bus, select_row, self._clock.now_ns())
+
+    def _give_up(self, error: BusError) -> None:
+        """Leave all legs alone for a while if a line is stuck: each further try would cost a timeout."""
+        if isinstance(error, BusTimeoutError):
+            for leg in self._legs:
+                if leg.in_scan:
+                    leg.leave(Reading.NO_ANSWER, str(error), self._clock.now_ns())
 
     def _prepare(self) -> None:
         """Connect all legs while the conversion still runs; if that fails, `_begin` tries once more."""
-        with contextlib.suppress(BusError):
-            self._connect(self._join(self._active()))
+        if legs := self._active():
+            with contextlib.suppress(BusError):
+                self._connect(self._join(legs))
 
-    def _active(self) -> tuple[int, ...]:
-        """Return the channels of the legs that convert now."""
-        return tuple(
-            leg.channel for leg in self._legs if leg.status is LinkStatus.IN_SCAN and leg not in self._failed
-        )
+    def _active(self) -> tuple[LegLink, ...]:
+        """Return the legs that take part in this scan and have not failed in it."""
+        return tuple(leg for leg in self._legs if leg.in_scan and leg.outcome is Reading.OK)
 
-    def _join(self, channels: tuple[int, ...]) -> Transaction:
-        return Transaction(self._mux_address, bytes((tca9548a.select(channels),)))
+    def _join(self, legs: tuple[LegLink, ...]) -> Transaction:
+        return Transaction(self._mux_address, bytes((tca9548a.select(tuple(leg.channel for leg in legs)),)))
 
     def _connect(self, selection: Transaction) -> None:
         """Set the mux, unless it stands so already."""

@@ -23,6 +23,8 @@ def read_register(register: int) -> Transaction:
 
 
 READ_CONF = read_register(chip.Register.FDC_CONF)
+#: Reads that clear every DONE bit.
+ALL_RESULTS = tuple(read_register(chip.result_register(slot)) for slot in range(COLUMNS))
 _RESET = write_register(chip.Register.FDC_CONF, chip.CONF_RESET.encode(1))
 
 

@@ -6,7 +6,9 @@ way, which is what frees a hung FDC1004.
 """
 
 import logging
-from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
 
 from firmware_interface import tca9548a
 from footsense.drivers import fdc1004
@@ -20,13 +22,11 @@ MISSES_ALLOWED = 3
 _FIRST_PAUSE_NS = 250_000_000
 _LONGEST_PAUSE_NS = 4_000_000_000
 
-
-class LinkStatus(Enum):
-    """Whether a leg takes part in the scan, and what its elements read as while it does not."""
-
-    IN_SCAN = Reading.OK
-    SILENT = Reading.NO_ANSWER
-    STUCK = Reading.NOT_READY
+_WORDS = {
+    Reading.NO_ANSWER: "does not answer",
+    Reading.NOT_READY: "does not finish its conversions",
+    Reading.MISCONFIGURED: "does not hold its settings",
+}
 
 
 class LegLink:
@@ -36,15 +36,21 @@ class LegLink:
         name: Name of the leg, for messages.
         channel: Mux channel.
         mux_address: Address of the mux.
+
+    Attributes:
+        in_scan: Whether the leg takes part in the scans.
+        outcome: OK while the leg does well; else why it gives nothing in this scan, or since it was left out.
+        retry_at_ns: When a leg that was left out is tried again [ns].
     """
 
     def __init__(self, name: str, channel: int, mux_address: int) -> None:
         self.name = name
         self.channel = channel
         self.connect = Transaction(mux_address, bytes((tca9548a.select((channel,)),)))
-        self.status = LinkStatus.SILENT
-        self.misses = 0
+        self.in_scan = False
+        self.outcome = Reading.NO_ANSWER
         self.retry_at_ns = 0
+        self._misses = 0
         self._pause_ns = _FIRST_PAUSE_NS
 
     def probe(self, bus: I2cBus, select_row: Transaction, now_ns: int) -> None:
@@ -58,27 +64,29 @@ class LegLink:
             fdc1004.configure(bus)
             bus.transfer(select_row)
         except HardwareError as error:
-            if self._pause_ns == _FIRST_PAUSE_NS:
-                _log.warning("leg %s: %s", self.name, error)
-            self.retry_at_ns = now_ns + self._pause_ns
-            self._pause_ns = min(2 * self._pause_ns, _LONGEST_PAUSE_NS)
+            self.leave(Reading.NO_ANSWER, str(error), now_ns)
         else:
             _log.info("leg %s: converter and row switches answer on channel %d", self.name, self.channel)
-            self.status = LinkStatus.IN_SCAN
-            self.misses = 0
+            self.in_scan = True
+            self.outcome = Reading.OK
+            self._misses = 0
 
-    def note_scan(self, worst: Reading, now_ns: int) -> None:
-        """Count scans without an answer; after too many, leave the leg out of the scan for a while."""
-        if worst not in {Reading.NO_ANSWER, Reading.NOT_READY}:
-            self.misses = 0
+    def note_scan(self, readings: NDArray[np.uint8], now_ns: int) -> None:
+        """Count scans with a reading that is missing; after too many, leave the leg out for a while."""
+        missing = [reading for reading in _WORDS if (readings == reading).any()]
+        if not missing:
+            self._misses = 0
             self._pause_ns = _FIRST_PAUSE_NS
             return
-        self.misses += 1
-        if self.misses < MISSES_ALLOWED:
-            return
-        self.status = LinkStatus.SILENT if worst is Reading.NO_ANSWER else LinkStatus.STUCK
-        what = "does not answer" if worst is Reading.NO_ANSWER else "does not finish its conversions"
+        self._misses += 1
+        if self._misses >= MISSES_ALLOWED:
+            self.leave(missing[0], _WORDS[missing[0]], now_ns)
+
+    def leave(self, outcome: Reading, why: str, now_ns: int) -> None:
+        """Leave the leg out of the scans, and put off the next try: twice as long each time."""
         if self._pause_ns == _FIRST_PAUSE_NS:
-            _log.warning("leg %s %s; left out of the scan and tried again later", self.name, what)
+            _log.warning("leg %s: %s; left out of the scan and tried again later", self.name, why)
+        self.in_scan = False
+        self.outcome = outcome
         self.retry_at_ns = now_ns + self._pause_ns
         self._pause_ns = min(2 * self._pause_ns, _LONGEST_PAUSE_NS)

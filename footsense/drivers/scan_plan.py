@@ -15,7 +15,7 @@ column, so a result is read from one measurement slot while another slot convert
 from typing import NamedTuple
 
 from firmware_interface import adg715, fdc1004
-from footsense.drivers.fdc1004 import result_reads, write_register
+from footsense.drivers.fdc1004 import read_register, result_reads, write_register
 from footsense.ports import Transaction
 
 _SIDE = 3
@@ -24,6 +24,24 @@ ORDERS: dict[str, tuple[int, ...]] = {
     "lo_shu": (5, 0, 7, 6, 4, 2, 1, 8, 3),
     "raster": (0, 1, 2, 3, 4, 5, 6, 7, 8),
 }
+
+
+class Check(NamedTuple):
+    """What every leg must answer while a conversion runs; asked of all at once, the answers are a wired AND.
+
+    Attributes:
+        ask: A read that changes nothing.
+        expected: The answer of a leg that holds its setting.
+    """
+
+    ask: Transaction
+    expected: bytes
+
+
+#: The second column's configuration: after a reset it reads as the first column's.
+_SETTING_CHECK = Check(
+    read_register(fdc1004.Register.CONF_MEAS1 + 1), fdc1004.measurement_config(1).to_bytes(2, "big")
+)
 
 
 class Step(NamedTuple):
@@ -35,6 +53,10 @@ class Step(NamedTuple):
         select_row: Puts the element's row to ground and the others to the shield.
         row_changes: Whether the step before left another row selected.
         trigger: Starts the conversion.
+        row_check: That the row switch stands as it was told: a broadcast write is acknowledged even if one leg missed
+            it, and a wrong row reads as a plausible capacitance.
+        setting_check: That the converter holds its configuration, which a dip of its supply resets: every slot then
+            reads column 0. In the last step of a scan only, for all of it; else None.
         read: Reads the result of one leg.
     """
 
@@ -43,6 +65,8 @@ class Step(NamedTuple):
     select_row: Transaction
     row_changes: bool
     trigger: Transaction
+    row_check: Check
+    setting_check: Check | None
     read: tuple[Transaction, ...]
 
 
@@ -73,17 +97,22 @@ def scan_plan(order: str, rate_sps: int) -> ScanPlan:
         ([5, 0, 7, 6, 4, 2, 1, 8, 3], 6)
     """
     elements = ORDERS[order]
+    rows = [element // _SIDE for element in elements]
+    row_changes = [row != before for row, before in zip(rows, rows[-1:] + rows[:-1], strict=True)]
+    last = len(elements) - 1
     steps = []
     for position, element in enumerate(elements):
         row, column = divmod(element, _SIDE)
-        row_before = elements[position - 1] // _SIDE
+        switches = bytes((adg715.select_rows(1 << row),))
         steps.append(
             Step(
                 element=element,
                 slot=column,
-                select_row=Transaction(adg715.ADDRESS, bytes((adg715.select_rows(1 << row),))),
-                row_changes=row != row_before,
+                select_row=Transaction(adg715.ADDRESS, switches),
+                row_changes=row_changes[position],
                 trigger=write_register(fdc1004.Register.FDC_CONF, fdc1004.trigger(rate_sps, column)),
+                row_check=Check(Transaction(adg715.ADDRESS, b"", n_read=1), switches),
+                setting_check=_SETTING_CHECK if position == last else None,
                 read=result_reads(column, rate_sps),
             )
         )

@@ -96,8 +96,9 @@ class SimulatedBus:
             raise NackError(f"no acknowledge from {address:#04x}")
         t_end_ns = t_start_ns + wire_time_ns(transaction_bits(len(data), n_read), self._rate_hz)
         self._clock.sleep_until_ns(t_end_ns)
-        for chip in chips:
-            chip.write(data, t_end_ns)
+        if data:
+            for chip in chips:
+                chip.write(data, t_end_ns)
         if n_read == 0:
             return b""
         answer = chips[0].read(n_read, t_end_ns)

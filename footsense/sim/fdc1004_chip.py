@@ -9,6 +9,7 @@ It shares only register addresses with the driver. Behaviours kept (data sheet s
 Not simulated: REPEAT, CAPDAC, offset and gain calibration, supply dependence.
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -26,6 +27,11 @@ class SimulatedFdc1004:
         cin_capacitance_pf: What is connected to the pins.
         noise: Source of the converter's noise; None for a converter without.
         clock_error_rel: How much longer its conversions last than nominal [1].
+
+    Attributes:
+        absent_ns: From when until when it does not answer [ns].
+        stuck_from_ns: From when on its conversions do not finish [ns].
+        brown_out_ns: When its supply fails for a moment, which resets it [ns].
     """
 
     address = chip.ADDRESS
@@ -36,8 +42,9 @@ class SimulatedFdc1004:
         noise: np.random.Generator | None,
         clock_error_rel: float = 0.0,
     ) -> None:
-        self.absent_from_ns: int | None = None
-        self.stuck_from_ns: int | None = None
+        self.absent_ns: tuple[float, float] = (math.inf, math.inf)
+        self.stuck_from_ns = math.inf
+        self.brown_out_ns = math.inf
         self._cin_capacitance_pf = cin_capacitance_pf
         self._noise = noise
         self._clock_factor = 1.0 + clock_error_rel
@@ -46,7 +53,10 @@ class SimulatedFdc1004:
 
     def acknowledges(self, t_ns: int) -> bool:
         """Answer as long as the leg is there."""
-        return self.absent_from_ns is None or t_ns < self.absent_from_ns
+        if t_ns >= self.brown_out_ns:
+            self._reset()
+            self.brown_out_ns = math.inf
+        return not self.absent_ns[0] <= t_ns < self.absent_ns[1]
 
     def write(self, data: bytes, t_ns: int) -> None:
         """Take a register pointer and, if two bytes follow, the register's new value."""
@@ -96,7 +106,7 @@ class SimulatedFdc1004:
         if self._running is None:
             return
         slot, t_start_ns, t_end_ns = self._running
-        if t_ns < t_end_ns or (self.stuck_from_ns is not None and t_end_ns >= self.stuck_from_ns):
+        if t_ns < t_end_ns or t_end_ns >= self.stuck_from_ns:
             return
         self._running = None
         self._results[slot] = self._convert(slot, t_start_ns, t_end_ns)

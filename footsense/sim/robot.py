@@ -16,7 +16,7 @@ from footsense.sim.fdc1004_chip import SimulatedFdc1004
 from footsense.sim.foot import FootResponse
 from footsense.sim.load import Load
 from footsense.sim.row_switch import FLOATING_ROW_PF, SimulatedRowSwitch
-from footsense.sim.scene import Absent, BrokenRow, Scene, StuckConverter
+from footsense.sim.scene import Absent, BrokenRow, BrownOut, DeafSwitch, Fault, Scene, StuckConverter
 
 _COLUMNS = 3
 _ROWS = 3
@@ -58,10 +58,14 @@ class SimulatedLeg:
             if fault.leg == leg:
                 self._apply(fault)
 
-    def _apply(self, fault: Absent | StuckConverter | BrokenRow) -> None:
+    def _apply(self, fault: Fault) -> None:
         match fault:
             case Absent():
-                self.switch.absent_from_ns = self.converter.absent_from_ns = fault.at_ns
+                self.switch.absent_ns = self.converter.absent_ns = (fault.at_ns, fault.until_ns)
+            case BrownOut():
+                self.switch.brown_out_ns = self.converter.brown_out_ns = fault.at_ns
+            case DeafSwitch():
+                self.switch.deaf_from_ns = fault.at_ns
             case StuckConverter():
                 self.converter.stuck_from_ns = fault.at_ns
             case BrokenRow():

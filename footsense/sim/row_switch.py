@@ -1,5 +1,6 @@
 """A simulated ADG715 with a foot's row lines on it, and what the converter therefore sees."""
 
+import math
 from collections import deque
 from typing import NamedTuple
 
@@ -20,26 +21,37 @@ class RowStates(NamedTuple):
 class SimulatedRowSwitch:
     """An ADG715 behind a leg's mux channel: one data byte, readable, all switches open at power-up.
 
-    Args:
-        broken_rows: Mask of the rows whose line to the electrode is interrupted.
+    Attributes:
+        absent_ns: From when until when it does not answer [ns].
+        deaf_from_ns: From when on it acknowledges its settings and ignores them [ns].
+        brown_out_ns: When its supply fails for a moment [ns].
     """
 
     address = adg715.ADDRESS
 
     def __init__(self) -> None:
-        self.absent_from_ns: int | None = None
+        self.absent_ns: tuple[float, float] = (math.inf, math.inf)
+        self.deaf_from_ns = math.inf
+        self.brown_out_ns = math.inf
         self._switches = 0
         # A conversion looks back one conversion time at most; rows change no faster than that.
         self._history: deque[RowStates] = deque([RowStates(0, 0, 0)], maxlen=8)
 
     def acknowledges(self, t_ns: int) -> bool:
         """Answer as long as the leg is there."""
-        return self.absent_from_ns is None or t_ns < self.absent_from_ns
+        if t_ns >= self.brown_out_ns:
+            self._set(0, round(self.brown_out_ns))
+            self.brown_out_ns = math.inf
+        return not self.absent_ns[0] <= t_ns < self.absent_ns[1]
 
     def write(self, data: bytes, t_ns: int) -> None:
         """Set the switches; the last byte counts."""
-        self._switches = data[-1]
-        self._history.append(RowStates(t_ns, adg715.grounded_rows(data[-1]), adg715.shielded_rows(data[-1])))
+        if t_ns < self.deaf_from_ns:
+            self._set(data[-1], t_ns)
+
+    def _set(self, switches: int, t_ns: int) -> None:
+        self._switches = switches
+        self._history.append(RowStates(t_ns, adg715.grounded_rows(switches), adg715.shielded_rows(switches)))
 
     def read(self, n: int, t_ns: int) -> bytes:
         """Return the switch byte."""

@@ -3,6 +3,7 @@
 An effect that a scene does not name is not computed. Named scenes are in `footsense/sim/scenes`.
 """
 
+import math
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Literal
@@ -16,6 +17,8 @@ from footsense.frames import LEGS
 from footsense.sim import load
 
 _NS_PER_S = 1_000_000_000
+#: Lowest elevation of a contact [deg].
+LOWEST_ELEVATION_DEG = 30
 
 Force = Annotated[float, Meta(ge=0.0, le=2.0)]
 Pitch = Annotated[float, Meta(ge=-30.0, le=30.0)]
@@ -44,15 +47,21 @@ class Constant(_Part, frozen=True, tag="constant", tag_field="kind"):
         """Return the load."""
         return load.Constant(self.force_n, from_ns)
 
+    @property
+    def elevation_deg(self) -> float:
+        """Elevation of the force [deg]; 90 is straight up the leg."""
+        x, y, z = self.force_n
+        return math.degrees(math.atan2(z, math.hypot(x, y)))
+
 
 class Tripod(_Part, frozen=True, tag="tripod", tag_field="kind"):
     """A tripod gait with rounded stances."""
 
-    period_s: Annotated[float, Meta(ge=0.1, le=10.0)] = 1.2
-    duty_rel: Annotated[float, Meta(gt=0.0, lt=1.0)] = 0.6
-    peak_force_n: Force = 1.2
-    friction_rel: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.15
-    pitch_deg: Pitch = 10.0
+    period_s: Annotated[float, Meta(ge=0.1, le=10.0)]
+    duty_rel: Annotated[float, Meta(gt=0.0, lt=1.0)]
+    peak_force_n: Force
+    friction_rel: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.0
+    pitch_deg: Pitch = 0.0
 
     def build(self, from_ns: int) -> load.Load:
         """Return the load."""
@@ -69,8 +78,8 @@ class Tripod(_Part, frozen=True, tag="tripod", tag_field="kind"):
 class MeasuredWalk(_Part, frozen=True, tag="measured_walk", tag_field="kind"):
     """A tripod gait whose legs feel the measured ground reactions of a walking person, scaled."""
 
-    peak_force_n: Force = 1.5
-    pitch_deg: Pitch = 10.0
+    peak_force_n: Force
+    pitch_deg: Pitch = 0.0
 
     def build(self, from_ns: int) -> load.Load:
         """Return the load."""
@@ -102,17 +111,35 @@ class _Fault(_Part, frozen=True):
 
 
 class Absent(_Fault, frozen=True, tag="absent", tag_field="fault"):
-    """The leg's chips no longer answer."""
+    """The leg's chips do not answer: its cable is off, from `at_s` until `until_s` or for good."""
+
+    until_s: Annotated[float, Meta(gt=0.0)] | None = None
+
+    @property
+    def until_ns(self) -> float:
+        """When they answer again [ns]."""
+        return math.inf if self.until_s is None else self.until_s * _NS_PER_S
 
 
 class StuckConverter(_Fault, frozen=True, tag="stuck_converter", tag_field="fault"):
     """The leg's conversions no longer finish."""
 
 
+class BrownOut(_Fault, frozen=True, tag="brown_out", tag_field="fault"):
+    """The leg's supply fails for a moment: its chips answer on, with the settings of power-up."""
+
+
+class DeafSwitch(_Fault, frozen=True, tag="deaf_switch", tag_field="fault"):
+    """The leg's row switch acknowledges its settings and ignores them."""
+
+
 class BrokenRow(_Fault, frozen=True, tag="broken_row", tag_field="fault"):
     """The line of a row is interrupted between the switch and the foot."""
 
     row: Annotated[int, Meta(ge=0, le=2)]
+
+
+Fault = Absent | StuckConverter | BrownOut | DeafSwitch | BrokenRow
 
 
 class Scene(_Part, frozen=True):
@@ -130,11 +157,11 @@ class Scene(_Part, frozen=True):
 
     description: str
     load: Unloaded | Constant | Tripod | MeasuredWalk
-    lead_in_s: Annotated[float, Meta(ge=0.0)] = 0.6
+    lead_in_s: Annotated[float, Meta(ge=0.0)] = 1.0
     host_cost_us: Annotated[float, Meta(ge=0.0, le=10_000.0)] = 0.0
-    seed: int = 1
+    seed: Annotated[int, Meta(ge=0)] = 1
     effects: Effects = Effects()
-    faults: tuple[Absent | StuckConverter | BrokenRow, ...] = ()
+    faults: tuple[Fault, ...] = ()
 
 
 def scene_names() -> list[str]:
@@ -153,10 +180,26 @@ def load_scene(name_or_path: str) -> Scene:
     """
     if name_or_path in scene_names():
         resource = files("footsense.sim") / "scenes" / f"{name_or_path}.yaml"
-        return strict_yaml.load(resource.read_text(encoding="utf-8"), Scene, where=f"scene {name_or_path}")
+        return strict_yaml.load(
+            resource.read_text(encoding="utf-8"), Scene, where=f"scene {name_or_path}", check=_contradiction
+        )
     path = Path(name_or_path)
     if not path.suffix:
         raise ConfigError(
             f"no scene {name_or_path!r}: there are {', '.join(scene_names())}, or give the path of a YAML file"
         )
-    return strict_yaml.load(path, Scene)
+    return strict_yaml.load(path, Scene, check=_contradiction)
+
+
+def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
+    """Return what is right by itself and cannot be simulated."""
+    if isinstance(scene.load, Constant) and scene.load.elevation_deg < LOWEST_ELEVATION_DEG:
+        return strict_yaml.Problem(
+            ("load", "force_n"),
+            f"leans to an elevation of {scene.load.elevation_deg:.0f} deg; "
+            f"the foot's response is known from {LOWEST_ELEVATION_DEG} deg up",
+        )
+    for n, fault in enumerate(scene.faults):
+        if isinstance(fault, Absent) and fault.until_ns <= fault.at_ns:
+            return strict_yaml.Problem(("faults", n, "until_s"), "must be later than at_s")
+    return None

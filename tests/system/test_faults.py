@@ -30,6 +30,7 @@ NOTHING = ""
 FAULTS = {
     "{at_s: 2.0, leg: rm, fault: absent}": State.ABSENT,
     "{at_s: 2.0, leg: rm, fault: stuck_converter}": State.CONVERTER_FAULT,
+    "{at_s: 2.0, leg: rm, fault: deaf_switch}": State.CONVERTER_FAULT,
     "{at_s: 2.0, leg: rm, fault: broken_row, row: 1}": State.ELEMENT_FAULT,
 }
 
@@ -40,7 +41,7 @@ class Walk:
     def __init__(self, fault: str, folder: Path) -> None:
         scene = folder / "scene.yaml"
         scene.write_text(
-            "description: a fault\nload: {kind: tripod}\neffects: {converter_noise: true}\n"
+            "description: a fault\nload: {kind: tripod, period_s: 1.2, duty_rel: 0.6, peak_force_n: 1.0}\neffects: {converter_noise: true}\n"
             f"faults: [{fault}]\n"
         )
         self.log = folder / "can.log"
@@ -125,3 +126,24 @@ def test_can_and_metrics_show_it(walks: dict[str, Walk], fault: str, state: Stat
     assert walk.faults["rm", state] == 1
     assert walk.faults["lm", state] == 0
     assert walk.leg_state == state
+
+
+@pytest.mark.parametrize(
+    ("fault", "between"),
+    [
+        (
+            "{at_s: 2.0, until_s: 2.4, leg: rm, fault: absent}",
+            {State.ABSENT, State.TARING, State.NO_BASELINE},
+        ),
+        ("{at_s: 2.0, leg: rm, fault: brown_out}", {State.CONVERTER_FAULT, State.STALE}),
+    ],
+)
+def test_a_leg_recovers_by_itself(tmp_path: Path, fault: str, between: set[State]) -> None:
+    """A cable that is plugged in again is tared anew, a converter that was reset is set up anew; then VALID again."""
+    walk = Walk(fault, tmp_path)
+    assert set(walk.states("rm", BROKEN_AT_NS + 100_000_000)) >= {State.VALID}
+    last = walk.cycles[-1].forces
+    assert last.state[walk.legs.index("rm")] == State.VALID
+    seen = walk.states("rm", BROKEN_AT_NS + 50_000_000).keys() - {State.VALID}
+    assert seen
+    assert seen <= between | {State.STALE}

@@ -36,6 +36,7 @@ def pipeline(n_legs: int = 2, stray_pf: float = 0.0) -> Pipeline:
             sigma_rel=np.zeros(3),
         ),
         np.full((n_legs, 9), stray_pf),
+        np.full((n_legs, 9), DESIGN.rest_pf),
         TareLimits(window_frames=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
         MAX_AGE_NS,
         Flag.SIMULATED,
@@ -179,6 +180,95 @@ def test_a_tare_of_a_moving_foot_is_refused() -> None:
     [(_, result, reason)] = feet.outcomes
     assert result is Result.NOT_QUIET
     assert "fF rms" in reason
+
+
+def test_many_small_tares_do_not_lead_into_a_load() -> None:
+    """Each is judged against the free foot, not against the one before."""
+    feet = Feet(n_legs=1)
+    for step in range(10):
+        feet.pipeline.obey(Command(CommandKind.TARE, 0))
+        for _ in range(WINDOW):
+            feet.feed(feet.scan(0.5 * step))
+    results = [result for _, result, _ in feet.outcomes]
+    assert results[:2] == [Result.DONE, Result.DONE]
+    assert set(results[2:]) == {Result.LOADED}
+
+
+def test_a_tare_makes_no_jump_in_the_force() -> None:
+    """A drift that is tared away on a foot at rest is gone at once, without a slope that was never there."""
+    feet = Feet(n_legs=1).tared()
+    for _ in range(3):
+        feet.feed(feet.scan(0.4))
+    feet.pipeline.obey(Command(CommandKind.TARE, 0))
+    for _ in range(WINDOW + 3):
+        forces = feet.feed(feet.scan(0.4))
+        expected_rel = 0.0 if feet.outcomes else 9 * 0.02
+        np.testing.assert_allclose(forces.force_n, expected_rel, atol=1e-9)
+
+
+def test_a_leg_that_was_away_is_tared_anew() -> None:
+    """It may carry another foot now: after three silent scans the old baseline is not believed any more."""
+    feet = Feet().tared()
+    for n_silent in (2, 3):
+        for _ in range(n_silent):
+            scan = feet.scan()
+            scan.capacitance_pf[0] = np.nan
+            scan.t_ns[0] = 0
+            scan.reading[0] = Reading.NO_ANSWER
+            assert feet.feed(scan).state[0] == State.ABSENT
+        states = [State(int(feet.feed(feet.scan(3.0)).state[0])) for _ in range(WINDOW + 1)]
+        if n_silent == 2:
+            assert states == [State.STALE] + [State.VALID] * WINDOW
+        else:
+            assert states == [State.TARING] * (WINDOW - 1) + [State.NO_BASELINE] * 2
+
+
+def test_elements_that_cannot_be_brought_to_one_time_have_no_value() -> None:
+    """After a missing element, and after a stall within a scan, the leg is STALE for one scan."""
+    feet = Feet().tared()
+    scan = feet.scan(2.0)
+    scan.capacitance_pf[0, 4], scan.reading[0, 4] = np.nan, Reading.NOT_READY
+    feet.feed(scan)
+    assert feet.feed(feet.scan(2.0)).state.tolist() == [State.STALE, State.VALID]
+    scan = feet.scan(2.0)
+    scan.t_ns[1, 0] -= SCAN_NS
+    assert feet.feed(scan).state.tolist() == [State.VALID, State.STALE]
+
+
+def test_sigma_knows_of_motion() -> None:
+    """At rest it is the network's own; while the load bends, it grows by what the bend moves the elements."""
+    feet = Feet().tared()
+    for _ in range(3):
+        at_rest = feet.feed(feet.scan(2.0))
+    np.testing.assert_allclose(at_rest.sigma_n[0], [0.01, 0.01, 0.02], rtol=1e-6)
+    for closure_um in (2.0, 2.5, 4.0):
+        scan = feet.scan(closure_um)
+        scan.t_ns[:] += np.arange(9) * SCAN_NS // 9
+        in_motion = feet.feed(scan)
+    assert (in_motion.sigma_n[0] > 0.02).all()
+
+
+def test_a_network_that_gives_no_number_makes_no_valid_force() -> None:
+    """NaN out of the network is OUT_OF_RANGE everywhere: on CAN, in the tally, in the recording."""
+
+    class Nothing(SumOfClosures):
+        def estimate(self, closure_rel: NDArray[np.float64]) -> NDArray[np.float64]:
+            return np.full((len(closure_rel), 3), np.nan)
+
+    feet = Feet().tared()
+    feet.pipeline._estimator = Nothing()
+    assert feet.feed(feet.scan()).state.tolist() == [State.OUT_OF_RANGE] * 2
+
+
+def test_a_tare_of_an_absent_leg_says_so() -> None:
+    """ABSENT, not an element's fault."""
+    feet = Feet().tared()
+    feet.pipeline.obey(Command(CommandKind.TARE, 0))
+    scan = feet.scan()
+    scan.capacitance_pf[0] = np.nan
+    scan.reading[0] = Reading.NO_ANSWER
+    feet.feed(scan)
+    assert [(leg, result) for leg, result, _ in feet.outcomes] == [(0, Result.ABSENT)]
 
 
 def test_a_refused_command_keeps_the_baseline_and_says_so() -> None:
