@@ -10,9 +10,9 @@ import msgspec
 
 from footsense import __version__, loop
 from footsense.app.estimation import load_network, pipeline_for
-from footsense.app.scanning import Scanning, scanning
+from footsense.app.scanning import Scanning, is_simulated, scanning
 from footsense.clock import request_realtime, wall_time_iso
-from footsense.config import Config
+from footsense.config import Can, Config
 from footsense.core.pipeline import Pipeline
 from footsense.errors import RecordingError
 from footsense.frames import Flag
@@ -136,6 +136,9 @@ def service(
             check_target(record)
         if can_log is not None:
             check_log_target(can_log)
+        if scene is not None and not is_simulated(config):
+            # Simulated forces must not reach the controller of the robot whose wiring they borrow.
+            config = msgspec.structs.replace(config, can=Can(interface="virtual"))
         network = load_network(config)
         scan = stack.enter_context(scanning(config, scene))
         if scan.response_sha256 not in {None, network.card.response_sha256}:
