@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import footsense
-from firmware_interface.fdc1004 import RATES
 from footsense.config import Can, Config
 from footsense.core.baseline import TareLimits
 from footsense.core.pipeline import Pipeline
@@ -49,7 +48,6 @@ def pipeline_for(config: Config, network: Network, flags: int) -> Pipeline:
     # The design's capacitance knows of no stray; a foot's own reading, as the configuration has it, includes it.
     expected_pf = _per_leg(config, dict(config.unloaded_pf.items()), np.nan)
     unloaded_pf = np.where(np.isnan(expected_pf), calibration.design.rest_pf, expected_pf - stray_pf)
-    scan_ms = ELEMENTS * RATES[config.scan.rate_sps].conversion_ns * 1e-6
     return Pipeline(
         estimator=network,
         calibration=calibration,
@@ -60,7 +58,7 @@ def pipeline_for(config: Config, network: Network, flags: int) -> Pipeline:
             noise_limit_ff=config.tare.noise_limit_ff,
             unloaded_limit_rel=config.tare.unloaded_limit_rel,
         ),
-        max_age_ns=round((config.max_age_ms or 4 * scan_ms) * 1e6),
+        max_age_ns=round(config.stale_after_ms * 1e6),
         flags=flags,
     )
 

@@ -25,6 +25,13 @@ def _contradictions(config: Config) -> Iterator[Problem]:
     for i, bus in enumerate(config.buses):
         yield from _channels(bus, i)
         yield from _addresses(bus, i)
+    # The oldest element is a whole scan old when the forces go out, and a scan takes a tenth longer than its limit.
+    if config.stale_after_ms < 1.25 * config.scan.shortest_ms:
+        yield Problem(
+            ("max_age_ms",),
+            f"a scan takes {config.scan.shortest_ms:g} ms and more at {config.scan.rate_sps} S/s: "
+            f"every force would be stale; use at least {2 * config.scan.shortest_ms:g}",
+        )
     yield from _feet(config)
     if config.metrics is not None:
         yield from _metrics(config.metrics.address)

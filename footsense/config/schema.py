@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from firmware_interface import tca9548a
+from firmware_interface import fdc1004, tca9548a
 from footsense.frames import ELEMENTS
 
 __all__ = [
@@ -95,6 +95,11 @@ class Scan(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     rate_sps: Literal[100, 200, 400] = 400
     order: Literal["lo_shu", "raster"] = "lo_shu"
+
+    @property
+    def shortest_ms(self) -> float:
+        """Return the time of nine conversions [ms], which no scan can beat."""
+        return ELEMENTS * fdc1004.RATES[self.rate_sps].conversion_ns * 1e-6
 
 
 class Tare(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -190,6 +195,11 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def legs(self) -> tuple[str, ...]:
         """Return the configured legs bus by bus: the rows of every frame."""
         return tuple(leg for bus in self.buses for leg in bus.legs)
+
+    @property
+    def stale_after_ms(self) -> float:
+        """Return the age limit of a measurement [ms]: as given, or four scans of nine conversions."""
+        return 4 * self.scan.shortest_ms if self.max_age_ms is None else self.max_age_ms
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -130,3 +130,14 @@ def test_check_config_explains_a_file() -> None:
     assert result.exit_code == 0
     assert "/dev/i2c-3 at 400 kHz, TCA9548A at 0x71: rf on channel 0" in result.output
     assert "CAN: socketcan can0, 500 kbit/s" in result.output
+
+
+def test_an_age_limit_below_a_scan_is_refused(tmp_path: Path) -> None:
+    """Every force would be stale; the remedy is a number."""
+    file = tmp_path / "robot.yaml"
+    file.write_text(
+        "buses: [{device: sim, legs: {lf: 0}}]\ncan: {interface: virtual}\n"
+        "scan: {rate_sps: 100}\nmax_age_ms: 100\n"
+    )
+    with pytest.raises(ConfigError, match="max_age_ms: a scan takes 90 ms and more at 100 S/s"):
+        load_config(file)
