@@ -155,6 +155,8 @@ class Baselines:
         return TareWindow(self._limits, self._unloaded_pf[leg])
 
     def _forget_silent(self, reading: NDArray[np.uint8]) -> None:
+        if not reading.any() and not self._silent_scans.any():
+            return
         silent = (reading == Reading.NO_ANSWER).all(axis=1)
         self._silent_scans = np.where(silent, self._silent_scans + 1, 0)
         for leg in np.flatnonzero(self._silent_scans == _SILENT_SCANS).tolist():

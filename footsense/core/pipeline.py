@@ -130,7 +130,8 @@ class Pipeline:
         inputs = np.where(
             np.concatenate((valid, valid))[:, None], np.concatenate((closure_rel, coarser_rel)), 0.0
         )
-        force_n, coarser_n = np.split(self._estimator.estimate(inputs), 2)
+        both_n = self._estimator.estimate(inputs)
+        force_n, coarser_n = both_n[: len(state)], both_n[len(state) :]
         nowhere = valid & ~np.isfinite(force_n).all(axis=1)
         state[nowhere] = State.OUT_OF_RANGE
         force_n[~valid | nowhere] = np.nan

@@ -37,8 +37,13 @@ def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
 
 def converter_states(state: NDArray[np.uint8], reading: NDArray[np.uint8], opened: Mask, shut: Mask) -> None:
     """Write the states that forbid any value over `state`, shape (legs,); the gravest is written last."""
-    state[(reading == Reading.OVER_RANGE).any(axis=1) | shut.any(axis=1)] = State.SATURATED
-    state[opened.any(axis=1)] = State.ELEMENT_FAULT
-    broken = (reading == Reading.NOT_READY) | (reading == Reading.MISCONFIGURED)
-    state[broken.any(axis=1)] = State.CONVERTER_FAULT
-    state[(reading == Reading.NO_ANSWER).any(axis=1)] = State.ABSENT
+    if shut.any():
+        state[shut.any(axis=1)] = State.SATURATED
+    if reading.any():
+        state[(reading == Reading.OVER_RANGE).any(axis=1)] = State.SATURATED
+    if opened.any():
+        state[opened.any(axis=1)] = State.ELEMENT_FAULT
+    if reading.any():
+        broken = (reading == Reading.NOT_READY) | (reading == Reading.MISCONFIGURED)
+        state[broken.any(axis=1)] = State.CONVERTER_FAULT
+        state[(reading == Reading.NO_ANSWER).any(axis=1)] = State.ABSENT
