@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import tempfile
 from pathlib import Path
 
 import click
@@ -30,7 +31,25 @@ def _require_extra() -> None:
     """
     missing = [name for name in _EXTRA if importlib.util.find_spec(name) is None]
     if missing:
-        raise FootsenseError(f"the lab needs {', '.join(missing)}: install footsense[lab]")
+        raise FootsenseError(
+            f"the lab needs {', '.join(missing)}: pip install 'footsense[lab]', "
+            "or in a checkout .venv/bin/pip install -e '.[lab]'"
+        )
+
+
+def _require_writable(folder: Path) -> None:
+    """Make a folder and try to write to it, so that minutes of work do not end there.
+
+    Raises:
+        FootsenseError: It cannot be made, or not be written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryDirectory(dir=folder).cleanup()
+    except OSError as error:
+        raise FootsenseError(
+            f"{folder}: cannot be written to: {error.strerror}; choose another --output"
+        ) from error
 
 
 @click.group()
@@ -48,6 +67,8 @@ def lab() -> None:
 @click.option("--quick", is_flag=True, help="Coarse mesh, short training: every step, no release.")
 def build(*, output: Path | None, quick: bool) -> None:
     """Solve the foot, train the network, write both with their card, and print the error table."""
+    folder = output or Path("models") / (f"{_FOOT}-quick" if quick else _FOOT)
+    _require_writable(folder)
     from footsense.lab.build import FULL, QUICK
     from footsense.lab.build import build as build_models
     from footsense.lab.evaluate_models import as_markdown
@@ -57,7 +78,6 @@ def build(*, output: Path | None, quick: bool) -> None:
     def report(line: str) -> None:
         click.echo(f"[{(stopwatch_ns() - started_ns) / 1e9:6.1f} s] {line}")
 
-    folder = output or Path("models") / (f"{_FOOT}-quick" if quick else _FOOT)
     built = build_models(folder, QUICK if quick else FULL, report)
     report(f"wrote {folder}; JAX and ONNX Runtime differ by at most {1000 * built.parity_n:.4f} mN")
     click.echo(as_markdown(built.table))
@@ -85,9 +105,9 @@ def evaluate(*, models: Path | None, as_json_text: bool) -> None:
 @click.argument("other", type=click.Path(file_okay=False, path_type=Path))
 @_models_option
 def compare(*, other: Path, models: Path | None) -> None:
-    """Print the largest differences between a build in OTHER and the released files.
+    """Print how far a build in OTHER is from the released files, and by how much its network is worse.
 
-    Ends with exit code 1 where one is beyond what is tolerated.
+    Ends with exit code 1 where one is beyond what is tolerated; a better network is none.
     """
     from footsense.lab.compare import compare as compare_builds
 

@@ -14,9 +14,20 @@ from footsense.errors import ModelError
 METADATA_KEY = "footsense_card"
 FORMAT = 1
 
+#: What the numbers of input and output mean; `footsense lab build` writes it, and nothing else is understood.
+INPUT_UNIT, INPUT_ORDER = "1", "flat index 3 * row + column, row 0 most forward, column 0 leftmost"
+OUTPUT_UNIT, OUTPUT_ORDER = "N", "x y z, foot frame"
+
 Nine = Annotated[list[float], Meta(min_length=9, max_length=9)]
-Three = Annotated[list[float], Meta(min_length=3, max_length=3)]
 Positive = Annotated[float, Meta(gt=0.0)]
+NotNegative = Annotated[float, Meta(ge=0.0)]
+ThreeNotNegative = Annotated[list[NotNegative], Meta(min_length=3, max_length=3)]
+
+
+class _Format(msgspec.Struct, frozen=True):
+    """The one field that every format has."""
+
+    format: int
 
 
 class Signal(msgspec.Struct, frozen=True):
@@ -24,6 +35,7 @@ class Signal(msgspec.Struct, frozen=True):
 
     name: str
     unit: str
+    order: str
 
 
 class Card(msgspec.Struct, frozen=True):
@@ -39,8 +51,8 @@ class Card(msgspec.Struct, frozen=True):
     electrode_area_mm2: Positive
     closure_rel_min: Nine
     closure_rel_max: Nine
-    sigma_floor_n: Three
-    sigma_rel: Three
+    sigma_floor_n: ThreeNotNegative
+    sigma_rel: ThreeNotNegative
     response_sha256: str
 
     @property
@@ -68,19 +80,35 @@ def read_card(text: str | None, where: str) -> Card:
         where: Name of the file, for messages.
 
     Raises:
-        ModelError: There is no card, it is not readable, or it is of another format or unit.
+        ModelError: There is no card, it is not readable, it is of another format, unit or order, or its values
+            cannot be (JSON has no word for a number that is not finite, so none gets here).
     """
     if text is None:
         raise ModelError(
             f"{where}: no {METADATA_KEY} inside; a network made by `footsense lab build` has one"
         )
     try:
-        card = msgspec.json.decode(text, type=Card)
+        # The format first: a card of another one may lack what this one has.
+        found = msgspec.json.decode(text, type=_Format).format
+        card = msgspec.json.decode(text, type=Card) if found == FORMAT else None
     except msgspec.DecodeError as error:
         raise ModelError(f"{where}: the card does not fit: {error}") from error
-    if card.format != FORMAT:
-        raise ModelError(f"{where}: card format {card.format}, this version reads format {FORMAT}")
-    for signal, unit in ((card.input, "1"), (card.output, "N")):
+    if card is None:
+        raise ModelError(f"{where}: card format {found}, this version reads format {FORMAT}")
+    for signal, unit, order in (
+        (card.input, INPUT_UNIT, INPUT_ORDER),
+        (card.output, OUTPUT_UNIT, OUTPUT_ORDER),
+    ):
         if signal.unit != unit:
             raise ModelError(f"{where}: {signal.name} is in {signal.unit!r}, the daemon needs {unit!r}")
+        if signal.order != order:
+            raise ModelError(
+                f"{where}: {signal.name} is in the order {signal.order!r}, the daemon needs {order!r}"
+            )
+    for element, (low, high) in enumerate(zip(card.closure_rel_min, card.closure_rel_max, strict=True)):
+        if not low < high:
+            raise ModelError(
+                f"{where}: element {element} is trained from closure {low:g} to {high:g}; "
+                "closure_rel_min has to be below closure_rel_max"
+            )
     return card

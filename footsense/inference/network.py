@@ -6,6 +6,7 @@ a second thread costs more than this network's microseconds.
 
 import hashlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnxruntime as ort
@@ -16,6 +17,9 @@ from footsense.frames import ELEMENTS
 from footsense.inference.card import METADATA_KEY, Card, read_card
 
 _AXES = 3
+
+#: Where between the trained limits of its inputs a network is tried before it is used [1].
+_TRIED_REL = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 
 class Network:
@@ -28,13 +32,13 @@ class Network:
     Attributes:
         card: What the network was made for.
         sha256: Hash of the file, which names this very network in recordings.
+
+    Raises:
+        ModelError: The file is no network, its card does not fit, or it gives no force where it was trained.
     """
 
     def __init__(self, path: Path, n_rows: int) -> None:
-        try:
-            content = path.read_bytes()
-        except OSError as error:
-            raise ModelError(f"{path}: no such network ({error.strerror})") from error
+        content = _content(path)
         self.sha256 = hashlib.sha256(content).hexdigest()
         options = ort.SessionOptions()
         options.intra_op_num_threads = 1
@@ -47,11 +51,16 @@ class Network:
         try:
             self._session = ort.InferenceSession(content, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # the library raises a dozen types that share no base of their own
-            raise ModelError(f"{path}: not a readable ONNX network") from error
-        self.card: Card = read_card(
-            self._session.get_modelmeta().custom_metadata_map.get(METADATA_KEY), str(path)
-        )
-        self._check_shapes(path)
+            raise ModelError(f"{path}: not a readable ONNX network ({_one_line(error)})") from error
+        # The shapes come first: a card that describes another shape would only be said not to fit.
+        text = self._session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
+        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
+        if text is not None:
+            _check_shape(path, "input", inputs, ELEMENTS)
+            _check_shape(path, "output", outputs, _AXES)
+        self.card: Card = read_card(text, str(path))
+        _check_name(path, inputs[0].name, self.card.input.name)
+        _check_name(path, outputs[0].name, self.card.output.name)
         # The values alias these arrays: a call copies nothing and allocates nothing.
         self._closure_rel = np.zeros((n_rows, ELEMENTS), np.float32)
         self._force_n = np.zeros((n_rows, _AXES), np.float32)
@@ -62,7 +71,7 @@ class Network:
         self._binding.bind_ortvalue_output(
             self.card.output.name, ort.OrtValue.ortvalue_from_numpy(self._force_n)
         )
-        self.estimate(np.zeros((n_rows, ELEMENTS)))  # the first call plans memory: not in the loop
+        self._try_out(path)
 
     def estimate(self, closure_rel: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the force of every row [N], shape (rows, 3), for closures over the gap [1], shape (rows, 9)."""
@@ -70,16 +79,66 @@ class Network:
         self._session.run_with_iobinding(self._binding)
         return self._force_n.astype(np.float64)
 
-    def _check_shapes(self, path: Path) -> None:
-        for values, signal, width in (
-            (self._session.get_inputs(), self.card.input, ELEMENTS),
-            (self._session.get_outputs(), self.card.output, _AXES),
-        ):
-            value = next((value for value in values if value.name == signal.name), None)
-            if value is None:
-                raise ModelError(f"{path}: the card names {signal.name!r}, which the network does not have")
-            if value.type != "tensor(float)" or len(value.shape) != 2 or value.shape[1] != width:
+    def _try_out(self, path: Path) -> None:
+        """Estimate once at rest, which also plans the memory, and through the trained range.
+
+        Raises:
+            ModelError: The network cannot be run for so many legs, or gives no number.
+        """
+        low, high = np.array(self.card.closure_rel_min), np.array(self.card.closure_rel_max)
+        for closure_rel in (np.zeros(ELEMENTS), *(low + share * (high - low) for share in _TRIED_REL)):
+            try:
+                force_n = self.estimate(np.broadcast_to(closure_rel, self._closure_rel.shape))
+            except Exception as error:  # as above
+                n_rows = len(self._closure_rel)
+                raise ModelError(f"{path}: cannot be run for {n_rows} legs ({_one_line(error)})") from error
+            if not np.isfinite(force_n).all():
                 raise ModelError(
-                    f"{path}: {signal.name} is {value.type} of shape {value.shape}, "
-                    f"the daemon needs float32 of shape [n, {width}]"
+                    f"{path}: gives {force_n[0].tolist()} N inside its trained range; its weights are corrupt"
                 )
+
+
+def _content(path: Path) -> bytes:
+    """Return the bytes of a network's file.
+
+    Raises:
+        ModelError: There is no such file, or it cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except FileNotFoundError as error:
+        raise ModelError(f"{path}: no such network ({error.strerror})") from error
+    except IsADirectoryError as error:
+        raise ModelError(f"{path}: not a file, but a directory; name the network in it") from error
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def _check_shape(path: Path, what: str, values: list[Any], width: int) -> None:
+    """Check the only input or output.
+
+    Raises:
+        ModelError: There are several, or it is of another type or shape.
+    """
+    found = " and ".join(f"{value.type} of shape {value.shape}" for value in values)
+    if len(values) != 1 or values[0].type != "tensor(float)" or values[0].shape[1:] != [width]:
+        raise ModelError(
+            f"{path}: its {what} is {found or 'missing'}, the daemon needs float32 of shape [n, {width}]"
+        )
+
+
+def _check_name(path: Path, found: str, named: str) -> None:
+    """Check that the card speaks of this network.
+
+    Raises:
+        ModelError: It does not.
+    """
+    if found != named:
+        raise ModelError(
+            f"{path}: the card names {named!r}, which the network does not have; it has {found!r}"
+        )
+
+
+def _one_line(error: Exception) -> str:
+    """Return the reason that the library gives, without what follows it."""
+    return str(error).strip().partition("\n")[0]

@@ -1,7 +1,7 @@
-"""Whether two builds are the same release: the largest differences beside what is tolerated.
+"""Whether a build is as good as the release: what differs beside what is tolerated.
 
 The solve repeats to rounding, so the response must. Training in float32 over 10^5 steps amplifies the last bit of
-its input and of another processor's arithmetic; what must repeat is how good the network is.
+its input and of another processor's arithmetic; what must repeat is that the network is no worse.
 """
 
 from dataclasses import dataclass
@@ -14,8 +14,10 @@ from footsense.lab.response import disc_normals
 
 #: Response: largest difference over the largest value.
 RESPONSE_REL = 1e-6
-#: Network, on the paper's verification cases: difference of the mean errors [deg], [gf].
-DIRECTION_DEG, MAGNITUDE_GF = 0.15, 0.2
+#: Network, on the paper's verification cases: growth of the mean errors over those of the release [1]. Equal machines
+#: give equal bytes; on other processors the mean direction error was 0.12 to 0.19 deg, and the release's 0.19 is the
+#: worst of them. So an honest build hardly exceeds it, and one that is worse by 30 % has lost something.
+WORSE_REL = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +26,7 @@ class Difference:
 
     Attributes:
         what: Its name and unit.
-        found: Difference between the builds.
+        found: Difference between the builds; of an error, its growth, below zero where the second is better.
         tolerated: Largest one that is the same release.
     """
 
@@ -38,8 +40,18 @@ class Difference:
         return self.found <= self.tolerated
 
 
+def growth(what: str, released: float, built: float) -> Difference:
+    """Return by how much an error has grown.
+
+    Example:
+        >>> growth("error", 0.19, 0.12).same, growth("error", 0.19, 0.19 * 1.3).same
+        (True, False)
+    """
+    return Difference(what, built / released - 1.0, WORSE_REL)
+
+
 def compare(first: Path, second: Path) -> list[Difference]:
-    """Return the differences between two folders of released files."""
+    """Return how the files in the second folder differ from the released ones in the first."""
     one, two = open_models(first)[0], open_models(second)[0]
     normal = disc_normals(max(one.min_elevation_deg, two.min_elevation_deg))
     closures = [response.closure_um(normal, normal) for response in (one, two)]
@@ -50,14 +62,6 @@ def compare(first: Path, second: Path) -> list[Difference]:
             float(np.abs(closures[0] - closures[1]).max() / np.abs(closures[0]).max()),
             RESPONSE_REL,
         ),
-        Difference(
-            "network, mean direction error [deg]",
-            abs(rows[0].direction_deg - rows[1].direction_deg),
-            DIRECTION_DEG,
-        ),
-        Difference(
-            "network, mean magnitude error [gf]",
-            abs(rows[0].magnitude_gf - rows[1].magnitude_gf),
-            MAGNITUDE_GF,
-        ),
+        growth("network, mean direction error, growth", rows[0].direction_deg, rows[1].direction_deg),
+        growth("network, mean magnitude error, growth", rows[0].magnitude_gf, rows[1].magnitude_gf),
     ]

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from footsense.errors import ModelError
+from footsense.inference.card import METADATA_KEY
 from footsense.lab.network import SOFT_REL, Weights
 
-#: Key of the card in the file's metadata.
-CARD_KEY = "footsense_card"
 #: What onnxruntime 1.18 reads: newer files gain nothing for ten matrix products.
 IR_VERSION, OPSET = 8, 17
 
@@ -67,7 +66,7 @@ def onnx_model(weights: Weights, card: dict[str, Any]) -> onnx.ModelProto:
         ir_version=IR_VERSION,
         producer_name="footsense lab",
     )
-    helper.set_model_props(model, {CARD_KEY: json.dumps(card, sort_keys=True)})
+    helper.set_model_props(model, {METADATA_KEY: json.dumps(card, sort_keys=True)})
     onnx.checker.check_model(model)
     return model
 
@@ -89,7 +88,7 @@ class OnnxNetwork:
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         try:
             self._session = onnxruntime.InferenceSession(path.read_bytes(), options, ["CPUExecutionProvider"])
-            self.card = json.loads(self._session.get_modelmeta().custom_metadata_map[CARD_KEY])
+            self.card = json.loads(self._session.get_modelmeta().custom_metadata_map[METADATA_KEY])
         except Exception as error:  # the runtime's own exceptions share no documented base
             why = str(error).splitlines()[0]
             raise ModelError(

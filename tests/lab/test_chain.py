@@ -1,6 +1,7 @@
 """Load cases, training, export and the whole chain on the coarse foot."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,13 @@ from click.testing import CliRunner
 
 from footsense.cli.lab import lab
 from footsense.errors import FootsenseError, ModelError
+from footsense.inference.card import METADATA_KEY
 from footsense.lab import dataset
 from footsense.lab.build import PARITY_N, QUICK, Built, build
 from footsense.lab.compare import compare
 from footsense.lab.evaluate import errors, sigma_model
 from footsense.lab.evaluate_models import open_models
-from footsense.lab.export import CARD_KEY, OnnxNetwork
+from footsense.lab.export import OnnxNetwork
 from footsense.lab.response import SYMMETRIES, element_map
 from footsense.sim.foot import FootResponse
 
@@ -112,7 +114,7 @@ def test_the_card_says_what_the_daemon_needs(built: Built, folder: Path) -> None
     model = onnx.load(folder / "network.onnx")
     (prop,) = model.metadata_props
     card = json.loads(prop.value)
-    assert prop.key == CARD_KEY
+    assert prop.key == METADATA_KEY
     assert card == built.card
     assert (card["format"], card["foot_type"]) == (1, "aoyagi-3x3")
     assert (card["gap_um"], card["film_um"], card["film_eps_r"], card["electrode_area_mm2"]) == (
@@ -158,7 +160,8 @@ def test_evaluate_prints_the_figures_as_json(built: Built, folder: Path) -> None
     result = CliRunner().invoke(lab, ["evaluate", "--models", str(folder), "--json"])
     assert result.exit_code == 0, result.output
     figures = json.loads(result.output)
-    assert figures["direction_deg"] == pytest.approx(built.table["paper_network"].direction_deg, rel=1e-3)
+    assert figures["table"] == {name: asdict(row) for name, row in built.table.items()}
+    assert figures["direction_deg"] == built.table["paper_network"].direction_deg
     assert figures["paper_direction_deg"] == 2.4
 
 
@@ -177,4 +180,13 @@ def test_without_the_extra_one_line_says_what_to_install(monkeypatch: pytest.Mon
     monkeypatch.setattr("footsense.cli.lab.importlib.util.find_spec", lambda _: None)
     result = CliRunner().invoke(lab, ["evaluate"])
     assert isinstance(result.exception, FootsenseError)
-    assert str(result.exception).endswith("install footsense[lab]")
+    assert "pip install 'footsense[lab]', or in a checkout" in str(result.exception)
+
+
+@pytest.mark.parametrize("folder", ["/etc/passwd/x", "/dev/null/a/b", "/proc/models"])
+def test_a_folder_that_cannot_be_made_is_told_before_the_solve(folder: str) -> None:
+    """One line, at once."""
+    result = CliRunner().invoke(lab, ["build", "--output", folder])
+    assert isinstance(result.exception, FootsenseError)
+    assert str(result.exception).startswith(f"{folder}: ")
+    assert str(result.exception).endswith("choose another --output")

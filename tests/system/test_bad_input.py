@@ -1,11 +1,13 @@
 """Whatever is handed to the command line: one clear line, the right exit code, no traceback, no half-written file."""
 
+import math
 from pathlib import Path
 
 import onnx
 import pytest
 from onnx import TensorProto, helper
 
+from footsense.inference.card import INPUT_ORDER, OUTPUT_ORDER
 from tests.system.command import footsense, one_line_error
 
 ROBOT = """
@@ -25,14 +27,14 @@ def robot(
     return file
 
 
-def network_file(folder: Path, *, n_inputs: int = 9, card: str | None = None) -> Path:
-    """Write a small network with or without a card."""
+def network_file(folder: Path, *, n_inputs: int = 9, card: str | None = None, weight: float = 0.0) -> Path:
+    """Write a small network of equal weights with or without a card."""
     graph = helper.make_graph(
         [helper.make_node("MatMul", ["closure_rel", "w"], ["force_n"])],
         "n",
         [helper.make_tensor_value_info("closure_rel", TensorProto.FLOAT, ["n", n_inputs])],
         [helper.make_tensor_value_info("force_n", TensorProto.FLOAT, ["n", 3])],
-        [helper.make_tensor("w", TensorProto.FLOAT, [n_inputs, 3], [0.0] * 3 * n_inputs)],
+        [helper.make_tensor("w", TensorProto.FLOAT, [n_inputs, 3], [weight] * 3 * n_inputs)],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     if card is not None:
@@ -43,11 +45,15 @@ def network_file(folder: Path, *, n_inputs: int = 9, card: str | None = None) ->
 
 
 CARD = (
-    '{"format": 1, "foot_type": "TYPE", "input": {"name": "closure_rel", "unit": "UNIT"},'
-    ' "output": {"name": "force_n", "unit": "N"}, "gap_um": 20.0, "film_um": 17.0, "film_eps_r": 2.7,'
+    '{"format": 1, "foot_type": "TYPE", "input": {"name": "closure_rel", "unit": "UNIT",'
+    f' "order": "{INPUT_ORDER}"}}, "output": {{"name": "force_n", "unit": "N", "order": "{OUTPUT_ORDER}"}},'
+    ' "gap_um": 20.0, "film_um": 17.0, "film_eps_r": 2.7,'
     ' "electrode_area_mm2": 16.0, "closure_rel_min": [0,0,0,0,0,0,0,0,0], "closure_rel_max": [1,1,1,1,1,1,1,1,1],'
     ' "sigma_floor_n": [0,0,0], "sigma_rel": [0,0,0], "response_sha256": ""}'
 )
+
+
+FITTING = CARD.replace("TYPE", "aoyagi-3x3").replace("UNIT", "1")
 
 
 def test_a_missing_network(tmp_path: Path) -> None:
@@ -73,11 +79,22 @@ def test_a_corrupt_network(tmp_path: Path) -> None:
         (9, "{", "the card does not fit"),
         (9, CARD.replace("TYPE", "other-foot").replace("UNIT", "1"), "made for foot type 'other-foot'"),
         (9, CARD.replace("TYPE", "aoyagi-3x3").replace("UNIT", "um"), "is in 'um', the daemon needs '1'"),
+        (8, FITTING, "input is tensor(float) of shape ['n', 8], the daemon needs float32 of shape [n, 9]"),
+        (8, FITTING.replace("[0,0,0,0,0,0,0,0,0]", "[0,0,0,0,0,0,0,0]"), "of shape ['n', 8]"),
+        (9, FITTING.replace("column 0 leftmost", "column 0 rightmost"), "is in the order 'flat index"),
         (
-            8,
-            CARD.replace("TYPE", "aoyagi-3x3").replace("UNIT", "1"),
-            "the daemon needs float32 of shape [n, 9]",
+            9,
+            FITTING.replace("x y z", "z y x"),
+            "is in the order 'z y x, foot frame', the daemon needs 'x y z",
         ),
+        (
+            9,
+            FITTING.replace('"sigma_rel": [0,', '"sigma_rel": [-0.1,'),
+            "Expected `float` >= 0.0 - at `$.sigma_rel[0]`",
+        ),
+        (9, FITTING.replace('"sigma_rel": [0,', '"sigma_rel": [NaN,'), "the card does not fit"),
+        (9, FITTING.replace('max": [1,1,', 'max": [1,0,'), "element 1 is trained from closure 0 to 0"),
+        (9, FITTING.replace('"closure_rel"', '"other"'), "the card names 'other'"),
         (9, CARD.replace('"format": 1', '"format": 7'), "card format 7, this version reads format 1"),
     ],
 )
@@ -88,6 +105,35 @@ def test_a_network_whose_card_does_not_fit(
     network_file(tmp_path, n_inputs=n_inputs, card=card)
     config = robot(tmp_path, more="model: network.onnx\n")
     assert says in one_line_error(footsense("run", "--config", config, "--duration", "1"), 4)
+
+
+def test_a_network_that_gives_no_number_is_not_used(tmp_path: Path) -> None:
+    """Corrupt weights are found before the robot walks: `check-config` and `run` say the same line."""
+    network_file(tmp_path, card=FITTING, weight=math.nan)
+    config = robot(tmp_path, more="model: network.onnx\n")
+    line = one_line_error(footsense("check-config", config), 4)
+    assert line.endswith(
+        "network.onnx: gives [nan, nan, nan] N inside its trained range; its weights are corrupt"
+    )
+    assert one_line_error(footsense("run", "--config", config, "--duration", "1"), 4) == line
+
+
+def test_a_network_whose_weights_do_not_fit_its_input_is_told_with_the_reason(tmp_path: Path) -> None:
+    """What ONNX Runtime has against it is in the line."""
+    file = network_file(tmp_path, card=FITTING)
+    model = onnx.load(str(file))
+    model.graph.input[0].type.tensor_type.shape.dim[1].dim_value = 8
+    onnx.save(model, str(file))
+    config = robot(tmp_path, more="model: network.onnx\n")
+    line = one_line_error(footsense("check-config", config), 4)
+    assert "not a readable ONNX network (" in line
+    assert "ncompatible dimensions" in line
+
+
+def test_a_folder_is_no_network(tmp_path: Path) -> None:
+    """It is there, so `no such` would be wrong."""
+    config = robot(tmp_path, more="model: .\n")
+    assert "not a file, but a directory" in one_line_error(footsense("check-config", config), 4)
 
 
 def test_an_i2c_adapter_that_is_not_there(tmp_path: Path) -> None:
