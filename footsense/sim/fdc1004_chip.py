@@ -30,7 +30,7 @@ class SimulatedFdc1004:
 
     Attributes:
         absent_ns: From when until when it does not answer [ns].
-        stuck_from_ns: From when on its conversions do not finish [ns].
+        stuck_ns: From when until when its conversions do not finish [ns].
         brown_out_ns: When its supply fails for a moment, which resets it [ns].
     """
 
@@ -43,7 +43,7 @@ class SimulatedFdc1004:
         clock_error_rel: float = 0.0,
     ) -> None:
         self.absent_ns: tuple[float, float] = (math.inf, math.inf)
-        self.stuck_from_ns = math.inf
+        self.stuck_ns: tuple[float, float] = (math.inf, math.inf)
         self.brown_out_ns = math.inf
         self._cin_capacitance_pf = cin_capacitance_pf
         self._noise = noise
@@ -106,7 +106,7 @@ class SimulatedFdc1004:
         if self._running is None:
             return
         slot, t_start_ns, t_end_ns = self._running
-        if t_ns < t_end_ns or t_end_ns >= self.stuck_from_ns:
+        if t_ns < t_end_ns or self.stuck_ns[0] <= t_end_ns < self.stuck_ns[1]:
             return
         self._running = None
         self._results[slot] = self._convert(slot, t_start_ns, t_end_ns)

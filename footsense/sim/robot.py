@@ -4,6 +4,7 @@ A foot is pressed by the scene's load; the response table turns contact into gap
 the row switch decides which of them a converter pin sees.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -67,7 +68,7 @@ class SimulatedLeg:
             case DeafSwitch():
                 self.switch.deaf_from_ns = fault.at_ns
             case StuckConverter():
-                self.converter.stuck_from_ns = fault.at_ns
+                self.converter.stuck_ns = (fault.at_ns, math.inf)
             case BrokenRow():
                 self._broken_rows.append((fault.at_ns, fault.row))
 

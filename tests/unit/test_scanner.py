@@ -5,6 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from footsense.drivers.bus_scanner import BusScanner
 from footsense.drivers.robot_scanner import RobotScanner
@@ -201,7 +203,7 @@ def test_a_stuck_converter_costs_only_itself() -> None:
     """Its elements are NOT_READY; the others keep every element and their pace, also while it is tried again."""
     robot = Robot(distinct)
     period_ns = robot.period_ns()
-    robot.converters[4].stuck_from_ns = robot.clock.now_ns()
+    robot.converters[4].stuck_ns = (robot.clock.now_ns(), math.inf)
     robot.read()
     for _ in range(60):
         before_ns = robot.clock.now_ns()
@@ -313,3 +315,49 @@ def test_a_result_from_before_a_stall_is_not_used() -> None:
     frame = robot.read()
     assert (frame.reading == Reading.OK).all()
     assert np.ptp(frame.t_ns) < 9 * 1.1 * T_CONV_NS
+
+
+TROUBLES = st.lists(
+    st.tuples(
+        st.integers(0, 1500),  # transaction at which it begins
+        st.integers(1, 200),  # transactions that it lasts
+        st.sampled_from([NackError("no acknowledge"), BusError("garbled"), BusTimeoutError("held low")]),
+    ),
+    max_size=6,
+)
+CHIP_FAULTS = st.lists(
+    st.tuples(st.sampled_from(["absent", "brown_out", "stuck"]), st.integers(0, 5), st.integers(50, 400)),
+    max_size=4,
+)
+
+
+@given(TROUBLES, CHIP_FAULTS, st.sampled_from(list(ORDERS)))
+@settings(max_examples=25)
+def test_whatever_fails_a_reading_is_right_or_missing(
+    troubles: list[tuple[int, int, BusError]], chip_faults: list[tuple[str, int, int]], order: str
+) -> None:
+    """Random failures of bus and chips: no exception, no wrong number, and all is well some time after the last."""
+    robot = Robot(distinct, order=order)
+    robot.read(2)
+
+    def fails(transaction: Transaction, n: int) -> BusError | None:
+        del transaction
+        return next((error for begin, length, error in troubles if begin <= n < begin + length), None)
+
+    robot.saboteurs[0].arm(fails)
+    for kind, leg, at_ms in chip_faults:
+        at_ns = robot.clock.now_ns() + at_ms * 1_000_000
+        if kind == "absent":
+            robot.converters[leg].absent_ns = robot.switches[leg].absent_ns = (at_ns, at_ns + 100_000_000)
+        elif kind == "brown_out":
+            robot.converters[leg].brown_out_ns = robot.switches[leg].brown_out_ns = at_ns
+        else:
+            robot.converters[leg].stuck_ns = (at_ns, at_ns + 200_000_000)
+    for _ in range(40):
+        frame = robot.read()
+        ok = frame.reading == Reading.OK
+        assert np.array_equal(frame.capacitance_pf[ok], np.tile(DISTINCT_PF, (6, 1))[ok])
+        assert np.isnan(frame.capacitance_pf[~ok]).all()
+        assert (frame.t_ns[ok] > 0).all()
+    robot.saboteurs[0].arm(lambda transaction, n: None)
+    assert (robot.read(500).reading == Reading.OK).all()
