@@ -11,11 +11,15 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from footsense import app
 from footsense.cli import main
+from footsense.config import DEFAULT
+from footsense.errors import HardwareError
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.pipe_format import Loss, Numbered
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream
+from footsense.sim.clock import VirtualClock
 from tests.system.command import TIMEOUT_S, footsense, one_line_error
 
 N_BEFORE, N_LOST = 30, 7
@@ -138,6 +142,14 @@ def test_a_can_log_that_cannot_grow_is_told_at_the_end(walk: Path, tmp_path: Pat
     )
     line = one_line_error(result, 3)
     assert "a.log: the CAN log ended early: File too large; what was sent is not affected" in line
+
+
+def test_a_lost_log_does_not_hide_what_came_before(tmp_path: Path) -> None:
+    """The first error is the one that is told, whatever the end of the log adds to it."""
+    log = tmp_path / "a.log"
+    log.symlink_to("/dev/full")
+    with pytest.raises(HardwareError, match="the bus is gone"), app.can_sink(DEFAULT, VirtualClock(), log):
+        raise HardwareError("the bus is gone")
 
 
 @pytest.mark.parametrize(
