@@ -59,4 +59,4 @@ class NmtState(IntEnum):
     BOOT = 0x00  #: the service has just opened the channel
     STOPPED = 0x04  #: no forces come: the service ends, or was told to stop
     OPERATIONAL = 0x05
-    PRE_OPERATIONAL = 0x7F  #: alive, but waiting for a baseline
+    PRE_OPERATIONAL = 0x7F  #: alive, but without a baseline, or without an answer of the leg's chips

@@ -56,13 +56,20 @@ def can_sink(
         bitrate=config.can.bitrate,
         stats=stats,
     )
-    try:
+    with _ending(sink.close):
         yield sink
+
+
+@contextmanager
+def _ending(close: Callable[[], None]) -> Iterator[None]:
+    """Close at the end; that a log or recording is not whole must not hide what ended the run."""
+    try:
+        yield
     except BaseException:
-        with suppress(RecordingError):  # a log that is not whole must not hide what came before
-            sink.close()
+        with suppress(RecordingError):
+            close()
         raise
-    sink.close()
+    close()
 
 
 @dataclass(slots=True)
@@ -158,7 +165,7 @@ def service(
             recorder = Recorder(record, legs, header, blocking=not real_time)
             observers.append(recorder)
         for observer in observers:
-            stack.callback(observer.close)
+            stack.enter_context(_ending(observer.close))
         yield Service(
             legs=legs,
             scanning=scan,

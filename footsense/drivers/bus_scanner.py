@@ -109,7 +109,7 @@ class BusScanner:
             # Nothing runs yet, or the loop was held up: a result from before that would not belong to this scan.
             running = self._begin(steps[0], select_row=True)
         for step, following in zip(steps, (*steps[1:], steps[0]), strict=True):
-            self._check(running, into)
+            self._check(running)
             failed: dict[LegLink, Reading] = {
                 leg: leg.outcome for leg in self._legs if leg.outcome is not Reading.OK
             }
@@ -120,7 +120,11 @@ class BusScanner:
             finished = running
             running = self._begin(following, select_row=following.row_changes or not finished.legs)
             for leg, outcome in failed.items():
-                into.reading[self._legs.index(leg), step.element] = outcome
+                # The settings are checked in the last step: a leg that was not there has nothing that counts.
+                elements = slice(None) if following is steps[0] else step.element
+                row = self._legs.index(leg)
+                into.t_ns[row, elements], into.capacitance_pf[row, elements] = 0, _NAN
+                into.reading[row, elements] = outcome
             self._read_out(finished, failed, into)
         self._running = running
         self._note(into)
@@ -185,28 +189,21 @@ class BusScanner:
             self._give_up(error)
             return Reading.NO_ANSWER, _NAN
 
-    def _check(self, conversion: _Conversion, into: BusScan) -> None:
-        """Make sure, while a conversion runs, that every leg converts what it was told; note those that do not.
-
-        A leg that has lost its settings may have done so at any time: nothing that it gave in this scan counts.
-        """
-        step = conversion.step
+    def _check(self, conversion: _Conversion) -> None:
+        """Make sure, while a conversion runs, that every leg converts what it was told; note those that do not."""
         if conversion.row_selected:
-            self._not_holding(step.row_check)
-        if step.setting_check is not None:
-            for leg in self._not_holding(step.setting_check):
-                row = self._legs.index(leg)
-                into.t_ns[row], into.capacitance_pf[row], into.reading[row] = 0, _NAN, leg.outcome
+            self._ask_all(conversion.step.row_check)
+        if conversion.step.setting_check is not None:
+            self._ask_all(conversion.step.setting_check)
 
-    def _not_holding(self, check: Check) -> list[LegLink]:
-        """Return the legs that answer otherwise than they should, and leave them out of the rest of the scan."""
+    def _ask_all(self, check: Check) -> None:
+        """Leave the legs that answer otherwise than they should out of the rest of the scan."""
         legs = self._active()
         if not legs or self._holds(self._join(legs), check):
-            return []
-        wrong = [leg for leg in legs if not self._holds(leg.connect, check)]
-        for leg in wrong:
-            leg.outcome = Reading.MISCONFIGURED
-        return wrong
+            return
+        for leg in legs:
+            if leg.in_scan and not self._holds(leg.connect, check):
+                leg.outcome = Reading.MISCONFIGURED
 
     def _holds(self, connect: Transaction, check: Check) -> bool:
         try:

@@ -41,7 +41,9 @@ class Walk:
     def __init__(self, fault: str, folder: Path) -> None:
         scene = folder / "scene.yaml"
         scene.write_text(
-            "description: a fault\nload: {kind: tripod, period_s: 1.2, duty_rel: 0.6, peak_force_n: 1.0}\neffects: {converter_noise: true}\n"
+            "description: a fault\n"
+            "load: {kind: tripod, period_s: 1.2, duty_rel: 0.6, peak_force_n: 1.0}\n"
+            "effects: {converter_noise: true}\n"
             f"faults: [{fault}]\n"
         )
         self.log = folder / "can.log"
