@@ -1,10 +1,5 @@
 """A recording gives back every bit that it was given, or says what it cannot give."""
 
-import ctypes
-import os
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,102 +7,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
-from numpy.typing import NDArray
 
-from footsense.errors import ConfigError, RecordingError
+from footsense.errors import RecordingError
 from footsense.frames import (
-    CapFrame,
-    Command,
-    CommandKind,
     Cycle,
-    Flag,
-    ForceFrame,
     Outcome,
-    Reading,
     Result,
-    State,
 )
 from footsense.recording.compare import compare, same_machine
-from footsense.recording.cycle_pipe import CyclePipe
 from footsense.recording.machine import this_machine
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.pipe_format import CyclePacker, Loss, Numbered, pack_header, pack_loss, unpack
-from footsense.recording.recorder import Recorder, check_target, partial_path
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
-from footsense.recording.writer import FdStream, PipeWriter
-
-LEGS = ("lf", "lm", "lr", "rf", "rm", "rr")
-#: See prctl(2).
-PR_SET_CHILD_SUBREAPER = 36
-
-PERIOD_NS = 25_000_000
-TARE = Command(CommandKind.TARE, 2)
-AWKWARD = np.array([np.nan, np.inf, -np.inf, -0.0, 5e-324, 0.1, 1.7976931348623157e308, 1 / 3])
-
-
-def cycle(number: int, seed: int = 0, *, outcomes: tuple[Outcome, ...] = (), n_legs: int = 6) -> Cycle:
-    """Return a cycle of random bits, awkward floats among them."""
-    rng = np.random.default_rng([seed, number])
-
-    def floats(*shape: int) -> NDArray[np.float64]:
-        values = rng.integers(0, 2**64, shape, dtype=np.uint64).view(np.float64)
-        return np.where(rng.random(shape) < 0.2, rng.choice(AWKWARD, shape), values)
-
-    scan = CapFrame(
-        number,
-        rng.integers(0, 2**63, (n_legs, 9)),
-        floats(n_legs, 9),
-        rng.choice([int(r) for r in Reading], (n_legs, 9)).astype(np.uint8),
-    )
-    forces = ForceFrame(
-        number,
-        1_000 + number * PERIOD_NS,
-        rng.integers(0, 2**63, n_legs),
-        floats(n_legs, 3),
-        floats(n_legs, 3),
-        rng.choice([int(s) for s in State], n_legs).astype(np.uint8),
-        rng.integers(0, 512, n_legs).astype(np.uint16),
-        rng.choice([int(f) for f in Flag], n_legs).astype(np.uint8),
-    )
-    commands = (TARE,) if number % 7 == 3 else ()
-    return Cycle(scan, commands, forces, outcomes)
-
-
-def same(a: Cycle, b: Cycle) -> bool:
-    """Return whether two cycles are equal bit for bit, NaN equal to NaN."""
-    arrays = ("t_ns", "capacitance_pf", "reading")
-    scans = all(np.array_equal(getattr(a.scan, f), getattr(b.scan, f), equal_nan=True) for f in arrays)
-    zeros = np.array_equal(np.signbit(a.scan.capacitance_pf), np.signbit(b.scan.capacitance_pf))
-    legs = LEGS[: len(a.forces.state)]
-    return (
-        scans
-        and (zeros or bool(np.isnan(a.scan.capacitance_pf).any()))
-        and a.scan.sequence == b.scan.sequence
-        and compare(a.forces, b.forces, exact=True, legs=legs) is None
-        and (a.commands, a.outcomes) == (b.commands, b.outcomes)
-    )
-
-
-def write(path: Path, cycles: list[Cycle], every: int = 20) -> Path:
-    """Write a finished recording in this process, a chunk for every so many cycles."""
-    with path.open("wb") as file:
-        recording = McapFile(FdStream(file.fileno()), {"legs": ",".join(LEGS), "scene": "test"})
-        for number, one in enumerate(cycles):
-            recording.add_cycle(Numbered(number, one))
-            if number % every == every - 1:
-                recording.flush()
-        recording.finish()
-    return path
-
-
-def read_until_damage(path: Path) -> tuple[list[Cycle], RecordingError | None]:
-    cycles: list[Cycle] = []
-    try:
-        cycles.extend(Replay(path))
-    except RecordingError as error:
-        return cycles, error
-    return cycles, None
+from footsense.recording.writer import FdStream
+from tests.unit.cycles import LEGS, TARE, cycle, read_until_damage, same, write
 
 
 @pytest.fixture(scope="module")
@@ -266,145 +180,3 @@ def test_the_same_machine_has_the_same_processor_and_libraries() -> None:
     assert same_machine({**here, "scene": "x"}, here)
     assert not same_machine({**here, "numpy": "0"}, here)
     assert not same_machine({}, here)
-
-
-def test_a_recording_is_whole_and_then_named(tmp_path: Path) -> None:
-    """The recorder's process writes all cycles, and FILE exists only when they are in it."""
-    path = tmp_path / "walk.mcap"
-    recorder = Recorder(path, LEGS, {"scene": "flat"}, blocking=True)
-    assert partial_path(path).exists()
-    shown = [cycle(number) for number in range(100)]
-    for one in shown:
-        recorder.observe(one)
-    recorder.close()
-    recorder.close()
-    assert [p.name for p in tmp_path.iterdir()] == ["walk.mcap"]
-    assert recorder.lost == 0
-    replay = Replay(path)
-    assert (replay.header["scene"], replay.legs) == ("flat", LEGS)
-    assert all(same(a, b) for a, b in zip(shown, replay, strict=True))
-
-
-def test_an_existing_file_is_not_overwritten(tmp_path: Path) -> None:
-    """A finished recording, an unfinished one, and a missing directory are refused before the start."""
-    (tmp_path / "walk.mcap").touch()
-    (tmp_path / "cut.mcap.partial").touch()
-    for name, wanted in (
-        ("walk.mcap", "exists and is not overwritten"),
-        ("cut.mcap", "footsense recover it, or remove it"),
-        ("none/walk.mcap", "there is no directory"),
-    ):
-        with pytest.raises(RecordingError, match=wanted):
-            Recorder(tmp_path / name, LEGS, {}, blocking=True)
-
-
-@pytest.mark.parametrize("name", ["walk.txt", "-", "walk", "walk.mcap.partial"])
-def test_a_recording_ends_in_mcap(tmp_path: Path, name: str) -> None:
-    """Another suffix is a mistake, `-` among them; no file is made."""
-    with pytest.raises(ConfigError, match=rf"{name}: the name has to end in \.mcap"):
-        check_target(tmp_path / name)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_recording_in_the_making_is_told_from_one_that_was_cut_short(tmp_path: Path) -> None:
-    """A second recorder and `recover` leave it alone while its writer lives; at its end it is whole."""
-    path = tmp_path / "walk.mcap"
-    first = Recorder(path, LEGS, {}, blocking=True)
-    first.observe(cycle(0))
-    for attempt in (lambda: check_target(path), lambda: recover(partial_path(path), path)):
-        with pytest.raises(RecordingError, match=r"partial: is being written by another footsense"):
-            attempt()
-    first.close()
-    assert len(list(Replay(path))) == 1
-
-
-def test_a_full_pipe_loses_cycles_and_says_so(tmp_path: Path) -> None:
-    """In real time a cycle that finds no room is counted, and recorded as lost before the next one."""
-    read_end, write_end = os.pipe()
-    pipe = CyclePipe(write_end, LEGS, {}, blocking=False)
-    for number in range(100):
-        pipe.send(cycle(number))
-    lost = pipe.lost
-    assert 0 < lost < 100
-    with (tmp_path / "walk.mcap").open("wb") as file:
-        writer = PipeWriter(file.fileno())
-        writer.feed(os.read(read_end, 1 << 20))
-        pipe.send(cycle(100))
-        pipe.close(0.0)
-        writer.feed(os.read(read_end, 1 << 20))
-        writer.finish()
-    os.close(read_end)
-    entries = list(Replay(tmp_path / "walk.mcap").entries())
-    assert entries[-2] == Loss(100, 1_000 + 100 * PERIOD_NS, lost)
-    numbered = [entry for entry in entries if isinstance(entry, Numbered)]
-    assert [entry.counter for entry in numbered] == [*range(100 - lost), 100]
-    assert all(same(entry.cycle, cycle(entry.counter)) for entry in numbered)
-
-
-@pytest.mark.parametrize("blocking", [True, False])
-def test_a_writer_that_hangs_does_not_hold_up_the_end(blocking: bool) -> None:  # noqa: FBT001 - a case
-    """With the pipe full and nobody reading, closing gives up after its timeout, here at once."""
-    read_end, write_end = os.pipe()
-    pipe = CyclePipe(write_end, LEGS, {}, blocking=False)
-    for number in range(100):
-        pipe.send(cycle(number))
-    os.set_blocking(write_end, blocking)
-    pipe.close(0.0)
-    os.close(read_end)
-
-
-def test_a_full_disk_does_not_stop_the_loop(tmp_path: Path) -> None:
-    """A writer that cannot write leaves the loop running, and the loss is told at the end."""
-    limit = f"import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (20000, 20000))\n{RECORD_AND_END}"
-    done = subprocess.run(
-        [sys.executable, "-c", limit, str(tmp_path / "walk.mcap"), str(Path(__file__).parent)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert "File too large" in done.stdout, done
-    assert "of 300 cycles are missing, the others are in walk.mcap.partial" in done.stdout
-    read, damage = read_until_damage(tmp_path / "walk.mcap.partial")
-    assert damage is not None
-    assert all(same(one, cycle(number)) for number, one in enumerate(read))
-
-
-def test_a_killed_daemon_leaves_a_finished_recording(tmp_path: Path) -> None:
-    """The end of the pipe ends the recording, so SIGKILL costs nothing that was observed."""
-    path = tmp_path / "walk.mcap"
-    # The orphaned writer becomes a child of this process, so that its end can be waited for.
-    assert ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1) == 0
-    daemon = subprocess.Popen(
-        [sys.executable, "-c", RECORD_AND_DIE, str(path), str(Path(__file__).parent)],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    writer_pid = int(daemon.communicate()[0])
-    assert daemon.returncode == -signal.SIGKILL
-    os.waitpid(writer_pid, 0)
-    assert path.exists()
-    assert all(same(one, cycle(number)) for number, one in enumerate(Replay(path)))
-    assert len(list(Replay(path))) == 300
-
-
-#: A daemon that observes 300 cycles; argv: the file, the directory of this test.
-RECORD = """
-import os, pathlib, signal, sys
-sys.path.insert(0, sys.argv[2])
-from test_recording import LEGS, cycle
-from footsense.errors import RecordingError
-from footsense.recording.recorder import Recorder
-recorder = Recorder(pathlib.Path(sys.argv[1]), LEGS, {}, blocking=True)
-for number in range(300):
-    recorder.observe(cycle(number))
-"""
-RECORD_AND_END = f"""{RECORD}
-try:
-    recorder.close()
-except RecordingError as error:
-    print(error)
-"""
-RECORD_AND_DIE = f"""{RECORD}
-print(recorder._writer.pid, flush=True)
-os.kill(os.getpid(), signal.SIGKILL)
-"""

@@ -1,0 +1,93 @@
+"""Cycles of random bits, and recordings of them."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.errors import RecordingError
+from footsense.frames import (
+    CapFrame,
+    Command,
+    CommandKind,
+    Cycle,
+    Flag,
+    ForceFrame,
+    Outcome,
+    Reading,
+    State,
+)
+from footsense.recording.compare import compare
+from footsense.recording.mcap_writer import McapFile
+from footsense.recording.pipe_format import Numbered
+from footsense.recording.replay import Replay
+from footsense.recording.writer import FdStream
+
+LEGS = ("lf", "lm", "lr", "rf", "rm", "rr")
+PERIOD_NS = 25_000_000
+TARE = Command(CommandKind.TARE, 2)
+AWKWARD = np.array([np.nan, np.inf, -np.inf, -0.0, 5e-324, 0.1, 1.7976931348623157e308, 1 / 3])
+
+
+def cycle(number: int, seed: int = 0, *, outcomes: tuple[Outcome, ...] = (), n_legs: int = 6) -> Cycle:
+    """Return a cycle of random bits, awkward floats among them."""
+    rng = np.random.default_rng([seed, number])
+
+    def floats(*shape: int) -> NDArray[np.float64]:
+        values = rng.integers(0, 2**64, shape, dtype=np.uint64).view(np.float64)
+        return np.where(rng.random(shape) < 0.2, rng.choice(AWKWARD, shape), values)
+
+    scan = CapFrame(
+        number,
+        rng.integers(0, 2**63, (n_legs, 9)),
+        floats(n_legs, 9),
+        rng.choice([int(r) for r in Reading], (n_legs, 9)).astype(np.uint8),
+    )
+    forces = ForceFrame(
+        number,
+        1_000 + number * PERIOD_NS,
+        rng.integers(0, 2**63, n_legs),
+        floats(n_legs, 3),
+        floats(n_legs, 3),
+        rng.choice([int(s) for s in State], n_legs).astype(np.uint8),
+        rng.integers(0, 512, n_legs).astype(np.uint16),
+        rng.choice([int(f) for f in Flag], n_legs).astype(np.uint8),
+    )
+    commands = (TARE,) if number % 7 == 3 else ()
+    return Cycle(scan, commands, forces, outcomes)
+
+
+def same(a: Cycle, b: Cycle) -> bool:
+    """Return whether two cycles are equal bit for bit, NaN equal to NaN."""
+    arrays = ("t_ns", "capacitance_pf", "reading")
+    scans = all(np.array_equal(getattr(a.scan, f), getattr(b.scan, f), equal_nan=True) for f in arrays)
+    zeros = np.array_equal(np.signbit(a.scan.capacitance_pf), np.signbit(b.scan.capacitance_pf))
+    legs = LEGS[: len(a.forces.state)]
+    return (
+        scans
+        and (zeros or bool(np.isnan(a.scan.capacitance_pf).any()))
+        and a.scan.sequence == b.scan.sequence
+        and compare(a.forces, b.forces, exact=True, legs=legs) is None
+        and (a.commands, a.outcomes) == (b.commands, b.outcomes)
+    )
+
+
+def write(path: Path, cycles: list[Cycle], every: int = 20) -> Path:
+    """Write a finished recording in this process, a chunk for every so many cycles."""
+    with path.open("wb") as file:
+        recording = McapFile(FdStream(file.fileno()), {"legs": ",".join(LEGS), "scene": "test"})
+        for number, one in enumerate(cycles):
+            recording.add_cycle(Numbered(number, one))
+            if number % every == every - 1:
+                recording.flush()
+        recording.finish()
+    return path
+
+
+def read_until_damage(path: Path) -> tuple[list[Cycle], RecordingError | None]:
+    cycles: list[Cycle] = []
+    try:
+        cycles.extend(Replay(path))
+    except RecordingError as error:
+        return cycles, error
+    return cycles, None

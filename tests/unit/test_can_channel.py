@@ -1,0 +1,147 @@
+"""A channel that cannot be opened, is dead, or whose log cannot be written."""
+
+import errno
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+
+from firmware_interface.can_codes import NmtState
+from firmware_interface.can_events import (
+    decode_heartbeat,
+)
+from footsense.errors import CanError, ConfigError, RecordingError
+from footsense.frames import ForceFrame
+from footsense.publish.can_log import check_log_target
+from footsense.publish.can_sink import CanSink
+from tests.unit.can_robot import MS, FakeClock, Robot
+
+
+def open_sink(interface: str, channel: str, log_file: Path | None = None) -> CanSink:
+    """Open a sink of one leg."""
+    return CanSink(interface=interface, channel=channel, legs=("lf",), clock=FakeClock(), log_file=log_file)
+
+
+def test_an_unknown_log_suffix_is_refused_with_those_known(tmp_path: Path) -> None:
+    """One line that names the file and what would be right; no file is made."""
+    with pytest.raises(ConfigError, match=r"walk\.csv: the suffix must be one of \.log, \.asc, \.blf"):
+        open_sink("virtual", "log", tmp_path / "walk.csv")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_log_in_a_missing_folder_is_one_line(tmp_path: Path) -> None:
+    """The error names the file and the reason, at the check as at the opening."""
+    with pytest.raises(RecordingError, match=r"walk\.log: No such file or directory"):
+        open_sink("virtual", "log", tmp_path / "missing" / "walk.log")
+    with pytest.raises(RecordingError, match=r"walk\.log: there is no directory .*missing"):
+        check_log_target(tmp_path / "missing" / "walk.log")
+
+
+def test_an_existing_log_is_refused_before_anything_is_opened(tmp_path: Path) -> None:
+    """A log is not overwritten, as a recording is not; a new name passes and nothing is made of it yet."""
+    old = tmp_path / "walk.log"
+    old.write_text("precious")
+    with pytest.raises(RecordingError, match=r"walk\.log: exists and is not overwritten; choose another"):
+        check_log_target(old)
+    check_log_target(tmp_path / "new.blf")
+    assert [path.name for path in tmp_path.iterdir()] == ["walk.log"]
+
+
+def test_an_unknown_interface_is_a_can_error(tmp_path: Path) -> None:
+    """One line that names the channel; no log file is made."""
+    with pytest.raises(CanError, match=r"CAN channel can0 \(telepathy\) cannot be opened"):
+        open_sink("telepathy", "can0", tmp_path / "walk.log")
+    assert list(tmp_path.iterdir()) == []
+
+
+# python-can leaves its socket to the garbage collector when it cannot bind it.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore::ResourceWarning")
+def test_a_channel_that_is_not_there_is_a_can_error_with_a_remedy() -> None:
+    """Either the interface is missing or the kernel has no CAN at all; both say what to do."""
+    with pytest.raises(
+        CanError, match=r"CAN channel can98 \(socketcan\) (does not exist|needs a kernel with CAN)"
+    ):
+        open_sink("socketcan", "can98")
+
+
+class DeadBus(can.BusABC):
+    """A CAN interface that exists and fails each send, as Linux reports it."""
+
+    error_code = errno.ENETDOWN
+
+    def __init__(self, channel: str, **kwargs: Any) -> None:
+        super().__init__(channel, **kwargs)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        raise can.CanOperationError("Failed to transmit", self.error_code)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        raise can.CanOperationError("Failed to receive", self.error_code)
+
+
+class UnheardBus(DeadBus):
+    """An interface whose queue is full because no node acknowledges."""
+
+    error_code = errno.ENOBUFS
+
+
+@pytest.fixture
+def _fake_interfaces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make the two buses known to python-can as it knows its own."""
+    module = ModuleType("fake_interfaces")
+    vars(module).update(DeadBus=DeadBus, UnheardBus=UnheardBus)
+    monkeypatch.setitem(sys.modules, "fake_interfaces", module)
+    for name, bus in (("dead", "DeadBus"), ("unheard", "UnheardBus")):
+        monkeypatch.setitem(can.interfaces.BACKENDS, name, ("fake_interfaces", bus))
+
+
+@pytest.mark.usefixtures("_fake_interfaces")
+def test_a_channel_that_is_down_is_named_with_the_command_that_brings_it_up(tmp_path: Path) -> None:
+    """The error says what to type; no log file is made."""
+    with pytest.raises(
+        CanError, match=r"can0 \(dead\) is down; try: ip link set can0 up type can bitrate 500000"
+    ):
+        open_sink("dead", "can0", tmp_path / "walk.log")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.usefixtures("_fake_interfaces")
+def test_a_bus_on_which_nobody_listens_drops_everything_and_stops_nothing() -> None:
+    """ENOBUFS from the first frame on: all is counted, nothing raised."""
+    sink = open_sink("unheard", "can0")
+    nan = np.full((1, 3), np.nan)
+    one = np.ones(1, np.int64)
+    sink.publish(
+        ForceFrame(0, 1, one, nan, nan, one.astype(np.uint8), one.astype(np.uint16), one.astype(np.uint8))
+    )
+    assert sink.commands() == []
+    sink.close()
+    assert (sink.stats.sent, sink.stats.dropped) == (0, 6)
+
+
+@pytest.mark.parametrize(
+    ("name", "n_scans", "says"),
+    [
+        ("walk.log", 200, "the CAN log ended early: No space left on device"),
+        ("walk.log", 1, "the CAN log is not whole: No space left on device"),
+        ("walk.blf", 1, "the CAN log is not whole: No space left on device"),
+    ],
+)
+def test_a_full_disk_ends_the_log_and_not_the_forces(
+    request: pytest.FixtureRequest, tmp_path: Path, name: str, n_scans: int, says: str
+) -> None:
+    """The forces go on to the last heartbeat; why the log ended is told at the end, and once."""
+    log_file = tmp_path / name
+    log_file.symlink_to("/dev/full")
+    robot = Robot(request.node.nodeid, log_file=log_file)
+    for scan in range(n_scans):
+        robot.publish(scan * 20 * MS)
+    assert robot.sink.stats.dropped == 0
+    with pytest.raises(RecordingError, match=rf"{name}: {says}; what was sent is not affected"):
+        robot.sink.close()
+    assert decode_heartbeat(0x701, bytes(robot.heard(0x700)[-1].data)) == (1, NmtState.STOPPED)
+    robot.close()
