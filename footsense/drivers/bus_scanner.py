@@ -19,13 +19,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface import tca9548a
 from footsense.drivers import fdc1004
 from footsense.drivers.leg_link import LegLink
 from footsense.drivers.scan_plan import Check, ScanPlan, Step
+from footsense.drivers.trunk import Trunk
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
 from footsense.frames import ELEMENTS, Reading
-from footsense.ports import Clock, I2cBus, Transaction
+from footsense.ports import Clock, I2cBus
 
 _log = logging.getLogger(__name__)
 
@@ -70,12 +70,10 @@ class BusScanner:
     def __init__(
         self, bus: I2cBus, clock: Clock, channels: dict[str, int], mux_address: int, plan: ScanPlan
     ) -> None:
-        self._bus = bus
+        self._trunk = Trunk(bus, mux_address)
         self._clock = clock
-        self._mux_address = mux_address
         self._plan = plan
-        self._legs = tuple(LegLink(name, channel, mux_address) for name, channel in channels.items())
-        self._connected: Transaction | None = None
+        self._legs = tuple(LegLink(name, channel) for name, channel in channels.items())
         self._running: _Conversion | None = None
 
     def start(self) -> None:
@@ -84,9 +82,9 @@ class BusScanner:
         Raises:
             HardwareError: The mux does not answer, or a line is stuck: then no leg can.
         """
-        mux = f"the mux (TCA9548A) at {self._mux_address:#04x}"
+        mux = f"the mux (TCA9548A) at {self._trunk.mux_address:#04x}"
         try:
-            self._connect(self._join(()))
+            self._trunk.connect(())
         except NackError as error:
             raise HardwareError(
                 f"no answer from {mux}: check its power, its wires and its address straps A0..A2"
@@ -95,7 +93,7 @@ class BusScanner:
             raise HardwareError(f"{mux} cannot be reached: {error}") from error
         for leg in self._legs:
             leg.retry_at_ns = 0
-            self._probe(leg, self._plan.steps[0].select_row)
+            self._probe(leg, self._plan.steps[0])
 
     def scan(self) -> BusScan:
         """Run the plan once and return what it read; the first conversion of the next scan is then running."""
@@ -128,25 +126,25 @@ class BusScanner:
             self._read_out(finished, failed, into)
         self._running = running
         self._note(into)
-        self._probe_one(running.step.select_row)
+        self._probe_one(running.step)
         return into
 
     def stop(self) -> None:
         """Disconnect every leg from the trunk."""
         try:
-            self._connect(self._join(()))
+            self._trunk.connect(())
         except BusError as error:
-            _log.info("the mux at %#04x was not released: %s", self._mux_address, error)
+            _log.info("the mux at %#04x was not released: %s", self._trunk.mux_address, error)
 
     def _begin(self, step: Step, *, select_row: bool) -> _Conversion:
         """Start one conversion on every leg at once."""
         legs = self._active()
         try:
             if legs:
-                self._connect(self._join(legs))
+                self._trunk.connect(_channels(legs))
                 if select_row:
-                    self._bus.transfer(step.select_row)
-                self._bus.transfer(step.trigger)
+                    self._trunk.bus.transfer(step.select_row)
+                self._trunk.bus.transfer(step.trigger)
         except BusError as error:
             self._give_up(error)
             legs = ()
@@ -172,19 +170,19 @@ class BusScanner:
 
     def _all_done(self, step: Step) -> bool:
         """Ask all legs at once; False also when the question failed or was not put to all of them."""
-        if self._connected != self._join(self._active()):
+        if not self._trunk.is_connected(_channels(self._active())):
             return False
         try:
-            return fdc1004.is_done(self._bus.transfer(fdc1004.READ_CONF), step.slot)
+            return fdc1004.is_done(self._trunk.bus.transfer(fdc1004.READ_CONF), step.slot)
         except BusError:
             return False
 
     def _read_leg(self, leg: LegLink, step: Step, *, all_done: bool) -> tuple[Reading, float]:
         try:
-            self._connect(leg.connect)
-            if not all_done and not fdc1004.is_done(self._bus.transfer(fdc1004.READ_CONF), step.slot):
+            self._trunk.connect((leg.channel,))
+            if not all_done and not fdc1004.is_done(self._trunk.bus.transfer(fdc1004.READ_CONF), step.slot):
                 return Reading.NOT_READY, _NAN
-            return fdc1004.decode_result([self._bus.transfer(read) for read in step.read])
+            return fdc1004.decode_result([self._trunk.bus.transfer(read) for read in step.read])
         except BusError as error:
             self._give_up(error)
             return Reading.NO_ANSWER, _NAN
@@ -199,16 +197,15 @@ class BusScanner:
     def _ask_all(self, check: Check) -> None:
         """Leave the legs that answer otherwise than they should out of the rest of the scan."""
         legs = self._active()
-        if not legs or self._holds(self._join(legs), check):
+        if not legs or self._holds(legs, check):
             return
         for leg in legs:
-            if leg.in_scan and not self._holds(leg.connect, check):
+            if leg.in_scan and not self._holds((leg,), check):
                 leg.outcome = Reading.MISCONFIGURED
 
-    def _holds(self, connect: Transaction, check: Check) -> bool:
+    def _holds(self, legs: tuple[LegLink, ...], check: Check) -> bool:
         try:
-            self._connect(connect)
-            return self._bus.transfer(check.ask) == check.expected
+            return self._trunk.holds(_channels(legs), check)
         except BusError as error:
             self._give_up(error)
             return False
@@ -223,10 +220,10 @@ class BusScanner:
             if not leg.in_scan or leg.outcome is Reading.OK:
                 continue
             try:
-                self._connect(leg.connect)
-                self._bus.transfer(first.select_row)
+                self._trunk.connect((leg.channel,))
+                self._trunk.bus.transfer(first.select_row)
                 for read in fdc1004.ALL_RESULTS:
-                    self._bus.transfer(read)
+                    self._trunk.bus.transfer(read)
             except BusError as error:
                 self._give_up(error)
             else:
@@ -238,26 +235,26 @@ class BusScanner:
             if leg.in_scan:
                 leg.note_scan(scan.reading[row], now_ns)
 
-    def _probe_one(self, select_row: Transaction) -> None:
+    def _probe_one(self, step: Step) -> None:
         """Try the leg that has waited longest, if one is due; one a scan, so that the others keep their time."""
         now_ns = self._clock.now_ns()
         due = [leg for leg in self._legs if not leg.in_scan and leg.retry_at_ns <= now_ns]
         if due:
             leg = min(due, key=lambda leg: leg.retry_at_ns)
             outcome = leg.outcome
-            self._probe(leg, select_row)
+            self._probe(leg, step)
             if leg.in_scan:
                 leg.outcome = (
                     outcome  # it was not told of the conversion that runs, and joins with the next scan
                 )
 
-    def _probe(self, leg: LegLink, select_row: Transaction) -> None:
+    def _probe(self, leg: LegLink, step: Step) -> None:
         try:
-            self._connect(leg.connect)
+            self._trunk.connect((leg.channel,))
         except BusError as error:
             leg.leave(Reading.NO_ANSWER, str(error), self._clock.now_ns())
         else:
-            leg.probe(self._bus, select_row, self._clock.now_ns())
+            leg.probe(self._trunk.bus, step.select_row, self._clock.now_ns())
 
     def _give_up(self, error: BusError) -> None:
         """Leave all legs alone for a while if a line is stuck: each further try would cost a timeout."""
@@ -270,19 +267,12 @@ class BusScanner:
         """Connect all legs while the conversion still runs; if that fails, `_begin` tries once more."""
         if legs := self._active():
             with contextlib.suppress(BusError):
-                self._connect(self._join(legs))
+                self._trunk.connect(_channels(legs))
 
     def _active(self) -> tuple[LegLink, ...]:
         """Return the legs that take part in this scan and have not failed in it."""
         return tuple(leg for leg in self._legs if leg.in_scan and leg.outcome is Reading.OK)
 
-    def _join(self, legs: tuple[LegLink, ...]) -> Transaction:
-        return Transaction(self._mux_address, bytes((tca9548a.select(tuple(leg.channel for leg in legs)),)))
 
-    def _connect(self, selection: Transaction) -> None:
-        """Set the mux, unless it stands so already."""
-        if selection == self._connected:
-            return
-        self._connected = None
-        self._bus.transfer(selection)
-        self._connected = selection
+def _channels(legs: tuple[LegLink, ...]) -> list[int]:
+    return [leg.channel for leg in legs]

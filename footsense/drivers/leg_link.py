@@ -10,7 +10,6 @@ import logging
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface import tca9548a
 from footsense.drivers import fdc1004
 from footsense.errors import HardwareError
 from footsense.frames import Reading
@@ -35,7 +34,6 @@ class LegLink:
     Args:
         name: Name of the leg, for messages.
         channel: Mux channel.
-        mux_address: Address of the mux.
 
     Attributes:
         in_scan: Whether the leg takes part in the scans.
@@ -43,10 +41,9 @@ class LegLink:
         retry_at_ns: When a leg that was left out is tried again [ns].
     """
 
-    def __init__(self, name: str, channel: int, mux_address: int) -> None:
+    def __init__(self, name: str, channel: int) -> None:
         self.name = name
         self.channel = channel
-        self.connect = Transaction(mux_address, bytes((tca9548a.select((channel,)),)))
         self.in_scan = False
         self.outcome = Reading.NO_ANSWER
         self.retry_at_ns = 0
