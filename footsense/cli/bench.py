@@ -25,6 +25,7 @@ from footsense import app
 from footsense.cli.bench_naive import NaiveCycle, sequential_scan
 from footsense.clock import stopwatch_ns
 from footsense.config import DEFAULT, Bus, Config
+from footsense.errors import FootsenseError
 from footsense.frames import CapFrame, Flag
 from footsense.loop import step
 from footsense.sim.clock import VirtualClock
@@ -137,9 +138,16 @@ def _naive(stack: ExitStack) -> NaiveCycle | None:
 
 
 def _start_figures() -> dict[str, float]:
-    """Return what `footsense run` says of its own start."""
+    """Return what `footsense run` says of its own start.
+
+    Raises:
+        FootsenseError: It did not run.
+    """
     command = [sys.executable, "-m", "footsense", "run", "--duration", "1", "--fast", "--summary", "json"]
-    answer = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)  # noqa: S603
+    run = subprocess.run(command, check=False, capture_output=True, text=True)  # noqa: S603 - our own module
+    if run.returncode:
+        raise FootsenseError(f"the run whose start is measured failed: {run.stderr.strip()}")
+    answer = json.loads(run.stdout)
     return {"to_first_frame_s": answer["start_to_first_frame_s"], "resident_mib": answer["resident_mib"]}
 
 

@@ -7,20 +7,17 @@ from pathlib import Path
 
 import click
 
-import footsense
+from footsense import app
 from footsense.clock import stopwatch_ns
 from footsense.errors import FootsenseError
 
 #: What only the workshop's install has.
 _EXTRA = ("ngsolve", "jax", "optax", "onnx", "scipy")
-_FOOT = "aoyagi-3x3"
 
 
 def _released() -> Path:
-    """Return the folder of the released files: beside the package in a checkout, inside it when installed."""
-    package = Path(footsense.__file__).parent
-    inside = package / "models" / _FOOT
-    return inside if inside.is_dir() else package.parent / "models" / _FOOT
+    """Return the folder of the released files."""
+    return app.released("network.onnx").parent
 
 
 def _require_extra() -> None:
@@ -62,12 +59,12 @@ def lab() -> None:
 @click.option(
     "--output",
     type=click.Path(file_okay=False, path_type=Path),
-    help=f"Folder for the files; without it ./models/{_FOOT}.",
+    help=f"Folder for the files; without it ./models/{app.FOOT_TYPE}.",
 )
 @click.option("--quick", is_flag=True, help="Coarse mesh, short training: every step, no release.")
 def build(*, output: Path | None, quick: bool) -> None:
     """Solve the foot, train the network, write both with their card, and print the error table."""
-    folder = output or Path("models") / (f"{_FOOT}-quick" if quick else _FOOT)
+    folder = output or Path("models") / (f"{app.FOOT_TYPE}-quick" if quick else app.FOOT_TYPE)
     _require_writable(folder)
     from footsense.lab.build import FULL, QUICK
     from footsense.lab.build import build as build_models

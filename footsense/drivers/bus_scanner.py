@@ -105,6 +105,7 @@ class BusScanner:
         running = self._running
         if running is None or self._clock.now_ns() > running.t_start_ns + 2 * self._plan.wait_ns:
             # Nothing runs yet, or the loop was held up: a result from before that would not belong to this scan.
+            self._discard_results()
             running = self._begin(steps[0], select_row=True)
         for step, following in zip(steps, (*steps[1:], steps[0]), strict=True):
             self._check(running)
@@ -209,6 +210,16 @@ class BusScanner:
         except BusError as error:
             self._give_up(error)
             return False
+
+    def _discard_results(self) -> None:
+        """Read away what the converters hold, or its DONE would speak for a conversion that is yet to come."""
+        if legs := self._active():
+            try:
+                self._trunk.connect(_channels(legs))
+                for read in fdc1004.ALL_RESULTS:
+                    self._trunk.bus.transfer(read)
+            except BusError as error:
+                self._give_up(error)
 
     def _rejoin(self, first: Step) -> None:
         """Bring every leg that failed in this scan to where the others are, so that it takes part in the next one.

@@ -62,8 +62,6 @@ def commands() -> Iterator[tuple[str, ...]]:
 def test_help_is_for_its_user(command: tuple[str, ...]) -> None:
     """Neither the errors of a Python function nor marks for its tools stand in it."""
     result = CliRunner().invoke(main, [*command, "--help"])
-    if command[0] == "lab" and result.exit_code == 1:
-        pytest.skip("needs the extra lab")
     assert result.exit_code == 0
     assert "Raises" not in result.output
     assert "\\f" not in result.output

@@ -317,6 +317,16 @@ def test_a_result_from_before_a_stall_is_not_used() -> None:
     assert np.ptp(frame.t_ns) < 9 * 1.1 * T_CONV_NS
 
 
+def test_a_result_from_before_a_stall_does_not_speak_for_the_conversion_after_it() -> None:
+    """Its DONE is read away first: a conversion that then hangs is NOT_READY, whatever the register still holds."""
+    robot = Robot(distinct)
+    robot.read(2)
+    robot.clock.sleep_until_ns(robot.clock.now_ns() + 200_000_000)
+    robot.converters[0].write(b"\x0c", robot.clock.now_ns())  # the conversion that had been running finishes
+    robot.converters[0].stuck_ns = (robot.clock.now_ns(), robot.clock.now_ns() + 4_000_000)
+    assert (robot.read().reading[0] == Reading.NOT_READY).all()
+
+
 TROUBLES = st.lists(
     st.tuples(
         st.integers(0, 1500),  # transaction at which it begins
