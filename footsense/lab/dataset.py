@@ -11,8 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_interface.fdc1004 import FULL_SCALE_PF
 from footsense.core.design import CapacitorDesign
 from footsense.lab.response import SYMMETRIES, element_map
+from footsense.sim.fabricated import Deviations, Foot
 from footsense.sim.foot import FootResponse
 
 #: Newtons in a gram-force.
@@ -25,10 +27,10 @@ WIDE_CENTRED_SHARE = 1.0 / 3.0
 FRICTION_ANGLE_DEG = 35.0
 #: Lowest elevation of force and of contact normal in the wide set [deg].
 WIDE_MIN_ELEVATION_DEG = 30.0
-#: A gap counts as open up to this closure [1 of the gap]: beyond, the daemon says `saturated`.
-OPEN_REL = 0.97
 #: Noise of one conversion and of the baseline [pF, rms], as the card's sigma is measured with.
 NOISE_PF, BASELINE_NOISE_PF = 0.5e-3, 0.2e-3
+#: Loads that are turned into closures at once, for the sake of memory.
+_AT_ONCE = 2048
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +39,8 @@ class Cases:
 
     Attributes:
         force_n: Ground reaction on the foot [N], shape (n, 3).
-        closure_um: Mean closure of each element [um], shape (n, 9).
+        closure_um: Closure that the capacitance of each element stands for [um], shape (n, 9): the mean closure as
+            long as the electrode stays flat, a little more where it bends.
     """
 
     force_n: NDArray[np.float64]
@@ -65,24 +68,42 @@ def _ring_directions(first_azimuth: float, elevations: list[float]) -> NDArray[n
     return directions(t1.ravel(), t2.ravel())
 
 
-def _centred(response: FootResponse, direction: NDArray[np.float64], magnitudes_gf: list[float]) -> Cases:
+def sensed_closure_um(
+    foot: Foot, normal: NDArray[np.float64], force_n: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the closures that the daemon would find, shape (n, 9) [um]: from capacitance, by the designed dimensions.
+
+    Args:
+        foot: The specimen.
+        normal: Contact normals, shape (n, 3).
+        force_n: Forces [N], shape (n, 3).
+    """
+    parts = []
+    for first in range(0, len(force_n), _AT_ONCE):
+        some = slice(first, first + _AT_ONCE)
+        parts.append(foot.capacitance_pf(normal[some], force_n[some]))
+    return foot.response.design.closure_um(np.concatenate(parts), foot.rest_pf)
+
+
+def _centred(foot: Foot, direction: NDArray[np.float64], magnitudes_gf: list[float]) -> Cases:
     """Return centred loads: every direction at every magnitude."""
     force = np.concatenate([direction * magnitude * GRAM_FORCE_N for magnitude in magnitudes_gf])
-    return Cases(force, response.closure_um(np.tile(direction, (len(magnitudes_gf), 1)), force))
+    return Cases(force, sensed_closure_um(foot, np.tile(direction, (len(magnitudes_gf), 1)), force))
 
 
-def paper_training(response: FootResponse) -> Cases:
+def paper_training(response: FootResponse, deviations: Deviations | None = None) -> Cases:
     """Return the paper's 362 training cases: 181 directions at 50 and 150 gf (section III F).
 
     181 = 36 azimuths x 5 elevations (40 to 80 deg) and the pole.
     """
     ring = _ring_directions(0.0, [40.0, 50.0, 60.0, 70.0, 80.0])
-    return _centred(response, np.concatenate([ring, [[0.0, 0.0, 1.0]]]), [50.0, 150.0])
+    return _centred(Foot(response, deviations), np.concatenate([ring, [[0.0, 0.0, 1.0]]]), [50.0, 150.0])
 
 
-def paper_verification(response: FootResponse) -> Cases:
+def paper_verification(response: FootResponse, deviations: Deviations | None = None) -> Cases:
     """Return the paper's 180 verification cases: both angles shifted by 5 deg, at 100 gf (section III F)."""
-    return _centred(response, _ring_directions(5.0, [45.0, 55.0, 65.0, 75.0, 85.0]), [100.0])
+    directions_5 = _ring_directions(5.0, [45.0, 55.0, 65.0, 75.0, 85.0])
+    return _centred(Foot(response, deviations), directions_5, [100.0])
 
 
 def _cap(rng: np.random.Generator, n: int, lowest_deg: float) -> NDArray[np.float64]:
@@ -104,14 +125,15 @@ def _lean(rng: np.random.Generator, direction: NDArray[np.float64]) -> NDArray[n
     return normal
 
 
-def wide(response: FootResponse, n: int, seed: int) -> Cases:
-    """Return n random loads that leave every gap open.
+def wide(response: FootResponse, n: int, seed: int, deviations: Deviations | None = None) -> Cases:
+    """Return n random loads within the converter's range.
 
     Half of the magnitudes are uniform up to 2 N, half uniform in the logarithm from 10 mN, so that a light touch
-    is as well known as a firm step. Loads that would shut a gap are drawn again: their force is not in the
-    closures any more.
+    is as well known as a firm step. Gaps may shut in part; loads that drive an element beyond the converter's full
+    scale are drawn again: the daemon calls them saturated.
     """
     rng = np.random.default_rng(seed)
+    foot = Foot(response, deviations)
     lowest_z = np.sin(np.radians(WIDE_MIN_ELEVATION_DEG))
     forces, closures, found = [], [], 0
     while found < n:
@@ -122,12 +144,12 @@ def wide(response: FootResponse, n: int, seed: int) -> Cases:
             even, rng.uniform(0.0, WIDE_MAX_N, n), np.exp(rng.uniform(np.log(0.01), np.log(WIDE_MAX_N), n))
         )
         reachable = normal[:, 2] >= lowest_z
-        force = (direction * magnitude[:, None])[reachable]
-        closure = response.closure_um(normal[reachable], force)
-        open_gaps = closure.max(axis=1) < OPEN_REL * response.design.gap_um
-        forces.append(force[open_gaps])
-        closures.append(closure[open_gaps])
-        found += int(open_gaps.sum())
+        force, normal = (direction * magnitude[:, None])[reachable], normal[reachable]
+        closure = sensed_closure_um(foot, normal, force)
+        in_range = response.design.capacitance_pf(closure).max(axis=1) < FULL_SCALE_PF
+        forces.append(force[in_range])
+        closures.append(closure[in_range])
+        found += int(in_range.sum())
     return Cases(np.concatenate(forces)[:n], np.concatenate(closures)[:n])
 
 

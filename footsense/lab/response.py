@@ -1,36 +1,46 @@
 """From the sampled adjoint fields to the table that the simulator loads.
 
-Three steps, each with its error stated in the table's provenance:
+Four steps, each with its error stated in the table's provenance:
 
-1. G0: the samples are fitted by a series (area-weighted least squares), which also averages the mesh's noise.
-2. Symmetry: the sheet is square, so the eight copies of the series under the group D4 are averaged. How far
-   they differed is the mesh's asymmetry, a measure of its error.
-3. G2: the mean of G0 over a Hertz patch of 1 mm by quadrature on the sphere, minus G0, over 1 mm^2. For a Hertz
+1. G0 of each symmetry class: the samples are fitted by a series (area-weighted least squares) in the products that
+   have the class's parity.
+2. The classes are added up to the response of single cells, the class that is not solved being a transpose.
+3. Symmetry: the quarter's mesh does not know that x and y are alike, so the table and its transpose are averaged. How
+   far they differed is the mesh's asymmetry, a measure of its error.
+4. G2: the mean of G0 over a Hertz patch of 1 mm by quadrature on the sphere, minus G0, over 1 mm^2. For a Hertz
    pressure the mean of a smooth w is w + (a^2/10) lap w + O(a^4 / R^4), so one radius gives all.
 """
+
+from collections.abc import Callable
+from dataclasses import asdict
 
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.lab.adjoint import SurfaceField
+from footsense.lab.fem.adjoint import ClassField, class_field
+from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
+from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
 from footsense.lab.geometry import SoleDesign
-from footsense.lab.solid import Solid
 from footsense.sim.foot import FootResponse, n_products, series_basis
+from footsense.sim.gaps import CELLS_PER_SIDE
+from footsense.sim.symmetry import HALF_SIDE, SIDE, product_powers
+
+Vector = NDArray[np.float64]
 
 #: Total degree of the series. Higher ones fit the mesh's noise; see `interpolation_rel` in the provenance.
-DEGREE = 16
+DEGREE = 12
 #: Rim of the fitted disc [deg]: below the lowest contact by more than the largest patch (1.3 mm is 7.5 deg).
 FIT_ELEVATION_DEG = 12.0
 #: Lowest contact normal that the table answers for [deg].
 MIN_ELEVATION_DEG = 25.0
 #: Radius of the patch that G2 is got from [mm]: that of 0.9 N.
 PATCH_MM = 1.0
-#: Decimals that are kept of the coefficients [um/N]: a parallel solve differs from run to run by 1e-9, and two
-#: builds are to give the same bytes. What is cut off is below 0.1 nm per newton.
+#: Decimals that are kept of the table [um/N]: a parallel solve differs from run to run by 1e-9, and two builds are to
+#: give the same bytes. What is cut off is below 0.1 nm per newton.
 DECIMALS = 6
 
 #: The eight symmetries of the square, each as a 3 x 3 matrix that maps the foot frame onto itself.
-SYMMETRIES: tuple[NDArray[np.float64], ...] = tuple(
+SYMMETRIES: tuple[Vector, ...] = tuple(
     np.array(matrix, dtype=np.float64)
     for sx in (1, -1)
     for sy in (1, -1)
@@ -38,7 +48,7 @@ SYMMETRIES: tuple[NDArray[np.float64], ...] = tuple(
 )
 
 
-def element_map(symmetry: NDArray[np.float64]) -> NDArray[np.intp]:
+def element_map(symmetry: Vector) -> NDArray[np.intp]:
     """Return m with: element e of the foot comes to lie on element m[e] when the foot is mapped by `symmetry`."""
     row, column = np.divmod(np.arange(9), 3)
     place = symmetry[:2, :2] @ np.stack([1 - row, 1 - column])
@@ -46,79 +56,106 @@ def element_map(symmetry: NDArray[np.float64]) -> NDArray[np.intp]:
     return mapped
 
 
-def fit_series(field: SurfaceField, degree: int = DEGREE) -> NDArray[np.float64]:
-    """Return the coefficients of G0 [um/N], shape (products, 9, 3), by area-weighted least squares."""
+def fit_class(field: ClassField, degree: int = DEGREE) -> Vector:
+    """Return the series of a class [um/N], shape (products, 81, 3), by area-weighted least squares.
+
+    Args:
+        field: Samples on the quarter.
+        degree: Degree of the series.
+    """
+    i, j = product_powers(degree)
     used = field.normal[:, 2] >= np.sin(np.radians(FIT_ELEVATION_DEG))
     root = np.sqrt(field.weight_mm2[used])[:, None]
     basis = series_basis(field.normal[used], degree, FIT_ELEVATION_DEG) * root
-    values = field.influence[used].reshape(-1, 27) * root
-    coefficients: NDArray[np.float64] = np.linalg.lstsq(basis, values, rcond=1e-10)[0]
-    return coefficients.reshape(-1, 9, 3)
+    series = np.zeros((n_products(degree), field.influence.shape[1], 3))
+    for component in range(3):
+        sign_x, sign_y = field.parity.signs(component)
+        has_parity = ((-1) ** i == sign_x) & ((-1) ** j == sign_y)
+        values = field.influence[used, :, component] * root
+        series[has_parity, :, component] = np.linalg.lstsq(basis[:, has_parity], values, rcond=1e-10)[0]
+    return series
 
 
-def symmetrise(coefficients: NDArray[np.float64], degree: int = DEGREE) -> NDArray[np.float64]:
-    """Return a series averaged over the square's symmetries.
+def _as_grid(per_cell: Vector, sole: SoleDesign, axis: int) -> Vector:
+    """Return values per cell of the quarter, in the order of `quarter_cells`, as a 9 x 9 grid in place of `axis`."""
+    order = np.empty((HALF_SIDE, HALF_SIDE), np.intp)
+    for number, cell in enumerate(quarter_cells(sole)):
+        row, column = divmod(cell.element, 3)
+        order[row * CELLS_PER_SIDE + cell.forward, column * CELLS_PER_SIDE + cell.leftward] = number
+    return np.take(per_cell, order, axis=axis)
 
-    For a symmetry g: w_{g e}(g n) = g w_e(n). On the disc g acts on (X, Y), so it permutes the products and
-    changes their signs.
+
+def _swapped(degree: int) -> NDArray[np.intp]:
+    """Return where the product T_j T_i of each product T_i T_j stands in the series."""
+    i, j = product_powers(degree)
+    place = {pair: number for number, pair in enumerate(zip(i.tolist(), j.tolist(), strict=True))}
+    return np.array([place[b, a] for a, b in zip(i.tolist(), j.tolist(), strict=True)], np.intp)
+
+
+def transposed_series(series: Vector, degree: int) -> Vector:
+    """Return the series of a foot with x and y exchanged, shape (products, 9, 9, 3) like its argument."""
+    return series[_swapped(degree)].transpose(0, 2, 1, 3)[..., [1, 0, 2]]
+
+
+def add_series(classes: dict[Parity, Vector], degree: int) -> Vector:
+    """Return the series of single cells from those of the solved classes, shapes (products, 9, 9, 3).
+
+    A single cell is a quarter of the sum of the four loads that put it and its mirror images together with the signs
+    of each class.
+    """
+    even_odd = classes[Parity(1, -1)]
+    total = sum(classes.values()) + transposed_series(even_odd, degree)
+    single: Vector = total / 4.0
+    return single
+
+
+def add_compliance(classes: dict[Parity, Vector]) -> Vector:
+    """Return the closure of all cells under a force on one of the quarter, shape (9, 9, 18, 18).
 
     Args:
-        coefficients: Series of one field, shape (products, 9, 3).
-        degree: Its degree.
-
-    Returns:
-        The average of the eight copies, same shape.
+        classes: Closure of one cell of the quarter under a force on another, shapes (9, 9, 9, 9).
     """
-    square = np.zeros((degree + 1, degree + 1, 9, 3))
-    i, j = np.indices((degree + 1, degree + 1))
-    kept = i + j <= degree
-    square[kept] = coefficients
-    copies = []
-    for g in SYMMETRIES:
-        swaps = g[0, 0] == 0.0
-        signs = g[:2, :2].sum(axis=0)  # sign of X and of Y under g
-        turned = square * (signs[0] ** i * signs[1] ** j)[..., None, None]
-        turned = turned.transpose(1, 0, 2, 3) if swaps else turned
-        copy = np.empty_like(turned)
-        copy[:, :, element_map(g)] = turned @ g.T
-        copies.append(copy[kept])
-    average: NDArray[np.float64] = np.mean(copies, axis=0)
-    return average
+    whole = np.zeros((HALF_SIDE, HALF_SIDE, SIDE, SIDE))
+    transposed = classes[Parity(1, -1)].transpose(1, 0, 3, 2)
+    for parity, part in [*classes.items(), (Parity(-1, 1), transposed)]:
+        half = np.concatenate([part, parity.x * part[:, :, ::-1]], axis=2)
+        whole += np.concatenate([half, parity.y * half[:, :, :, ::-1]], axis=3) / 4.0
+    return whole
 
 
-def patch_mean(
-    point_series: NDArray[np.float64], normal: NDArray[np.float64], radius_mm: float, sole: SoleDesign
-) -> NDArray[np.float64]:
+def patch_mean(point_series: Vector, normal: Vector, radius_mm: float, sole: SoleDesign) -> Vector:
     """Return the mean of the point response over a Hertz patch, p ~ sqrt(1 - r^2/a^2), on the sphere.
 
     Args:
-        point_series: Coefficients of G0, shape (products, 9, 3).
+        point_series: Coefficients of G0, shape (products, m).
         normal: Normals at the centre of the patch, shape (n, 3).
         radius_mm: Radius a of the patch [mm].
         sole: The foot, for its radius.
 
     Returns:
-        Responses [um/N], shape (n, 9, 3).
+        Responses [um/N], shape (n, m).
     """
     # With s = sqrt(1 - r^2/a^2) the mean is int_0^1 3 s^2 <w>(s) ds: Gauss in s, equal steps around.
     gauss, weight = np.polynomial.legendre.leggauss(6)
     s, share = (gauss + 1.0) / 2.0, weight / 2.0 * 3.0 * ((gauss + 1.0) / 2.0) ** 2
     turn = 2.0 * np.pi * np.arange(12) / 12.0
     radial = np.sqrt(1.0 - s**2) * radius_mm / sole.ball_radius_mm
-    helper = np.where(np.abs(normal[:, :1]) < 0.5, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    first = np.cross(normal, helper)
+    aside = np.where(np.abs(normal[:, :1]) < 0.5, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    first = np.cross(normal, aside)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     second = np.cross(normal, first)
-    mean = np.zeros((len(normal), 9, 3))
+    degree = _degree_of(point_series)
+    basis = np.zeros((len(normal), len(point_series)))
     for distance, part in zip(radial, share, strict=True):
         for angle in turn:
             sideways = np.cos(angle) * first + np.sin(angle) * second
             around = np.sqrt(1.0 - distance**2) * normal + distance * sideways
-            mean += part / 12.0 * _values(point_series, around)
+            basis += part / 12.0 * series_basis(around, degree, FIT_ELEVATION_DEG)
+    mean: Vector = basis @ point_series
     return mean
 
 
-def _degree_of(series: NDArray[np.float64]) -> int:
+def _degree_of(series: Vector) -> int:
     """Return the degree whose number of products the series has."""
     return next(degree for degree in range(64) if n_products(degree) == len(series))
 
@@ -131,31 +168,67 @@ def disc_normals(lowest_deg: float, rings: int = 40, spokes: int = 96) -> NDArra
     return np.column_stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
 
 
-def _values(series: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the series [um/N] at unit normals (n, 3), shape (n, 9, 3)."""
-    basis = series_basis(normal, _degree_of(series), FIT_ELEVATION_DEG)
-    values: NDArray[np.float64] = basis @ series.reshape(-1, 27)
-    return values.reshape(-1, 9, 3)
-
-
-def _rms_rel(difference: NDArray[np.float64], reference: NDArray[np.float64]) -> float:
+def _rms_rel(difference: Vector, reference: Vector) -> float:
     """Return the rms of a difference over the rms of what it differs from, to six digits after the point."""
     return round(float(np.sqrt(np.mean(difference**2) / np.mean(reference**2))), 6)
 
 
-def make_response(solid: Solid, field: SurfaceField) -> FootResponse:
-    """Return the response table of a foot, symmetrised, with its errors in the provenance."""
-    sole = solid.sole
-    raw = fit_series(field)
-    point = np.round(symmetrise(raw), DECIMALS) + 0.0  # without -0.0, which would be other bytes
+def _rounded(table: Vector) -> Vector:
+    """Return the kept decimals, without -0.0, which would be other bytes."""
+    return np.round(table, DECIMALS) + 0.0
+
+
+def make_response(
+    sole: SoleDesign, size: MeshSize, report: Callable[[str], None] = lambda _: None
+) -> FootResponse:
+    """Return the response table of a foot, with its errors in the provenance.
+
+    Args:
+        sole: The foot.
+        size: Fineness of the mesh.
+        report: Told what has just been done, one line each.
+
+    Raises:
+        ModelError: The foot cannot be meshed, or its stiffness is singular.
+    """
+    mesh = build_mesh(sole, size)
+    fields = {}
+    for parity in SOLVED:
+        quarter = Quarter(sole, size, parity, mesh)
+        fields[parity] = class_field(quarter)
+        report(f"class {parity.x:+d} {parity.y:+d}: {mesh.ne} elements, {quarter.n_unknowns} unknowns, 81 solves")
+    return tabulate(sole, size, fields, {"elements": int(mesh.ne), "unknowns": quarter.n_unknowns})
+
+
+def tabulate(
+    sole: SoleDesign, size: MeshSize, fields: dict[Parity, ClassField], counts: dict[str, int]
+) -> FootResponse:
+    """Return the response table of sampled fields.
+
+    Args:
+        sole: The foot.
+        size: Fineness of the mesh that they were solved on.
+        fields: The fields of the solved classes.
+        counts: Elements and unknowns, for the provenance.
+    """
+
+    def single(degree: int) -> Vector:
+        return add_series({p: _as_grid(fit_class(f, degree), sole, 1) for p, f in fields.items()}, degree)
+
+    raw = single(DEGREE)
+    point = _rounded((raw + transposed_series(raw, DEGREE)) / 2.0)
+    lower = single(DEGREE - 4)
+    compliance = add_compliance(
+        {p: _as_grid(_as_grid(f.compliance, sole, 0), sole, 2) for p, f in fields.items()}
+    )
+    compliance = (compliance + compliance.transpose(1, 0, 3, 2)) / 2.0
     normal = disc_normals(MIN_ELEVATION_DEG)
-    on_disc = _values(point, normal)
-    lower = symmetrise(fit_series(field, DEGREE - 4), DEGREE - 4)
-    seen = field.normal[:, 2] >= np.sin(np.radians(MIN_ELEVATION_DEG))
-    sampled = field.influence[seen]
     basis = series_basis(normal, DEGREE, FIT_ELEVATION_DEG)
-    growth = (patch_mean(point, normal, PATCH_MM, sole) - on_disc) / PATCH_MM**2
-    patch, *_ = np.linalg.lstsq(basis, growth.reshape(-1, 27), rcond=1e-10)
+    flat = point.reshape(len(point), -1)
+    on_disc = basis @ flat
+    growth = (patch_mean(flat, normal, PATCH_MM, sole) - on_disc) / PATCH_MM**2
+    patch = np.linalg.lstsq(basis, growth, rcond=1e-10)[0].reshape(point.shape)
+    shorter = series_basis(normal, DEGREE - 4, FIT_ELEVATION_DEG) @ lower.reshape(len(lower), -1)
     return FootResponse(
         foot_type=sole.foot_type,
         design=sole.capacitor,
@@ -164,19 +237,22 @@ def make_response(solid: Solid, field: SurfaceField) -> FootResponse:
         min_elevation_deg=MIN_ELEVATION_DEG,
         fit_elevation_deg=FIT_ELEVATION_DEG,
         degree=DEGREE,
-        coefficients=np.stack([point, np.round(patch, DECIMALS).reshape(-1, 9, 3) + 0.0]),
+        quarter_series=np.stack([point, _rounded(patch)]),
+        quarter_compliance=_rounded(compliance),
         provenance={
-            "mesh_mm": {
-                "ball": solid.size.ball_mm,
-                "plate": solid.size.plate_mm,
-                "surface": solid.size.surface_mm,
-                "bar": solid.size.bar_mm,
-            },
-            "order": solid.size.order,
-            "elements": int(solid.mesh.ne),
-            "unknowns": solid.n_unknowns,
-            "mesh_asymmetry_rel": _rms_rel(_values(raw, normal) - on_disc, on_disc),
-            "fit_residual_rel": _rms_rel(_values(point, field.normal[seen]) - sampled, sampled),
-            "interpolation_rel": _rms_rel(_values(lower, normal) - on_disc, on_disc),
+            "mesh": asdict(size),
+            **counts,
+            "mesh_asymmetry_rel": _rms_rel(basis @ raw.reshape(len(raw), -1) - on_disc, on_disc),
+            "fit_residual_rel": max(_residual(field) for field in fields.values()),
+            "interpolation_rel": _rms_rel(shorter - on_disc, on_disc),
         },
     )
+
+
+def _residual(field: ClassField) -> float:
+    """Return how far the series of a class is from its samples, rms over rms."""
+    seen = field.normal[:, 2] >= np.sin(np.radians(MIN_ELEVATION_DEG))
+    series = fit_class(field)
+    basis = series_basis(field.normal[seen], DEGREE, FIT_ELEVATION_DEG)
+    sampled = field.influence[seen]
+    return _rms_rel(np.tensordot(basis, series, 1) - sampled, sampled)

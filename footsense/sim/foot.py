@@ -1,13 +1,14 @@
-"""The rubber foot as the simulator knows it: a contact force becomes nine gap closures, and those capacitances.
+"""The rubber foot as the simulator knows it: a contact force becomes the closures of its gaps.
 
-The solid is linear, so the mean closure of element e under a force f whose contact lies at -R n is
+The solid is linear, so the closure of cell c under a force f whose contact lies at -R n is, as long as no gap shuts,
 
-    d_e = (G0_e(n) + a^2 G2_e(n)) . f,        a^3 = 3 |f . n| R / (4 E*)   (Hertz, rigid floor)
+    d_c = (G0_c(n) + a^2 G2_c(n)) . f,        a^3 = 3 |f . n| R / (4 E*)   (Hertz, rigid floor)
 
 G0 is the response to a point force and a^2 G2 what the contact patch of radius a adds. Both come from the
 adjoint solves of `footsense lab build` as series in products of Chebyshev polynomials of the stereographic
-coordinates of n: smooth over the pole, and evaluated without a search. The gaps stay open here: that a shut gap
-carries load (unilateral contact) is not modelled, a closure is only limited when it becomes a capacitance.
+coordinates of n: smooth over the pole, and evaluated without a search. What happens when a gap shuts is in `gaps`;
+the compliance B that it needs comes from the same solves. Cells of one quarter are stored, the others are their
+mirror images.
 """
 
 import hashlib
@@ -15,7 +16,7 @@ import io
 import json
 import math
 import zipfile
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
@@ -24,12 +25,17 @@ from numpy.typing import NDArray
 
 from footsense.core.design import CapacitorDesign
 from footsense.errors import ModelError
+from footsense.sim.gaps import ALL_CELLS, element_means
+from footsense.sim.symmetry import HALF_SIDE, SIDE, whole_compliance, whole_series
 
 #: Version of the file's layout; a reader refuses any other.
-FORMAT = 1
+FORMAT = 2
 
 #: A unit vector may be this far from length one; more is a mistake of the caller.
 UNIT_TOLERANCE = 1e-6
+
+#: Arrays of the file, by the names of the fields.
+_ARRAYS = ("quarter_series", "quarter_compliance")
 
 
 def n_products(degree: int) -> int:
@@ -83,7 +89,10 @@ class FootResponse:
         min_elevation_deg: Lowest elevation of the contact normal that the series may be asked for [deg].
         fit_elevation_deg: Elevation of the rim of the disc that it was fitted on [deg].
         degree: Total degree of the series.
-        coefficients: Of G0 [um/N] and G2 [um/(N mm2)], shape (2, products, 9, 3).
+        quarter_series: Of G0 [um/N] and G2 [um/(N mm2)] for the cells of a quarter, shape (2, products, 9, 9, 3).
+        quarter_compliance: Closure of all cells under a force on a cell of the quarter [um/N], shape (9, 9, 18, 18).
+        series: The same for all cells, force component before cell: shape (2, products, 3 * 324).
+        compliance_um_per_n: The matrix B of `gaps`, shape (324, 324).
         provenance: Where the numbers come from (mesh, order, unknowns, interpolation error), as JSON values.
         sha256: Of the file that it was loaded from, empty if it was made in memory.
     """
@@ -95,22 +104,30 @@ class FootResponse:
     min_elevation_deg: float
     fit_elevation_deg: float
     degree: int
-    coefficients: NDArray[np.float64]
+    quarter_series: NDArray[np.float64]
+    quarter_compliance: NDArray[np.float64]
     provenance: dict[str, Any]
     sha256: str = ""
+    series: NDArray[np.float64] = field(init=False)
+    compliance_um_per_n: NDArray[np.float64] = field(init=False)
 
     def __post_init__(self) -> None:
-        """Check the shape.
+        """Check the shapes and unfold the quarter.
 
         Raises:
-            ValueError: The coefficients do not fit the degree.
+            ValueError: The arrays do not fit the degree, or are not finite.
         """
-        wanted = (2, n_products(self.degree), 9, 3)
-        if self.coefficients.shape != wanted or not np.isfinite(self.coefficients).all():
-            raise ValueError(
-                f"coefficients of degree {self.degree} are finite numbers of shape {wanted}, "
-                f"got {self.coefficients.shape}"
-            )
+        wanted = {
+            "quarter_series": (2, n_products(self.degree), HALF_SIDE, HALF_SIDE, 3),
+            "quarter_compliance": (HALF_SIDE, HALF_SIDE, SIDE, SIDE),
+        }
+        for name, shape in wanted.items():
+            array = getattr(self, name)
+            if array.shape != shape or not np.isfinite(array).all():
+                raise ValueError(f"{name} of degree {self.degree} is finite, of shape {shape}, got {array.shape}")
+        whole = np.stack([whole_series(part, self.degree) for part in self.quarter_series])
+        object.__setattr__(self, "series", whole.transpose(0, 1, 3, 2).reshape(*whole.shape[:2], -1))
+        object.__setattr__(self, "compliance_um_per_n", whole_compliance(self.quarter_compliance))
 
     @classmethod
     def load(cls, path: Path) -> Self:
@@ -133,12 +150,12 @@ class FootResponse:
         try:
             with np.load(io.BytesIO(content), allow_pickle=False) as stored:
                 about = json.loads(str(stored["description"]))
-                coefficients = np.ascontiguousarray(stored["coefficients"], dtype=np.float64)
+                arrays = {name: np.asarray(stored[name], dtype=np.float64) for name in _ARRAYS}
             if about.pop("format") != FORMAT:
                 raise ModelError(f"{path} is not a foot response of format {FORMAT}; {rebuild}")
             about["design"] = CapacitorDesign(**about["design"])
             digest = hashlib.sha256(content).hexdigest()
-            return cls(**about, coefficients=coefficients, sha256=digest)
+            return cls(**about, **arrays, sha256=digest)
         except (
             KeyError,
             TypeError,
@@ -165,7 +182,7 @@ class FootResponse:
         }
         text = np.array(json.dumps(about, sort_keys=True))
         with path.open("wb") as stream:
-            np.savez(stream, description=text, coefficients=self.coefficients)
+            np.savez(stream, description=text, **{name: getattr(self, name) for name in _ARRAYS})
 
     def patch_radius_mm(
         self, normal: NDArray[np.float64], force_n: NDArray[np.float64]
@@ -177,8 +194,10 @@ class FootResponse:
         )
         return radius_mm
 
-    def closure_um(self, normal: NDArray[np.float64], force_n: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the mean closure of each gap under a contact, as if no gap could shut.
+    def free_closure_um(
+        self, normal: NDArray[np.float64], force_n: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the closure of each cell under a contact, as if no gap could shut.
 
         Args:
             normal: Unit normal of the ball at the contact, pointing into the ball [1, foot frame], shape
@@ -187,13 +206,10 @@ class FootResponse:
                 contact are the angle between the two.
 
         Returns:
-            Closure d of each element [um], shape (..., 9), positive when the gap narrows; may exceed the gap.
+            Closure d0 of each cell [um], shape (..., 324), positive when the gap narrows; may exceed the gap.
 
         Raises:
             ValueError: A normal is not a unit vector or lies below `min_elevation_deg`.
-
-        Timing:
-            A single load, shape (3,): about 20 us on a desktop core.
         """
         length_squared = np.einsum("...i,...i", normal, normal)
         # min and max of one number pass the NaN through, and a NaN fails both comparisons.
@@ -206,16 +222,14 @@ class FootResponse:
                 f"normal (its z at least {lowest:.4f}), got z = {normal[..., 2].min():.4f}"
             )
         basis = series_basis(normal, self.degree, self.fit_elevation_deg)
-        radius_squared = self.patch_radius_mm(normal, force_n)[..., None, None] ** 2
-        flat = self.coefficients.reshape(2, -1, 27)
-        point = (basis @ flat[0]).reshape(*basis.shape[:-1], 9, 3)
-        patch = (basis @ flat[1]).reshape(*basis.shape[:-1], 9, 3)
-        closure: NDArray[np.float64] = ((point + radius_squared * patch) @ force_n[..., None])[..., 0]
+        radius_squared = self.patch_radius_mm(normal, force_n)[..., None] ** 2
+        # One product for the point force and what the patch adds: the series are long, the basis is short.
+        weighted = np.concatenate([basis, radius_squared * basis], axis=-1)
+        shape = (*basis.shape[:-1], 3, ALL_CELLS)
+        unit_n = (weighted @ self.series.reshape(-1, 3 * ALL_CELLS)).reshape(shape)
+        closure: NDArray[np.float64] = (force_n[..., None, :] @ unit_n)[..., 0, :]
         return closure
 
-    def capacitance_pf(self, closure_um: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the capacitance without stray [pF] of closures [um], any shape.
-
-        A closure is limited to the gap: a shut gap shows the film's capacitance, never an infinite one.
-        """
-        return self.design.capacitance_pf(np.minimum(closure_um, self.design.gap_um))
+    def closure_um(self, normal: NDArray[np.float64], force_n: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the mean closure of each element [um], shape (..., 9), of loads as in `free_closure_um`."""
+        return element_means(self.free_closure_um(normal, force_n))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from footsense.sim.bus import SimulatedBus, SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
+from footsense.sim.fabricated import Foot
 from footsense.sim.fdc1004_chip import SimulatedFdc1004
 from footsense.sim.foot import FootResponse
 from footsense.sim.load import Load
@@ -45,7 +46,7 @@ class SimulatedLeg:
     def __init__(self, leg: str, number: int, scene: Scene, load: Load, response: FootResponse) -> None:
         self._leg = leg
         self._load = load
-        self._response = response
+        self._foot = Foot(response, contact=scene.effects.gap_contact)
         self._stray_pf = scene.effects.stray_pf
         self._broken_rows: list[tuple[int, int]] = []
         random = np.random.default_rng((scene.seed, number))
@@ -80,18 +81,18 @@ class SimulatedLeg:
         """
         t_middle_ns = (t_start_ns + t_end_ns) // 2
         contact = self._load.contact(self._leg, t_middle_ns)
-        closure_um = self._response.closure_um(contact.normal, contact.force_n)
-        column_pf = self._response.capacitance_pf(closure_um)[cin::_COLUMNS] + self._stray_pf
+        element_pf = self._foot.capacitance_pf(contact.normal[None], contact.force_n[None])[0]
+        column_pf = element_pf[cin::_COLUMNS] + self._stray_pf
         broken = sum(1 << row for at_ns, row in self._broken_rows if at_ns <= t_middle_ns)
         total_pf = 0.0
         for share, states in self.switch.between(t_start_ns, t_end_ns):
             for row in range(_ROWS):
                 bit = 1 << row
-                element_pf = float(column_pf[row])
+                pf = float(column_pf[row])
                 if broken & bit or not (states.grounded | states.shielded) & bit:
-                    total_pf += share * element_pf * FLOATING_ROW_PF / (element_pf + FLOATING_ROW_PF)
+                    total_pf += share * pf * FLOATING_ROW_PF / (pf + FLOATING_ROW_PF)
                 elif states.grounded & bit:
-                    total_pf += share * element_pf
+                    total_pf += share * pf
         return total_pf
 
 

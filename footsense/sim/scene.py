@@ -93,11 +93,13 @@ class Effects(_Part, frozen=True):
         converter_noise: White noise of every conversion, by rate.
         converter_clock_rel: Largest deviation of a converter's clock; each chip draws its own [1].
         stray_pf: Capacitance to ground in parallel with every element [pF].
+        gap_contact: Whether a gap that shuts carries load; else its closure is only limited.
     """
 
     converter_noise: bool = False
     converter_clock_rel: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.0
     stray_pf: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
+    gap_contact: bool = False
 
 
 class _Fault(_Part, frozen=True):

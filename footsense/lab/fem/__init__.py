@@ -1,0 +1,1 @@
+"""The elastic foot: a quarter of it meshed, solved in its symmetry classes, and read by adjoint fields."""

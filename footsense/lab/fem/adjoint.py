@@ -1,0 +1,79 @@
+"""One solve per cell instead of one per load: the adjoint field of a cell is its response to every surface load.
+
+With K u = b(t) for a surface traction t and the mean closure d_c = j_c . u of cell c, symmetry of K gives
+
+    d_c = j_c . K^-1 b(t) = w_c . b(t) = int over the surface of w_c . t,        K w_c = j_c
+
+so w_c(x) [mm/N], the displacement field under the "load" j_c, is the closure per unit point force at x; and
+j_b . w_c is the closure of cell b under a unit pair of forces that press cell c: the compliance of the gaps.
+
+Source:
+    Betti's reciprocal theorem; checked against forward solves in tests/lab.
+"""
+
+from dataclasses import dataclass
+
+import ngsolve as ng
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.lab.fem.mesh import quarter_cells
+from footsense.lab.fem.quarter import Parity, Quarter
+from footsense.sim.gaps import CELLS_PER_SIDE
+
+#: 1000 um in a mm: closures leave the solid here.
+UM_PER_MM = 1000.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClassField:
+    """The adjoint fields of one symmetry class, sampled on the ground-side surface of the quarter.
+
+    Attributes:
+        parity: The class.
+        normal: Inward unit normals of the samples [1], shape (n, 3); the sample is at -R normal.
+        weight_mm2: Area that each sample stands for [mm2], shape (n,).
+        influence: Closure of each cell of the quarter per unit force there [um/N], shape (n, 81, 3).
+        compliance: Closure of each cell under a unit force on another [um/N], shape (81, 81).
+    """
+
+    parity: Parity
+    normal: NDArray[np.float64]
+    weight_mm2: NDArray[np.float64]
+    influence: NDArray[np.float64]
+    compliance: NDArray[np.float64]
+
+
+def class_field(quarter: Quarter, sample_order: int = 5) -> ClassField:
+    """Solve the adjoint problems of one class and sample them.
+
+    Args:
+        quarter: The factorised class.
+        sample_order: Order of the quadrature rule whose points are the samples.
+
+    Returns:
+        The sampled fields and the compliance.
+    """
+    rule = ng.IntegrationRule(ng.TRIG, sample_order)
+    points = quarter.mesh.MapToAllElements(rule, quarter.mesh.Boundaries("curved_ground"))
+    centre = ng.CF((0.0, 0.0, -quarter.sole.plate_mm))
+    radial = np.asarray((ng.CF((ng.x, ng.y, ng.z)) - centre)(points))
+    # The area element of the curved map: norm of the cross product of its two columns.
+    jacobian = np.asarray(ng.specialcf.JacobianMatrix(3, 2)(points)).reshape(-1, 3, 2)
+    area = np.linalg.norm(np.cross(jacobian[:, :, 0], jacobian[:, :, 1]), axis=1)
+    weight = area * np.tile(np.asarray(rule.weights), len(area) // len(rule.weights))
+    area_mm2 = (quarter.sole.electrode_mm / CELLS_PER_SIDE) ** 2
+    loads = [quarter.closure_functional(cell.name, area_mm2) for cell in quarter_cells(quarter.sole)]
+    closures = np.stack([load.vec.FV().NumPy() for load in loads])
+    influence, compliance = [], []
+    for load in loads:
+        field = quarter.solve(load)
+        influence.append(np.asarray(field.components[0](points)))
+        compliance.append(closures @ field.vec.FV().NumPy())
+    return ClassField(
+        parity=quarter.parity,
+        normal=-radial / np.linalg.norm(radial, axis=1, keepdims=True),
+        weight_mm2=weight,
+        influence=np.stack(influence, axis=1) * UM_PER_MM,
+        compliance=np.stack(compliance) * UM_PER_MM,
+    )

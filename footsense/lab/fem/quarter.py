@@ -1,0 +1,170 @@
+"""The foot as a finite element problem on a quarter of it, in the symmetry classes of its two mirror planes.
+
+Find u in each body, u = 0 where the leg holds the leg-side hemisphere, so that for all v
+
+    sum over bodies of int 2 G eps(u):eps(v) + lambda div u div v
+        + int over the bars of (G [u_t].[v_t] + M [u_n][v_n]) / t_spacer  =  the load
+
+[u] = u_ground - u_leg. In the rubber, which is nearly incompressible, lambda div u is a pressure of its own, one
+order lower than u (Taylor-Hood), so that nothing locks at nu = 0.4999. The spacer is a layer of 37 um that is
+27 times wider than thick: it cannot spread sideways, so its normal stiffness takes the confined modulus
+M = lambda + 2 G; what that leaves out is measured in the study `layer`. The 500 um plates bend into the cavities,
+which is most of the closure, and are meshed as solids. The 37 um themselves are left out of the coordinates.
+
+Any load is the sum of four parts that are even or odd under x -> -x and under y -> -y. Each part is a problem on the
+quarter with other conditions on the mirror planes: an even field keeps the plane in place across it, an odd one along
+it. Odd under x and even under y is the transpose of even under x and odd under y, so three factorisations do.
+
+Source:
+    DESIGN section 6; materials as in `geometry`.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import ngsolve as ng
+
+from footsense.errors import ModelError
+from footsense.lab.fem.mesh import MeshSize, build_mesh
+from footsense.lab.geometry import Material, SoleDesign
+
+
+@dataclass(frozen=True, slots=True)
+class Parity:
+    """How a displacement field goes over under the two mirrors.
+
+    Attributes:
+        x: +1 if the field is its own mirror image under x -> -x, -1 if it is the opposite of it.
+        y: The same under y -> -y.
+    """
+
+    x: int
+    y: int
+
+    def clamped(self, component: int) -> str:
+        """Return the mirror planes on which a component (0..2) of the displacement vanishes, joined by `|`."""
+        planes = []
+        for axis, (plane, parity) in enumerate((("mirror_x", self.x), ("mirror_y", self.y))):
+            if (component == axis) == (parity > 0):
+                planes.append(plane)
+        return "|".join(planes)
+
+    def signs(self, component: int) -> tuple[int, int]:
+        """Return the sign that a component takes in the images under x -> -x and under y -> -y."""
+        return (-self.x if component == 0 else self.x), (-self.y if component == 1 else self.y)
+
+
+#: The classes that are solved; (-1, 1) is the transpose of (1, -1).
+SOLVED = (Parity(1, 1), Parity(1, -1), Parity(-1, -1))
+
+
+def _elastic(material: Material, u: Any, v: Any, *, lame_mpa: float) -> Any:
+    """Return 2 G eps(u):eps(v) + lambda div u div v."""
+
+    def eps(w: Any) -> Any:
+        return 0.5 * (ng.Grad(w) + ng.Grad(w).trans)
+
+    shear = 2.0 * material.shear_mpa * ng.InnerProduct(eps(u), eps(v))
+    return shear + lame_mpa * ng.div(u) * ng.div(v)
+
+
+class Quarter:
+    """One symmetry class of the foot, factorised: any number of loads after that.
+
+    Attributes:
+        sole: The foot.
+        mesh: The mesh of the quarter.
+        parity: The class.
+        space: Displacement on the ground side, on the leg side, and the two pressures in the rubber.
+    """
+
+    def __init__(self, sole: SoleDesign, size: MeshSize, parity: Parity, mesh: Any = None) -> None:
+        """Assemble and factorise.
+
+        Args:
+            sole: The foot.
+            size: Fineness of the mesh.
+            parity: The symmetry class.
+            mesh: A mesh of `build_mesh` to share between classes; made if None.
+
+        Raises:
+            ModelError: The foot cannot be meshed, or its stiffness is singular.
+        """
+        self.sole, self.parity = sole, parity
+        self.mesh = build_mesh(sole, size) if mesh is None else mesh
+        bodies = []
+        for side, held in (("ground", ""), ("leg", "curved_leg")):
+            clamped = {
+                f"dirichlet{axis}": "|".join(filter(None, (held, parity.clamped(component))))
+                for component, axis in enumerate("xyz")
+            }
+            bodies.append(
+                ng.VectorH1(self.mesh, order=size.order, definedon=f"rubber_{side}|pdms_{side}", **clamped)
+            )
+        pressures = [
+            ng.H1(self.mesh, order=size.order - 1, definedon=f"rubber_{side}") for side in ("ground", "leg")
+        ]
+        self.space = bodies[0] * bodies[1] * pressures[0] * pressures[1]
+        form = self._form()
+        with ng.TaskManager():
+            form.Assemble()
+            try:
+                self._inverse = form.mat.Inverse(self.space.FreeDofs(), "sparsecholesky")
+            except Exception as error:  # the library raises its own, undocumented types
+                raise ModelError(f"the stiffness of the foot is singular ({error})") from error
+        self._matrix = form.mat
+
+    def _form(self) -> Any:
+        """Return the bilinear form, not assembled."""
+        sole = self.sole
+        (u_ground, u_leg, p_ground, p_leg), (v_ground, v_leg, q_ground, q_leg) = self.space.TnT()
+        form = ng.BilinearForm(self.space, symmetric=True)
+        rubber = sole.rubber
+        for side, u, v, p, q in (
+            ("ground", u_ground, v_ground, p_ground, q_ground),
+            ("leg", u_leg, v_leg, p_leg, q_leg),
+        ):
+            pressing = ng.div(u) * q + ng.div(v) * p - p * q / rubber.lame_mpa
+            form += (_elastic(rubber, u, v, lame_mpa=0.0) + pressing) * ng.dx(f"rubber_{side}")
+            form += _elastic(sole.pdms, u, v, lame_mpa=sole.pdms.lame_mpa) * ng.dx(f"pdms_{side}")
+        form += self.bar_traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds("bars")
+        return form
+
+    @property
+    def n_unknowns(self) -> int:
+        """Unknown displacements and pressures."""
+        return int(sum(self.space.FreeDofs()))
+
+    def bar_traction(self, jump: Any) -> Any:
+        """Return the traction [MPa] that the spacer's bars put against a jump u_ground - u_leg [mm]."""
+        pdms = self.sole.pdms
+        across = (pdms.shear_mpa, pdms.shear_mpa, pdms.confined_mpa)
+        return ng.CF(tuple(across[k] / self.sole.spacer_mm * jump[k] for k in range(3)))
+
+    def closure_functional(self, face: str, area_mm2: float) -> Any:
+        """Return the mean closure of a face of given area as a linear form of the displacement."""
+        v_ground, v_leg, *_ = self.space.TestFunction()
+        form = ng.LinearForm(self.space)
+        form += (v_ground[2] - v_leg[2]) / area_mm2 * ng.ds(face)
+        return form.Assemble()
+
+    def traction_load(self, traction_mpa: Any, extra_order: int = 12) -> Any:
+        """Return the load of a traction on the ground-side surface of the quarter as a linear form."""
+        v_ground, *_ = self.space.TestFunction()
+        form = ng.LinearForm(self.space)
+        form += traction_mpa * v_ground * ng.ds("curved_ground", bonus_intorder=extra_order)
+        return form.Assemble()
+
+    def solve(self, load: Any) -> Any:
+        """Return displacement [mm] and pressure [MPa] under an assembled load, a grid function of `space`."""
+        solution = ng.GridFunction(self.space)
+        with ng.TaskManager():
+            solution.vec.data = self._inverse * load.vec
+        return solution
+
+    def residual_rel(self, load: Any, solution: Any) -> float:
+        """Return the norm of load minus stiffness times solution, over the norm of the load."""
+        rest = load.vec.CreateVector()
+        rest.data = load.vec - self._matrix * solution.vec
+        ng.Projector(self.space.FreeDofs(), range=True).Project(rest)
+        return float(rest.Norm() / load.vec.Norm())
