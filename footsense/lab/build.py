@@ -15,7 +15,6 @@ import onnx
 
 from footsense.inference.card import FORMAT, INPUT_ORDER, INPUT_UNIT, OUTPUT_ORDER, OUTPUT_UNIT
 from footsense.lab import dataset
-from footsense.lab.adjoint import influence_field
 from footsense.lab.dataset import Cases, measured_closure_rel, paper_training, wide
 from footsense.lab.evaluate import Errors, Readout, sigma_model
 from footsense.lab.evaluate_models import (
@@ -27,11 +26,11 @@ from footsense.lab.evaluate_models import (
     evaluate_models,
 )
 from footsense.lab.export import OnnxNetwork, library_versions, onnx_model
+from footsense.lab.fem.mesh import COARSE, SHIPPED, MeshSize
 from footsense.lab.geometry import SoleDesign
 from footsense.lab.model_card import readme
 from footsense.lab.network import Weights
 from footsense.lab.response import make_response
-from footsense.lab.solid import COARSE, SHIPPED, MeshSize, Solid
 from footsense.lab.train import Protocol, predict, train
 from footsense.sim.foot import FootResponse
 
@@ -132,7 +131,7 @@ def _card(
                 "friction_angle_deg": dataset.FRICTION_ANGLE_DEG,
                 "min_elevation_deg": dataset.WIDE_MIN_ELEVATION_DEG,
                 "centred_share": dataset.WIDE_CENTRED_SHARE,
-                "open_rel": dataset.OPEN_REL,
+                "full_scale_pf": dataset.FULL_SCALE_PF,
                 "noise_pf": dataset.NOISE_PF,
                 "baseline_noise_pf": dataset.BASELINE_NOISE_PF,
             },
@@ -160,9 +159,7 @@ def build(output: Path, recipe: Recipe, report: Callable[[str], None]) -> Built:
     Raises:
         ArithmeticError: ONNX Runtime does not compute what was trained.
     """
-    solid = Solid(SoleDesign(), recipe.mesh)
-    report(f"solid factorised: {solid.mesh.ne} elements, {solid.n_unknowns} unknowns")
-    made = make_response(solid, influence_field(solid))
+    made = make_response(SoleDesign(), recipe.mesh, report)
     report(f"response table: {made.provenance}")
     output.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=output) as scratch:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface.fdc1004 import FULL_SCALE_PF
+from firmware_interface import fdc1004
 from footsense.core.design import CapacitorDesign
 from footsense.lab.response import SYMMETRIES, element_map
 from footsense.sim.fabricated import Deviations, Foot
@@ -29,6 +29,8 @@ FRICTION_ANGLE_DEG = 35.0
 WIDE_MIN_ELEVATION_DEG = 30.0
 #: Noise of one conversion and of the baseline [pF, rms], as the card's sigma is measured with.
 NOISE_PF, BASELINE_NOISE_PF = 0.5e-3, 0.2e-3
+#: What the converter can tell [pF]; beyond, the daemon says `saturated`.
+FULL_SCALE_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 #: Loads that are turned into closures at once, for the sake of memory.
 _AT_ONCE = 2048
 

@@ -38,13 +38,13 @@ contact normals leaning by up to {wide["friction_angle_deg"]:g} deg, converter n
 
 Sigma per axis: {sigma}. Largest difference between JAX and ONNX Runtime: {1000 * parity_n:.4f} mN.
 
-Solid: {where["elements"]} tetrahedra of order {where["order"]}, {where["unknowns"]} unknowns. The mesh breaks the
-square's symmetry by {asymmetry} (rms, averaged out); the series differs from the field's samples by {residual}, and
-from a series of four degrees less by {cut_off}.
+Solid: a quarter in {where["elements"]} elements of order {where["mesh"]["order"]}, {where["unknowns"]} unknowns in each of
+three symmetry classes. x and y differ by {asymmetry} (rms, averaged out); the series differs from the field's samples
+by {residual}, and from a series of four degrees less by {cut_off}.
 
 Known limit: at isolated places two quite different loads close all nine gaps alike, so that no read-out of one scan
 can tell them apart (a centred newton at 45, 44 deg and 0.88 N at 225, 52 deg on a contact leaning by 5 deg: 7 nm
 apart, and likewise on the other diagonals). The network's largest errors are there; the mean and p95 do not show it.
 
-Not modelled: shut gaps that carry load, large strain, creep, air trapped in the cavities.
+Not modelled: large strain, creep, air trapped in the cavities.
 """
