@@ -1,0 +1,161 @@
+"""RPROP against its definition, and the perceptrons that learn by it."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from footsense.lab.descent import descent_start, descent_step
+from footsense.lab.mlp import forward, learn, loss, stack, start_layers, unstack
+from footsense.lab.rprop import (
+    FIRST_STEP,
+    GROW,
+    LARGEST_STEP,
+    LEAST_STEP,
+    SHRINK,
+    RpropMemory,
+    rprop_start,
+    rprop_step,
+)
+
+pytestmark = pytest.mark.lab
+
+
+def test_rprop_follows_a_hand_computed_sequence() -> None:
+    """Signs + + - - 0 -: grow, take back and forget, go on with the smaller step, stay, stay.
+
+    By hand: 0.1 down; 0.12 down; sign change: size 0.06 and 0.12 back; nothing remembered: 0.06 up; no gradient:
+    no move; nothing remembered: 0.06 up. The sizes of the gradients play no part.
+    """
+    gradients = [3.0, 1e-3, -7.0, -0.5, 0.0, -1e6]
+    sizes = [0.1, 0.12, 0.06, 0.06, 0.06, 0.06]
+    places = [0.9, 0.78, 0.90, 0.96, 0.96, 1.02]
+    weight = jnp.asarray(1.0)
+    memory = rprop_start(weight)
+    for gradient, size, place in zip(gradients, sizes, places, strict=True):
+        weight, memory = rprop_step(weight, jnp.asarray(gradient), memory)
+        assert float(memory.size) == pytest.approx(size, rel=1e-5)
+        assert float(weight) == pytest.approx(place, rel=1e-5)
+
+
+def test_rprop_keeps_each_weight_its_own_step() -> None:
+    """In one array, one weight grows its step while the other takes its move back."""
+    weights = {"a": jnp.zeros(2)}
+    memory = rprop_start(weights)
+    weights, memory = rprop_step(weights, {"a": jnp.array([1.0, 1.0])}, memory)
+    weights, memory = rprop_step(weights, {"a": jnp.array([1.0, -1.0])}, memory)
+    np.testing.assert_allclose(memory.size["a"], [FIRST_STEP * GROW, FIRST_STEP * SHRINK], rtol=1e-6)
+    np.testing.assert_allclose(weights["a"], [-0.22, 0.0], atol=1e-6)
+    assert memory.gradient["a"].tolist() == [1.0, 0.0]
+
+
+def test_a_step_stops_at_its_bounds() -> None:
+    """Growth ends at 50, shrinkage at 1e-6, exactly."""
+    one = jnp.asarray(1.0)
+    wide = RpropMemory(size=jnp.asarray(49.0), gradient=one, move=-one)
+    assert float(rprop_step(one, one, wide)[1].size) == LARGEST_STEP
+    narrow = RpropMemory(size=jnp.asarray(1.5e-6), gradient=one, move=-one)
+    assert float(rprop_step(one, -one, narrow)[1].size) == pytest.approx(LEAST_STEP, rel=1e-6)
+
+
+@given(
+    gradient=st.lists(st.floats(-1e3, 1e3, width=32, allow_subnormal=False), min_size=1, max_size=12),
+    size=st.floats(LEAST_STEP, LARGEST_STEP),
+)
+def test_steps_stay_within_bounds_and_a_sign_change_halves_them(gradient: list[float], size: float) -> None:
+    """For any gradients and first step: bounds hold, no move exceeds its step, and each change of sign halves."""
+    weight = jnp.asarray(0.0)
+    memory = rprop_start(weight)._replace(size=jnp.asarray(size, jnp.float32))
+    for g in gradient:
+        before, place = memory, float(weight)
+        weight, memory = rprop_step(weight, jnp.asarray(g, jnp.float32), memory)
+        after = float(memory.size)
+        assert LEAST_STEP * (1 - 1e-6) <= after <= LARGEST_STEP
+        if g * float(before.gradient) < 0.0:
+            assert after == pytest.approx(max(SHRINK * float(before.size), LEAST_STEP), rel=1e-6)
+            assert float(memory.move) == -float(before.move)
+            assert float(memory.gradient) == 0.0
+        else:
+            assert abs(float(memory.move)) in {0.0, after}
+            assert float(weight) == pytest.approx(place - np.sign(g) * after, rel=1e-5, abs=1e-6)
+
+
+def _descend(start: float, scale: float, epochs: int) -> float:
+    """Return how far RPROP ends from the minimum of scale/2 |H^(1/2) (w - (1, -2))|^2, the larger component."""
+    minimum = jnp.array([1.0, -2.0])
+    hessian = scale * jnp.array([[1.0, 0.4], [0.4, 30.0]])
+    weights = jnp.full(2, start)
+    memory = rprop_start(weights)
+    step = jax.jit(rprop_step)
+    for _ in range(epochs):
+        weights, memory = step(weights, hessian @ (weights - minimum), memory)
+    return float(jnp.abs(weights - minimum).max())
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_rprop_finds_the_minimum_of_a_quadratic_of_any_scale(scale: float) -> None:
+    """Condition 30, starts at 5, gradients over twelve decades: within 1e-4 of (1, -2) after 150 epochs."""
+    assert _descend(5.0, scale, 150) < 1e-4
+
+
+def test_back_propagation_is_what_its_formula_says() -> None:
+    """Two epochs by hand: rate 0.5, gradient 2, momentum 0.9; without momentum the second move is the first."""
+    for momentum, second in ((0.0, -1.0), (0.9, -1.9)):
+        weight = jnp.asarray(0.0)
+        memory = descent_start(weight, 0.5, momentum)
+        weight, memory = descent_step(weight, jnp.asarray(2.0), memory)
+        assert float(weight) == -1.0
+        weight, memory = descent_step(weight, jnp.asarray(2.0), memory)
+        assert float(weight) == pytest.approx(-1.0 + second)
+
+
+def test_forward_is_the_formula_and_its_gradient_the_difference_quotient() -> None:
+    """Against numpy in float64, and one weight of each layer against a central difference."""
+    rng = np.random.default_rng(1)
+    layers = start_layers(rng, (4, 5, 6, 2))
+    inputs, targets = rng.uniform(size=(7, 4)), rng.uniform(size=(7, 2))
+
+    def numpy_loss(nudge: float, where: int) -> float:
+        hidden = inputs
+        for k, layer in enumerate(layers):
+            weight = layer.weight.astype(np.float64)
+            weight[1, 0] += nudge * (k == where)
+            hidden = hidden @ weight + layer.offset
+            hidden = np.tanh(hidden) if k < len(layers) - 1 else hidden
+        return float(((hidden - targets) ** 2).sum(axis=1).mean())
+
+    value, gradient = jax.jit(jax.value_and_grad(loss))(layers, inputs, targets)
+    assert float(value) == pytest.approx(numpy_loss(0.0, 0), rel=1e-5)
+    for where in range(3):
+        quotient = (numpy_loss(1e-5, where) - numpy_loss(-1e-5, where)) / 2e-5
+        assert float(gradient[where].weight[1, 0]) == pytest.approx(quotient, rel=1e-3)
+
+
+def test_silent_neurons_stay_silent_and_change_nothing() -> None:
+    """A network padded to more neurons learns what it learns without them."""
+    inputs = np.random.default_rng(2).uniform(size=(20, 4))
+    targets = inputs[:, :2] * inputs[:, 2:]
+    plain = stack([start_layers(np.random.default_rng(3), (4, 5, 5, 2))])
+    padded = stack([start_layers(np.random.default_rng(3), (4, 5, 5, 2), (4, 9, 9, 2))])
+    small = learn(rprop_step, plain, rprop_start(plain), inputs, targets, 50)
+    large = learn(rprop_step, padded, rprop_start(padded), inputs, targets, 50)
+    np.testing.assert_allclose(large.losses, small.losses, rtol=1e-3)
+    assert not np.asarray(large.layers[1].weight)[0, 5:].any()
+    assert not np.asarray(large.layers[1].weight)[0, :, 5:].any()
+
+
+def test_stacked_networks_learn_as_if_alone() -> None:
+    """The second of two is the same by itself; the losses are those before each epoch, and they fall."""
+    inputs = np.random.default_rng(4).uniform(size=(30, 3))
+    targets = np.sin(3.0 * inputs[:, :1])
+    starts = [start_layers(np.random.default_rng(seed), (3, 6, 1)) for seed in (0, 1)]
+    both, one = stack(starts), stack(starts[1:])
+    together = learn(rprop_step, both, rprop_start(both), inputs, targets, 200)
+    alone = learn(rprop_step, one, rprop_start(one), inputs, targets, 200)
+    np.testing.assert_allclose(together.losses[1], alone.losses[0], rtol=1e-3)
+    assert together.losses[1, 0] == pytest.approx(float(loss(starts[1], inputs, targets)), rel=1e-5)
+    assert (together.losses[:, -1] < 0.01 * together.losses[:, 0]).all()
+    answer = forward(unstack(together.layers)[0], inputs)
+    assert float(jnp.mean((answer - targets) ** 2)) <= 1.1 * together.losses[0, -1]
