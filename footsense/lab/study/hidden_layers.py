@@ -95,36 +95,69 @@ def _figure(neurons: tuple[int, ...], results: dict[int, list[Result]]) -> Figur
     return figure
 
 
-def _compared(first: Spread, second: Spread, unit: str) -> str:
-    """Say by how much the first mean is above the second, and whether that is more than chance."""
-    excess, error = first.excess(second)
-    sure = "more than chance" if abs(excess) > SURE * error else "no more than chance"
-    return f"{excess:+.2f} ± {error:.2f} {unit} ({sure})"
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Difference:
+    """How much larger one mean over the seeds is than another, in the unit of the figure.
+
+    Attributes:
+        excess: The difference.
+        error: Its standard error.
+    """
+
+    excess: float
+    error: float
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether the first mean is larger by more than chance."""
+        return self.excess > SURE * self.error
+
+    def __str__(self) -> str:
+        if self.excess == 0.0:
+            return "is the best"
+        text = f"{self.excess:+.2f} ± {self.error:.2f}"
+        return f"**{text}**" if self.is_sure else text
+
+
+def _differences(neurons: tuple[int, ...], spreads: dict[int, list[Spread]]) -> dict[str, Difference]:
+    """Return what the paper's two statements say is above zero: five differences of means by their names."""
+    best = {depth: min(some, key=lambda spread: spread.mean) for depth, some in spreads.items()}
+    pairs = {"one layer at its best, less two at theirs": (best[1], best[2])}
+    for depth, name in _DEPTHS.items():
+        for k, what in ((0, "fewest"), (-1, "most")):
+            pairs[f"{name}: {what} neurons ({neurons[k]}), less the best"] = (spreads[depth][k], best[depth])
+    differences = {}
+    for name, (larger, smaller) in pairs.items():
+        excess, error = larger.excess(smaller)
+        differences[name] = Difference(excess=excess, error=error)
+    return differences
+
+
+def _holds(sure: list[bool]) -> str:
+    """Put into words how many of a statement's differences are there."""
+    if all(sure):
+        return "holds"
+    return f"holds in {sum(sure)} of {len(sure)} comparisons" if any(sure) else "not to be seen"
 
 
 def _findings(neurons: tuple[int, ...], results: dict[int, list[Result]]) -> str:
     """Put both of the paper's statements to the test."""
-    lines = []
-    for name, what, unit in (("direction_deg", "Direction", "deg"), ("magnitude_gf", "Magnitude", "gf")):
-        of_depth = {depth: [getattr(result, name) for result in results[depth]] for depth in _DEPTHS}
-        best = {depth: int(np.argmin([s.mean for s in some])) for depth, some in of_depth.items()}
-        one, two = (of_depth[depth][best[depth]] for depth in _DEPTHS)
-        sooner = sum(b.mean < a.mean for a, b in zip(of_depth[1], of_depth[2], strict=True))
-        lines.append(
-            f"- **{what}, two against one.** At its best, one layer has {one} {unit} ({neurons[best[1]]} neurons) and "
-            f"two have {two} {unit} ({neurons[best[2]]} each): one minus two is {_compared(one, two, unit)}. "
-            f"Two are better at {sooner} of {len(neurons)} sizes."
-        )
-        for depth, layers in _DEPTHS.items():
-            spreads, k = of_depth[depth], best[depth]
-            ends = [
-                f"{neurons[end]} neurons are {_compared(spreads[end], spreads[k], unit)} above the best"
-                if end % len(neurons) != k
-                else f"{neurons[end]} neurons are the best"
-                for end in (0, -1)
-            ]
-            lines.append(f"- **{what}, too few or too many, {layers}.** {ends[0]}; {ends[1]}.")
-    return "\n".join(lines)
+    direction, magnitude = (
+        _differences(neurons, {depth: [getattr(r, name) for r in some] for depth, some in results.items()})
+        for name in ("direction_deg", "magnitude_gf")
+    )
+    rows = [[name, str(direction[name]), str(magnitude[name])] for name in direction]
+    layers, *ends = zip(direction.values(), magnitude.values(), strict=True)
+    few = [difference.is_sure for pair in ends[0::2] for difference in pair]
+    many = [difference.is_sure for pair in ends[1::2] for difference in pair]
+    return f"""{table(["difference of means ± its standard error", "direction [deg]", "magnitude [gf]"], rows)}
+
+In bold what is above zero by more than {SURE:g} standard errors. The best size is picked from these same means, which
+flatters it.
+
+- *Two layers are better than one*: {_holds([difference.is_sure for difference in layers])}.
+- *Too few neurons are bad*: {_holds(few)}.
+- *Too many neurons are bad*: {_holds(many)}."""
 
 
 def page(bench: Workbench) -> Page:
@@ -162,8 +195,6 @@ for each size, mean ± deviation between seeds.
 {table([*header, "2 layers [gf]"], rows)}
 
 ![]({_FIGURE})
-
-Differences below are between means over the seeds, ± their standard error; one counts from {SURE:g} of these on.
 
 {_findings(neurons, results)}
 """

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from footsense.lab.dataset import (
     GRAM_FORCE_N,
@@ -115,12 +116,17 @@ def _figure(answers: dict[Feed, _Answers]) -> Figure:
         curve.plot(MAGNITUDES_GF, mean, "o-", color=colour, ms=4, label=f"networks on {name}")
         curve.fill_between(MAGNITUDES_GF, mean - deviation, mean + deviation, color=colour, alpha=0.2, lw=0)
     points.plot(PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, "k*", ms=13, label="the paper")
-    points.set(xscale="log", yscale="log", title="180 directions, 100 gf")
+    points.set(xscale="log", yscale="log", title="180 directions at 100 gf")
     points.set(xlabel="mean direction error [deg]", ylabel="mean magnitude error [gf]")
     for axis in (points.xaxis, points.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
     points.legend(fontsize=8)
-    curve.set(title="the same directions, other forces; taught: 50, 150 gf", ylim=(0.0, None))
+    for taught_gf in (MAGNITUDES_GF[0], MAGNITUDES_GF[-1]):
+        curve.axvline(taught_gf, color="k", ls=":", label="taught" if taught_gf == MAGNITUDES_GF[0] else None)
+    curve.set(title="the same directions, other forces", ylim=(0.0, None))
+    curve.legend(fontsize=8)
     curve.set(xlabel="force [gf]", ylabel="mean direction error [deg]")
     for axes in (points, curve):
         axes.grid(alpha=0.3)
