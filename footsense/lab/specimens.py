@@ -1,0 +1,213 @@
+"""Feet as they are made, loaded on a bench that is not exact either, and what each read-out makes of them.
+
+Every foot is reproducible by itself, from its number, the campaign's seed and the tolerances. Two kinds of read-outs
+are judged: what was learnt on the design, and what is learnt anew from the foot's own 362 measured cases.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from footsense.lab.campaign import Figures, Job, Tolerances
+from footsense.lab.dataset import GRAM_FORCE_N, Cases, paper_training, paper_verification
+from footsense.lab.evaluate import Errors, errors
+from footsense.lab.evaluate_models import open_models
+from footsense.lab.export import OnnxNetwork
+from footsense.lab.mlp import start_layers
+from footsense.lab.paper_way import HIDDEN, Lesson
+from footsense.sim.fabricated import Deviations, Foot
+from footsense.sim.foot import FootResponse
+
+Vector = NDArray[np.float64]
+
+#: Resolution of the reference sensor's x, y, z (Table II) [N].
+REFERENCE_N = np.array([4.0, 4.0, 12.0]) * GRAM_FORCE_N
+#: What a gap, a film or the stiffness is at least, of the designed one [1]; a draw below is drawn again.
+LEAST_REL = 0.25
+
+
+def _direction(force_n: Vector) -> Vector:
+    """Return unit vectors, shape (n, 3), of forces."""
+    unit: Vector = force_n / np.linalg.norm(force_n, axis=1, keepdims=True)
+    return unit
+
+
+def _drawn(rng: np.random.Generator, rms: float, n: int, least: float) -> Vector:
+    """Return normal deviates of an rms, shape (n,), each drawn again until it is at least `least`."""
+    values = rng.normal(size=n)
+    while (low := rms * values < least).any():
+        values[low] = rng.normal(size=int(low.sum()))
+    return rms * values
+
+
+def _lowest_z(response: FootResponse) -> float:
+    """Return the lowest z of a contact normal that the response knows [1], rounding kept off."""
+    return float(np.sin(np.radians(response.min_elevation_deg + 1e-3)))
+
+
+def _mount(rng: np.random.Generator, rms_deg: float, normal: Vector, lowest_z: float) -> Vector:
+    """Return a rotation about any axis, shape (3, 3), drawn again until it leaves all normals above `lowest_z`."""
+    while True:
+        # The angle's square is the sum of three squares.
+        turn = Rotation.from_rotvec(rms_deg / np.sqrt(3.0) * rng.normal(size=3), degrees=True)
+        mount: Vector = turn.as_matrix()
+        if (normal @ mount[2]).min() >= lowest_z:
+            return mount
+
+
+def fabricate(response: FootResponse, tolerances: Tolerances, seed: int, foot: int) -> Deviations:
+    """Return how foot number `foot` differs from its design.
+
+    Each kind of deviation has its own stream of random numbers, so a foot has the same pattern of gaps whether
+    its mount is exact or not, and at twice the tolerance twice the deviations (but for those drawn again).
+    """
+    gap, film, stray, stiffness, mount = (
+        np.random.default_rng(stream) for stream in np.random.SeedSequence((seed, foot)).spawn(5)
+    )
+    design, out = response.design, LEAST_REL - 1.0
+    normal = _direction(paper_training(response).force_n)
+    return Deviations(
+        gap_um=_drawn(gap, tolerances.gap_um, 9, out * design.gap_um),
+        film_um=_drawn(film, tolerances.film_um, 9, out * design.film_um),
+        stray_pf=_drawn(stray, tolerances.stray_pf, 9, -np.inf),
+        stiffness_rel=float(_drawn(stiffness, tolerances.stiffness_rel, 1, out)[0]),
+        mount=_mount(mount, tolerances.mount_deg, normal, _lowest_z(response)),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """What a bench measures of one foot under loads that were meant to be the paper's.
+
+    Attributes:
+        force_n: By the reference sensor [N], shape (n, 3).
+        true_n: What the force was [N], shape (n, 3).
+        change_pf: Of the capacitances [pF], shape (n, 9).
+        closure_um: What the daemon finds by the designed dimensions [um], shape (n, 9).
+    """
+
+    force_n: Vector
+    true_n: Vector
+    change_pf: Vector
+    closure_um: Vector
+
+
+def measure(
+    foot: Foot, mount: Vector, true_n: Vector, tolerances: Tolerances, rng: np.random.Generator
+) -> Measured:
+    """Load a foot on the bench.
+
+    Args:
+        foot: The specimen.
+        mount: How it sits on its leg, as in its deviations.
+        true_n: Forces [N], shape (n, 3).
+        tolerances: Of the bench.
+        rng: Of its noise.
+    """
+    response, direction = foot.response, _direction(true_n)
+    noise = rng.normal(size=(4, len(true_n), 9))
+    # Two of the three axes turn a direction, so that the angle between it and the normal has the stated rms.
+    lean = np.radians(tolerances.stick_deg) * np.sqrt(0.5)
+    normal = direction + lean * np.cross(direction, np.cross(direction, noise[0, :, :3]))
+    normal = _direction(normal)
+    unknown = normal @ mount[2] < _lowest_z(response)
+    normal[unknown] = direction[unknown]
+    rest_pf = foot.rest_pf
+    change_pf = (foot.capacitance_pf(normal, true_n) - rest_pf) * (1.0 + tolerances.repeat_rel * noise[1])
+    change_pf += tolerances.reading_pf * noise[2]
+    return Measured(
+        force_n=true_n + tolerances.reference_rel * REFERENCE_N * noise[3, :, :3],
+        true_n=true_n,
+        change_pf=change_pf,
+        closure_um=response.design.closure_um(rest_pf + change_pf, rest_pf),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Workshop:
+    """What every foot is judged with, opened once in each process.
+
+    Attributes:
+        response: The design.
+        network: Trained on it.
+        change_matrix: Linear read-out of capacitance changes of the design [N/pF], shape (9, 3).
+        training_n: Forces of the 362 cases [N].
+        verification_n: Forces of the 180 cases [N].
+    """
+
+    response: FootResponse
+    network: OnnxNetwork
+    change_matrix: Vector
+    training_n: Vector
+    verification_n: Vector
+
+
+@lru_cache(maxsize=1)
+def _workshop(models: Path) -> _Workshop:
+    """Open the released models."""
+    response, network = open_models(models)
+    training = paper_training(response)
+    design = response.design
+    return _Workshop(
+        response=response,
+        network=network,
+        change_matrix=_linear(design.capacitance_pf(training.closure_um) - design.rest_pf, training.force_n),
+        training_n=training.force_n,
+        verification_n=paper_verification(response).force_n,
+    )
+
+
+def _linear(features: Vector, force_n: Vector) -> Vector:
+    """Return the least-squares read-out without offset, shape (9, 3)."""
+    return np.asarray(np.linalg.lstsq(features, force_n, rcond=None)[0], dtype=np.float64)
+
+
+def judge(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
+    """Return what the read-outs make of one foot: mean errors over the 180 cases, and how often sigma holds.
+
+    Args:
+        job: The foot.
+        models: Folder of the released models.
+        seed: Of the campaign.
+        epochs: That the foot's own network learns, if it is taught.
+
+    Returns:
+        `<read-out>_deg` and `<read-out>_gf` for `network` and `change` (learnt on the design), `own_closure` and
+        `own_change` (linear, learnt on the foot's own cases), `own_network` if taught, and `reference`: of
+        the reference sensor itself; shares `within_1` and `within_2` of the components that the network has within 1 and 2 sigma.
+    """
+    shop = _workshop(models)
+    own = fabricate(shop.response, job.tolerances, seed, job.foot)
+    foot = Foot(shop.response, own)
+    rng = np.random.default_rng((seed, job.foot, 1))
+    taught = measure(foot, own.mount, shop.training_n, job.tolerances, rng)
+    asked = measure(foot, own.mount, shop.verification_n, job.tolerances, rng)
+    shipped_n = shop.network.force_n(asked.closure_um / shop.response.design.gap_um)
+    estimates = {
+        "network": shipped_n,
+        "change": asked.change_pf @ shop.change_matrix,
+        "own_closure": asked.closure_um @ _linear(taught.closure_um, taught.force_n),
+        "own_change": asked.change_pf @ _linear(taught.change_pf, taught.force_n),
+        "reference": asked.true_n,
+    }
+    if job.taught:
+        lesson = Lesson(shop.response.design, Cases(taught.force_n, taught.closure_um))
+        start = start_layers(np.random.default_rng((seed, job.foot, 2)), (9, *HIDDEN, 3))
+        estimates["own_network"] = lesson.teach([start], epochs)[0](asked.closure_um)
+    figures: Figures = {}
+    for name, estimate in estimates.items():
+        row: Errors = errors(asked.force_n, estimate)
+        figures |= {f"{name}_deg": row.direction_deg, f"{name}_gf": row.magnitude_gf}
+    return figures | _coverage(shop.network, asked.true_n, shipped_n)
+
+
+def _coverage(network: OnnxNetwork, true_n: Vector, estimate_n: Vector) -> Figures:
+    """Return the shares of force components whose error is within 1 and 2 of the card's sigma."""
+    floor_n, rel = np.array(network.card["sigma_floor_n"]), np.array(network.card["sigma_rel"])
+    sigma_n = floor_n + rel * np.linalg.norm(estimate_n, axis=1, keepdims=True)
+    off = np.abs(estimate_n - true_n) / sigma_n
+    return {f"within_{k}": float((off <= k).mean()) for k in (1, 2)}
