@@ -1,0 +1,144 @@
+"""One solve per load: the way that the adjoint table replaces, kept to check it and to be timed against.
+
+A Hertz patch of traction t is the sum of its parts in the four symmetry classes,
+
+    t_c(x) = 1/4 sum over the images g of c(g) g t(g^-1 x),        g in {1, mirror x, mirror y, both},
+
+c(g) being +1 or -1 as the class is even or odd under g. Each part is one solve on the quarter. The class that is not
+factorised, odd under x and even under y, is solved as its transpose: x and y of the load and of the answer swapped.
+
+The patch is round on the sphere, p ~ sqrt(1 - |x - x_c|^2 / a^2), and its integral is made exact by scaling.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import ngsolve as ng
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.lab.fem.adjoint import UM_PER_MM
+from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
+from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
+from footsense.lab.geometry import SoleDesign
+from footsense.sim.gaps import ALL_CELLS, CELLS_PER_SIDE, element_means
+from footsense.sim.symmetry import HALF_SIDE, flat_of_grid
+
+Vector = NDArray[np.float64]
+
+#: Order that the quadrature of a patch, small against the elements that it lies on, has above theirs.
+PATCH_ORDER = 24
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Load:
+    """A Hertz patch.
+
+    Attributes:
+        centre_mm: Its middle on the sphere [mm], shape (3,).
+        force_n: Its resultant [N], shape (3,).
+        radius_mm: Its radius a [mm].
+    """
+
+    centre_mm: Vector
+    force_n: Vector
+    radius_mm: float
+
+    def mapped(self, matrix: Vector) -> "_Load":
+        """Return the load as a mirror or a swap of axes maps it, shape (3, 3)."""
+        return _Load(matrix @ self.centre_mm, matrix @ self.force_n, self.radius_mm)
+
+    @property
+    def shape(self) -> Any:
+        """Pressure over that in the middle [1], as a coefficient function."""
+        away = ng.CF(
+            tuple(axis - float(at) for axis, at in zip((ng.x, ng.y, ng.z), self.centre_mm, strict=True))
+        )
+        inside = 1.0 - away * away / self.radius_mm**2
+        return ng.sqrt(ng.IfPos(inside, inside, 0.0))
+
+
+class _Class:
+    """One factorised class with the closures of its cells as functionals.
+
+    Attributes:
+        quarter: The class.
+    """
+
+    def __init__(self, quarter: Quarter) -> None:
+        self.quarter = quarter
+        area_mm2 = (quarter.sole.electrode_mm / CELLS_PER_SIDE) ** 2
+        cells = quarter_cells(quarter.sole)
+        rows = np.stack([quarter.closure_functional(cell.name, area_mm2).vec.FV().NumPy() for cell in cells])
+        self._used = np.flatnonzero(rows.any(axis=0))
+        self._rows = rows[:, self._used]
+        self._place = [
+            (6 * (cell.element // 3) + cell.forward, 6 * (cell.element % 3) + cell.leftward) for cell in cells
+        ]
+
+    def cells_um(self, load: _Load) -> Vector:
+        """Return the closures [um] of the quarter's cells under the load's part in this class, shape (9, 9)."""
+        quarter, parity = self.quarter, self.quarter.parity
+        parts = []
+        for sign_x, sign_y in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
+            image = load.mapped(np.diag([sign_x, sign_y, 1.0]))
+            character = (1 if sign_x > 0 else parity.x) * (1 if sign_y > 0 else parity.y)
+            parts.append((image.shape, character * image.force_n))
+        surface = ng.ds("curved_ground", bonus_intorder=PATCH_ORDER)
+        # The images in the quarter make up the whole patch, wherever the mirror planes cut it.
+        total_mm2 = ng.Integrate(sum(shape for shape, _ in parts) * surface, quarter.mesh)
+        traction = [
+            sum(shape * float(force[k]) for shape, force in parts) / (4.0 * total_mm2) for k in range(3)
+        ]
+        solution = quarter.solve(quarter.traction_load(ng.CF(tuple(traction)), PATCH_ORDER))
+        grid = np.empty((HALF_SIDE, HALF_SIDE))
+        grid[tuple(np.transpose(self._place))] = (
+            self._rows @ solution.vec.FV().NumPy()[self._used] * UM_PER_MM
+        )
+        return grid
+
+
+class ForwardFoot:
+    """The foot, solved anew for every load.
+
+    Args:
+        sole: The foot.
+        size: Fineness of the mesh.
+
+    Raises:
+        ModelError: The foot cannot be meshed, or its stiffness is singular.
+    """
+
+    def __init__(self, sole: SoleDesign, size: MeshSize) -> None:
+        self._sole = sole
+        mesh = build_mesh(sole, size)
+        self._classes = {parity: _Class(Quarter(sole, size, parity, mesh)) for parity in SOLVED}
+
+    def cells_um(self, normal: Vector, force_n: Vector) -> Vector:
+        """Return the closure of each cell as if no gap could shut [um], shape (324,), by four solves.
+
+        Args:
+            normal: Inward unit normal of the ball at the contact, shape (3,).
+            force_n: Ground reaction on the foot [N], shape (3,).
+        """
+        sole = self._sole
+        pressing_n = abs(float(normal @ force_n))
+        load = _Load(
+            centre_mm=-sole.ball_radius_mm * normal - np.array([0.0, 0.0, sole.plate_mm]),
+            force_n=force_n,
+            radius_mm=float(np.cbrt(0.75 * pressing_n * sole.ball_radius_mm / sole.rubber.hertz_mpa)),
+        )
+        parts = {parity: solved.cells_um(load) for parity, solved in self._classes.items()}
+        swapped = load.mapped(np.eye(3)[[1, 0, 2]])
+        parts[Parity(-1, 1)] = self._classes[Parity(1, -1)].cells_um(swapped).T
+        whole = np.zeros((2 * HALF_SIDE, 2 * HALF_SIDE))
+        for parity, part in parts.items():
+            half = np.concatenate([part, parity.x * part[::-1]], axis=0)
+            whole += np.concatenate([half, parity.y * half[:, ::-1]], axis=1)
+        flat = np.empty(ALL_CELLS)
+        flat[flat_of_grid()] = whole
+        return flat
+
+    def closure_um(self, normal: Vector, force_n: Vector) -> Vector:
+        """Return the mean closure of each element [um], shape (9,), of a load as in `cells_um`."""
+        return element_means(self.cells_um(normal, force_n))
