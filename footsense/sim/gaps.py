@@ -50,7 +50,9 @@ def capacitance_pf(design: CapacitorDesign, distance_um: Vector) -> Vector:
         distance_um: Distance of the electrodes at each cell in air, the film's share included [um], shape (..., 324).
     """
     per_cell = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2 / CELLS
-    whole: Vector = per_cell * (1.0 / distance_um).reshape(*distance_um.shape[:-1], ELEMENTS, CELLS).sum(axis=-1)
+    whole: Vector = per_cell * (1.0 / distance_um).reshape(*distance_um.shape[:-1], ELEMENTS, CELLS).sum(
+        axis=-1
+    )
     return whole
 
 
@@ -69,7 +71,9 @@ class Touch:
     pivots: int
 
 
-def kkt_residual(touch: Touch, free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector) -> dict[str, float]:
+def kkt_residual(
+    touch: Touch, free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector
+) -> dict[str, float]:
     """Return by how much a solution breaks each condition, all zero for an exact one.
 
     Args:
@@ -79,7 +83,8 @@ def kkt_residual(touch: Touch, free_um: Vector, gap_um: Vector, compliance_um_pe
         compliance_um_per_n: B, shape (324, 324).
 
     Returns:
-        `balance_um`: |d - (d0 - B l)|; `penetration_um`: d - g; `pull_n`: -l; `slack_nm_n`: |l (g - d)|, the largest each.
+        The largest of each: `balance_um` |d - (d0 - B l)|, `penetration_um` d - g, `pull_n` -l, `slack_nm_n`
+        |l (g - d)|.
     """
     rest = touch.closure_um - (free_um - compliance_um_per_n @ touch.force_n)
     slack_um = gap_um - touch.closure_um
@@ -115,7 +120,12 @@ def touch(free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector) -> Touch
     for pivots in range(1, 40 * len(free_um)):
         force = np.zeros_like(free_um)
         inside = np.flatnonzero(shut)
-        force[inside] = np.linalg.solve(compliance_um_per_n[np.ix_(inside, inside)], (free_um - gap_um)[inside])
+        try:
+            force[inside] = np.linalg.solve(
+                compliance_um_per_n[np.ix_(inside, inside)], (free_um - gap_um)[inside]
+            )
+        except np.linalg.LinAlgError as error:
+            raise ArithmeticError("the compliance is singular, not positive definite") from error
         closure = free_um - compliance_um_per_n[:, inside] @ force[inside]
         pulls = shut & (force < -_ROUNDING * np.abs(force).max(initial=0.0))
         overlaps = ~shut & (closure > gap_um * (1.0 + _ROUNDING))

@@ -1,41 +1,53 @@
-"""One coarse solid for the whole directory: two seconds, made once. Without the extra `lab` nothing is collected."""
+"""One coarse foot for the whole directory, made once. Without the extra `lab` nothing is collected."""
 
 import importlib.util
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 if TYPE_CHECKING:
-    from footsense.lab.adjoint import SurfaceField
-    from footsense.lab.solid import Solid
+    from footsense.lab.fem.adjoint import ClassField
+    from footsense.lab.fem.quarter import Parity, Quarter
     from footsense.sim.foot import FootResponse
 
 collect_ignore_glob = [] if importlib.util.find_spec("ngsolve") else ["test_*.py"]
 
 
 @pytest.fixture(scope="session")
-def solid() -> "Solid":
-    """Return the factorised coarse foot."""
+def mesh() -> Any:
+    """Return the coarse mesh of the quarter."""
     import ngsolve
 
+    from footsense.lab.fem.mesh import COARSE, build_mesh
     from footsense.lab.geometry import SoleDesign
-    from footsense.lab.solid import COARSE, Solid
 
     ngsolve.SetNumThreads(2)
-    return Solid(SoleDesign(), COARSE)
+    return build_mesh(SoleDesign(), COARSE)
 
 
 @pytest.fixture(scope="session")
-def field(solid: "Solid") -> "SurfaceField":
-    """Return its adjoint fields."""
-    from footsense.lab.adjoint import influence_field
+def quarters(mesh: Any) -> "dict[Parity, Quarter]":
+    """Return the factorised symmetry classes of the coarse foot."""
+    from footsense.lab.fem.mesh import COARSE
+    from footsense.lab.fem.quarter import SOLVED, Quarter
+    from footsense.lab.geometry import SoleDesign
 
-    return influence_field(solid)
+    return {parity: Quarter(SoleDesign(), COARSE, parity, mesh) for parity in SOLVED}
 
 
 @pytest.fixture(scope="session")
-def response(solid: "Solid", field: "SurfaceField") -> "FootResponse":
-    """Return its response table."""
-    from footsense.lab.response import make_response
+def fields(quarters: "dict[Parity, Quarter]") -> "dict[Parity, ClassField]":
+    """Return their adjoint fields."""
+    from footsense.lab.fem.adjoint import class_field
 
-    return make_response(solid, field)
+    return {parity: class_field(quarter) for parity, quarter in quarters.items()}
+
+
+@pytest.fixture(scope="session")
+def response(fields: "dict[Parity, ClassField]") -> "FootResponse":
+    """Return the coarse foot's response table."""
+    from footsense.lab.fem.mesh import COARSE
+    from footsense.lab.geometry import SoleDesign
+    from footsense.lab.response import tabulate
+
+    return tabulate(SoleDesign(), COARSE, fields, {})

@@ -11,6 +11,7 @@ Source:
     Betti's reciprocal theorem; checked against forward solves in tests/lab.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import ngsolve as ng
@@ -33,8 +34,8 @@ class ClassField:
         parity: The class.
         normal: Inward unit normals of the samples [1], shape (n, 3); the sample is at -R normal.
         weight_mm2: Area that each sample stands for [mm2], shape (n,).
-        influence: Closure of each cell of the quarter per unit force there [um/N], shape (n, 81, 3).
-        compliance: Closure of each cell under a unit force on another [um/N], shape (81, 81).
+        influence: Mean closure of each face per unit force there [um/N], shape (n, faces, 3).
+        compliance: Mean closure of each face under a unit force spread over another [um/N], shape (faces, faces).
     """
 
     parity: Parity
@@ -45,7 +46,7 @@ class ClassField:
 
 
 def class_field(quarter: Quarter, sample_order: int = 5) -> ClassField:
-    """Solve the adjoint problems of one class and sample them.
+    """Solve the adjoint problems of one class, one for each cell of the quarter, and sample them.
 
     Args:
         quarter: The factorised class.
@@ -53,6 +54,19 @@ def class_field(quarter: Quarter, sample_order: int = 5) -> ClassField:
 
     Returns:
         The sampled fields and the compliance.
+    """
+    area_mm2 = (quarter.sole.electrode_mm / CELLS_PER_SIDE) ** 2
+    names = [cell.name for cell in quarter_cells(quarter.sole)]
+    return sampled_field(quarter, [(name, area_mm2) for name in names], sample_order)
+
+
+def sampled_field(quarter: Quarter, faces: Sequence[tuple[str, float]], sample_order: int = 5) -> ClassField:
+    """Solve the adjoint problems of the mean closures of some faces, and sample them.
+
+    Args:
+        quarter: The factorised class.
+        faces: Names of cells joined by `|`, and their area together [mm2].
+        sample_order: Order of the quadrature rule whose points are the samples.
     """
     rule = ng.IntegrationRule(ng.TRIG, sample_order)
     points = quarter.mesh.MapToAllElements(rule, quarter.mesh.Boundaries("curved_ground"))
@@ -62,8 +76,7 @@ def class_field(quarter: Quarter, sample_order: int = 5) -> ClassField:
     jacobian = np.asarray(ng.specialcf.JacobianMatrix(3, 2)(points)).reshape(-1, 3, 2)
     area = np.linalg.norm(np.cross(jacobian[:, :, 0], jacobian[:, :, 1]), axis=1)
     weight = area * np.tile(np.asarray(rule.weights), len(area) // len(rule.weights))
-    area_mm2 = (quarter.sole.electrode_mm / CELLS_PER_SIDE) ** 2
-    loads = [quarter.closure_functional(cell.name, area_mm2) for cell in quarter_cells(quarter.sole)]
+    loads = [quarter.closure_functional(face, area_mm2) for face, area_mm2 in faces]
     closures = np.stack([load.vec.FV().NumPy() for load in loads])
     influence, compliance = [], []
     for load in loads:

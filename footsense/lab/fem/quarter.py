@@ -58,6 +58,23 @@ class Parity:
 SOLVED = (Parity(1, 1), Parity(1, -1), Parity(-1, -1))
 
 
+#: Residual of a solve above which the stiffness counts as singular [1]; sound ones leave 1e-12 to 1e-9.
+_WORST_RESIDUAL = 1e-5
+
+
+def _check(sole: SoleDesign) -> None:
+    """Check that the materials are elastic solids that the mixed form can hold.
+
+    Raises:
+        ModelError: A modulus is not positive, or Poisson's ratio outside (0, 0.5).
+    """
+    for name, material in (("rubber", sole.rubber), ("pdms", sole.pdms)):
+        if not (material.youngs_mpa > 0.0 and 0.0 < material.poisson < 0.5):
+            raise ModelError(
+                f"{name} needs E > 0 MPa and 0 < nu < 0.5 (0.4999 for incompressible rubber), got {material}"
+            )
+
+
 def _elastic(material: Material, u: Any, v: Any, *, lame_mpa: float) -> Any:
     """Return 2 G eps(u):eps(v) + lambda div u div v."""
 
@@ -90,6 +107,7 @@ class Quarter:
         Raises:
             ModelError: The foot cannot be meshed, or its stiffness is singular.
         """
+        _check(sole)
         self.sole, self.parity = sole, parity
         self.mesh = build_mesh(sole, size) if mesh is None else mesh
         bodies = []
@@ -113,6 +131,10 @@ class Quarter:
             except Exception as error:  # the library raises its own, undocumented types
                 raise ModelError(f"the stiffness of the foot is singular ({error})") from error
         self._matrix = form.mat
+        # A pivot that is zero but for rounding raises nothing above; what it solves does not fit.
+        lifted = self.traction_load(ng.CF((0.0, 0.0, 1.0)), extra_order=0)
+        if not self.residual_rel(lifted, self.solve(lifted)) < _WORST_RESIDUAL:  # NaN fails too
+            raise ModelError(f"the stiffness of the foot is singular: nothing holds a part of {sole}")
 
     def _form(self) -> Any:
         """Return the bilinear form, not assembled."""

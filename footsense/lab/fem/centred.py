@@ -1,0 +1,88 @@
+"""Nine closures under one centred load, without a table: four adjoint solves in place of 81, for studies of the mesh.
+
+A load of azimuth 0 is even in y, so the classes (1, 1) and (-1, 1) hold all of it, and a vertical one the first alone.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.lab.fem.adjoint import sampled_field
+from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
+from footsense.lab.fem.quarter import Parity, Quarter
+from footsense.lab.geometry import SoleDesign
+from footsense.lab.response import fit_class, patch_mean
+from footsense.sim.gaps import CELLS_PER_SIDE
+
+#: Elements of which a part lies in the quarter: corner, the one on the x axis, the one on the y axis, middle.
+_PARTLY = (0, 1, 3, 4)
+#: Which of them each of the nine is the image of.
+_IMAGE_OF = np.array([0, 1, 0, 2, 3, 2, 0, 1, 0])
+#: Sign under x -> -x of each of the nine, 0 on the mirror plane.
+_ODD_IN_X = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, -1.0, -1.0, -1.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Centred:
+    """Closures under centred loads of azimuth 0.
+
+    Attributes:
+        closure_um: Mean closure of each element [um], shape (loads, 9).
+        elements: Elements of the mesh.
+        unknowns: Unknowns of one class.
+    """
+
+    closure_um: NDArray[np.float64]
+    elements: int
+    unknowns: int
+
+
+def centred_closures(
+    sole: SoleDesign, size: MeshSize, elevation_deg: tuple[float, ...], patch_mm: float | None = None
+) -> Centred:
+    """Solve for centred loads of 1 N at azimuth 0.
+
+    Args:
+        sole: The foot.
+        size: Fineness of the mesh.
+        elevation_deg: Elevation of each load [deg]; if all are 90, one class is solved, else two.
+        patch_mm: Radius of the contact patch [mm]; Hertz's against a rigid floor if None.
+
+    Raises:
+        ModelError: The foot cannot be meshed, or its stiffness is singular.
+    """
+    mesh = build_mesh(sole, size)
+    if patch_mm is None:
+        patch_mm = hertz_radius_mm(sole.ball_radius_mm, sole.rubber.hertz_mpa, 1.0)
+    angle = np.radians(elevation_deg)
+    force = np.column_stack([np.cos(angle), np.zeros(len(angle)), np.sin(angle)])
+    upright = min(elevation_deg) >= 90.0
+    total = np.zeros((len(angle), 9))
+    for parity in (Parity(1, 1),) if upright else (Parity(1, 1), Parity(-1, 1)):
+        quarter = Quarter(sole, size, parity, mesh)
+        field = sampled_field(quarter, _faces(sole))
+        series = fit_class(field)
+        per_newton = patch_mean(series.reshape(len(series), -1), force, patch_mm, sole)
+        part = (per_newton.reshape(len(angle), len(_PARTLY), 3) * force[:, None]).sum(axis=2)
+        sign = np.ones(9) if parity.x > 0 else _ODD_IN_X
+        # The quarter's form is a quarter of the foot's, so its field is four times the foot's.
+        total += part[:, _IMAGE_OF] * sign / 4.0
+    return Centred(total, int(mesh.ne), quarter.n_unknowns)
+
+
+def hertz_radius_mm(ball_radius_mm: float, contact_modulus_mpa: float, force_n: float) -> float:
+    """Return the radius of the contact patch, a^3 = 3 F R / (4 E*) [mm].
+
+    Source:
+        Johnson, Contact Mechanics, 1985, equation (4.22).
+    """
+    return float(np.cbrt(0.75 * force_n * ball_radius_mm / contact_modulus_mpa))
+
+
+def _faces(sole: SoleDesign) -> list[tuple[str, float]]:
+    """Return what lies in the quarter of each element: its cells, joined, and their area together [mm2]."""
+    cells = quarter_cells(sole)
+    per_cell = (sole.electrode_mm / CELLS_PER_SIDE) ** 2
+    names = [[cell.name for cell in cells if cell.element == element] for element in _PARTLY]
+    return [("|".join(part), per_cell * len(part)) for part in names]
