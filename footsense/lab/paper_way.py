@@ -11,10 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.core.design import CapacitorDesign
-from footsense.lab.dataset import Cases, paper_training, paper_verification
+from footsense.lab.dataset import (
+    GRAM_FORCE_N,
+    Cases,
+    paper_training,
+    paper_verification,
+    sensed_closure_um,
+)
 from footsense.lab.evaluate import Errors, Readout, errors
 from footsense.lab.mlp import Layers, forward, learn, stack, start_layers, unstack
 from footsense.lab.rprop import rprop_start, rprop_step
+from footsense.sim.fabricated import Foot
 from footsense.sim.foot import FootResponse
 
 #: What a network is fed with: capacitance changes, as the paper's, or the gap closures that elastance measures.
@@ -69,6 +76,14 @@ class Lesson:
         layers = stack(starts)
         learnt = learn(rprop_step, layers, rprop_start(layers), self.inputs, self.targets, epochs)
         return [self._readout(network) for network in unstack(learnt.layers)]
+
+
+def verification_at(response: FootResponse, magnitude_gf: float) -> Cases:
+    """Return the 180 directions of the verification cases at a magnitude [gf] other than the paper's 100."""
+    direction = paper_verification(response).force_n
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    force_n = direction * magnitude_gf * GRAM_FORCE_N
+    return Cases(force_n, sensed_closure_um(Foot(response), direction, force_n))
 
 
 def paper_way(response: FootResponse, *, quick: bool, feed: Feed = "capacitance") -> list[Readout]:

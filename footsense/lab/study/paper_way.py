@@ -6,13 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from footsense.lab.dataset import (
-    GRAM_FORCE_N,
-    Cases,
-    paper_training,
-    paper_verification,
-    sensed_closure_um,
-)
+from footsense.lab.dataset import Cases, paper_training
 from footsense.lab.evaluate import (
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
@@ -22,10 +16,9 @@ from footsense.lab.evaluate import (
     elastance_readout,
     errors,
 )
-from footsense.lab.paper_way import EPOCHS, HIDDEN, QUICK_EPOCHS, Feed, paper_way
+from footsense.lab.paper_way import EPOCHS, HIDDEN, QUICK_EPOCHS, Feed, paper_way, verification_at
 from footsense.lab.spread import Spread
 from footsense.lab.study.page import Page, Workbench, table
-from footsense.sim.fabricated import Foot
 from footsense.sim.foot import FootResponse
 
 #: Magnitudes at which the 180 directions are asked for [gf]; the first and the last are taught, the middle is the
@@ -36,15 +29,6 @@ _PAPERS = MAGNITUDES_GF.index(100.0)
 _FIGURE = "paper-way.png"
 _COLOURS: dict[Feed, str] = {"capacitance": "C0", "closure": "C1"}
 _NAMES: dict[Feed, str] = {"capacitance": "ΔC", "closure": "closures"}
-
-
-def _asked(response: FootResponse) -> list[Cases]:
-    """Return the 180 directions of the verification cases at each magnitude."""
-    direction = paper_verification(response).force_n
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    foot = Foot(response)
-    forces = [direction * magnitude * GRAM_FORCE_N for magnitude in MAGNITUDES_GF]
-    return [Cases(force_n, sensed_closure_um(foot, direction, force_n)) for force_n in forces]
 
 
 def _examined(read: Readout, asked: list[Cases]) -> list[Errors]:
@@ -144,7 +128,7 @@ def _place(paper: float, ours: Spread, unit: str) -> str:
 def page(bench: Workbench) -> Page:
     """Return the page."""
     response, quick = bench.response, bench.quick
-    asked = _asked(response)
+    asked = [verification_at(response, magnitude_gf) for magnitude_gf in MAGNITUDES_GF]
     answers: dict[Feed, _Answers] = {}
     for feed, name in _NAMES.items():
         answers[feed] = _Answers(response, asked, feed, quick=quick)
