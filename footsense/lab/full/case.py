@@ -1,0 +1,80 @@
+"""A load case: one foot, one contact normal, one force, and what follows from them without a solve."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.lab.geometry import SoleDesign
+
+#: A unit vector may be this far from length one.
+UNIT_TOLERANCE = 1e-6
+#: A component below this share of the vector counts as none.
+IN_PLANE = 1e-12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadCase:
+    """One contact.
+
+    Attributes:
+        sole: The foot.
+        normal: Unit normal of the ball at the contact, pointing into the ball [1, foot frame], shape (3,).
+        force_n: Ground reaction on the foot [N, foot frame], shape (3,).
+        friction: Coulomb's coefficient mu [1].
+    """
+
+    sole: SoleDesign
+    normal: NDArray[np.float64]
+    force_n: NDArray[np.float64]
+    friction: float
+
+    def __post_init__(self) -> None:
+        """Check that the floor can exert the force.
+
+        Raises:
+            ValueError: The normal is no unit vector, or the force is outside the cone of friction around it.
+        """
+        if not abs(np.linalg.norm(self.normal) - 1.0) <= UNIT_TOLERANCE:
+            raise ValueError(f"a contact normal has length 1, got {np.linalg.norm(self.normal):g}")
+        along = float(np.linalg.norm(self.force_n - self.pressing_n * self.normal))
+        if not (self.pressing_n > 0.0 and along < self.friction * self.pressing_n):
+            raise ValueError(
+                f"a floor of friction {self.friction:g} that is pressed with {self.pressing_n:g} N holds less than "
+                f"{max(self.friction * self.pressing_n, 0.0):g} N along itself, got {along:g} N"
+            )
+
+    @property
+    def pressing_n(self) -> float:
+        """Force along the normal [N]."""
+        return float(self.normal @ self.force_n)
+
+    @property
+    def half(self) -> bool:
+        """Whether the plane y = 0 mirrors the case."""
+        return bool(
+            abs(self.normal[1]) < IN_PLANE and abs(self.force_n[1]) < IN_PLANE * np.linalg.norm(self.force_n)
+        )
+
+    @property
+    def share(self) -> float:
+        """The part of the foot that is meshed [1]."""
+        return 0.5 if self.half else 1.0
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """Directions in which the floor may move: not through the mirror."""
+        return (0, 2) if self.half else (0, 1, 2)
+
+    @property
+    def touch_mm(self) -> NDArray[np.float64]:
+        """Where the floor touches the unloaded ball [mm], shape (3,)."""
+        centre = np.array([0.0, 0.0, -self.sole.plate_mm])
+        touch: NDArray[np.float64] = centre - self.sole.ball_radius_mm * self.normal
+        return touch
+
+    @property
+    def hertz_mm(self) -> float:
+        """Radius of the Hertz patch on a rigid plane [mm]: a^3 = 3 f.n R / (4 E*)."""
+        return math.cbrt(0.75 * self.pressing_n * self.sole.ball_radius_mm / self.sole.rubber.hertz_mpa)

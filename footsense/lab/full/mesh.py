@@ -1,0 +1,168 @@
+"""The mesh of one load case: both bodies, fine where the floor touches and at the edges of the spacer's bars.
+
+The stress is singular along the edges of the bars. One level of hp refinement there (prisms that shrink towards
+the edge) resolves that for a few hundred elements. If load and foot are mirrored by the plane y = 0, the half
+with y > 0 is meshed.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import ngsolve as ng
+import numpy as np
+from netgen import occ
+from netgen.meshing import MeshingParameters
+from numpy.typing import NDArray
+
+from footsense.lab.geometry import SoleDesign
+
+#: The mesh is fine out to this many radii of the expected contact patch: finite strain and friction shift it.
+PATCH_MARGIN = 1.3
+#: Coordinates that are closer than this are the same [mm].
+SAME_MM = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fineness:
+    """How fine the mesh is.
+
+    Attributes:
+        ball_mm: Largest edge in the hemispheres [mm].
+        plate_mm: Largest edge in the plates [mm].
+        bar_mm: Largest edge along the edges of the bars [mm].
+        bar_factor: Where the hp refinement cuts the elements at a bar's edge, over their size [1].
+        patch_rel: Edge where the floor touches, over the Hertz radius [1].
+        order: Polynomial order of displacement and geometry; the pressure has one less.
+    """
+
+    ball_mm: float = 2.5
+    plate_mm: float = 1.5
+    bar_mm: float = 0.5
+    bar_factor: float = 0.15
+    patch_rel: float = 0.3
+    order: int = 2
+
+
+def _bodies(sole: SoleDesign, fineness: Fineness) -> list[Any]:
+    """Return the two hemispheres and the two plates, their materials named."""
+    bodies = []
+    half = sole.sheet_mm / 2.0
+    for side, up in (("ground", -1.0), ("leg", 1.0)):
+        flat = up * sole.plate_mm
+        flat_cut = occ.HalfSpace(occ.Pnt(0, 0, flat), occ.Vec(0, 0, -up))
+        ball = occ.Sphere(occ.Pnt(0, 0, flat), sole.ball_radius_mm) * flat_cut
+        plate = occ.Box(occ.Pnt(-half, -half, min(0.0, flat)), occ.Pnt(half, half, max(0.0, flat)))
+        ball.mat(f"rubber_{side}")
+        plate.mat(f"pdms_{side}")
+        plate.maxh = fineness.plate_mm
+        bodies += [ball, plate]
+    return bodies
+
+
+def _cavities(sole: SoleDesign) -> list[Any]:
+    """Return the nine squares over which nothing joins the plates."""
+    side = sole.electrode_mm
+    return [
+        occ.WorkPlane(occ.Axes(occ.Pnt(x_mm - side / 2.0, y_mm - side / 2.0, 0.0), n=occ.Z, h=occ.X))
+        .Rectangle(side, side)
+        .Face()
+        for x_mm, y_mm in sole.centres_mm
+    ]
+
+
+def _halved(shape: Any) -> list[Any]:
+    """Return the part with y > 0 as a list of one, or nothing; a shape that is not cut stays itself."""
+    low, high = shape.bounding_box
+    if high.y < SAME_MM:
+        return []
+    # Cutting a face that needs no cut would lose it.
+    return [shape] if low.y > -SAME_MM else [shape * occ.HalfSpace(occ.Pnt(0, 0, 0), occ.Vec(0, -1, 0))]
+
+
+def _in_cavity(sole: SoleDesign, low: Any, high: Any) -> bool:
+    """Return whether a box of the plane z = 0 lies in one of the cavities."""
+    reach = sole.electrode_mm / 2.0 + SAME_MM
+    return any(
+        max(x_mm - low.x, high.x - x_mm, y_mm - low.y, high.y - y_mm) < reach
+        for x_mm, y_mm in sole.centres_mm
+    )
+
+
+def _name_faces(shape: Any, sole: SoleDesign) -> None:
+    """Name what the weak form integrates over or holds: `cavity`, `bars`, `mirror`, `curved_*`; the rest is free."""
+    for face in shape.faces:
+        low, high = face.bounding_box
+        if max(-low.z, high.z) < SAME_MM:
+            face.name = "cavity" if _in_cavity(sole, low, high) else "bars"
+        elif max(-low.y, high.y) < SAME_MM:
+            face.name = "mirror"
+        elif high.z > sole.ball_radius_mm / 2.0:
+            face.name = "curved_leg"
+        elif low.z < -sole.ball_radius_mm / 2.0:
+            face.name = "curved_ground"
+        else:
+            face.name = "free"
+
+
+def _mark_bar_edges(shape: Any, sole: SoleDesign, fineness: Fineness) -> None:
+    """Mark the edges between cavities and bars for hp refinement: in the plane z = 0, not on the sheet's border."""
+    inside = sole.sheet_mm / 2.0 - SAME_MM
+    for edge in shape.edges:
+        low, high = edge.bounding_box
+        if max(-low.z, high.z) > SAME_MM:
+            continue
+        for start, end in ((low.x, high.x), (low.y, high.y)):
+            if abs(end - start) < SAME_MM < abs(start) < inside:
+                edge.hpref = 1
+                edge.maxh = fineness.bar_mm
+
+
+def _refine_patch(
+    parameters: MeshingParameters,
+    sole: SoleDesign,
+    normal: NDArray[np.float64],
+    size_mm: float,
+    reach_mm: float,
+) -> None:
+    """Ask for edges of `size_mm` on the cap of radius `reach_mm` around the contact."""
+    axis = np.eye(3)[np.abs(normal).argmin()]
+    first = np.cross(normal, axis)
+    first /= np.linalg.norm(first)
+    second = np.cross(normal, first)
+    centre = np.array([0.0, 0.0, -sole.plate_mm])
+    steps = np.arange(-np.ceil(reach_mm / size_mm), np.ceil(reach_mm / size_mm) + 1.0) * size_mm
+    for along in steps:
+        for across in steps:
+            depth_squared = sole.ball_radius_mm**2 - along**2 - across**2
+            if along**2 + across**2 <= reach_mm**2:
+                point = centre - np.sqrt(depth_squared) * normal + along * first + across * second
+                parameters.RestrictH(*map(float, point), size_mm)
+
+
+def build_mesh(
+    sole: SoleDesign, fineness: Fineness, normal: NDArray[np.float64], patch_mm: float, *, half: bool
+) -> Any:
+    """Return the curved mesh [mm, foot frame, origin in the middle of the spacer].
+
+    Args:
+        sole: The foot.
+        fineness: How fine.
+        normal: Inward unit normal at the contact [1], shape (3,).
+        patch_mm: Expected radius of the contact patch [mm].
+        half: Mesh only y > 0, with the face `mirror` in y = 0.
+
+    Returns:
+        An NGSolve mesh of the materials `rubber_ground`, `pdms_ground`, `rubber_leg`, `pdms_leg`.
+    """
+    shapes = [*_bodies(sole, fineness), *_cavities(sole)]
+    if half:
+        shapes = [part for shape in shapes for part in _halved(shape)]
+    shape = occ.Glue(shapes)
+    _name_faces(shape, sole)
+    _mark_bar_edges(shape, sole, fineness)
+    parameters = MeshingParameters(maxh=fineness.ball_mm, grading=0.4)
+    _refine_patch(parameters, sole, normal, fineness.patch_rel * patch_mm, PATCH_MARGIN * patch_mm)
+    mesh = ng.Mesh(occ.OCCGeometry(shape).GenerateMesh(parameters))
+    mesh.RefineHP(1, fineness.bar_factor)
+    mesh.Curve(fineness.order)
+    return mesh
