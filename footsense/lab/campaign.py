@@ -1,31 +1,21 @@
-"""A campaign: many fabricated feet, judged one by one on as many processors as there are, and never twice.
+"""A campaign: many fabricated feet, judged one by one by as many workers as there are (`cluster`), and never twice.
 
 Each finished foot is a line of a file at once, so that a campaign that was stopped goes on with the feet that are
 missing. The first line names the campaign; a file of another one is refused. A last line that a killed writer left
-unfinished is cut off. Which feet there are and how one is judged is not known here: see `study.tolerance`.
+unfinished is cut off. How one is judged is not known here: see `specimens`.
 """
 
-import importlib.util
 import json
-import logging
-import socket
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import CancelledError
-from contextlib import closing, contextmanager, nullcontext
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import closing, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Self, TextIO
-from urllib.parse import urlsplit
+from typing import Self, TextIO
 
 from rich.console import Console
 from rich.progress import Progress
 
 from footsense.errors import FootsenseError
-
-#: How long a scheduler, and the first of its workers, may take to answer [s].
-_ANSWER_S = 5.0
-#: Worker processes of a local cluster, one thread each.
-LOCAL_WORKERS = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,99 +86,6 @@ def in_turn(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, Figures], N
     """
     for job in jobs:
         yield job, work(job)
-
-
-def on_cluster(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> Workers:
-    """Return workers of a dask cluster.
-
-    Args:
-        scheduler: Address of a scheduler, such as `tcp://bench:8786`; None for a cluster of this campaign's own on
-            this machine, which ends with it.
-        n_workers: Processes of the own cluster.
-
-    Returns:
-        The workers; they raise FootsenseError within seconds where there are none.
-    """
-
-    def run(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, Figures], None, None]:
-        with _client(scheduler, n_workers) as client:
-            from distributed import as_completed
-
-            job_of = dict(zip(client.map(work, jobs, pure=False), jobs, strict=True))
-            try:
-                for future, figures in as_completed(job_of, with_results=True):
-                    yield job_of[future], figures
-            except CancelledError as error:
-                raise FootsenseError(f"lost the scheduler {scheduler}; what is finished is kept") from error
-
-    return run
-
-
-def has_dask() -> bool:
-    """Return whether clusters can be used: the extra `distributed`."""
-    return importlib.util.find_spec("distributed") is not None
-
-
-@contextmanager
-def _client(scheduler: str | None, n_workers: int) -> Iterator[Any]:
-    """Provide a dask client, and end with it whatever was started for it.
-
-    Yields:
-        The client.
-
-    Raises:
-        FootsenseError: dask is not installed, there is no such scheduler, or it has no workers.
-    """
-    if not has_dask():
-        raise FootsenseError("a cluster needs dask: pip install 'footsense[distributed]'")
-    from distributed import Client, LocalCluster
-
-    if scheduler is None:
-        cluster = LocalCluster(
-            n_workers=n_workers,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=None,
-            silence_logs=logging.CRITICAL,
-        )
-        with cluster, Client(cluster) as client:
-            yield client
-        return
-    _require_listener(scheduler)
-    try:
-        client = Client(scheduler, timeout=_ANSWER_S)
-    except (OSError, ValueError) as error:
-        raise FootsenseError(f"{scheduler} is no dask scheduler: {error}") from error
-    with client:
-        try:
-            client.wait_for_workers(1, timeout=_ANSWER_S)
-        except TimeoutError as error:
-            raise FootsenseError(
-                f"the scheduler {scheduler} has no workers; start one with `dask worker {scheduler}`"
-            ) from error
-        yield client
-
-
-def _require_listener(scheduler: str) -> None:
-    """Check that somebody listens: a dask client that finds nobody leaves a thread behind.
-
-    Raises:
-        FootsenseError: The address is none, or nobody does.
-    """
-    try:
-        parts = urlsplit(scheduler if "://" in scheduler else f"tcp://{scheduler}")
-        host, port = parts.hostname, parts.port
-    except ValueError:
-        host = port = None
-    if host is None or port is None:
-        raise FootsenseError(f"{scheduler!r} is no address of a scheduler; one looks like tcp://bench:8786")
-    try:
-        socket.create_connection((host, port), timeout=_ANSWER_S).close()
-    except OSError as error:
-        raise FootsenseError(
-            f"no scheduler at {scheduler}: {error}; start one with `dask scheduler`, "
-            "or name none to work on this machine"
-        ) from error
 
 
 def run_campaign(

@@ -28,6 +28,8 @@ Vector = NDArray[np.float64]
 REFERENCE_N = np.array([4.0, 4.0, 12.0]) * GRAM_FORCE_N
 #: What a gap, a film or the stiffness is at least, of the designed one [1]; a draw below is drawn again.
 LEAST_REL = 0.25
+#: Lowest elevation of the paper's loads [deg].
+LOWEST_LOAD_DEG = 40.0
 
 
 def _direction(force_n: Vector) -> Vector:
@@ -44,18 +46,13 @@ def _drawn(rng: np.random.Generator, rms: float, n: int, least: float) -> Vector
     return rms * values
 
 
-def _lowest_z(response: FootResponse) -> float:
-    """Return the lowest z of a contact normal that the response knows [1], rounding kept off."""
-    return float(np.sin(np.radians(response.min_elevation_deg + 1e-3)))
-
-
-def _mount(rng: np.random.Generator, rms_deg: float, normal: Vector, lowest_z: float) -> Vector:
-    """Return a rotation about any axis, shape (3, 3), drawn again until it leaves all normals above `lowest_z`."""
+def _mount(rng: np.random.Generator, rms_deg: float, most_deg: float) -> Vector:
+    """Return a rotation about any axis, shape (3, 3), tilting the leg by at most `most_deg` or drawn again."""
     while True:
         # The angle's square is the sum of three squares.
         turn = Rotation.from_rotvec(rms_deg / np.sqrt(3.0) * rng.normal(size=3), degrees=True)
         mount: Vector = turn.as_matrix()
-        if (normal @ mount[2]).min() >= lowest_z:
+        if mount[2, 2] >= np.cos(np.radians(most_deg)):
             return mount
 
 
@@ -69,13 +66,12 @@ def fabricate(response: FootResponse, tolerances: Tolerances, seed: int, foot: i
         np.random.default_rng(stream) for stream in np.random.SeedSequence((seed, foot)).spawn(5)
     )
     design, out = response.design, LEAST_REL - 1.0
-    normal = _direction(paper_training(response).force_n)
     return Deviations(
         gap_um=_drawn(gap, tolerances.gap_um, 9, out * design.gap_um),
         film_um=_drawn(film, tolerances.film_um, 9, out * design.film_um),
         stray_pf=_drawn(stray, tolerances.stray_pf, 9, -np.inf),
         stiffness_rel=float(_drawn(stiffness, tolerances.stiffness_rel, 1, out)[0]),
-        mount=_mount(mount, tolerances.mount_deg, normal, _lowest_z(response)),
+        mount=_mount(mount, tolerances.mount_deg, LOWEST_LOAD_DEG - response.min_elevation_deg),
     )
 
 
@@ -114,7 +110,7 @@ def measure(
     lean = np.radians(tolerances.stick_deg) * np.sqrt(0.5)
     normal = direction + lean * np.cross(direction, np.cross(direction, noise[0, :, :3]))
     normal = _direction(normal)
-    unknown = normal @ mount[2] < _lowest_z(response)
+    unknown = normal @ mount[2] < np.sin(np.radians(response.min_elevation_deg))
     normal[unknown] = direction[unknown]
     rest_pf = foot.rest_pf
     change_pf = (foot.capacitance_pf(normal, true_n) - rest_pf) * (1.0 + tolerances.repeat_rel * noise[1])
@@ -178,7 +174,8 @@ def judge(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
     Returns:
         `<read-out>_deg` and `<read-out>_gf` for `network` and `change` (learnt on the design), `own_closure` and
         `own_change` (linear, learnt on the foot's own cases), `own_network` if taught, and `reference`: of
-        the reference sensor itself; shares `within_1` and `within_2` of the components that the network has within 1 and 2 sigma.
+        the reference sensor itself; shares `within_1` and `within_2` of the components that the
+        network has within 1 and 2 sigma.
     """
     shop = _workshop(models)
     own = fabricate(shop.response, job.tolerances, seed, job.foot)

@@ -18,9 +18,7 @@ from footsense.lab.campaign import (
     Job,
     Tolerances,
     Workers,
-    has_dask,
     in_turn,
-    on_cluster,
     run_campaign,
 )
 from footsense.lab.evaluate_models import NETWORK_FILE, RESPONSE_FILE
