@@ -7,8 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from footsense.core.design import CapacitorDesign
+from footsense.lab.dataset import Cases
 from footsense.lab.descent import descent_start, descent_step
 from footsense.lab.mlp import forward, learn, loss, stack, start_layers, unstack
+from footsense.lab.paper_way import Feed, Lesson
 from footsense.lab.rprop import (
     FIRST_STEP,
     GROW,
@@ -159,3 +162,17 @@ def test_stacked_networks_learn_as_if_alone() -> None:
     assert (together.losses[:, -1] < 0.01 * together.losses[:, 0]).all()
     answer = forward(unstack(together.layers)[0], inputs)
     assert float(jnp.mean((answer - targets) ** 2)) <= 1.1 * together.losses[0, -1]
+
+
+@pytest.mark.parametrize("feed", ["capacitance", "closure"])
+def test_a_lesson_scales_by_its_cases_and_answers_in_newtons(feed: Feed) -> None:
+    """Forces that are linear in the closures are read back to 10 % rms from either feed, also in cases not taught."""
+    design = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
+    rng = np.random.default_rng(5)
+    closure_um = rng.uniform(1.0, 8.0, (300, 9))
+    force_n = closure_um @ rng.uniform(-0.05, 0.05, (9, 3))
+    lesson = Lesson(design, Cases(force_n[:200], closure_um[:200]), feed)
+    assert (lesson.inputs.max(), np.abs(lesson.targets).max()) == (1.0, 1.0)
+    (read,) = lesson.teach([start_layers(rng, (9, 6, 3))], 600)
+    wrong_n = read(closure_um[200:]) - force_n[200:]
+    assert np.sqrt(np.mean(wrong_n**2)) < 0.1 * np.sqrt(np.mean(force_n**2))
