@@ -114,6 +114,11 @@ class ForwardFoot:
         mesh = build_mesh(sole, size)
         self._classes = {parity: _Class(Quarter(sole, size, parity, mesh)) for parity in SOLVED}
 
+    @property
+    def quarters(self) -> list[Quarter]:
+        """The factorised classes."""
+        return [solved.quarter for solved in self._classes.values()]
+
     def cells_um(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the closure of each cell as if no gap could shut [um], shape (324,), by four solves.
 
