@@ -90,11 +90,13 @@ def _figure(neurons: Sequence[int], results: Results) -> Figure:
             axes.fill_between(neurons, mean - deviation, mean + deviation, color=colour, alpha=0.2, lw=0)
         if paper is not None:
             axes.axhline(paper, color="k", ls=":", label="the paper")
-        axes.set(xscale="log", xlabel="neurons in each hidden layer", ylabel=f"mean error of {words}")
+        axes.set(xscale="log", xlabel="neurons in each hidden layer")
+        axes.set_title(words, fontsize=10)
         axes.set_xticks(neurons, [str(n) for n in neurons])
         axes.minorticks_off()
         axes.set_ylim(bottom=0.0)
         axes.grid(alpha=0.3)
+    panels[0].set_ylabel("mean error")
     panels[1].legend(fontsize=8)
     return figure
 
