@@ -71,7 +71,7 @@ def _client(scheduler: str | None, n_workers: int) -> Iterator[Any]:
                 n_workers=n_workers,
                 threads_per_worker=1,
                 processes=True,
-                dashboard_address=None,
+                dashboard_address="127.0.0.1:0",  # any free port: another cluster may have the usual one
                 silence_logs=logging.CRITICAL,
             )
         with cluster, Client(cluster) as client:

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from footsense.core.design import CapacitorDesign
 from footsense.lab.campaign import Figures, Job, Tolerances
 from footsense.lab.dataset import GRAM_FORCE_N, Cases, paper_training, paper_verification
-from footsense.lab.evaluate import Errors, errors
+from footsense.lab.evaluate import Readout, errors
 from footsense.lab.evaluate_models import open_models
 from footsense.lab.export import OnnxNetwork
 from footsense.lab.mlp import start_layers
@@ -130,6 +131,7 @@ class _Workshop:
     Attributes:
         response: The design.
         network: Trained on it.
+        plain: The paper's own kind of network, taught its 362 cases on the design.
         change_matrix: Linear read-out of capacitance changes of the design [N/pF], shape (9, 3).
         training_n: Forces of the 362 cases [N].
         verification_n: Forces of the 180 cases [N].
@@ -137,24 +139,40 @@ class _Workshop:
 
     response: FootResponse
     network: OnnxNetwork
+    plain: Readout
     change_matrix: Vector
     training_n: Vector
     verification_n: Vector
 
 
 @lru_cache(maxsize=1)
-def _workshop(models: Path) -> _Workshop:
-    """Open the released models."""
+def _workshop(models: Path, seed: int, epochs: int) -> _Workshop:
+    """Open the released models, and teach what is learnt on the design."""
     response, network = open_models(models)
     training = paper_training(response)
     design = response.design
     return _Workshop(
         response=response,
         network=network,
+        plain=_taught(design, training, np.random.default_rng(seed), epochs),
         change_matrix=_linear(design.capacitance_pf(training.closure_um) - design.rest_pf, training.force_n),
         training_n=training.force_n,
         verification_n=paper_verification(response).force_n,
     )
+
+
+def _taught(design: CapacitorDesign, cases: Cases, rng: np.random.Generator, epochs: int) -> Readout:
+    """Return the paper's kind of network, fed with capacitance changes, after it learnt cases."""
+    return Lesson(design, cases).teach([start_layers(rng, (9, *HIDDEN, 3))], epochs)[0]
+
+
+def _as_designed_um(design: CapacitorDesign, change_pf: Vector) -> Vector:
+    """Return the closures [um] by which an element as designed would change its capacitance as much [pF].
+
+    Read-outs of capacitance changes take closures and the design. Given these, they see the very changes of the foot.
+    """
+    rest_pf = np.array(design.rest_pf)
+    return design.closure_um(rest_pf + change_pf, rest_pf)
 
 
 def _linear(features: Vector, force_n: Vector) -> Vector:
@@ -169,35 +187,39 @@ def judge(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
         job: The foot.
         models: Folder of the released models.
         seed: Of the campaign.
-        epochs: That the foot's own network learns, if it is taught.
+        epochs: That plain networks learn.
 
     Returns:
-        `<read-out>_deg` and `<read-out>_gf` for `network` and `change` (learnt on the design), `own_closure` and
-        `own_change` (linear, learnt on the foot's own cases), `own_network` if taught, and `reference`: of
+        `<read-out>_deg` and `<read-out>_gf` for `network`, `plain` and `change` (learnt on the design), `own_closure`
+        and `own_change` (linear, learnt on the foot's own cases), `own_network` if taught, and `reference`: of
         the reference sensor itself; shares `within_1` and `within_2` of the components that the
         network has within 1 and 2 sigma.
     """
-    shop = _workshop(models)
+    shop = _workshop(models, seed, epochs)
+    design = shop.response.design
     own = fabricate(shop.response, job.tolerances, seed, job.foot)
     foot = Foot(shop.response, own)
     rng = np.random.default_rng((seed, job.foot, 1))
     taught = measure(foot, own.mount, shop.training_n, job.tolerances, rng)
     asked = measure(foot, own.mount, shop.verification_n, job.tolerances, rng)
-    shipped_n = shop.network.force_n(asked.closure_um / shop.response.design.gap_um)
+    shipped_n = shop.network.force_n(asked.closure_um / design.gap_um)
+    changed_um = _as_designed_um(design, asked.change_pf)
     estimates = {
         "network": shipped_n,
+        "plain": shop.plain(changed_um),
         "change": asked.change_pf @ shop.change_matrix,
         "own_closure": asked.closure_um @ _linear(taught.closure_um, taught.force_n),
         "own_change": asked.change_pf @ _linear(taught.change_pf, taught.force_n),
         "reference": asked.true_n,
     }
     if job.taught:
-        lesson = Lesson(shop.response.design, Cases(taught.force_n, taught.closure_um))
-        start = start_layers(np.random.default_rng((seed, job.foot, 2)), (9, *HIDDEN, 3))
-        estimates["own_network"] = lesson.teach([start], epochs)[0](asked.closure_um)
+        cases = Cases(taught.force_n, _as_designed_um(design, taught.change_pf))
+        estimates["own_network"] = _taught(design, cases, np.random.default_rng((seed, job.foot, 2)), epochs)(
+            changed_um
+        )
     figures: Figures = {}
     for name, estimate in estimates.items():
-        row: Errors = errors(asked.force_n, estimate)
+        row = errors(asked.force_n, estimate)
         figures |= {f"{name}_deg": row.direction_deg, f"{name}_gf": row.magnitude_gf}
     return figures | _coverage(shop.network, asked.true_n, shipped_n)
 

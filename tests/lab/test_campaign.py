@@ -1,0 +1,190 @@
+"""Campaigns over fabricated feet: nothing is judged twice, nothing finished is lost, nothing foreign is mixed in."""
+
+import multiprocessing
+from collections.abc import Generator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from footsense.errors import FootsenseError
+from footsense.lab import specimens
+from footsense.lab.campaign import Figures, Job, Tolerances, Work, in_turn, run_campaign
+from footsense.lab.cluster import on_cluster
+from footsense.lab.dataset import paper_verification
+from footsense.lab.evaluate_models import open_models
+from footsense.lab.specimens import fabricate, judge, measure
+from footsense.lab.sweeps import BENCHES, FEET, FULL, QUICK, Results
+from footsense.sim.fabricated import Foot
+from footsense.sim.foot import FootResponse
+
+pytestmark = pytest.mark.lab
+
+RELEASED = Path(__file__).parents[2] / "models" / "aoyagi-3x3"
+ABOUT: dict[str, str | int] = {"study": "test", "seed": 1}
+JOBS = [Job(Tolerances(gap_um=0.1 * foot), foot) for foot in range(5)]
+
+
+def double(job: Job) -> Figures:
+    """Judge by the number alone; a float that JSON has to bring back to the last bit."""
+    return {"twice": 2.0 * job.foot + 0.1}
+
+
+def abs_gap(job: Job) -> Figures:
+    """Judge by what a worker process has to be told of a job."""
+    return {"gap_um": abs(job.tolerances.gap_um), "foot": float(job.foot)}
+
+
+def refuses(job: Job) -> Figures:
+    """Fail if anything is left to do."""
+    raise AssertionError(job)
+
+
+def stopped_after_two(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, Figures], None, None]:
+    """Work in turn, until Ctrl-C."""
+    yield from in_turn(work, jobs[:2])
+    raise KeyboardInterrupt
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """Return where a campaign is kept, in a folder that is not there yet."""
+    return tmp_path / "kept" / "campaign.jsonl"
+
+
+@pytest.fixture(scope="module")
+def released() -> FootResponse:
+    """Return the released foot."""
+    return open_models(RELEASED)[0]
+
+
+def test_an_interrupted_campaign_goes_on_with_the_missing_feet(file: Path) -> None:
+    """What was finished before Ctrl-C is neither lost nor done again, and a finished campaign asks nobody."""
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(ABOUT, JOBS, double, workers=stopped_after_two, file=file)
+    asked: list[Job] = []
+
+    def noted(job: Job) -> Figures:
+        asked.append(job)
+        return double(job)
+
+    whole = {job: double(job) for job in JOBS}
+    assert run_campaign(ABOUT, JOBS + JOBS, noted, file=file) == whole
+    assert asked == JOBS[2:]
+    assert run_campaign(ABOUT, JOBS, refuses, file=file) == whole
+
+
+@pytest.mark.parametrize("cut", [1, 30, 10_000])
+def test_a_torn_end_is_done_again(file: Path, cut: int) -> None:
+    """However much of the file a killed writer got out: a byte less, half a line, half a header."""
+    whole = run_campaign(ABOUT, JOBS, double, file=file)
+    written = file.read_bytes()
+    file.write_bytes(written[: max(10, len(written) - cut)])
+    assert run_campaign(ABOUT, JOBS, double, file=file) == whole
+    assert file.read_bytes() == written
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"notes, not a campaign", b"notes\nof mine\n", b'{"campaign": {"seed": 2, "study": "test"}}\n'],
+)
+def test_a_file_of_something_else_is_refused_and_left_alone(file: Path, content: bytes) -> None:
+    """One line says what it is; not a byte of it changes."""
+    file.parent.mkdir()
+    file.write_bytes(content)
+    with pytest.raises(FootsenseError, match=r"^[^\n]*campaign\.jsonl is of another campaign[^\n]*$"):
+        run_campaign(ABOUT, JOBS, double, file=file)
+    assert file.read_bytes() == content
+
+
+def test_a_damaged_line_is_named(file: Path) -> None:
+    """A whole line that is no result is no torn end: somebody has been at the file."""
+    run_campaign(ABOUT, JOBS, double, file=file)
+    lines = file.read_bytes().splitlines(keepends=True)
+    file.write_bytes(b"".join([*lines[:2], b"{}\n", *lines[2:]]))
+    with pytest.raises(FootsenseError, match="line 3"):
+        run_campaign(ABOUT, JOBS, double, file=file)
+
+
+@pytest.mark.parametrize(
+    ("address", "why"),
+    [
+        ("tcp://127.0.0.1:9", "no scheduler at"),
+        ("bench", "no address of a scheduler"),
+        ("bench:many", "no address of a scheduler"),
+    ],
+)
+def test_a_scheduler_that_is_not_there_is_one_clear_line(address: str, why: str) -> None:
+    """Within seconds, and with what to do."""
+    with pytest.raises(FootsenseError, match=rf"^[^\n]*{why}[^\n]*$"):
+        run_campaign(ABOUT, JOBS, double, workers=on_cluster(address))
+
+
+def test_a_cluster_judges_alike_and_ends_with_its_campaign(file: Path) -> None:
+    """Same figures as in this process, whatever comes back first; no process stays behind."""
+    found = run_campaign(ABOUT, JOBS, abs_gap, workers=on_cluster(n_workers=1), file=file)
+    assert list(found.items()) == [(job, abs_gap(job)) for job in JOBS]
+    assert not multiprocessing.active_children()
+
+
+def test_each_foot_is_reproducible_by_itself(released: FootResponse) -> None:
+    """By number and seed; at twice the tolerance twice the deviation, whatever else is inexact."""
+    once = fabricate(released, Tolerances(gap_um=0.5), 7, 3)
+    mixed = fabricate(released, Tolerances(gap_um=1.0, mount_deg=3.0, film_um=1.0), 7, 3)
+    np.testing.assert_allclose(mixed.gap_um, 2.0 * once.gap_um, rtol=1e-12)
+    np.testing.assert_allclose(mixed.mount @ mixed.mount.T, np.eye(3), atol=1e-12)
+    assert not np.allclose(once.gap_um, fabricate(released, Tolerances(gap_um=0.5), 7, 4).gap_um)
+    assert not np.allclose(once.gap_um, fabricate(released, Tolerances(gap_um=0.5), 8, 3).gap_um)
+
+
+def test_feet_have_the_stated_distribution(released: FootResponse) -> None:
+    """The rms values over many feet; what cannot be made is drawn again."""
+    tolerances = Tolerances(gap_um=2.0, stray_pf=0.1, stiffness_rel=0.1, mount_deg=2.0)
+    feet = [fabricate(released, tolerances, 1, foot) for foot in range(400)]
+    rms = [float(np.sqrt(np.mean(np.square([getattr(f, k) for f in feet])))) for k in ("gap_um", "stray_pf")]
+    np.testing.assert_allclose(rms, [2.0, 0.1], rtol=0.05)
+    turned_deg = np.degrees(np.arccos([(np.trace(f.mount) - 1.0) / 2.0 for f in feet]))
+    np.testing.assert_allclose(np.sqrt(np.mean(turned_deg**2)), 2.0, rtol=0.05)
+    wild = [fabricate(released, Tolerances(gap_um=20.0, mount_deg=20.0), 1, foot) for foot in range(20)]
+    assert min(f.gap_um.min() for f in wild) >= (specimens.LEAST_REL - 1.0) * released.design.gap_um
+    assert min(f.mount[2, 2] for f in wild) >= np.cos(np.radians(15.0))
+
+
+def test_an_exact_bench_measures_what_the_daemon_senses(released: FootResponse) -> None:
+    """Of a foot with any deviations: the closures of the project's own verification cases, to rounding."""
+    own = fabricate(released, Tolerances(gap_um=2.0, stray_pf=0.1, mount_deg=2.0), 1, 0)
+    cases = paper_verification(released, own)
+    measured = measure(Foot(released, own), own.mount, cases.force_n, Tolerances(), np.random.default_rng(0))
+    np.testing.assert_allclose(measured.closure_um, cases.closure_um, atol=1e-9)
+    np.testing.assert_array_equal(measured.force_n, cases.force_n)
+
+
+def test_a_foot_is_judged_the_same_each_time() -> None:
+    """A turned mount turns the answer by its angle; a foot's film alone is nothing to a read-out of closures."""
+    exact, filmy, turned, again = (
+        judge(Job(tolerances, 5), models=RELEASED, seed=1, epochs=1)
+        for tolerances in (
+            Tolerances(),
+            Tolerances(film_um=0.5),
+            Tolerances(mount_deg=10.0),
+            Tolerances(mount_deg=10.0),
+        )
+    )
+    assert turned == again
+    assert turned["network_deg"] > exact["network_deg"] + 1.0
+    assert turned["own_closure_deg"] < 1.5 * exact["own_closure_deg"]
+    assert filmy["network_deg"] == pytest.approx(exact["network_deg"], abs=0.05)
+    assert filmy["change_deg"] > exact["change_deg"]
+
+
+def test_levels_between_those_done_are_read_off_a_straight_line() -> None:
+    """The crossing of a target, or none; quick plans keep the exact foot and the largest level."""
+    sweep = FEET[0]
+    assert QUICK.levels(sweep)[0] == 0.0
+    assert QUICK.levels(sweep)[-1] == FULL.levels(sweep)[-1]
+    jobs = [job for level in FULL.levels(sweep) for job in FULL.jobs(sweep, level)]
+    results = Results(FULL, {job: {"network_deg": 2.0 * job.tolerances.gap_um} for job in jobs})
+    assert results.reached(sweep, "network_deg", 9.0) == pytest.approx(4.5)
+    assert results.reached(sweep, "network_deg", 0.0) == 0.0
+    assert results.reached(sweep, "network_deg", 99.0) is None
+    assert all(job.taught for job in FULL.jobs(BENCHES[0], 1.0))
