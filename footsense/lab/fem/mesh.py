@@ -20,6 +20,8 @@ from footsense.sim.gaps import CELLS_PER_SIDE
 
 #: Coordinates closer than this are equal [mm].
 _NEAR_MM = 1e-3
+#: Nothing of a foot may be thinner [mm]: faces closer than `_NEAR_MM` could not be told apart.
+_THINNEST_MM = _NEAR_MM
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +54,9 @@ SHIPPED = MeshSize()
 #: What the tests and `--quick` use: a second per class, and closures some 4 % too small.
 COARSE = MeshSize(layer_rel=0.15, bar_mm=0.67, order=2)
 #: What SHIPPED is judged by: elements half as large, one layer and one order more.
-FINEST = MeshSize(ball_mm=4.0, plate_mm=1.5, surface_mm=2.5, bar_mm=0.25, grading=0.5, layers=2, layer_rel=0.12)
+FINEST = MeshSize(
+    ball_mm=4.0, plate_mm=1.5, surface_mm=2.5, bar_mm=0.25, grading=0.5, layers=2, layer_rel=0.12
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +157,9 @@ def _is_rim(sole: SoleDesign, edge: Any) -> bool:
     low, high = edge.bounding_box
     level = all(abs(abs(end.z) - sole.plate_mm) < _NEAR_MM for end in (low, high))
     at_border = max(abs(edge.center.x), abs(edge.center.y)) > sole.sheet_mm / 2.0 - _NEAR_MM
-    return level and at_border and max(abs(edge.center.x), abs(edge.center.y)) < sole.sheet_mm / 2.0 + _NEAR_MM
+    return (
+        level and at_border and max(abs(edge.center.x), abs(edge.center.y)) < sole.sheet_mm / 2.0 + _NEAR_MM
+    )
 
 
 def build_mesh(sole: SoleDesign, size: MeshSize) -> Any:
@@ -168,8 +174,11 @@ def build_mesh(sole: SoleDesign, size: MeshSize) -> Any:
         `curved_leg`, `mirror_x` (the plane x = 0), `mirror_y`.
 
     Raises:
-        ModelError: The mesher gives up on this geometry.
+        ModelError: A part is thinner than a micrometre, or the mesher gives up on this geometry.
     """
+    thinnest_mm = min(sole.plate_mm, sole.spacer_mm, sole.electrode_mm, sole.ball_radius_mm)
+    if not thinnest_mm > _THINNEST_MM:  # NaN is refused too
+        raise ModelError(f"no part of a foot is thinner than {_THINNEST_MM:g} mm, got {sole}")
     step = sole.electrode_mm / CELLS_PER_SIDE
     solids = [*_half(sole, "ground", -1.0, size), *_half(sole, "leg", 1.0, size)]
     shape = occ.Glue([*solids, *(_cell_face(cell, step) for cell in quarter_cells(sole))])
@@ -186,5 +195,7 @@ def build_mesh(sole: SoleDesign, size: MeshSize) -> Any:
             mesh.RefineHP(size.layers, size.layer_rel)
         mesh.Curve(size.order)
     except (NgException, RuntimeError) as error:
-        raise ModelError(f"the foot cannot be meshed with {size}: {error}; check the sizes of {sole}") from error
+        raise ModelError(
+            f"the foot cannot be meshed with {size}: {error}; check the sizes of {sole}"
+        ) from error
     return mesh

@@ -75,7 +75,7 @@ def _check(sole: SoleDesign) -> None:
             )
 
 
-def _elastic(material: Material, u: Any, v: Any, *, lame_mpa: float) -> Any:
+def elastic(material: Material, u: Any, v: Any, *, lame_mpa: float) -> Any:
     """Return 2 G eps(u):eps(v) + lambda div u div v."""
 
     def eps(w: Any) -> Any:
@@ -83,6 +83,12 @@ def _elastic(material: Material, u: Any, v: Any, *, lame_mpa: float) -> Any:
 
     shear = 2.0 * material.shear_mpa * ng.InnerProduct(eps(u), eps(v))
     return shear + lame_mpa * ng.div(u) * ng.div(v)
+
+
+def mixed(material: Material, u: Any, v: Any, p: Any, q: Any) -> Any:
+    """Return 2 G eps(u):eps(v) + p div v + q div u - p q / lambda: elasticity with p = lambda div u of its own."""
+    pressing = ng.div(u) * q + ng.div(v) * p - p * q / material.lame_mpa
+    return elastic(material, u, v, lame_mpa=0.0) + pressing
 
 
 class Quarter:
@@ -141,14 +147,12 @@ class Quarter:
         sole = self.sole
         (u_ground, u_leg, p_ground, p_leg), (v_ground, v_leg, q_ground, q_leg) = self.space.TnT()
         form = ng.BilinearForm(self.space, symmetric=True)
-        rubber = sole.rubber
         for side, u, v, p, q in (
             ("ground", u_ground, v_ground, p_ground, q_ground),
             ("leg", u_leg, v_leg, p_leg, q_leg),
         ):
-            pressing = ng.div(u) * q + ng.div(v) * p - p * q / rubber.lame_mpa
-            form += (_elastic(rubber, u, v, lame_mpa=0.0) + pressing) * ng.dx(f"rubber_{side}")
-            form += _elastic(sole.pdms, u, v, lame_mpa=sole.pdms.lame_mpa) * ng.dx(f"pdms_{side}")
+            form += mixed(sole.rubber, u, v, p, q) * ng.dx(f"rubber_{side}")
+            form += elastic(sole.pdms, u, v, lame_mpa=sole.pdms.lame_mpa) * ng.dx(f"pdms_{side}")
         form += self.bar_traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds("bars")
         return form
 
