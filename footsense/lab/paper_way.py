@@ -29,7 +29,7 @@ Feed = Literal["capacitance", "closure"]
 
 #: Neurons of the two hidden layers, twice the inputs; the paper found its own by trial and error (Table I).
 HIDDEN = (18, 18)
-#: Epochs of learning; the paper states none. Four times as many lower the errors by less than the seeds differ.
+#: Epochs of learning; the paper states none. Four times as many change the errors by less than the seeds do.
 EPOCHS, QUICK_EPOCHS = 5000, 1000
 #: Networks, which differ in their start weights.
 SEEDS, QUICK_SEEDS = 20, 3
