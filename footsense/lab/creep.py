@@ -56,3 +56,29 @@ def crept_closure(
             late = now + kept * (late - now)
             crept[k] += part.share_rel * late
     return crept
+
+
+def uncrept_closure(
+    crept: NDArray[np.float64], period_s: float, chain: tuple[Kelvin, ...] = ASSUMED
+) -> NDArray[np.float64]:
+    """Return the elastic closures behind measured ones, scan by scan: the inverse of `crept_closure`.
+
+    Args:
+        crept: Closures of a foot that creeps, shape (n, ...), at rest before the first sample.
+        period_s: Time between samples [s].
+        chain: The elements that the foot is believed to have.
+
+    Returns:
+        Elastic closures in the same unit, shape (n, ...).
+    """
+    kept = [np.exp(-period_s / part.time_s) for part in chain]
+    at_once = 1.0 + sum(part.share_rel * (1.0 - k) for part, k in zip(chain, kept, strict=True))
+    late = [np.zeros_like(crept[0]) for _ in chain]
+    elastic = np.empty_like(crept)
+    for n, seen in enumerate(crept):
+        owed = sum(
+            (part.share_rel * k * z for part, k, z in zip(chain, kept, late, strict=True)), np.zeros(1)
+        )
+        elastic[n] = (seen - owed) / at_once
+        late = [elastic[n] + k * (z - elastic[n]) for k, z in zip(kept, late, strict=True)]
+    return elastic

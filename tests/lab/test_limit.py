@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from footsense.lab.creep import Kelvin, crept_closure
+from footsense.lab.creep import Kelvin, crept_closure, uncrept_closure
 from footsense.lab.dataset import GRAM_FORCE_N, directions, measured_closure_rel, sensed_closure_um
 from footsense.lab.limit import (
     Bound,
@@ -114,3 +114,4 @@ def test_creep_follows_the_step_response_of_its_chain_and_comes_back() -> None:
     np.testing.assert_allclose(crept[:n, 4], 1.0 + late[0] + late[1], rtol=1e-12)
     back = late[0][-1] * np.exp(-since_s / 0.15) + late[1][-1] * np.exp(-since_s / 2.0)
     np.testing.assert_allclose(crept[n:, 4], back, rtol=1e-10)
+    np.testing.assert_allclose(uncrept_closure(crept, period_s, chain), elastic, atol=1e-12)
