@@ -7,7 +7,6 @@ from typing import Any
 
 import ngsolve as ng
 import numpy as np
-from matplotlib.figure import Figure
 
 from footsense.lab.fem.forward import ForwardFoot
 from footsense.lab.fem.mesh import COARSE, MeshSize
@@ -23,6 +22,7 @@ from footsense.lab.ladder.compare import (
     paper_loads,
     timed,
 )
+from footsense.lab.ladder.drawing import error_against_time
 from footsense.lab.ladder.half_space import HalfSpace
 from footsense.lab.ladder.rungs import NAMES, Full, rung
 from footsense.lab.study.page import Page, Workbench, table
@@ -92,42 +92,6 @@ def _distance_table(distances: dict[str, Distance]) -> str:
         for name, apart in distances.items()
     ]
     return table(header, rows)
-
-
-def _figure(
-    seconds: dict[str, float],
-    distances: dict[str, Distance],
-    finest: str,
-    forward: ForwardAgainstTable,
-    n: int,
-) -> Figure:
-    """Return error against time; the finest rung is where the errors are counted from, so a line."""
-    figure = Figure(figsize=(8.2, 4.4), layout="constrained")
-    axes = figure.subplots()
-    for place, (name, apart) in enumerate(distances.items()):
-        at = (seconds[name] * n, 100.0 * apart.closure_rel)
-        axes.plot(*at, "o", color=f"C{place}", ms=9)
-        axes.annotate(name, at, xytext=(0, 9), textcoords="offset points", ha="center")
-    at = (forward.forward_s * n, 100.0 * distances["linear"].closure_rel)
-    axes.plot(*at, "D", color="0.5", ms=8)
-    axes.annotate("linear, one solve per load", at, xytext=(0, 9), textcoords="offset points", ha="right")
-    axes.axvline(seconds[finest] * n, color="k", ls="--")
-    axes.annotate(
-        f"{finest}: counted from",
-        (seconds[finest] * n, 0.97),
-        xycoords=("data", "axes fraction"),
-        xytext=(-5, 0),
-        textcoords="offset points",
-        rotation=90,
-        ha="right",
-        va="top",
-    )
-    axes.set(xscale="log", yscale="log", xlabel=f"time for the {n} load cases of the paper [s]")
-    axes.set_ylabel(f"closures: rms difference from {finest} [%]")
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.margins(x=0.15, y=0.2)
-    axes.grid(alpha=0.3)
-    return figure
 
 
 def _forward(bench: Workbench, loads: Loads) -> ForwardAgainstTable:
@@ -271,7 +235,7 @@ On the {len(loads)} loads:
         name="ladder",
         title="The ladder of models",
         body=body,
-        figures={_FIGURE: _figure(seconds, shown, finest, forward, len(loads))},
+        figures={_FIGURE: error_against_time(seconds, shown, finest, forward, len(loads))},
         values={
             "quick": bench.quick,
             "n_loads": len(loads),

@@ -1,0 +1,49 @@
+"""The ladder as a figure."""
+
+from matplotlib.figure import Figure
+
+from footsense.lab.ladder.compare import Distance, ForwardAgainstTable
+
+
+def error_against_time(
+    seconds: dict[str, float],
+    distances: dict[str, Distance],
+    finest: str,
+    forward: ForwardAgainstTable,
+    n: int,
+) -> Figure:
+    """Return error against time; the finest rung is where the errors are counted from, so a line.
+
+    Args:
+        seconds: What each rung takes for a load [s].
+        distances: How far each is from the finest.
+        finest: Name of the finest.
+        forward: What solving every load takes, at the error of `linear`.
+        n: Loads that the time is shown for.
+    """
+    figure = Figure(figsize=(8.2, 4.4), layout="constrained")
+    axes = figure.subplots()
+    for place, (name, apart) in enumerate(distances.items()):
+        at = (seconds[name] * n, 100.0 * apart.closure_rel)
+        axes.plot(*at, "o", color=f"C{place}", ms=9)
+        axes.annotate(name, at, xytext=(0, 9), textcoords="offset points", ha="center")
+    at = (forward.forward_s * n, 100.0 * distances["linear"].closure_rel)
+    axes.plot(*at, "D", color="0.5", ms=8)
+    axes.annotate("linear, one solve per load", at, xytext=(0, 9), textcoords="offset points", ha="right")
+    axes.axvline(seconds[finest] * n, color="k", ls="--")
+    axes.annotate(
+        f"{finest}: counted from",
+        (seconds[finest] * n, 0.97),
+        xycoords=("data", "axes fraction"),
+        xytext=(-5, 0),
+        textcoords="offset points",
+        rotation=90,
+        ha="right",
+        va="top",
+    )
+    axes.set(xscale="log", yscale="log", xlabel=f"time for the {n} load cases of the paper [s]")
+    axes.set_ylabel(f"closures: rms difference from {finest} [%]")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.margins(x=0.15, y=0.2)
+    axes.grid(alpha=0.3)
+    return figure
