@@ -302,10 +302,11 @@ those learnt from.
 ![]({_FIGURE})
 
 Low-pass states bring the error at load from {1e3 * alone.loaded_n:.1f} mN (this scan alone, knowing of creep) to
-{1e3 * best.loaded_n:.1f} mN, by a factor of {alone.loaded_n / best.loaded_n:.1f}; in the air from {1e3 * alone.air_n:.1f}
-to {1e3 * best.air_n:.1f} mN. Taking the creep out by its chain, two states per element and no training, leaves
-{1e3 * undone[0].loaded_n:.1f} mN when the chain is the foot's own and {1e3 * undone[1].loaded_n:.1f} mN when it is not;
-without creep {1e3 * ceiling.loaded_n:.1f} mN are left. The last scans alone span at most a tenth of a second.
+{1e3 * best.loaded_n:.1f} mN, by a factor of {alone.loaded_n / best.loaded_n:.1f}; in the air from
+{1e3 * alone.air_n:.1f} to {1e3 * best.air_n:.1f} mN. Taking the creep out by its chain (two states per element, no
+training) leaves {1e3 * undone[0].loaded_n:.1f} mN when the chain is the foot's own, and
+{1e3 * undone[1].loaded_n:.1f} mN when it is not; without creep {1e3 * ceiling.loaded_n:.1f} mN are left. The last scans
+alone span at most a tenth of a second.
 """
     values = {
         "quick": quick,

@@ -1,0 +1,171 @@
+"""Study `network-size`: what more weights buy, and what they cost."""
+
+from dataclasses import asdict, dataclass
+from timeit import Timer
+
+import numpy as np
+import onnxruntime
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from footsense.lab.dataset import Cases, measured_closure_rel, paper_verification, wide
+from footsense.lab.evaluate import Errors, errors
+from footsense.lab.evaluate_models import WIDE_TABLE_MIN_N
+from footsense.lab.export import onnx_model
+from footsense.lab.network import Weights
+from footsense.lab.study.page import Page, Workbench, table
+from footsense.lab.train import Protocol, predict, train
+
+#: Channels of each hidden layer, eight units each; 14 are shipped.
+CHANNELS, QUICK_CHANNELS = (2, 4, 6, 8, 11, 14, 18, 24), (4, 8)
+#: Steps of training, far fewer than the shipped network's, the same for every size.
+STEPS, QUICK_STEPS, BATCH = 4000, 1000, 256
+#: Random loads that are learnt from and asked, and their seeds.
+CASES, QUICK_CASES, LEARNT_SEED, ASKED_SEED = 20_000, 2000, 11, 12
+#: More weights than this the project does not want.
+WEIGHT_LIMIT = 2000
+#: Runs in one timing, and timings, of which the fastest counts: whatever else runs only adds.
+RUNS, TIMINGS = 500, 9
+
+_FIGURE = "network-size.png"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    """What one size costs and is worth.
+
+    Attributes:
+        channels: Channels of each hidden layer.
+        weights: Numbers that training finds.
+        run_us: One row through ONNX Runtime on one thread [us].
+        wide: Errors on held-out random loads with noise.
+        paper: Errors on the paper's verification cases with noise.
+    """
+
+    channels: int
+    weights: int
+    run_us: float
+    wide: Errors
+    paper: Errors
+
+
+def run_us(model: bytes) -> float:
+    """Return what one row takes through ONNX Runtime on one thread [us], the fastest of several timings.
+
+    Args:
+        model: The ONNX file's bytes.
+    """
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    session = onnxruntime.InferenceSession(model, options, ["CPUExecutionProvider"])
+    feed = {
+        offered.name: np.zeros([n if isinstance(n, int) else 1 for n in offered.shape], np.float32)
+        for offered in session.get_inputs()
+    }
+    timings = Timer(lambda: session.run(None, feed)).repeat(TIMINGS, RUNS)
+    return 1e6 * min(timings) / RUNS
+
+
+def _errors(weights: Weights, cases: Cases, seen_rel: NDArray[np.float64]) -> Errors:
+    """Return the errors of a network on measured closures of cases."""
+    force_n, _ = predict(weights, seen_rel)
+    return errors(cases.force_n, force_n)
+
+
+def _decorate(axes: Axes, values: list[float], results: list[Result]) -> None:
+    """Draw direction errors over a cost, and where the limit of the weights lies."""
+    for name, colour, what in (
+        ("wide", "C0", "random leaning loads"),
+        ("paper", "C3", "the paper's 180, centred"),
+    ):
+        mean = [getattr(result, name).direction_deg for result in results]
+        high = [getattr(result, name).direction_p95_deg for result in results]
+        axes.loglog(values, mean, "o-", color=colour, label=f"{what}, mean")
+        axes.loglog(values, high, "^:", color=colour, label=f"{what}, p95", ms=4)
+    axes.grid(alpha=0.3, which="both")
+
+
+def _figure(results: list[Result]) -> Figure:
+    """Return the direction error against weights and against microseconds."""
+    figure = Figure(figsize=(8.8, 4.0), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True)
+    _decorate(left, [float(result.weights) for result in results], results)
+    _decorate(right, [result.run_us for result in results], results)
+    left.axvline(WEIGHT_LIMIT, color="k", ls="--", lw=1, label=f"{WEIGHT_LIMIT} weights")
+    left.set(xlabel="weights", ylabel="direction error [deg]")
+    right.set(xlabel="one row, one thread [us]")
+    left.legend(fontsize=7)
+    return figure
+
+
+def _beside(other: Result, chosen: Result) -> str:
+    """Say what another size errs and takes, compared with the chosen one."""
+    error, time = other.wide.direction_deg / chosen.wide.direction_deg, other.run_us / chosen.run_us
+    return f"With {other.weights} weights it errs {error:.2f} times as much in {time:.2f} of the time."
+
+
+def page(bench: Workbench) -> Page:
+    """Return the page."""
+    quick, response = bench.quick, bench.response
+    channels, steps, n = (QUICK_CHANNELS, QUICK_STEPS, QUICK_CASES) if quick else (CHANNELS, STEPS, CASES)
+    learnt, held_out = wide(response, n, LEARNT_SEED), wide(response, n // 4, ASKED_SEED)
+    felt = np.linalg.norm(held_out.force_n, axis=1) >= WIDE_TABLE_MIN_N
+    asked = Cases(held_out.force_n[felt], held_out.closure_um[felt])
+    paper = paper_verification(response)
+    rng = np.random.default_rng(ASKED_SEED)
+    seen, paper_seen = (
+        measured_closure_rel(response.design, cases.closure_um, rng) for cases in (asked, paper)
+    )
+    results = []
+    for c in channels:
+        weights = train(learnt, response.design, Protocol(channels=c, steps=steps, batch=BATCH))
+        result = Result(
+            channels=c,
+            weights=weights.size,
+            run_us=run_us(onnx_model(weights, {}).SerializeToString()),
+            wide=_errors(weights, asked, seen),
+            paper=_errors(weights, paper, paper_seen),
+        )
+        results.append(result)
+        bench.say(
+            f"network-size: {result.weights} weights, {result.wide.direction_deg:.2f} deg, {result.run_us:.1f} us"
+        )
+    rows = [
+        [
+            f"{result.weights}",
+            f"{result.channels}",
+            f"{result.run_us:.1f}",
+            f"{result.wide.direction_deg:.3f} / {result.wide.direction_p95_deg:.3f}",
+            f"{result.wide.magnitude_gf:.3f} / {result.wide.magnitude_p95_gf:.3f}",
+            f"{result.paper.direction_deg:.3f} / {result.paper.direction_p95_deg:.3f}",
+            f"{result.paper.magnitude_gf:.3f} / {result.paper.magnitude_p95_gf:.3f}",
+        ]
+        for result in results
+    ]
+    header = ["weights", "channels", "one row [us]", "random: direction [deg]", "magnitude [gf]"]
+    chosen = max((r for r in results if r.weights <= WEIGHT_LIMIT), key=lambda r: r.weights)
+    beside = " ".join(_beside(other, chosen) for other in (results[0], results[-1]) if other is not chosen)
+    body = f"""
+{"**Quick run: two sizes, few steps. The figures are not those of the study.**" if quick else ""}
+
+The same foot, the same {n} random loads, the same {steps} steps of {BATCH} cases (the shipped network learns
+much longer; what counts here is the comparison): how much does each size err, and how long does it take? Errors are
+mean / p95 with the converter's noise, on {len(asked.force_n)} held-out loads from {WIDE_TABLE_MIN_N:g} N and on the
+paper's 180. Time is one row through ONNX Runtime on one thread, the fastest of {TIMINGS} timings of {RUNS} runs.
+
+{table([*header, "paper: direction [deg]", "magnitude [gf]"], rows)}
+
+![]({_FIGURE})
+
+The largest size within {WEIGHT_LIMIT} weights has {chosen.weights} and errs by {chosen.wide.direction_deg:.3f} deg
+on the random loads in {chosen.run_us:.1f} us. {beside}
+"""
+    values = {"quick": quick, "steps": steps, "cases": n, "sizes": [asdict(result) for result in results]}
+    return Page(
+        name="network-size",
+        title="How many weights",
+        body=body,
+        figures={_FIGURE: _figure(results)},
+        values=values,
+    )
