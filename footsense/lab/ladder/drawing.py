@@ -1,6 +1,8 @@
-"""The ladder as a figure."""
+"""The ladder as figures."""
 
+import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from footsense.lab.ladder.compare import Distance, ForwardAgainstTable
 
@@ -46,4 +48,27 @@ def error_against_time(
     axes.yaxis.set_major_formatter("{x:g}")
     axes.margins(x=0.15, y=0.2)
     axes.grid(alpha=0.3)
+    return figure
+
+
+def pattern_tiles(change_pf: dict[str, NDArray[np.float64]]) -> Figure:
+    """Return a grid of tiles per model: colour and upper number over the largest of the nine, lower number in pF.
+
+    Args:
+        change_pf: Change of each capacitance [pF] by model, shape (3, 3), at least one of them above 0.
+    """
+    figure = Figure(figsize=(2.75 * len(change_pf) + 0.8, 3.2), layout="constrained")
+    row = np.atleast_1d(figure.subplots(1, len(change_pf)))
+    for axes, (name, change) in zip(row, change_pf.items(), strict=True):
+        normalised = change / change.max()
+        tiles = axes.imshow(normalised, cmap="viridis", vmin=0.0, vmax=1.0)
+        for (i, j), value in np.ndenumerate(normalised):
+            ink = "k" if value > 0.6 else "w"
+            axes.text(j, i, f"{value:.2f}", ha="center", va="bottom", color=ink, fontsize=12)
+            axes.text(j, i + 0.06, f"{change[i, j]:.3f} pF", ha="center", va="top", color=ink, fontsize=8)
+        axes.set_xticks([0, 1, 2], ["left", "", "right"])
+        axes.set_yticks([0, 1, 2], ["front", "", "rear"] if axes is row[0] else [])
+        axes.tick_params(length=0)
+        axes.set_title(name)
+    figure.colorbar(tiles, ax=list(row), label="ΔC over the largest of the nine", shrink=0.85)
     return figure
