@@ -93,10 +93,10 @@ def _client(scheduler: str | None, n_workers: int) -> Iterator[Any]:
 
 
 def _require_listener(scheduler: str) -> None:
-    """Check that somebody listens: a dask client that finds nobody leaves a thread behind.
+    """Check that a scheduler answers: a dask client that finds none leaves a thread behind, or waits without end.
 
     Raises:
-        FootsenseError: The address is none, or nobody does.
+        FootsenseError: The address is none, or nobody listens there, or it is somebody else.
     """
     try:
         parts = urlsplit(scheduler if "://" in scheduler else f"tcp://{scheduler}")
@@ -106,7 +106,9 @@ def _require_listener(scheduler: str) -> None:
     if host is None or port is None:
         raise FootsenseError(f"{scheduler!r} is no address of a scheduler; one looks like tcp://bench:8786")
     try:
-        socket.create_connection((host, port), timeout=_ANSWER_S).close()
+        with socket.create_connection((host, port), timeout=_ANSWER_S) as line:
+            if parts.scheme == "tcp":
+                line.recv(1)  # a dask server speaks first
     except OSError as error:
         raise FootsenseError(
             f"no scheduler at {scheduler}: {error}; start one with `dask scheduler`, "

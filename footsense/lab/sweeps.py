@@ -88,7 +88,7 @@ class Plan:
 
 
 FULL = Plan(feet=40, taught=20, epochs=EPOCHS)
-QUICK = Plan(feet=3, taught=2, epochs=QUICK_EPOCHS, thin=3)
+QUICK = Plan(feet=2, taught=2, epochs=QUICK_EPOCHS, thin=4)
 
 
 class Results:

@@ -11,11 +11,23 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from footsense.lab.campaign import Workers, in_turn
+from footsense.lab.campaign import Tolerances, Workers, in_turn
 from footsense.lab.cluster import has_dask, on_cluster
 from footsense.lab.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF
 from footsense.lab.study.page import Page, Workbench, table
-from footsense.lab.sweeps import BENCH, BENCHES, FEET, FULL, QUICK, TYPICAL, Plan, Results, Sweep, all_results
+from footsense.lab.sweeps import (
+    BENCH,
+    BENCHES,
+    EXACT,
+    FEET,
+    FULL,
+    QUICK,
+    TYPICAL,
+    Plan,
+    Results,
+    Sweep,
+    all_results,
+)
 
 #: The paper's mean errors on its fabricated sensor (section V C) [deg, gf].
 MEASURED_DIRECTION_DEG, MEASURED_MAGNITUDE_GF = 15.9, 18.7
@@ -26,10 +38,10 @@ _OWN_LINEAR = {"own_change": "ΔC", "own_closure": "closures"}
 _FEET_FIGURE, _BENCH_FIGURE = "tolerance-feet.png", "tolerance-bench.png"
 _COLOURS = {
     "network": "C0",
-    "plain": "C5",
+    "plain": "C3",
     "change": "C1",
     "own_network": "C3",
-    "own_change": "C4",
+    "own_change": "C1",
     "own_closure": "C2",
 }
 
@@ -38,7 +50,7 @@ def _reached(results: Results, sweep: Sweep, name: str, target: float) -> str:
     """Say at which level a target is reached, or how far the largest level comes."""
     level = results.reached(sweep, name, target)
     if level is not None:
-        return f"{level:.3g}"
+        return f"{level:.2g}" if level else "at once"
     return f"no ({results.means(sweep, name)[-1]:.1f} at {sweep.levels[-1]:g})"
 
 
@@ -59,16 +71,19 @@ def _level_table(
     results: Results, sweeps: tuple[Sweep, ...], columns: dict[str, str], shares: tuple[str, ...] = ()
 ) -> str:
     """Return direction / magnitude errors at each level, mean over feet, and shares of components within sigma."""
-    rows = []
+    rows: dict[Tolerances, list[str]] = {}  # sweeps begin alike: such a row is shown once
     for sweep in sweeps:
         for level in results.plan.levels(sweep):
-            row = [f"{sweep.what}: {level:g}"]
+            row = ["as designed" if sweep.at(level) == EXACT else f"{sweep.what}: {level:g}"]
             for name in columns:
                 direction = results.over_feet(sweep, level, f"{name}_deg")
                 row.append(f"{direction} / {results.over_feet(sweep, level, f'{name}_gf').mean:.1f}")
-            rows.append(row + [f"{results.over_feet(sweep, level, name).mean:.0%}" for name in shares])
+            row += [f"{results.over_feet(sweep, level, name).mean:.0%}" for name in shares]
+            rows.setdefault(sweep.at(level), row)
     labels = [f"{label} [deg / gf]" for label in columns.values()]
-    return table(["imperfection, rms", *labels, *(f"within {name[-1]} sigma" for name in shares)], rows)
+    return table(
+        ["imperfection, rms", *labels, *(f"within {name[-1]} sigma" for name in shares)], list(rows.values())
+    )
 
 
 def _figure(results: Results, sweeps: tuple[Sweep, ...], readouts: dict[str, str]) -> Figure:
@@ -86,7 +101,7 @@ def _figure(results: Results, sweeps: tuple[Sweep, ...], readouts: dict[str, str
                 levels, mean - deviation, mean + deviation, color=_COLOURS[name], alpha=0.2, lw=0
             )
         axes.axhline(MEASURED_DIRECTION_DEG, color="k", ls=":", label="the paper, measured")
-        axes.set(xlabel=f"{sweep.what}, rms", ylim=(0.0, 40.0))
+        axes.set(xlabel=f"{sweep.what}, rms", ylim=(0.0, 45.0))
         axes.grid(alpha=0.3)
     for axes in panels[::3]:
         axes.set_ylabel("mean direction error [deg]")
@@ -94,7 +109,7 @@ def _figure(results: Results, sweeps: tuple[Sweep, ...], readouts: dict[str, str
         panels[-1].axis("off")
         panels[-1].legend(*panels[0].get_legend_handles_labels(), loc="center")
     else:
-        panels[0].legend(fontsize=8)
+        panels[2].legend(fontsize=8)
     return figure
 
 
@@ -151,7 +166,8 @@ would it have to be? Two readings are possible:
 Of each level, {plan.feet} feet (reading 1) or {plan.taught} (reading 2) were drawn: normal deviates of the stated rms;
 gap, film and stray of each element for itself. Drawn again: what leaves less than a quarter of a gap, of a film or of
 the stiffness, and a mount that tilts by more than the response table reaches. Errors are means over the 180 cases; ±
-is the deviation between feet."""
+is the deviation between feet.
+"""
 
 
 def _on_design(results: Results, gap_um: float) -> str:
@@ -211,8 +227,8 @@ all of it on typical feet, "careful" being {careful}, assumed too.
 - **The stick**, in deg: network on ΔC {_met(results, stick, "own_network")}, linear on ΔC
   {_met(results, stick, "own_change")}, linear on closures {_met(results, stick, "own_closure")}; the shipped network,
   which learnt contacts that lean, {_met(results, stick, "network")}.
-- **The reference** errs in what is learnt and again in what is held to be true: the last column below is what a perfect
-  sensor would seem to have. Its linearity, 1.5 % of the rated 4 kgf, is 60 gf. Being the same in both sets, it is
+- **The reference** errs in what is learnt and again in what is held to be true: a perfect sensor would seem to
+  have what its column below says. Its linearity, 1.5 % of the rated 4 kgf, is 60 gf. Being the same in both sets, it is
   learnt along and is not in these figures.
 
 {_level_table(results, BENCHES, {**columns, "reference": "perfect sensor", "network": "shipped"})}
