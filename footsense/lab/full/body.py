@@ -20,7 +20,7 @@ from footsense.lab.full.material import mixed_work, plain_work
 from footsense.lab.geometry import SoleDesign
 
 #: Stiffness k of a shut gap to begin with [MPa/mm].
-GAP_STIFFNESS = 5000.0
+GAP_STIFFNESS = 200.0
 #: Deepest penetration of a shut gap, over the gap [1].
 PENETRATION_REL = 0.01
 

@@ -11,7 +11,7 @@ from footsense.lab.full.case import LoadCase
 from footsense.lab.full.floor import Floor
 from footsense.lab.full.hertz import HertzFloor
 from footsense.lab.full.mesh import Fineness, build_mesh
-from footsense.lab.full.newton import Balance, ConvergenceError, Equilibrium
+from footsense.lab.full.newton import ConvergenceError, Equilibrium
 from footsense.lab.full.plane import PlaneFloor
 from footsense.lab.full.readout import capacitance_pf, cell_means, sampled_closure_um
 from footsense.lab.geometry import SoleDesign
@@ -22,8 +22,9 @@ TOLERANCE_REL = 1e-6
 WAYPOINT_REL = 1e-3
 #: A load step that does not converge is halved this often before the load is given up.
 MOST_HALVINGS = 4
-#: Factor by which the gaps are stiffened when they are entered too deep, and how often.
-STIFFER, MOST_STIFFENINGS = 4.0, 4
+#: Factor by which the gaps are stiffened when they are entered too deep, and how often. Gaps that start stiff make
+#: their points of contact flicker from step to step.
+STIFFER, MOST_STIFFENINGS = 9.0, 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,7 +67,8 @@ class FullFoot:
         finite_strain: Neo-Hookean solids, else Hooke's.
         floor: `solved` for a rigid plane, `hertz` for the Hertz patch's traction.
         gaps: `contact` for gaps that shut, `open` for planes that pass through each other.
-        load_steps: Increments of the load, equal in patch area; friction depends on them, and convergence.
+        load_steps: Increments of the load, equal in patch area. Slip depends on them, closures hardly: one step or
+            two differ by 0.05 % of the largest at 150 gf.
     """
 
     def __init__(
@@ -78,7 +80,7 @@ class FullFoot:
         finite_strain: bool = True,
         floor: Literal["solved", "hertz"] = "solved",
         gaps: Literal["contact", "open"] = "contact",
-        load_steps: int = 3,
+        load_steps: int = 1,
     ) -> None:
         self._sole, self._fineness, self._friction = sole, fineness or Fineness(), friction
         self._finite_strain, self._floor, self._gaps = finite_strain, floor, gaps
@@ -107,13 +109,15 @@ class FullFoot:
         shut = self._gaps == "contact"
         form = body.form(floor, finite_strain=self._finite_strain, gaps_shut=shut)
         equations = Equilibrium(body, form, floor, float(np.linalg.norm(force_n)))
-        steps = self._press(body, floor, equations)
-        balances = [equations.solve(TOLERANCE_REL)]
+        newton_steps = self._press(body, floor, equations)
+        stiffenings = 0
         while shut and body.penetration_rel() > PENETRATION_REL:
-            if len(balances) > MOST_STIFFENINGS:
+            if stiffenings == MOST_STIFFENINGS:
                 raise ConvergenceError(f"a gap is entered by {body.penetration_rel():.1%} of its height")
             body.stiffen_gaps(STIFFER)
-            balances.append(equations.solve(TOLERANCE_REL))
+            newton_steps += equations.solve(WAYPOINT_REL).steps
+            stiffenings += 1
+        balance = equations.solve(TOLERANCE_REL)
         samples_um = sampled_closure_um(self._sole, mesh, body.ground, body.leg, half=case.half)
         cells_um, patch = cell_means(samples_um), floor.patch()
         return FullSolution(
@@ -124,8 +128,8 @@ class FullFoot:
             patch_mm=patch.radius_mm,
             approach_mm=patch.approach_mm,
             peak_mpa=patch.peak_mpa,
-            newton_steps=steps + sum(balance.steps for balance in balances),
-            residual_rel=balances[-1].residual_rel,
+            newton_steps=newton_steps + balance.steps,
+            residual_rel=balance.residual_rel,
             n_unknowns=equations.n_unknowns,
         )
 
@@ -146,7 +150,7 @@ class FullFoot:
             # Steps equal in patch area: a^2 grows with the force to the 2/3.
             floor.aim(goal**1.5)
             try:
-                balance: Balance = equations.solve(WAYPOINT_REL)
+                newton_steps += equations.solve(WAYPOINT_REL).steps
             except ConvergenceError as error:
                 if halvings == MOST_HALVINGS:
                     raise ConvergenceError(f"at {goal**1.5:.0%} of the load: {error}") from error
@@ -154,7 +158,6 @@ class FullFoot:
                 floor.withdraw()
                 stride, halvings = stride / 2.0, halvings + 1
                 continue
-            newton_steps += balance.steps
             if goal < 1.0:
                 floor.settle()
             done = goal

@@ -1,0 +1,150 @@
+"""The full solve against Hertz, statics, and the cheaper models that it must come down to."""
+
+from dataclasses import replace
+
+import ngsolve as ng
+import numpy as np
+import pytest
+from netgen import occ
+
+from footsense.lab.full import foot, newton
+from footsense.lab.full.body import Body
+from footsense.lab.full.case import LoadCase
+from footsense.lab.full.foot import FullFoot
+from footsense.lab.full.material import mixed_work, plain_work
+from footsense.lab.full.mesh import Fineness, build_mesh
+from footsense.lab.full.newton import ConvergenceError, Equilibrium
+from footsense.lab.full.plane import PlaneFloor
+from footsense.lab.full.readout import cell_means, sampled_closure_um
+from footsense.lab.geometry import Material, SoleDesign
+
+pytestmark = pytest.mark.lab
+
+SOLE = SoleDesign()
+COARSE = Fineness(ball_mm=3.5, plate_mm=2.0, bar_mm=2.0, patch_rel=0.5)
+UP = np.array([0.0, 0.0, 1.0])
+#: A contact behind the middle: the normal tilts forward, the force stays upright.
+LEANING = np.array([np.sin(0.35), 0.0, np.cos(0.35)])
+#: Newtons in a gram-force.
+GRAM_FORCE_N = 9.80665e-3
+
+
+def test_a_light_load_is_hertz_on_the_linear_foot() -> None:
+    """At 5 gf: the closed formulas for the patch, the small-strain foot under a Hertz patch for the rest.
+
+    A ball is no half-space: the foot behind the patch yields too, so the floor comes further than a^2/R, by a share
+    that grows with a/R = 0.04. The linear foot knows that compliance; its approach is met more closely.
+    """
+    force = 5.0 * GRAM_FORCE_N * UP
+    fine = replace(COARSE, patch_rel=0.25)
+    solved = FullFoot(SOLE, fineness=fine).solve(UP, force)
+    linear = FullFoot(SOLE, fineness=fine, finite_strain=False, floor="hertz", gaps="open").solve(UP, force)
+    a_mm = np.cbrt(0.75 * force[2] * SOLE.ball_radius_mm / SOLE.rubber.hertz_mpa)
+    assert solved.patch_mm == pytest.approx(a_mm, rel=0.03)
+    assert solved.peak_mpa == pytest.approx(1.5 * force[2] / (np.pi * a_mm**2), rel=0.05)
+    assert 1.0 < solved.approach_mm / (a_mm**2 / SOLE.ball_radius_mm) < 1.1
+    assert solved.approach_mm == pytest.approx(linear.approach_mm, rel=0.02)
+    np.testing.assert_allclose(solved.closure_um, linear.closure_um, atol=0.02 * linear.closure_um.max())
+
+
+def test_the_spacer_carries_the_force_that_was_asked_for() -> None:
+    """Statics of the ground side: with open gaps all of a leaning force goes through the bars, to 1e-5."""
+    force = 0.5 * UP
+    case = LoadCase(SOLE, LEANING, force, 0.7)
+    mesh = build_mesh(SOLE, COARSE, LEANING, case.hertz_mm, half=case.half)
+    body = Body(SOLE, mesh, COARSE.order)
+    floor = PlaneFloor(case, body.ground, COARSE.patch_rel * case.hertz_mm)
+    form = body.form(floor, finite_strain=True, gaps_shut=False)
+    floor.aim(1.0)
+    Equilibrium(body, form, floor, 0.5).solve(1e-6)
+    jump = body.ground - body.leg
+    pdms = SOLE.pdms
+    across = np.array([pdms.shear_mpa, pdms.shear_mpa, pdms.confined_mpa]) / SOLE.spacer_mm
+    carried = [across[k] * ng.Integrate(jump[k] * ng.ds("bars"), mesh) / case.share for k in (0, 2)]
+    np.testing.assert_allclose(carried, force[[0, 2]], atol=1e-5 * 0.5)
+    samples_um = sampled_closure_um(SOLE, mesh, body.ground, body.leg, half=True)
+    integral = 1000.0 * ng.Integrate(jump[2] * ng.ds("cavity"), mesh) / case.share / SOLE.electrode_mm**2
+    # The Gauss points of the cells do not see the closure fall to zero at the bars as exactly as the mesh does.
+    assert cell_means(samples_um).mean(axis=1).sum() == pytest.approx(integral, rel=0.01)
+
+
+@pytest.mark.parametrize("material", [Material(5.2, 0.49), Material(3.0, 0.40)])
+def test_a_homogeneous_stretch_is_exact(material: Material) -> None:
+    """Patch test: an affine field is in balance inside, and its stress is the slope of the stored energy."""
+    stretch = np.array([[1.3, 0.2, 0.0], [0.0, 0.9, 0.1], [0.05, 0.0, 0.95]])
+    mesh = ng.Mesh(occ.OCCGeometry(occ.Box(occ.Pnt(0, 0, 0), occ.Pnt(1, 1, 1))).GenerateMesh(maxh=0.5))
+    space = ng.VectorH1(mesh, order=2, dirichlet=".*") * ng.H1(mesh, order=1)
+    (u, p), (v, q) = space.TnT()
+    affine = ng.CF(tuple((stretch - np.eye(3)).ravel()), dims=(3, 3)) * ng.CF((ng.x, ng.y, ng.z))
+    state = ng.GridFunction(space)
+    state.components[0].Set(affine)
+    state.components[1].Set(material.lame_mpa * (np.linalg.det(stretch) - 1.0))
+
+    def energy(gradient: np.ndarray) -> float:
+        volume = np.linalg.det(gradient)
+        shear = 0.5 * material.shear_mpa * ((gradient**2).sum() - 3.0 - 2.0 * np.log(volume))
+        return float(shear + 0.5 * material.lame_mpa * (volume - 1.0) ** 2)
+
+    direction = np.array([[0.3, -0.1, 0.2], [0.4, 0.1, 0.0], [0.0, 0.5, -0.2]])
+    slope = (energy(stretch + 1e-5 * direction) - energy(stretch - 1e-5 * direction)) / 2e-5
+    along = ng.GridFunction(space)
+    along.components[0].Set(ng.CF(tuple(direction.ravel()), dims=(3, 3)) * ng.CF((ng.x, ng.y, ng.z)))
+    for work in (
+        mixed_work(material, u, p, v, q, finite_strain=True),
+        plain_work(material, u, v, finite_strain=True),
+    ):
+        form = ng.BilinearForm(space, symmetric=True)
+        form += work * ng.dx
+        residual = state.vec.CreateVector()
+        form.Apply(state.vec, residual)
+        inside = np.array(list(space.FreeDofs()), dtype=bool)
+        assert np.abs(residual.FV().NumPy()[inside]).max() < 1e-12
+        assert ng.InnerProduct(residual, along.vec) == pytest.approx(slope, rel=1e-7)
+
+
+def test_a_shut_gap_is_entered_by_less_than_a_hundredth() -> None:
+    """200 gf on a contact far behind: rear gaps shut, no point is deeper than 20 um and 1 %."""
+    shut = FullFoot(SOLE, fineness=COARSE, finite_strain=False, floor="hertz").solve(
+        LEANING, 200.0 * GRAM_FORCE_N * UP
+    )
+    assert 0.0 < shut.penetration_rel <= 0.01
+    assert SOLE.gap_um < shut.cells_um.max() <= 1.01 * SOLE.gap_um
+    assert shut.closure_um.argmax() in {6, 8}
+    film_pf = 8.8541878128 * 16.0 / (17.0 / 2.7)
+    assert SOLE.capacitor.rest_pf < shut.capacitance_pf.max() < film_pf
+
+
+def test_a_force_outside_the_cone_of_friction_is_refused() -> None:
+    """tan 20 deg is more than 0.3, and no floor pulls."""
+    with pytest.raises(ValueError, match=r"friction 0\.3 .* holds less than"):
+        FullFoot(SOLE, fineness=COARSE, friction=0.3).solve(LEANING, UP)
+    with pytest.raises(ValueError, match="pressed with -1 N"):
+        FullFoot(SOLE, fineness=COARSE).solve(UP, -UP)
+    with pytest.raises(ValueError, match="length 1"):
+        FullFoot(SOLE, fineness=COARSE).solve(2.0 * UP, UP)
+
+
+def test_rubber_near_incompressible_does_not_lock() -> None:
+    """From nu = 0.49 to 0.4999 closures change by what elasticity asks: 2 % more volume stiffness, no more."""
+    sums = []
+    for poisson in (0.49, 0.4999):
+        sole = replace(SOLE, rubber=Material(5.2, poisson))
+        solved = FullFoot(sole, fineness=COARSE, floor="hertz", gaps="open").solve(UP, UP)
+        sums.append(solved.closure_um.sum())
+    assert abs(sums[1] / sums[0] - 1.0) < 0.05
+
+
+def test_half_and_whole_foot_agree() -> None:
+    """The same load turned by 90 deg, meshed half and whole: rows become columns, within the coarse meshes' noise."""
+    leaning = FullFoot(SOLE, fineness=COARSE, finite_strain=False, floor="hertz", gaps="open")
+    forward = leaning.solve(LEANING, UP).closure_um.reshape(3, 3)
+    sideways = leaning.solve(LEANING[[1, 0, 2]], UP).closure_um.reshape(3, 3)
+    np.testing.assert_allclose(sideways, forward.T, atol=0.05 * forward.max())
+
+
+def test_a_load_that_does_not_converge_is_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The error names the load and the residual."""
+    monkeypatch.setattr(newton, "MOST_STEPS", 1)
+    monkeypatch.setattr(foot, "MOST_HALVINGS", 0)
+    with pytest.raises(ConvergenceError, match=r"at 100% of the load: residual .* after 1 Newton steps"):
+        FullFoot(SOLE, fineness=COARSE).solve(UP, UP)
