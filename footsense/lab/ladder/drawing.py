@@ -2,6 +2,7 @@
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from footsense.lab.ladder.compare import Distance, ForwardAgainstTable
@@ -45,7 +46,9 @@ def error_against_time(
     )
     axes.set(xscale="log", yscale="log", xlabel=f"time for the {n} load cases of the paper [s]")
     axes.set_ylabel(f"closures: rms difference from {finest} [%]")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_locator(NullLocator())
     axes.margins(x=0.15, y=0.2)
     axes.grid(alpha=0.3)
     return figure
@@ -57,7 +60,7 @@ def pattern_tiles(change_pf: dict[str, NDArray[np.float64]]) -> Figure:
     Args:
         change_pf: Change of each capacitance [pF] by model, shape (3, 3), at least one of them above 0.
     """
-    figure = Figure(figsize=(2.75 * len(change_pf) + 0.8, 3.2), layout="constrained")
+    figure = Figure(figsize=(2.1 * len(change_pf) + 0.9, 2.7), layout="constrained")
     row = np.atleast_1d(figure.subplots(1, len(change_pf)))
     for axes, (name, change) in zip(row, change_pf.items(), strict=True):
         normalised = change / change.max()
