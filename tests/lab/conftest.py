@@ -21,7 +21,7 @@ def mesh() -> Any:
     from footsense.lab.fem.mesh import COARSE, build_mesh
     from footsense.lab.geometry import SoleDesign
 
-    ngsolve.SetNumThreads(2)
+    ngsolve.SetNumThreads(1)  # a second thread that waits for a busy processor costs more than it gains
     return build_mesh(SoleDesign(), COARSE)
 
 

@@ -70,12 +70,19 @@ def test_far_below_the_patch_is_a_point(half_space: HalfSpace) -> None:
 
 
 @pytest.mark.parametrize(
-    "change", [{"plate_mm": 1e-5}, {"plate_mm": -0.5}, {"electrode_mm": 0.0}, {"spacer_mm": 0.0}]
+    "sole",
+    [
+        replace(SoleDesign(), plate_mm=1e-5),
+        replace(SoleDesign(), plate_mm=-0.5),
+        replace(SoleDesign(), electrode_mm=0.0),
+        replace(SoleDesign(), spacer_mm=0.0),
+    ],
+    ids=["thin", "inside-out", "no-electrode", "no-spacer"],
 )
-def test_a_foot_that_cannot_be_meshed_says_so(change: dict[str, float]) -> None:
+def test_a_foot_that_cannot_be_meshed_says_so(sole: SoleDesign) -> None:
     """Too thin, inside out or nothing: a ModelError that names the sizes."""
     with pytest.raises(ModelError, match="SoleDesign"):
-        build_mesh(replace(SoleDesign(), **change), COARSE)
+        build_mesh(sole, COARSE)
 
 
 @pytest.mark.parametrize(

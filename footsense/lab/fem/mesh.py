@@ -88,7 +88,7 @@ class Cell:
 def quarter_cells(sole: SoleDesign) -> list[Cell]:
     """Return the cells of the quarter x > 0, y > 0: a quarter of the middle element, halves of two, a corner."""
     step = sole.electrode_mm / CELLS_PER_SIDE
-    cells = []
+    cells: list[Cell] = []
     for element, (x_mm, y_mm) in enumerate(sole.centres_mm):
         for i in range(CELLS_PER_SIDE):
             for j in range(CELLS_PER_SIDE):
@@ -148,7 +148,7 @@ def _is_bar_edge(sole: SoleDesign, edge: Any) -> bool:
         middle = getattr(edge.center, along)
         crossing = borders[0] < middle < borders[1]
         if on_border and abs(across[0] - across[1]) < _NEAR_MM and not crossing:
-            return max(abs(low.z), abs(high.z)) < _NEAR_MM
+            return bool(max(abs(low.z), abs(high.z)) < _NEAR_MM)
     return False
 
 
