@@ -5,7 +5,7 @@ The same names, in CamelCase, are the value tables of `footsense.dbc`. A code is
 
 from enum import IntEnum, IntFlag
 
-__all__ = ["NODE_IDS", "CommandKind", "Flag", "NmtState", "Result", "State"]
+__all__ = ["NODE_IDS", "USABLE", "CommandKind", "Flag", "NmtState", "Result", "State"]
 
 #: CAN node id of each leg: left front, left middle, left rear, right front, right middle, right rear.
 NODE_IDS = {"lf": 1, "lm": 2, "lr": 3, "rf": 4, "rm": 5, "rr": 6}
@@ -24,6 +24,11 @@ class State(IntEnum):
     STALE = 7  #: the measurement is older than the age limit
     OUT_OF_RANGE = 8  #: the load lies outside what the network was trained on
     STOPPED = 9  #: the service was told to stop
+    DEGRADED = 10  #: an element, row or column is missing; the force is that of the others, and sigma says how good
+
+
+#: States under which a force is sent.
+USABLE = frozenset({State.VALID, State.DEGRADED})
 
 
 class Flag(IntFlag):

@@ -132,8 +132,8 @@ def encode_force(node: int, counter: int, state: int, force_n: Sequence[float]) 
              +-------+-----+-----+-----------+-----------+-----------+
                       7..4  3..0
 
-    A force leaves whole and with the state VALID, or not at all: under any other state all three components
-    are "no value", and a VALID force of which a component is NaN or infinite leaves as ELEMENT_FAULT. One above
+    A force leaves whole and with the state VALID or DEGRADED, or not at all: under any other state all three
+    components are "no value", and such a force of which a component is NaN or infinite leaves as ELEMENT_FAULT. One above
     32.767 N leaves as that, which is not "no value".
 
     Example:
@@ -145,11 +145,11 @@ def encode_force(node: int, counter: int, state: int, force_n: Sequence[float]) 
         -_MAX_FORCE_N <= x_n <= _MAX_FORCE_N
         and -_MAX_FORCE_N <= y_n <= _MAX_FORCE_N
         and -_MAX_FORCE_N <= z_n <= _MAX_FORCE_N
-        and state == State.VALID
+        and state in USABLE
     ):
-        if state == State.VALID and not all(map(math.isfinite, force_n)):
+        if state in USABLE and not all(map(math.isfinite, force_n)):
             state = State.ELEMENT_FAULT
-        if state != State.VALID:
+        if state not in USABLE:
             none = _FORCE.pack(state << 4 | counter, _NO_FORCE, _NO_FORCE, _NO_FORCE)
             return protect(FORCE_ID + node, none)
         x_n, y_n, z_n = (max(-_MAX_FORCE_N, min(_MAX_FORCE_N, component)) for component in force_n)

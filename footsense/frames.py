@@ -12,11 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_interface.can_codes import USABLE
 from firmware_interface.can_frames import NODE_IDS, CommandKind, Flag, Result, State
 
 __all__ = [
     "ELEMENTS",
     "LEGS",
+    "USABLE",
     "CapFrame",
     "Command",
     "CommandKind",
@@ -84,7 +86,7 @@ class ForceFrame:
         sequence: Number of the scan that it was made of.
         t_sent_ns: Time at which it is handed to the sinks [ns, monotonic].
         t_ns: Time that the force belongs to: the mean of its elements' stamps [ns], shape (legs,); 0 where none.
-        force_n: Ground reaction on the foot in the foot frame [N], shape (legs, 3), NaN unless the state is VALID.
+        force_n: Ground reaction on the foot in the foot frame [N], shape (legs, 3), NaN unless the state is USABLE.
         sigma_n: Standard deviation of each component [N], shape (legs, 3), NaN where the force is.
         state: Whether and why the force may be used, shape (legs,), uint8 of `State`.
         fault_mask: Bit e set where element e is not usable, shape (legs,), uint16.

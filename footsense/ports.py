@@ -71,8 +71,15 @@ class FrameSource(Protocol):
 class Estimator(Protocol):
     """What turns normalised gap closures into forces: the network."""
 
-    def estimate(self, closure_rel: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the force of every row [N], shape (rows, 3), for closures over the gap [1], shape (rows, 9)."""
+    def estimate(
+        self, closure_rel: NDArray[np.float64], missing: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return force and standard deviation of its components of every row [N], shape (rows, 3) each.
+
+        Args:
+            closure_rel: Closures over the gap, missing ones filled in [1], shape (rows, 9).
+            missing: Which those are, shape (rows, 9).
+        """
         ...
 
 

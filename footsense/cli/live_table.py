@@ -11,7 +11,7 @@ from rich.logging import RichHandler
 from rich.table import Table
 from rich.text import Text
 
-from footsense.frames import Cycle, State
+from footsense.frames import USABLE, Cycle, State
 
 _PERIOD_NS = 66_000_000
 _BAR_CELLS = 10
@@ -25,6 +25,7 @@ _STATE_NAMES = {state: state.name.lower().replace("_", " ") for state in State}
 
 _STYLES = {
     State.VALID: "green",
+    State.DEGRADED: "yellow",
     State.TARING: "yellow",
     State.NO_BASELINE: "yellow",
     State.STOPPED: "dim",
@@ -89,7 +90,7 @@ class LiveTable:
         table.add_column("age \\[ms]", justify="right", min_width=8)
         for row, leg in enumerate(self._legs):
             state = State(int(forces.state[row]))
-            valid = state is State.VALID
+            valid = state in USABLE
             components = [_signed(value) if valid else "-" for value in forces.force_n[row].tolist()]
             cells: list[str | Text] = [
                 leg,

@@ -11,11 +11,24 @@ from numpy.typing import NDArray
 from footsense.core import quality
 from footsense.core.baseline import Baselines, TareLimits
 from footsense.core.design import CapacitorDesign
+from footsense.core.filling import Filling
 from footsense.core.skew import SkewRemoval
-from footsense.frames import ELEMENTS, CapFrame, Command, CommandKind, ForceFrame, Outcome, Result, State
+from footsense.frames import (
+    ELEMENTS,
+    USABLE,
+    CapFrame,
+    Command,
+    CommandKind,
+    ForceFrame,
+    Outcome,
+    Result,
+    State,
+)
 from footsense.ports import Estimator
 
 Vector = NDArray[np.float64]
+
+_USABLE = np.array(sorted(USABLE), np.uint8)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,15 +39,13 @@ class Calibration:
         design: The capacitors that it was trained for.
         closure_rel_min: Smallest trained input of each element [1], shape (9,).
         closure_rel_max: Largest trained input of each element [1], shape (9,).
-        sigma_floor_n: Standard deviation of each component at zero load [N], shape (3,).
-        sigma_rel: What each newton of load adds to it [1], shape (3,).
+        moments: Second moments of the closures, for filling in missing ones, shape (9, 9).
     """
 
     design: CapacitorDesign
     closure_rel_min: Vector
     closure_rel_max: Vector
-    sigma_floor_n: Vector
-    sigma_rel: Vector
+    moments: Vector
 
 
 class Pipeline:
@@ -62,6 +73,7 @@ class Pipeline:
     ) -> None:
         self._estimator = estimator
         self._calibration = calibration
+        self._filling = Filling(calibration.moments)
         self._stray_pf = stray_pf
         self._unloaded_pf = unloaded_pf
         self._max_age_ns = max_age_ns
@@ -99,15 +111,18 @@ class Pipeline:
         shut = closure_rel > quality.SHUT_REL
         outside = (closure_rel < calibration.closure_rel_min) | (closure_rel > calibration.closure_rel_max)
         oldest_ns = scan.t_ns.min(axis=1)
+        missing = quality.missing_elements(opened)
 
         state = np.full(len(capacitance_pf), State.VALID, np.uint8)
-        state[outside.any(axis=1)] = State.OUT_OF_RANGE
+        state[missing.any(axis=1)] = State.DEGRADED
+        state[(outside & ~missing).any(axis=1)] = State.OUT_OF_RANGE
         state[(now_ns - oldest_ns > self._max_age_ns) | ~aligned.together] = State.STALE
         self._baselines.mark_untared(state)
-        quality.converter_states(state, scan.reading, opened, shut)
+        quality.converter_states(state, scan.reading, opened & ~missing, shut & ~missing)
         state[self._stopped] = State.STOPPED
 
-        force_n, sigma_n = self._estimate(state, closure_rel, (rest_um - aligned.coarser) / design.gap_um)
+        coarser_rel = (rest_um - aligned.coarser) / design.gap_um
+        force_n, sigma_n = self._estimate(state, missing, closure_rel, coarser_rel)
         return ForceFrame(
             sequence=scan.sequence,
             t_sent_ns=now_ns,
@@ -120,21 +135,20 @@ class Pipeline:
         ), outcomes
 
     def _estimate(
-        self, state: NDArray[np.uint8], closure_rel: Vector, coarser_rel: Vector
+        self, state: NDArray[np.uint8], missing: NDArray[np.bool_], closure_rel: Vector, coarser_rel: Vector
     ) -> tuple[Vector, Vector]:
-        """Return force and sigma [N], shape (legs, 3), NaN where `state` is not or no longer VALID.
+        """Return force and sigma [N], shape (legs, 3), NaN where `state` is not or no longer usable.
 
         Sigma is the network's own on a load at rest, and what the removal of skew may have left in motion.
         """
-        valid = state == State.VALID
-        inputs = np.where(
-            np.concatenate((valid, valid))[:, None], np.concatenate((closure_rel, coarser_rel)), 0.0
-        )
-        both_n = self._estimator.estimate(inputs)
+        usable = np.isin(state, _USABLE)
+        both_missing = np.concatenate((missing, missing))
+        both_rel = np.where(np.concatenate((usable, usable))[:, None], np.concatenate((closure_rel, coarser_rel)), 0.0)
+        both_n, both_sigma_n = self._estimator.estimate(self._filling.fill(both_rel, both_missing), both_missing)
         force_n, coarser_n = both_n[: len(state)], both_n[len(state) :]
-        nowhere = valid & ~np.isfinite(force_n).all(axis=1)
+        sigma_n = np.hypot(both_sigma_n[: len(state)], force_n - coarser_n)
+        nowhere = usable & ~(np.isfinite(force_n) & np.isfinite(sigma_n)).all(axis=1)
         state[nowhere] = State.OUT_OF_RANGE
-        force_n[~valid | nowhere] = np.nan
-        magnitude_n = np.sqrt((force_n * force_n).sum(axis=1, keepdims=True))
-        at_rest_n = self._calibration.sigma_floor_n + self._calibration.sigma_rel * magnitude_n
-        return force_n, np.hypot(at_rest_n, force_n - coarser_n)
+        unknown = ~usable | nowhere
+        force_n[unknown] = sigma_n[unknown] = np.nan
+        return force_n, sigma_n

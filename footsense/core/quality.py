@@ -12,6 +12,8 @@ from footsense.frames import ELEMENTS, Reading, State
 SHUT_REL = 0.95
 OPEN_REL = 0.5
 
+#: The three rows and the three columns.
+_LINES = np.array([np.arange(ELEMENTS) // 3 == n for n in range(3)] + [np.arange(ELEMENTS) % 3 == n for n in range(3)])
 _BITS = (1 << np.arange(ELEMENTS)).astype(np.uint16)
 
 Mask = NDArray[np.bool_]
@@ -20,6 +22,28 @@ Mask = NDArray[np.bool_]
 def open_elements(capacitance_pf: NDArray[np.float64], unloaded_pf: NDArray[np.float64]) -> Mask:
     """Tell which elements have lost their electrode, shape as given; False where there is no reading."""
     return capacitance_pf < OPEN_REL * unloaded_pf
+
+
+def missing_elements(opened: Mask) -> Mask:
+    """Return which elements the network has to do without, shape (legs, 9): one open one, or the open ones' line.
+
+    A leg whose open elements do not lie in one row or column has none: that is more than the network knows of.
+
+    Example:
+        >>> two_of_row_0 = np.zeros((1, 9), bool)
+        >>> two_of_row_0[0, [0, 2]] = True
+        >>> missing_elements(two_of_row_0)[0].astype(int).tolist()
+        [1, 1, 1, 0, 0, 0, 0, 0, 0]
+    """
+    missing = np.zeros_like(opened)
+    for leg in np.flatnonzero(opened.any(axis=1)):
+        if opened[leg].sum() == 1:
+            missing[leg] = opened[leg]
+            continue
+        for line in _LINES:
+            if not (opened[leg] & ~line).any():
+                missing[leg] = line
+    return missing
 
 
 def fault_mask(unusable: Mask) -> NDArray[np.uint16]:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import Cycle, State
+from footsense.frames import USABLE, Cycle, State
 
 #: Truth from which a frame counts as loaded and its direction as defined [N].
 LOADED_N = 0.1
@@ -89,7 +89,7 @@ class Score:
         self._last_ns = forces.t_sent_ns
         self._scans += 1
         self._states[np.arange(len(self._legs)), forces.state] += 1
-        valid = forces.state == State.VALID
+        valid = np.isin(forces.state, list(USABLE))
         if not valid.any():
             return
         self._age_ms.add(forces.age_ns[valid] * 1e-6)

@@ -12,7 +12,7 @@ from footsense.errors import ModelError
 
 #: Key of the card in the file's metadata.
 METADATA_KEY = "footsense_card"
-FORMAT = 1
+FORMAT = 2
 
 #: What the numbers of input and output mean; `footsense lab build` writes it, and nothing else is understood.
 INPUT_UNIT, INPUT_ORDER = "1", "flat index 3 * row + column, row 0 most forward, column 0 leftmost"
@@ -20,8 +20,7 @@ OUTPUT_UNIT, OUTPUT_ORDER = "N", "x y z, foot frame"
 
 Nine = Annotated[list[float], Meta(min_length=9, max_length=9)]
 Positive = Annotated[float, Meta(gt=0.0)]
-NotNegative = Annotated[float, Meta(ge=0.0)]
-ThreeNotNegative = Annotated[list[NotNegative], Meta(min_length=3, max_length=3)]
+NineByNine = Annotated[list[Nine], Meta(min_length=9, max_length=9)]
 
 
 class _Format(msgspec.Struct, frozen=True):
@@ -44,15 +43,16 @@ class Card(msgspec.Struct, frozen=True):
     format: int
     foot_type: str
     input: Signal
+    mask: Signal
     output: Signal
+    sigma: Signal
     gap_um: Positive
     film_um: Positive
     film_eps_r: Positive
     electrode_area_mm2: Positive
     closure_rel_min: Nine
     closure_rel_max: Nine
-    sigma_floor_n: ThreeNotNegative
-    sigma_rel: ThreeNotNegative
+    moments: NineByNine
     response_sha256: str
 
     @property
@@ -67,8 +67,7 @@ class Card(msgspec.Struct, frozen=True):
             ),
             closure_rel_min=np.array(self.closure_rel_min),
             closure_rel_max=np.array(self.closure_rel_max),
-            sigma_floor_n=np.array(self.sigma_floor_n),
-            sigma_rel=np.array(self.sigma_rel),
+            moments=np.array(self.moments),
         )
 
 
@@ -97,7 +96,9 @@ def read_card(text: str | None, where: str) -> Card:
         raise ModelError(f"{where}: card format {found}, this version reads format {FORMAT}")
     for signal, unit, order in (
         (card.input, INPUT_UNIT, INPUT_ORDER),
+        (card.mask, INPUT_UNIT, INPUT_ORDER),
         (card.output, OUTPUT_UNIT, OUTPUT_ORDER),
+        (card.sigma, OUTPUT_UNIT, OUTPUT_ORDER),
     ):
         if signal.unit != unit:
             raise ModelError(f"{where}: {signal.name} is in {signal.unit!r}, the daemon needs {unit!r}")
@@ -111,4 +112,7 @@ def read_card(text: str | None, where: str) -> Card:
                 f"{where}: element {element} is trained from closure {low:g} to {high:g}; "
                 "closure_rel_min has to be below closure_rel_max"
             )
+    moments = np.array(card.moments)
+    if not (np.array_equal(moments, moments.T) and np.linalg.eigvalsh(moments)[0] > 0.0):
+        raise ModelError(f"{where}: the card's moments have to be a symmetric, positive definite matrix")
     return card

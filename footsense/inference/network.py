@@ -56,28 +56,36 @@ class Network:
         text = self._session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
         inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
         if text is not None:
-            _check_shape(path, "input", inputs, ELEMENTS)
-            _check_shape(path, "output", outputs, _AXES)
+            _check_shapes(path, "input", inputs, ELEMENTS)
+            _check_shapes(path, "output", outputs, _AXES)
         self.card: Card = read_card(text, str(path))
-        _check_name(path, inputs[0].name, self.card.input.name)
-        _check_name(path, outputs[0].name, self.card.output.name)
+        _check_names(path, inputs, [self.card.input.name, self.card.mask.name])
+        _check_names(path, outputs, [self.card.output.name, self.card.sigma.name])
         # The values alias these arrays: a call copies nothing and allocates nothing.
         self._closure_rel = np.zeros((n_rows, ELEMENTS), np.float32)
+        self._missing = np.zeros((n_rows, ELEMENTS), np.float32)
         self._force_n = np.zeros((n_rows, _AXES), np.float32)
+        self._sigma_n = np.zeros((n_rows, _AXES), np.float32)
         self._binding = self._session.io_binding()
-        self._binding.bind_ortvalue_input(
-            self.card.input.name, ort.OrtValue.ortvalue_from_numpy(self._closure_rel)
-        )
-        self._binding.bind_ortvalue_output(
-            self.card.output.name, ort.OrtValue.ortvalue_from_numpy(self._force_n)
-        )
+        for signal, array in ((self.card.input, self._closure_rel), (self.card.mask, self._missing)):
+            self._binding.bind_ortvalue_input(signal.name, ort.OrtValue.ortvalue_from_numpy(array))
+        for signal, array in ((self.card.output, self._force_n), (self.card.sigma, self._sigma_n)):
+            self._binding.bind_ortvalue_output(signal.name, ort.OrtValue.ortvalue_from_numpy(array))
         self._try_out(path)
 
-    def estimate(self, closure_rel: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the force of every row [N], shape (rows, 3), for closures over the gap [1], shape (rows, 9)."""
+    def estimate(
+        self, closure_rel: NDArray[np.float64], missing: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return force and sigma of every row [N], shape (rows, 3) each.
+
+        Args:
+            closure_rel: Closures over the gap, missing ones filled in [1], shape (rows, 9).
+            missing: Which those are, shape (rows, 9).
+        """
         self._closure_rel[...] = closure_rel
+        self._missing[...] = missing
         self._session.run_with_iobinding(self._binding)
-        return self._force_n.astype(np.float64)
+        return self._force_n.astype(np.float64), self._sigma_n.astype(np.float64)
 
     def _try_out(self, path: Path) -> None:
         """Estimate once at rest, which also plans the memory, and through the trained range.
@@ -86,15 +94,18 @@ class Network:
             ModelError: The network cannot be run for so many legs, or gives no number.
         """
         low, high = np.array(self.card.closure_rel_min), np.array(self.card.closure_rel_max)
+        none_missing = np.zeros(self._missing.shape, bool)
         for closure_rel in (np.zeros(ELEMENTS), *(low + share * (high - low) for share in _TRIED_REL)):
             try:
-                force_n = self.estimate(np.broadcast_to(closure_rel, self._closure_rel.shape))
+                rows = np.broadcast_to(closure_rel, self._closure_rel.shape)
+                force_n, sigma_n = self.estimate(rows, none_missing)
             except Exception as error:  # as above
                 n_rows = len(self._closure_rel)
                 raise ModelError(f"{path}: cannot be run for {n_rows} legs ({_one_line(error)})") from error
-            if not np.isfinite(force_n).all():
+            if not (np.isfinite(force_n).all() and np.isfinite(sigma_n).all()):
                 raise ModelError(
-                    f"{path}: gives {force_n[0].tolist()} N inside its trained range; its weights are corrupt"
+                    f"{path}: gives {force_n[0].tolist()} N, sigma {sigma_n[0].tolist()} N inside its trained range; "
+                    "its weights are corrupt"
                 )
 
 
@@ -114,29 +125,29 @@ def _content(path: Path) -> bytes:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from error
 
 
-def _check_shape(path: Path, what: str, values: list[Any], width: int) -> None:
-    """Check the only input or output.
+def _check_shapes(path: Path, what: str, values: list[Any], width: int) -> None:
+    """Check the two inputs or outputs.
 
     Raises:
-        ModelError: There are several, or it is of another type or shape.
+        ModelError: There are not two, or one is of another type or shape.
     """
     found = " and ".join(f"{value.type} of shape {value.shape}" for value in values)
-    if len(values) != 1 or values[0].type != "tensor(float)" or values[0].shape[1:] != [width]:
+    fits = all(value.type == "tensor(float)" and value.shape[1:] == [width] for value in values)
+    if len(values) != 2 or not fits:
         raise ModelError(
-            f"{path}: its {what} is {found or 'missing'}, the daemon needs float32 of shape [n, {width}]"
+            f"{path}: its {what}s are {found or 'missing'}, the daemon needs two, float32 of shape [n, {width}]"
         )
 
 
-def _check_name(path: Path, found: str, named: str) -> None:
+def _check_names(path: Path, values: list[Any], named: list[str]) -> None:
     """Check that the card speaks of this network.
 
     Raises:
         ModelError: It does not.
     """
+    found = [value.name for value in values]
     if found != named:
-        raise ModelError(
-            f"{path}: the card names {named!r}, which the network does not have; it has {found!r}"
-        )
+        raise ModelError(f"{path}: the card names {named}, which the network does not have; it has {found}")
 
 
 def _one_line(error: Exception) -> str:

@@ -22,9 +22,11 @@ GRAM_FORCE_N = 9.80665e-3
 #: Largest force of the wide set [N].
 WIDE_MAX_N = 2.0
 #: Share of the wide set's centred loads; the others lean by up to the friction angle.
-WIDE_CENTRED_SHARE = 1.0 / 3.0
+WIDE_CENTRED_SHARE = 0.4
 #: Largest angle between force and contact normal [deg]: a friction coefficient of 0.7.
 FRICTION_ANGLE_DEG = 35.0
+#: How far the others lean typically, sideways and along [deg, rms each]: a level walk uses a friction coefficient of 0.2.
+TYPICAL_LEAN_DEG = 10.0
 #: Lowest elevation of force and of contact normal in the wide set [deg].
 WIDE_MIN_ELEVATION_DEG = 30.0
 #: Noise of one conversion and of the baseline [pF, rms], as the card's sigma is measured with.
@@ -116,10 +118,12 @@ def _cap(rng: np.random.Generator, n: int, lowest_deg: float) -> NDArray[np.floa
     return np.column_stack([flat * np.cos(azimuth), flat * np.sin(azimuth), z])
 
 
-def _lean(rng: np.random.Generator, direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return contact normals that lean away from the force's direction by up to the friction angle."""
+def leaning_normals(rng: np.random.Generator, direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return contact normals that lean away from the force's direction, typically little, by the friction angle at most."""
     n = len(direction)
-    angle = np.radians(FRICTION_ANGLE_DEG) * np.sqrt(rng.uniform(size=n))
+    # A Rayleigh distribution cut off at the friction angle, by inversion.
+    within = -np.expm1(-0.5 * (FRICTION_ANGLE_DEG / TYPICAL_LEAN_DEG) ** 2)
+    angle = np.radians(TYPICAL_LEAN_DEG) * np.sqrt(-2.0 * np.log1p(-within * rng.uniform(size=n)))
     angle[rng.uniform(size=n) < WIDE_CENTRED_SHARE] = 0.0
     sideways = np.cross(direction, rng.normal(size=(n, 3)))
     sideways /= np.linalg.norm(sideways, axis=1, keepdims=True)
@@ -140,7 +144,7 @@ def wide(response: FootResponse, n: int, seed: int, deviations: Deviations | Non
     forces, closures, found = [], [], 0
     while found < n:
         direction = _cap(rng, n, WIDE_MIN_ELEVATION_DEG)
-        normal = _lean(rng, direction)
+        normal = leaning_normals(rng, direction)
         even = rng.uniform(size=n) < 0.5
         magnitude = np.where(
             even, rng.uniform(0.0, WIDE_MAX_N, n), np.exp(rng.uniform(np.log(0.01), np.log(WIDE_MAX_N), n))

@@ -82,28 +82,15 @@ def elastance_readout(training: Cases) -> Readout:
     return lambda closure_um: closure_um @ matrix
 
 
-def sigma_model(
-    truth_n: NDArray[np.float64], estimate_n: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Fit sigma = floor + rel |f| per axis to errors on held-out, noisy cases.
-
-    The rms error is taken in ten bins of equally many cases; a straight line through them, neither number below
-    zero, raised so that no bin is understated by more than the fit's own scatter.
+def coverage(
+    truth_n: NDArray[np.float64], estimate_n: NDArray[np.float64], sigma_n: NDArray[np.float64]
+) -> dict[str, list[float]]:
+    """Return the share of cases whose error is within one and within two sigma, per axis; 0.683 and 0.954 if Gaussian.
 
     Args:
         truth_n: True forces [N], shape (n, 3).
         estimate_n: Estimates [N], shape (n, 3).
-
-    Returns:
-        Floor [N] and slope [1], shape (3,) each.
+        sigma_n: Their stated standard deviations [N], shape (n, 3).
     """
-    size = np.linalg.norm(truth_n, axis=1)
-    bins = np.array_split(np.argsort(size), 10)
-    middle = np.array([size[b].mean() for b in bins])
-    floor, slope = np.empty(3), np.empty(3)
-    for axis in range(3):
-        rms = np.array([np.sqrt(np.mean((truth_n - estimate_n)[b, axis] ** 2)) for b in bins])
-        rel = max(0.0, float(np.polyfit(middle, rms, 1)[0]))
-        slope[axis] = rel
-        floor[axis] = max(0.0, float(np.mean(rms - rel * middle)))
-    return floor, slope
+    off = np.abs(estimate_n - truth_n) / sigma_n
+    return {f"within_{k}_sigma": np.mean(off < k, axis=0).round(4).tolist() for k in (1, 2)}

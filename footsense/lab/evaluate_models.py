@@ -85,11 +85,37 @@ def evaluate_models(folder: Path) -> dict[str, Errors]:
     return table
 
 
-def as_json(table: dict[str, Errors]) -> dict[str, Any]:
-    """Return the table as JSON values, with the figures that the project lives by at the top."""
+def paper_protocol(folder: Path) -> dict[str, float]:
+    """Return what of the paper's protocol has to be trained or drawn anew: the paper's own way, and the bound.
+
+    Raises:
+        ModelError: As `open_models`.
+    """
+    from footsense.lab.limit import crb_ratio  # noqa: PLC0415 - it takes seconds that the table alone does not need
+    from footsense.lab.paper_way import paper_way_errors  # noqa: PLC0415 - the same
+
+    response, network = open_models(folder)
+    own_way = paper_way_errors(response, quick=False)
+    ratio = crb_ratio(response, network.force_n)
+    return {
+        "paper_way_direction_deg": float(np.mean([row.direction_deg for row in own_way])),
+        "paper_way_magnitude_gf": float(np.mean([row.magnitude_gf for row in own_way])),
+        "crb_ratio": ratio.worst,
+        "crb_ratio_typical": max(rung.typical_ratio for rung in ratio.centred),
+    }
+
+
+def as_json(table: dict[str, Errors], beside: dict[str, float] | None = None) -> dict[str, Any]:
+    """Return the table as JSON values, with the figures that the project lives by at the top.
+
+    Args:
+        table: Of `evaluate_models`.
+        beside: Figures that are not of the table, such as `crb_ratio`.
+    """
     shipped, alone = table["paper_network"], table["paper_network_362"]
     linear = table["paper_linear_elastance"]
     return {
+        **(beside or {}),
         "direction_deg": shipped.direction_deg,
         "magnitude_gf": shipped.magnitude_gf,
         "direction_deg_362": alone.direction_deg,

@@ -1,6 +1,8 @@
 """Write the network as ONNX with its card inside, and check that ONNX Runtime computes the same.
 
-One file carries weights and card (`metadata_props`, key `footsense_card`), so the two cannot drift apart.
+One file carries weights and card (`metadata_props`, key `footsense_card`), so the two cannot drift apart. The file holds
+each weight once; Gather puts it in its eight places when the runtime loads the file, which folds all of it into plain
+matrices: a call multiplies and adds, nothing else.
 """
 
 import json
@@ -16,49 +18,111 @@ from onnx import TensorProto, helper, numpy_helper
 
 from footsense.errors import ModelError
 from footsense.inference.card import METADATA_KEY
-from footsense.lab.network import SOFT_REL, Weights
+from footsense.lab.network import (
+    N_SYMMETRIES,
+    SEEN,
+    SOFT_REL,
+    Weights,
+    linear_basis,
+    relative_index,
+    seen_index,
+)
+from footsense.lab.response import SYMMETRIES
+
+Vector = NDArray[np.float64]
 
 #: What onnxruntime 1.18 reads: newer files gain nothing for ten matrix products.
 IR_VERSION, OPSET = 8, 17
 
+_node = helper.make_node
 
-def onnx_model(weights: Weights, card: dict[str, Any]) -> onnx.ModelProto:
-    """Return the formulas of `network` as a graph: `closure_rel` [n, 9] to `force_n` [n, 3], float32."""
-    constants = {
+
+def _constants(weights: Weights) -> dict[str, NDArray[Any]]:
+    """Return the weights, each once, and where they go; floats are float32 in the file, indices int64."""
+    c = weights.channels
+    turns = np.stack(SYMMETRIES).transpose(0, 2, 1)  # a row vector times this is the turned vector
+    named = {name: np.asarray(part, np.float64) for name, part in weights._asdict().items()}
+    return {
+        **named,
+        "sigma_axes": np.array([0, 0, 1]),
+        "seen_at": seen_index().ravel(),
+        "relative_at": relative_index().ravel(),
+        "turns": turns,
+        "sizes": np.abs(turns),
+        "linear_basis": linear_basis().reshape(5, 27),
         "mean": np.full((9, 1), 1.0 / 9.0),
         "soft": np.full(1, SOFT_REL**2),
-        "linear": np.asarray(weights.linear).T,
-        "w1": np.asarray(weights.w1).T,
-        "b1": np.asarray(weights.b1),
-        "w2": np.asarray(weights.w2).T,
-        "b2": np.asarray(weights.b2),
-        "w3": np.asarray(weights.w3).T,
-        "b3": np.asarray(weights.b3),
+        "eight": np.array([N_SYMMETRIES]),
+        "w1_as": np.array([c, N_SYMMETRIES, SEEN]),
+        "w1_flat": np.array([SEEN, N_SYMMETRIES * c]),
+        "w2_by": np.array([c, N_SYMMETRIES, c]),
+        "w2_as": np.array([c, N_SYMMETRIES, N_SYMMETRIES, c]),
+        "w2_flat": np.array([N_SYMMETRIES * c, N_SYMMETRIES * c]),
+        "out_flat": np.array([N_SYMMETRIES * c, 3]),
+        "linear_as": np.array([9, 3]),
     }
-    node = helper.make_node
-    nodes = [
-        node("Mul", ["closure_rel", "closure_rel"], ["squares"]),
-        node("MatMul", ["squares", "mean"], ["square"]),
-        node("Add", ["square", "soft"], ["softened"]),
-        node("Sqrt", ["softened"], ["size"]),
-        node("Div", ["closure_rel", "size"], ["pattern"]),
-        node("Concat", ["pattern", "size"], ["seen"], axis=1),
-        node("Gemm", ["seen", "w1", "b1"], ["sum1"]),
-        node("Tanh", ["sum1"], ["hidden1"]),
-        node("Gemm", ["hidden1", "w2", "b2"], ["sum2"]),
-        node("Tanh", ["sum2"], ["hidden2"]),
-        node("Gemm", ["hidden2", "w3", "b3"], ["shape"]),
-        node("Div", ["square", "size"], ["scale"]),
-        node("Mul", ["shape", "scale"], ["curved"]),
-        node("MatMul", ["closure_rel", "linear"], ["straight"]),
-        node("Add", ["straight", "curved"], ["force_n"]),
+
+
+def _placing() -> list[onnx.NodeProto]:
+    """Return the nodes that put each weight in its places, as `network.expand` does."""
+    return [
+        _node("Gather", ["w1", "seen_at"], ["w1_met"], axis=1),
+        _node("Reshape", ["w1_met", "w1_as"], ["w1_units"]),
+        _node("Transpose", ["w1_units"], ["w1_turned"], perm=[2, 1, 0]),
+        _node("Reshape", ["w1_turned", "w1_flat"], ["W1"]),
+        _node("Tile", ["b1", "eight"], ["B1"]),
+        _node("Reshape", ["w2", "w2_by"], ["w2_relative"]),
+        _node("Gather", ["w2_relative", "relative_at"], ["w2_met"], axis=1),
+        _node("Reshape", ["w2_met", "w2_as"], ["w2_units"]),
+        _node("Transpose", ["w2_units"], ["w2_turned"], perm=[2, 3, 1, 0]),
+        _node("Reshape", ["w2_turned", "w2_flat"], ["W2"]),
+        _node("Tile", ["b2", "eight"], ["B2"]),
+        _node("MatMul", ["force", "turns"], ["force_turned"]),
+        _node("Reshape", ["force_turned", "out_flat"], ["F"]),
+        _node("MatMul", ["sigma", "sizes"], ["sigma_turned"]),
+        _node("Reshape", ["sigma_turned", "out_flat"], ["S"]),
+        _node("Gather", ["sigma_offset", "sigma_axes"], ["Q"], axis=0),
+        _node("MatMul", ["linear", "linear_basis"], ["linear_row"]),
+        _node("Reshape", ["linear_row", "linear_as"], ["L"]),
     ]
+
+
+def _running() -> list[onnx.NodeProto]:
+    """Return the nodes of `network.run`."""
+    return [
+        _node("Mul", ["closure_rel", "closure_rel"], ["squares"]),
+        _node("MatMul", ["squares", "mean"], ["square"]),
+        _node("Add", ["square", "soft"], ["softened"]),
+        _node("Sqrt", ["softened"], ["size"]),
+        _node("Div", ["closure_rel", "size"], ["pattern"]),
+        _node("Concat", ["pattern", "missing", "size"], ["seen"], axis=1),
+        _node("Gemm", ["seen", "W1", "B1"], ["sum1"]),
+        _node("Tanh", ["sum1"], ["hidden1"]),
+        _node("Gemm", ["hidden1", "W2", "B2"], ["sum2"]),
+        _node("Tanh", ["sum2"], ["hidden2"]),
+        _node("MatMul", ["hidden2", "F"], ["shape"]),
+        _node("Div", ["square", "size"], ["scale"]),
+        _node("Mul", ["shape", "scale"], ["curved"]),
+        _node("MatMul", ["closure_rel", "L"], ["straight"]),
+        _node("Add", ["straight", "curved"], ["force_n"]),
+        _node("Gemm", ["hidden2", "S", "Q"], ["ln_sigma"]),
+        _node("Exp", ["ln_sigma"], ["sigma_rel"]),
+        _node("Mul", ["sigma_rel", "size"], ["sigma_n"]),
+    ]
+
+
+def onnx_model(weights: Weights, card: dict[str, Any]) -> onnx.ModelProto:
+    """Return the network as a graph: `closure_rel`, `missing` [n, 9] to `force_n`, `sigma_n` [n, 3], float32."""
+    constants = {
+        name: value.astype(np.int64 if np.issubdtype(value.dtype, np.integer) else np.float32)
+        for name, value in _constants(weights).items()
+    }
     graph = helper.make_graph(
-        nodes,
+        _placing() + _running(),
         "footsense",
-        [helper.make_tensor_value_info("closure_rel", TensorProto.FLOAT, ["n", 9])],
-        [helper.make_tensor_value_info("force_n", TensorProto.FLOAT, ["n", 3])],
-        [numpy_helper.from_array(np.asarray(value, np.float32), name) for name, value in constants.items()],
+        [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 9]) for name in ("closure_rel", "missing")],
+        [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 3]) for name in ("force_n", "sigma_n")],
+        [numpy_helper.from_array(value, name) for name, value in constants.items()],
     )
     model = helper.make_model(
         graph,
@@ -67,7 +131,7 @@ def onnx_model(weights: Weights, card: dict[str, Any]) -> onnx.ModelProto:
         producer_name="footsense lab",
     )
     helper.set_model_props(model, {METADATA_KEY: json.dumps(card, sort_keys=True)})
-    onnx.checker.check_model(model)
+    onnx.checker.check_model(model, full_check=True)
     return model
 
 
@@ -95,10 +159,25 @@ class OnnxNetwork:
                 f"{path} is no network with a card ({why}); rebuild it with `footsense lab build`"
             ) from error
 
-    def force_n(self, closure_rel: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return forces [N], shape (n, 3), of closures over the gap, shape (n, 9)."""
-        (force,) = self._session.run(["force_n"], {"closure_rel": closure_rel.astype(np.float32)})
-        return np.asarray(force, dtype=np.float64)
+    def estimate(self, closure_rel: Vector, missing: NDArray[np.bool_] | None = None) -> tuple[Vector, Vector]:
+        """Return force and sigma [N], shape (n, 3) each.
+
+        Args:
+            closure_rel: Closures over the gap, missing ones filled in [1], shape (n, 9).
+            missing: Which those are, shape (n, 9); none if None.
+        """
+        mask = np.zeros(closure_rel.shape) if missing is None else missing
+        inputs = {"closure_rel": closure_rel.astype(np.float32), "missing": mask.astype(np.float32)}
+        force, sigma = self._session.run(["force_n", "sigma_n"], inputs)
+        return np.asarray(force, dtype=np.float64), np.asarray(sigma, dtype=np.float64)
+
+    def force_n(self, closure_rel: Vector) -> Vector:
+        """Return forces [N], shape (n, 3), of closures over the gap, shape (n, 9), none missing."""
+        return self.estimate(closure_rel)[0]
+
+    def sigma_n(self, closure_rel: Vector) -> Vector:
+        """Return standard deviations [N], shape (n, 3), of closures over the gap, shape (n, 9), none missing."""
+        return self.estimate(closure_rel)[1]
 
 
 def library_versions() -> dict[str, str]:

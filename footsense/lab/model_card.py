@@ -10,10 +10,6 @@ from footsense.sim.foot import FootResponse
 def readme(response: FootResponse, card: dict[str, Any], table: dict[str, Errors], parity_n: float) -> str:
     """Return the model card for people."""
     where = response.provenance
-    sigma = ", ".join(
-        f"{1000 * floor:.1f} mN + {100 * rel:.2f} % of |f|"
-        for floor, rel in zip(card["sigma_floor_n"], card["sigma_rel"], strict=True)
-    )
     wide = card["training"]["wide"]
     asymmetry, residual, cut_off = (
         f"{100 * where[key]:.4f} %" for key in ("mesh_asymmetry_rel", "fit_residual_rel", "interpolation_rel")
@@ -27,16 +23,18 @@ radius. Everything here is made by one command and nothing is edited by hand:
 
 | file | what |
 |---|---|
-| `network.onnx` | `closure_rel` [n, 9] to `force_n` [n, 3], {card["training"]["weights"]} weights, card inside |
+| `network.onnx` | `closure_rel`, `missing` [n, 9] to `force_n`, `sigma_n` [n, 3]; {card["training"]["weights"]} weights, each in eight places; card inside |
 | `response.npz` | the simulator's foot: contact normals above {response.min_elevation_deg:g} deg |
 
 `paper_*`: the paper's 180 verification cases (100 gf, centred), no noise; read-outs fitted to the paper's 362 training
 cases, but for `paper_network`, the released one. `wide_*`: {HELD_OUT_CASES} held-out random loads, those from 0.2 N,
-contact normals leaning by up to {wide["friction_angle_deg"]:g} deg, converter noise of {1000 * wide["noise_pf"]:g} fF.
+contact normals leaning from the force by {wide["typical_lean_deg"]:g} deg rms sideways and along, {wide["friction_angle_deg"]:g} deg at
+most, gaps shutting in part, converter noise of {1000 * wide["noise_pf"]:g} fF.
 
 {as_markdown(table)}
 
-Sigma per axis: {sigma}. Largest difference between JAX and ONNX Runtime: {1000 * parity_n:.4f} mN.
+Largest difference between JAX and ONNX Runtime: {1000 * parity_n:.4f} mN. How far sigma holds, what a missing row
+costs, and how near this comes to the Cramer-Rao bound: `docs/report/README.md`.
 
 Solid: a quarter in {where["elements"]} elements of order {where["mesh"]["order"]}, {where["unknowns"]} unknowns in each of
 three symmetry classes. x and y differ by {asymmetry} (rms, averaged out); the series differs from the field's samples

@@ -1,63 +1,155 @@
-"""The network on paper: nine closures to three force components, two hidden layers beside a linear path.
+"""The network on paper: nine closures to a force and its sigma, two hidden layers beside a linear path.
 
-    s   = |x|^2 / 9,   r = sqrt(s + e^2),   u = x / r          x: closure over gap
-    f   = L x + (s / r) * (W3 tanh(W2 tanh(W1 [u, r] + b1) + b2) + b3)
+    s = |x|^2 / 9,   r = sqrt(s + e^2),   u = x / r           x: closure over gap, missing ones filled in
+    f = L x + (s / r) V h2,      ln sigma = ln r + Q h2 + q,      h2 = tanh(W2 h1 + b2),   h1 = tanh(W1 [u, m, r] + b1)
 
 As long as no gap shuts, the foot's answer is homogeneous of degree one but for the growing contact patch: the same
-pattern u at any size r means the same direction. So the hidden layers see the pattern, and the size scales what
-they say; r is offered to them as the tenth input for the patch. No load gives exactly no force (s = 0), and e,
-of the size of the converter's noise, keeps the pattern of a touch too light to have one from being noise alone.
+pattern u at any size r means the same direction. So the hidden layers see the pattern, and the size scales what they
+say; r is offered to them as well, for the patch and for gaps that shut. m has a one for each element that is missing.
+No load gives exactly no force (s = 0), and e, of the size of the converter's noise, keeps the pattern of a touch too
+light to have one from being noise alone.
+
+The foot has the eight symmetries of the square, and so has the network, by construction: a hidden channel is eight
+units, one for each symmetry g, which apply the same weights to the pattern mapped by the inverse of g. Units of the
+second layer see those of the first by their relative symmetry. Each weight thus stands in eight places of the matrices;
+`expand` puts it there, and the ONNX file does the same by Gather.
+
+Source:
+    Cohen and Welling, Group equivariant convolutional networks, ICML 2016, section 6 (regular representation).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
+
+from footsense.lab.response import SYMMETRIES, element_map
 
 #: Size e below which a pattern means little [1 of the gap]: 40 nm of 20 um.
 SOFT_REL = 2e-3
+#: What the first hidden layer sees: nine closures, nine masks, the size.
+SEEN = 19
+#: Symmetries of the square.
+N_SYMMETRIES = len(SYMMETRIES)
 
 
 class Weights(NamedTuple):
-    """Every number that training finds; rows are outputs, so that a layer is x @ w.T + b.
+    """Every number that training finds, `c` channels in each hidden layer.
 
     Attributes:
-        linear: L [N], shape (3, 9).
-        w1: First hidden layer, shape (h, 10).
-        b1: Its offsets, shape (h,).
-        w2: Second hidden layer, shape (h, h).
-        b2: Its offsets, shape (h,).
-        w3: Output layer [N], shape (3, h).
-        b3: Its offsets [N], shape (3,).
+        linear: Of the linear path [N]: fz from a corner, an edge, the middle; fx from a corner, an edge; shape (5,).
+        w1: First hidden layer, shape (c, 19).
+        b1: Its offsets, shape (c,).
+        w2: Second hidden layer by relative symmetry, shape (c, 8 c), the symmetry slow.
+        b2: Its offsets, shape (c,).
+        force: Output layer [N], shape (c, 3).
+        sigma: The same of ln sigma, shape (c, 3).
+        sigma_offset: Of ln sigma, sideways and along z, shape (2,).
     """
 
-    linear: jax.Array
-    w1: jax.Array
-    b1: jax.Array
-    w2: jax.Array
-    b2: jax.Array
-    w3: jax.Array
-    b3: jax.Array
+    linear: Any
+    w1: Any
+    b1: Any
+    w2: Any
+    b2: Any
+    force: Any
+    sigma: Any
+    sigma_offset: Any
 
     @property
     def size(self) -> int:
         """Number of weights."""
         return sum(int(part.size) for part in self)
 
+    @property
+    def channels(self) -> int:
+        """Channels of a hidden layer."""
+        return int(self.b1.size)
 
-def apply(weights: Weights, closure_rel: jax.Array) -> jax.Array:
-    """Return the force [N], shape (n, 3), of closures over the gap [1], shape (n, 9)."""
+
+class Matrices(NamedTuple):
+    """The weights in all their places: rows are inputs, so that a layer is x @ w + b; 8 c units in a hidden layer."""
+
+    linear: Any
+    w1: Any
+    b1: Any
+    w2: Any
+    b2: Any
+    force: Any
+    sigma: Any
+    sigma_offset: Any
+
+
+def seen_index() -> NDArray[np.intp]:
+    """Return which input of a channel meets input e of the layer in its unit g, shape (8, 19)."""
+    maps = np.stack([element_map(g) for g in SYMMETRIES])
+    inverse = np.argsort(maps, axis=1)
+    size = np.full((N_SYMMETRIES, 1), SEEN - 1)
+    return np.concatenate([inverse, 9 + inverse, size], axis=1).astype(np.intp)
+
+
+def relative_index() -> NDArray[np.intp]:
+    """Return the place of inverse(g) h among the symmetries, shape (8 of g, 8 of h)."""
+    stack = np.stack(SYMMETRIES)
+    products = np.einsum("gji,hjk->ghik", stack, stack)
+    same = np.abs(products[:, :, None] - stack).max(axis=(3, 4)) == 0.0
+    return same.argmax(axis=2).astype(np.intp)
+
+
+def linear_basis() -> NDArray[np.float64]:
+    """Return the five linear maps that have the square's symmetry, shape (5, 9, 3)."""
+    basis = np.zeros((5, 9, 3))
+    corners, edges = [0, 2, 6, 8], [1, 3, 5, 7]
+    basis[0, corners, 2] = basis[1, edges, 2] = basis[2, 4, 2] = 1.0
+    for g in SYMMETRIES:  # fx from row 0, turned in all directions
+        image = element_map(g)
+        for element, weight in ((0, 0.25), (2, 0.25)):
+            basis[3, image[element]] += weight * g @ [1.0, 0.0, 0.0]
+        basis[4, image[1]] += 0.5 * g @ [1.0, 0.0, 0.0]
+    return basis
+
+
+def expand(weights: Weights) -> Matrices:
+    """Return the matrices of the layers: unit g * c + i is channel i under symmetry g."""
+    c = weights.channels
+    w1 = weights.w1[:, seen_index()]  # (c, 8, 19)
+    w2 = weights.w2.reshape(c, N_SYMMETRIES, c)[:, relative_index()]  # (c of unit, g, h, c of input)
+    turns = np.stack(SYMMETRIES)
+    force = jnp.einsum("gab,cb->gca", turns, weights.force)
+    sigma = jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma)
+    return Matrices(
+        linear=jnp.tensordot(weights.linear, linear_basis(), 1),
+        w1=jnp.transpose(w1, (2, 1, 0)).reshape(SEEN, -1),
+        b1=jnp.tile(weights.b1, N_SYMMETRIES),
+        w2=jnp.transpose(w2, (2, 3, 1, 0)).reshape(N_SYMMETRIES * c, -1),
+        b2=jnp.tile(weights.b2, N_SYMMETRIES),
+        force=force.reshape(-1, 3),
+        sigma=sigma.reshape(-1, 3),
+        sigma_offset=weights.sigma_offset[np.array([0, 0, 1])],
+    )
+
+
+def run(matrices: Matrices, closure_rel: Any, missing: Any) -> tuple[Any, Any]:
+    """Return force and sigma [N], shape (n, 3) each.
+
+    Args:
+        matrices: The network.
+        closure_rel: Closures over the gap, missing ones filled in [1], shape (n, 9).
+        missing: One for each element that is missing, else zero, shape (n, 9).
+    """
     square = jnp.mean(closure_rel**2, axis=-1, keepdims=True)
     size = jnp.sqrt(square + SOFT_REL**2)
-    seen = jnp.concatenate([closure_rel / size, size], axis=-1)
-    first = jnp.tanh(seen @ weights.w1.T + weights.b1)
-    second = jnp.tanh(first @ weights.w2.T + weights.b2)
-    pattern = second @ weights.w3.T + weights.b3
-    return closure_rel @ weights.linear.T + square / size * pattern
+    seen = jnp.concatenate([closure_rel / size, missing, size], axis=-1)
+    first = jnp.tanh(seen @ matrices.w1 + matrices.b1)
+    second = jnp.tanh(first @ matrices.w2 + matrices.b2)
+    force = closure_rel @ matrices.linear + square / size * (second @ matrices.force)
+    sigma = size * jnp.exp(second @ matrices.sigma + matrices.sigma_offset)
+    return force, sigma
 
 
-def hidden_input(closure_rel: np.ndarray) -> np.ndarray:
-    """Return what the first hidden layer sees, shape (n, 10); the same formula as in `apply`, in numpy."""
+def hidden_input(closure_rel: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return pattern and size, shape (n, 10); the same formula as in `run`, in numpy."""
     size = np.sqrt(np.mean(closure_rel**2, axis=-1, keepdims=True) + SOFT_REL**2)
     return np.concatenate([closure_rel / size, size], axis=-1)
