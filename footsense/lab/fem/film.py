@@ -1,0 +1,114 @@
+"""A soft film without gaps in place of the spacer: the gelled polyurethane of the paper's outlook (section VI).
+
+The film fills the whole area between the plates, electrodes and bars alike, and takes the place of the bars in the
+weak form of `quarter`: an elastic layer between the two bodies,
+
+    int over the film of (G [u_t].[v_t] + M [u_n][v_n]) / t_film
+
+As a layer it needs no elements of its own, so that nothing in it can lock, however soft or incompressible it is. It
+is bonded to two plates that are far stiffer and cannot spread sideways but near its rim, so that it resists being
+pressed with the confined modulus M = lambda + 2 G and not with E. How near: a pressure in such a layer dies away over
+
+    l = t sqrt(M / (12 G))
+
+from the rim, lateral flow being a parabola between the two plates.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import ngsolve as ng
+import numpy as np
+
+from footsense.core.design import CapacitorDesign
+from footsense.lab.fem.adjoint import class_field
+from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
+from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
+from footsense.lab.geometry import Material, SoleDesign
+from footsense.lab.response import DEGREE, FIT_ELEVATION_DEG, fit_class, tabulate
+from footsense.sim.foot import FootResponse, series_basis
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilmDesign:
+    """The film and the capacitors in it.
+
+    Attributes:
+        gel: Gelled polyurethane; the paper gives E = 20 kPa, Poisson's ratio is a choice.
+        film_mm: Thickness, that of the spacer [mm].
+        eps_r: Relative permittivity of the gel [1], a choice: capacitance and sensitivity are proportional to it.
+    """
+
+    gel: Material = field(default_factory=lambda: Material(0.020, 0.49))
+    film_mm: float = 0.037
+    eps_r: float = 5.0
+
+    @property
+    def relief_mm(self) -> float:
+        """Distance from the rim over which the film is not confined [mm]."""
+        return self.film_mm * float(np.sqrt(self.gel.confined_mpa / (12.0 * self.gel.shear_mpa)))
+
+    def capacitor(self, sole: SoleDesign) -> CapacitorDesign:
+        """Return the capacitor: one of eps_r times the area, with the film's thickness as a gap of air."""
+        return CapacitorDesign(
+            gap_um=1000.0 * self.film_mm,
+            film_um=0.0,
+            film_eps_r=1.0,
+            electrode_area_mm2=self.eps_r * sole.electrode_mm**2,
+        )
+
+
+class FilmQuarter(Quarter):
+    """One symmetry class of the foot with the film, factorised.
+
+    Attributes:
+        film: The film.
+    """
+
+    def __init__(self, sole: SoleDesign, size: MeshSize, parity: Parity, mesh: Any, film: FilmDesign) -> None:
+        """Assemble and factorise."""
+        self.film = film
+        super().__init__(sole, size, parity, mesh)
+
+    @property
+    def faces(self) -> str:
+        """Faces of the film in the mesh, joined by `|`."""
+        return "|".join(["bars", *(cell.name for cell in quarter_cells(self.sole))])
+
+    def _form(self) -> Any:
+        """Return the bilinear form: that of the bars, and the film over the electrodes."""
+        form = super()._form()
+        (u_ground, u_leg, *_), (v_ground, v_leg, *_) = self.space.TnT()
+        over_electrodes = self.faces.removeprefix("bars|")
+        form += self.bar_traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(over_electrodes)
+        return form
+
+    def bar_traction(self, jump: Any) -> Any:
+        """Return the traction [MPa] that the film puts against a jump u_ground - u_leg [mm]."""
+        gel = self.film.gel
+        across = (gel.shear_mpa, gel.shear_mpa, gel.confined_mpa)
+        return ng.CF(tuple(across[k] / self.film.film_mm * jump[k] for k in range(3)))
+
+
+def film_response(sole: SoleDesign, size: MeshSize, film: FilmDesign) -> FootResponse:
+    """Return the response table of the foot with the film; its free closures are those of the film.
+
+    Its `design` is still that of the gaps: take `FilmDesign.capacitor`.
+    """
+    mesh = build_mesh(sole, size)
+    fields, unknowns = {}, 0
+    for parity in SOLVED:
+        quarter = FilmQuarter(sole, size, parity, mesh, film)
+        fields[parity] = class_field(quarter)
+        unknowns = quarter.n_unknowns
+    return tabulate(sole, size, fields, {"elements": int(mesh.ne), "unknowns": unknowns})
+
+
+def upright_closure_um(sole: SoleDesign, size: MeshSize, film: FilmDesign) -> float:
+    """Return the mean closure of all elements under an upright point force [um/N]; one class does."""
+    quarter = FilmQuarter(sole, size, Parity(1, 1), build_mesh(sole, size), film)
+    series = fit_class(class_field(quarter))
+    pole = series_basis(np.array([0.0, 0.0, 1.0]), DEGREE, FIT_ELEVATION_DEG)
+    # A single cell answers with a quarter of what it and its images do; they are alike at the pole.
+    at_pole = np.tensordot(pole, series, 1)[:, 2]
+    return float(at_pole.mean() / 4.0)
