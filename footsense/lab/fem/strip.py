@@ -1,0 +1,85 @@
+"""The spacer as a law and as a solid: a cross-section through a cavity and half a bar, in plane strain.
+
+One pitch of the array repeats sideways. The middle plane of the spacer is a mirror, so only plate and rubber above it
+are solved: over the cavity nothing holds the plate, over the bar either the law t_n = M [u_n] / t of `quarter`, or
+half of the 37 um meshed as PDMS that may bulge into the cavity.
+"""
+
+from typing import Any
+
+import ngsolve as ng
+from netgen import occ
+
+from footsense.lab.fem.quarter import elastic
+from footsense.lab.geometry import SoleDesign
+
+#: Rubber above the plate [mm]: one pitch, beyond which a row of bars presses like a plane.
+_RUBBER_MM = 5.0
+#: Layers of thin elements around the corner of the bar, thickness of each over the next, order of the displacement.
+_LAYERS, _LAYER_REL, _ORDER = 4, 0.15, 5
+
+
+def _rectangle(x_mm: tuple[float, float], z_mm: tuple[float, float], name: str) -> Any:
+    """Return a rectangle as a named face."""
+    face = occ.MoveTo(x_mm[0], z_mm[0]).Rectangle(x_mm[1] - x_mm[0], z_mm[1] - z_mm[0]).Face()
+    face.name = name
+    return face
+
+
+def _mesh(sole: SoleDesign, *, solid: bool) -> Any:
+    """Return half a pitch: x from mid-cavity to mid-bar, z up from the plate's lower face."""
+    border, end = sole.electrode_mm / 2.0, sole.pitch_mm / 2.0
+    plate, top = sole.plate_mm, sole.plate_mm + _RUBBER_MM
+    half = sole.spacer_mm / 2.0
+    parts = [
+        _rectangle((0.0, border), (0.0, plate), "pdms"),
+        _rectangle((border, end), (0.0, plate), "pdms"),
+        _rectangle((0.0, border), (plate, top), "rubber"),
+        _rectangle((border, end), (plate, top), "rubber"),
+    ]
+    if solid:
+        bar = _rectangle((border, end), (-half, 0.0), "pdms")
+        bar.faces.maxh = half
+        parts.append(bar)
+    shape = occ.Glue(parts)
+    near = 1e-9
+    for edge in shape.edges:
+        x, z = edge.center.x, edge.center.y
+        if x < near or x > end - near:
+            edge.name = "mirror"
+        elif abs(z - top) < near:
+            edge.name = "pressed"
+        elif abs(z) < near:
+            edge.name = "cavity" if x < border else "bar"
+        elif solid and abs(z + half) < near:
+            edge.name = "middle"
+    for vertex in shape.vertices:
+        if abs(vertex.p.x - border) < near and vertex.p.y < near:
+            vertex.hpref = 1
+    mesh = ng.Mesh(occ.OCCGeometry(shape, dim=2).GenerateMesh(maxh=0.5, grading=0.3))
+    mesh.RefineHP(_LAYERS, _LAYER_REL)
+    return mesh
+
+
+def strip_closure_um(sole: SoleDesign, *, solid: bool, pressure_mpa: float = 0.01) -> float:
+    """Return the mean closure of the cavity under a uniform pressure [um].
+
+    Args:
+        sole: The foot, for thicknesses, widths and materials.
+        solid: Whether the spacer is meshed as PDMS; else it is the law.
+        pressure_mpa: On top of the rubber [MPa].
+    """
+    mesh = _mesh(sole, solid=solid)
+    space = ng.VectorH1(mesh, order=_ORDER, dirichletx="mirror", dirichlety="middle")
+    u, v = space.TnT()
+    form = ng.BilinearForm(space, symmetric=True)
+    form += elastic(sole.pdms, u, v, lame_mpa=sole.pdms.lame_mpa) * ng.dx("pdms")
+    form += elastic(sole.rubber, u, v, lame_mpa=sole.rubber.lame_mpa) * ng.dx("rubber")
+    if not solid:  # the jump is twice the displacement of one side
+        form += 2.0 * sole.pdms.confined_mpa / sole.spacer_mm * u[1] * v[1] * ng.ds("bar")
+    load = ng.LinearForm(-pressure_mpa * v[1] * ng.ds("pressed")).Assemble()
+    form.Assemble()
+    moved = ng.GridFunction(space)
+    moved.vec.data = form.mat.Inverse(space.FreeDofs(), "sparsecholesky") * load.vec
+    width_mm = sole.electrode_mm / 2.0
+    return float(-2.0e3 * ng.Integrate(moved[1] * ng.ds("cavity"), mesh) / width_mm)
