@@ -28,8 +28,8 @@ NOISE_REL = 0.05
 #: Neurons of the two hidden layers, the same for all sensors.
 HIDDEN = (18, 18)
 #: Networks for each sensor, and epochs of learning.
-SEEDS, QUICK_SEEDS = 8, 3
-EPOCHS, QUICK_EPOCHS = 3000, 500
+SEEDS, QUICK_SEEDS = 5, 3
+EPOCHS, QUICK_EPOCHS = 2000, 500
 #: Seed of the random errors.
 NOISE_SEED = 5
 #: A difference counts from this many of its standard errors on.

@@ -1,0 +1,82 @@
+"""The plain block, the soft film and two contacts against statics and symmetry."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import ngsolve as ng
+import numpy as np
+import pytest
+
+from footsense.lab.fem.block import COARSE_BLOCK
+from footsense.lab.fem.film import FilmDesign, FilmQuarter, upright_closure_um
+from footsense.lab.fem.mesh import COARSE, build_mesh
+from footsense.lab.fem.quarter import Parity
+from footsense.lab.geometry import Material, SoleDesign
+from footsense.lab.response import DEGREE, FIT_ELEVATION_DEG
+from footsense.lab.study.beyond import normal_to
+from footsense.lab.study.sensors import SENSORS, Sensor, patterns, protocol, sensor_series
+from footsense.sim.foot import series_basis
+
+pytestmark = pytest.mark.lab
+
+SOLE = SoleDesign()
+FILM_SIZE = replace(COARSE, layers=0)
+
+
+def test_a_cut_through_the_block_carries_the_whole_load() -> None:
+    """Elements that cover all of the block feel -f_z together, and a pattern turns with its load."""
+    tiles = Sensor("tiles", 3, 14.0 / 3.0, 14.0 / 3.0)
+    series = sensor_series(SOLE, [tiles], COARSE_BLOCK)["tiles"]
+    normal = np.array([[0.3, 0.2, np.sqrt(0.87)], [0.0, 0.0, 1.0]])
+    per_force = np.tensordot(series_basis(normal, DEGREE, FIT_ELEVATION_DEG), series, 1).sum(axis=(1, 2))
+    np.testing.assert_allclose(per_force * tiles.side_mm**2, [[0.0, 0.0, -1.0]] * 2, atol=1e-3)
+    there, turned = patterns(SOLE, series, np.array([[0.3, 0.2, np.sqrt(0.87)], [-0.2, 0.3, np.sqrt(0.87)]]))
+    quarter_turn = np.rot90(there.reshape(3, 3))
+    np.testing.assert_allclose(turned.reshape(3, 3), quarter_turn, atol=1e-9)
+
+
+def test_elements_lie_on_the_block() -> None:
+    """No element reaches over the edge, or over its neighbour; 181 directions are taught, 180 asked."""
+    for sensor in SENSORS:
+        halves = sensor.halves_mm()
+        assert halves[0][1] <= SOLE.sheet_mm / 2.0 + 1e-12
+        assert all(inner[1] < outer[0] for outer, inner in pairwise(halves))
+    assert [len(directions) for directions in protocol()] == [181, 180]
+
+
+@pytest.mark.parametrize("poisson", [0.49, 0.4999])
+def test_a_film_150_times_softer_than_its_plates_solves(poisson: float) -> None:
+    """Finite, symmetric, in balance: what the film carries is a quarter's share of a load of one newton."""
+    film = FilmDesign(gel=Material(0.020, poisson))
+    quarter = FilmQuarter(SOLE, FILM_SIZE, Parity(1, 1), build_mesh(SOLE, FILM_SIZE), film)
+    area_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("curved_ground"), quarter.mesh)
+    load = quarter.traction_load(ng.CF((0.0, 0.0, 0.25 / area_mm2)))
+    moved = quarter.solve(load)
+    ground, leg, *_ = moved.components
+    carried_n = ng.Integrate(quarter.bar_traction(ground - leg)[2] * ng.ds(quarter.faces), quarter.mesh)
+    assert carried_n == pytest.approx(0.25, rel=1e-6)
+    assert quarter.residual_rel(load, moved) < 1e-8
+    functionals = [quarter.closure_functional(name, 1.0) for name in ("cell0", "cell40")]
+    first, second = (quarter.solve(functional) for functional in functionals)
+    crossed = functionals[1].vec.InnerProduct(first.vec), functionals[0].vec.InnerProduct(second.vec)
+    assert np.isfinite(crossed).all()
+    assert crossed[0] == pytest.approx(crossed[1], rel=1e-6)
+
+
+def test_the_film_does_not_lock() -> None:
+    """A confined layer under rigid plates closes by t f / (M A); plates and mesh may change that by a tenth."""
+    film = FilmDesign(gel=Material(0.020, 0.49))
+    rigid_um = 1000.0 * film.film_mm / (film.gel.confined_mpa * SOLE.sheet_mm**2)
+    coarse = upright_closure_um(SOLE, FILM_SIZE, film)
+    assert coarse == pytest.approx(rigid_um, rel=0.1)
+    assert upright_closure_um(SOLE, replace(FILM_SIZE, plate_mm=1.4), film) == pytest.approx(coarse, rel=0.02)
+
+
+def test_a_lean_is_the_angle_that_was_asked_for() -> None:
+    """Unit normals at the lean from the force, on four sides that balance."""
+    force = np.array([[0.3, -0.2, 0.9]])
+    normals = np.concatenate([normal_to(force, 20.0, turn) for turn in (0.0, 90.0, 180.0, 270.0)])
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0)
+    along = force[0] / np.linalg.norm(force)
+    np.testing.assert_allclose(normals @ along, np.cos(np.radians(20.0)))
+    np.testing.assert_allclose(normals.sum(axis=0), 4.0 * np.cos(np.radians(20.0)) * along)
