@@ -246,8 +246,8 @@ spacer, between the same plates of PDMS, as an elastic layer. Our choices: Poiss
 relative permittivity {film.eps_r:g} (capacitance and sensitivity are proportional to it). Both designs have the
 converter's {1e3 * NOISE_PF:g} fF of noise. The range of the gaps ends at {FULL_SCALE_PF:.0f} pF, that of the film where
 it is anywhere pressed or stretched by {STRAIN_LIMIT_REL:.0%}; at rest the film has {gel_rest:.1f} pF, for which the
-converter needs its offset. Errors: the paper's 362 cases taught, its 180 asked, {ASKED} times with new noise; networks on closures
-9-{HIDDEN[0]}-{HIDDEN[1]}-3, mean ± deviation of {gap.direction_deg.n} start weights.
+converter needs its offset. Errors: the paper's 362 cases taught, its 180 asked, {ASKED} times with new noise;
+networks on closures 9-{HIDDEN[0]}-{HIDDEN[1]}-3, mean ± deviation of {gap.direction_deg.n} start weights.
 
 {table(["", "gaps in PDMS", "film"], rows)}
 
