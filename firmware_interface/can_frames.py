@@ -16,7 +16,7 @@ import struct
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from firmware_interface.can_codes import NODE_IDS, CommandKind, Flag, Result, State
+from firmware_interface.can_codes import NODE_IDS, USABLE, CommandKind, Flag, Result, State
 from firmware_interface.crc8 import FrameError, check, protect
 
 __all__ = [
@@ -133,8 +133,8 @@ def encode_force(node: int, counter: int, state: int, force_n: Sequence[float]) 
                       7..4  3..0
 
     A force leaves whole and with the state VALID or DEGRADED, or not at all: under any other state all three
-    components are "no value", and such a force of which a component is NaN or infinite leaves as ELEMENT_FAULT. One above
-    32.767 N leaves as that, which is not "no value".
+    components are "no value", and such a force of which a component is NaN or infinite leaves as ELEMENT_FAULT.
+    One above 32.767 N leaves as that, which is not "no value".
 
     Example:
         >>> encode_force(1, 0, State.VALID, (0.5, -0.25, 1.0)).hex(" ")

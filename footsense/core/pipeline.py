@@ -143,8 +143,12 @@ class Pipeline:
         """
         usable = np.isin(state, _USABLE)
         both_missing = np.concatenate((missing, missing))
-        both_rel = np.where(np.concatenate((usable, usable))[:, None], np.concatenate((closure_rel, coarser_rel)), 0.0)
-        both_n, both_sigma_n = self._estimator.estimate(self._filling.fill(both_rel, both_missing), both_missing)
+        both_rel = np.where(
+            np.concatenate((usable, usable))[:, None], np.concatenate((closure_rel, coarser_rel)), 0.0
+        )
+        both_n, both_sigma_n = self._estimator.estimate(
+            self._filling.fill(both_rel, both_missing), both_missing
+        )
         force_n, coarser_n = both_n[: len(state)], both_n[len(state) :]
         sigma_n = np.hypot(both_sigma_n[: len(state)], force_n - coarser_n)
         nowhere = usable & ~(np.isfinite(force_n) & np.isfinite(sigma_n)).all(axis=1)

@@ -13,7 +13,9 @@ SHUT_REL = 0.95
 OPEN_REL = 0.5
 
 #: The three rows and the three columns.
-_LINES = np.array([np.arange(ELEMENTS) // 3 == n for n in range(3)] + [np.arange(ELEMENTS) % 3 == n for n in range(3)])
+_LINES = np.array(
+    [np.arange(ELEMENTS) // 3 == n for n in range(3)] + [np.arange(ELEMENTS) % 3 == n for n in range(3)]
+)
 _BITS = (1 << np.arange(ELEMENTS)).astype(np.uint16)
 
 Mask = NDArray[np.bool_]

@@ -92,7 +92,7 @@ class Score:
         valid = np.isin(forces.state, list(USABLE))
         if not valid.any():
             return
-        self._age_ms.add(forces.age_ns[valid] * 1e-6)
+        self._age_ms.add(np.asarray(forces.age_ns[valid] * 1e-6, np.float64))
         if self._felt_n is not None:
             self._compare(forces.force_n[valid], self._felt_n(forces.t_sent_ns)[valid])
 

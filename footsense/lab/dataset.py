@@ -22,10 +22,10 @@ GRAM_FORCE_N = 9.80665e-3
 #: Largest force of the wide set [N].
 WIDE_MAX_N = 2.0
 #: Share of the wide set's centred loads; the others lean by up to the friction angle.
-WIDE_CENTRED_SHARE = 0.4
+WIDE_CENTRED_SHARE = 0.5
 #: Largest angle between force and contact normal [deg]: a friction coefficient of 0.7.
 FRICTION_ANGLE_DEG = 35.0
-#: How far the others lean typically, sideways and along [deg, rms each]: a level walk uses a friction coefficient of 0.2.
+#: How far the others lean, sideways and along [deg, rms each]: a level walk uses a friction coefficient of 0.2.
 TYPICAL_LEAN_DEG = 10.0
 #: Lowest elevation of force and of contact normal in the wide set [deg].
 WIDE_MIN_ELEVATION_DEG = 30.0
@@ -119,7 +119,7 @@ def _cap(rng: np.random.Generator, n: int, lowest_deg: float) -> NDArray[np.floa
 
 
 def leaning_normals(rng: np.random.Generator, direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return contact normals that lean away from the force's direction, typically little, by the friction angle at most."""
+    """Return contact normals that lean away from the force's direction, mostly little, never beyond friction."""
     n = len(direction)
     # A Rayleigh distribution cut off at the friction angle, by inversion.
     within = -np.expm1(-0.5 * (FRICTION_ANGLE_DEG / TYPICAL_LEAN_DEG) ** 2)

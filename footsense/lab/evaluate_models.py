@@ -91,8 +91,9 @@ def paper_protocol(folder: Path) -> dict[str, float]:
     Raises:
         ModelError: As `open_models`.
     """
-    from footsense.lab.limit import crb_ratio  # noqa: PLC0415 - it takes seconds that the table alone does not need
-    from footsense.lab.paper_way import paper_way_errors  # noqa: PLC0415 - the same
+    # Late: they take seconds to import that the table alone does not need.
+    from footsense.lab.limit import crb_ratio
+    from footsense.lab.paper_way import paper_way_errors
 
     response, network = open_models(folder)
     own_way = paper_way_errors(response, quick=False)

@@ -1,8 +1,8 @@
 """Write the network as ONNX with its card inside, and check that ONNX Runtime computes the same.
 
-One file carries weights and card (`metadata_props`, key `footsense_card`), so the two cannot drift apart. The file holds
-each weight once; Gather puts it in its eight places when the runtime loads the file, which folds all of it into plain
-matrices: a call multiplies and adds, nothing else.
+One file carries weights and card (`metadata_props`, key `footsense_card`), so the two cannot drift apart. The file
+holds each weight once; Gather puts it in its eight places when the runtime loads the file, which folds all of it into
+plain matrices: a call multiplies and adds, nothing else.
 """
 
 import json
@@ -120,7 +120,10 @@ def onnx_model(weights: Weights, card: dict[str, Any]) -> onnx.ModelProto:
     graph = helper.make_graph(
         _placing() + _running(),
         "footsense",
-        [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 9]) for name in ("closure_rel", "missing")],
+        [
+            helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 9])
+            for name in ("closure_rel", "missing")
+        ],
         [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 3]) for name in ("force_n", "sigma_n")],
         [numpy_helper.from_array(value, name) for name, value in constants.items()],
     )
@@ -159,7 +162,9 @@ class OnnxNetwork:
                 f"{path} is no network with a card ({why}); rebuild it with `footsense lab build`"
             ) from error
 
-    def estimate(self, closure_rel: Vector, missing: NDArray[np.bool_] | None = None) -> tuple[Vector, Vector]:
+    def estimate(
+        self, closure_rel: Vector, missing: NDArray[np.bool_] | None = None
+    ) -> tuple[Vector, Vector]:
         """Return force and sigma [N], shape (n, 3) each.
 
         Args:

@@ -10,7 +10,8 @@ from footsense.sim.foot import FootResponse
 def readme(response: FootResponse, card: dict[str, Any], table: dict[str, Errors], parity_n: float) -> str:
     """Return the model card for people."""
     where = response.provenance
-    wide = card["training"]["wide"]
+    wide, weights = card["training"]["wide"], card["training"]["weights"]
+    lean = f"{wide['typical_lean_deg']:g} deg"
     asymmetry, residual, cut_off = (
         f"{100 * where[key]:.4f} %" for key in ("mesh_asymmetry_rel", "fit_residual_rel", "interpolation_rel")
     )
@@ -23,13 +24,13 @@ radius. Everything here is made by one command and nothing is edited by hand:
 
 | file | what |
 |---|---|
-| `network.onnx` | `closure_rel`, `missing` [n, 9] to `force_n`, `sigma_n` [n, 3]; {card["training"]["weights"]} weights, each in eight places; card inside |
+| `network.onnx` | `closure_rel`, `missing` [n, 9] to `force_n`, `sigma_n` [n, 3]; {weights} weights; card inside |
 | `response.npz` | the simulator's foot: contact normals above {response.min_elevation_deg:g} deg |
 
 `paper_*`: the paper's 180 verification cases (100 gf, centred), no noise; read-outs fitted to the paper's 362 training
 cases, but for `paper_network`, the released one. `wide_*`: {HELD_OUT_CASES} held-out random loads, those from 0.2 N,
-contact normals leaning from the force by {wide["typical_lean_deg"]:g} deg rms sideways and along, {wide["friction_angle_deg"]:g} deg at
-most, gaps shutting in part, converter noise of {1000 * wide["noise_pf"]:g} fF.
+contact normals leaning from the force by {lean} rms sideways and along, {wide["friction_angle_deg"]:g} deg at most,
+gaps shutting in part, converter noise of {1000 * wide["noise_pf"]:g} fF.
 
 {as_markdown(table)}
 

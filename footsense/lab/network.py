@@ -20,7 +20,6 @@ Source:
 
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +94,8 @@ def relative_index() -> NDArray[np.intp]:
     stack = np.stack(SYMMETRIES)
     products = np.einsum("gji,hjk->ghik", stack, stack)
     same = np.abs(products[:, :, None] - stack).max(axis=(3, 4)) == 0.0
-    return same.argmax(axis=2).astype(np.intp)
+    place: NDArray[np.intp] = same.argmax(axis=2).astype(np.intp)
+    return place
 
 
 def linear_basis() -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ Four steps, each with its error stated in the table's provenance:
 
 from collections.abc import Callable
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -173,9 +174,10 @@ def _rms_rel(difference: Vector, reference: Vector) -> float:
     return round(float(np.sqrt(np.mean(difference**2) / np.mean(reference**2))), 6)
 
 
-def _rounded(table: Vector) -> Vector:
+def _rounded(table: Any) -> Vector:
     """Return the kept decimals, without -0.0, which would be other bytes."""
-    return np.round(table, DECIMALS) + 0.0
+    kept: Vector = np.round(table, DECIMALS) + 0.0
+    return kept
 
 
 def make_response(
@@ -196,7 +198,9 @@ def make_response(
     for parity in SOLVED:
         quarter = Quarter(sole, size, parity, mesh)
         fields[parity] = class_field(quarter)
-        report(f"class {parity.x:+d} {parity.y:+d}: {mesh.ne} elements, {quarter.n_unknowns} unknowns, 81 solves")
+        report(
+            f"class {parity.x:+d} {parity.y:+d}: {mesh.ne} elements, {quarter.n_unknowns} unknowns, 81 solves"
+        )
     return tabulate(sole, size, fields, {"elements": int(mesh.ne), "unknowns": quarter.n_unknowns})
 
 

@@ -202,7 +202,8 @@ def judge(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
     rng = np.random.default_rng((seed, job.foot, 1))
     taught = measure(foot, own.mount, shop.training_n, job.tolerances, rng)
     asked = measure(foot, own.mount, shop.verification_n, job.tolerances, rng)
-    shipped_n = shop.network.force_n(asked.closure_um / design.gap_um)
+    closure_rel = asked.closure_um / design.gap_um
+    shipped_n = shop.network.force_n(closure_rel)
     changed_um = _as_designed_um(design, asked.change_pf)
     estimates = {
         "network": shipped_n,
@@ -221,12 +222,5 @@ def judge(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
     for name, estimate in estimates.items():
         row = errors(asked.force_n, estimate)
         figures |= {f"{name}_deg": row.direction_deg, f"{name}_gf": row.magnitude_gf}
-    return figures | _coverage(shop.network, asked.true_n, shipped_n)
-
-
-def _coverage(network: OnnxNetwork, true_n: Vector, estimate_n: Vector) -> Figures:
-    """Return the shares of force components whose error is within 1 and 2 of the card's sigma."""
-    floor_n, rel = np.array(network.card["sigma_floor_n"]), np.array(network.card["sigma_rel"])
-    sigma_n = floor_n + rel * np.linalg.norm(estimate_n, axis=1, keepdims=True)
-    off = np.abs(estimate_n - true_n) / sigma_n
-    return {f"within_{k}": float((off <= k).mean()) for k in (1, 2)}
+    off_rel = np.abs(shipped_n - asked.true_n) / shop.network.sigma_n(closure_rel)
+    return figures | {f"within_{k}": float((off_rel <= k).mean()) for k in (1, 2)}

@@ -5,9 +5,9 @@ ones. Every batch draws its own noise and its own missing elements: no case is s
 
 The loss is the likelihood of the error found under the sigma that the network states, so that a case which noise or a
 missing row makes hopeless does not spend the weights that a clear one needs; tempered, and with a share of the plain
-squared error over the squared force, so that it is not given up either. Inputs of the hidden layers are whitened while training, because the patterns that tell friction from inclination are a hundred times
-weaker than the ones that carry the force; the whitening is then folded into W1. The linear path starts at the
-least-squares read-out.
+squared error over the squared force, so that it is not given up either. Inputs of the hidden layers are whitened while
+training, because the patterns that tell friction from inclination are a hundred times weaker than the ones that carry
+the force; the whitening is then folded into W1. The linear path starts at the least-squares read-out.
 
 Source:
     Seitzer et al., On the pitfalls of heteroscedastic uncertainty estimation with probabilistic neural networks, ICLR
@@ -81,7 +81,8 @@ def moments(closure_rel: Vector) -> Vector:
     pattern = hidden_input(closure_rel)[:, :9]
     plain = pattern.T @ pattern / len(pattern)
     maps = [element_map(g) for g in SYMMETRIES]
-    return np.mean([plain[np.ix_(m, m)] for m in maps], axis=0) + 1e-7 * np.eye(9)
+    even: Vector = np.mean([plain[np.ix_(m, m)] for m in maps], axis=0) + 1e-7 * np.eye(9)
+    return even
 
 
 def linear_start(closure_rel: Vector, force_n: Vector, floor_n: float) -> Vector:
@@ -206,9 +207,7 @@ def train(
         after: tuple[Weights, Any] = jax.lax.scan(step, carry, jax.random.split(key, _STEPS_AT_ONCE))[0]
         return after
 
-    start, *rounds = jax.random.split(
-        jax.random.PRNGKey(protocol.seed), 1 + protocol.steps // _STEPS_AT_ONCE
-    )
+    start, *rounds = jax.random.split(jax.random.PRNGKey(protocol.seed), 1 + protocol.steps // _STEPS_AT_ONCE)
     free = _start(start, protocol.channels)
     carry = (free, optimiser.init(free))
     compiled = jax.jit(many)

@@ -124,7 +124,9 @@ class FootResponse:
         for name, shape in wanted.items():
             array = getattr(self, name)
             if array.shape != shape or not np.isfinite(array).all():
-                raise ValueError(f"{name} of degree {self.degree} is finite, of shape {shape}, got {array.shape}")
+                raise ValueError(
+                    f"{name} of degree {self.degree} is finite, of shape {shape}, got {array.shape}"
+                )
         whole = np.stack([whole_series(part, self.degree) for part in self.quarter_series])
         object.__setattr__(self, "series", whole.transpose(0, 1, 3, 2).reshape(*whole.shape[:2], -1))
         object.__setattr__(self, "compliance_um_per_n", whole_compliance(self.quarter_compliance))
@@ -155,7 +157,7 @@ class FootResponse:
                 raise ModelError(f"{path} is not a foot response of format {FORMAT}; {rebuild}")
             about["design"] = CapacitorDesign(**about["design"])
             digest = hashlib.sha256(content).hexdigest()
-            return cls(**about, **arrays, sha256=digest)
+            return cls(**{**about, **arrays}, sha256=digest)
         except (
             KeyError,
             TypeError,

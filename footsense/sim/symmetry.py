@@ -1,7 +1,7 @@
 """The square's symmetries, as they act on cells, on series and on the compliance of the gaps.
 
-The cells of all electrodes together are an 18 x 18 grid, row 0 the most forward, column 0 the leftmost (the bars between
-the electrodes left out). A mirror of the foot maps the grid onto itself, so a quarter of it tells the rest.
+The cells of all electrodes together are an 18 x 18 grid, row 0 the most forward, column 0 the leftmost (the bars
+between the electrodes left out). A mirror of the foot maps the grid onto itself, so a quarter of it tells the rest.
 """
 
 import numpy as np

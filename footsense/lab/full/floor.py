@@ -17,7 +17,7 @@ class Patch:
     Attributes:
         radius_mm: Radius of the circle with the area of the touching surface, undeformed [mm].
         approach_mm: How far the floor has come along the normal since it touched [mm].
-        peak_mpa: Largest pressure per undeformed area [MPa].
+        peak_mpa: Largest pressure per undeformed area [MPa], of its projection on linear elements.
     """
 
     radius_mm: float

@@ -60,7 +60,7 @@ class PlaneFloor:
         points = ngsolve.comp.IntegrationRuleSpaceSurface(
             self._mesh, order=2 * moved.space.globalorder + 3, definedon=region
         )
-        self._scalar, self._region = points, region
+        self._region = region
         self._anchor = ng.GridFunction(points**3)
         self._surface = ng.ds(FACE, intrules=points.GetIntegrationRules())
 
@@ -136,8 +136,9 @@ class PlaneFloor:
 
     def patch(self) -> Patch:
         """Return how the foot touches now."""
-        pressure = ng.GridFunction(self._scalar)
-        pressure.Interpolate(self._pressure(self._moved), definedon=self._region)
+        # Point by point a penalty's pressure wavers about the true one; its linear projection does not.
+        pressure = ng.GridFunction(ng.H1(self._mesh, order=1, definedon=self._region))
+        pressure.Set(self._pressure(self._moved), definedon=self._region, bonus_intorder=5)
         return Patch(
             radius_mm=self._radius_mm(),
             approach_mm=float(self._case.normal @ self.place_mm),

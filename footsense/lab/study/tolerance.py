@@ -199,7 +199,7 @@ All levels, as direction / magnitude error. "Typical" is {typical}: assumed, nob
 
 {_level_table(results, FEET, ON_DESIGN, ("within_1", "within_2"))}
 
-The last columns are the shares of the shipped network's force components within 1 and 2 of the sigma of its card, which
+The last columns are the shares of the shipped network's force components within 1 and 2 of the sigma that it states: it
 knows of no foot but the designed one. Of a normal error it would be 68 % and 95 %.
 """
 

@@ -1,0 +1,133 @@
+"""The report: every study's page, bound into one document, each with the command that makes it.
+
+A page is written as soon as it is made, with the hash of the network that it is about; a report that was interrupted
+goes on with the pages that are missing.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from timeit import default_timer
+
+from footsense.errors import FootsenseError
+from footsense.lab.evaluate_models import NETWORK_FILE
+from footsense.lab.study.page import Page, Workbench
+from footsense.lab.targets import targets
+
+#: The studies in the order of the report; module `footsense.lab.study.<name with _>`.
+STUDIES = (
+    "shipped",
+    "sensors",
+    "paper-way",
+    "hidden-layers",
+    "rprop-speed",
+    "pattern",
+    "error-map",
+    "beyond",
+    "film",
+    "tolerance",
+    "solid",
+    "ladder",
+    "limit",
+    "network-size",
+    "history",
+    "hard-cases",
+)
+README = "README.md"
+
+
+def make_page(name: str, bench: Workbench) -> Page:
+    """Run one study.
+
+    Args:
+        name: Of `STUDIES`.
+        bench: What it works on.
+
+    Raises:
+        FootsenseError: There is no such study.
+    """
+    if name not in STUDIES:
+        raise FootsenseError(f"no study {name!r}: there are {', '.join(STUDIES)}")
+    module = import_module(f"footsense.lab.study.{name.replace('-', '_')}")
+    started = default_timer()
+    page: Page = module.page(bench)
+    about = {"network_sha256": _network_hash(bench), "quick": bench.quick}
+    return replace(page, seconds=default_timer() - started, values={**page.values, **about})
+
+
+def _network_hash(bench: Workbench) -> str:
+    """Return the hash of the network that the studies are about."""
+    return hashlib.sha256((bench.models / NETWORK_FILE).read_bytes()).hexdigest()
+
+
+def is_made(name: str, folder: Path, bench: Workbench) -> bool:
+    """Tell whether a folder holds a study's page about this very network."""
+    try:
+        values = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
+        (folder / f"{name}.md").stat()
+    except (OSError, json.JSONDecodeError):
+        return False
+    return bool(values.get("network_sha256") == _network_hash(bench) and values.get("quick") == bench.quick)
+
+
+def make_report(folder: Path, bench: Workbench, *, resume: bool, report: Callable[[str], None]) -> Path:
+    """Run the studies and bind their pages.
+
+    Args:
+        folder: Where the pages go.
+        bench: What the studies work on.
+        resume: Whether pages that are there already, about this very network, are kept.
+        report: Told what has just been done, one line each.
+
+    Returns:
+        The bound document.
+    """
+    for name in STUDIES:
+        if resume and is_made(name, folder, bench):
+            report(f"{name}: kept")
+            continue
+        page = make_page(name, bench)
+        page.write(folder)
+        report(f"{name}: {page.seconds:.0f} s")
+    return bind(folder)
+
+
+def bind(folder: Path) -> Path:
+    """Write the document of all pages that a folder holds, the targets on top, and return its path."""
+    made = [name for name in STUDIES if (folder / f"{name}.md").exists()]
+    values = {name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in made}
+    pages = [(folder / f"{name}.md").read_text(encoding="utf-8").strip() for name in made]
+    titles = [page.partition("\n")[0].removeprefix("## ") for page in pages]
+    contents = "\n".join(f"- [{title}](#{_anchor(title)})" for title in titles)
+    seconds = sum(value["seconds"] for value in values.values())
+    quick = "\n\n**A quick form: coarse mesh, short training, few seeds. Its numbers say nothing.**" * any(
+        value["quick"] for value in values.values()
+    )
+    text = f"""# The lab's report
+
+From rubber to network: every result of Aoyagi et al. with its command, its figure and its number beside the paper's,
+and what the paper could not say. All of it is made by `footsense lab report`; the studies took {seconds / 60.0:.0f} min
+on two cores. Nothing here is edited by hand.{quick}
+
+{targets(values)}
+
+{contents}
+
+"""
+    path = folder / README
+    path.write_text(text + "\n\n".join(pages) + "\n", encoding="utf-8")
+    return path
+
+
+def _anchor(title: str) -> str:
+    """Return the anchor that a heading gets.
+
+    Example:
+        >>> _anchor("The limit: Cramer-Rao, 20 to 150 gf")
+        'the-limit-cramer-rao-20-to-150-gf'
+    """
+    kept = "".join(letter for letter in title.lower() if letter.isalnum() or letter in " -_")
+    return kept.replace(" ", "-")
