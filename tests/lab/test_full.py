@@ -21,7 +21,7 @@ from footsense.lab.geometry import Material, SoleDesign
 pytestmark = pytest.mark.lab
 
 SOLE = SoleDesign()
-COARSE = Fineness(ball_mm=3.5, plate_mm=2.0, bar_mm=2.0, patch_rel=0.5)
+COARSE = Fineness(ball_mm=4.5, plate_mm=2.5, bar_mm=2.0, patch_rel=0.5)
 UP = np.array([0.0, 0.0, 1.0])
 #: A contact behind the middle: the normal tilts forward, the force stays upright.
 LEANING = np.array([np.sin(0.35), 0.0, np.cos(0.35)])
@@ -36,15 +36,15 @@ def test_a_light_load_is_hertz_on_the_linear_foot() -> None:
     that grows with a/R = 0.04. The linear foot knows that compliance; its approach is met more closely.
     """
     force = 5.0 * GRAM_FORCE_N * UP
-    fine = replace(COARSE, patch_rel=0.25)
+    fine = replace(COARSE, patch_rel=0.3)
     solved = FullFoot(SOLE, fineness=fine).solve(UP, force)
     linear = FullFoot(SOLE, fineness=fine, finite_strain=False, floor="hertz", gaps="open").solve(UP, force)
     a_mm = np.cbrt(0.75 * force[2] * SOLE.ball_radius_mm / SOLE.rubber.hertz_mpa)
-    assert solved.patch_mm == pytest.approx(a_mm, rel=0.03)
+    assert solved.patch_mm == pytest.approx(a_mm, rel=0.04)
     assert solved.peak_mpa == pytest.approx(1.5 * force[2] / (np.pi * a_mm**2), rel=0.05)
     assert 1.0 < solved.approach_mm / (a_mm**2 / SOLE.ball_radius_mm) < 1.1
     assert solved.approach_mm == pytest.approx(linear.approach_mm, rel=0.02)
-    np.testing.assert_allclose(solved.closure_um, linear.closure_um, atol=0.02 * linear.closure_um.max())
+    np.testing.assert_allclose(solved.closure_um, linear.closure_um, atol=0.005 * linear.closure_um.max())
 
 
 def test_the_spacer_carries_the_force_that_was_asked_for() -> None:
@@ -115,7 +115,7 @@ def test_a_shut_gap_is_entered_by_less_than_a_hundredth() -> None:
 
 
 def test_a_force_outside_the_cone_of_friction_is_refused() -> None:
-    """tan 20 deg is more than 0.3, and no floor pulls."""
+    """The tangent of 20 deg is more than 0.3, and no floor pulls."""
     with pytest.raises(ValueError, match=r"friction 0\.3 .* holds less than"):
         FullFoot(SOLE, fineness=COARSE, friction=0.3).solve(LEANING, UP)
     with pytest.raises(ValueError, match="pressed with -1 N"):
@@ -129,22 +129,23 @@ def test_rubber_near_incompressible_does_not_lock() -> None:
     sums = []
     for poisson in (0.49, 0.4999):
         sole = replace(SOLE, rubber=Material(5.2, poisson))
-        solved = FullFoot(sole, fineness=COARSE, floor="hertz", gaps="open").solve(UP, UP)
+        solved = FullFoot(sole, fineness=COARSE, floor="hertz", gaps="open").solve(UP, 0.2 * UP)
         sums.append(solved.closure_um.sum())
     assert abs(sums[1] / sums[0] - 1.0) < 0.05
 
 
 def test_half_and_whole_foot_agree() -> None:
-    """The same load turned by 90 deg, meshed half and whole: rows become columns, within the coarse meshes' noise."""
-    leaning = FullFoot(SOLE, fineness=COARSE, finite_strain=False, floor="hertz", gaps="open")
+    """A load turned by 90 deg, meshed half and whole: rows become columns, within a rough mesh's noise of 10 %."""
+    rough = Fineness(ball_mm=5.0, plate_mm=3.5, bar_mm=4.0, patch_rel=0.8)
+    leaning = FullFoot(SOLE, fineness=rough, finite_strain=False, floor="hertz", gaps="open")
     forward = leaning.solve(LEANING, UP).closure_um.reshape(3, 3)
     sideways = leaning.solve(LEANING[[1, 0, 2]], UP).closure_um.reshape(3, 3)
-    np.testing.assert_allclose(sideways, forward.T, atol=0.05 * forward.max())
+    np.testing.assert_allclose(sideways, forward.T, atol=0.1 * forward.max())
 
 
 def test_a_load_that_does_not_converge_is_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
     """The error names the load and the residual."""
-    monkeypatch.setattr(newton, "MOST_STEPS", 1)
+    monkeypatch.setattr(newton, "MOST_STEPS", 0)
     monkeypatch.setattr(foot, "MOST_HALVINGS", 0)
-    with pytest.raises(ConvergenceError, match=r"at 100% of the load: residual .* after 1 Newton steps"):
+    with pytest.raises(ConvergenceError, match=r"at 100% of the load: residual .* after 0 Newton steps"):
         FullFoot(SOLE, fineness=COARSE).solve(UP, UP)
