@@ -26,8 +26,9 @@ from footsense.sim.symmetry import HALF_SIDE, flat_of_grid
 
 Vector = NDArray[np.float64]
 
-#: Order that the quadrature of a patch, small against the elements that it lies on, has above theirs.
-PATCH_ORDER = 24
+#: Order that the quadrature of a patch has above that of the elements, which are three times as large and more: with 24
+#: the closures of some loads were wrong by 4 %, with 60 by 0.3 % at most, and it takes no longer.
+PATCH_ORDER = 60
 
 
 @dataclass(frozen=True, slots=True, eq=False)
