@@ -51,9 +51,9 @@ class MeshSize:
 
 #: What the released table is made with.
 SHIPPED = MeshSize()
-#: What the tests and `--quick` use: a second per class, and closures some 4 % too small.
+#: What the tests and `--quick` use: a second per class, and closures some 6 % too small.
 COARSE = MeshSize(layer_rel=0.15, bar_mm=0.67, order=2)
-#: What SHIPPED is judged by: elements half as large, one layer and one order more.
+#: What SHIPPED is judged by: elements half as large at the bars, smaller elsewhere, and one layer more.
 FINEST = MeshSize(
     ball_mm=4.0, plate_mm=1.5, surface_mm=2.5, bar_mm=0.25, grading=0.5, layers=2, layer_rel=0.12
 )
