@@ -14,6 +14,8 @@ from footsense.lab.cluster import on_cluster
 from footsense.lab.dataset import paper_verification
 from footsense.lab.evaluate_models import open_models
 from footsense.lab.specimens import fabricate, judge, measure
+from footsense.lab.study.page import Workbench
+from footsense.lab.study.tolerance import ON_DESIGN, ON_FOOT, campaign_page
 from footsense.lab.sweeps import BENCHES, FEET, FULL, QUICK, Results
 from footsense.sim.fabricated import Foot
 from footsense.sim.foot import FootResponse
@@ -188,3 +190,22 @@ def test_levels_between_those_done_are_read_off_a_straight_line() -> None:
     assert results.reached(sweep, "network_deg", 0.0) == 0.0
     assert results.reached(sweep, "network_deg", 99.0) is None
     assert all(job.taught for job in FULL.jobs(BENCHES[0], 1.0))
+
+
+def test_the_page_says_what_the_feet_said() -> None:
+    """With workers that answer by the gap alone: where the paper's error is met, where not, and who did the asking."""
+
+    def canned(_: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, Figures], None, None]:
+        for job in jobs:
+            yield job, dict.fromkeys(names, 4.0 * job.tolerances.gap_um)
+
+    readouts = (*ON_DESIGN, *ON_FOOT, "reference")
+    names = ["within_1", "within_2", *(f"{name}_{unit}" for name in readouts for unit in ("deg", "gf"))]
+    said: list[str] = []
+    page = campaign_page(Workbench(models=RELEASED, quick=True, say=said.append), QUICK, canned)
+    assert "Quick run" in page.body
+    assert "| gap [um] | 4 | 4 | 4 | 4.7 | 4.7 | 4.7 |" in page.body
+    assert "| film [um] | no (0.0 at 4) |" in page.body
+    assert all(f"![]({figure})" in page.body for figure in page.figures)
+    assert page.values["means"]["gap [um]"]["8"]["network_deg"]["mean"] == 32.0
+    assert len(said) == 1
