@@ -64,12 +64,10 @@ def test_a_film_150_times_softer_than_its_plates_solves(poisson: float) -> None:
 
 
 def test_the_film_does_not_lock() -> None:
-    """A confined layer under rigid plates closes by t f / (M A); plates and mesh may change that by a tenth."""
+    """A confined layer under rigid plates closes by t f / (M A); that the plates bend may change it by a tenth."""
     film = FilmDesign(gel=Material(0.020, 0.49))
     rigid_um = 1000.0 * film.film_mm / (film.gel.confined_mpa * SOLE.sheet_mm**2)
-    coarse = upright_closure_um(SOLE, FILM_SIZE, film)
-    assert coarse == pytest.approx(rigid_um, rel=0.1)
-    assert upright_closure_um(SOLE, replace(FILM_SIZE, plate_mm=1.4), film) == pytest.approx(coarse, rel=0.02)
+    assert upright_closure_um(SOLE, FILM_SIZE, film) == pytest.approx(rigid_um, rel=0.1)
 
 
 def test_a_lean_is_the_angle_that_was_asked_for() -> None:
