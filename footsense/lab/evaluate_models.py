@@ -24,19 +24,21 @@ from footsense.sim.foot import FootResponse
 RESPONSE_FILE, NETWORK_FILE = "response.npz", "network.onnx"
 #: Seed and size of the held-out wide set.
 HELD_OUT_SEED, HELD_OUT_CASES = 2, 10_000
+#: Rows of the networks trained on the paper's 362 cases alone; the very name is the one fed with unbent closures.
+ALONE = "paper_network_362"
 #: The wide set's table leaves out loads so small that the converter's noise alone hides their direction [N].
 WIDE_TABLE_MIN_N = 0.2
 
 
 def error_table(
-    response: FootResponse, shipped: Readout, only_362: Readout | None = None
+    response: FootResponse, shipped: Readout, alone: dict[str, Readout] | None = None
 ) -> dict[str, Errors]:
     """Return the errors of every read-out.
 
     Args:
         response: The foot.
         shipped: The network trained on the wide set.
-        only_362: The network trained on the paper's cases alone, if at hand.
+        alone: Networks trained on the paper's cases alone by the names of their rows, if at hand.
 
     Returns:
         Rows by name: `paper_*` on the 180 verification cases without noise, `wide_*` on held-out random loads
@@ -55,8 +57,7 @@ def error_table(
         "wide_linear_elastance": (elastance_readout(wide(response, HELD_OUT_CASES, 3)), loads),
         "wide_network": (shipped, loads),
     }
-    if only_362 is not None:
-        readouts["paper_network_362"] = (only_362, verification)
+    readouts |= {name: (read, verification) for name, read in (alone or {}).items()}
     return {name: errors(cases.force_n, read(cases.closure_um)) for name, (read, cases) in readouts.items()}
 
 
@@ -77,11 +78,13 @@ def open_models(folder: Path) -> tuple[FootResponse, OnnxNetwork]:
 
 
 def evaluate_models(folder: Path) -> dict[str, Errors]:
-    """Return the error table of released files; the row of the 362-case network is the one in the card."""
+    """Return the error table of released files; the rows of the 362-case networks are those in the card."""
     response, network = open_models(folder)
     gap_um = response.design.gap_um
     table = error_table(response, lambda closure_um: network.force_n(closure_um / gap_um))
-    table["paper_network_362"] = Errors(**network.card["errors"]["paper_network_362"])
+    for name, row in network.card["errors"].items():
+        if name.startswith(ALONE):
+            table[name] = Errors(**row)
     return table
 
 

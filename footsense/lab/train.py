@@ -43,6 +43,8 @@ _MASKED_SHARE = 0.15
 #: How far a case's own sigma forgives its error: 0 is the likelihood, which gives up on whatever is hard; 1 is the
 #: squared error, which spends itself on it (the beta of Seitzer et al.).
 _FORGIVING = 0.25
+#: Weight of the squared error over the squared force beside it.
+_SQUARED = 100.0
 #: Steps that are compiled into one call.
 _STEPS_AT_ONCE = 1000
 
@@ -63,7 +65,7 @@ class Protocol:
     """
 
     channels: int = 14
-    steps: int = 100_000
+    steps: int = 120_000
     batch: int = 512
     rate: float = 1e-2
     floor_n: float = 0.3
@@ -192,7 +194,7 @@ def train(
         scale = jnp.sqrt(jnp.sum(f**2, axis=-1, keepdims=True) + protocol.floor_n**2)
         weight = jax.lax.stop_gradient(sigma / scale) ** (2.0 * _FORGIVING)
         likelihood = jnp.log(sigma) + 0.5 * square / sigma**2
-        return jnp.mean(weight * likelihood) + jnp.mean(square / scale**2)
+        return jnp.mean(weight * likelihood) + _SQUARED * jnp.mean(square / scale**2)
 
     schedule = optax.cosine_onecycle_schedule(protocol.steps, protocol.rate, pct_start=0.1)
     optimiser = optax.contrib.muon(schedule)

@@ -215,10 +215,13 @@ def _findings(results: dict[str, tuple[Spread, Spread]]) -> str:
             )
         pairs = [(small, large) for small, large in PAIRS if small in of and large in of]
         gains = [of[small].mean - of[large].mean for small, large in pairs]
+        not_worse = all(
+            gain > -SURE * of[s].excess(of[b])[1] for gain, (s, b) in zip(gains, pairs, strict=True)
+        )
         said = "; ".join(f"{small} minus {large} {_against(of[small], of[large])}" for small, large in pairs)
         lines.append(
-            f"- **{title}, area.** {said}. That a larger area is better {_holds(true=min(gains) > 0.0)} for all of "
-            f"these; that it is conspicuous for 4 elements alone, at least {SURE:g} times what the others gain, "
+            f"- **{title}, area.** {said}. That a larger area is better, or no worse than chance, "
+            f"{_holds(true=not_worse)} for all of these; that it is conspicuous for 4 elements alone, at least {SURE:g} times what the others gain, "
             f"{_holds(true=gains[0] > SURE * max(gains[1:]) and gains[0] > 0.0)}."
         )
     return "\n".join(lines)
