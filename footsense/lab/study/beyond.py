@@ -176,6 +176,8 @@ def _curves(x: Any, label: str, found: list[dict[str, Errors]]) -> Figure:
     for axes, what in ((direction, "mean direction error [deg]"), (magnitude, "mean magnitude error [gf]")):
         axes.set(xlabel=label, ylabel=what, yscale="log")
         axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("{x:g}")
+        axes.tick_params(which="minor", labelsize=7)
         axes.grid(alpha=0.3, which="both")
     direction.legend(fontsize=8)
     return figure

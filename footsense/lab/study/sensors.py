@@ -221,8 +221,8 @@ def _findings(results: dict[str, tuple[Spread, Spread]]) -> str:
         said = "; ".join(f"{small} minus {large} {_against(of[small], of[large])}" for small, large in pairs)
         lines.append(
             f"- **{title}, area.** {said}. That a larger area is better, or no worse than chance, "
-            f"{_holds(true=not_worse)} for all of these; that it is conspicuous for 4 elements alone, at least {SURE:g} times what the others gain, "
-            f"{_holds(true=gains[0] > SURE * max(gains[1:]) and gains[0] > 0.0)}."
+            f"{_holds(true=not_worse)} for all of these; that it is conspicuous for 4 elements alone, at least "
+            f"{SURE:g} times what the others gain, {_holds(true=gains[0] > SURE * max(0.0, *gains[1:]))}."
         )
     return "\n".join(lines)
 
