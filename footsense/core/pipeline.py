@@ -101,17 +101,19 @@ class Pipeline:
         calibration, design = self._calibration, self._calibration.design
         capacitance_pf = scan.capacitance_pf - self._stray_pf
         outcomes = self._baselines.observe(capacitance_pf, scan.reading)
-        # Moved to one time as distances, which do not jump when a tare moves the baseline.
-        aligned = self._skew.apply(design.plate_distance_um(capacitance_pf), scan.t_ns)
+        # NaN compares as False: an element that was not read is neither open, shut nor out of range.
+        opened = quality.open_elements(capacitance_pf, self._unloaded_pf)
+        missing = quality.missing_elements(opened)
+        # Moved to one time as distances, which do not jump when a tare moves the baseline. An open element has none:
+        # a line through its last one would take the element's return for a load.
+        distance_um = np.where(opened, np.nan, design.plate_distance_um(capacitance_pf))
+        aligned = self._skew.apply(distance_um, scan.t_ns, missing)
         rest_um = design.plate_distance_um(self._baselines.baseline_pf)
         closure_rel = (rest_um - aligned.values) / design.gap_um
 
-        # NaN compares as False: an element that was not read is neither open, shut nor out of range.
-        opened = quality.open_elements(capacitance_pf, self._unloaded_pf)
         shut = closure_rel > quality.SHUT_REL
         outside = (closure_rel < calibration.closure_rel_min) | (closure_rel > calibration.closure_rel_max)
         oldest_ns = scan.t_ns.min(axis=1)
-        missing = quality.missing_elements(opened)
 
         state = np.full(len(capacitance_pf), State.VALID, np.uint8)
         state[missing.any(axis=1)] = State.DEGRADED

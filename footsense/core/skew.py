@@ -52,12 +52,13 @@ class SkewRemoval:
         self._slope = np.full(shape, np.nan)
         self._t_before_ns = np.zeros(shape, np.int64)
 
-    def apply(self, values: Vector, t_ns: Stamps) -> Aligned:
+    def apply(self, values: Vector, t_ns: Stamps, spared: NDArray[np.bool_] | None = None) -> Aligned:
         """Return every value as of the mean stamp of its leg.
 
         Args:
             values: One scan in any unit, shape (legs, elements), NaN where there is no reading.
             t_ns: Stamp of each [ns], same shape.
+            spared: Elements that nobody asks for, same shape; the leg is together without them. None: none.
 
         Example:
             >>> skew = SkewRemoval(1, 2)
@@ -75,8 +76,9 @@ class SkewRemoval:
         self._values, self._slope = values, slope
         line = values + slope * ahead_ns
         parabola = line + bend * (ahead_ns * (ahead_ns + elapsed_ns))
-        has_two = np.isfinite(line).all(axis=1, keepdims=True)
-        has_three = np.isfinite(parabola).all(axis=1, keepdims=True)
+        ignored = np.False_ if spared is None else spared
+        has_two = (np.isfinite(line) | ignored).all(axis=1, keepdims=True)
+        has_three = (np.isfinite(parabola) | ignored).all(axis=1, keepdims=True)
         near = (np.abs(ahead_ns) <= _FARTHEST_REL * elapsed_ns).all(axis=1)
         return Aligned(
             values=np.where(has_three, parabola, np.where(has_two, line, values)),

@@ -6,74 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from footsense.core.baseline import TareLimits
 from footsense.core.design import CapacitorDesign
-from footsense.core.pipeline import Calibration, Pipeline
-from footsense.frames import CapFrame, Command, CommandKind, Flag, ForceFrame, Reading, Result, State
-
-DESIGN = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
-WINDOW = 4
-SCAN_NS = 25_000_000
-MAX_AGE_NS = 100_000_000
-
-
-class SumOfClosures:
-    """An estimator whose every component is the sum of the closures."""
-
-    def estimate(self, closure_rel: NDArray[np.float64]) -> NDArray[np.float64]:
-        assert np.isfinite(closure_rel).all(), "the network must never see a number that is none"
-        return np.repeat(closure_rel.sum(axis=1, keepdims=True), 3, axis=1)
-
-
-def pipeline(n_legs: int = 2, stray_pf: float = 0.0) -> Pipeline:
-    return Pipeline(
-        SumOfClosures(),
-        Calibration(
-            design=DESIGN,
-            closure_rel_min=np.full(9, -0.05),
-            closure_rel_max=np.full(9, 0.8),
-            sigma_floor_n=np.array([0.01, 0.01, 0.02]),
-            sigma_rel=np.zeros(3),
-        ),
-        np.full((n_legs, 9), stray_pf),
-        np.full((n_legs, 9), DESIGN.rest_pf),
-        TareLimits(window_frames=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-        MAX_AGE_NS,
-        Flag.SIMULATED,
-    )
-
-
-class Feet:
-    """Makes scans of feet whose closures are given, and feeds them to a pipeline."""
-
-    def __init__(self, n_legs: int = 2, stray_pf: float = 0.0) -> None:
-        self.pipeline = pipeline(n_legs, stray_pf)
-        self.n_legs = n_legs
-        self.stray_pf = stray_pf
-        self.sequence = 0
-        self.outcomes: list[tuple[int, Result, str]] = []
-
-    def scan(self, closure_um: float | NDArray[np.float64] = 0.0) -> CapFrame:
-        closures = np.broadcast_to(np.asarray(closure_um, float), (self.n_legs, 9))
-        self.sequence += 1
-        return CapFrame(
-            self.sequence,
-            np.full((self.n_legs, 9), self.sequence * SCAN_NS),
-            DESIGN.capacitance_pf(closures) + self.stray_pf,
-            np.zeros((self.n_legs, 9), np.uint8),
-        )
-
-    def feed(self, scan: CapFrame, age_ns: int = 0) -> ForceFrame:
-        forces, outcomes = self.pipeline.process(scan, scan.sequence * SCAN_NS + age_ns)
-        self.outcomes += [(o.command.leg, o.result, o.reason) for o in outcomes]
-        return forces
-
-    def tared(self) -> "Feet":
-        for _ in range(WINDOW):
-            self.feed(self.scan())
-        assert [result for _, result, _ in self.outcomes] == [Result.DONE] * self.n_legs
-        self.outcomes.clear()
-        return self
+from footsense.frames import USABLE, Command, CommandKind, Flag, Reading, Result, State
+from tests.unit.feet import MAX_AGE_NS, SCAN_NS, SIGMA_N, WINDOW, Feet, SumOfClosures
 
 
 def test_before_the_first_tare_there_is_no_force() -> None:
@@ -89,7 +24,7 @@ def test_the_force_is_the_network_s_of_normalised_closures(stray_pf: float) -> N
     feet = Feet(stray_pf=stray_pf).tared()
     forces = feet.feed(feet.scan(5.0))
     np.testing.assert_allclose(forces.force_n, 9 * 0.25, rtol=1e-9)
-    np.testing.assert_array_equal(forces.sigma_n[0], [0.01, 0.01, 0.02])
+    np.testing.assert_array_equal(forces.sigma_n[0], SIGMA_N)
     assert (forces.flags == Flag.SIMULATED).all()
 
 
@@ -127,16 +62,6 @@ def test_a_missing_reading_is_a_state_and_no_number(reading: Reading, state: Sta
     assert np.isnan(forces.force_n[0]).all()
     assert np.isnan(forces.sigma_n[0]).all()
     assert np.isfinite(forces.force_n[1]).all()
-
-
-def test_an_open_row_is_an_element_fault() -> None:
-    """Three elements that lose most of their capacitance are named in the mask."""
-    feet = Feet().tared()
-    scan = feet.scan(2.0)
-    scan.capacitance_pf[1, 3:6] = 0.8
-    forces = feet.feed(scan)
-    assert forces.state.tolist() == [State.VALID, State.ELEMENT_FAULT]
-    assert forces.fault_mask.tolist() == [0, 0b000111000]
 
 
 @pytest.mark.parametrize(
@@ -240,7 +165,7 @@ def test_sigma_knows_of_motion() -> None:
     feet = Feet().tared()
     for _ in range(3):
         at_rest = feet.feed(feet.scan(2.0))
-    np.testing.assert_allclose(at_rest.sigma_n[0], [0.01, 0.01, 0.02], rtol=1e-6)
+    np.testing.assert_allclose(at_rest.sigma_n[0], SIGMA_N, rtol=1e-6)
     for closure_um in (2.0, 2.5, 4.0):
         scan = feet.scan(closure_um)
         scan.t_ns[:] += np.arange(9) * SCAN_NS // 9
@@ -248,16 +173,26 @@ def test_sigma_knows_of_motion() -> None:
     assert (in_motion.sigma_n[0] > 0.02).all()
 
 
-def test_a_network_that_gives_no_number_makes_no_valid_force() -> None:
-    """NaN out of the network is OUT_OF_RANGE everywhere: on CAN, in the tally, in the recording."""
+@pytest.mark.parametrize("what", ["force", "sigma"])
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_a_network_that_gives_no_number_makes_no_valid_force(what: str, number: float) -> None:
+    """A force or a sigma that is none is OUT_OF_RANGE everywhere: on CAN, in the tally, in the recording."""
 
-    class Nothing(SumOfClosures):
-        def estimate(self, closure_rel: NDArray[np.float64]) -> NDArray[np.float64]:
-            return np.full((len(closure_rel), 3), np.nan)
+    class Hole(SumOfClosures):
+        def estimate(
+            self, closure_rel: NDArray[np.float64], missing: NDArray[np.bool_]
+        ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            force_n, sigma_n = super().estimate(closure_rel, missing)
+            (force_n if what == "force" else sigma_n)[0, 1] = number
+            return force_n, sigma_n
 
     feet = Feet().tared()
-    feet.pipeline._estimator = Nothing()
-    assert feet.feed(feet.scan()).state.tolist() == [State.OUT_OF_RANGE] * 2
+    feet.pipeline._estimator = Hole()
+    forces = feet.feed(feet.scan(2.0))
+    assert forces.state.tolist() == [State.OUT_OF_RANGE, State.VALID]
+    assert np.isnan(forces.force_n[0]).all()
+    assert np.isnan(forces.sigma_n[0]).all()
+    assert np.isfinite(forces.force_n[1]).all()
 
 
 def test_a_tare_of_an_absent_leg_says_so() -> None:
@@ -306,16 +241,18 @@ def test_stop_and_start_are_obeyed_at_once() -> None:
     ),
     st.integers(-(10**12), 10**12),
 )
-def test_whatever_the_converters_say_a_value_is_valid_or_missing(
+def test_whatever_the_converters_say_a_value_is_usable_or_missing(
     elements: list[tuple[Reading, float]], age_ns: int
 ) -> None:
-    """Any codes at any time: a finite force with state VALID, or NaN with another state; never an exception."""
+    """Any codes at any time: force and sigma with a usable state, or NaN with another; never an exception."""
     feet = Feet().tared()
     scan = feet.scan()
     scan.reading[:] = np.array([reading for reading, _ in elements], np.uint8).reshape(2, 9)
     scan.capacitance_pf[:] = np.array([value for _, value in elements]).reshape(2, 9)
     scan.capacitance_pf[scan.reading != Reading.OK] = np.nan
     forces = feet.feed(scan, age_ns)
-    valid = forces.state == State.VALID
-    assert np.isfinite(forces.force_n[valid]).all()
-    assert np.isnan(forces.force_n[~valid]).all()
+    usable = np.isin(forces.state, list(USABLE))
+    assert np.isfinite(forces.force_n[usable]).all()
+    assert (forces.sigma_n[usable] > 0).all()
+    assert np.isnan(forces.force_n[~usable]).all()
+    assert np.isnan(forces.sigma_n[~usable]).all()
