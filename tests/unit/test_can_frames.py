@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from firmware_interface.can_codes import CommandKind, NmtState, Result, State
+from firmware_interface.can_codes import USABLE, CommandKind, NmtState, Result, State
 from firmware_interface.can_events import (
     ANSWER_ID,
     COMMAND_ID,
@@ -59,33 +59,39 @@ def numbers_of(values: list[float | None]) -> tuple[float, ...]:
     return tuple(math.nan if value is None else value for value in values)
 
 
-@given(nodes, counters, forces)
-@example(6, 14, (1e300, -1e300, 32.7671))
-@example(1, 0, (-32.768, 0.0005, -0.0))
-def test_a_valid_force_comes_back_saturated_and_within_half_a_bit(
-    node: int, counter: int, force_n: tuple[float, float, float]
+@given(nodes, counters, st.sampled_from(sorted(USABLE)), forces)
+@example(6, 14, State.VALID, (1e300, -1e300, 32.7671))
+@example(1, 0, State.DEGRADED, (-32.768, 0.0005, -0.0))
+def test_a_usable_force_comes_back_saturated_and_within_half_a_bit(
+    node: int, counter: int, state: State, force_n: tuple[float, float, float]
 ) -> None:
     """decode(encode(x)) is x, limited to +-32.767 N and rounded to 1 mN; it is never `no value`."""
-    decoded = decode_force(FORCE_ID + node, encode_force(node, counter, State.VALID, force_n))
-    assert (decoded.node, decoded.counter, decoded.state) == (node, counter, State.VALID)
+    decoded = decode_force(FORCE_ID + node, encode_force(node, counter, state, force_n))
+    assert (decoded.node, decoded.counter, decoded.state) == (node, counter, state)
     for wire_n, true_n in zip(decoded.force_n, force_n, strict=True):
         assert wire_n == pytest.approx(max(-32.767, min(32.767, true_n)), abs=0.5001e-3)
 
 
-@given(st.sampled_from([state for state in State if state != State.VALID]), vectors)
+def test_only_valid_and_degraded_forces_leave() -> None:
+    """A state that comes new forbids the force until somebody has decided otherwise."""
+    assert {State.VALID, State.DEGRADED} == USABLE
+
+
+@given(st.sampled_from([state for state in State if state not in USABLE]), vectors)
 def test_no_force_leaves_under_a_state_that_forbids_it(
     state: State, force_n: tuple[float, float, float]
 ) -> None:
-    """Whatever stands in the frame, a consumer sees no number unless the state is VALID."""
+    """Whatever stands in the frame, a consumer sees no number unless the state is usable."""
     decoded = decode_force(0x181, encode_force(1, 0, state, force_n))
     assert decoded.state == state
     assert all(math.isnan(component) for component in decoded.force_n)
 
 
+@pytest.mark.parametrize("state", sorted(USABLE))
 @pytest.mark.parametrize("hole", [math.nan, math.inf, -math.inf])
-def test_a_valid_force_with_a_hole_leaves_as_a_fault_without_numbers(hole: float) -> None:
+def test_a_usable_force_with_a_hole_leaves_as_a_fault_without_numbers(hole: float, state: State) -> None:
     """A consumer that looks at the state alone must read neither -32.768 N nor a load that nobody measured."""
-    decoded = decode_force(0x181, encode_force(1, 0, State.VALID, (0.1, hole, 40.0)))
+    decoded = decode_force(0x181, encode_force(1, 0, state, (0.1, hole, 40.0)))
     assert decoded.state == State.ELEMENT_FAULT
     assert all(math.isnan(component) for component in decoded.force_n)
 
