@@ -9,15 +9,19 @@ from numpy.typing import NDArray
 
 from footsense.core.design import CapacitorDesign
 from footsense.errors import ModelError
-from footsense.sim.foot import FootResponse, n_products, series_basis
+from footsense.sim.foot import FORMAT, FootResponse, n_products, series_basis
+from footsense.sim.symmetry import HALF_SIDE, SIDE
 
 DESIGN = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
 UP = np.array([0.0, 0.0, 1.0])
 
 
 def made_up(seed: int = 0, degree: int = 4) -> FootResponse:
-    """Return a response of random coefficients."""
+    """Return a response of random series, and of cells that yield each for itself, 40 um/N."""
     rng = np.random.default_rng(seed)
+    own = np.zeros((HALF_SIDE, HALF_SIDE, SIDE, SIDE))
+    row, column = np.indices((HALF_SIDE, HALF_SIDE))
+    own[row, column, row, column] = 40.0
     return FootResponse(
         foot_type="made-up",
         design=DESIGN,
@@ -26,7 +30,8 @@ def made_up(seed: int = 0, degree: int = 4) -> FootResponse:
         min_elevation_deg=30.0,
         fit_elevation_deg=12.0,
         degree=degree,
-        coefficients=rng.normal(size=(2, n_products(degree), 9, 3)),
+        quarter_series=rng.normal(size=(2, n_products(degree), HALF_SIDE, HALF_SIDE, 3)),
+        quarter_compliance=own,
         provenance={"made": "up"},
     )
 
@@ -97,10 +102,17 @@ def test_refuses_what_the_table_does_not_cover(normal: list[float], message: str
         made_up().closure_um(np.array(normal), UP)
 
 
-def test_a_shut_gap_shows_the_film() -> None:
-    """Closures beyond the gap give eps0 A eps_r / t: 16 mm2 over 17 um of 2.7 is 22.5 pF."""
-    shut = made_up().capacitance_pf(np.array([20.0, 35.0]))
-    np.testing.assert_allclose(shut, 8.8541878128 * 16.0 * 2.7 / 17.0)
+@pytest.mark.parametrize(
+    ("axis", "image"), [(0, [6, 7, 8, 3, 4, 5, 0, 1, 2]), (1, [2, 1, 0, 5, 4, 3, 8, 7, 6])]
+)
+def test_a_mirrored_load_closes_the_mirrored_gaps(axis: int, image: list[int]) -> None:
+    """The quarter tells the rest, whatever the series: rows swap front and rear, columns left and right."""
+    foot = made_up()
+    normal, force = random_normals(5), np.random.default_rng(3).normal(size=(5, 3))
+    mirror = np.ones(3)
+    mirror[axis] = -1.0
+    mirrored = foot.closure_um(normal * mirror, force * mirror)
+    np.testing.assert_allclose(mirrored[:, image], foot.closure_um(normal, force), rtol=1e-9, atol=1e-12)
 
 
 def test_basis_is_the_product_of_chebyshev_polynomials() -> None:
@@ -121,10 +133,12 @@ def test_survives_the_file_and_writes_equal_bytes(tmp_path: Path) -> None:
     back = FootResponse.load(tmp_path / "a.npz")
     assert back.sha256 == FootResponse.load(tmp_path / "b.npz").sha256 != ""
     assert (back.design, back.foot_type, back.provenance) == (DESIGN, "made-up", {"made": "up"})
-    assert (back.coefficients == foot.coefficients).all()
+    assert (back.quarter_series == foot.quarter_series).all()
+    assert (back.series == foot.series).all()
+    assert (back.compliance_um_per_n == foot.compliance_um_per_n).all()
 
 
-def _without(path: Path, *, key: str = "", format_: int = 1, degree: int = 4) -> None:
+def _without(path: Path, *, key: str = "", format_: int = FORMAT, degree: int = 4) -> None:
     """Write a table that is wrong in one way."""
     made_up().save(path)
     with np.load(path) as stored:
@@ -148,9 +162,9 @@ def test_a_file_that_cannot_be_used_is_one_clear_error(tmp_path: Path, fault: st
         made_up().save(path)
         path.write_bytes(path.read_bytes()[:-200])
     elif fault == "key":
-        _without(path, key="coefficients")
+        _without(path, key="quarter_compliance")
     elif fault == "format":
-        _without(path, format_=2)
+        _without(path, format_=1)
     elif fault == "degree":
         _without(path, degree=5)
     with pytest.raises(ModelError, match=r"response\.npz.*footsense lab build") as raised:
