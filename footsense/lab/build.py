@@ -100,7 +100,7 @@ def _readout(weights: Weights, gap_um: float) -> Readout:
 
 
 def _alone(response: FootResponse, protocol: Protocol) -> dict[str, Readout]:
-    """Return read-outs trained on the paper's 362 cases alone: fed with unbent closures, and with those by elastance."""
+    """Return read-outs trained on the paper's 362 cases alone: fed with unbent closures, and by elastance."""
     training, gap_um = paper_training(response), response.design.gap_um
     law = unbending(response)
     unbent = train(Cases(training.force_n, law.mean_um(training.closure_um)), response.design, protocol)

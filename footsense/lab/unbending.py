@@ -1,10 +1,10 @@
 """Undo the two nonlinearities of the sensor by its design alone: the bent electrode and the gap that shuts.
 
-Elastance gives the closure of a flat gap. A plate that bends into its cavity has a smaller distance in the middle, which
-counts for more, and where the middle shuts, the rest carries. Both are known from the response table: a cell's free
-closure follows the elements' mean closures m by a linear profile P (fitted on loads of the kind to be read), contact
-adds what `gaps.touch` says, and the cells' capacitances add up. Newton's method finds the nine m that explain the nine
-capacitances:
+Elastance gives the closure of a flat gap. A plate that bends into its cavity has a smaller distance in the middle,
+which counts for more, and where the middle shuts, the rest carries. Both are known from the response table: a cell's
+free closure follows the elements' mean closures m by a linear profile P (fitted on loads of the kind to be read),
+contact adds what `gaps.touch` says, and the cells' capacitances add up. Newton's method finds the nine m that explain
+the nine capacitances:
 
     C(m) = sum over cells of eps0 dA / (g - d + t / eps_r),      d = touch(P m),      C(m) = C measured
 
@@ -82,4 +82,5 @@ def unbending(response: FootResponse) -> Unbending:
     """Return the law of a foot under centred loads."""
     direction = disc_normals(_PROFILE_MIN_DEG, rings=24, spokes=72)
     cells = response.free_closure_um(direction, direction)
-    return Unbending(response, np.linalg.lstsq(gaps.element_means(cells), cells, rcond=None)[0])
+    profile = np.asarray(np.linalg.lstsq(gaps.element_means(cells), cells, rcond=None)[0], np.float64)
+    return Unbending(response, profile)

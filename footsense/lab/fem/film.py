@@ -14,6 +14,7 @@ pressed with the confined modulus M = lambda + 2 G and not with E. How near: a p
 from the rim, lateral flow being a parabola between the two plates.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,12 +22,12 @@ import ngsolve as ng
 import numpy as np
 
 from footsense.core.design import CapacitorDesign
-from footsense.lab.fem.adjoint import class_field
+from footsense.lab.fem.adjoint import UM_PER_MM, class_field
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
 from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
 from footsense.lab.geometry import Material, SoleDesign
-from footsense.lab.response import DEGREE, FIT_ELEVATION_DEG, fit_class, tabulate
-from footsense.sim.foot import FootResponse, series_basis
+from footsense.lab.response import tabulate
+from footsense.sim.foot import FootResponse
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +52,7 @@ class FilmDesign:
     def capacitor(self, sole: SoleDesign) -> CapacitorDesign:
         """Return the capacitor: one of eps_r times the area, with the film's thickness as a gap of air."""
         return CapacitorDesign(
-            gap_um=1000.0 * self.film_mm,
+            gap_um=UM_PER_MM * self.film_mm,
             film_um=0.0,
             film_eps_r=1.0,
             electrode_area_mm2=self.eps_r * sole.electrode_mm**2,
@@ -104,11 +105,16 @@ def film_response(sole: SoleDesign, size: MeshSize, film: FilmDesign) -> FootRes
     return tabulate(sole, size, fields, {"elements": int(mesh.ne), "unknowns": unknowns})
 
 
-def upright_closure_um(sole: SoleDesign, size: MeshSize, film: FilmDesign) -> float:
-    """Return the mean closure of all elements under an upright point force [um/N]; one class does."""
-    quarter = FilmQuarter(sole, size, Parity(1, 1), build_mesh(sole, size), film)
-    series = fit_class(class_field(quarter))
-    pole = series_basis(np.array([0.0, 0.0, 1.0]), DEGREE, FIT_ELEVATION_DEG)
-    # A single cell answers with a quarter of what it and its images do; they are alike at the pole.
-    at_pole = np.tensordot(pole, series, 1)[:, 2]
-    return float(at_pole.mean() / 4.0)
+def upright_closure_um(sole: SoleDesign, size: MeshSize, films: Sequence[FilmDesign]) -> list[float]:
+    """Return for each film the mean closure over the electrodes [um/N] under an upright force, spread over the ball."""
+    mesh = build_mesh(sole, size)
+    electrodes = ng.ds("|".join(cell.name for cell in quarter_cells(sole)))
+    electrodes_mm2 = ng.Integrate(ng.CF(1.0) * electrodes, mesh)
+    ball_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("curved_ground"), mesh)
+    closures = []
+    for film in films:
+        quarter = FilmQuarter(sole, size, Parity(1, 1), mesh, film)
+        moved = quarter.solve(quarter.traction_load(ng.CF((0.0, 0.0, 0.25 / ball_mm2))))
+        ground, leg, *_ = moved.components
+        closures.append(UM_PER_MM * ng.Integrate((ground[2] - leg[2]) * electrodes, mesh) / electrodes_mm2)
+    return closures

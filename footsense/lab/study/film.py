@@ -192,22 +192,14 @@ def _figure(soles: list[Sole]) -> Figure:
     return figure
 
 
-def _confinement(
-    sizes: Any, poissons: tuple[float, ...], film: FilmDesign
-) -> tuple[list[list[str]], list[float]]:
+def _confinement(poissons: tuple[float, ...], film: FilmDesign) -> tuple[list[list[str]], list[float]]:
     """Return a row for each Poisson's ratio, and the closures under an upright force [um/N]."""
-    rows, closures = [], []
-    for poisson in poissons:
-        other = replace(film, gel=Material(film.gel.youngs_mpa, poisson))
-        closures.append(upright_closure_um(SoleDesign(), sizes, other))
-        rows.append(
-            [
-                f"{poisson:g}",
-                f"{1e3 * other.gel.confined_mpa:.0f}",
-                f"{other.relief_mm:.3f}",
-                f"{closures[-1]:.3f}",
-            ]
-        )
+    films = [replace(film, gel=Material(film.gel.youngs_mpa, poisson)) for poisson in poissons]
+    closures = upright_closure_um(SoleDesign(), QUICK_FILM_SIZE, films)
+    rows = [
+        [f"{nu:g}", f"{1e3 * other.gel.confined_mpa:.0f}", f"{other.relief_mm:.3f}", f"{closure:.3f}"]
+        for nu, other, closure in zip(poissons, films, closures, strict=True)
+    ]
     return rows, closures
 
 
@@ -221,7 +213,7 @@ def page(bench: Workbench) -> Page:
     gap, gel = (judged(one, training_n, asked_n, quick=quick) for one in soles)
     bench.say("film: both designs are judged")
     poissons = QUICK_POISSONS if quick else POISSONS
-    confined, closures = _confinement(QUICK_FILM_SIZE, poissons, film)
+    confined, closures = _confinement(poissons, film)
     slide_um = 1e3 * film.film_mm / (film.gel.shear_mpa * sole.sheet_mm**2)
     soft_kpa, thick_um = 1e3 * film.gel.youngs_mpa, 1e3 * film.film_mm
     gap_rest, gel_rest = (one.capacitor.rest_pf for one in soles)
@@ -268,6 +260,8 @@ networks on closures 9-{HIDDEN[0]}-{HIDDEN[1]}-3, mean ± deviation of {gap.dire
   not in these figures; it would have to be designed away with electrodes of different sizes.
 
 ### What confinement does
+
+An upright newton, spread over the ball; a coarse mesh does.
 
 {table(["Poisson's ratio", "M [kPa]", "relief at the rim [mm]", "mean closure [um/N]"], confined)}
 

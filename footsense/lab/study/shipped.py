@@ -1,6 +1,7 @@
 """Study `shipped`: how good the released network is, what its sigma is worth, and what a missing row costs."""
 
 from dataclasses import asdict
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -115,7 +116,7 @@ def page(bench: Workbench) -> Page:
     force_n, sigma_n = bench.network.estimate(closure_rel)
     size = np.linalg.norm(cases.force_n, axis=1)
     bins = {}
-    for low, high in zip(BINS_N[:-1], BINS_N[1:], strict=True):
+    for low, high in pairwise(BINS_N):
         inside = (size >= low) & (size < high)
         bins[f"{low:g} to {high:g}"] = coverage(cases.force_n[inside], force_n[inside], sigma_n[inside])
     feet = _feet(bench)
@@ -136,8 +137,9 @@ def page(bench: Workbench) -> Page:
     ]
     head = ["direction mean [deg]", "p95 [deg]", "magnitude [gf]", "% within 1 sigma, x / y / z", "within 2"]
     quick = "A quick form with few cases.\n\n" if bench.quick else ""
-    body = f"""{quick}{weights} weights, symmetric under the square by construction. `paper_*`: the paper's 180 verification cases
-(100 gf, centred), without noise, gap contact on. `wide_*`: held-out random loads from {WIDE_TABLE_MIN_N:g} N, leaning contacts, the
+    body = f"""{quick}{weights} weights, symmetric under the square by construction. `paper_*`: the paper's 180
+verification cases (100 gf, centred), without noise, gap contact on; `_362`: trained on the paper's 362 cases alone, fed with unbent
+closures or with elastance. `wide_*`: held-out random loads from {WIDE_TABLE_MIN_N:g} N, leaning contacts, the
 converter's noise. The paper's figures are those of its simulation (III F).
 
 {as_markdown(errors_by_row)}

@@ -1,0 +1,113 @@
+"""What the lab set out to reach, and what it reached: the table on top of the report, from the studies' numbers."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from footsense.lab.study.page import table
+
+#: What the studies measured, by study.
+Values = Mapping[str, Mapping[str, Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """One thing to reach.
+
+    Attributes:
+        what: In words, with its unit.
+        study: The study that measured it.
+        wanted: The figure.
+        found: Picks the measured one from the study's values.
+        at_least: Whether more is better.
+        paper: The paper's figure, if its text gives one.
+    """
+
+    what: str
+    study: str
+    wanted: float
+    found: Callable[[Mapping[str, Any]], float | None]
+    at_least: bool = False
+    paper: str = "-"
+
+
+def _error(row: str, figure: str) -> Callable[[Mapping[str, Any]], float]:
+    """Return what picks a mean error from the shipped network's table."""
+    return lambda values: float(values["errors"][row][figure])
+
+
+def _worst_solid(values: Mapping[str, Any]) -> float | None:
+    """Return the shipped mesh's worst closure error over both loads [%]."""
+    worst = values.get("worst_rel", {}).get("SHIPPED")
+    return None if worst is None else 100.0 * max(abs(float(part)) for part in worst if part is not None)
+
+
+TARGETS = (
+    Target(
+        "shipped network, direction, mean [deg]",
+        "shipped",
+        0.24,
+        _error("paper_network", "direction_deg"),
+        paper="2.4",
+    ),
+    Target(
+        "shipped network, magnitude, mean [gf]",
+        "shipped",
+        0.53,
+        _error("paper_network", "magnitude_gf"),
+        paper="5.3",
+    ),
+    Target("its weights", "shipped", 2000.0, lambda values: float(values["weights"])),
+    Target(
+        "trained on the 362 cases alone, direction [deg]",
+        "shipped",
+        0.5,
+        _error("paper_network_362", "direction_deg"),
+        paper="2.4",
+    ),
+    Target(
+        "trained on the 362 cases alone, magnitude [gf]",
+        "shipped",
+        0.8,
+        _error("paper_network_362", "magnitude_gf"),
+        paper="5.3",
+    ),
+    Target(
+        "network over the Cramer-Rao bound, worst of 20 to 150 gf",
+        "limit",
+        1.2,
+        lambda values: values["crb_ratio"],
+    ),
+    Target("closures against a refined solution, worst [%]", "solid", 1.0, _worst_solid),
+    Target(
+        "from nothing to the complete response [s]", "solid", 60.0, lambda values: values.get("response_s")
+    ),
+    Target("542 cases with gap contact [s]", "solid", 30.0, lambda values: values.get("cases_s")),
+    Target(
+        "one forward solve per case over the table, time",
+        "ladder",
+        50.0,
+        lambda values: values["forward"]["ratio"],
+        at_least=True,
+    ),
+)
+
+
+def targets(values: Values) -> str:
+    """Return the table of what was to be reached; a figure that was not measured says so.
+
+    Args:
+        values: What the studies measured, by study.
+    """
+    rows = []
+    for target in TARGETS:
+        found = target.found(values[target.study]) if target.study in values else None
+        if found is None:
+            verdict, shown = "not measured", "-"
+        else:
+            met = found >= target.wanted if target.at_least else found <= target.wanted
+            factor = target.wanted / found if target.at_least else found / target.wanted
+            verdict, shown = "met" if met else f"missed by a factor of {factor:.3g}", f"{found:.3g}"
+        limit = f"{'at least' if target.at_least else 'at most'} {target.wanted:g}"
+        rows.append([target.what, target.paper, limit, shown, verdict, f"`{target.study}`"])
+    return table(["figure", "the paper", "target", "ours", "", "study"], rows)
