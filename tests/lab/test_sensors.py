@@ -67,7 +67,7 @@ def test_the_film_does_not_lock() -> None:
     """A confined layer under rigid plates closes by t f / (M A); that the plates bend may change it by a tenth."""
     film = FilmDesign(gel=Material(0.020, 0.49))
     rigid_um = 1000.0 * film.film_mm / (film.gel.confined_mpa * SOLE.sheet_mm**2)
-    assert upright_closure_um(SOLE, FILM_SIZE, film) == pytest.approx(rigid_um, rel=0.1)
+    assert upright_closure_um(SOLE, FILM_SIZE, [film])[0] == pytest.approx(rigid_um, rel=0.1)
 
 
 def test_a_lean_is_the_angle_that_was_asked_for() -> None:
