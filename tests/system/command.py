@@ -36,3 +36,20 @@ def one_line_error(result: subprocess.CompletedProcess[str], exit_code: int) -> 
     assert len(lines) == 1, result.stderr
     assert lines[0].startswith("footsense: ")
     return lines[0].removeprefix("footsense: ")
+
+
+ROBOT = """
+buses:
+  - {device: DEVICE, legs: {lf: 0, rf: 1}}
+can: {interface: INTERFACE, channel: CHANNEL}
+"""
+
+
+def robot(
+    folder: Path, *, device: str = "sim", interface: str = "virtual", channel: str = "can0", more: str = ""
+) -> Path:
+    """Write a configuration file."""
+    file = folder / "robot.yaml"
+    text = ROBOT.replace("DEVICE", device).replace("INTERFACE", interface).replace("CHANNEL", channel)
+    file.write_text(text + more)
+    return file
