@@ -31,6 +31,9 @@ TYPICAL_LEAN_DEG = 10.0
 WIDE_MIN_ELEVATION_DEG = 30.0
 #: Noise of one conversion and of the baseline [pF, rms], as the card's sigma is measured with.
 NOISE_PF, BASELINE_NOISE_PF = 0.5e-3, 0.2e-3
+#: Mean closure as if no gap could shut from which an element is beyond the converter's range for certain [1 of the
+#: gap]: contact bears what is more. The loads within full scale stay below 1.2.
+HOPELESS_REL = 1.5
 #: What the converter can tell [pF]; beyond, the daemon says `saturated`.
 FULL_SCALE_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 #: Loads that are turned into closures at once, for the sake of memory.
@@ -149,14 +152,25 @@ def wide(response: FootResponse, n: int, seed: int, deviations: Deviations | Non
         magnitude = np.where(
             even, rng.uniform(0.0, WIDE_MAX_N, n), np.exp(rng.uniform(np.log(0.01), np.log(WIDE_MAX_N), n))
         )
-        reachable = normal[:, 2] >= lowest_z
-        force, normal = (direction * magnitude[:, None])[reachable], normal[reachable]
+        reached = np.flatnonzero(normal[:, 2] >= lowest_z)
+        reached = reached[_may_be_told(foot, normal[reached], (direction * magnitude[:, None])[reached])]
+        force, normal = (direction * magnitude[:, None])[reached], normal[reached]
         closure = sensed_closure_um(foot, normal, force)
         in_range = response.design.capacitance_pf(closure).max(axis=1) < FULL_SCALE_PF
         forces.append(force[in_range])
         closures.append(closure[in_range])
         found += int(in_range.sum())
     return Cases(np.concatenate(forces)[:n], np.concatenate(closures)[:n])
+
+
+def _may_be_told(foot: Foot, normal: NDArray[np.float64], force_n: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which loads are not so far beyond the converter's range that contact is not worth solving, shape (n,)."""
+    may = np.empty(len(force_n), bool)
+    for first in range(0, len(force_n), _AT_ONCE):
+        some = slice(first, first + _AT_ONCE)
+        free_um = foot.response.closure_um(normal[some], force_n[some])
+        may[some] = free_um.max(axis=1) < HOPELESS_REL * foot.response.design.gap_um
+    return may
 
 
 def measured_closure_rel(

@@ -28,12 +28,12 @@ from scipy.special import ellipe
 from footsense.core.design import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.lab.dataset import (
     BASELINE_NOISE_PF,
-    FRICTION_ANGLE_DEG,
     FULL_SCALE_PF,
     GRAM_FORCE_N,
     NOISE_PF,
     WIDE_MIN_ELEVATION_DEG,
     directions,
+    leaning_normals,
     measured_closure_rel,
     sensed_closure_um,
 )
@@ -266,16 +266,12 @@ def verification_directions() -> Vector:
 def leaning_contacts(rng: np.random.Generator, n: int) -> tuple[Vector, Vector]:
     """Return contact normals and directions of force, shapes (m, 3), m <= n: those of n whose contact is in reach.
 
-    Directions are uniform in area above the wide set's lowest elevation, and so are normals around them up to the
-    friction angle.
+    Both are drawn as those of the wide set.
     """
     lowest = np.sin(np.radians(WIDE_MIN_ELEVATION_DEG))
     elevation = np.degrees(np.arcsin(rng.uniform(lowest, 1.0, n)))
     direction = directions(rng.uniform(0.0, 360.0, n), elevation)
-    angle = np.radians(FRICTION_ANGLE_DEG) * np.sqrt(rng.uniform(size=n))
-    turn = rng.uniform(0.0, 2.0 * np.pi, n)
-    sideways = np.einsum("an,nai->ni", np.stack([np.cos(turn), np.sin(turn)]), tangents(direction))
-    normal = np.cos(angle)[:, None] * direction + np.sin(angle)[:, None] * sideways
+    normal = leaning_normals(rng, direction)
     reached = normal[:, 2] >= lowest
     return normal[reached], direction[reached]
 

@@ -164,8 +164,9 @@ A mean above its p95 is the work of a few directions near the diagonals (page `l
 
 ![]({_FIGURE})
 
-The largest size within {WEIGHT_LIMIT} weights has {chosen.weights} and errs by {chosen.wide.direction_deg:.3f} deg
-on the random loads in {chosen.run_us:.1f} us. {beside}
+Time hardly grows with the size, error falls all the way: so the largest size within {WEIGHT_LIMIT} weights is the one
+shipped. It has {chosen.weights} and errs here by {chosen.wide.direction_deg:.3f} deg on the random loads in
+{chosen.run_us:.1f} us. {beside}
 """
     values = {"quick": quick, "steps": steps, "cases": n, "sizes": [asdict(result) for result in results]}
     return Page(
