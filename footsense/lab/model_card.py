@@ -38,8 +38,8 @@ Largest difference between JAX and ONNX Runtime: {1000 * parity_n:.4f} mN. How f
 costs, and how near this comes to the Cramer-Rao bound: `docs/report/README.md`.
 
 Solid: a quarter in {where["elements"]} elements of order {where["mesh"]["order"]}, {where["unknowns"]} unknowns in
-each of three symmetry classes. x and y differ by {asymmetry} (rms, averaged out); the series differs from the field's samples
-by {residual}, and from a series of four degrees less by {cut_off}.
+each of three symmetry classes. x and y differ by {asymmetry} (rms, averaged out); the series differs from the
+field's samples by {residual}, and from a series of four degrees less by {cut_off}.
 
 Known limit: at isolated places two quite different loads close all nine gaps alike, so that no read-out of one scan
 can tell them apart (a centred newton at 45, 44 deg and 0.88 N at 225, 52 deg on a contact leaning by 5 deg: 7 nm

@@ -138,9 +138,9 @@ def page(bench: Workbench) -> Page:
     head = ["direction mean [deg]", "p95 [deg]", "magnitude [gf]", "% within 1 sigma, x / y / z", "within 2"]
     quick = "A quick form with few cases.\n\n" if bench.quick else ""
     body = f"""{quick}{weights} weights, symmetric under the square by construction. `paper_*`: the paper's 180
-verification cases (100 gf, centred), without noise, gap contact on; `_362`: trained on the paper's 362 cases alone, fed with unbent
-closures or with elastance. `wide_*`: held-out random loads from {WIDE_TABLE_MIN_N:g} N, leaning contacts, the
-converter's noise. The paper's figures are those of its simulation (III F).
+verification cases (100 gf, centred), without noise, gap contact on; `_362`: trained on the paper's 362 cases
+alone, fed with unbent closures or with elastance. `wide_*`: held-out random loads from {WIDE_TABLE_MIN_N:g} N,
+leaning contacts, the converter's noise. The paper's figures are those of its simulation (III F).
 
 {as_markdown(errors_by_row)}
 
