@@ -81,6 +81,7 @@ class Pipeline:
         n_legs = len(stray_pf)
         self._baselines = Baselines(unloaded_pf, tare)
         self._skew = SkewRemoval(n_legs, ELEMENTS)
+        self._opened = np.zeros((n_legs, ELEMENTS), bool)
         self._stopped = np.zeros(n_legs, bool)
 
     def obey(self, command: Command) -> Outcome | None:
@@ -104,9 +105,14 @@ class Pipeline:
         # NaN compares as False: an element that was not read is neither open, shut nor out of range.
         opened = quality.open_elements(capacitance_pf, self._unloaded_pf)
         missing = quality.missing_elements(opened)
-        # Moved to one time as distances, which do not jump when a tare moves the baseline. An open element has none:
-        # a line through its last one would take the element's return for a load.
-        distance_um = np.where(opened, np.nan, design.plate_distance_um(capacitance_pf))
+        if opened.any():
+            capacitance_pf = capacitance_pf - quality.floating_pf(scan.capacitance_pf, opened)
+        # A line that breaks or returns was whole for a part of the scan, and what it does to the other elements too.
+        unsettled = opened | (opened != self._opened).any(axis=1, keepdims=True)
+        self._opened = opened
+        # Moved to one time as distances, which do not jump when a tare moves the baseline. What is open or unsettled
+        # has none: a line through its last one would take the element's return for a load.
+        distance_um = np.where(unsettled, np.nan, design.plate_distance_um(capacitance_pf))
         aligned = self._skew.apply(distance_um, scan.t_ns, missing)
         rest_um = design.plate_distance_um(self._baselines.baseline_pf)
         closure_rel = (rest_um - aligned.values) / design.gap_um

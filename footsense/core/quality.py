@@ -48,6 +48,24 @@ def missing_elements(opened: Mask) -> Mask:
     return missing
 
 
+def floating_pf(capacitance_pf: NDArray[np.float64], opened: Mask) -> NDArray[np.float64]:
+    """Return what rows that nothing drives add to the readings of the other rows [pF], shape (legs, 9).
+
+    A row whose three elements are open has lost its line. Its electrodes float, and each column sees them in series
+    with their small capacitance to ground whichever row is selected: as much as the open element itself reads.
+
+    Args:
+        capacitance_pf: Readings, stray included [pF], shape (legs, 9).
+        opened: Open elements, shape (legs, 9).
+    """
+    rows = opened.reshape(-1, 3, 3)
+    floating = rows.all(axis=2, keepdims=True)
+    readings_pf = capacitance_pf.reshape(-1, 3, 3)
+    per_column_pf = np.where(floating, readings_pf, 0.0).sum(axis=1, keepdims=True)
+    added_pf: NDArray[np.float64] = np.where(floating, 0.0, per_column_pf).reshape(-1, ELEMENTS)
+    return added_pf
+
+
 def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
     """Return bit e for each unusable element e of each leg, shape (legs,).
 
