@@ -1,14 +1,18 @@
 """The report: every study's page, bound into one document, each with the command that makes it.
 
 A page is written as soon as it is made, with the hash of the network that it is about; a report that was interrupted
-goes on with the pages that are missing.
+goes on with the pages that are missing. Each study has a process of its own: what one leaves behind in the libraries'
+threads made the next one's small matrix products fifteen times as slow.
 """
 
 import hashlib
 import json
+import sys
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from importlib import import_module
+from multiprocessing import get_context
 from pathlib import Path
 from timeit import default_timer
 
@@ -89,10 +93,23 @@ def make_report(folder: Path, bench: Workbench, *, resume: bool, report: Callabl
         if resume and is_made(name, folder, bench):
             report(f"{name}: kept")
             continue
-        page = make_page(name, bench)
-        page.write(folder)
-        report(f"{name}: {page.seconds:.0f} s")
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
+            seconds = process.submit(_write_page, name, bench.models, folder, quick=bench.quick).result()
+        report(f"{name}: {seconds:.0f} s")
     return bind(folder)
+
+
+def _write_page(name: str, models: Path, folder: Path, *, quick: bool) -> float:
+    """Run one study in this process, write its page, and return what it took [s]."""
+    page = make_page(name, Workbench(models=models, quick=quick, say=_say))
+    page.write(folder)
+    return page.seconds
+
+
+def _say(line: str) -> None:
+    """Pass on what a study has just done."""
+    sys.stdout.write(f"    {line}\n")
+    sys.stdout.flush()
 
 
 def bind(folder: Path) -> Path:
