@@ -6,7 +6,7 @@ from pathlib import Path
 import can
 import numpy as np
 
-from firmware_interface.can_codes import NODE_IDS, State
+from firmware_interface.can_codes import NODE_IDS, USABLE, State
 from footsense.frames import ForceFrame
 from footsense.publish.can_sink import CanSink
 
@@ -42,7 +42,7 @@ class Robot:
         """Publish one frame at a time at which its measurement is `age_ns` old."""
         self.clock.t_ns = t_ns
         n = len(self.legs)
-        force_n = 0.5 if state == State.VALID else math.nan
+        force_n = 0.5 if state in USABLE else math.nan
         self.sink.publish(
             ForceFrame(
                 sequence=0,

@@ -47,11 +47,21 @@ def test_each_leg_sends_force_and_quality_with_one_counter(request: pytest.Fixtu
 
 
 def test_no_number_leaves_under_a_state_that_forbids_it(robot: Robot) -> None:
-    """A leg that is not VALID sends its state and `no value`."""
+    """A leg whose state is not usable sends it and `no value`."""
     robot.publish(MS, State.STALE)
     force = decode_force(0x181, bytes(robot.heard(0x180)[0].data))
     assert force.state == State.STALE
     assert all(math.isnan(component) for component in force.force_n)
+
+
+def test_a_degraded_leg_sends_its_force_its_sigma_and_what_is_open(robot: Robot) -> None:
+    """All that a consumer needs to weigh it."""
+    robot.publish(MS, State.DEGRADED, mask=0b000111000)
+    messages = {m.arbitration_id: bytes(m.data) for m in robot.heard()}
+    force, quality = decode_force(0x181, messages[0x181]), decode_quality(0x281, messages[0x281])
+    assert (force.state, force.force_n) == (State.DEGRADED, (0.5, 0.5, 0.5))
+    assert (quality.fault_mask, quality.sigma_n) == (0b000111000, (0.01, 0.01, 0.01))
+    assert decode_fault(0x081, messages[0x081])[2:] == (State.DEGRADED, State.STOPPED, 0b000111000)
 
 
 def test_a_leg_that_was_not_measured_has_no_age(request: pytest.FixtureRequest) -> None:
