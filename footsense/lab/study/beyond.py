@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from footsense.lab.dataset import (
@@ -175,6 +176,7 @@ def _curves(x: Any, label: str, found: list[dict[str, Errors]]) -> Figure:
         magnitude.plot(x, [of_name[name].magnitude_gf for of_name in found], "o-", ms=4)
     for axes, what in ((direction, "mean direction error [deg]"), (magnitude, "mean magnitude error [gf]")):
         axes.set(xlabel=label, ylabel=what, yscale="log")
+        axes.yaxis.set_minor_formatter(NullFormatter())
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter("{x:g}")
         axes.tick_params(which="minor", labelsize=7)
