@@ -43,6 +43,10 @@ class Foot:
         deviations: How it differs; None for a foot exactly as designed.
         contact: Whether a gap that shuts carries load; else its closure is only limited to the gap.
 
+    Attributes:
+        response: How its type yields.
+        rest_pf: Capacitance of each element of the free foot, stray included [pF], shape (9,).
+
     Raises:
         ValueError: A gap or a film is not thicker than nothing, or the foot has no stiffness left.
     """
@@ -65,11 +69,8 @@ class Foot:
         self._stray_pf = own.stray_pf
         self._mount = own.mount
         self._contact = contact
+        self.rest_pf = self._capacitance_pf(np.zeros(gaps.ALL_CELLS))
 
-    @property
-    def rest_pf(self) -> Vector:
-        """Capacitance of each element of the free foot, stray included [pF], shape (9,)."""
-        return self._capacitance_pf(np.zeros(gaps.ALL_CELLS))
 
     def cells_um(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the closure of each cell [um], shape (n, 324), at most its gap.
@@ -93,6 +94,8 @@ class Foot:
 
     def capacitance_pf(self, normal: Vector, force_n: Vector) -> Vector:
         """Return what each element measures under loads as in `cells_um`, stray included [pF], shape (n, 9)."""
+        if not force_n.any():  # a foot in the air costs nothing
+            return np.tile(self.rest_pf, (len(force_n), 1))
         return self._capacitance_pf(self.cells_um(normal, force_n))
 
     def _capacitance_pf(self, cells_um: Vector) -> Vector:
