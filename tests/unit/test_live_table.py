@@ -15,7 +15,7 @@ STATES = (
     State.ELEMENT_FAULT,
     State.OUT_OF_RANGE,
     State.STOPPED,
-    State.VALID,
+    State.DEGRADED,
 )
 
 

@@ -48,6 +48,15 @@ def test_the_direction_counts_only_where_the_foot_is_loaded() -> None:
     assert direction["mean"] == pytest.approx(45.0)
 
 
+def test_a_degraded_force_counts_as_a_value_and_as_a_fault() -> None:
+    """Its error is in the mean, and nobody asked for its state."""
+    score = Score(("lf",), lambda t_ns: np.array([[0.0, 0.0, 1.0]]))
+    score.observe(cycle(0, [0.0, 0.0, 1.5], State.DEGRADED))
+    summary = score.summary()
+    assert summary["force_rmse_n"] == {"x": 0.0, "y": 0.0, "z": pytest.approx(0.5)}
+    assert (summary["states"], summary["faults"]) == ({"lf": {"degraded": 1}}, 1)
+
+
 def test_a_frame_without_a_value_counts_as_a_state_and_not_as_an_error() -> None:
     """NaN never enters a mean; a run without any value has None for figures, not zero."""
     score = Score(("lf",), lambda t_ns: np.zeros((1, 3)))
