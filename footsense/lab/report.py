@@ -34,6 +34,7 @@ STUDIES = (
     "film",
     "tolerance",
     "solid",
+    "floor",
     "ladder",
     "limit",
     "network-size",
