@@ -24,7 +24,7 @@ class Deviations:
         gap_um: Added to the gap of each element [um], shape (9,).
         film_um: Added to the film of each element [um], shape (9,).
         stray_pf: Capacitance in parallel with each element [pF], shape (9,).
-        stiffness_rel: Added to the stiffness of the whole foot [1].
+        stiffness_rel: Added to the stiffness of the whole foot [1]; the contact patch stays the designed one.
         mount: Rotation from the leg's frame to the foot's, shape (3, 3).
     """
 
@@ -58,7 +58,8 @@ class Foot:
         self.response = response
         self._gap_um = response.design.gap_um + own.gap_um
         film_um = response.design.film_um + own.film_um
-        if self._gap_um.min() <= 0.0 or film_um.min() <= 0.0 or own.stiffness_rel <= -1.0:
+        # A NaN fails every comparison.
+        if not (self._gap_um.min() > 0.0 and film_um.min() > 0.0 and own.stiffness_rel > -1.0):
             raise ValueError(
                 f"gaps {self._gap_um.min():g} um, films {film_um.min():g} um and stiffness "
                 f"{1.0 + own.stiffness_rel:g} have to be above 0"

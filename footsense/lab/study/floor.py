@@ -105,9 +105,9 @@ def page(bench: Workbench) -> Page:
     quick = "**Quick run: one load on a rough mesh.**\n\n" if bench.quick else ""
     worst = {name: 100.0 * max(differences) for name, differences in found.items()}
     body = f"""{quick}The table of responses puts Hertz's pressure on the ball, along the force, and strains little.
-What does that cost? The full solve has neo-Hookean solids, gaps in contact, and a rigid floor with Coulomb friction (0.7) that comes
-from below until it exerts the asked force; here it is solved once with everything and once with each part left out, on
-one mesh, so that the mesh does not count. Largest difference of a mean closure over the largest closure, in percent:
+What does that cost? The full solve has neo-Hookean solids, gaps in contact, and a rigid floor with Coulomb friction
+(0.7) that comes from below until it exerts the asked force; here it is solved once with everything and once with each
+part left out, on one mesh, so that the mesh does not count. Largest difference of a mean closure over the largest:
 
 {table(["load", *(f"{name} [%]" for name in _WITHOUT), "patch, solved / Hertz [mm]", "Newton steps"], rows)}
 
