@@ -24,7 +24,9 @@ class State(IntEnum):
     STALE = 7  #: the measurement is older than the age limit
     OUT_OF_RANGE = 8  #: the load lies outside what the network was trained on
     STOPPED = 9  #: the service was told to stop
-    DEGRADED = 10  #: an element, row or column is missing; the force is that of the others, and sigma says how good
+    DEGRADED = (
+        10  #: an element, row or column is missing; the force is that of the others, and sigma says how good
+    )
 
 
 #: States under which a force is sent.

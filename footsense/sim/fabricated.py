@@ -72,7 +72,6 @@ class Foot:
         self._contact = contact
         self.rest_pf = self._capacitance_pf(np.zeros(gaps.ALL_CELLS))
 
-
     def cells_um(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the closure of each cell [um], shape (n, 324), at most its gap.
 
