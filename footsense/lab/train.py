@@ -65,7 +65,7 @@ class Protocol:
     """
 
     channels: int = 14
-    steps: int = 400_000
+    steps: int = 120_000
     batch: int = 512
     rate: float = 1e-2
     floor_n: float = 0.3
