@@ -12,6 +12,7 @@ from footsense.lab.dataset import (
     BASELINE_NOISE_PF,
     GRAM_FORCE_N,
     NOISE_PF,
+    WIDE_CENTRED_SHARE,
     directions,
     measured_closure_rel,
     sensed_closure_um,
@@ -333,7 +334,8 @@ of the normal). The 180 directions are the paper's verification directions, cent
 ### The network over the bound
 
 A network that has to be right on leaning contacts cannot know that a load is centred, so the five-unknown bound is its
-bound; a third of the loads that it learnt from were centred, though, so nothing forbids a ratio a little below one.
+bound; {WIDE_CENTRED_SHARE:.0%} of the loads that it learnt from were centred, though, so nothing forbids a ratio a
+little below one.
 Both are rms over all loads and noise of a bin, which counts every bad place and the network's own error; *typical load*
 is the median over the loads of the ratio load by load, which shows what is left when a few bad places are not counted.
 
@@ -344,7 +346,7 @@ is the median over the loads of the ratio load by load, which shows what is left
 and by {floors[-1]:.3f} deg at {magnitudes[-1]:g} gf: the network's own error makes {100 * own_share[0]:.0f} % of the
 squared error at the one and {100 * own_share[-1]:.0f} % at the other; the rest is noise.
 
-Random leaning loads (up to the friction angle from the normal; loads beyond the converter's range are left out):
+Random leaning loads, as the network learnt from (loads beyond the converter's range are left out):
 
 {table(_RATIO_HEADER, _ratio_rows(ratio.leaning))}
 
