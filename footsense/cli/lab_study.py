@@ -1,21 +1,25 @@
 """`footsense lab response`, `study`, `ladder`, `limit`, `tolerance`, `report`: questions to the models."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from footsense import app
 from footsense.cli.lab_options import models_option, released_folder, require_writable, stopwatch_report
+from footsense.clock import stopwatch_ns
 from footsense.errors import FootsenseError
+
+if TYPE_CHECKING:
+    from footsense.lab.study.page import Page, Workbench
 
 _quick_option = click.option("--quick", is_flag=True, help="Every step in seconds; its numbers say nothing.")
 _output_option = click.option(
     "--output",
     type=click.Path(file_okay=False, path_type=Path),
-    default=Path("docs/report"),
-    show_default=True,
-    help="Folder for pages and figures.",
+    help="Folder for pages and figures; without it ./docs/report, quick ones ./docs/report-quick.",
 )
 
 
@@ -82,18 +86,27 @@ def response(
             click.echo("  " + "  ".join(f"{value:8.3f}" for value in row))
 
 
-def _study(name: str, models: Path | None, output: Path, *, quick: bool) -> None:
-    """Run one study, write its page, and print it."""
-    require_writable(output)
-    from footsense.lab.report import bind, make_page
+def _study(
+    study: "str | Callable[[Workbench], Page]", models: Path | None, output: Path | None, *, quick: bool
+) -> None:
+    """Run a study by name or function, write its page, bind it, and print it."""
+    folder = _report_folder(output, quick=quick)
+    from footsense.lab.report import bind, make_page, timed_page
     from footsense.lab.study.page import Workbench
 
     bench = Workbench(models=models or released_folder(), quick=quick, say=stopwatch_report())
-    page = make_page(name, bench)
-    page.write(output)
-    bind(output)
+    page = make_page(study, bench) if isinstance(study, str) else timed_page(study, bench)
+    page.write(folder)
+    bind(folder, bench)
     click.echo(page.markdown)
-    click.echo(f"wrote {output / page.name}.md, and bound it into {output / 'README.md'}")
+    click.echo(f"wrote {folder / page.name}.md, and bound it into {folder / 'README.md'}")
+
+
+def _report_folder(output: Path | None, *, quick: bool) -> Path:
+    """Return where pages go; quick ones do not overwrite others."""
+    folder = output or Path("docs") / ("report-quick" if quick else "report")
+    require_writable(folder)
+    return folder
 
 
 @click.command()
@@ -101,7 +114,7 @@ def _study(name: str, models: Path | None, output: Path, *, quick: bool) -> None
 @models_option
 @_output_option
 @_quick_option
-def study(*, name: str, models: Path | None, output: Path, quick: bool) -> None:
+def study(*, name: str, models: Path | None, output: Path | None, quick: bool) -> None:
     """Run the study NAME: its page with tables and figures goes into the report. A name that is none lists all."""
     _study(name, models, output, quick=quick)
 
@@ -110,7 +123,7 @@ def study(*, name: str, models: Path | None, output: Path, quick: bool) -> None:
 @models_option
 @_output_option
 @_quick_option
-def ladder(*, models: Path | None, output: Path, quick: bool) -> None:
+def ladder(*, models: Path | None, output: Path | None, quick: bool) -> None:
     """Print time and error of the four models of the foot, and draw one against the other."""
     _study("ladder", models, output, quick=quick)
 
@@ -119,7 +132,7 @@ def ladder(*, models: Path | None, output: Path, quick: bool) -> None:
 @models_option
 @_output_option
 @_quick_option
-def limit(*, models: Path | None, output: Path, quick: bool) -> None:
+def limit(*, models: Path | None, output: Path | None, quick: bool) -> None:
     """Print the Cramer-Rao bound over the loading range, and the network's error over it."""
     _study("limit", models, output, quick=quick)
 
@@ -140,21 +153,15 @@ def limit(*, models: Path | None, output: Path, quick: bool) -> None:
 @_output_option
 @_quick_option
 def tolerance(
-    *, scheduler: str | None, file: Path | None, models: Path | None, output: Path, quick: bool
+    *, scheduler: str | None, file: Path | None, models: Path | None, output: Path | None, quick: bool
 ) -> None:
     """Run the Monte Carlo over fabricated feet on a cluster, resumable."""
-    require_writable(output)
     from footsense.lab.cluster import on_cluster
-    from footsense.lab.report import bind
-    from footsense.lab.study.page import Workbench
     from footsense.lab.study.tolerance import campaign_page
     from footsense.lab.sweeps import FULL, QUICK
 
-    bench = Workbench(models=models or released_folder(), quick=quick, say=stopwatch_report())
-    page = campaign_page(bench, QUICK if quick else FULL, on_cluster(scheduler), file)
-    page.write(output)
-    bind(output)
-    click.echo(page.markdown)
+    plan = QUICK if quick else FULL
+    _study(lambda bench: campaign_page(bench, plan, on_cluster(scheduler), file), models, output, quick=quick)
 
 
 @click.command()
@@ -166,19 +173,19 @@ def tolerance(
 @_output_option
 @_quick_option
 @click.option("--resume", is_flag=True, help="Keep models and pages that are there; make what is missing.")
-def report(*, models: Path | None, output: Path, quick: bool, resume: bool) -> None:
+def report(*, models: Path | None, output: Path | None, quick: bool, resume: bool) -> None:
     """Build the models from nothing, run every study on them, and bind the pages into one report."""
     folder = models or Path("models") / (f"{app.FOOT_TYPE}-quick" if quick else app.FOOT_TYPE)
-    for path in (folder, output):
-        require_writable(path)
+    require_writable(folder)
+    pages = _report_folder(output, quick=quick)
     from footsense.lab.build import FULL, QUICK, build
     from footsense.lab.evaluate_models import NETWORK_FILE, RESPONSE_FILE
     from footsense.lab.report import make_report
     from footsense.lab.study.page import Workbench
 
-    say = stopwatch_report()
-    built = all((folder / name).exists() for name in (NETWORK_FILE, RESPONSE_FILE))
-    if not (resume and built):
+    say, started_ns, build_s = stopwatch_report(), stopwatch_ns(), None
+    if not (resume and all((folder / name).exists() for name in (NETWORK_FILE, RESPONSE_FILE))):
         build(folder, QUICK if quick else FULL, say)
+        build_s = (stopwatch_ns() - started_ns) / 1e9
     bench = Workbench(models=folder, quick=quick, say=say)
-    say(f"wrote {make_report(output, bench, resume=resume, report=say)}")
+    say(f"wrote {make_report(pages, bench, build_s=build_s, resume=resume, report=say)}")

@@ -41,7 +41,9 @@ def on_cluster(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> 
                 for future, figures in as_completed(job_of, with_results=True):
                     yield job_of[future], figures
             except CancelledError as error:
-                raise FootsenseError(f"lost the scheduler {scheduler}; what is finished is kept") from error
+                raise FootsenseError(
+                    f"lost the scheduler {scheduler}; feet that a campaign file holds are kept"
+                ) from error
 
     return run
 

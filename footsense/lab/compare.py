@@ -14,9 +14,11 @@ from footsense.lab.response import disc_normals
 
 #: Response: largest difference over the largest value.
 RESPONSE_REL = 1e-6
-#: Network, on the paper's verification cases: growth of the mean errors over those of the release [1]. Equal machines
-#: give equal bytes; on other processors the mean direction error was 0.12 to 0.19 deg, and the release's 0.19 is the
-#: worst of them. So an honest build hardly exceeds it, and one that is worse by 30 % has lost something.
+#: Network, on the paper's verification cases: mean errors that a release may have [deg, gf]. Equal machines give equal
+#: bytes; elsewhere the last bit of 10^5 steps differs, and with it the error. What counts is that it is no worse than
+#: what was promised.
+DIRECTION_DEG, MAGNITUDE_GF = 0.24, 0.53
+#: A build that is compared with one that never met that (a quick one) may be this much worse [1].
 WORSE_REL = 0.2
 
 
@@ -26,7 +28,7 @@ class Difference:
 
     Attributes:
         what: Its name and unit.
-        found: Difference between the builds; of an error, its growth, below zero where the second is better.
+        found: Difference between the builds; of an error, that of the second build.
         tolerated: Largest one that is the same release.
     """
 
@@ -40,14 +42,14 @@ class Difference:
         return self.found <= self.tolerated
 
 
-def growth(what: str, released: float, built: float) -> Difference:
-    """Return by how much an error has grown.
+def error(what: str, released: float, built: float, promised: float) -> Difference:
+    """Return whether the error of a build is one of the release's.
 
     Example:
-        >>> growth("error", 0.19, 0.12).same, growth("error", 0.19, 0.19 * 1.3).same
+        >>> error("error", 0.08, 0.19, 0.24).same, error("error", 0.08, 0.25, 0.24).same
         (True, False)
     """
-    return Difference(what, built / released - 1.0, WORSE_REL)
+    return Difference(what, built, max(promised, released * (1.0 + WORSE_REL)))
 
 
 def compare(first: Path, second: Path) -> list[Difference]:
@@ -62,6 +64,8 @@ def compare(first: Path, second: Path) -> list[Difference]:
             float(np.abs(closures[0] - closures[1]).max() / np.abs(closures[0]).max()),
             RESPONSE_REL,
         ),
-        growth("network, mean direction error, growth", rows[0].direction_deg, rows[1].direction_deg),
-        growth("network, mean magnitude error, growth", rows[0].magnitude_gf, rows[1].magnitude_gf),
+        error(
+            "network, mean direction error [deg]", rows[0].direction_deg, rows[1].direction_deg, DIRECTION_DEG
+        ),
+        error("network, mean magnitude error [gf]", rows[0].magnitude_gf, rows[1].magnitude_gf, MAGNITUDE_GF),
     ]

@@ -37,13 +37,14 @@ gaps shutting in part, converter noise of {1000 * wide["noise_pf"]:g} fF.
 Largest difference between JAX and ONNX Runtime: {1000 * parity_n:.4f} mN. How far sigma holds, what a missing row
 costs, and how near this comes to the Cramer-Rao bound: `docs/report/README.md`.
 
-Solid: a quarter in {where["elements"]} elements of order {where["mesh"]["order"]}, {where["unknowns"]} unknowns in
-each of three symmetry classes. x and y differ by {asymmetry} (rms, averaged out); the series differs from the
+Solid: a quarter in {where["elements"]} elements of order {where["mesh"]["order"]}, about {where["unknowns"]} unknowns
+in each of three symmetry classes. x and y differ by {asymmetry} (rms, averaged out); the series differs from the
 field's samples by {residual}, and from a series of four degrees less by {cut_off}.
 
-Known limit: at isolated places two quite different loads close all nine gaps alike, so that no read-out of one scan
-can tell them apart (a centred newton at 45, 44 deg and 0.88 N at 225, 52 deg on a contact leaning by 5 deg: 7 nm
-apart, and likewise on the other diagonals). The network's largest errors are there; the mean and p95 do not show it.
+Known limits: near the diagonals, at about 44 deg, a light centred load has a twin, its force far aside and its contact
+leaning a little, that closes all nine gaps alike: below about 50 gf no read-out of one scan tells them apart for
+certain. Near there this network also has its own largest errors. Both are measured in the studies `limit` and
+`error-map` of `docs/report/README.md`.
 
 Not modelled: large strain, creep, air trapped in the cavities.
 """

@@ -7,6 +7,7 @@ threads made the next one's small matrix products fifteen times as slow.
 
 import hashlib
 import json
+import os
 import sys
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
@@ -41,7 +42,7 @@ STUDIES = (
     "history",
     "hard-cases",
 )
-README = "README.md"
+README, BUILD = "README.md", "build.json"
 
 
 def make_page(name: str, bench: Workbench) -> Page:
@@ -56,9 +57,13 @@ def make_page(name: str, bench: Workbench) -> Page:
     """
     if name not in STUDIES:
         raise FootsenseError(f"no study {name!r}: there are {', '.join(STUDIES)}")
-    module = import_module(f"footsense.lab.study.{name.replace('-', '_')}")
+    return timed_page(import_module(f"footsense.lab.study.{name.replace('-', '_')}").page, bench)
+
+
+def timed_page(study: Callable[[Workbench], Page], bench: Workbench) -> Page:
+    """Return a study's page with what it took and which network it is about."""
     started = default_timer()
-    page: Page = module.page(bench)
+    page = study(bench)
     about = {"network_sha256": _network_hash(bench), "quick": bench.quick}
     return replace(page, seconds=default_timer() - started, values={**page.values, **about})
 
@@ -78,18 +83,25 @@ def is_made(name: str, folder: Path, bench: Workbench) -> bool:
     return bool(values.get("network_sha256") == _network_hash(bench) and values.get("quick") == bench.quick)
 
 
-def make_report(folder: Path, bench: Workbench, *, resume: bool, report: Callable[[str], None]) -> Path:
+def make_report(
+    folder: Path, bench: Workbench, *, build_s: float | None, resume: bool, report: Callable[[str], None]
+) -> Path:
     """Run the studies and bind their pages.
 
     Args:
         folder: Where the pages go.
         bench: What the studies work on.
+        build_s: What building the models took [s]; None if they were there.
         resume: Whether pages that are there already, about this very network, are kept.
         report: Told what has just been done, one line each.
 
     Returns:
         The bound document.
     """
+    if build_s is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        built = {"seconds": round(build_s, 1), "network_sha256": _network_hash(bench), "quick": bench.quick}
+        (folder / BUILD).write_text(json.dumps(built, indent=2, sort_keys=True) + "\n", encoding="utf-8")
     for name in STUDIES:
         if resume and is_made(name, folder, bench):
             report(f"{name}: kept")
@@ -97,7 +109,7 @@ def make_report(folder: Path, bench: Workbench, *, resume: bool, report: Callabl
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
             seconds = process.submit(_write_page, name, bench.models, folder, quick=bench.quick).result()
         report(f"{name}: {seconds:.0f} s")
-    return bind(folder)
+    return bind(folder, bench)
 
 
 def _write_page(name: str, models: Path, folder: Path, *, quick: bool) -> float:
@@ -113,22 +125,36 @@ def _say(line: str) -> None:
     sys.stdout.flush()
 
 
-def bind(folder: Path) -> Path:
-    """Write the document of all pages that a folder holds, the targets on top, and return its path."""
-    made = [name for name in STUDIES if (folder / f"{name}.md").exists()]
+def bind(folder: Path, bench: Workbench) -> Path:
+    """Write the document of all pages about one network, the targets on top, and return its path.
+
+    Args:
+        folder: Where the pages are.
+        bench: Tells the network; pages about another one, or of the other form, are left out and named.
+    """
+    made = [name for name in STUDIES if is_made(name, folder, bench)]
+    left_out = [name for name in STUDIES if name not in made]
     values = {name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in made}
     pages = [(folder / f"{name}.md").read_text(encoding="utf-8").strip() for name in made]
     titles = [page.partition("\n")[0].removeprefix("## ") for page in pages]
     contents = "\n".join(f"- [{title}](#{_anchor(title)})" for title in titles)
-    seconds = sum(value["seconds"] for value in values.values())
-    quick = "\n\n**A quick form: coarse mesh, short training, few seeds. Its numbers say nothing.**" * any(
-        value["quick"] for value in values.values()
-    )
+    studies_s = sum(value["seconds"] for value in values.values())
+    build_s = _build_s(folder, bench)
+    taken = f"the studies took {studies_s / 60.0:.0f} min"
+    if build_s is not None:
+        taken = f"the models took {build_s / 60.0:.0f} min and " + taken
+        if not left_out:
+            values["report"] = {"minutes": (build_s + studies_s) / 60.0}
+    notes = ""
+    if bench.quick:
+        notes += "\n\n**A quick form: few steps, seeds and cases. Its numbers say nothing.**"
+    if left_out:
+        notes += f"\n\nNot made about this network yet: {', '.join(left_out)}."
     text = f"""# The lab's report
 
 From rubber to network: every result of Aoyagi et al. with its command, its figure and its number beside the paper's,
-and what the paper could not say. All of it is made by `footsense lab report`; the studies took {seconds / 60.0:.0f} min
-on two cores. Nothing here is edited by hand.{quick}
+and what the paper could not say. All of it is made by `footsense lab report`; {taken}
+on {os.cpu_count()} cores. Nothing here is edited by hand.{notes}
 
 {targets(values)}
 
@@ -138,6 +164,15 @@ on two cores. Nothing here is edited by hand.{quick}
     path = folder / README
     path.write_text(text + "\n\n".join(pages) + "\n", encoding="utf-8")
     return path
+
+
+def _build_s(folder: Path, bench: Workbench) -> float | None:
+    """Return what building this very network took [s], None if nobody knows."""
+    try:
+        built = json.loads((folder / BUILD).read_text(encoding="utf-8"))
+    except (OSError, json.JSONDecodeError):
+        return None
+    return float(built["seconds"]) if built["network_sha256"] == _network_hash(bench) else None
 
 
 def _anchor(title: str) -> str:

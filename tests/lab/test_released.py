@@ -7,10 +7,12 @@ import pytest
 from numpy.typing import NDArray
 
 from footsense.core.filling import Filling
-from footsense.lab.dataset import directions, measured_closure_rel, wide
+from footsense.lab.dataset import measured_closure_rel, wide
 from footsense.lab.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, coverage
 from footsense.lab.evaluate_models import evaluate_models, open_models
+from footsense.lab.study.limit import twins_of
 from footsense.lab.train import MASKS
+from footsense.sim.fabricated import Foot
 
 pytestmark = pytest.mark.lab
 
@@ -46,17 +48,13 @@ def test_sigma_is_honest_whatever_is_missing(mask: NDArray[np.bool_]) -> None:
     assert max(shares["within_1_sigma"]) < 0.9
 
 
-def test_two_ordinary_loads_close_the_gaps_alike() -> None:
-    """A limit of the sensor, not of the network: opposite horizontal forces that nine closures cannot tell apart.
-
-    A centred newton at (45, 44) deg, and 0.88 N at (225, 52) deg on a contact that leans by 5 deg, differ by 6 nm
-    in the norm of all nine closures; the converter's noise is 2.5 nm in each. If this test fails after a change of
-    the solid, find the new pair (the search is a least-squares fit of one load's closures by another load).
-    """
+def test_light_loads_have_a_twin_and_heavy_ones_none() -> None:
+    """A limit of the sensor: forces 80 deg apart that nine noisy closures of 20 gf cannot tell, and of 100 gf can."""
     response, _ = open_models(RELEASED)
-    centred = directions(np.array(45.0), np.array(44.1698))
-    normal = directions(np.array(225.0), np.array(47.0554))
-    force = 0.8784 * directions(np.array(225.0), np.array(52.2589))
-    apart = response.closure_um(normal, force) - response.closure_um(centred, centred)
-    assert np.linalg.norm(apart) < 0.012
-    assert np.linalg.norm(force - centred) > 1.2
+    apart = {}
+    for magnitude_gf in (20.0, 100.0):
+        sigmas, angle_deg = twins_of(Foot(response), magnitude_gf, np.arange(43.0, 46.0, 0.5))
+        assert angle_deg.min() > 60.0
+        apart[magnitude_gf] = sigmas.min()
+    assert apart[20.0] < 2.0
+    assert apart[100.0] > 10.0

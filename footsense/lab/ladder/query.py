@@ -9,6 +9,9 @@ from footsense.lab.geometry import SoleDesign
 from footsense.lab.ladder.rungs import rung
 from footsense.sim.foot import FootResponse
 
+#: Largest contact patch that is answered, over the ball's radius [1]: Hertz takes it as small.
+MOST_PATCH_REL = 0.3
+
 
 def response_to(
     response: FootResponse,
@@ -39,7 +42,15 @@ def response_to(
         raise ValueError(
             f"a direction is two finite angles, got {direction_deg[0]:g}, {direction_deg[1]:g} deg"
         )
+    if not 0.0 <= direction_deg[1] <= 90.0:
+        raise ValueError(f"an elevation is between 0 and 90 deg, got {direction_deg[1]:g}")
     normal = directions(*np.array(direction_deg)[:, None])
+    patch_mm = float(response.patch_radius_mm(normal, force_n * normal)[0])
+    if patch_mm > MOST_PATCH_REL * response.ball_radius_mm:
+        raise ValueError(
+            f"{force_n:g} N would flatten the ball over {patch_mm:.1f} mm; the models hold up to "
+            f"{MOST_PATCH_REL * response.ball_radius_mm:g} mm"
+        )
     found = rung(name, response, sole).answer(normal, force_n * normal)
     return {
         "rung": name,

@@ -245,15 +245,15 @@ networks on closures 9-{HIDDEN[0]}-{HIDDEN[1]}-3, mean ± deviation of {gap.dire
 
 ![]({_FIGURE})
 
-- The film has {ratio:.2f} times the sensitivity of the gaps, though it is softer than PDMS by a factor of
+- The film has {ratio:.2f} times the sensitivity of the gaps; it is softer than PDMS by a factor of
   {sole.pdms.youngs_mpa / film.gel.youngs_mpa:.0f}. It is confined: a layer of {thick_um:g} um between plates of
   {sole.sheet_mm:g} mm cannot spread, and is pressed against M = {1e3 * film.gel.confined_mpa:.0f} kPa instead of
   {soft_kpa:g}. The gaps in turn close by bending of the plates, which nothing resists.
 - Its range ends at {gel.range_n:.1f} N upright, that of the gaps at {gap.range_n:.1f} N.
-- Small changes do not mean large errors: a linear read-out of elastance has
+- A linear read-out of elastance has
   {gel.linear.direction_deg:.2f} deg and {gel.linear.magnitude_gf:.2f} gf with the film,
   {gap.linear.direction_deg:.2f} deg and {gap.linear.magnitude_gf:.2f} gf with the gaps, some of which shut at the
-  150 gf that are taught. A film that covers all stays linear where gaps do not.
+  150 gf that are taught.
 - Against shear it is as soft as it is said to be: a lateral newton slides the plates by {slide_um:.0f} um,
   {slide_um / 1e3 / sole.electrode_mm:.1%} of an electrode, where the closure of an upright one is
   {gel.closure_um_per_n / thick_um:.1%} of the thickness. What that does to the overlap of the electrodes is
