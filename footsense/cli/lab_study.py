@@ -1,7 +1,6 @@
 """`footsense lab response`, `study`, `ladder`, `limit`, `tolerance`, `report`: questions to the models."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +12,8 @@ from footsense.clock import stopwatch_ns
 from footsense.errors import FootsenseError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from footsense.lab.study.page import Page, Workbench
 
 _quick_option = click.option("--quick", is_flag=True, help="Every step in seconds; its numbers say nothing.")

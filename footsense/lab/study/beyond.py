@@ -248,8 +248,7 @@ def page(bench: Workbench) -> Page:
 
 The paper leaves three things for later (end of III A): a force that does not go through the middle of the ball, an
 external load beside the floor's, and a ball that is much deformed. The first two are looked into here with the
-response table, gaps in contact and the converter's noise included; the third is what the ladder of models up to
-the full solve is for.
+response table, gaps in contact and the converter's noise included; the third is in the study `floor`.
 
 ### A force past the centre
 

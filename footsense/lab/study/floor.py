@@ -47,12 +47,13 @@ class _Load(NamedTuple):
         )
 
 
-#: Upright and inclined, as heavy as the paper's heaviest, and one that leans by 20 deg.
+#: Upright and inclined, as heavy as the paper's heaviest, and one that leans by 20 deg, a large deformation.
 _LOADS = (
     _Load(90.0, 90.0, 150.0),
     _Load(45.0, 45.0, 50.0),
     _Load(45.0, 45.0, 150.0),
     _Load(80.0, 60.0, 60.0),
+    _Load(90.0, 90.0, 1000.0),
 )
 
 
