@@ -10,7 +10,8 @@ A frame is guarded by a CRC-8 in byte 0 and a counter in the low nibble of byte 
 
 The crc runs over the CAN id (low byte first, then high byte) and over every byte behind the crc, so a frame
 that arrives under another leg's id is wrong too. Every error of one or two bits and every burst of up to
-eight bits is found. The counter runs 0, 1, .. 14, 0; 15 is never sent.
+eight bits behind the crc is found; of those that reach into the crc itself, 5 of 1785 are not, because it
+stands in front. CAN's own crc is below all that. The counter runs 0, 1, .. 14, 0; 15 is never sent.
 
 Source:
     AUTOSAR FO R22-11, PRS E2EProtocol, profile 11, data id mode BOTH: polynomial x^8 + x^4 + x^3 + x^2 + 1

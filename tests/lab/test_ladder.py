@@ -92,5 +92,5 @@ def test_what_cannot_be_asked(released: FootResponse) -> None:
         response_to(released, SOLE, (0.0, 90.0), 0.0)
     with pytest.raises(ValueError, match="25 deg"):
         response_to(released, SOLE, (0.0, 5.0), 1.0)
-    with pytest.raises(ValueError, match="from below"):
+    with pytest.raises(ValueError, match="between 0 and 90 deg, got -45"):
         response_to(released, SOLE, (0.0, -45.0), 1.0, "half-space")

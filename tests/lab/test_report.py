@@ -12,6 +12,8 @@ from footsense.lab.study.page import Page, Workbench
 
 pytestmark = pytest.mark.lab
 
+#: Pages that take no time in full.
+SAME_EITHER_WAY = {"pattern"}
 RELEASED = Path(__file__).parents[2] / "models" / "aoyagi-3x3"
 
 
@@ -28,7 +30,7 @@ def test_a_study_makes_its_page(name: str, bench: Workbench, tmp_path: Path) -> 
     page.write(tmp_path)
     text = (tmp_path / f"{name}.md").read_text(encoding="utf-8")
     assert text.startswith("## ")
-    assert "quick" in text.lower()
+    assert "quick" in text.lower() or page.name in SAME_EITHER_WAY
     assert "|---" in text
     assert {part.partition(")")[0] for part in text.split("![](")[1:]} == set(page.figures)
     values = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))
