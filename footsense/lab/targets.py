@@ -119,7 +119,8 @@ def targets(values: Values) -> str:
 def _why(limit: Mapping[str, Any]) -> str:
     """Return what the bound is missed by and why, from the numbers of the study `limit`."""
     heaviest = limit["bins"]["centred"][-1]
-    own = list(limit["noiseless_direction_rms_deg"].values())[-1] / heaviest["network"]["direction_rms_deg"]
+    direction_rms_deg, *_ = heaviest["network"]  # a summary is written as a list, the direction first
+    own = limit["noiseless_direction_rms_deg"][f"{heaviest['magnitude_gf']:g}"] / direction_rms_deg
     refined = limit["gauss_newton"]
     rounds = ", ".join(f"{what}: {row[0]['ratio']:.2f}" for what, row in refined.items())
     return (
