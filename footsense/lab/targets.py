@@ -125,8 +125,8 @@ def _why(limit: Mapping[str, Any]) -> str:
     rounds = ", ".join(f"{what}: {row[0]['ratio']:.2f}" for what, row in refined.items())
     return (
         f"The Cramer-Rao bound falls with the load faster than the network's own error: at "
-        f"{heaviest['magnitude_gf']:g} gf that makes {own**2:.0%} of its squared error, noise the rest. The network "
-        f"cannot be much nearer with so few weights; one round of Gauss-Newton on the response table, started at its "
+        f"{heaviest['magnitude_gf']:g} gf that makes {own**2:.0%} of its squared error, noise the rest. More "
+        f"weights err less (study `network-size`); one round of Gauss-Newton on the response table, started at its "
         f"estimate, brings these multiples of the bound where it explains the scan ({rounds}). Nothing shipped does "
         f"that yet."
     )
