@@ -5,7 +5,7 @@ The same names, in CamelCase, are the value tables of `footsense.dbc`. A code is
 
 from enum import IntEnum, IntFlag
 
-__all__ = ["NODE_IDS", "USABLE", "CommandKind", "Flag", "NmtState", "Result", "State"]
+__all__ = ["NODE_IDS", "USABLE", "Cause", "CommandKind", "Flag", "NmtState", "Result", "State", "ZeroStatus"]
 
 #: CAN node id of each leg: left front, left middle, left rear, right front, right middle, right rear.
 NODE_IDS = {"lf": 1, "lm": 2, "lr": 3, "rf": 4, "rm": 5, "rr": 6}
@@ -27,6 +27,7 @@ class State(IntEnum):
     DEGRADED = (
         10  #: an element, row or column is missing; the force is that of the others, and sigma says how good
     )
+    STARTING = 11  #: the chips answer, the first readings are not complete yet
 
 
 #: States under which a force is sent.
@@ -39,6 +40,38 @@ class Flag(IntFlag):
     SIMULATED = 1  #: made by the simulator, not by a foot
     DEGRADED_TIMING = 2  #: the loop did not get the scheduling that it asked for
     TARE_REFUSED = 4  #: the last tare was refused; the older baseline is in use
+    CONTACT = 8  #: the foot is on the ground, judged with hysteresis
+
+
+class Cause(IntEnum):
+    """What lies behind a state, as far as it is known; a fault report names it."""
+
+    NONE = 0  #: nothing is wrong, or nothing is known
+    NO_ANSWER = 1  #: the leg's chips do not acknowledge: cable, power, or mux channel
+    LINE_HELD = 2  #: SDA or SCL is held low while the leg is connected
+    WRONG_CHIP = 3  #: another chip answers at the converter's address
+    NEVER_FINISHES = 4  #: conversions do not end
+    SETTINGS_LOST = 5  #: a chip does not hold what it was told: a dip of its supply, or a deaf switch
+    GARBLED = 6  #: answers that no healthy chip gives
+    ELEMENT_OPEN = 7  #: single elements have lost their electrode
+    ELEMENT_SHORTED = 8  #: an element reads beyond anything a foot can be pressed to
+    ELEMENT_STUCK = 9  #: an element no longer moves, not even by its noise
+    ELEMENT_DRIFTS = 10  #: an element's zero has left the others'
+    ROW_OPEN = 11  #: the line of a row is interrupted
+    COLUMN_OPEN = 12  #: the line of a column is interrupted
+    GAP_SHUT = 13  #: a gap is shut: more load than the foot can tell
+    HELD_UP = 14  #: the loop or the bus was held up
+
+
+class ZeroStatus(IntEnum):
+    """What the tracking of a leg's zero does at the moment."""
+
+    NONE = 0  #: there is no zero yet
+    TRACKING = 1  #: the foot is in confirmed swing, and the zero follows it
+    HELD = 2  #: the foot is loaded, or its swing is not confirmed: the zero stands still
+    NOT_QUIET = 3  #: refused: the readings move more than noise does
+    TOO_FAR = 4  #: refused: further from the free foot's readings than the limit allows
+    TOO_FAST = 5  #: refused: it would move faster than any temperature does
 
 
 class CommandKind(IntEnum):

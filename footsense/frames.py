@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface.can_codes import USABLE
+from firmware_interface.can_codes import USABLE, Cause, ZeroStatus
 from firmware_interface.can_frames import NODE_IDS, CommandKind, Flag, Result, State
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "LEGS",
     "USABLE",
     "CapFrame",
+    "Cause",
     "Command",
     "CommandKind",
     "Cycle",
@@ -29,6 +30,8 @@ __all__ = [
     "Reading",
     "Result",
     "State",
+    "Zero",
+    "ZeroStatus",
 ]
 
 #: Elements of a foot: a 3 x 3 grid, flat index 3 * row + column, row 0 the most forward, column 0 the leftmost.
@@ -78,6 +81,28 @@ class CapFrame:
             )
 
 
+class Zero(NamedTuple):
+    """Where the zero of every leg stands and why.
+
+    Attributes:
+        status: What its tracking does, shape (legs,), uint8 of `ZeroStatus`.
+        mean_pf: Mean over the elements of how far it has moved since the leg's last tare [pF], shape (legs,).
+        worst_pf: The same of the element that moved farthest [pF], shape (legs,).
+        moved_ns: When it was last moved or tared [ns], shape (legs,), int64; 0 where there is none.
+    """
+
+    status: NDArray[np.uint8]
+    mean_pf: NDArray[np.float64]
+    worst_pf: NDArray[np.float64]
+    moved_ns: NDArray[np.int64]
+
+    @classmethod
+    def none(cls, n_legs: int) -> "Zero":
+        """Return that of legs without any."""
+        nan = np.full(n_legs, np.nan)
+        return cls(np.full(n_legs, ZeroStatus.NONE, np.uint8), nan, nan, np.zeros(n_legs, np.int64))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceFrame:
     """The contact force of every leg, as the consumer is to believe it.
@@ -91,6 +116,8 @@ class ForceFrame:
         state: Whether and why the force may be used, shape (legs,), uint8 of `State`.
         fault_mask: Bit e set where element e is not usable, shape (legs,), uint16.
         flags: Notes that do not forbid the value, shape (legs,), uint8 of `Flag`.
+        cause: What lies behind the state, shape (legs,), uint8 of `Cause`.
+        zero: Where the legs' zeros stand.
     """
 
     sequence: int
@@ -101,6 +128,8 @@ class ForceFrame:
     state: NDArray[np.uint8]
     fault_mask: NDArray[np.uint16]
     flags: NDArray[np.uint8]
+    cause: NDArray[np.uint8]
+    zero: Zero
 
     @property
     def age_ns(self) -> NDArray[np.int64]:

@@ -23,6 +23,7 @@ from footsense.frames import (
     Outcome,
     Result,
     State,
+    Zero,
 )
 from footsense.ports import Estimator
 
@@ -140,6 +141,8 @@ class Pipeline:
             state=state,
             fault_mask=quality.fault_mask((scan.reading != 0) | opened | shut),
             flags=self._baselines.flags | np.uint8(self._flags),
+            cause=np.zeros(len(state), np.uint8),
+            zero=Zero.none(len(state)),
         ), outcomes
 
     def _estimate(

@@ -19,6 +19,7 @@ from footsense.frames import (
     Outcome,
     Result,
     State,
+    Zero,
 )
 
 __all__ = [
@@ -92,6 +93,8 @@ def decode_force(data: bytes, legs: Sequence[str]) -> ForceFrame:
         np.array([State[row["state"]] for row in rows], dtype=np.uint8),
         np.array([row["fault_mask"] for row in rows], dtype=np.uint16),
         np.array([row["flags"] for row in rows], dtype=np.uint8),
+        np.zeros(len(rows), np.uint8),
+        Zero.none(len(rows)),
     )
 
 

@@ -16,7 +16,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.frames import ELEMENTS, CapFrame, Command, CommandKind, Cycle, ForceFrame, Outcome, Result
+from footsense.frames import (
+    ELEMENTS,
+    CapFrame,
+    Command,
+    CommandKind,
+    Cycle,
+    ForceFrame,
+    Outcome,
+    Result,
+    Zero,
+)
 
 __all__ = ["CyclePacker", "Loss", "Numbered", "pack_header", "pack_loss", "unpack"]
 
@@ -192,6 +202,8 @@ def _unpack_cycle(record: bytes, n_legs: int, n_commands: int, n_outcomes: int) 
         entry["state"],
         entry["fault_mask"],
         entry["flags"],
+        np.zeros(n_legs, np.uint8),
+        Zero.none(n_legs),
     )
     at = kind.itemsize
     commands = []

@@ -7,7 +7,7 @@ import can
 import numpy as np
 
 from firmware_interface.can_codes import NODE_IDS, USABLE, State
-from footsense.frames import ForceFrame
+from footsense.frames import ForceFrame, Zero
 from footsense.publish.can_sink import CanSink
 
 MS = 1_000_000
@@ -53,6 +53,8 @@ class Robot:
                 state=np.full(n, state, np.uint8),
                 fault_mask=np.full(n, mask, np.uint16),
                 flags=np.zeros(n, np.uint8),
+                cause=np.zeros(n, np.uint8),
+                zero=Zero.none(n),
             )
         )
 

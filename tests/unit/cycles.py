@@ -16,6 +16,7 @@ from footsense.frames import (
     Outcome,
     Reading,
     State,
+    Zero,
 )
 from footsense.recording.compare import compare
 from footsense.recording.mcap_writer import McapFile
@@ -52,6 +53,8 @@ def cycle(number: int, seed: int = 0, *, outcomes: tuple[Outcome, ...] = (), n_l
         rng.choice([int(s) for s in State], n_legs).astype(np.uint8),
         rng.integers(0, 512, n_legs).astype(np.uint16),
         rng.choice([int(f) for f in Flag], n_legs).astype(np.uint8),
+        np.zeros(n_legs, np.uint8),
+        Zero.none(n_legs),
     )
     commands = (TARE,) if number % 7 == 3 else ()
     return Cycle(scan, commands, forces, outcomes)

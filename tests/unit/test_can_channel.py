@@ -15,7 +15,7 @@ from firmware_interface.can_events import (
     decode_heartbeat,
 )
 from footsense.errors import CanError, ConfigError, RecordingError
-from footsense.frames import ForceFrame
+from footsense.frames import ForceFrame, Zero
 from footsense.publish.can_log import check_log_target
 from footsense.publish.can_sink import CanSink
 from tests.unit.can_robot import MS, FakeClock, Robot
@@ -116,7 +116,18 @@ def test_a_bus_on_which_nobody_listens_drops_everything_and_stops_nothing() -> N
     nan = np.full((1, 3), np.nan)
     one = np.ones(1, np.int64)
     sink.publish(
-        ForceFrame(0, 1, one, nan, nan, one.astype(np.uint8), one.astype(np.uint16), one.astype(np.uint8))
+        ForceFrame(
+            sequence=0,
+            t_sent_ns=1,
+            t_ns=one,
+            force_n=nan,
+            sigma_n=nan,
+            state=one.astype(np.uint8),
+            fault_mask=one.astype(np.uint16),
+            flags=one.astype(np.uint8),
+            cause=np.zeros(1, np.uint8),
+            zero=Zero.none(1),
+        )
     )
     assert sink.commands() == []
     sink.close()

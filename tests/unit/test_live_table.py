@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from footsense.cli.live_table import LiveTable
-from footsense.frames import LEGS, CapFrame, Cycle, ForceFrame, State
+from footsense.frames import LEGS, CapFrame, Cycle, ForceFrame, State, Zero
 
 STATES = (
     State.VALID,
@@ -37,6 +37,8 @@ def cycle() -> Cycle:
             state=np.array(STATES, np.uint8),
             fault_mask=np.zeros(n, np.uint16),
             flags=np.zeros(n, np.uint8),
+            cause=np.zeros(n, np.uint8),
+            zero=Zero.none(n),
         ),
         (),
     )

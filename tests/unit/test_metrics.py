@@ -13,7 +13,7 @@ import pytest
 from prometheus_client import CollectorRegistry
 
 from footsense.errors import ConfigError, FootsenseError
-from footsense.frames import CapFrame, Command, CommandKind, Cycle, ForceFrame, Outcome, Result, State
+from footsense.frames import CapFrame, Command, CommandKind, Cycle, ForceFrame, Outcome, Result, State, Zero
 from footsense.publish.can_stats import CanStats
 from footsense.publish.exporter import SharedCollector
 from footsense.publish.exporter_process import start_exporter
@@ -43,6 +43,8 @@ def cycle(
             state=state,
             fault_mask=np.zeros(2, np.uint16),
             flags=np.zeros(2, np.uint8),
+            cause=np.zeros(2, np.uint8),
+            zero=Zero.none(2),
         ),
         outcomes=outcomes,
     )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from footsense.core.score import Score
-from footsense.frames import CapFrame, Cycle, ForceFrame, State
+from footsense.frames import CapFrame, Cycle, ForceFrame, State, Zero
 
 MS = 1_000_000
 
@@ -21,6 +21,8 @@ def cycle(sequence: int, force_n: list[float], state: State = State.VALID) -> Cy
         np.array([state], np.uint8),
         np.zeros(1, np.uint16),
         np.zeros(1, np.uint8),
+        np.zeros(1, np.uint8),
+        Zero.none(1),
     )
     return Cycle(scan, (), forces, ())
 
