@@ -5,7 +5,19 @@ The same names, in CamelCase, are the value tables of `footsense.dbc`. A code is
 
 from enum import IntEnum, IntFlag
 
-__all__ = ["NODE_IDS", "USABLE", "Cause", "CommandKind", "Flag", "NmtState", "Result", "State", "ZeroStatus"]
+__all__ = [
+    "NODE_IDS",
+    "USABLE",
+    "Cause",
+    "CommandKind",
+    "Flag",
+    "NmtState",
+    "Phase",
+    "Result",
+    "State",
+    "ZeroStatus",
+    "phase_of",
+]
 
 #: CAN node id of each leg: left front, left middle, left rear, right front, right middle, right rear.
 NODE_IDS = {"lf": 1, "lm": 2, "lr": 3, "rf": 4, "rm": 5, "rr": 6}
@@ -32,6 +44,39 @@ class State(IntEnum):
 
 #: States under which a force is sent.
 USABLE = frozenset({State.VALID, State.DEGRADED})
+
+
+class Phase(IntEnum):
+    """Where a leg is on its way from power-up to forces: its states, grouped for a person or a dashboard."""
+
+    ABSENT = 0  #: its chips do not answer
+    STARTING = 1  #: they answer, but no force can be told yet: readings or a tare are missing
+    TARING = 2  #: a tare is being taken
+    VALID = 3  #: forces come
+    DEGRADED = 4  #: forces come, of fewer elements
+    FAULTED = 5  #: something is broken, held up or out of range
+    STOPPED = 6  #: the service was told to stop
+
+
+_PHASES = {
+    State.ABSENT: Phase.ABSENT,
+    State.STARTING: Phase.STARTING,
+    State.NO_BASELINE: Phase.STARTING,
+    State.TARING: Phase.TARING,
+    State.VALID: Phase.VALID,
+    State.DEGRADED: Phase.DEGRADED,
+    State.SATURATED: Phase.FAULTED,
+    State.ELEMENT_FAULT: Phase.FAULTED,
+    State.CONVERTER_FAULT: Phase.FAULTED,
+    State.STALE: Phase.FAULTED,
+    State.OUT_OF_RANGE: Phase.FAULTED,
+    State.STOPPED: Phase.STOPPED,
+}
+
+
+def phase_of(state: State) -> Phase:
+    """Return the phase that a state belongs to."""
+    return _PHASES[state]
 
 
 class Flag(IntFlag):

@@ -7,7 +7,7 @@ emergency, a request, an answer and a heartbeat; the contents of the first three
 import struct
 from typing import NamedTuple
 
-from firmware_interface.can_codes import CommandKind, NmtState, Result, State
+from firmware_interface.can_codes import Cause, CommandKind, NmtState, Result, State
 from firmware_interface.can_frames import node_of, state_of
 from firmware_interface.crc8 import COUNTER_PERIOD, FrameError, check, protect
 
@@ -21,6 +21,7 @@ __all__ = [
     "Answer",
     "Command",
     "Fault",
+    "Heartbeat",
     "UnknownCommandError",
     "decode_answer",
     "decode_command",
@@ -61,7 +62,7 @@ class UnknownCommandError(FrameError):
 
 
 class Fault(NamedTuple):
-    """What a fault report says: the state of a leg, or its element mask, has changed.
+    """What a fault report says: the state of a leg, its element mask or what lies behind them has changed.
 
     Attributes:
         node: CAN node id of the leg, 1..6.
@@ -69,6 +70,7 @@ class Fault(NamedTuple):
         state: State from now on.
         previous: State until now.
         fault_mask: Bit e set where element e is not usable, 9 bits.
+        cause: What lies behind the state, as far as it is known.
     """
 
     node: int
@@ -76,6 +78,7 @@ class Fault(NamedTuple):
     state: State
     previous: State
     fault_mask: int
+    cause: Cause
 
 
 class Command(NamedTuple):
@@ -110,39 +113,58 @@ class Answer(NamedTuple):
     asked: int
 
 
-_FAULT = struct.Struct("<BBH")
+class Heartbeat(NamedTuple):
+    """What a heartbeat says of its node.
+
+    Attributes:
+        node: CAN node id of the leg, 1..6.
+        state: State of the node.
+        degraded_timing: Whether the service runs without the scheduling that it asked for.
+    """
+
+    node: int
+    state: NmtState
+    degraded_timing: bool
+
+
+_FAULT = struct.Struct("<BBHB")
 _COMMAND = struct.Struct("<BBB4s")
 _ANSWER = struct.Struct("<BBB")
+_DEGRADED_TIMING = 0x80
 
 
-def encode_fault(node: int, counter: int, state: int, previous: int, fault_mask: int) -> bytes:
-    """Return the 5 data bytes of `Fault`.
+def encode_fault(node: int, counter: int, state: int, previous: int, fault_mask: int, cause: int) -> bytes:
+    """Return the 6 data bytes of `Fault`.
 
     ::
 
-        byte    0        1           2         3    4
-             +-------+-----+-----+------+---+---------+
-             | crc8  |state| cnt |  0   |old|  mask   |   mask: bits 0..8, the others 0
-             +-------+-----+-----+------+---+---------+
+        byte    0        1           2         3    4      5
+             +-------+-----+-----+------+---+---------+-------+
+             | crc8  |state| cnt |  0   |old|  mask   | cause |   mask: bits 0..8, the others 0
+             +-------+-----+-----+------+---+---------+-------+
                       7..4  3..0  7..4   3..0
 
     Example:
-        >>> encode_fault(2, 7, State.ELEMENT_FAULT, State.VALID, 0b1_0000_0001).hex(" ")
-        'b7 57 01 01 01'
+        >>> encode_fault(2, 7, State.DEGRADED, State.VALID, 0b1_0000_0001, Cause.ELEMENT_OPEN).hex(" ")
+        'ff a7 01 01 01 07'
     """
-    return protect(FAULT_ID + node, _FAULT.pack(state << 4 | counter, previous, fault_mask & 0x1FF))
+    return protect(FAULT_ID + node, _FAULT.pack(state << 4 | counter, previous, fault_mask & 0x1FF, cause))
 
 
 def decode_fault(can_id: int, data: bytes) -> Fault:
     """Return what a `Fault` frame says.
 
     Raises:
-        FrameError: The id, length, crc, counter or a state is wrong.
+        FrameError: The id, length, crc, counter, a state or the cause is wrong.
     """
     node = node_of(can_id, FAULT_ID)
-    counter = check(can_id, data, 5)
-    head, previous, fault_mask = _FAULT.unpack_from(data, 1)
-    return Fault(node, counter, state_of(head >> 4), state_of(previous & 0xF), fault_mask & 0x1FF)
+    counter = check(can_id, data, 6)
+    head, previous, fault_mask, code = _FAULT.unpack_from(data, 1)
+    try:
+        cause = Cause(code)
+    except ValueError:
+        raise FrameError(f"no cause has the code {code}") from None
+    return Fault(node, counter, state_of(head >> 4), state_of(previous & 0xF), fault_mask & 0x1FF, cause)
 
 
 def encode_command(node: int, counter: int, kind: CommandKind) -> bytes:
@@ -213,18 +235,23 @@ def decode_answer(can_id: int, data: bytes) -> Answer:
     return Answer(node, counter, result, kind, asked & 0xF)
 
 
-def encode_heartbeat(state: NmtState) -> bytes:
+def encode_heartbeat(state: NmtState, *, degraded_timing: bool = False) -> bytes:
     """Return the data byte of `Heartbeat`, which is CANopen's and has no crc.
+
+    With degraded timing the bit is set that CiA 301 keeps at 0: a CANopen tool then sees no valid state, and
+    that is what it should see. In normal operation the byte is CANopen's.
 
     Example:
         >>> encode_heartbeat(NmtState.OPERATIONAL).hex()
         '05'
+        >>> encode_heartbeat(NmtState.OPERATIONAL, degraded_timing=True).hex()
+        '85'
     """
-    return bytes([state])
+    return bytes([state | _DEGRADED_TIMING if degraded_timing else state])
 
 
-def decode_heartbeat(can_id: int, data: bytes) -> tuple[int, NmtState]:
-    """Return the node and the state that a heartbeat tells.
+def decode_heartbeat(can_id: int, data: bytes) -> Heartbeat:
+    """Return what a heartbeat tells of its node.
 
     Raises:
         FrameError: The id, length or state is wrong.
@@ -232,6 +259,6 @@ def decode_heartbeat(can_id: int, data: bytes) -> tuple[int, NmtState]:
     node = node_of(can_id, HEARTBEAT_ID)
     try:
         (code,) = data
-        return node, NmtState(code)
+        return Heartbeat(node, NmtState(code & ~_DEGRADED_TIMING), bool(code & _DEGRADED_TIMING))
     except ValueError:
         raise FrameError(f"{data.hex() or 'nothing'} is no heartbeat of CiA 301") from None

@@ -1,13 +1,13 @@
 """Forces to CAN, and commands from CAN: who sends what when.
 
-For each leg `Force` and `Quality` with every scan, a heartbeat at 5 Hz, and a fault report when the state or
-the element mask changes. The counters go on over frames that the channel did not take, and show the gap.
+For each leg `Force` and `Quality` with every scan, a heartbeat at 5 Hz, and a fault report when the state,
+the element mask or the cause changes. The counters go on over frames that the channel did not take, and show the gap.
 """
 
 from pathlib import Path
 
 from firmware_interface import can_events, can_frames
-from firmware_interface.can_codes import NODE_IDS, NmtState, Result, State
+from firmware_interface.can_codes import NODE_IDS, Cause, NmtState, Result, State
 from firmware_interface.crc8 import FrameError, next_counter
 from footsense.frames import Command, CommandKind, ForceFrame, Outcome
 from footsense.ports import Clock
@@ -25,6 +25,7 @@ _REPEAT_NS = 1_000_000_000
 _NMT_OF_STATE = {
     int(State.STOPPED): NmtState.STOPPED,
     int(State.ABSENT): NmtState.PRE_OPERATIONAL,
+    int(State.STARTING): NmtState.PRE_OPERATIONAL,
     int(State.CONVERTER_FAULT): NmtState.PRE_OPERATIONAL,
     int(State.NO_BASELINE): NmtState.PRE_OPERATIONAL,
     int(State.TARING): NmtState.PRE_OPERATIONAL,
@@ -38,7 +39,7 @@ class _Leg:
         self.node = node
         self.force = channel.frame(can_frames.FORCE_ID + node, 8)
         self.quality = channel.frame(can_frames.QUALITY_ID + node, 8)
-        self.fault = channel.frame(can_events.FAULT_ID + node, 5)
+        self.fault = channel.frame(can_events.FAULT_ID + node, 6)
         self.answer = channel.frame(can_events.ANSWER_ID + node, 4)
         self.heartbeat = channel.frame(can_events.HEARTBEAT_ID + node, 1)
         self.counter = 0  # of Force and Quality: the two of one scan have the same
@@ -46,7 +47,7 @@ class _Leg:
         self.answer_counter = 0
         self.heartbeat_due_ns = heartbeat_due_ns
         # As if stopped until now: the first state is a change, and a consumer that was here before learns it.
-        self.reported = (int(State.STOPPED), 0)
+        self.reported = (int(State.STOPPED), 0, int(Cause.NONE))
         self.last_command: tuple[CommandKind, int] | None = None  # its counter
         self.last_command_ns = 0
         # Counters of the open commands of each kind, oldest first.
@@ -140,9 +141,10 @@ class CanSink:
             quality = can_frames.encode_quality(leg.node, counter, flags, age_ns, mask, sigma_n)
             self._channel.send(leg.quality, quality, self._stamp_s)
         now_ns = self._clock.now_ns()
-        for leg, state, mask in zip(self._legs, states, masks, strict=True):
-            if leg.reported != (state, mask):
-                self._report(leg, state, mask)
+        causes: list[int] = frame.cause.tolist()
+        for leg, state, mask, cause in zip(self._legs, states, masks, causes, strict=True):
+            if leg.reported != (state, mask, cause):
+                self._report(leg, state, mask, cause)
             if now_ns >= leg.heartbeat_due_ns:
                 n_due = 1 + (now_ns - leg.heartbeat_due_ns) // _HEARTBEAT_PERIOD_NS
                 leg.heartbeat_due_ns += n_due * _HEARTBEAT_PERIOD_NS  # those missed are not made up for
@@ -204,10 +206,11 @@ class CanSink:
             self._beat(leg, NmtState.STOPPED)
         self._channel.close()
 
-    def _report(self, leg: _Leg, state: int, mask: int) -> None:
-        data = can_events.encode_fault(leg.node, leg.fault_counter, state, leg.reported[0], mask)
+    def _report(self, leg: _Leg, state: int, mask: int, cause: int) -> None:
+        previous = leg.reported[0]
+        data = can_events.encode_fault(leg.node, leg.fault_counter, state, previous, mask, cause)
         leg.fault_counter = next_counter(leg.fault_counter)
-        leg.reported = (state, mask)
+        leg.reported = (state, mask, cause)
         self._channel.send(leg.fault, data, self._stamp_s)
 
     def _answer(self, leg: _Leg, result: int, kind: int, asked: int) -> None:

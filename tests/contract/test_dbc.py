@@ -10,7 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface.can_codes import NODE_IDS, CommandKind, Flag, NmtState, Result, State
+from firmware_interface.can_codes import (
+    NODE_IDS,
+    Cause,
+    CommandKind,
+    Flag,
+    NmtState,
+    Result,
+    State,
+    ZeroStatus,
+)
 from firmware_interface.can_events import (
     ANSWER_ID,
     COMMAND_ID,
@@ -34,13 +43,15 @@ from firmware_interface.can_frames import (
     encode_force,
     encode_quality,
 )
+from firmware_interface.can_zero import ZERO_ID, decode_zero, encode_zero
 from firmware_interface.crc8 import protect
 
 DBC = cantools.database.load_file(Path(__file__).parents[2] / "firmware_interface/footsense.dbc")
 SENDERS = {
     "Force": (FORCE_ID, 8, "Footsense"),
     "Quality": (QUALITY_ID, 8, "Footsense"),
-    "Fault": (FAULT_ID, 5, "Footsense"),
+    "Zero": (ZERO_ID, 8, "Footsense"),
+    "Fault": (FAULT_ID, 6, "Footsense"),
     "Command": (COMMAND_ID, 8, "GaitController"),
     "Answer": (ANSWER_ID, 4, "Footsense"),
     "Heartbeat": (HEARTBEAT_ID, 1, "Footsense"),
@@ -51,6 +62,7 @@ legs = st.sampled_from(list(NODE_IDS))
 counters = st.integers(0, 14)
 masks = st.integers(0, 0x1FF)
 millinewtons = st.one_of(st.none(), st.integers(-32767, 32767))
+offsets = st.one_of(st.none(), st.integers(-32767, 32767))
 sigma_codes = st.one_of(st.none(), st.integers(0, 510))
 
 
@@ -114,6 +126,8 @@ def test_the_legs_differ_in_nothing_but_name_and_id(name: str) -> None:
         ("ForceLf", "State", State),
         ("FaultLf", "State", State),
         ("FaultLf", "PreviousState", State),
+        ("FaultLf", "Cause", Cause),
+        ("ZeroLf", "Status", ZeroStatus),
         ("CommandLf", "Kind", CommandKind),
         ("AnswerLf", "Kind", CommandKind),
         ("AnswerLf", "Result", Result),
@@ -139,10 +153,10 @@ def test_flags_are_single_bits_and_the_words_are_the_commands() -> None:
 
 
 def test_cyclic_frames_tell_their_period_and_the_others_have_none() -> None:
-    """Heartbeats come at 5 Hz, forces at the scan rate of the default board."""
+    """Heartbeats come at 5 Hz, zeros at 1 Hz, forces at the scan rate of the default board."""
     assert {m.name: m.cycle_time for m in DBC.messages if m.cycle_time} == {
         name + leg: period
-        for name, period in (("Force", 25), ("Quality", 25), ("Heartbeat", 200))
+        for name, period in (("Force", 25), ("Quality", 25), ("Zero", 1000), ("Heartbeat", 200))
         for leg in LEGS
     }
 
@@ -164,7 +178,7 @@ def test_force(
     assert theirs == data
 
 
-@given(legs, counters, st.integers(0, 7), st.one_of(st.none(), st.integers(0, 4094)), masks, sigma_codes)
+@given(legs, counters, st.integers(0, 15), st.one_of(st.none(), st.integers(0, 4094)), masks, sigma_codes)
 def test_quality(leg: str, counter: int, flags: int, age: int | None, mask: int, sigma: int | None) -> None:
     """Each reads what the other writes."""
     name, node = f"Quality{leg.capitalize()}", NODE_IDS[leg]
@@ -178,6 +192,7 @@ def test_quality(leg: str, counter: int, flags: int, age: int | None, mask: int,
             "Simulated": flags & 1,
             "DegradedTiming": flags >> 1 & 1,
             "TareRefused": flags >> 2 & 1,
+            "Contact": flags >> 3 & 1,
             "Age": 409.5 if age is None else age / 10,
             "FaultMask": mask,
             "SigmaX": 1.022 if sigma is None else sigma / 500,
@@ -198,14 +213,47 @@ def test_codes_for_no_value_are_named() -> None:
     assert [str(quality[s]) for s in ("Age", "SigmaX", "SigmaY")] == ["NoValue", "NoValue", "Saturated"]
 
 
-@given(legs, counters, st.sampled_from(State), st.sampled_from(State), masks)
-def test_fault(leg: str, counter: int, state: State, previous: State, mask: int) -> None:
+@given(legs, counters, st.sampled_from(State), st.sampled_from(State), masks, st.sampled_from(Cause))
+def test_fault(leg: str, counter: int, state: State, previous: State, mask: int, cause: Cause) -> None:
     """Each reads what the other writes."""
     node = NODE_IDS[leg]
-    signals = {"COUNTER": counter, "State": state, "PreviousState": previous, "FaultMask": mask}
+    signals = {
+        "COUNTER": counter,
+        "State": state,
+        "PreviousState": previous,
+        "FaultMask": mask,
+        "Cause": cause,
+    }
     theirs = encode(f"Fault{leg.capitalize()}", signals)
-    assert decode_fault(FAULT_ID + node, theirs) == (node, counter, state, previous, mask)
-    assert theirs == encode_fault(node, counter, state, previous, mask)
+    assert decode_fault(FAULT_ID + node, theirs) == (node, counter, state, previous, mask, cause)
+    assert theirs == encode_fault(node, counter, state, previous, mask, cause)
+
+
+@given(
+    legs, counters, st.sampled_from(ZeroStatus), offsets, offsets, st.one_of(st.none(), st.integers(0, 65534))
+)
+def test_zero(
+    leg: str, counter: int, status: ZeroStatus, mean: int | None, worst: int | None, age: int | None
+) -> None:
+    """Each reads what the other writes, in fF and s here and in pF and ns there."""
+    name, node = f"Zero{leg.capitalize()}", NODE_IDS[leg]
+    mean_pf, worst_pf = (math.nan if code is None else code / 10_000 for code in (mean, worst))
+    age_ns = None if age is None else age * 100_000_000
+    data = encode_zero(node, counter, status, mean_pf, worst_pf, age_ns)
+    signals = decode(name, data)
+    assert signals == pytest.approx(
+        {
+            "CHECKSUM": data[0],
+            "COUNTER": counter,
+            "Status": status,
+            "MeanOffset": -3276.8 if mean is None else mean / 10,
+            "WorstOffset": -3276.8 if worst is None else worst / 10,
+            "Age": 6553.5 if age is None else age / 10,
+        }
+    )
+    theirs = encode(name, signals)
+    assert decode_zero(ZERO_ID + node, theirs)[:3] == (node, counter, status)
+    assert theirs == data
 
 
 @given(legs, counters, st.sampled_from(CommandKind))
@@ -227,7 +275,9 @@ def test_answer(leg: str, counter: int, result: Result, kind: CommandKind, asked
     assert theirs == encode_answer(node, counter, result, kind, asked)
 
 
+@pytest.mark.parametrize("degraded", [False, True])
 @pytest.mark.parametrize("state", NmtState)
-def test_heartbeat(state: NmtState) -> None:
-    """The one byte has the DBC's name."""
-    assert decode("HeartbeatRr", encode_heartbeat(state)) == {"NmtState": state}
+def test_heartbeat(state: NmtState, degraded: bool) -> None:  # noqa: FBT001 - a parameter of the test
+    """The one byte has the DBC's names."""
+    data = encode_heartbeat(state, degraded_timing=degraded)
+    assert decode("HeartbeatRr", data) == {"NmtState": state, "DegradedTiming": degraded}

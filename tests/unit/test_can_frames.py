@@ -9,7 +9,17 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from firmware_interface.can_codes import USABLE, CommandKind, NmtState, Result, State
+from firmware_interface.can_codes import (
+    USABLE,
+    Cause,
+    CommandKind,
+    NmtState,
+    Phase,
+    Result,
+    State,
+    ZeroStatus,
+    phase_of,
+)
 from firmware_interface.can_events import (
     ANSWER_ID,
     COMMAND_ID,
@@ -34,6 +44,7 @@ from firmware_interface.can_frames import (
     encode_force,
     encode_quality,
 )
+from firmware_interface.can_zero import ZERO_ID, decode_zero, encode_zero
 from firmware_interface.crc8 import FrameError, protect
 
 VECTORS = json.loads((Path(__file__).parents[2] / "firmware_interface/vectors/can_frames.json").read_text())
@@ -44,6 +55,7 @@ DECODERS: list[Callable[[int, bytes], object]] = [
     decode_command,
     decode_answer,
     decode_heartbeat,
+    decode_zero,
 ]
 
 nodes = st.integers(1, 6)
@@ -132,10 +144,12 @@ def test_no_sigma_has_its_own_code() -> None:
     assert sigma_n[1:] == (1.02, 0.0)
 
 
-@given(nodes, counters, st.sampled_from(State), st.sampled_from(State), masks)
-def test_a_fault_report_comes_back(node: int, counter: int, state: State, previous: State, mask: int) -> None:
+@given(nodes, counters, st.sampled_from(State), st.sampled_from(State), masks, st.sampled_from(Cause))
+def test_a_fault_report_comes_back(
+    node: int, counter: int, state: State, previous: State, mask: int, cause: Cause
+) -> None:
     """decode(encode(x)) is x."""
-    expected = (node, counter, state, previous, mask)
+    expected = (node, counter, state, previous, mask, cause)
     assert decode_fault(FAULT_ID + node, encode_fault(*expected)) == expected
 
 
@@ -150,6 +164,38 @@ def test_an_answer_comes_back(node: int, counter: int, result: Result, kind: int
     """decode(encode(x)) is x, for an unknown kind of command too."""
     expected = (node, counter, result, kind, asked)
     assert decode_answer(ANSWER_ID + node, encode_answer(*expected)) == expected
+
+
+@given(nodes, counters, st.sampled_from(ZeroStatus), numbers, numbers, st.one_of(st.none(), st.integers()))
+@example(1, 0, ZeroStatus.HELD, -3.2768, math.inf, 6_553_400_000_000)
+@example(1, 0, ZeroStatus.HELD, 0.00005, 1e-9, 1)
+def test_a_zero_comes_back_saturated_and_never_younger(
+    node: int, counter: int, status: ZeroStatus, mean_pf: float, worst_pf: float, age_ns: int | None
+) -> None:
+    """Offsets are limited to +-3276.7 fF and rounded, the age is rounded up; none is taken for `no value`."""
+    zero = decode_zero(ZERO_ID + node, encode_zero(node, counter, status, mean_pf, worst_pf, age_ns))
+    assert zero[:3] == (node, counter, status)
+    for wire_pf, true_pf in ((zero.mean_pf, mean_pf), (zero.worst_pf, worst_pf)):
+        assert wire_pf == pytest.approx(max(-3.2767, min(3.2767, true_pf)), abs=0.5001e-4)
+    if age_ns is None or age_ns < 0:
+        assert zero.age_ns is None
+    else:
+        assert zero.age_ns is not None
+        assert min(age_ns, 6_553_400_000_000) <= zero.age_ns < age_ns + 100_000_000
+
+
+def test_no_offset_has_its_own_code() -> None:
+    """NaN is `no value`, not zero and not an end of the range."""
+    zero = decode_zero(0x381, encode_zero(1, 0, ZeroStatus.NONE, math.nan, 0.0, None))
+    assert math.isnan(zero.mean_pf)
+    assert (zero.worst_pf, zero.age_ns) == (0.0, None)
+
+
+def test_every_state_has_a_phase_and_forces_come_in_two_of_them() -> None:
+    """A new state has to be put somewhere."""
+    phases = {state: phase_of(state) for state in State}
+    assert {state for state in State if phases[state] in {Phase.VALID, Phase.DEGRADED}} == USABLE
+    assert set(phases.values()) == set(Phase)
 
 
 def test_a_command_needs_the_word_that_fits_its_kind() -> None:
@@ -169,7 +215,7 @@ def test_foreign_bytes_raise_nothing_but_frame_error(
         decode(can_id, data)
 
 
-@given(st.sampled_from([0x080, 0x180, 0x200, 0x280, 0x580]), nodes, st.binary(min_size=3, max_size=7))
+@given(st.sampled_from([0x080, 0x180, 0x200, 0x280, 0x380, 0x580]), nodes, st.binary(min_size=3, max_size=7))
 def test_foreign_contents_under_a_right_crc_raise_nothing_but_frame_error(
     base: int, node: int, payload: bytes
 ) -> None:
@@ -181,8 +227,10 @@ def test_foreign_contents_under_a_right_crc_raise_nothing_but_frame_error(
 
 
 def test_a_heartbeat_names_its_node() -> None:
-    """The id tells the node, the byte its state."""
-    assert decode_heartbeat(HEARTBEAT_ID + 6, encode_heartbeat(NmtState.STOPPED)) == (6, NmtState.STOPPED)
+    """The id tells the node, the byte its state, and the bit that CiA 301 keeps at 0 the timing."""
+    for degraded in (False, True):
+        data = encode_heartbeat(NmtState.STOPPED, degraded_timing=degraded)
+        assert decode_heartbeat(HEARTBEAT_ID + 6, data) == (6, NmtState.STOPPED, degraded)
     for data in (b"", b"\x42", b"\x05\x05"):
         with pytest.raises(FrameError, match="is no heartbeat"):
             decode_heartbeat(HEARTBEAT_ID + 6, data)
@@ -216,10 +264,17 @@ def test_refused_vectors(vector: dict[str, Any]) -> None:
 
 
 def test_event_vectors() -> None:
-    """The vectors that the C code shares hold for faults, commands and answers."""
+    """The vectors that the C code shares hold for faults, zeros, commands and answers."""
     for vector in VECTORS["fault"]:
-        node, counter, state, previous, mask = vector["fields"]
-        assert encode_fault(node, counter, state, previous, mask).hex() == vector["data"]
+        assert encode_fault(*vector["fields"]).hex() == vector["data"]
+    for vector in VECTORS["zero"]:
+        node, counter, status, mean, worst, age_ns = vector["fields"]
+        mean_pf, worst_pf = numbers_of([mean, worst])
+        data = encode_zero(node, counter, status, mean_pf, worst_pf, age_ns)
+        assert data.hex() == vector["data"]
+        assert decode_zero(ZERO_ID + node, data) == pytest.approx(
+            (node, counter, status, mean_pf, worst_pf, age_ns), nan_ok=True
+        )
     for vector in VECTORS["command"]:
         node, counter, kind = vector["fields"]
         assert encode_command(node, counter, CommandKind(kind)).hex() == vector["data"]
