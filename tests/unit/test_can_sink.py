@@ -85,7 +85,7 @@ def test_heartbeats_come_at_5_hz_and_missed_ones_are_not_made_up_for(robot: Robo
 
 def test_heartbeats_tell_waiting_and_stopped_legs(robot: Robot) -> None:
     """A leg whose chips give nothing or that has no baseline is pre-operational, a stopped one stopped."""
-    waiting = {State.ABSENT, State.CONVERTER_FAULT, State.NO_BASELINE, State.TARING}
+    waiting = {State.ABSENT, State.STARTING, State.CONVERTER_FAULT, State.NO_BASELINE, State.TARING}
     for number, state in enumerate(State):
         robot.publish(number * 200 * MS, state)
         (beat,) = robot.heard(0x700)
