@@ -5,12 +5,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import ForceFrame, State
+from footsense.frames import Cause, ForceFrame, State, Zero, ZeroStatus
+from footsense.recording.messages import NOT_RECORDED
 
 __all__ = ["TOLERANCE_N", "compare", "same_machine"]
 
 #: Largest difference of a force made on another processor or by other library versions [N].
 TOLERANCE_N = 1e-3
+
+#: Largest difference of how far a zero has moved, made likewise [pF]: half a code of the converter.
+TOLERANCE_PF = 1e-6
 
 #: Entries of the header that have to be equal for bits to be equal.
 MACHINE_KEYS = ("processor", "python", "numpy", "onnxruntime")
@@ -57,15 +61,34 @@ def _leg_difference(recorded: ForceFrame, recomputed: ForceFrame, row: int, *, e
             return f"{field} was {then}, is now {now}"
     for field, name in (("force_n", "f"), ("sigma_n", "sigma_")):
         a, b = getattr(recorded, field)[row], getattr(recomputed, field)[row]
-        differs = ~_equal(a, b, exact=exact)
+        differs = ~_equal(a, b, None if exact else TOLERANCE_N)
         if differs.any():
             k = int(differs.argmax())
             return f"{name}{_AXES[k]}_n was {a[k]!s}, is now {b[k]!s}"
+    if recorded.cause[row] == NOT_RECORDED:
+        return None
+    then, now = int(recorded.cause[row]), int(recomputed.cause[row])
+    if then != now:
+        return f"cause was {Cause(then).name}, is now {Cause(now).name}"
+    return _zero_difference(recorded.zero, recomputed.zero, row, exact=exact)
+
+
+def _zero_difference(recorded: Zero, recomputed: Zero, row: int, *, exact: bool) -> str | None:
+    then, now = int(recorded.status[row]), int(recomputed.status[row])
+    if then != now:
+        return f"zero_status was {ZeroStatus(then).name}, is now {ZeroStatus(now).name}"
+    then, now = int(recorded.moved_ns[row]), int(recomputed.moved_ns[row])
+    if then != now:
+        return f"zero_moved_ns was {then}, is now {now}"
+    for field in ("mean_pf", "worst_pf"):
+        a, b = getattr(recorded, field)[row], getattr(recomputed, field)[row]
+        if not _equal(a, b, None if exact else TOLERANCE_PF).all():
+            return f"zero_{field} was {a!s}, is now {b!s}"
     return None
 
 
-def _equal(a: NDArray[np.float64], b: NDArray[np.float64], *, exact: bool) -> NDArray[np.bool_]:
-    if not exact:
-        return np.isclose(a, b, rtol=0.0, atol=TOLERANCE_N, equal_nan=True)
-    same_bits = np.ascontiguousarray(a).view(np.uint64) == np.ascontiguousarray(b).view(np.uint64)
+def _equal(a: NDArray[np.float64], b: NDArray[np.float64], tolerance: float | None) -> NDArray[np.bool_]:
+    if tolerance is not None:
+        return np.isclose(a, b, rtol=0.0, atol=tolerance, equal_nan=True)
+    same_bits = np.atleast_1d(a).view(np.uint64) == np.atleast_1d(b).view(np.uint64)
     return np.asarray(same_bits | (np.isnan(a) & np.isnan(b)))

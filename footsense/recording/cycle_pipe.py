@@ -26,6 +26,7 @@ class CyclePipe:
     Attributes:
         n_cycles: Cycles that were to be sent.
         lost: Those of them that found no room, or no reader.
+        broken: Whether there is no reader any more.
     """
 
     def __init__(self, fd: int, legs: Sequence[str], header: Mapping[str, str], *, blocking: bool) -> None:
@@ -36,6 +37,7 @@ class CyclePipe:
         self._t_ns = 0
         self.n_cycles = 0
         self.lost = 0
+        self.broken = False
         # The header has to get in whatever its length.
         self._write(pack_header({**header, "legs": ",".join(legs)}))
         os.set_blocking(fd, blocking)
@@ -65,7 +67,10 @@ class CyclePipe:
                 if self._rest:
                     return False
             n = os.write(self._fd, record)
-        except (BlockingIOError, BrokenPipeError):
+        except BlockingIOError:
+            return False
+        except BrokenPipeError:
+            self.broken = True
             return False
         if n < len(record):
             self._rest = bytes(record[n:])

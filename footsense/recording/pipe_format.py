@@ -84,10 +84,15 @@ def _cycle_type(n_legs: int) -> np.dtype[np.void]:
             ("force_t_ns", "<i8", (n_legs,)),
             ("force_n", "<f8", (n_legs, 3)),
             ("sigma_n", "<f8", (n_legs, 3)),
+            ("zero_mean_pf", "<f8", (n_legs,)),
+            ("zero_worst_pf", "<f8", (n_legs,)),
+            ("zero_moved_ns", "<i8", (n_legs,)),
             ("fault_mask", "<u2", (n_legs,)),
             ("reading", "u1", (n_legs, ELEMENTS)),
             ("state", "u1", (n_legs,)),
             ("flags", "u1", (n_legs,)),
+            ("cause", "u1", (n_legs,)),
+            ("zero_status", "u1", (n_legs,)),
         ]
     )
 
@@ -98,29 +103,28 @@ class CyclePacker:
     def __init__(self, n_legs: int) -> None:
         kind = _cycle_type(n_legs)
         self._buffer = bytearray(kind.itemsize)
-        entry = np.frombuffer(self._buffer, dtype=kind)
-        self._scan_t_ns = entry["scan_t_ns"][0]
-        self._capacitance_pf = entry["capacitance_pf"][0]
-        self._reading = entry["reading"][0]
-        self._force_t_ns = entry["force_t_ns"][0]
-        self._force_n = entry["force_n"][0]
-        self._sigma_n = entry["sigma_n"][0]
-        self._state = entry["state"][0]
-        self._fault_mask = entry["fault_mask"][0]
-        self._flags = entry["flags"][0]
+        entry = np.frombuffer(self._buffer, dtype=kind)[0]
+        self._arrays = {name: entry[name] for name in kind.names or () if isinstance(entry[name], np.ndarray)}
 
     def pack(self, counter: int, cycle: Cycle) -> bytes | bytearray:
         """Return one cycle as bytes, valid until the next call."""
         scan, commands, forces, outcomes = cycle
-        self._scan_t_ns[...] = scan.t_ns
-        self._capacitance_pf[...] = scan.capacitance_pf
-        self._reading[...] = scan.reading
-        self._force_t_ns[...] = forces.t_ns
-        self._force_n[...] = forces.force_n
-        self._sigma_n[...] = forces.sigma_n
-        self._state[...] = forces.state
-        self._fault_mask[...] = forces.fault_mask
-        self._flags[...] = forces.flags
+        zero = forces.zero
+        arrays = self._arrays
+        arrays["scan_t_ns"][...] = scan.t_ns
+        arrays["capacitance_pf"][...] = scan.capacitance_pf
+        arrays["reading"][...] = scan.reading
+        arrays["force_t_ns"][...] = forces.t_ns
+        arrays["force_n"][...] = forces.force_n
+        arrays["sigma_n"][...] = forces.sigma_n
+        arrays["state"][...] = forces.state
+        arrays["fault_mask"][...] = forces.fault_mask
+        arrays["flags"][...] = forces.flags
+        arrays["cause"][...] = forces.cause
+        arrays["zero_status"][...] = zero.status
+        arrays["zero_mean_pf"][...] = zero.mean_pf
+        arrays["zero_worst_pf"][...] = zero.worst_pf
+        arrays["zero_moved_ns"][...] = zero.moved_ns
         tail = _pack_tail(commands, outcomes) if commands or outcomes else b""
         _CYCLE_HEAD.pack_into(
             self._buffer,
@@ -202,8 +206,8 @@ def _unpack_cycle(record: bytes, n_legs: int, n_commands: int, n_outcomes: int) 
         entry["state"],
         entry["fault_mask"],
         entry["flags"],
-        np.zeros(n_legs, np.uint8),
-        Zero.none(n_legs),
+        entry["cause"],
+        Zero(entry["zero_status"], entry["zero_mean_pf"], entry["zero_worst_pf"], entry["zero_moved_ns"]),
     )
     at = kind.itemsize
     commands = []

@@ -7,12 +7,14 @@ microseconds.
 import contextlib
 import fcntl
 import json
+import logging
 import os
 import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from footsense.errors import ConfigError, RecordingError
 from footsense.frames import Cycle
@@ -20,9 +22,13 @@ from footsense.recording.cycle_pipe import CyclePipe
 
 __all__ = ["Recorder", "check_not_being_written", "check_target", "partial_path"]
 
+_log = logging.getLogger(__name__)
+
 SUFFIX = ".mcap"
 
-#: Room in the pipe [bytes]: about 20 s of six legs at 40 Hz, and the most that Linux gives a user by default.
+#: Room in the pipe [bytes], the most that Linux gives a user by default: 512 cycles of six legs, which stand two to a
+#: page. These are 12 s of whole scans, or 1.4 s of forces after every conversion; the writer takes them out five times
+#: a second, even if its disk stands still.
 PIPE_BYTES = 1 << 20
 
 #: Longest wait for the writer to take what is left in the loop's process [s].
@@ -99,6 +105,8 @@ class Recorder:
         self._writer, fd = _start_writer(self._path)
         self._pipe = CyclePipe(fd, legs, header, blocking=blocking)
         self._n_written: int | None = None
+        self._report = b""
+        self._told = False
 
     @property
     def lost(self) -> int:
@@ -111,6 +119,27 @@ class Recorder:
         Timing: microseconds unless `blocking`; never fails, whatever becomes of the writer.
         """
         self._pipe.send(cycle)
+        if self._pipe.broken and not self._told:
+            self._told = True
+            failure = self._hear(self._last_words())["failure"]
+            _log.error("%s: %s; the run goes on without its recording", self._path, failure)
+
+    def _last_words(self) -> bytes:
+        """Return what the writer has said before it ended, without waiting for it."""
+        assert self._writer.stderr is not None
+        os.set_blocking(self._writer.stderr.fileno(), False)
+        with contextlib.suppress(BlockingIOError):
+            self._report = os.read(self._writer.stderr.fileno(), 65_536)
+        return self._report
+
+    def _hear(self, report: bytes) -> dict[str, Any]:
+        """Return how many cycles the writer has written and what stopped it, if anything."""
+        last = report.decode(errors="replace").strip().rpartition("\n")[2]
+        try:
+            said: dict[str, Any] = json.loads(last)
+        except ValueError:
+            said = {"n_cycles": 0, "failure": last or "its writer was killed"}
+        return said
 
     def close(self) -> None:
         """End the recording and wait until it is whole.
@@ -128,11 +157,7 @@ class Recorder:
             raise RecordingError(
                 f"{self._path}: not whole yet, its writer goes on; the disk is slow"
             ) from None
-        try:
-            last = report.decode(errors="replace").strip().rpartition("\n")[2]
-            said = json.loads(last)
-        except ValueError:
-            said = {"n_cycles": 0, "failure": last or f"its writer was killed ({self._writer.returncode})"}
+        said = self._hear(self._report + report)
         self._n_written = int(said["n_cycles"])
         if said["failure"]:
             raise RecordingError(

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from footsense.errors import RecordingError
 from footsense.frames import (
     CapFrame,
+    Cause,
     Command,
     CommandKind,
     Cycle,
@@ -17,6 +18,7 @@ from footsense.frames import (
     Reading,
     State,
     Zero,
+    ZeroStatus,
 )
 from footsense.recording.compare import compare
 from footsense.recording.mcap_writer import McapFile
@@ -53,8 +55,13 @@ def cycle(number: int, seed: int = 0, *, outcomes: tuple[Outcome, ...] = (), n_l
         rng.choice([int(s) for s in State], n_legs).astype(np.uint8),
         rng.integers(0, 512, n_legs).astype(np.uint16),
         rng.choice([int(f) for f in Flag], n_legs).astype(np.uint8),
-        np.zeros(n_legs, np.uint8),
-        Zero.none(n_legs),
+        rng.choice([int(c) for c in Cause], n_legs).astype(np.uint8),
+        Zero(
+            rng.choice([int(z) for z in ZeroStatus], n_legs).astype(np.uint8),
+            floats(n_legs),
+            floats(n_legs),
+            rng.integers(0, 2**63, n_legs),
+        ),
     )
     commands = (TARE,) if number % 7 == 3 else ()
     return Cycle(scan, commands, forces, outcomes)

@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -108,19 +109,25 @@ def test_a_writer_that_hangs_does_not_hold_up_the_end(blocking: bool) -> None:  
 
 
 def test_a_full_disk_does_not_stop_the_loop(tmp_path: Path) -> None:
-    """A writer that cannot write leaves the loop running, and the loss is told at the end."""
-    limit = f"import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (20000, 20000))\n{RECORD_AND_END}"
+    """A writer that cannot write leaves the loop running; it is said once, and at the end what is missing."""
+    limit = f"import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (60000, 60000))\n{RECORD_ON_A_FULL_DISK}"
     done = subprocess.run(
         [sys.executable, "-c", limit, str(tmp_path / "walk.mcap"), str(Path(__file__).parent)],
         capture_output=True,
         text=True,
         check=False,
     )
-    assert "File too large" in done.stdout, done
-    assert "of 300 cycles are missing, the others are in walk.mcap.partial" in done.stdout
+    assert done.stderr == f"{tmp_path}/walk.mcap: File too large; the run goes on without its recording\n"
     read, damage = read_until_damage(tmp_path / "walk.mcap.partial")
     assert damage is not None
     assert all(same(one, cycle(number)) for number, one in enumerate(read))
+    said = re.search(
+        r"File too large; (\d+) of (\d+) cycles are missing, the others are in walk", done.stdout
+    )
+    assert said is not None, done
+    missing, observed = map(int, said.groups())
+    assert 0 < len(read) <= 300 < observed
+    assert observed - missing <= len(read) <= observed - missing + 1
 
 
 def test_a_killed_daemon_leaves_a_finished_recording(tmp_path: Path) -> None:
@@ -152,7 +159,9 @@ recorder = Recorder(pathlib.Path(sys.argv[1]), LEGS, {}, blocking=True)
 for number in range(300):
     recorder.observe(cycle(number))
 """
-RECORD_AND_END = f"""{RECORD}
+RECORD_ON_A_FULL_DISK = f"""{RECORD}
+while not recorder._pipe.broken:
+    recorder.observe(cycle(300))
 try:
     recorder.close()
 except RecordingError as error:

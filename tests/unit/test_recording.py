@@ -1,5 +1,6 @@
 """A recording gives back every bit that it was given, or says what it cannot give."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,8 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from footsense.errors import RecordingError
-from footsense.frames import (
-    Cycle,
-    Outcome,
-    Result,
-)
+from footsense.frames import Cause, Cycle, Outcome, Result
+from footsense.recording import messages
 from footsense.recording.compare import compare, same_machine
 from footsense.recording.machine import this_machine
 from footsense.recording.mcap_writer import McapFile
@@ -172,6 +170,30 @@ def test_compare_names_the_first_difference() -> None:
     assert compare(then, now, exact=False, legs=LEGS) is None
     now.state[1] = (then.state[1] + 1) % 10
     assert "leg lm: state was" in str(compare(then, now, exact=False, legs=LEGS))
+
+
+def test_compare_looks_behind_the_state_and_at_the_zero() -> None:
+    """Another cause or another zero under the same forces is a difference."""
+    then, now = cycle(0).forces, cycle(0).forces
+    then.cause[2], now.cause[2] = Cause.ROW_OPEN, Cause.COLUMN_OPEN
+    assert "leg lr: cause was ROW_OPEN, is now COLUMN_OPEN" in str(compare(then, now, exact=False, legs=LEGS))
+    now.cause[2] = then.cause[2]
+    then.zero.worst_pf[4], now.zero.worst_pf[4] = 0.5, 0.5 + 1e-9
+    assert compare(then, now, exact=False, legs=LEGS) is None
+    assert "leg rm: zero_worst_pf was 0.5, is now" in str(compare(then, now, exact=True, legs=LEGS))
+
+
+def test_a_recording_from_before_there_were_causes(scratch: Path) -> None:
+    """What it does not hold is neither invented, nor compared, nor written when it is recovered."""
+    message = json.loads(messages.encode_force(cycle(0).forces, LEGS))
+    for leg in LEGS:
+        for name in [key for key in message[leg] if key == "cause" or key.startswith("zero_")]:
+            del message[leg][name]
+    old = messages.decode_force(json.dumps(message).encode(), LEGS)
+    assert set(old.cause.tolist()) == {messages.NOT_RECORDED}
+    assert np.isnan(old.zero.mean_pf).all()
+    assert compare(old, cycle(0).forces, exact=True, legs=LEGS) is None
+    assert json.loads(messages.encode_force(old, LEGS)) == message
 
 
 def test_the_same_machine_has_the_same_processor_and_libraries() -> None:
