@@ -51,9 +51,14 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
         ConfigError: Something is to break on a leg that the robot does not have.
     """
     for n, fault in enumerate(scene.faults):
-        if fault.leg not in config.legs:
+        leg, bus = getattr(fault, "leg", None), getattr(fault, "bus", 0)
+        if leg is not None and leg not in config.legs:
             raise ConfigError(
-                f"scene: faults[{n}].leg: {fault.leg} is no leg of this robot; it has {', '.join(config.legs)}"
+                f"scene: faults[{n}].leg: {leg} is no leg of this robot; it has {', '.join(config.legs)}"
+            )
+        if bus >= len(config.buses):
+            raise ConfigError(
+                f"scene: faults[{n}].bus: {bus} is no bus of this robot; it has 0 to {len(config.buses) - 1}"
             )
     wiring = [Wiring(bus.rate_hz, bus.mux.address, dict[str, int](bus.legs.items())) for bus in config.buses]
     return SimulatedRobot(scene, FootResponse.load(released("response.npz")), wiring)

@@ -2,7 +2,7 @@
 
 Electrically it does what an open-drain bus does: every connected chip at the address takes part, what they send is
 a wired AND, and a transaction fails only if nobody acknowledges. The mux switches at STOP, so a selection can never
-act within its own transaction. Not simulated: clock stretching, arbitration between masters, signal quality.
+act within its own transaction. Not simulated: clock stretching, signal quality.
 """
 
 from collections.abc import Mapping, Sequence
@@ -49,6 +49,10 @@ class SimulatedMux:
         """Take the selection; the bus applies it at STOP, when this returns."""
         del t_ns
         self.control = data[-1]
+
+    def pulse(self) -> None:
+        """Take a pulse at the RESET pin: nothing is connected any more."""
+        self.control = 0
 
     def read(self, n: int, t_ns: int) -> bytes:
         """Return the control byte, however often it is read."""

@@ -9,12 +9,12 @@ It shares only register addresses with the driver. Behaviours kept (data sheet s
 Not simulated: REPEAT, CAPDAC, offset and gain calibration, supply dependence.
 """
 
-import math
 from collections.abc import Callable
 
 import numpy as np
 
 from firmware_interface import fdc1004 as chip
+from footsense.sim.faults import Span, during
 
 #: Mean capacitance [pF] that a CIN pin (0..3) saw to ground between two times [ns].
 CinCapacitance = Callable[[int, int, int], float]
@@ -29,9 +29,9 @@ class SimulatedFdc1004:
         clock_error_rel: How much longer its conversions last than nominal [1].
 
     Attributes:
-        absent_ns: From when until when it does not answer [ns].
-        stuck_ns: From when until when its conversions do not finish [ns].
-        brown_out_ns: When its supply fails for a moment, which resets it [ns].
+        absent_ns: Spans in which it does not answer [ns].
+        stuck_ns: Spans in which its conversions do not finish [ns].
+        brown_outs_ns: When its supply fails for a moment, which resets it [ns].
     """
 
     address = chip.ADDRESS
@@ -42,9 +42,9 @@ class SimulatedFdc1004:
         noise: np.random.Generator | None,
         clock_error_rel: float = 0.0,
     ) -> None:
-        self.absent_ns: tuple[float, float] = (math.inf, math.inf)
-        self.stuck_ns: tuple[float, float] = (math.inf, math.inf)
-        self.brown_out_ns = math.inf
+        self.absent_ns: list[Span] = []
+        self.stuck_ns: list[Span] = []
+        self.brown_outs_ns: list[float] = []
         self._cin_capacitance_pf = cin_capacitance_pf
         self._noise = noise
         self._clock_factor = 1.0 + clock_error_rel
@@ -53,10 +53,10 @@ class SimulatedFdc1004:
 
     def acknowledges(self, t_ns: int) -> bool:
         """Answer as long as the leg is there."""
-        if t_ns >= self.brown_out_ns:
+        while self.brown_outs_ns and min(self.brown_outs_ns) <= t_ns:
+            self.brown_outs_ns.remove(min(self.brown_outs_ns))
             self._reset()
-            self.brown_out_ns = math.inf
-        return not self.absent_ns[0] <= t_ns < self.absent_ns[1]
+        return not during(self.absent_ns, t_ns)
 
     def write(self, data: bytes, t_ns: int) -> None:
         """Take a register pointer and, if two bytes follow, the register's new value."""
@@ -106,7 +106,7 @@ class SimulatedFdc1004:
         if self._running is None:
             return
         slot, t_start_ns, t_end_ns = self._running
-        if t_ns < t_end_ns or self.stuck_ns[0] <= t_end_ns < self.stuck_ns[1]:
+        if t_ns < t_end_ns or during(self.stuck_ns, t_end_ns):
             return
         self._running = None
         self._results[slot] = self._convert(slot, t_start_ns, t_end_ns)

@@ -4,7 +4,6 @@ A foot is pressed by the scene's load; the response table turns contact into gap
 the row switch decides which of them a converter pin sees.
 """
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -12,16 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.sim.bus import SimulatedBus, SimulatedMux
+from footsense.sim.bus_faults import FailingBus
+from footsense.sim.chip_faults import failing_chips
 from footsense.sim.clock import JoinedClock, VirtualClock
+from footsense.sim.damage import Damage, pin_capacitance_pf
 from footsense.sim.fabricated import Foot
+from footsense.sim.faults import OnChips, OnFoot, OnWires, StuckSda
 from footsense.sim.fdc1004_chip import SimulatedFdc1004
 from footsense.sim.foot import FootResponse
 from footsense.sim.load import Load
-from footsense.sim.row_switch import FLOATING_ROW_PF, SimulatedRowSwitch
-from footsense.sim.scene import Absent, BrokenRow, BrownOut, DeafSwitch, Fault, Scene, StuckConverter
+from footsense.sim.row_switch import SimulatedRowSwitch
+from footsense.sim.scene import Scene
+from footsense.sim.warming import WarmingFoot
 
 _COLUMNS = 3
-_ROWS = 3
 
 
 class Wiring(NamedTuple):
@@ -41,58 +44,64 @@ class SimulatedLeg:
         scene: What the robot does.
         load: The scene's load.
         response: How its foot yields.
+
+    Attributes:
+        chips: Its chips, as its bus sees them.
     """
 
     def __init__(self, leg: str, number: int, scene: Scene, load: Load, response: FootResponse) -> None:
+        effects = scene.effects
         self._leg = leg
         self._load = load
-        self._foot = Foot(response, contact=scene.effects.gap_contact)
-        self._stray_pf = scene.effects.stray_pf
-        self._broken_rows: list[tuple[int, int]] = []
+        self._foot = Foot(response, contact=effects.gap_contact)
+        self._stray_pf = effects.stray_pf
         random = np.random.default_rng((scene.seed, number))
-        self.switch = SimulatedRowSwitch()
-        self.converter = SimulatedFdc1004(
+        self._switch = SimulatedRowSwitch()
+        converter = SimulatedFdc1004(
             self._cin_capacitance_pf,
-            noise=random if scene.effects.converter_noise else None,
-            clock_error_rel=scene.effects.converter_clock_rel * random.uniform(-1, 1),
+            noise=random if effects.converter_noise else None,
+            clock_error_rel=effects.converter_clock_rel * random.uniform(-1, 1),
         )
-        for fault in scene.faults:
-            if fault.leg == leg:
-                self._apply(fault)
+        # What breaks draws from elsewhere, so that the same converters make the same noise.
+        own = [fault for fault in scene.faults if getattr(fault, "leg", None) == leg]
+        on_chips = [fault for fault in own if isinstance(fault, OnChips)]
+        on_foot = [fault for fault in own if isinstance(fault, OnFoot)]
+        self.chips = failing_chips(
+            converter, self._switch, on_chips, np.random.default_rng((scene.seed, number, 1))
+        )
+        self._damage = Damage(on_foot, self._foot) if on_foot else None
+        self._warming = (
+            WarmingFoot(effects.warming, np.random.default_rng((scene.seed, number, 2)))
+            if effects.warming
+            else None
+        )
 
-    def _apply(self, fault: Fault) -> None:
-        match fault:
-            case Absent():
-                self.switch.absent_ns = self.converter.absent_ns = (fault.at_ns, fault.until_ns)
-            case BrownOut():
-                self.switch.brown_out_ns = self.converter.brown_out_ns = fault.at_ns
-            case DeafSwitch():
-                self.switch.deaf_from_ns = fault.at_ns
-            case StuckConverter():
-                self.converter.stuck_ns = (fault.at_ns, math.inf)
-            case BrokenRow():
-                self._broken_rows.append((fault.at_ns, fault.row))
+    def _elements_pf(self, t_ns: int) -> NDArray[np.float64]:
+        """Return the capacitance of the foot's elements at a time [pF], shape (9,), stray not included."""
+        contact = self._load.contact(self._leg, t_ns)
+        force_n = contact.force_n
+        if self._warming is not None:  # a solid that is stiffer yields as if it were loaded less
+            force_n = force_n * self._warming.softness(t_ns)
+        element_pf: NDArray[np.float64] = self._foot.capacitance_pf(contact.normal[None], force_n[None])[0]
+        if self._warming is not None:
+            element_pf = element_pf + self._warming.drift_pf(t_ns)
+        if self._damage is not None:
+            element_pf = self._damage.elements_pf(element_pf, t_ns)
+        return element_pf
 
     def _cin_capacitance_pf(self, cin: int, t_start_ns: int, t_end_ns: int) -> float:
-        """Return the mean capacitance of a pin to ground: its column, through the rows that are grounded.
+        """Return the mean capacitance of a pin to ground during a conversion.
 
-        The load is taken at the middle of the conversion, the row switches as they were during it. A shielded row
-        drops out; a row that nothing drives is seen in series with its own small capacitance to ground.
+        The load is taken at the middle of the conversion, the row switches as they were during it.
         """
         t_middle_ns = (t_start_ns + t_end_ns) // 2
-        contact = self._load.contact(self._leg, t_middle_ns)
-        element_pf = self._foot.capacitance_pf(contact.normal[None], contact.force_n[None])[0]
-        column_pf = element_pf[cin::_COLUMNS] + self._stray_pf
-        broken = sum(1 << row for at_ns, row in self._broken_rows if at_ns <= t_middle_ns)
+        column_pf = self._elements_pf(t_middle_ns)[cin::_COLUMNS] + self._stray_pf
         total_pf = 0.0
-        for share, states in self.switch.between(t_start_ns, t_end_ns):
-            for row in range(_ROWS):
-                bit = 1 << row
-                pf = float(column_pf[row])
-                if broken & bit or not (states.grounded | states.shielded) & bit:
-                    total_pf += share * pf * FLOATING_ROW_PF / (pf + FLOATING_ROW_PF)
-                elif states.grounded & bit:
-                    total_pf += share * pf
+        for share, states in self._switch.between(t_start_ns, t_end_ns):
+            if self._damage is not None:
+                total_pf += share * self._damage.seen_pf(cin, column_pf, states, t_middle_ns)
+            else:
+                total_pf += share * pin_capacitance_pf(column_pf.tolist(), states)
         return total_pf
 
 
@@ -108,6 +117,7 @@ class SimulatedRobot:
         clocks: The time of each bus.
         clock: The time of whoever uses all buses together.
         buses: The adapters.
+        muxes: The mux of each, whose RESET pin a line of the host may drive.
         response_sha256: Hash of the table that its feet follow.
     """
 
@@ -117,21 +127,41 @@ class SimulatedRobot:
         self._legs = tuple(leg for wiring in buses for leg in wiring.channels)
         self.clocks = tuple(VirtualClock() for _ in buses)
         self.clock = JoinedClock(self.clocks)
-        self.buses = []
-        for wiring, clock in zip(buses, self.clocks, strict=True):
+        self.buses: list[SimulatedBus | FailingBus] = []
+        self.muxes: list[SimulatedMux] = []
+        host_cost_ns = round(scene.host_cost_us * 1e3)
+        for number, (wiring, clock) in enumerate(zip(buses, self.clocks, strict=True)):
             legs = {
                 channel: SimulatedLeg(leg, self._legs.index(leg), scene, self._load, response)
                 for leg, channel in wiring.channels.items()
             }
-            self.buses.append(
-                SimulatedBus(
-                    clock,
-                    rate_hz=wiring.rate_hz,
-                    host_cost_ns=round(scene.host_cost_us * 1e3),
-                    mux=SimulatedMux(wiring.mux_address),
-                    legs={channel: (leg.converter, leg.switch) for channel, leg in legs.items()},
-                )
+            mux = SimulatedMux(wiring.mux_address)
+            bus: SimulatedBus | FailingBus = SimulatedBus(
+                clock,
+                rate_hz=wiring.rate_hz,
+                host_cost_ns=host_cost_ns,
+                mux=mux,
+                legs={channel: leg.chips for channel, leg in legs.items()},
             )
+            broken = [
+                fault
+                for fault in scene.faults
+                if isinstance(fault, OnWires)
+                and (fault.leg in wiring.channels if isinstance(fault, StuckSda) else fault.bus == number)
+            ]
+            if broken:
+                bus = FailingBus(
+                    bus,
+                    clock,
+                    mux,
+                    wiring.channels,
+                    broken,
+                    timeout_ns=round(scene.effects.adapter_timeout_ms * 1e6),
+                    host_cost_ns=host_cost_ns,
+                    rng=np.random.default_rng((scene.seed, number, 3)),
+                )
+            self.buses.append(bus)
+            self.muxes.append(mux)
 
     def felt_n(self, t_ns: int) -> NDArray[np.float64]:
         """Return the force that every foot really feels at a time [N], shape (legs, 3), foot frame."""

@@ -1,10 +1,10 @@
 """A simulated ADG715 with a foot's row lines on it, and what the converter therefore sees."""
 
-import math
 from collections import deque
 from typing import NamedTuple
 
 from firmware_interface import adg715
+from footsense.sim.faults import Span, during
 
 #: Capacitance to ground of a row line that nothing drives [pF]: the electrode and a few millimetres of trace.
 FLOATING_ROW_PF = 1.0
@@ -22,31 +22,31 @@ class SimulatedRowSwitch:
     """An ADG715 behind a leg's mux channel: one data byte, readable, all switches open at power-up.
 
     Attributes:
-        absent_ns: From when until when it does not answer [ns].
-        deaf_from_ns: From when on it acknowledges its settings and ignores them [ns].
-        brown_out_ns: When its supply fails for a moment [ns].
+        absent_ns: Spans in which it does not answer [ns].
+        deaf_ns: Spans in which it acknowledges its settings and ignores them [ns].
+        brown_outs_ns: When its supply fails for a moment [ns].
     """
 
     address = adg715.ADDRESS
 
     def __init__(self) -> None:
-        self.absent_ns: tuple[float, float] = (math.inf, math.inf)
-        self.deaf_from_ns = math.inf
-        self.brown_out_ns = math.inf
+        self.absent_ns: list[Span] = []
+        self.deaf_ns: list[Span] = []
+        self.brown_outs_ns: list[float] = []
         self._switches = 0
         # A conversion looks back one conversion time at most; rows change no faster than that.
         self._history: deque[RowStates] = deque([RowStates(0, 0, 0)], maxlen=8)
 
     def acknowledges(self, t_ns: int) -> bool:
         """Answer as long as the leg is there."""
-        if t_ns >= self.brown_out_ns:
-            self._set(0, round(self.brown_out_ns))
-            self.brown_out_ns = math.inf
-        return not self.absent_ns[0] <= t_ns < self.absent_ns[1]
+        while self.brown_outs_ns and min(self.brown_outs_ns) <= t_ns:
+            self._set(0, round(min(self.brown_outs_ns)))
+            self.brown_outs_ns.remove(min(self.brown_outs_ns))
+        return not during(self.absent_ns, t_ns)
 
     def write(self, data: bytes, t_ns: int) -> None:
         """Set the switches; the last byte counts."""
-        if t_ns < self.deaf_from_ns:
+        if not during(self.deaf_ns, t_ns):
             self._set(data[-1], t_ns)
 
     def _set(self, switches: int, t_ns: int) -> None:

@@ -6,7 +6,7 @@ An effect that a scene does not name is not computed. Named scenes are in `foots
 import math
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 from msgspec import Meta
@@ -15,6 +15,7 @@ from footsense import strict_yaml
 from footsense.errors import ConfigError
 from footsense.frames import LEGS
 from footsense.sim import load
+from footsense.sim.faults import Fault
 
 _NS_PER_S = 1_000_000_000
 #: Lowest elevation of a contact [deg].
@@ -22,7 +23,6 @@ LOWEST_ELEVATION_DEG = 30
 
 Force = Annotated[float, Meta(ge=0.0, le=2.0)]
 Pitch = Annotated[float, Meta(ge=-30.0, le=30.0)]
-Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr"]
 
 
 class _Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -86,6 +86,24 @@ class MeasuredWalk(_Part, frozen=True, tag="measured_walk", tag_field="kind"):
         return load.measured_walk(self.peak_force_n, self.pitch_deg, from_ns)
 
 
+class Warming(_Part, frozen=True):
+    """A temperature that changes evenly, and what that does to a foot.
+
+    Attributes:
+        from_s: When it begins [s].
+        over_s: How long it takes [s].
+        kelvin: By how much [K].
+    """
+
+    from_s: Annotated[float, Meta(ge=0.0)]
+    over_s: Annotated[float, Meta(gt=0.0)]
+    kelvin: Annotated[float, Meta(ge=-60.0, le=60.0)]
+
+    def kelvin_at(self, t_ns: int) -> float:
+        """Return how much warmer it is than at the beginning [K]."""
+        return self.kelvin * min(max((t_ns / _NS_PER_S - self.from_s) / self.over_s, 0.0), 1.0)
+
+
 class Effects(_Part, frozen=True):
     """What is not ideal.
 
@@ -94,54 +112,17 @@ class Effects(_Part, frozen=True):
         converter_clock_rel: Largest deviation of a converter's clock; each chip draws its own [1].
         stray_pf: Capacitance to ground in parallel with every element [pF].
         gap_contact: Whether a gap that shuts carries load; else its closure is only limited.
+        warming: How the temperature changes; None for not at all.
+        adapter_timeout_ms: How long an I2C adapter waits for a line that is held; those that cannot be told wait
+            1000 [ms].
     """
 
     converter_noise: bool = False
     converter_clock_rel: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.0
     stray_pf: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
     gap_contact: bool = False
-
-
-class _Fault(_Part, frozen=True):
-    at_s: Annotated[float, Meta(ge=0.0)]
-    leg: Leg
-
-    @property
-    def at_ns(self) -> int:
-        """When it happens [ns]."""
-        return round(self.at_s * _NS_PER_S)
-
-
-class Absent(_Fault, frozen=True, tag="absent", tag_field="fault"):
-    """The leg's chips do not answer: its cable is off, from `at_s` until `until_s` or for good."""
-
-    until_s: Annotated[float, Meta(gt=0.0)] | None = None
-
-    @property
-    def until_ns(self) -> float:
-        """When they answer again [ns]."""
-        return math.inf if self.until_s is None else self.until_s * _NS_PER_S
-
-
-class StuckConverter(_Fault, frozen=True, tag="stuck_converter", tag_field="fault"):
-    """The leg's conversions no longer finish."""
-
-
-class BrownOut(_Fault, frozen=True, tag="brown_out", tag_field="fault"):
-    """The leg's supply fails for a moment: its chips answer on, with the settings of power-up."""
-
-
-class DeafSwitch(_Fault, frozen=True, tag="deaf_switch", tag_field="fault"):
-    """The leg's row switch acknowledges its settings and ignores them."""
-
-
-class BrokenRow(_Fault, frozen=True, tag="broken_row", tag_field="fault"):
-    """The line of a row is interrupted between the switch and the foot."""
-
-    row: Annotated[int, Meta(ge=0, le=2)]
-
-
-Fault = Absent | StuckConverter | BrownOut | DeafSwitch | BrokenRow
+    warming: Warming | None = None
+    adapter_timeout_ms: Annotated[float, Meta(ge=10.0, le=10_000.0)] = 20.0
 
 
 class Scene(_Part, frozen=True):
@@ -202,6 +183,7 @@ def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
             f"the foot's response is known from {LOWEST_ELEVATION_DEG} deg up",
         )
     for n, fault in enumerate(scene.faults):
-        if isinstance(fault, Absent) and fault.until_ns <= fault.at_ns:
+        until_s = getattr(fault, "until_s", None)
+        if until_s is not None and until_s <= fault.at_s:
             return strict_yaml.Problem(("faults", n, "until_s"), "must be later than at_s")
     return None

@@ -77,7 +77,7 @@ def test_reset_forgets_everything() -> None:
 def test_a_stuck_converter_never_finishes_but_still_answers() -> None:
     """The known hang of the part: ids are right, DONE does not come."""
     chip = chip_on(5.0)
-    chip.stuck_ns = (0, 1e18)
+    chip.stuck_ns = [(0, 1e18)]
     chip.write(TRIGGER_1_AT_400, 0)
     assert word(chip, READ_CONF, 10 * T_CONV_NS) & 0xF == 0
     assert word(chip, b"\xff", 10 * T_CONV_NS) == 0x1004

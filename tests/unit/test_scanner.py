@@ -21,7 +21,6 @@ from footsense.sim.row_switch import SimulatedRowSwitch
 
 T_CONV_NS = 2_500_000
 TIMEOUT_NS = 20_000_000
-PRESENT = (math.inf, math.inf)
 #: A different capacitance for every element, so that a swap shows [pF].
 DISTINCT_PF = 5.0 + 0.125 * np.arange(9)
 
@@ -186,7 +185,7 @@ def test_an_absent_leg_costs_only_itself_and_comes_back() -> None:
     robot = Robot(distinct)
     period_ns = robot.period_ns()
     gone_ns = robot.clock.now_ns()
-    robot.converters[2].absent_ns = robot.switches[2].absent_ns = (gone_ns, math.inf)
+    robot.converters[2].absent_ns = robot.switches[2].absent_ns = [(gone_ns, math.inf)]
     for _ in range(12):
         before_ns = robot.clock.now_ns()
         frame = robot.read()
@@ -194,7 +193,7 @@ def test_an_absent_leg_costs_only_itself_and_comes_back() -> None:
         others = np.delete(np.arange(6), 2)
         np.testing.assert_array_equal(frame.capacitance_pf[others], np.tile(DISTINCT_PF, (5, 1)))
         assert robot.clock.now_ns() - before_ns < 1.05 * period_ns
-    robot.converters[2].absent_ns = robot.switches[2].absent_ns = PRESENT
+    robot.converters[2].absent_ns = robot.switches[2].absent_ns = []
     frame = robot.read(200)
     assert (frame.reading == Reading.OK).all()
 
@@ -203,7 +202,7 @@ def test_a_stuck_converter_costs_only_itself() -> None:
     """Its elements are NOT_READY; the others keep every element and their pace, also while it is tried again."""
     robot = Robot(distinct)
     period_ns = robot.period_ns()
-    robot.converters[4].stuck_ns = (robot.clock.now_ns(), math.inf)
+    robot.converters[4].stuck_ns = [(robot.clock.now_ns(), math.inf)]
     robot.read()
     for _ in range(60):
         before_ns = robot.clock.now_ns()
@@ -216,10 +215,10 @@ def test_a_stuck_converter_costs_only_itself() -> None:
 def test_a_leg_that_is_missing_at_start_is_looked_for_again() -> None:
     """The others start without it; once it is plugged in it takes part."""
     robot = Robot(distinct)
-    robot.converters[0].absent_ns = (0, math.inf)
+    robot.converters[0].absent_ns = [(0, math.inf)]
     robot.scanner.start()
     assert (robot.read(2).reading[0] == Reading.NO_ANSWER).any()
-    robot.converters[0].absent_ns = PRESENT
+    robot.converters[0].absent_ns = []
     assert (robot.read(100).reading == Reading.OK).all()
 
 
@@ -259,9 +258,8 @@ def test_a_converter_that_was_reset_is_noticed_and_set_up_again(after_ms: int) -
     """After a dip of its supply it would read column 0 in every slot, and acknowledge everything."""
     robot = Robot(distinct)
     robot.read(2)
-    robot.converters[3].brown_out_ns = robot.switches[3].brown_out_ns = (
-        robot.clock.now_ns() + after_ms * 1_000_000
-    )
+    at_ns = robot.clock.now_ns() + after_ms * 1_000_000
+    robot.converters[3].brown_outs_ns, robot.switches[3].brown_outs_ns = [at_ns], [at_ns]
     seen = set()
     for _ in range(60):
         frame = robot.read()
@@ -277,7 +275,7 @@ def test_a_deaf_row_switch_is_noticed() -> None:
     """The others acknowledge for it and its converter converts: only its own read-back tells."""
     robot = Robot(distinct)
     robot.read(2)
-    robot.switches[1].deaf_from_ns = robot.clock.now_ns()
+    robot.switches[1].deaf_ns = [(robot.clock.now_ns(), math.inf)]
     robot.read()
     for _ in range(40):
         frame = robot.read()
@@ -323,7 +321,7 @@ def test_a_result_from_before_a_stall_does_not_speak_for_the_conversion_after_it
     robot.read(2)
     robot.clock.sleep_until_ns(robot.clock.now_ns() + 200_000_000)
     robot.converters[0].write(b"\x0c", robot.clock.now_ns())  # the conversion that had been running finishes
-    robot.converters[0].stuck_ns = (robot.clock.now_ns(), robot.clock.now_ns() + 4_000_000)
+    robot.converters[0].stuck_ns = [(robot.clock.now_ns(), robot.clock.now_ns() + 4_000_000)]
     assert (robot.read().reading[0] == Reading.NOT_READY).all()
 
 
@@ -358,11 +356,13 @@ def test_whatever_fails_a_reading_is_right_or_missing(
     for kind, leg, at_ms in chip_faults:
         at_ns = robot.clock.now_ns() + at_ms * 1_000_000
         if kind == "absent":
-            robot.converters[leg].absent_ns = robot.switches[leg].absent_ns = (at_ns, at_ns + 100_000_000)
+            robot.converters[leg].absent_ns.append((at_ns, at_ns + 100_000_000))
+            robot.switches[leg].absent_ns.append((at_ns, at_ns + 100_000_000))
         elif kind == "brown_out":
-            robot.converters[leg].brown_out_ns = robot.switches[leg].brown_out_ns = at_ns
+            robot.converters[leg].brown_outs_ns.append(at_ns)
+            robot.switches[leg].brown_outs_ns.append(at_ns)
         else:
-            robot.converters[leg].stuck_ns = (at_ns, at_ns + 200_000_000)
+            robot.converters[leg].stuck_ns.append((at_ns, at_ns + 200_000_000))
     for _ in range(40):
         frame = robot.read()
         ok = frame.reading == Reading.OK

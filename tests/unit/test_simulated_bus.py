@@ -70,7 +70,7 @@ def test_answers_to_a_broadcast_read_are_a_wired_and() -> None:
 def test_a_missing_leg_cannot_be_seen_in_a_broadcast() -> None:
     """The others acknowledge for it; alone, it is found out."""
     legs = Legs()
-    legs.switches[1].absent_ns = (0, 1e18)
+    legs.switches[1].absent_ns = [(0, 1e18)]
     legs.write(MUX, 0b111)
     legs.write(SWITCH, 0x31)
     legs.write(MUX, 0b010)

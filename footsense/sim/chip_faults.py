@@ -1,0 +1,119 @@
+"""What makes a leg's chips fail: each stands in front of a chip, or in its place, and does what a bus would see."""
+
+import numpy as np
+
+from firmware_interface import fdc1004
+from footsense.sim.bus import SimulatedChip
+from footsense.sim.faults import (
+    Absent,
+    BrownOut,
+    DeafSwitch,
+    Garbled,
+    NackAtRandom,
+    OnChips,
+    Span,
+    StuckConverter,
+    WrongChip,
+    during,
+)
+from footsense.sim.fdc1004_chip import SimulatedFdc1004
+from footsense.sim.row_switch import SimulatedRowSwitch
+
+
+class _Loose:
+    """A chip whose acknowledge is lost at random."""
+
+    def __init__(self, chip: SimulatedChip, span_ns: Span, rate_rel: float, rng: np.random.Generator) -> None:
+        self.address = chip.address
+        self._chip = chip
+        self._spans = [span_ns]
+        self._rate_rel = rate_rel
+        self._rng = rng
+        self.write, self.read = chip.write, chip.read
+
+    def acknowledges(self, t_ns: int) -> bool:
+        lost = during(self._spans, t_ns) and self._rng.random() < self._rate_rel
+        return self._chip.acknowledges(t_ns) and not lost
+
+
+class _Noisy:
+    """A chip of whose answers a bit is wrong at random."""
+
+    def __init__(self, chip: SimulatedChip, span_ns: Span, rate_rel: float, rng: np.random.Generator) -> None:
+        self.address = chip.address
+        self._chip = chip
+        self._spans = [span_ns]
+        self._rate_rel = rate_rel
+        self._rng = rng
+        self.write, self.acknowledges = chip.write, chip.acknowledges
+
+    def read(self, n: int, t_ns: int) -> bytes:
+        answer = self._chip.read(n, t_ns)
+        if not during(self._spans, t_ns) or self._rng.random() >= self._rate_rel:
+            return answer
+        spoilt = bytearray(answer)
+        bit = int(self._rng.integers(8 * n))
+        spoilt[bit // 8] ^= 0x80 >> bit % 8
+        return bytes(spoilt)
+
+
+class _Eeprom:
+    """A blank 24C02 that answers at the converter's address during a span of time: 256 bytes of ones, readable on."""
+
+    address = fdc1004.ADDRESS
+
+    def __init__(self, chip: SimulatedChip, span_ns: Span) -> None:
+        self._chip = chip
+        self._spans = [span_ns]
+        self._pointer = 0
+        self._memory = bytearray(b"\xff" * 256)
+
+    def acknowledges(self, t_ns: int) -> bool:
+        return during(self._spans, t_ns) or self._chip.acknowledges(t_ns)
+
+    def write(self, data: bytes, t_ns: int) -> None:
+        if not during(self._spans, t_ns):
+            self._chip.write(data, t_ns)
+            return
+        self._pointer = data[0]
+        for value in data[1:]:
+            self._memory[self._pointer] = value
+            self._pointer = (self._pointer + 1) % 256
+
+    def read(self, n: int, t_ns: int) -> bytes:
+        if not during(self._spans, t_ns):
+            return self._chip.read(n, t_ns)
+        return bytes(self._memory[(self._pointer + k) % 256] for k in range(n))
+
+
+def failing_chips(
+    converter: SimulatedFdc1004, switch: SimulatedRowSwitch, faults: list[OnChips], rng: np.random.Generator
+) -> tuple[SimulatedChip, SimulatedChip]:
+    """Return the chips of a leg as its bus sees them.
+
+    Args:
+        converter: The leg's converter.
+        switch: The leg's row switch.
+        faults: What breaks on this leg.
+        rng: Of what happens at random.
+    """
+    chips: tuple[SimulatedChip, SimulatedChip] = (converter, switch)
+    for fault in faults:
+        match fault:
+            case Absent():
+                converter.absent_ns.append(fault.span_ns)
+                switch.absent_ns.append(fault.span_ns)
+            case BrownOut():
+                converter.brown_outs_ns.append(fault.at_ns)
+                switch.brown_outs_ns.append(fault.at_ns)
+            case DeafSwitch():
+                switch.deaf_ns.append(fault.span_ns)
+            case StuckConverter():
+                converter.stuck_ns.append(fault.span_ns)
+            case WrongChip():
+                chips = _Eeprom(chips[0], fault.span_ns), chips[1]
+            case NackAtRandom(rate_rel=rate_rel, span_ns=span_ns):
+                chips = _Loose(chips[0], span_ns, rate_rel, rng), _Loose(chips[1], span_ns, rate_rel, rng)
+            case Garbled(rate_rel=rate_rel, span_ns=span_ns):
+                chips = _Noisy(chips[0], span_ns, rate_rel, rng), _Noisy(chips[1], span_ns, rate_rel, rng)
+    return chips

@@ -1,0 +1,124 @@
+"""What is broken in a foot and on the lines to it, as a converter's pin sees it.
+
+The pin of column j sees each element of its column to its row line, and what that line is tied to: ground counts in
+full, the shield drops out, nothing at all leaves the line's own small capacitance to ground in series.
+
+A short ties the pin itself to the row line. To ground, that is beyond any range. To the shield, the shield driver
+delivers the charge that the converter should count, so that nothing is read whichever row is selected: one shorted
+element takes the two others of its column along. That follows from the wiring and was not measured.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.sim.fabricated import Foot
+from footsense.sim.faults import (
+    BrokenColumn,
+    BrokenRow,
+    ElementDrifts,
+    ElementOpen,
+    ElementShorted,
+    ElementStuck,
+    GapShut,
+    OnFoot,
+)
+from footsense.sim.row_switch import FLOATING_ROW_PF, RowStates
+
+#: What is left of an element without its electrode, or of a column without its line: a piece of trace [pF].
+OPEN_PF = 0.1
+#: A capacitance to ground beyond any converter's range [pF].
+SHORT_PF = 1e6
+
+_COLUMNS = 3
+_ROWS = 3
+
+Vector = NDArray[np.float64]
+
+
+def pin_capacitance_pf(
+    column_pf: Sequence[float], states: RowStates, broken_rows: int = 0, shorted_rows: int = 0
+) -> float:
+    """Return what a pin sees of its column [pF].
+
+    Args:
+        column_pf: Capacitance of each element of the column, shape (3,).
+        states: What the row switch ties to ground and to the shield.
+        broken_rows: Bit r for each row line that is interrupted.
+        shorted_rows: Bit r for each row to which the column is shorted.
+    """
+    broken = (
+        broken_rows & ~shorted_rows
+    )  # a short is on the foot's side of a broken line: the row floats with the pin
+    if shorted_rows & states.grounded & ~broken_rows:
+        return SHORT_PF
+    if shorted_rows & states.shielded & ~broken_rows:
+        return 0.0
+    total_pf = 0.0
+    for row in range(_ROWS):
+        bit = 1 << row
+        pf = column_pf[row]
+        if shorted_rows & bit:
+            total_pf += FLOATING_ROW_PF
+        elif broken & bit or not (states.grounded | states.shielded) & bit:
+            total_pf += pf * FLOATING_ROW_PF / (pf + FLOATING_ROW_PF)
+        elif states.grounded & bit:
+            total_pf += pf
+    return total_pf
+
+
+class Damage:
+    """All that breaks in one foot and on its lines.
+
+    Args:
+        faults: What, and when.
+        foot: The foot.
+    """
+
+    def __init__(self, faults: Sequence[OnFoot], foot: Foot) -> None:
+        self._faults = tuple(faults)
+        self._foot = foot
+        design = foot.response.design
+        self._shut_pf = float(design.capacitance_pf(np.full(1, design.gap_um))[0])
+        self._held_pf: dict[ElementStuck, float] = {}
+
+    def elements_pf(self, element_pf: Vector, t_ns: int) -> Vector:
+        """Return what the elements have at a time, shape (9,), of what they would have if they were whole [pF]."""
+        element_pf = element_pf.copy()
+        for fault in self._faults:
+            if fault.at_ns > t_ns:
+                continue
+            over = t_ns >= fault.span_ns[1]
+            match fault:
+                case ElementDrifts():
+                    span_s = (min(t_ns, fault.span_ns[1]) - fault.at_ns) * 1e-9
+                    drifted_pf = element_pf[fault.element] + fault.rate_ff_per_s * span_s * 1e-3
+                    element_pf[fault.element] = max(drifted_pf, OPEN_PF)
+                case ElementStuck() if not over:
+                    held_pf = self._held_pf.setdefault(fault, float(element_pf[fault.element]))
+                    element_pf[fault.element] = held_pf
+                case ElementOpen() if not over:
+                    element_pf[fault.element] = OPEN_PF
+                case GapShut() if not over:
+                    element_pf[fault.element] = self._shut_pf
+                case _:
+                    pass
+        return element_pf
+
+    def seen_pf(self, cin: int, column_pf: Vector, states: RowStates, t_ns: int) -> float:
+        """Return what pin `cin` sees of its column, shape (3,), through the row lines as they are at a time [pF]."""
+        broken_rows = shorted_rows = 0
+        for fault in self._faults:
+            if not fault.span_ns[0] <= t_ns < fault.span_ns[1]:
+                continue
+            match fault:
+                case BrokenColumn(column=column) if column == cin:
+                    return OPEN_PF
+                case BrokenRow(row=row):
+                    broken_rows |= 1 << row
+                case ElementShorted(element=element) if element % _COLUMNS == cin:
+                    shorted_rows |= 1 << element // _COLUMNS
+                case _:
+                    pass
+        return pin_capacitance_pf(column_pf.tolist(), states, broken_rows, shorted_rows)
