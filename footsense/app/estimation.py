@@ -7,9 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import footsense
+from firmware_interface import fdc1004
 from footsense.config import Can, Config
 from footsense.core.baseline import TareLimits
-from footsense.core.pipeline import Pipeline
+from footsense.core.element_by_element import ElementByElement
+from footsense.core.pipeline import Pipeline, Reckoning
+from footsense.core.scan_by_scan import ScanByScan
+from footsense.drivers.scan_plan import ORDERS
 from footsense.errors import ModelError, RecordingError
 from footsense.frames import ELEMENTS
 from footsense.inference.network import Network
@@ -33,7 +37,8 @@ def load_network(config: Config) -> Network:
         ModelError: There is none, or it is made for another foot.
     """
     path = Path(config.model) if config.model else released("network.onnx")
-    network = Network(path, n_rows=2 * len(config.legs))  # each leg is estimated two ways
+    # Of a whole scan each leg is estimated two ways.
+    network = Network(path, n_rows=len(config.legs) * (1 if config.publish == "element" else 2))
     if network.card.foot_type != FOOT_TYPE:
         raise ModelError(
             f"{path}: made for foot type {network.card.foot_type!r}, these feet are {FOOT_TYPE!r}"
@@ -49,7 +54,7 @@ def pipeline_for(config: Config, network: Network, flags: int) -> Pipeline:
     expected_pf = _per_leg(config, dict(config.unloaded_pf.items()), np.nan)
     unloaded_pf = np.where(np.isnan(expected_pf), calibration.design.rest_pf, expected_pf - stray_pf)
     return Pipeline(
-        estimator=network,
+        reckoning=_reckoning(config, network),
         calibration=calibration,
         stray_pf=stray_pf,
         unloaded_pf=unloaded_pf,
@@ -61,6 +66,21 @@ def pipeline_for(config: Config, network: Network, flags: int) -> Pipeline:
         max_age_ns=round(config.stale_after_ms * 1e6),
         flags=flags,
     )
+
+
+def _reckoning(config: Config, network: Network) -> Reckoning:
+    """Return what makes forces of closures: of whole scans, or of single elements."""
+    calibration = network.card.calibration
+    if config.publish == "frame":
+        return ScanByScan(network, len(config.legs), calibration.moments, config.average_scans)
+    rate = fdc1004.RATES[config.scan.rate_sps]
+    # dC / C = -d(distance) / distance.
+    distance_um = calibration.design.plate_distance_um(np.array([calibration.design.rest_pf]))[0]
+    noise_rel = rate.noise_ff * 1e-3 / calibration.design.rest_pf * distance_um / calibration.design.gap_um
+    # A step is a conversion by a slow chip, its start, and now and then a row: a twelfth more than nominal.
+    step_ns = round(rate.conversion_ns * (1 + 1 / 12))
+    order = ORDERS[config.scan.order]
+    return ElementByElement(network, len(config.legs), calibration.moments, order, step_ns, noise_rel)
 
 
 def _per_leg(config: Config, values: dict[str, tuple[float, ...]], default: float) -> NDArray[np.float64]:

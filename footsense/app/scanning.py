@@ -96,7 +96,8 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
             [
                 BusScanner(adapter, bus_clock, dict[str, int](bus.legs.items()), bus.mux.address, plan)
                 for adapter, bus_clock, bus in zip(buses, clocks, config.buses, strict=True)
-            ]
+            ],
+            element_wise=config.publish == "element",
         )
         stack.callback(source.close)
         source.start()

@@ -32,6 +32,11 @@ def _contradictions(config: Config) -> Iterator[Problem]:
             f"a scan takes {config.scan.shortest_ms:g} ms and more at {config.scan.rate_sps} S/s: "
             f"every force would be stale; use at least {2 * config.scan.shortest_ms:g}",
         )
+    if config.publish == "element" and config.average_scans > 1:
+        yield Problem(
+            ("average_scans",),
+            "is of use with publish: frame only; a prediction weighs old readings by itself",
+        )
     yield from _feet(config)
     if config.metrics is not None:
         yield from _metrics(config.metrics.address)

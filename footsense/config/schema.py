@@ -153,10 +153,12 @@ class Realtime(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     Attributes:
         priority: SCHED_FIFO priority; below 50, where the kernel's interrupt threads run: the loop waits for them.
         cpu: Processor to stay on; None leaves it to the kernel.
+        required: Whether the service refuses to start without what it asks for; else its frames say degraded_timing.
     """
 
     priority: Annotated[int, Meta(ge=1, le=99)] = 40
     cpu: Annotated[int, Meta(ge=0, le=1023)] | None = None
+    required: bool = False
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -167,6 +169,9 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         buses: I2C adapters.
         can: Where the forces go. No default: a robot whose forces stay in the process would look healthy.
         scan: How the elements are read.
+        publish: When a force goes out: `frame`, with every scan, as of its middle; `element`, with every conversion,
+            predicted to the time of sending.
+        average_scans: Scans that are averaged before a force is made of them; with `publish: frame` only.
         tare: When a foot counts as quiet and unloaded.
         max_age_ms: Age of its oldest element at which a measurement becomes `stale` [ms]; None for four scans.
         stray_pf: Capacitance beside each element that is not the foot's [pF], nine per leg; 0 where absent.
@@ -182,6 +187,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     buses: Annotated[tuple[Bus, ...], Meta(min_length=1, max_length=6)]
     can: Annotated[Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
     scan: Scan = Scan()
+    publish: Literal["frame", "element"] = "frame"
+    average_scans: Annotated[int, Meta(ge=1, le=16)] = 1
     tare: Tare = Tare()
     max_age_ms: Annotated[int, Meta(ge=1, le=10_000)] | None = None
     stray_pf: dict[Leg, StrayPf] = {}

@@ -1,9 +1,11 @@
-"""From a scan to forces: stray and baseline removed, gap closures normalised, one network call for all legs.
+"""From readings to forces: stray and baseline removed, gap closures normalised, one network call for all legs.
 
-A leg whose value may not be used gets a state that says why, and NaN instead of a force.
+A leg whose value may not be used gets a state that says why, and NaN instead of a force. What one force is made of, a
+whole scan or the newest element and a prediction of the others, is a `Reckoning`'s matter.
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +13,7 @@ from numpy.typing import NDArray
 from footsense.core import quality
 from footsense.core.baseline import Baselines, TareLimits
 from footsense.core.design import CapacitorDesign
-from footsense.core.filling import Filling
-from footsense.core.skew import SkewRemoval
+from footsense.core.scan_by_scan import Moment
 from footsense.frames import (
     ELEMENTS,
     USABLE,
@@ -25,9 +26,9 @@ from footsense.frames import (
     State,
     Zero,
 )
-from footsense.ports import Estimator
 
 Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 _USABLE = np.array(sorted(USABLE), np.uint8)
 
@@ -49,11 +50,31 @@ class Calibration:
     moments: Vector
 
 
+class Reckoning(Protocol):
+    """How readings that were taken one after the other become forces of one time: `ScanByScan`, `ElementByElement`.
+
+    Attributes:
+        frames_per_scan: Frames in which every element is read once.
+    """
+
+    frames_per_scan: int
+
+    def align(self, values: Vector, t_ns: NDArray[np.int64], now_ns: int, missing: Mask) -> Moment:
+        """Bring the elements of each leg to one time."""
+        ...
+
+    def estimate(
+        self, closure_rel: Vector, rest_rel: Vector, usable: Mask, missing: Mask
+    ) -> tuple[Vector, Vector]:
+        """Return force and sigma of what was aligned last [N], shape (legs, 3) each."""
+        ...
+
+
 class Pipeline:
     """Turns scans into forces, and keeps each leg's baseline.
 
     Args:
-        estimator: The network, for twice the legs: each leg's force is estimated two ways to know its error.
+        reckoning: What makes forces of closures.
         calibration: What its card says.
         stray_pf: Known capacitance in parallel with each element [pF], shape (legs, 9).
         unloaded_pf: What each element of the free foot is expected to read, without stray [pF], shape (legs, 9).
@@ -64,7 +85,7 @@ class Pipeline:
 
     def __init__(
         self,
-        estimator: Estimator,
+        reckoning: Reckoning,
         calibration: Calibration,
         stray_pf: Vector,
         unloaded_pf: Vector,
@@ -72,16 +93,15 @@ class Pipeline:
         max_age_ns: int,
         flags: int = 0,
     ) -> None:
-        self._estimator = estimator
+        self._reckoning = reckoning
         self._calibration = calibration
-        self._filling = Filling(calibration.moments)
         self._stray_pf = stray_pf
         self._unloaded_pf = unloaded_pf
         self._max_age_ns = max_age_ns
         self._flags = flags
         n_legs = len(stray_pf)
         self._baselines = Baselines(unloaded_pf, tare)
-        self._skew = SkewRemoval(n_legs, ELEMENTS)
+        self._n_frames = 0
         self._opened = np.zeros((n_legs, ELEMENTS), bool)
         self._stopped = np.zeros(n_legs, bool)
 
@@ -102,7 +122,12 @@ class Pipeline:
     def _process(self, scan: CapFrame, now_ns: int) -> tuple[ForceFrame, tuple[Outcome, ...]]:
         calibration, design = self._calibration, self._calibration.design
         capacitance_pf = scan.capacitance_pf - self._stray_pf
-        outcomes = self._baselines.observe(capacitance_pf, scan.reading)
+        self._n_frames += 1
+        outcomes = (
+            ()
+            if self._n_frames % self._reckoning.frames_per_scan
+            else self._baselines.observe(capacitance_pf, scan.reading)
+        )
         # NaN compares as False: an element that was not read is neither open, shut nor out of range.
         opened = quality.open_elements(capacitance_pf, self._unloaded_pf)
         missing = quality.missing_elements(opened)
@@ -113,10 +138,10 @@ class Pipeline:
         self._opened = opened
         # Moved to one time as distances, which do not jump when a tare moves the baseline. What is open or unsettled
         # has none: a line through its last one would take the element's return for a load.
-        distance_um = np.where(unsettled, np.nan, design.plate_distance_um(capacitance_pf))
-        aligned = self._skew.apply(distance_um, scan.t_ns, missing)
-        rest_um = design.plate_distance_um(self._baselines.baseline_pf)
-        closure_rel = (rest_um - aligned.values) / design.gap_um
+        distance_rel = np.where(unsettled, np.nan, design.plate_distance_um(capacitance_pf) / design.gap_um)
+        moment = self._reckoning.align(distance_rel, scan.t_ns, now_ns, missing)
+        rest_rel = design.plate_distance_um(self._baselines.baseline_pf) / design.gap_um
+        closure_rel = rest_rel - moment.values
 
         shut = closure_rel > quality.SHUT_REL
         outside = (closure_rel < calibration.closure_rel_min) | (closure_rel > calibration.closure_rel_max)
@@ -125,17 +150,21 @@ class Pipeline:
         state = np.full(len(capacitance_pf), State.VALID, np.uint8)
         state[missing.any(axis=1)] = State.DEGRADED
         state[(outside & ~missing).any(axis=1)] = State.OUT_OF_RANGE
-        state[(now_ns - oldest_ns > self._max_age_ns) | ~aligned.together] = State.STALE
+        state[(now_ns - oldest_ns > self._max_age_ns) | ~moment.together] = State.STALE
         self._baselines.mark_untared(state)
         quality.converter_states(state, scan.reading, opened & ~missing, shut & ~missing)
         state[self._stopped] = State.STOPPED
 
-        coarser_rel = (rest_um - aligned.coarser) / design.gap_um
-        force_n, sigma_n = self._estimate(state, missing, closure_rel, coarser_rel)
+        usable = np.isin(state, _USABLE)
+        force_n, sigma_n = self._reckoning.estimate(closure_rel, rest_rel, usable, missing)
+        nowhere = usable & ~(np.isfinite(force_n) & np.isfinite(sigma_n)).all(axis=1)
+        state[nowhere] = State.OUT_OF_RANGE
+        unknown = ~usable | nowhere
+        force_n[unknown] = sigma_n[unknown] = np.nan
         return ForceFrame(
             sequence=scan.sequence,
             t_sent_ns=now_ns,
-            t_ns=np.where(oldest_ns > 0, scan.t_ns.sum(axis=1) // ELEMENTS, 0),
+            t_ns=np.where(oldest_ns > 0, moment.t_ns, 0),
             force_n=force_n,
             sigma_n=sigma_n,
             state=state,
@@ -144,26 +173,3 @@ class Pipeline:
             cause=np.zeros(len(state), np.uint8),
             zero=Zero.none(len(state)),
         ), outcomes
-
-    def _estimate(
-        self, state: NDArray[np.uint8], missing: NDArray[np.bool_], closure_rel: Vector, coarser_rel: Vector
-    ) -> tuple[Vector, Vector]:
-        """Return force and sigma [N], shape (legs, 3), NaN where `state` is not or no longer usable.
-
-        Sigma is the network's own on a load at rest, and what the removal of skew may have left in motion.
-        """
-        usable = np.isin(state, _USABLE)
-        both_missing = np.concatenate((missing, missing))
-        both_rel = np.where(
-            np.concatenate((usable, usable))[:, None], np.concatenate((closure_rel, coarser_rel)), 0.0
-        )
-        both_n, both_sigma_n = self._estimator.estimate(
-            self._filling.fill(both_rel, both_missing), both_missing
-        )
-        force_n, coarser_n = both_n[: len(state)], both_n[len(state) :]
-        sigma_n = np.hypot(both_sigma_n[: len(state)], force_n - coarser_n)
-        nowhere = usable & ~(np.isfinite(force_n) & np.isfinite(sigma_n)).all(axis=1)
-        state[nowhere] = State.OUT_OF_RANGE
-        unknown = ~usable | nowhere
-        force_n[unknown] = sigma_n[unknown] = np.nan
-        return force_n, sigma_n

@@ -10,6 +10,9 @@ One step of the plan, with what overlaps a conversion and what cannot:
 settings are held, is asked of all legs in one read: their answers are a wired AND, so that one answer speaks for all.
 Only when it says otherwise is each leg asked alone. A result is read while the next conversion runs in another slot of
 the converter. A leg that fails is left out for the rest of the scan, so that it costs the others no more time.
+
+Where the bus is slow, a conversion leaves no time for checks of rows and settings. They are then asked one a scan, in
+turn, instead of all in each.
 """
 
 import contextlib
@@ -20,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.drivers import fdc1004
+from footsense.drivers.bus_timing import Timing, measure, spare_ns, timing
 from footsense.drivers.leg_link import LegLink
 from footsense.drivers.scan_plan import Check, ScanPlan, Step
 from footsense.drivers.trunk import Trunk
@@ -33,7 +37,7 @@ _NAN = float("nan")
 
 
 class BusScan(NamedTuple):
-    """What one bus saw in one scan; arrays as in `CapFrame`, rows in the order of the bus's legs."""
+    """The latest readings of one bus; arrays as in `CapFrame`, rows in the order of the bus's legs."""
 
     t_ns: NDArray[np.int64]
     capacitance_pf: NDArray[np.float64]
@@ -65,6 +69,10 @@ class BusScanner:
         channels: Mux channel of each leg by name, in the order of the rows of its scans.
         mux_address: Address of the TCA9548A.
         plan: What to do in one scan.
+
+    Attributes:
+        timing: What the bus costs and allows; measured by `start`.
+        late_ticks: How often the scanner was held up for so long that what ran was thrown away and begun anew.
     """
 
     def __init__(
@@ -74,7 +82,17 @@ class BusScanner:
         self._clock = clock
         self._plan = plan
         self._legs = tuple(LegLink(name, channel) for name, channel in channels.items())
+        self._latest = BusScan(
+            np.zeros((len(channels), ELEMENTS), np.int64),
+            np.full((len(channels), ELEMENTS), _NAN),
+            np.full((len(channels), ELEMENTS), Reading.NO_ANSWER, np.uint8),
+        )
         self._running: _Conversion | None = None
+        self._position = 0
+        self._check_all = True
+        self._n_scans = 0
+        self.timing: Timing | None = None
+        self.late_ticks = 0
 
     def start(self) -> None:
         """Find the mux and every leg's chips, and set them up. A leg that is missing is tried again later.
@@ -85,50 +103,82 @@ class BusScanner:
         mux = f"the mux (TCA9548A) at {self._trunk.mux_address:#04x}"
         try:
             self._trunk.connect(())
+            costs = measure(self._trunk.bus, self._clock, self._trunk.mux_address)
         except NackError as error:
             raise HardwareError(
                 f"no answer from {mux}: check its power, its wires and its address straps A0..A2"
             ) from error
         except BusError as error:
             raise HardwareError(f"{mux} cannot be reached: {error}") from error
+        self.timing = timing(costs, self._plan, len(self._legs), kernel_mux=False)
+        # The most that a step asks for besides the read-out: one row and once a scan the settings.
+        self._check_all = spare_ns(costs, self._plan, len(self._legs)) >= costs.lasts_ns(1) + costs.lasts_ns(
+            1, 2
+        )
         for leg in self._legs:
             leg.retry_at_ns = 0
             self._probe(leg, self._plan.steps[0])
 
     def scan(self) -> BusScan:
         """Run the plan once and return what it read; the first conversion of the next scan is then running."""
-        shape = (len(self._legs), ELEMENTS)
-        into = BusScan(
-            np.zeros(shape, np.int64), np.full(shape, _NAN), np.full(shape, Reading.NO_ANSWER, np.uint8)
-        )
-        steps = self._plan.steps
+        self._refuse_old(self._plan.steps[0])
+        for _ in self._plan.steps:
+            self._step()
+        return self._copy()
+
+    def step(self) -> BusScan:
+        """Read one element of every leg, the next one of the plan, and return it among the latest of the others."""
+        self._refuse_old(self._plan.steps[self._position])
+        self._step()
+        return self._copy()
+
+    def _copy(self) -> BusScan:
+        t_ns, capacitance_pf, reading = self._latest
+        return BusScan(t_ns.copy(), capacitance_pf.copy(), reading.copy())
+
+    def _refuse_old(self, step: Step) -> None:
+        """Begin anew if nothing runs yet, or if the loop was held up: a result from before that comes too late."""
         running = self._running
-        if running is None or self._clock.now_ns() > running.t_start_ns + 2 * self._plan.wait_ns:
-            # Nothing runs yet, or the loop was held up: a result from before that would not belong to this scan.
-            self._discard_results()
-            running = self._begin(steps[0], select_row=True)
-        for step, following in zip(steps, (*steps[1:], steps[0]), strict=True):
+        if running is not None:
+            if self._clock.now_ns() <= running.t_start_ns + 2 * self._plan.wait_ns:
+                return
+            self.late_ticks += 1
+        self._discard_results()
+        self._running = self._begin(step, select_row=True)
+
+    def _step(self) -> None:
+        """Wait for the conversion that runs, start the next one, and read the finished one meanwhile."""
+        running, into = self._running, self._latest
+        assert running is not None
+        step = self._plan.steps[self._position]
+        self._position = (self._position + 1) % len(self._plan.steps)
+        following = self._plan.steps[self._position]
+        ends = self._position == 0
+        if self._is_checked(running):
             self._check(running)
-            failed: dict[LegLink, Reading] = {
-                leg: leg.outcome for leg in self._legs if leg.outcome is not Reading.OK
-            }
-            if following is steps[0]:
-                self._rejoin(following)
-            self._prepare()
-            self._clock.sleep_until_ns(running.t_start_ns + self._plan.wait_ns)
-            finished = running
-            running = self._begin(following, select_row=following.row_changes or not finished.legs)
-            for leg, outcome in failed.items():
-                # The settings are checked in the last step: a leg that was not there has nothing that counts.
-                elements = slice(None) if following is steps[0] else step.element
-                row = self._legs.index(leg)
-                into.t_ns[row, elements], into.capacitance_pf[row, elements] = 0, _NAN
-                into.reading[row, elements] = outcome
-            self._read_out(finished, failed, into)
+        failed: dict[LegLink, Reading] = {
+            leg: leg.outcome for leg in self._legs if leg.outcome is not Reading.OK
+        }
+        if ends:
+            self._rejoin(following)
+        self._prepare()
+        self._clock.sleep_until_ns(running.t_start_ns + self._plan.wait_ns)
+        finished = running
+        running = self._begin(following, select_row=following.row_changes or not finished.legs)
+        into.t_ns[:, step.element], into.capacitance_pf[:, step.element] = 0, _NAN
+        into.reading[:, step.element] = Reading.NO_ANSWER
+        for leg, outcome in failed.items():
+            # The settings are checked in the last step: a leg that was not there has nothing that counts.
+            elements = slice(None) if ends else step.element
+            row = self._legs.index(leg)
+            into.t_ns[row, elements], into.capacitance_pf[row, elements] = 0, _NAN
+            into.reading[row, elements] = outcome
+        self._read_out(finished, failed, into)
         self._running = running
-        self._note(into)
-        self._probe_one(running.step)
-        return into
+        if ends:
+            self._n_scans += 1
+            self._note(into)
+            self._probe_one(running.step)
 
     def stop(self) -> None:
         """Disconnect every leg from the trunk."""
@@ -187,6 +237,10 @@ class BusScanner:
         except BusError as error:
             self._give_up(error)
             return Reading.NO_ANSWER, _NAN
+
+    def _is_checked(self, conversion: _Conversion) -> bool:
+        """Tell whether rows and settings are asked for during this conversion."""
+        return self._check_all or conversion.step is self._plan.steps[self._n_scans % len(self._plan.steps)]
 
     def _check(self, conversion: _Conversion) -> None:
         """Make sure, while a conversion runs, that every leg converts what it was told; note those that do not."""

@@ -6,11 +6,36 @@ others run. A frame is complete when the slowest bus is.
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Protocol
 
 import numpy as np
 
-from footsense.drivers.bus_scanner import BusScanner
+from footsense.drivers.bus_scanner import BusScan
+from footsense.drivers.bus_timing import Timing
 from footsense.frames import CapFrame
+
+
+class LegsScanner(Protocol):
+    """What scans the legs of one bus."""
+
+    timing: Timing | None
+    late_ticks: int
+
+    def start(self) -> None:
+        """Find the chips and set them up."""
+        ...
+
+    def scan(self) -> BusScan:
+        """Read every element once."""
+        ...
+
+    def step(self) -> BusScan:
+        """Read the next element, and return it among the latest of the others."""
+        ...
+
+    def stop(self) -> None:
+        """Release the bus."""
+        ...
 
 
 class RobotScanner:
@@ -18,14 +43,21 @@ class RobotScanner:
 
     Args:
         buses: One scanner a bus; the rows of a frame are the legs of the first bus, then of the second, and so on.
+        element_wise: Whether `read` returns after every element instead of after every scan.
     """
 
-    def __init__(self, buses: Sequence[BusScanner]) -> None:
+    def __init__(self, buses: Sequence[LegsScanner], *, element_wise: bool = False) -> None:
         self._buses = tuple(buses)
+        self._element_wise = element_wise
         self._sequence = 0
         self._pool = (
             ThreadPoolExecutor(len(self._buses), thread_name_prefix="i2c") if len(self._buses) > 1 else None
         )
+
+    @property
+    def late_ticks(self) -> int:
+        """Return how often a scan was begun anew because it had been held up."""
+        return sum(bus.late_ticks for bus in self._buses)
 
     def start(self) -> None:
         """Find and set up the chips of every bus.
@@ -37,9 +69,9 @@ class RobotScanner:
             bus.start()
 
     def read(self) -> CapFrame:
-        """Scan every element of every leg once."""
+        """Scan every element of every leg once, or only the next one and keep the latest of the others."""
         scan_all = map if self._pool is None else self._pool.map
-        scans = list(scan_all(BusScanner.scan, self._buses))
+        scans = list(scan_all(lambda bus: bus.step() if self._element_wise else bus.scan(), self._buses))
         frame = CapFrame(
             sequence=self._sequence,
             t_ns=np.concatenate([scan.t_ns for scan in scans]),

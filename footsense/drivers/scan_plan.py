@@ -75,11 +75,13 @@ class ScanPlan(NamedTuple):
 
     Attributes:
         steps: The conversions in their order; the first one follows the last one of the scan before.
+        rate_sps: Conversions per second.
         conversion_ns: Nominal time of a conversion [ns].
         wait_ns: Time after which also the slowest chip has finished [ns].
     """
 
     steps: tuple[Step, ...]
+    rate_sps: int
     conversion_ns: int
     wait_ns: int
 
@@ -119,6 +121,7 @@ def scan_plan(order: str, rate_sps: int) -> ScanPlan:
     conversion_ns = fdc1004.RATES[rate_sps].conversion_ns
     return ScanPlan(
         steps=tuple(steps),
+        rate_sps=rate_sps,
         conversion_ns=conversion_ns,
         wait_ns=round(conversion_ns * (1 + fdc1004.CLOCK_TOLERANCE_REL)),
     )

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from footsense.core.baseline import TareLimits
 from footsense.core.design import CapacitorDesign
 from footsense.core.pipeline import Calibration, Pipeline
+from footsense.core.scan_by_scan import ScanByScan
 from footsense.frames import CapFrame, Flag, ForceFrame, Result
 
 DESIGN = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
@@ -32,7 +33,7 @@ class SumOfClosures:
 
 def pipeline(n_legs: int = 2, stray_pf: float = 0.0) -> Pipeline:
     return Pipeline(
-        SumOfClosures(),
+        ScanByScan(SumOfClosures(), n_legs, ALIKE),
         Calibration(
             design=DESIGN,
             closure_rel_min=np.full(9, -0.05),

@@ -14,6 +14,7 @@ from onnx.reference import ReferenceEvaluator
 
 from footsense.core.baseline import TareLimits
 from footsense.core.pipeline import Pipeline
+from footsense.core.scan_by_scan import ScanByScan
 from footsense.frames import CapFrame, ForceFrame, Reading, State
 from footsense.inference.card import read_card
 from footsense.lab.dataset import paper_verification
@@ -79,7 +80,8 @@ class _Leg:
         calibration = read_card(json.dumps(bench.network.card), str(bench.models)).calibration
         limits = TareLimits(window_frames=_WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03)
         stray_pf, unloaded_pf = np.zeros((1, 9)), np.full((1, 9), self.design.rest_pf)
-        self._pipeline = Pipeline(bench.network, calibration, stray_pf, unloaded_pf, limits, _MAX_AGE_NS)
+        reckoning = ScanByScan(bench.network, 1, calibration.moments)
+        self._pipeline = Pipeline(reckoning, calibration, stray_pf, unloaded_pf, limits, _MAX_AGE_NS)
         self._sequence = 0
         for _ in range(_WINDOW):
             self.feed(unloaded_pf[0])

@@ -1,0 +1,98 @@
+"""A force for every scan: all nine elements brought to the scan's middle, then read by the network."""
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.core.filling import Filling
+from footsense.core.skew import Aligned, SkewRemoval
+from footsense.frames import ELEMENTS
+from footsense.ports import Estimator
+
+Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class Moment(NamedTuple):
+    """The elements of all legs as of one time each.
+
+    Attributes:
+        values: Distances of the plates over the gap [1], shape (legs, 9).
+        together: Whether they could be brought to that time, shape (legs,).
+        t_ns: Which the consumer is told: how far the measurement reaches [ns], shape (legs,).
+    """
+
+    values: Vector
+    together: Mask
+    t_ns: NDArray[np.int64]
+
+
+class ScanByScan:
+    """Forces of whole scans.
+
+    Each leg is estimated two ways, its elements moved along parabolas and along lines: the difference tells what the
+    motion may have left in the force.
+
+    Args:
+        estimator: The network, for twice the legs.
+        n_legs: Legs.
+        moments: As `Filling` has them.
+        n_averaged: Scans whose elements are averaged before they are read.
+    """
+
+    frames_per_scan = 1
+
+    def __init__(self, estimator: Estimator, n_legs: int, moments: Vector, n_averaged: int = 1) -> None:
+        self._estimator = estimator
+        self._filling = Filling(moments)
+        self._skew = SkewRemoval(n_legs, ELEMENTS)
+        self._scans: deque[tuple[Aligned, NDArray[np.int64]]] = deque(maxlen=n_averaged)
+        self._coarser = np.zeros((n_legs, ELEMENTS))
+
+    def align(self, values: Vector, t_ns: NDArray[np.int64], now_ns: int, missing: Mask) -> Moment:
+        """Bring a scan to its middle.
+
+        Args:
+            values: Distances over the gap, shape (legs, 9), NaN where there is none to be used.
+            t_ns: Their stamps [ns], shape (legs, 9).
+            now_ns: When the force will be sent [ns].
+            missing: Elements that nobody asks for, shape (legs, 9).
+        """
+        del now_ns
+        self._scans.append((self._skew.apply(values, t_ns, missing), t_ns.sum(axis=1) // ELEMENTS))
+        if len(self._scans) == 1:
+            (aligned, middle_ns) = self._scans[0]
+            self._coarser = aligned.coarser
+            return Moment(aligned.values, aligned.together, middle_ns)
+        self._coarser = np.mean([aligned.coarser for aligned, _ in self._scans], axis=0)
+        return Moment(
+            values=np.mean([aligned.values for aligned, _ in self._scans], axis=0),
+            together=np.all([aligned.together for aligned, _ in self._scans], axis=0),
+            t_ns=np.sum([middle_ns for _, middle_ns in self._scans], axis=0) // len(self._scans),
+        )
+
+    def estimate(
+        self, closure_rel: Vector, rest_rel: Vector, usable: Mask, missing: Mask
+    ) -> tuple[Vector, Vector]:
+        """Return force and sigma of what was aligned last [N], shape (legs, 3) each; anything where not usable.
+
+        Args:
+            closure_rel: Closures of the moment over the gap [1], shape (legs, 9).
+            rest_rel: Distances at rest over the gap [1], shape (legs, 9).
+            usable: Legs whose force is wanted, shape (legs,).
+            missing: Elements to be filled in, shape (legs, 9).
+        """
+        n_legs = len(usable)
+        both_missing = np.concatenate((missing, missing))
+        both_rel = np.where(
+            np.concatenate((usable, usable))[:, None],
+            np.concatenate((closure_rel, rest_rel - self._coarser)),
+            0.0,
+        )
+        both_n, both_sigma_n = self._estimator.estimate(
+            self._filling.fill(both_rel, both_missing), both_missing
+        )
+        force_n = both_n[:n_legs]
+        return force_n, np.hypot(both_sigma_n[:n_legs], force_n - both_n[n_legs:])
