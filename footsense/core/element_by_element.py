@@ -78,7 +78,7 @@ class ElementByElement:
             self._prediction.begin(leg, np.where(missing[leg], np.nan, values[leg]), int(newest_ns[leg]))
         self._running = complete
         self._seen_ns = t_ns.copy()
-        return Moment(self._prediction.at(now_ns), complete, newest_ns)
+        return Moment(self._prediction.at(now_ns), values, complete, newest_ns)
 
     def estimate(
         self, closure_rel: Vector, rest_rel: Vector, usable: Mask, missing: Mask

@@ -141,10 +141,10 @@ class Pipeline:
         distance_rel = np.where(unsettled, np.nan, design.plate_distance_um(capacitance_pf) / design.gap_um)
         moment = self._reckoning.align(distance_rel, scan.t_ns, now_ns, missing)
         rest_rel = design.plate_distance_um(self._baselines.baseline_pf) / design.gap_um
-        closure_rel = rest_rel - moment.values
+        judged_rel = rest_rel - moment.judged
 
-        shut = closure_rel > quality.SHUT_REL
-        outside = (closure_rel < calibration.closure_rel_min) | (closure_rel > calibration.closure_rel_max)
+        shut = judged_rel > quality.SHUT_REL
+        outside = (judged_rel < calibration.closure_rel_min) | (judged_rel > calibration.closure_rel_max)
         oldest_ns = scan.t_ns.min(axis=1)
 
         state = np.full(len(capacitance_pf), State.VALID, np.uint8)
@@ -156,6 +156,10 @@ class Pipeline:
         state[self._stopped] = State.STOPPED
 
         usable = np.isin(state, _USABLE)
+        # A prediction may overshoot, at lift-off for instance; the network is not asked what it was not taught.
+        closure_rel = np.clip(
+            rest_rel - moment.values, calibration.closure_rel_min, calibration.closure_rel_max
+        )
         force_n, sigma_n = self._reckoning.estimate(closure_rel, rest_rel, usable, missing)
         nowhere = usable & ~(np.isfinite(force_n) & np.isfinite(sigma_n)).all(axis=1)
         state[nowhere] = State.OUT_OF_RANGE

@@ -20,11 +20,13 @@ class Moment(NamedTuple):
 
     Attributes:
         values: Distances of the plates over the gap [1], shape (legs, 9).
+        judged: Those by which an element is said to be shut or out of range: as measured, where `values` are predicted.
         together: Whether they could be brought to that time, shape (legs,).
         t_ns: Which the consumer is told: how far the measurement reaches [ns], shape (legs,).
     """
 
     values: Vector
+    judged: Vector
     together: Mask
     t_ns: NDArray[np.int64]
 
@@ -65,10 +67,12 @@ class ScanByScan:
         if len(self._scans) == 1:
             (aligned, middle_ns) = self._scans[0]
             self._coarser = aligned.coarser
-            return Moment(aligned.values, aligned.together, middle_ns)
+            return Moment(aligned.values, aligned.values, aligned.together, middle_ns)
         self._coarser = np.mean([aligned.coarser for aligned, _ in self._scans], axis=0)
+        averaged = np.mean([aligned.values for aligned, _ in self._scans], axis=0)
         return Moment(
-            values=np.mean([aligned.values for aligned, _ in self._scans], axis=0),
+            values=averaged,
+            judged=averaged,
             together=np.all([aligned.together for aligned, _ in self._scans], axis=0),
             t_ns=np.sum([middle_ns for _, middle_ns in self._scans], axis=0) // len(self._scans),
         )

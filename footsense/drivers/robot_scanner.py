@@ -69,9 +69,13 @@ class RobotScanner:
             bus.start()
 
     def read(self) -> CapFrame:
-        """Scan every element of every leg once, or only the next one and keep the latest of the others."""
+        """Scan every element of every leg once, or only the next one and keep the latest of the others.
+
+        The first time it is always a whole scan: there are no others yet.
+        """
         scan_all = map if self._pool is None else self._pool.map
-        scans = list(scan_all(lambda bus: bus.step() if self._element_wise else bus.scan(), self._buses))
+        whole = self._sequence == 0 or not self._element_wise
+        scans = list(scan_all(lambda bus: bus.scan() if whole else bus.step(), self._buses))
         frame = CapFrame(
             sequence=self._sequence,
             t_ns=np.concatenate([scan.t_ns for scan in scans]),

@@ -187,7 +187,7 @@ def test_a_network_that_gives_no_number_makes_no_valid_force(what: str, number: 
             return force_n, sigma_n
 
     feet = Feet().tared()
-    feet.pipeline._estimator = Hole()
+    feet.pipeline._reckoning._estimator = Hole()  # type: ignore[attr-defined]
     forces = feet.feed(feet.scan(2.0))
     assert forces.state.tolist() == [State.OUT_OF_RANGE, State.VALID]
     assert np.isnan(forces.force_n[0]).all()
