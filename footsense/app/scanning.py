@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from footsense.app.estimation import released
 from footsense.backends.linux_i2c import LinuxI2cBus
-from footsense.clock import MonotonicClock
+from footsense.clock import MonotonicClock, Wakeups
 from footsense.config import Config
 from footsense.drivers.bus_scanner import BusScanner
 from footsense.drivers.robot_scanner import RobotScanner
@@ -30,12 +30,14 @@ class Scanning:
         clock: The time that its stamps are in.
         response_sha256: Hash of the response table that the simulated feet follow, None on a real robot.
         felt_n: What every foot feels at a time, None on a real robot.
+        wakeups: What became of the deadlines on each bus; none in virtual time.
     """
 
     source: RobotScanner
     clock: Clock
     response_sha256: str | None
     felt_n: Callable[[int], NDArray[np.float64]] | None
+    wakeups: tuple[Wakeups, ...] = ()
 
 
 def is_simulated(config: Config) -> bool:
@@ -90,7 +92,7 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
             for bus in config.buses:
                 buses.append(LinuxI2cBus.open(bus.device))
                 stack.callback(buses[-1].close)
-                clocks.append(clock)
+                clocks.append(MonotonicClock())
         plan = scan_plan(config.scan.order, config.scan.rate_sps)
         source = RobotScanner(
             [
@@ -102,6 +104,7 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
         stack.callback(source.close)
         source.start()
         if robot is None:
-            yield Scanning(source, clock, None, None)
+            wakeups = tuple(own.wakeups for own in clocks if isinstance(own, MonotonicClock))
+            yield Scanning(source, clock, None, None, wakeups)
         else:
             yield Scanning(source, clock, robot.response_sha256, robot.felt_n)

@@ -11,10 +11,10 @@ import msgspec
 from footsense import __version__, loop
 from footsense.app.estimation import load_network, pipeline_for
 from footsense.app.scanning import Scanning, is_simulated, scanning
-from footsense.clock import request_realtime, wall_time_iso
+from footsense.clock import MonotonicClock, request_realtime, undisturbed, wall_time_iso
 from footsense.config import Can, Config
 from footsense.core.pipeline import Pipeline
-from footsense.errors import RecordingError
+from footsense.errors import ConfigError, RecordingError
 from footsense.frames import Flag
 from footsense.inference.network import Network
 from footsense.ports import Clock, FrameSource, Observer
@@ -23,6 +23,7 @@ from footsense.publish.can_sink import CanSink
 from footsense.publish.can_stats import CanStats
 from footsense.publish.exporter_process import start_exporter
 from footsense.publish.journal import Journal
+from footsense.publish.log_lines import lost_lines
 from footsense.publish.metrics import Metrics
 from footsense.publish.supervision import Supervision
 from footsense.publish.systemd import SystemdNotifier
@@ -98,7 +99,8 @@ class Service:
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Run until `stop` says so."""
-        loop.run(self.source, self.pipeline, self.sink, self.observers, self.scanning.clock, stop)
+        with undisturbed():
+            loop.run(self.source, self.pipeline, self.sink, self.observers, self.scanning.clock, stop)
 
     def figures(self) -> dict[str, object]:
         """Return what was sent and what was lost, as plain values."""
@@ -125,7 +127,7 @@ def service(
     Args:
         config: The robot.
         scene: What it does if it is simulated, None for its real buses.
-        real_time: Whether the loop must never wait for its recorder.
+        real_time: Whether the loop must never wait for its recorder; a simulation is then played at that pace.
         record: File to record to.
         can_log: File for what is sent on CAN.
 
@@ -153,8 +155,20 @@ def service(
         # The recorder's and the exporter's processes give up again what they inherit of it.
         flags = _flags(config, simulated=scene is not None)
         observers: list[Observer] = [Journal(legs), Supervision(SystemdNotifier(), legs)]
+        source: FrameSource = scan.source
+        wakeups = scan.wakeups
+        if scene is not None and real_time:
+            pace = MonotonicClock()
+            source, wakeups = loop.Paced(source, scan.clock, pace), (pace.wakeups,)
         if config.metrics is not None:
-            metrics = Metrics(legs, stats, recorder_lost=lambda: recorder.lost if recorder else 0)
+            metrics = Metrics(
+                legs,
+                stats,
+                wakeups=wakeups,
+                late_ticks=lambda: scan.source.late_ticks,
+                recorder_lost=lambda: recorder.lost if recorder else 0,
+                log_lost=lost_lines,
+            )
             stack.callback(metrics.close)
             exporter = start_exporter(metrics.path, config.metrics.address, config.metrics.port)
             stack.callback(exporter.close)
@@ -169,7 +183,7 @@ def service(
         yield Service(
             legs=legs,
             scanning=scan,
-            source=scan.source,
+            source=source,
             network=network,
             pipeline=pipeline_for(config, network, flags),
             sink=sink,
@@ -179,14 +193,20 @@ def service(
 
 
 def _flags(config: Config, *, simulated: bool) -> Flag:
-    """Ask for the scheduling that the configuration names; return what every frame has to say of itself."""
+    """Ask for the scheduling that the configuration names; return what every frame has to say of itself.
+
+    Raises:
+        ConfigError: It is required, and not granted.
+    """
     if simulated:
         return Flag.SIMULATED
-    refusal = request_realtime(config.realtime.priority, config.realtime.cpu) if config.realtime else None
-    if refusal is None:
-        return Flag(0)
-    _log.warning("%s; the frames say degraded_timing", refusal)
-    return Flag.DEGRADED_TIMING
+    asked = config.realtime
+    refusals = () if asked is None else request_realtime(asked.priority, asked.cpu)
+    if asked is not None and asked.required and refusals:
+        raise ConfigError(f"realtime.required: {'; '.join(refusals)}; or take `required` away")
+    for refusal in refusals:
+        _log.warning("%s; the frames say degraded_timing", refusal)
+    return Flag.DEGRADED_TIMING if refusals else Flag(0)
 
 
 def _recording_header(config: Config, scene: Scene | None, network: Network, flags: Flag) -> dict[str, str]:

@@ -15,6 +15,7 @@ import click
 
 import footsense
 from footsense.errors import FootsenseError
+from footsense.publish.log_lines import LogLines
 
 #: Exit code of a command that Ctrl-C ended, as shells have it: 128 + SIGINT. `run` ends well, with 0.
 _INTERRUPTED = 130
@@ -87,6 +88,13 @@ def _give_up_output() -> None:
         os.close(nowhere)
 
 
+def _log_sink() -> logging.Handler:
+    try:
+        return LogLines(sys.stderr.fileno())
+    except (AttributeError, OSError):  # closed, or replaced by something without a descriptor
+        return logging.StreamHandler()
+
+
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(footsense.__version__)
 @click.option("--verbose", "-v", is_flag=True, help="Say what is found and done, not only what is wrong.")
@@ -96,5 +104,5 @@ def main(*, verbose: bool) -> None:
     logging.basicConfig(
         level=logging.INFO if verbose else logging.WARNING,
         format="%(levelname)s: %(message)s",
-        stream=sys.stderr,
+        handlers=[_log_sink()],
     )

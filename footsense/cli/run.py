@@ -14,12 +14,11 @@ from rich.console import Console
 from footsense import app
 from footsense.cli.live_table import LiveTable
 from footsense.cli.summary_text import print_summary
-from footsense.clock import MonotonicClock, process_age_ns, resident_mib
+from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
 from footsense.core.score import Score
 from footsense.errors import ConfigError
 from footsense.frames import Cycle
-from footsense.loop import Paced
 from footsense.sim.scene import Scene, load_scene
 
 _DEFAULT_SCENE = "tripod"
@@ -140,8 +139,6 @@ def run(
             table = LiveTable(console, service.legs, title, service.scanning.felt_n)
             stack.callback(table.close)
             service.observers.append(table)
-        if paced:
-            service.source = Paced(service.source, service.scanning.clock, MonotonicClock())
         clock = service.scanning.clock
         end_ns = None if duration_s is None else clock.now_ns() + round(duration_s * _NS_PER_S)
         service.run(lambda: stop.requested or (end_ns is not None and clock.now_ns() >= end_ns))

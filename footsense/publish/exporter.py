@@ -1,17 +1,11 @@
-"""The process that shows the service's counters to Prometheus: the only file that knows prometheus_client.
+"""What shows the service's counters to Prometheus: the only file that knows prometheus_client.
 
-    python -m footsense.publish.exporter --file FILE --address 127.0.0.1 --port 9108
-
-It answers on standard output, once, with `ready PORT`, `refused REASON` or `failed REASON`, and ends when its
-standard input does: that happens when the service ends, even if it was killed.
+It runs in a process of its own, which `exporter_keeper` starts, and starts again if it should die.
 """
 
-import argparse
-import contextlib
 import errno
-import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import product
 from pathlib import Path
 
@@ -22,7 +16,7 @@ from prometheus_client.registry import Collector
 from footsense.errors import FootsenseError
 from footsense.publish.shared_counters import Family, read_counters
 
-__all__ = ["SharedCollector", "main"]
+__all__ = ["SharedCollector", "serve"]
 
 
 class SharedCollector(Collector):
@@ -72,14 +66,6 @@ def _metric(family: Family, cells: Sequence[float]) -> Metric:
     return metric
 
 
-def _yield_to_the_loop() -> None:
-    """Give up what a service with real-time scheduling hands down to its children."""
-    with contextlib.suppress(OSError):
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        os.sched_setaffinity(0, range(os.cpu_count() or 1))
-        os.nice(5)
-
-
 def _remedy(error: OSError | OverflowError) -> str:
     """Return what would be right instead: another port, or an address of this machine."""
     if isinstance(error, OverflowError) or error.errno in {errno.EADDRINUSE, errno.EACCES}:
@@ -87,37 +73,31 @@ def _remedy(error: OSError | OverflowError) -> str:
     return "metrics.address has to be an address of this machine, such as 127.0.0.1"
 
 
-def _say(line: str) -> None:
-    sys.stdout.write(line + "\n")
-    sys.stdout.flush()
+def serve(file: Path, address: str, port: int, say: Callable[[str], None]) -> int:
+    """Show one file of counters until standard input ends.
 
+    Args:
+        file: What `SharedCounters` made; removed at the end, for a service that was killed could not do it itself.
+        address: IP address to listen on.
+        port: TCP port; 0 for any that is free.
+        say: Gets one word and what follows from it: `ready PORT`, `refused REASON` or `failed REASON`.
 
-def main() -> int:
-    """Show one file of counters until standard input ends; return the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m footsense.publish.exporter")
-    parser.add_argument("--file", type=Path, required=True)
-    parser.add_argument("--address", default="127.0.0.1")
-    parser.add_argument("--port", type=int, default=9108)
-    arguments = parser.parse_args()
-    _yield_to_the_loop()
+    Returns:
+        The exit code of the process.
+    """
     try:
-        families, cells = read_counters(arguments.file)
+        families, cells = read_counters(file)
     except FootsenseError as error:
-        _say(f"failed {error}")
+        say(f"failed {error}")
         return error.exit_code
     registry = CollectorRegistry()
     registry.register(SharedCollector(families, cells))
     try:
-        server, _ = start_http_server(arguments.port, arguments.address, registry)
+        server, _ = start_http_server(port, address, registry)
     except (OSError, OverflowError) as error:
-        _say(f"refused {getattr(error, 'strerror', None) or error}; {_remedy(error)}")
+        say(f"refused {getattr(error, 'strerror', None) or error}; {_remedy(error)}")
         return 2
-    _say(f"ready {server.server_port}")
+    say(f"ready {server.server_port}")
     sys.stdin.buffer.read()
-    # A service that was killed could not do this itself.
-    arguments.file.unlink(missing_ok=True)
+    file.unlink(missing_ok=True)
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,7 +1,7 @@
-"""The start and the end of the process that shows the metrics.
+"""The start and the end of the processes that show the metrics, as the service sees them.
 
-The exporter lives as long as its standard input, a pipe whose other end only this process holds: however this
-process ends, the kernel closes it.
+They live as long as their standard input, a pipe whose other end only this process holds: however this process ends,
+the kernel closes it. An exporter that dies is not the service's to notice: its keeper does.
 """
 
 import selectors
@@ -15,7 +15,7 @@ __all__ = ["ExporterProcess", "start_exporter"]
 
 
 class ExporterProcess:
-    """A running exporter.
+    """A running exporter and its keeper.
 
     Attributes:
         port: The TCP port that it listens on.
@@ -50,7 +50,7 @@ def start_exporter(path: Path, address: str, port: int, timeout_s: float = 20.0)
     """
     options = ("--file", str(path), "--address", address, "--port", str(port))
     process = subprocess.Popen(  # noqa: S603 - our own interpreter and module
-        [sys.executable, "-P", "-m", "footsense.publish.exporter", *options],
+        [sys.executable, "-P", "-m", "footsense.publish.exporter_keeper", *options],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         process_group=0,  # Ctrl-C in the terminal is for us; the exporter ends when its standard input does
@@ -63,7 +63,7 @@ def start_exporter(path: Path, address: str, port: int, timeout_s: float = 20.0)
     word, _, rest = line.partition(" ")
     if word == "ready":
         process.stdout.close()
-        return ExporterProcess(process, int(rest))
+        return ExporterProcess(process, int(rest.split()[0]))
     _end(process)
     if word == "refused":
         raise ConfigError(f"metrics cannot be shown on {address}:{port}: {rest}")

@@ -1,4 +1,4 @@
-"""What the journal says of the legs: a line when a leg's state changes and when a tare ends.
+"""What the journal says of the legs: a line when a leg's state changes, with its cause, and when a tare ends.
 
 A state that flickers would fill the journal, so each leg gets a limited number of lines per minute and the rest is
 counted; the wire and the metrics show every change.
@@ -6,16 +6,14 @@ counted; the wire and the metrics show every change.
 
 import logging
 
-import numpy as np
-
-from footsense.frames import CommandKind, Cycle, Result, State
+from footsense.frames import Cause, CommandKind, Cycle, Result, State
 
 _log = logging.getLogger(__name__)
 
 _LINES_PER_MINUTE = 10
 _MINUTE_NS = 60_000_000_000
 #: States that a healthy leg passes through.
-_EXPECTED = {State.VALID, State.TARING, State.STOPPED}
+_EXPECTED = {State.VALID, State.STARTING, State.TARING, State.STOPPED}
 
 
 class Journal:
@@ -27,7 +25,8 @@ class Journal:
 
     def __init__(self, legs: tuple[str, ...]) -> None:
         self._legs = legs
-        self._state = np.full(len(legs), State.TARING, np.uint8)
+        # What a leg begins with; to get there is no news.
+        self._seen = (bytes([State.TARING] * len(legs)), bytes(len(legs)))
         self._lines = [0] * len(legs)
         self._suppressed = [0] * len(legs)
         self._minute = 0
@@ -37,11 +36,10 @@ class Journal:
         forces = cycle.forces
         if forces.t_sent_ns // _MINUTE_NS != self._minute:
             self._next_minute(forces.t_sent_ns // _MINUTE_NS)
-        for leg in np.flatnonzero(forces.state != self._state).tolist():
-            before, now = State(int(self._state[leg])), State(int(forces.state[leg]))
-            level = logging.INFO if now in _EXPECTED else logging.WARNING
-            self._line(leg, level, f"{before.name.lower()} -> {now.name.lower()}")
-        self._state = forces.state
+        seen = (forces.state.tobytes(), forces.cause.tobytes())
+        if seen != self._seen:
+            self._changed(*seen)
+            self._seen = seen
         for outcome in cycle.outcomes:
             level = logging.INFO if outcome.result is Result.DONE else logging.WARNING
             what = CommandKind(outcome.command.kind).name.lower()
@@ -51,6 +49,16 @@ class Journal:
     def close(self) -> None:
         """Say what was left unsaid."""
         self._next_minute(0)
+
+    def _changed(self, states: bytes, causes: bytes) -> None:
+        """Log every leg whose state, or what lies behind it, is another than before."""
+        rows = zip(self._legs, *self._seen, states, causes, strict=True)
+        for leg, (_, state_before, cause_before, state, cause) in enumerate(rows):
+            if (state_before, cause_before) != (state, cause):
+                before, now = State(state_before).name.lower(), State(state)
+                why = f" ({Cause(cause).name.lower()})" if cause else ""
+                level = logging.INFO if now in _EXPECTED else logging.WARNING
+                self._line(leg, level, f"{before} -> {now.name.lower()}{why}")
 
     def _line(self, leg: int, level: int, text: str) -> None:
         if self._lines[leg] >= _LINES_PER_MINUTE:

@@ -1,92 +1,46 @@
-"""What the service counts: every metric that it has, and how a cycle changes it.
+"""What the service counts, and how a cycle changes it.
 
 Counting happens in the loop and costs it some microseconds a cycle; showing is `exporter`'s, a process of its own.
+Histograms and counts of scans change with every cycle. What others count, and the gauges that move all the time, are
+copied ten times a second: nobody looks more often.
 """
 
+from array import array
 from bisect import bisect_left
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Protocol
 
-from footsense.frames import CommandKind, Cycle, Result, State
+import numpy as np
+
+from firmware_interface.can_codes import phase_of
+from footsense.frames import CommandKind, Cycle, Flag, ForceFrame, Result, State
 from footsense.publish.can_stats import CanStats
 from footsense.publish.exporter_process import start_exporter
-from footsense.publish.shared_counters import Family, SharedCounters
+from footsense.publish.metric_families import AGE_BOUNDS_S, FAULTS, PERIOD_BOUNDS_S, STATES, families
+from footsense.publish.shared_counters import SharedCounters
 
-__all__ = ["Metrics", "start_exporter"]
+__all__ = ["Metrics", "Wakeups", "start_exporter"]
 
-#: Close together around 9 conversions of 2.5 ms and of 11 ms, the scans of the reference boards.
-_PERIOD_BOUNDS_S = [
-    0.002,
-    0.005,
-    0.01,
-    0.02,
-    0.0225,
-    0.023,
-    0.024,
-    0.026,
-    0.03,
-    0.05,
-    0.09,
-    0.1,
-    0.11,
-    0.15,
-    0.5,
-]
-_AGE_BOUNDS_S = [0.001, 0.002, 0.005, 0.01, 0.012, 0.014, 0.016, 0.02, 0.025, 0.03, 0.04, 0.05, 0.1, 0.2, 0.5]
-
-_STATES = [state.name.lower() for state in State]
-#: States that nobody asked for.
-_FAULTS = [state for state in State if state not in {State.VALID, State.TARING, State.STOPPED}]
+_COPY_PERIOD_NS = 100_000_000
+_FARADS_PER_PF = 1e-12
 
 
-def _families(legs: tuple[str, ...]) -> list[Family]:
-    """Return the metrics of a robot with these legs."""
-    leg = {"leg": list(legs)}
-    codes = ", ".join(f"{state.value} {state.name.lower()}" for state in State)
-    return [
-        Family(
-            "footsense_scan_period_seconds",
-            "histogram",
-            "Time from one published scan to the next.",
-            bounds=_PERIOD_BOUNDS_S,
-        ),
-        Family(
-            "footsense_frame_age_seconds",
-            "histogram",
-            "Age of a leg's measurement when its force was sent.",
-            leg,
-            _AGE_BOUNDS_S,
-        ),
-        Family("footsense_scans_total", "counter", "Scans published."),
-        Family("footsense_leg_state", "gauge", f"State of the leg: {codes}.", leg),
-        Family(
-            "footsense_leg_scans_total", "counter", "Scans by the leg's state.", {**leg, "state": _STATES}
-        ),
-        Family(
-            "footsense_faults_total",
-            "counter",
-            "Times that a leg fell into a state that is a fault, by state.",
-            {**leg, "kind": [state.name.lower() for state in _FAULTS]},
-        ),
-        Family("footsense_can_sent_frames_total", "counter", "Frames handed to CAN."),
-        Family(
-            "footsense_can_dropped_frames_total", "counter", "Frames that CAN did not take; never sent late."
-        ),
-        Family("footsense_can_received_frames_total", "counter", "Command frames that arrived."),
-        Family("footsense_can_rejected_frames_total", "counter", "Command frames that were not obeyed."),
-        Family("footsense_can_bus_errors_total", "counter", "Error frames that the CAN controller reported."),
-        Family(
-            "footsense_recorder_lost_frames_total",
-            "counter",
-            "Scans that the recorder could not keep up with.",
-        ),
-        Family(
-            "footsense_tares_total",
-            "counter",
-            "Tares that came to an end, by result.",
-            {**leg, "result": [result.name.lower() for result in Result]},
-        ),
-    ]
+class Wakeups(Protocol):
+    """What a clock counts of the deadlines of one thread.
+
+    Attributes:
+        bounds_s: Bounds of the histogram [s].
+        lateness: Wake-ups in each bucket, those above the last bound, and the sum of their lateness [s].
+        overruns: Deadlines that had passed before they were waited for.
+    """
+
+    @property
+    def bounds_s(self) -> Sequence[float]: ...  # noqa: D102 - above
+    @property
+    def lateness(self) -> "array[float]": ...  # noqa: D102
+    @property
+    def overruns(self) -> int: ...  # noqa: D102
 
 
 class Metrics:
@@ -94,8 +48,11 @@ class Metrics:
 
     Args:
         legs: Name of the leg in each row of the frames.
-        can: What the CAN channel counts; read once a cycle.
+        can: What the CAN channel counts.
+        wakeups: What each thread's clock counts; none in virtual time, whose metrics tell nothing of it then.
+        late_ticks: Returns how many scans were given up because a wake-up came too late, since start.
         recorder_lost: Returns how many scans the recorder could not keep up with, since start.
+        log_lost: Returns how many lines the log has lost, since start.
         directory: Where the shared file is made; by default in memory.
 
     Timing:
@@ -107,25 +64,29 @@ class Metrics:
         legs: tuple[str, ...],
         can: CanStats,
         *,
+        wakeups: Sequence[Wakeups] = (),
+        late_ticks: Callable[[], int] = int,
         recorder_lost: Callable[[], int] = int,
+        log_lost: Callable[[], int] = int,
         directory: Path | None = None,
     ) -> None:
-        self._counters = SharedCounters(_families(legs), directory)
+        bounds_s = wakeups[0].bounds_s if wakeups else None
+        self._counters = SharedCounters(families(legs, bounds_s), directory)
+        self._first = self._counters.first
         self._can = can
+        self._wakeups = wakeups
+        self._late_ticks = late_ticks
         self._recorder_lost = recorder_lost
+        self._log_lost = log_lost
         self._t_sent_ns: int | None = None
-        self._state = [-1] * len(legs)
-        first = self._counters.first
-        self._period = first["footsense_scan_period_seconds"]
-        self._age = first["footsense_frame_age_seconds"]
-        self._scans = first["footsense_scans_total"]
-        self._leg_state = first["footsense_leg_state"]
-        self._leg_scans = first["footsense_leg_scans_total"]
-        self._faults = first["footsense_faults_total"]
-        self._can_sent = first["footsense_can_sent_frames_total"]
-        self._lost = first["footsense_recorder_lost_frames_total"]
-        self._tares = first["footsense_tares_total"]
-        self._fault_column = {state.value: column for column, state in enumerate(_FAULTS)}
+        self._copy_due_ns: int | None = None
+        self._seen: tuple[bytes, bytes, bytes] | None = None
+        self._states = [-1] * len(legs)
+        self._fault_column = {state.value: column for column, state in enumerate(FAULTS)}
+        self._period = self._first["footsense_scan_period_seconds"]
+        width = len(AGE_BOUNDS_S) + 2
+        self._ages = [self._first["footsense_frame_age_seconds"] + row * width for row in range(len(legs))]
+        self._scans: list[int] = []
 
     @property
     def path(self) -> Path:
@@ -134,47 +95,77 @@ class Metrics:
 
     def observe(self, cycle: Cycle) -> None:
         """Count one cycle."""
-        cells, forces, can = self._counters.cells, cycle.forces, self._can
+        cells, forces = self._counters.cells, cycle.forces
         sent_ns = forces.t_sent_ns
         if self._t_sent_ns is not None:
             period_s = (sent_ns - self._t_sent_ns) / 1e9
-            cells[self._period + bisect_left(_PERIOD_BOUNDS_S, period_s)] += 1
-            cells[self._period + len(_PERIOD_BOUNDS_S) + 1] += period_s
+            cells[self._period + bisect_left(PERIOD_BOUNDS_S, period_s)] += 1
+            cells[self._period + len(PERIOD_BOUNDS_S) + 1] += period_s
         self._t_sent_ns = sent_ns
-        cells[self._scans] += 1
-
-        age, leg_scans = self._age, self._leg_scans
-        for row, (state, t_ns) in enumerate(zip(forces.state.tolist(), forces.t_ns.tolist(), strict=True)):
+        for first, t_ns in zip(self._ages, forces.t_ns.tolist(), strict=True):
             if t_ns:
                 age_s = (sent_ns - t_ns) / 1e9
-                cells[age + bisect_left(_AGE_BOUNDS_S, age_s)] += 1
-                cells[age + len(_AGE_BOUNDS_S) + 1] += age_s
-            cells[leg_scans + state] += 1
-            age += len(_AGE_BOUNDS_S) + 2
-            leg_scans += len(_STATES)
-            if state != self._state[row]:
-                self._enter(row, state)
-
-        first = self._can_sent
-        cells[first] = can.sent
-        cells[first + 1] = can.dropped
-        cells[first + 2] = can.received
-        cells[first + 3] = can.rejected
-        cells[first + 4] = can.bus_errors
-        cells[self._lost] = self._recorder_lost()
-
+                cells[first + bisect_left(AGE_BOUNDS_S, age_s)] += 1
+                cells[first + len(AGE_BOUNDS_S) + 1] += age_s
+        seen = (forces.state.tobytes(), forces.cause.tobytes(), forces.flags.tobytes())
+        if seen != self._seen:
+            self._seen = seen
+            self._note(forces)
+        for cell in self._scans:
+            cells[cell] += 1
+        if self._copy_due_ns is None or sent_ns >= self._copy_due_ns:
+            self._copy_due_ns = sent_ns + _COPY_PERIOD_NS
+            self._copy(forces)
         for outcome in cycle.outcomes:
             if outcome.command.kind == CommandKind.TARE:
-                cells[self._tares + outcome.command.leg * len(Result) + outcome.result] += 1
+                place = outcome.command.leg * len(Result) + outcome.result
+                cells[self._first["footsense_tares_total"] + place] += 1
 
     def close(self) -> None:
         """Remove the shared file."""
         self._counters.close()
 
-    def _enter(self, row: int, state: int) -> None:
-        """Note that a leg has changed its state."""
-        self._state[row] = state
-        self._counters.cells[self._leg_state + row] = state
-        column = self._fault_column.get(state)
-        if column is not None:
-            self._counters.cells[self._faults + row * len(_FAULTS) + column] += 1
+    def _note(self, forces: ForceFrame) -> None:
+        """Show states, causes and flags, of which one has changed, and choose the counters of scans to come."""
+        states, flags = forces.state.tolist(), forces.flags.tolist()
+        self._show("footsense_leg_state", states)
+        self._show("footsense_leg_phase", [phase_of(State(state)) for state in states])
+        self._show("footsense_leg_cause", forces.cause.tolist())
+        self._show("footsense_leg_contact", [bool(flag & Flag.CONTACT) for flag in flags])
+        self._show("footsense_degraded_timing", [any(flag & Flag.DEGRADED_TIMING for flag in flags)])
+        by_state = self._first["footsense_leg_scans_total"]
+        self._scans = [self._first["footsense_scans_total"]]
+        self._scans += [by_state + row * len(STATES) + state for row, state in enumerate(states)]
+        for row, (state, before) in enumerate(zip(states, self._states, strict=True)):
+            column = self._fault_column.get(state)
+            if state != before and column is not None:
+                cell = self._first["footsense_faults_total"] + row * len(FAULTS) + column
+                self._counters.cells[cell] += 1
+        self._states = states
+
+    def _copy(self, forces: ForceFrame) -> None:
+        """Show what others count, and where the zeros stand."""
+        can, zero = self._can, forces.zero
+        self._show(
+            "footsense_can_sent_frames_total",
+            [can.sent, can.dropped, can.received, can.rejected, can.bus_errors],
+        )
+        self._show("footsense_recorder_lost_frames_total", [self._recorder_lost()])
+        self._show("footsense_log_lost_lines_total", [self._log_lost()])
+        self._show("footsense_zero_status", zero.status.tolist())
+        self._show("footsense_zero_mean_offset_farads", (zero.mean_pf * _FARADS_PER_PF).tolist())
+        self._show("footsense_zero_worst_offset_farads", (zero.worst_pf * _FARADS_PER_PF).tolist())
+        age_s = np.where(zero.moved_ns > 0, (forces.t_sent_ns - zero.moved_ns) * 1e-9, np.nan)
+        self._show("footsense_zero_age_seconds", age_s.tolist())
+        if self._wakeups:
+            histograms = [wakeups.lateness for wakeups in self._wakeups]
+            self._show(
+                "footsense_wakeup_lateness_seconds", [sum(cell) for cell in zip(*histograms, strict=True)]
+            )
+            self._show("footsense_overruns_total", [sum(wakeups.overruns for wakeups in self._wakeups)])
+            self._show("footsense_late_ticks_total", [self._late_ticks()])
+
+    def _show(self, name: str, values: Sequence[float]) -> None:
+        """Write the cells that begin with a family's first."""
+        first = self._first[name]
+        self._counters.cells[first : first + len(values)] = array("d", values)

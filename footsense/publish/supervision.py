@@ -1,6 +1,6 @@
 """An observer that keeps systemd informed: ready with the first forces, alive while cycles come."""
 
-from footsense.frames import Cycle, State
+from footsense.frames import Cycle, Flag, State
 from footsense.publish.systemd import SystemdNotifier, watchdog_interval_ns
 
 _STATUS_PERIOD_NS = 10_000_000_000
@@ -41,4 +41,6 @@ class Supervision:
 
     def _status(self, cycle: Cycle) -> str:
         states = zip(self._legs, cycle.forces.state.tolist(), strict=True)
-        return ", ".join(f"{leg} {State(state).name.lower()}" for leg, state in states)
+        status = ", ".join(f"{leg} {State(state).name.lower()}" for leg, state in states)
+        degraded = any(flags & Flag.DEGRADED_TIMING for flags in cycle.forces.flags.tolist())
+        return f"degraded timing; {status}" if degraded else status

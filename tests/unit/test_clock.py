@@ -1,11 +1,30 @@
-"""The machine's clock and what it is asked for."""
+"""The machine's clock and what it is asked for.
 
-import os
-import resource
+What is asked of the kernel is asked in a process of its own: this one has to run on as it is.
+"""
 
-import pytest
+import contextlib
+import gc
+import subprocess
+import sys
 
-from footsense.clock import MonotonicClock, process_age_ns, request_realtime, resident_mib
+from footsense.clock import LATENESS_BOUNDS_S, MonotonicClock, process_age_ns, resident_mib, undisturbed
+
+#: Limits as a user has them, whoever runs the test: neither rights nor what root may do without them.
+WITHOUT_RIGHTS = """
+import ctypes, resource
+from footsense import clock
+resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
+resource.setrlimit(resource.RLIMIT_MEMLOCK, (1 << 16, 1 << 16))
+no_capabilities = (ctypes.c_uint32 * 6)()
+ctypes.CDLL(None).capset((ctypes.c_uint32 * 2)(0x20080522, 0), no_capabilities)
+"""
+
+
+def answer(script: str) -> list[str]:
+    """Return the lines that a process of its own prints."""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    return done.stdout.splitlines()
 
 
 def test_a_time_that_has_passed_is_not_waited_for() -> None:
@@ -23,21 +42,33 @@ def test_the_process_knows_its_age_and_size() -> None:
     assert 5 < resident_mib() < 10_000
 
 
-def test_a_processor_that_does_not_exist_is_refused_in_words() -> None:
-    """The reason is one line; nothing is changed."""
-    before = os.sched_getaffinity(0)
-    refusal = request_realtime(40, 1023)
-    assert refusal is not None
-    assert "processor 1023 was not granted" in refusal
-    assert os.sched_getaffinity(0) == before
+def test_lateness_and_overruns_are_counted() -> None:
+    """A deadline that was slept for has a lateness; one that had passed is an overrun and has none."""
+    clock = MonotonicClock()
+    clock.sleep_until_ns(clock.now_ns() + 100_000)
+    clock.sleep_until_ns(clock.now_ns() - 1)
+    assert len(clock.wakeups.lateness) == len(LATENESS_BOUNDS_S) + 2
+    assert sum(clock.wakeups.lateness[:-1]) == 1
+    assert clock.wakeups.lateness[-1] > 0
+    assert clock.wakeups.overruns == 1
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root is refused nothing")
-def test_a_priority_without_the_right_is_refused_in_words() -> None:
-    """What to raise is part of the reason."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_RTPRIO)
-    resource.setrlimit(resource.RLIMIT_RTPRIO, (0, hard))
-    try:
-        assert "LimitRTPRIO" in str(request_realtime(40, None))
-    finally:
-        resource.setrlimit(resource.RLIMIT_RTPRIO, (soft, hard))
+def test_the_interpreter_is_as_before_when_the_loop_has_ended() -> None:
+    """Also when it ended with an error; meanwhile nothing is collected and threads change often."""
+    before = sys.getswitchinterval()
+    with contextlib.suppress(KeyError), undisturbed():
+        assert not gc.isenabled()
+        assert sys.getswitchinterval() < before
+        raise KeyError
+    assert gc.isenabled()
+    assert sys.getswitchinterval() == before
+    assert gc.get_freeze_count() == 0
+
+
+def test_what_is_not_granted_is_said_line_by_line() -> None:
+    """Each refusal names what to raise; one does not hide the next."""
+    lines = answer(WITHOUT_RIGHTS + "print(*clock.request_realtime(40, 1023), sep='\\n')")
+    processor, priority, memory = lines
+    assert processor.startswith("processor 1023 was not granted: this process may use ")
+    assert "SCHED_FIFO 40 was not granted: raise LimitRTPRIO" in priority
+    assert "memory was not locked: LimitMEMLOCK" in memory

@@ -5,15 +5,32 @@ import signal
 import subprocess
 import sys
 import urllib.request
+from bisect import bisect_left
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from prometheus_client import CollectorRegistry
 
+from firmware_interface.can_codes import Phase
+from footsense.clock import Wakeups
 from footsense.errors import ConfigError, FootsenseError
-from footsense.frames import CapFrame, Command, CommandKind, Cycle, ForceFrame, Outcome, Result, State, Zero
+from footsense.frames import (
+    CapFrame,
+    Cause,
+    Command,
+    CommandKind,
+    Cycle,
+    Flag,
+    ForceFrame,
+    Outcome,
+    Result,
+    State,
+    Zero,
+    ZeroStatus,
+)
 from footsense.publish.can_stats import CanStats
 from footsense.publish.exporter import SharedCollector
 from footsense.publish.exporter_process import start_exporter
@@ -107,7 +124,7 @@ def test_a_fault_counts_once_per_fall_and_the_state_is_shown(metrics: Metrics) -
 def test_can_recorder_and_tares_are_counted(tmp_path: Path) -> None:
     """What the CAN channel, the recorder and the tares report is shown as it is."""
     can = CanStats(sent=120, dropped=3, received=4, rejected=1, bus_errors=2)
-    metrics = Metrics(LEGS, can, recorder_lost=lambda: 7, directory=tmp_path)
+    metrics = Metrics(LEGS, can, recorder_lost=lambda: 7, log_lost=lambda: 5, directory=tmp_path)
     refused = Outcome(Command(CommandKind.TARE, 1), Result.NOT_QUIET, "")
     stopped = Outcome(Command(CommandKind.STOP, 1), Result.DONE, "")
     metrics.observe(cycle(0, (State.VALID, State.VALID), outcomes=(refused, stopped)))
@@ -117,9 +134,73 @@ def test_can_recorder_and_tares_are_counted(tmp_path: Path) -> None:
         for name in ("sent_frames", "dropped_frames", "received_frames", "rejected_frames", "bus_errors")
     ] == [120, 3, 4, 1, 2]
     assert get("footsense_recorder_lost_frames_total") == 7
+    assert get("footsense_log_lost_lines_total") == 5
     assert get("footsense_tares_total", {"leg": "rr", "result": "not_quiet"}) == 1
     assert get("footsense_tares_total", {"leg": "rr", "result": "done"}) == 0
     metrics.close()
+
+
+def test_what_the_clocks_count_is_one_histogram_of_all_threads(tmp_path: Path) -> None:
+    """Two buses add up; what happens between two copies is shown by the next, a tenth of a second later."""
+    wakeups = (Wakeups(), Wakeups())
+    metrics = Metrics(LEGS, CanStats(), wakeups=wakeups, late_ticks=lambda: 3, directory=tmp_path)
+    both = (State.VALID, State.VALID)
+    metrics.observe(cycle(1000, both))
+    for thread, late_s in zip(wakeups, (8e-5, 9e-5), strict=True):
+        thread.lateness[bisect_left(thread.bounds_s, late_s)] += 1
+        thread.lateness[-1] += late_s
+        thread.overruns += 2
+    metrics.observe(cycle(1099, both))
+    get = shown(metrics).get_sample_value
+    assert get("footsense_wakeup_lateness_seconds_count") == 0
+    metrics.observe(cycle(1100, both))
+    assert get("footsense_wakeup_lateness_seconds_bucket", {"le": "0.0001"}) == 2
+    assert get("footsense_wakeup_lateness_seconds_bucket", {"le": "7e-05"}) == 0
+    assert get("footsense_wakeup_lateness_seconds_sum") == pytest.approx(1.7e-4)
+    assert get("footsense_overruns_total") == 4
+    assert get("footsense_late_ticks_total") == 3
+    metrics.close()
+
+
+def test_in_virtual_time_nobody_is_late(metrics: Metrics) -> None:
+    """What is not measured is not shown, rather than as zero."""
+    metrics.observe(cycle(1000, (State.VALID, State.VALID)))
+    get = shown(metrics).get_sample_value
+    assert get("footsense_wakeup_lateness_seconds_count") is None
+    assert get("footsense_overruns_total") is None
+
+
+def test_a_leg_is_shown_with_phase_cause_contact_and_zero(metrics: Metrics) -> None:
+    """Each changes by itself; a zero that does not exist is NaN, not 0."""
+    plain = cycle(2000, (State.VALID, State.ELEMENT_FAULT))
+    zero = Zero(
+        np.array([ZeroStatus.HELD, ZeroStatus.NONE], np.uint8),
+        np.array([0.002, np.nan]),
+        np.array([-0.003, np.nan]),
+        np.array([500 * MS, 0]),
+    )
+    told = replace(
+        plain.forces,
+        cause=np.array([Cause.NONE, Cause.ELEMENT_SHORTED], np.uint8),
+        flags=np.array([Flag.CONTACT | Flag.DEGRADED_TIMING, 0], np.uint8),
+        zero=zero,
+    )
+    metrics.observe(plain._replace(forces=told))
+    get = shown(metrics).get_sample_value
+    lf, rr = {"leg": "lf"}, {"leg": "rr"}
+    assert (get("footsense_leg_phase", lf), get("footsense_leg_phase", rr)) == (Phase.VALID, Phase.FAULTED)
+    assert get("footsense_leg_cause", rr) == Cause.ELEMENT_SHORTED
+    assert (get("footsense_leg_contact", lf), get("footsense_leg_contact", rr)) == (1, 0)
+    assert get("footsense_degraded_timing") == 1
+    assert get("footsense_zero_status", lf) == ZeroStatus.HELD
+    assert get("footsense_zero_mean_offset_farads", lf) == pytest.approx(2e-15)
+    assert get("footsense_zero_worst_offset_farads", lf) == pytest.approx(-3e-15)
+    assert get("footsense_zero_age_seconds", lf) == pytest.approx(1.5)
+    assert math.isnan(get("footsense_zero_age_seconds", rr) or 0)
+    off = replace(told, flags=np.zeros(2, np.uint8), cause=np.zeros(2, np.uint8))
+    metrics.observe(plain._replace(forces=off))
+    assert (get("footsense_leg_contact", lf), get("footsense_leg_cause", rr)) == (0, 0)
+    assert get("footsense_degraded_timing") == 0
 
 
 def test_the_file_describes_itself_and_is_gone_at_the_end(tmp_path: Path) -> None:
@@ -166,6 +247,32 @@ def test_the_exporter_shows_the_counters_and_ends_when_told(metrics: Metrics) ->
         start_exporter(metrics.path, "127.0.0.1", exporter.port)
     exporter.close()
     exporter.close()
+
+
+def test_an_exporter_that_was_killed_is_started_again(metrics: Metrics) -> None:
+    """Its successor listens on the same port and shows the same numbers; the service has nothing to do with it."""
+    metrics.observe(cycle(0, (State.VALID, State.VALID)))
+    keeper = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "footsense.publish.exporter_keeper"),
+            *("--file", str(metrics.path), "--port", "0"),
+        ],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert keeper.stdout is not None
+    _, port, pid = keeper.stdout.readline().split()
+    os.kill(int(pid), signal.SIGKILL)
+    _, same_port, successor = keeper.stdout.readline().split()
+    assert (same_port, successor != pid) == (port, True)
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
+        assert b"footsense_scans_total 1.0" in answer.read().splitlines()
+    _, errors = keeper.communicate(timeout=10)
+    assert keeper.returncode == 0
+    assert "the metrics exporter ended (signal 9) and is started again" in errors
+    assert not metrics.path.exists()
 
 
 def test_an_address_of_another_machine_is_not_blamed_on_the_port(metrics: Metrics) -> None:

@@ -1,0 +1,97 @@
+"""The way of log lines out of the loop's process: none of them is ever waited for.
+
+Standard error is a pipe or a socket to whoever keeps the log. When that one stands still, the pipe fills, and a write
+to it waits: the loop would wait with it. Here a line that finds no room is lost and counted, and the next one that
+finds some says how many. The kernel's buffer is the queue, and its size the bound.
+
+Standard error is shared with the shell and with our own helper processes, so it is not made non-blocking itself: that
+would be so for all of them.
+"""
+
+import contextlib
+import logging
+import os
+import select
+import socket
+import stat
+from collections.abc import Callable
+
+__all__ = ["LogLines", "lost_lines"]
+
+#: Up to this length a pipe takes a line whole or not at all [bytes]. Source: pipe(7), PIPE_BUF.
+_LINE_BYTES = 4096
+
+
+class LogLines(logging.Handler):
+    """Writes each record as a line, if there is room for it.
+
+    Args:
+        fd: Where to; it stays as it is, and open.
+
+    Attributes:
+        lost: Lines that found no room, since start.
+    """
+
+    def __init__(self, fd: int) -> None:
+        super().__init__()
+        self._write, self._release = _writer(fd)
+        self._rest = b""
+        self._untold = 0
+        self.lost = 0
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write one line; never waits, never fails."""
+        try:
+            line = self.format(record)
+        except Exception:  # noqa: BLE001 - a record that does not fit its own format must not end the loop
+            line = f"{record.levelname}: {record.msg}"
+        data = _one_line(line)
+        if self._untold:
+            data = _one_line(f"WARNING: {self._untold} lines of the log found no room and are lost") + data
+        if self._put(data):
+            self._untold = 0
+        else:
+            self._untold += 1
+            self.lost += 1
+
+    def close(self) -> None:
+        """Release what was opened for writing."""
+        self._release()
+        super().close()
+
+    def _put(self, data: bytes) -> bool:
+        """Write what is left of the line before and then `data`; tell whether that is on its way."""
+        try:
+            self._rest = self._rest[self._write(self._rest) :] if self._rest else b""
+            if self._rest:
+                return False
+            self._rest = data[self._write(data) :]
+        except OSError:  # full, or nobody is there any more
+            return False
+        return True
+
+
+def lost_lines() -> int:
+    """Return how many lines the process's log has lost."""
+    return sum(sink.lost for sink in logging.getLogger().handlers if isinstance(sink, LogLines))
+
+
+def _one_line(text: str) -> bytes:
+    data = " ".join(text.splitlines()).encode(errors="backslashreplace")
+    return data[: _LINE_BYTES // 2 - 1] + b"\n"
+
+
+def _writer(fd: int) -> tuple[Callable[[bytes], int], Callable[[], None]]:
+    """Return what writes to a descriptor without waiting, and what releases it."""
+    kind = os.fstat(fd).st_mode
+    if stat.S_ISSOCK(kind):  # as systemd gives it to a service
+        journal = socket.socket(fileno=os.dup(fd))
+        return lambda data: journal.send(data, socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL), journal.close
+    if stat.S_ISFIFO(kind) or stat.S_ISCHR(kind):
+        # Opened once more it is the same pipe or terminal, with a mode of its own.
+        with contextlib.suppress(OSError):
+            own = os.open(f"/proc/self/fd/{fd}", os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
+            return lambda data: os.write(own, data), lambda: os.close(own)
+    room = select.poll()
+    room.register(fd, select.POLLOUT)
+    return lambda data: os.write(fd, data) if room.poll(0) else 0, lambda: None
