@@ -56,6 +56,37 @@ class Clock(Protocol):
         ...
 
 
+class CanWire(Protocol):
+    """A CAN interface, or what stands for one; frames as in `firmware_interface.socketcan`."""
+
+    def send(self, frames: bytes, t_ns: int) -> int:
+        """Hand over frames, as many as there is room for, without waiting.
+
+        Args:
+            frames: Whole frames behind each other.
+            t_ns: Time that they belong to [ns]; only a virtual channel has a use for it.
+
+        Returns:
+            How many were taken, from the first on.
+
+        Raises:
+            OSError: The interface is down or gone, and so is every frame that it had not sent yet.
+        """
+        ...
+
+    def receive(self) -> list[bytes]:
+        """Return the frames that have arrived, oldest first, error frames included; never waits.
+
+        Raises:
+            OSError: The interface is down or gone.
+        """
+        ...
+
+    def close(self) -> None:
+        """Release the interface."""
+        ...
+
+
 class FrameSource(Protocol):
     """Where scans come from: the scanner, or a recording."""
 

@@ -1,0 +1,85 @@
+"""CAN frames as Linux hands them over: `struct can_frame`, 16 bytes, and what its error frames say.
+
+::
+
+    byte  0      1      2      3      4       5  6  7    8 .. 15
+        +---------------------------+--------+---------+----------+
+        | id, flags in bits 29..31  | length |  zero   |   data   |
+        +---------------------------+--------+---------+----------+
+
+The id is in the order of the machine, which is little-endian on everything that footsense runs on.
+
+Source:
+    Linux, include/uapi/linux/can.h and can/error.h.
+"""
+
+import struct
+from collections.abc import Iterator
+from enum import IntFlag
+
+__all__ = [
+    "CONTROLLER_ACTIVE",
+    "CONTROLLER_PASSIVE",
+    "EXTENDED",
+    "FRAME_BYTES",
+    "ErrorClass",
+    "error_frame",
+    "is_data",
+    "is_error",
+    "pack_frame",
+    "split_frames",
+]
+
+FRAME_BYTES = 16
+
+#: Flags beside the id.
+EXTENDED = 0x8000_0000
+REMOTE = 0x4000_0000
+ERROR = 0x2000_0000
+
+_FRAME = struct.Struct("<IB3x8s")
+
+
+class ErrorClass(IntFlag):
+    """What an error frame is about: the bits of its id."""
+
+    CONTROLLER = 0x004  #: the controller's state has changed, see `data[1]`
+    NO_ACKNOWLEDGE = 0x020  #: nobody acknowledged
+    BUS_OFF = 0x040  #: after too many errors the controller has left the bus
+    RESTARTED = 0x100  #: it has come back
+
+
+#: Bits of `data[1]` of a `CONTROLLER` error frame: error passive, as receiver or transmitter; all is well again.
+CONTROLLER_PASSIVE = 0x10 | 0x20
+CONTROLLER_ACTIVE = 0x40
+
+
+def pack_frame(can_id: int, data: bytes) -> bytes:
+    """Return a frame of at most 8 bytes of data; flags stand in `can_id`.
+
+    Example:
+        >>> pack_frame(0x701, bytes([5])).hex(" ", 4)
+        '01070000 01000000 05000000 00000000'
+    """
+    return _FRAME.pack(can_id, len(data), data)
+
+
+def error_frame(kind: ErrorClass, controller: int = 0) -> bytes:
+    """Return an error frame as a driver sends it upwards, with `data[1]` as given."""
+    return pack_frame(ERROR | kind, bytes([0, controller, 0, 0, 0, 0, 0, 0]))
+
+
+def split_frames(frames: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield id, flags included, and data of each frame of whole ones behind each other."""
+    for can_id, length, data in _FRAME.iter_unpack(frames):
+        yield can_id, data[:length]
+
+
+def is_data(can_id: int) -> bool:
+    """Return whether this is an ordinary frame with an 11-bit id."""
+    return can_id <= 0x7FF
+
+
+def is_error(can_id: int) -> bool:
+    """Return whether this is an error frame."""
+    return bool(can_id & ERROR)
