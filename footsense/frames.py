@@ -49,6 +49,10 @@ class Reading(IntEnum):
     NOT_READY = 2  #: the conversion had not finished when it was read
     OVER_RANGE = 3  #: the code stands at an end of the converter's range
     MISCONFIGURED = 4  #: the leg's row switch or converter does not hold the setting that it was given
+    LINE_HELD = 5  #: SDA or SCL is held low while the leg is connected
+    WRONG_CHIP = 6  #: another chip answers at the converter's address
+    GARBLED = 7  #: an answer that no healthy chip gives
+    HELD_UP = 8  #: the bus was busy with what is wrong elsewhere
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,8 +114,8 @@ class ForceFrame:
     Attributes:
         sequence: Number of the scan that it was made of.
         t_sent_ns: Time at which it is handed to the sinks [ns, monotonic].
-        t_ns: How far the measurement reaches [ns], shape (legs,); 0 where none. Of whole scans the mean of the elements'
-            stamps, to which all are brought; of single elements the newest one's, while the force is as of t_sent_ns.
+        t_ns: How far the measurement reaches [ns], shape (legs,); 0 where none. Of whole scans the mean
+            of the elements' stamps, to which all are brought; of single elements the newest, while the force is as of t_sent_ns.
         force_n: Ground reaction on the foot in the foot frame [N], shape (legs, 3), NaN unless the state is USABLE.
         sigma_n: Standard deviation of each component [N], shape (legs, 3), NaN where the force is.
         state: Whether and why the force may be used, shape (legs,), uint8 of `State`.

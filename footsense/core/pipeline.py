@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from footsense.core import quality
 from footsense.core.baseline import Baselines, TareLimits
+from footsense.core.consistency import Consistency
 from footsense.core.design import CapacitorDesign
 from footsense.core.scan_by_scan import Moment
 from footsense.frames import (
@@ -22,6 +23,7 @@ from footsense.frames import (
     CommandKind,
     ForceFrame,
     Outcome,
+    Reading,
     Result,
     State,
     Zero,
@@ -101,6 +103,7 @@ class Pipeline:
         self._flags = flags
         n_legs = len(stray_pf)
         self._baselines = Baselines(unloaded_pf, tare)
+        self._consistency = Consistency(n_legs, calibration.moments, max_age_ns)
         self._n_frames = 0
         self._opened = np.zeros((n_legs, ELEMENTS), bool)
         self._stopped = np.zeros(n_legs, bool)
@@ -130,7 +133,13 @@ class Pipeline:
         )
         # NaN compares as False: an element that was not read is neither open, shut nor out of range.
         opened = quality.open_elements(capacitance_pf, self._unloaded_pf)
-        missing = quality.missing_elements(opened)
+        over_range = scan.reading == Reading.OVER_RANGE
+        if over_range.any():  # as much at least: whether that may be, the other elements tell
+            capacitance_pf = np.where(over_range, quality.RANGE_END_PF - self._stray_pf, capacitance_pf)
+        baseline_pf = self._baselines.baseline_pf
+        untared = np.isnan(baseline_pf)
+        faulty = opened | self._consistency.remembered | (untared & ~untared.all(axis=1, keepdims=True))
+        missing = quality.missing_elements(faulty)
         if opened.any():
             capacitance_pf = capacitance_pf - quality.floating_pf(scan.capacitance_pf, opened)
         # A line that breaks or returns was whole for a part of the scan, and what it does to the other elements too.
@@ -140,19 +149,22 @@ class Pipeline:
         # has none: a line through its last one would take the element's return for a load.
         distance_rel = np.where(unsettled, np.nan, design.plate_distance_um(capacitance_pf) / design.gap_um)
         moment = self._reckoning.align(distance_rel, scan.t_ns, now_ns, missing)
-        rest_rel = design.plate_distance_um(self._baselines.baseline_pf) / design.gap_um
+        rest_rel = design.plate_distance_um(baseline_pf) / design.gap_um
         judged_rel = rest_rel - moment.judged
+        self._consistency.forget(untared.all(axis=1))
+        judgement = self._consistency.judge(rest_rel - moment.values, judged_rel, missing, moment.t_ns)
+        missing = judgement.missing
 
         shut = judged_rel > quality.SHUT_REL
         outside = (judged_rel < calibration.closure_rel_min) | (judged_rel > calibration.closure_rel_max)
         oldest_ns = scan.t_ns.min(axis=1)
 
         state = np.full(len(capacitance_pf), State.VALID, np.uint8)
-        state[missing.any(axis=1)] = State.DEGRADED
+        state[missing.any(axis=1) | (judgement.doubt_rel > 0.0)] = State.DEGRADED
         state[(outside & ~missing).any(axis=1)] = State.OUT_OF_RANGE
         state[(now_ns - oldest_ns > self._max_age_ns) | ~moment.together] = State.STALE
         self._baselines.mark_untared(state)
-        quality.converter_states(state, scan.reading, opened & ~missing, shut & ~missing)
+        quality.converter_states(state, scan.reading, faulty & ~missing, (shut | over_range) & ~missing)
         state[self._stopped] = State.STOPPED
 
         usable = np.isin(state, _USABLE)
@@ -161,6 +173,9 @@ class Pipeline:
             rest_rel - moment.values, calibration.closure_rel_min, calibration.closure_rel_max
         )
         force_n, sigma_n = self._reckoning.estimate(closure_rel, rest_rel, usable, missing)
+        if judgement.doubt_rel.any():
+            doubt_n = judgement.doubt_rel * np.linalg.norm(force_n, axis=1)
+            sigma_n = np.hypot(sigma_n, doubt_n[:, None])
         nowhere = usable & ~(np.isfinite(force_n) & np.isfinite(sigma_n)).all(axis=1)
         state[nowhere] = State.OUT_OF_RANGE
         unknown = ~usable | nowhere
@@ -172,8 +187,12 @@ class Pipeline:
             force_n=force_n,
             sigma_n=sigma_n,
             state=state,
-            fault_mask=quality.fault_mask((scan.reading != 0) | opened | shut),
+            fault_mask=quality.fault_mask((scan.reading != 0) | faulty | shut),
             flags=self._baselines.flags | np.uint8(self._flags),
-            cause=np.zeros(len(state), np.uint8),
+            cause=quality.causes(
+                scan.reading,
+                state,
+                quality.Faulty(opened, over_range & missing, judgement.stuck, judgement.drifting),
+            ),
             zero=Zero.none(len(state)),
         ), outcomes

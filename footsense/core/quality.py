@@ -1,24 +1,73 @@
-"""Judges every element and leg: which readings may be used, and which state a leg is in.
+"""Judges every element and leg: which readings may be used, which state a leg is in, and what lies behind it.
 
 Thresholds that are physics, not taste: a gap that is shut to 95 % no longer tells its load, and an element that has
-lost half of its unloaded capacitance cannot be a pressed one (pressing only adds): its line is open.
+lost half of its unloaded capacitance cannot be a pressed one (pressing only adds): its line is open. Whether an element
+that reads something possible reads the right thing is `core/consistency.py`'s question.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import ELEMENTS, Reading, State
+from firmware_interface import fdc1004
+from footsense.core.missing import KNOWN_MISSING
+from footsense.frames import ELEMENTS, Cause, Reading, State
 
 SHUT_REL = 0.95
 OPEN_REL = 0.5
+#: What an element over the converter's range has at least [pF].
+RANGE_END_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
+#: Farthest that one element's zero may move from the mean of its leg's [pF]: 20 K take all 30 fF along, and elements
+#: differ in that by a fifth.
+DRIFT_LIMIT_PF = 20e-3
 
-#: The three rows and the three columns.
-_LINES = np.array(
-    [np.arange(ELEMENTS) // 3 == n for n in range(3)] + [np.arange(ELEMENTS) % 3 == n for n in range(3)]
-)
+_LINES = KNOWN_MISSING[1 + ELEMENTS :]
+_ROWS, _COLUMNS = _LINES[:3], _LINES[3:]
 _BITS = (1 << np.arange(ELEMENTS)).astype(np.uint16)
 
+#: What the readings say of a leg, the gravest last.
+_STATES = {
+    Reading.HELD_UP: State.STALE,
+    Reading.NOT_READY: State.CONVERTER_FAULT,
+    Reading.GARBLED: State.CONVERTER_FAULT,
+    Reading.MISCONFIGURED: State.CONVERTER_FAULT,
+    Reading.WRONG_CHIP: State.ABSENT,
+    Reading.LINE_HELD: State.ABSENT,
+    Reading.NO_ANSWER: State.ABSENT,
+}
+_CAUSES = {
+    Reading.HELD_UP: Cause.HELD_UP,
+    Reading.NOT_READY: Cause.NEVER_FINISHES,
+    Reading.GARBLED: Cause.GARBLED,
+    Reading.MISCONFIGURED: Cause.SETTINGS_LOST,
+    Reading.WRONG_CHIP: Cause.WRONG_CHIP,
+    Reading.LINE_HELD: Cause.LINE_HELD,
+    Reading.NO_ANSWER: Cause.NO_ANSWER,
+}
+
 Mask = NDArray[np.bool_]
+
+
+class Faulty(NamedTuple):
+    """Elements that do not read what they should, shape (legs, 9) each.
+
+    Attributes:
+        opened: Have lost their electrode.
+        shorted: Read more than the converter can, while the others are not pressed like that.
+        stuck: No longer move.
+        drifting: Move, beside where they should.
+    """
+
+    opened: Mask
+    shorted: Mask
+    stuck: Mask
+    drifting: Mask
+
+    @property
+    def any(self) -> Mask:
+        """Those with any of it."""
+        return self.opened | self.shorted | self.stuck | self.drifting
 
 
 def open_elements(capacitance_pf: NDArray[np.float64], unloaded_pf: NDArray[np.float64]) -> Mask:
@@ -79,15 +128,63 @@ def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
     return masks
 
 
-def converter_states(state: NDArray[np.uint8], reading: NDArray[np.uint8], opened: Mask, shut: Mask) -> None:
-    """Write the states that forbid any value over `state`, shape (legs,); the gravest is written last."""
+def converter_states(state: NDArray[np.uint8], reading: NDArray[np.uint8], faulty: Mask, shut: Mask) -> None:
+    """Write the states that forbid any value over `state`, shape (legs,); the gravest is written last.
+
+    Args:
+        state: The states so far.
+        reading: How each element answered, shape (legs, 9).
+        faulty: Elements that are broken and cannot be done without, shape (legs, 9).
+        shut: Elements that are pressed beyond what they can tell, shape (legs, 9).
+    """
     if shut.any():
         state[shut.any(axis=1)] = State.SATURATED
+    if faulty.any():
+        state[faulty.any(axis=1)] = State.ELEMENT_FAULT
     if reading.any():
-        state[(reading == Reading.OVER_RANGE).any(axis=1)] = State.SATURATED
-    if opened.any():
-        state[opened.any(axis=1)] = State.ELEMENT_FAULT
+        for kind, worse in _STATES.items():
+            state[(reading == kind).any(axis=1)] = worse
+
+
+def causes(reading: NDArray[np.uint8], state: NDArray[np.uint8], faulty: Faulty) -> NDArray[np.uint8]:
+    """Return what lies behind each leg's state, shape (legs,): `Cause.NONE` where nothing is known to be wrong.
+
+    A line is told from single faults by all three of its elements being open. An element that is shorted ties its
+    column to its row, and takes the other two of its column along.
+
+    Args:
+        reading: How each element answered, shape (legs, 9).
+        state: What follows from it, shape (legs,).
+        faulty: Elements that do not read what they should.
+    """
+    cause = np.full(len(state), Cause.NONE, np.uint8)
+    cause[state == State.SATURATED] = Cause.GAP_SHUT
+    if faulty.any.any():
+        cause[faulty.drifting.any(axis=1)] = Cause.ELEMENT_DRIFTS
+        cause[faulty.stuck.any(axis=1)] = Cause.ELEMENT_STUCK
+        cause[faulty.opened.any(axis=1)] = Cause.ELEMENT_OPEN
+        for lines, broken in ((_COLUMNS, Cause.COLUMN_OPEN), (_ROWS, Cause.ROW_OPEN)):
+            for line in lines:
+                cause[faulty.opened[:, line].all(axis=1)] = broken
+        cause[faulty.shorted.any(axis=1)] = Cause.ELEMENT_SHORTED
     if reading.any():
-        broken = (reading == Reading.NOT_READY) | (reading == Reading.MISCONFIGURED)
-        state[broken.any(axis=1)] = State.CONVERTER_FAULT
-        state[(reading == Reading.NO_ANSWER).any(axis=1)] = State.ABSENT
+        for kind, reason in _CAUSES.items():
+            cause[(reading == kind).any(axis=1)] = reason
+    return cause
+
+
+def drifting_elements(moved_pf: NDArray[np.float64]) -> Mask:
+    """Tell which elements' zeros have left the others', shape (legs, 9).
+
+    Args:
+        moved_pf: How far each zero has moved since its tare [pF], shape (legs, 9); NaN is never far.
+
+    Example:
+        >>> moved_pf = np.full((1, 9), -30e-3)
+        >>> moved_pf[0, 4] = 0.0
+        >>> np.flatnonzero(drifting_elements(moved_pf)).tolist()
+        [4]
+    """
+    others_pf = np.median(np.nan_to_num(moved_pf), axis=1, keepdims=True)
+    far: Mask = np.abs(moved_pf - others_pf) > DRIFT_LIMIT_PF
+    return far

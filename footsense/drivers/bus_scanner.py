@@ -214,9 +214,9 @@ class BusScanner:
             reading, capacitance_pf = self._read_leg(leg, step, all_done=all_done)
             into.reading[row, step.element] = reading
             into.capacitance_pf[row, step.element] = capacitance_pf
-            if reading is Reading.OK:
+            if reading in {Reading.OK, Reading.OVER_RANGE}:
                 into.t_ns[row, step.element] = t_middle_ns
-            elif reading is not Reading.OVER_RANGE:
+            else:
                 leg.outcome = reading
 
     def _all_done(self, step: Step) -> bool:

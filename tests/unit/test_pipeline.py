@@ -47,7 +47,8 @@ def test_a_foot_with_other_gaps_is_measured_right() -> None:
     [
         (Reading.NO_ANSWER, State.ABSENT),
         (Reading.NOT_READY, State.CONVERTER_FAULT),
-        (Reading.OVER_RANGE, State.SATURATED),
+        (Reading.GARBLED, State.CONVERTER_FAULT),
+        (Reading.HELD_UP, State.STALE),
     ],
 )
 def test_a_missing_reading_is_a_state_and_no_number(reading: Reading, state: State) -> None:
@@ -72,7 +73,7 @@ def test_loads_beyond_the_training_or_the_gap_have_no_value(closure_um: float, s
     """Extrapolation is out_of_range, a shut gap is saturated."""
     feet = Feet().tared()
     closures = np.zeros((2, 9))
-    closures[0, 2] = closure_um
+    closures[0] = closure_um
     assert feet.feed(feet.scan(closures)).state.tolist() == [state, State.VALID]
 
 
