@@ -1,0 +1,164 @@
+#include "footsense_can.h"
+
+#include <string.h>
+
+enum { LAST_STATE = FOOTSENSE_STARTING, LAST_CAUSE = 14, LAST_ZERO_STATUS = 5, LAST_RESULT = 5 };
+
+/* The word that a command spells out beside its kind, so that no stray frame is one. */
+static const uint8_t words[4][4] = {
+    {0, 0, 0, 0}, {'z', 'e', 'r', 'o'}, {'s', 't', 'r', 't'}, {'s', 't', 'o', 'p'}};
+
+static uint8_t crc8_byte(uint8_t crc, uint8_t byte)
+{
+    crc ^= byte;
+    for (int bit = 0; bit < 8; bit++) {
+        crc = (uint8_t)(crc << 1 ^ (crc & 0x80 ? 0x1D : 0));
+    }
+    return crc;
+}
+
+uint8_t footsense_crc8(uint16_t id, const uint8_t *data, uint8_t len)
+{
+    uint8_t crc = crc8_byte(crc8_byte(0, (uint8_t)(id & 0xFFu)), (uint8_t)(id >> 8));
+    for (uint8_t i = 1; i < len; i++) {
+        crc = crc8_byte(crc, data[i]);
+    }
+    return crc;
+}
+
+/* The node of an id, or 0 if the id is not `base` plus a leg. */
+static uint8_t node_of(uint16_t id, uint16_t base)
+{
+    return (id > base && id <= base + FOOTSENSE_LEGS) ? (uint8_t)(id - base) : 0;
+}
+
+static bool is_whole(uint16_t id, const uint8_t *data, uint8_t len, uint16_t base, uint8_t expected_len)
+{
+    return node_of(id, base) != 0 && len == expected_len && data[0] == footsense_crc8(id, data, len)
+           && (data[1] & 0x0Fu) < FOOTSENSE_COUNTER_PERIOD;
+}
+
+static uint16_t u16(const uint8_t *bytes)
+{
+    return (uint16_t)(bytes[0] | (uint16_t)(bytes[1] << 8));
+}
+
+static int16_t i16(const uint8_t *bytes)
+{
+    int32_t value = u16(bytes);
+    return (int16_t)(value >= 0x8000 ? value - 0x10000 : value);
+}
+
+bool footsense_decode_force(uint16_t id, const uint8_t *data, uint8_t len, footsense_force *out)
+{
+    if (!is_whole(id, data, len, FOOTSENSE_FORCE_ID, 8) || data[1] >> 4 > LAST_STATE) {
+        return false;
+    }
+    out->node = node_of(id, FOOTSENSE_FORCE_ID);
+    out->counter = data[1] & 0x0Fu;
+    out->state = data[1] >> 4;
+    for (int axis = 0; axis < 3; axis++) {
+        out->force_mn[axis] = i16(data + 2 + 2 * axis);
+    }
+    return true;
+}
+
+bool footsense_decode_quality(uint16_t id, const uint8_t *data, uint8_t len, footsense_quality *out)
+{
+    if (!is_whole(id, data, len, FOOTSENSE_QUALITY_ID, 8)) {
+        return false;
+    }
+    uint64_t bits = 0;
+    for (int i = 7; i >= 1; i--) {
+        bits = bits << 8 | data[i];
+    }
+    uint32_t age = (uint32_t)(bits >> 8) & 0xFFFu;
+    out->node = node_of(id, FOOTSENSE_QUALITY_ID);
+    out->counter = data[1] & 0x0Fu;
+    out->flags = data[1] >> 4;
+    out->age_us = age == 0xFFFu ? FOOTSENSE_NO_AGE : age * 100u;
+    out->fault_mask = (uint16_t)(bits >> 20 & 0x1FFu);
+    for (int axis = 0; axis < 3; axis++) {
+        uint16_t code = (uint16_t)(bits >> (29 + 9 * axis) & 0x1FFu);
+        out->sigma_mn[axis] = code == 0x1FFu ? FOOTSENSE_NO_SIGMA : (uint16_t)(code * 2u);
+    }
+    return true;
+}
+
+bool footsense_decode_fault(uint16_t id, const uint8_t *data, uint8_t len, footsense_fault *out)
+{
+    if (!is_whole(id, data, len, FOOTSENSE_FAULT_ID, 6) || data[1] >> 4 > LAST_STATE
+        || (data[2] & 0x0Fu) > LAST_STATE || data[5] > LAST_CAUSE) {
+        return false;
+    }
+    out->node = node_of(id, FOOTSENSE_FAULT_ID);
+    out->counter = data[1] & 0x0Fu;
+    out->state = data[1] >> 4;
+    out->previous = data[2] & 0x0Fu;
+    out->fault_mask = u16(data + 3) & 0x1FFu;
+    out->cause = data[5];
+    return true;
+}
+
+static int32_t offset_af(int16_t code)
+{
+    return code == INT16_MIN ? FOOTSENSE_NO_OFFSET : code * 100;
+}
+
+bool footsense_decode_zero(uint16_t id, const uint8_t *data, uint8_t len, footsense_zero *out)
+{
+    if (!is_whole(id, data, len, FOOTSENSE_ZERO_ID, 8) || data[1] >> 4 > LAST_ZERO_STATUS) {
+        return false;
+    }
+    uint16_t age = u16(data + 6);
+    out->node = node_of(id, FOOTSENSE_ZERO_ID);
+    out->counter = data[1] & 0x0Fu;
+    out->status = data[1] >> 4;
+    out->mean_af = offset_af(i16(data + 2));
+    out->worst_af = offset_af(i16(data + 4));
+    out->age_ms = age == 0xFFFFu ? FOOTSENSE_NO_AGE : age * 100u;
+    return true;
+}
+
+bool footsense_decode_answer(uint16_t id, const uint8_t *data, uint8_t len, footsense_answer *out)
+{
+    if (!is_whole(id, data, len, FOOTSENSE_ANSWER_ID, 4) || data[1] >> 4 > LAST_RESULT) {
+        return false;
+    }
+    out->node = node_of(id, FOOTSENSE_ANSWER_ID);
+    out->result = data[1] >> 4;
+    out->counter = data[1] & 0x0Fu;
+    out->kind = data[2];
+    out->asked = data[3] & 0x0Fu;
+    return true;
+}
+
+bool footsense_decode_heartbeat(uint16_t id, const uint8_t *data, uint8_t len, footsense_heartbeat *out)
+{
+    if (node_of(id, FOOTSENSE_HEARTBEAT_ID) == 0 || len != 1) {
+        return false;
+    }
+    uint8_t state = data[0] & 0x7Fu;
+    if (state != 0x00u && state != 0x04u && state != 0x05u && state != 0x7Fu) {
+        return false;
+    }
+    out->node = node_of(id, FOOTSENSE_HEARTBEAT_ID);
+    out->state = state;
+    out->degraded_timing = (data[0] & 0x80u) != 0;
+    return true;
+}
+
+uint16_t footsense_encode_command(uint8_t node, uint8_t counter, uint8_t kind, uint8_t data[8])
+{
+    if (node < 1 || node > FOOTSENSE_LEGS || counter >= FOOTSENSE_COUNTER_PERIOD || kind < FOOTSENSE_TARE
+        || kind > FOOTSENSE_STOP) {
+        return 0;
+    }
+    uint16_t id = (uint16_t)(FOOTSENSE_COMMAND_ID + node);
+    data[1] = counter;
+    data[2] = kind;
+    data[3] = 0;
+    memcpy(data + 4, words[kind], 4);
+    data[0] = footsense_crc8(id, data, 8);
+    return id;
+}

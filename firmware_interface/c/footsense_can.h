@@ -1,0 +1,134 @@
+/* The CAN frames of footsense as bytes and numbers, for the gait controller. C99, no allocation, no floats.
+ *
+ * The same frames as ../can_frames.py, ../can_zero.py, ../can_events.py and ../footsense.dbc; ../vectors holds for
+ * all of them. What a stream of frames is worth, frame after frame, is judged in footsense_link.h.
+ *
+ * Every decoder returns false, and leaves *out alone, unless id, length, crc, counter and codes are right: a code
+ * that this file does not know is one that it must not act on.
+ */
+#ifndef FOOTSENSE_CAN_H
+#define FOOTSENSE_CAN_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* CAN ids are these plus the node id of the leg: 1 lf, 2 lm, 3 lr, 4 rf, 5 rm, 6 rr. */
+#define FOOTSENSE_FAULT_ID 0x080u
+#define FOOTSENSE_FORCE_ID 0x180u
+#define FOOTSENSE_COMMAND_ID 0x200u
+#define FOOTSENSE_QUALITY_ID 0x280u
+#define FOOTSENSE_ZERO_ID 0x380u
+#define FOOTSENSE_ANSWER_ID 0x580u
+#define FOOTSENSE_HEARTBEAT_ID 0x700u
+
+#define FOOTSENSE_LEGS 6u
+#define FOOTSENSE_COUNTER_PERIOD 15u /* counters run 0..14 */
+
+/* A number that is not there. None of these is ever a measurement. */
+#define FOOTSENSE_NO_FORCE INT16_MIN
+#define FOOTSENSE_NO_SIGMA UINT16_MAX
+#define FOOTSENSE_NO_OFFSET INT32_MIN
+#define FOOTSENSE_NO_AGE UINT32_MAX
+
+/* Stands for the counter of the command in an answer that no command asked for. */
+#define FOOTSENSE_UNASKED 15u
+
+enum footsense_state {
+    FOOTSENSE_ABSENT = 0,
+    FOOTSENSE_VALID = 1,
+    FOOTSENSE_NO_BASELINE = 2,
+    FOOTSENSE_TARING = 3,
+    FOOTSENSE_SATURATED = 4,
+    FOOTSENSE_ELEMENT_FAULT = 5,
+    FOOTSENSE_CONVERTER_FAULT = 6,
+    FOOTSENSE_TOO_OLD = 7, /* `Stale` in the DBC; a link may be stale too, see footsense_link.h */
+    FOOTSENSE_OUT_OF_RANGE = 8,
+    FOOTSENSE_STOPPED = 9,
+    FOOTSENSE_DEGRADED = 10,
+    FOOTSENSE_STARTING = 11
+};
+
+enum footsense_flag {
+    FOOTSENSE_SIMULATED = 1,
+    FOOTSENSE_DEGRADED_TIMING = 2,
+    FOOTSENSE_TARE_REFUSED = 4,
+    FOOTSENSE_CONTACT = 8
+};
+
+enum footsense_command { FOOTSENSE_TARE = 1, FOOTSENSE_START = 2, FOOTSENSE_STOP = 3 };
+
+/* Results of a command; 0 is done, the others are reasons (../can_codes.py, Result). */
+enum footsense_result { FOOTSENSE_DONE = 0 };
+
+typedef struct {
+    uint8_t node;
+    uint8_t counter;
+    uint8_t state;       /* enum footsense_state */
+    int16_t force_mn[3]; /* ground reaction on the foot, x forward, y left, z up the leg; FOOTSENSE_NO_FORCE */
+} footsense_force;
+
+typedef struct {
+    uint8_t node;
+    uint8_t counter;     /* that of the force it belongs to */
+    uint8_t flags;       /* enum footsense_flag */
+    uint16_t fault_mask; /* bit e: element e is not usable */
+    uint16_t sigma_mn[3]; /* standard deviation; 1020: or more; FOOTSENSE_NO_SIGMA */
+    uint32_t age_us;     /* from the measurement to the send; FOOTSENSE_NO_AGE: unknown, or above 409.4 ms */
+} footsense_quality;
+
+typedef struct {
+    uint8_t node;
+    uint8_t counter;
+    uint8_t state;
+    uint8_t previous;
+    uint8_t cause; /* ../can_codes.py, Cause */
+    uint16_t fault_mask;
+} footsense_fault;
+
+typedef struct {
+    uint8_t node;
+    uint8_t counter;
+    uint8_t status;   /* ../can_codes.py, ZeroStatus */
+    int32_t mean_af;  /* how far the zero has moved since the last tare, mean of the elements [aF] */
+    int32_t worst_af; /* the same of the element that moved farthest [aF]; FOOTSENSE_NO_OFFSET */
+    uint32_t age_ms;  /* since it last moved; 6553400: or more; FOOTSENSE_NO_AGE: there is none */
+} footsense_zero;
+
+typedef struct {
+    uint8_t node;
+    uint8_t result; /* FOOTSENSE_DONE, or why not */
+    uint8_t counter;
+    uint8_t kind;  /* that of the command */
+    uint8_t asked; /* counter of the command, or FOOTSENSE_UNASKED */
+} footsense_answer;
+
+typedef struct {
+    uint8_t node;
+    uint8_t state;        /* CANopen NMT state: 0 boot, 4 stopped, 5 operational, 127 pre-operational */
+    bool degraded_timing; /* the service runs without the scheduling that it asked for */
+} footsense_heartbeat;
+
+/* CRC-8 of AUTOSAR E2E profile 11 variant A: polynomial 0x1D, start 0, over the CAN id and all bytes behind the
+ * first of `data`. */
+uint8_t footsense_crc8(uint16_t id, const uint8_t *data, uint8_t len);
+
+bool footsense_decode_force(uint16_t id, const uint8_t *data, uint8_t len, footsense_force *out);
+bool footsense_decode_quality(uint16_t id, const uint8_t *data, uint8_t len, footsense_quality *out);
+bool footsense_decode_fault(uint16_t id, const uint8_t *data, uint8_t len, footsense_fault *out);
+bool footsense_decode_zero(uint16_t id, const uint8_t *data, uint8_t len, footsense_zero *out);
+bool footsense_decode_answer(uint16_t id, const uint8_t *data, uint8_t len, footsense_answer *out);
+bool footsense_decode_heartbeat(uint16_t id, const uint8_t *data, uint8_t len, footsense_heartbeat *out);
+
+/* Writes the 8 bytes of a command and returns its CAN id, or 0 if node, counter or kind does not exist. Give every
+ * command of a leg the counter behind its last one: the answer repeats it. */
+uint16_t footsense_encode_command(uint8_t node, uint8_t counter, uint8_t kind, uint8_t data[8]);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

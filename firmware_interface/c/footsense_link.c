@@ -1,0 +1,179 @@
+#include "footsense_link.h"
+
+#include <string.h>
+
+/* Whether more than `limit` has passed; a clock that ran backwards has run out. */
+static bool is_over(uint64_t now_us, uint64_t since_us, uint32_t limit_us)
+{
+    return now_us - since_us > limit_us;
+}
+
+static bool has_force(uint8_t state)
+{
+    return state == FOOTSENSE_VALID || state == FOOTSENSE_DEGRADED;
+}
+
+static bool is_silent(const footsense_link *link, const footsense_leg *leg, uint64_t now_us)
+{
+    return !leg->heard || is_over(now_us, leg->arrived_us, link->limits.timeout_us);
+}
+
+static void distrust(footsense_leg *leg, footsense_status why)
+{
+    leg->status = why;
+    leg->n_good = 0;
+}
+
+static void take_wrong(footsense_leg *leg, uint64_t now_us)
+{
+    distrust(leg, FOOTSENSE_LINK_WRONG);
+    leg->wrong_us = now_us;
+    leg->has_force = false;
+    leg->has_quality = false;
+}
+
+static void take_repeated(const footsense_link *link, footsense_leg *leg)
+{
+    if (leg->n_good >= link->limits.min_good) {
+        leg->status = FOOTSENSE_LINK_REPEATED;
+    }
+}
+
+/* Both halves of a force are there. */
+static void take_force(const footsense_link *link, footsense_leg *leg, uint64_t now_us)
+{
+    uint8_t delta = (uint8_t)((leg->next_counter + FOOTSENSE_COUNTER_PERIOD - leg->force.counter)
+                              % FOOTSENSE_COUNTER_PERIOD);
+    bool counts = true;
+    if (is_silent(link, leg, now_us)) {
+        /* Whatever the counter says: who was silent may have begun anew. */
+        distrust(leg, FOOTSENSE_LINK_STALE);
+        delta = 1;
+    } else if (delta > link->limits.max_delta) {
+        distrust(leg, FOOTSENSE_LINK_WRONG);
+        leg->wrong_us = now_us;
+        counts = false;
+    }
+    leg->force = leg->next_force;
+    leg->quality = leg->next_quality;
+    leg->arrived_us = leg->next_us;
+    leg->heard = true;
+    leg->has_force = false;
+    leg->has_quality = false;
+    if (counts && leg->n_good < link->limits.min_good) {
+        leg->n_good++;
+    }
+    if (leg->n_good >= link->limits.min_good) {
+        leg->status = delta == 1 ? FOOTSENSE_LINK_OK : FOOTSENSE_LINK_LOST;
+    }
+}
+
+void footsense_link_init(footsense_link *link, const footsense_limits *limits)
+{
+    memset(link, 0, sizeof *link);
+    link->limits = *limits;
+    if (link->limits.min_good == 0) {
+        link->limits.min_good = 1;
+    }
+}
+
+bool footsense_feed(footsense_link *link, uint16_t id, const uint8_t *data, uint8_t len, uint64_t now_us)
+{
+    bool is_force = id > FOOTSENSE_FORCE_ID && id <= FOOTSENSE_FORCE_ID + FOOTSENSE_LEGS;
+    bool is_quality = id > FOOTSENSE_QUALITY_ID && id <= FOOTSENSE_QUALITY_ID + FOOTSENSE_LEGS;
+    if (!is_force && !is_quality) {
+        return false;
+    }
+    footsense_leg *leg = &link->legs[id - (is_force ? FOOTSENSE_FORCE_ID : FOOTSENSE_QUALITY_ID) - 1u];
+    footsense_force force;
+    footsense_quality quality;
+    if (is_force ? !footsense_decode_force(id, data, len, &force)
+                 : !footsense_decode_quality(id, data, len, &quality)) {
+        take_wrong(leg, now_us);
+        return true;
+    }
+    uint8_t counter = is_force ? force.counter : quality.counter;
+    if (!is_silent(link, leg, now_us) && counter == leg->force.counter) {
+        take_repeated(link, leg);
+        return true;
+    }
+    if (counter != leg->next_counter || is_over(now_us, leg->next_us, link->limits.timeout_us)) {
+        leg->has_force = false;
+        leg->has_quality = false;
+    }
+    if (is_force ? leg->has_force : leg->has_quality) {
+        take_repeated(link, leg);
+        return true;
+    }
+    if (!leg->has_force && !leg->has_quality) {
+        leg->next_us = now_us;
+        leg->next_counter = counter;
+    }
+    if (is_force) {
+        leg->next_force = force;
+        leg->has_force = true;
+        if (!has_force(force.state)) {
+            leg->force.state = force.state;
+        }
+    } else {
+        leg->next_quality = quality;
+        leg->has_quality = true;
+    }
+    if (leg->has_force && leg->has_quality) {
+        take_force(link, leg, now_us);
+    }
+    return true;
+}
+
+static bool is_too_old(const footsense_link *link, const footsense_leg *leg, uint64_t now_us)
+{
+    uint32_t limit_us = link->limits.max_age_us;
+    uint32_t age_us = leg->quality.age_us;
+    return age_us == FOOTSENSE_NO_AGE || age_us > limit_us
+           || is_over(now_us, leg->arrived_us, limit_us - age_us);
+}
+
+static footsense_status status_of(const footsense_link *link, const footsense_leg *leg, uint64_t now_us)
+{
+    if (is_silent(link, leg, now_us)) {
+        bool just_wrong = leg->status == FOOTSENSE_LINK_WRONG
+                          && !is_over(now_us, leg->wrong_us, link->limits.timeout_us);
+        return just_wrong ? FOOTSENSE_LINK_WRONG : FOOTSENSE_LINK_STALE;
+    }
+    /* Only a force has an age; that a leg is absent stays true. */
+    if (leg->status != FOOTSENSE_LINK_WRONG && has_force(leg->force.state) && is_too_old(link, leg, now_us)) {
+        return FOOTSENSE_LINK_STALE;
+    }
+    return leg->status;
+}
+
+footsense_view footsense_look(const footsense_link *link, uint8_t node, uint64_t now_us)
+{
+    footsense_view view;
+    memset(&view, 0, sizeof view);
+    view.age_us = FOOTSENSE_NO_AGE;
+    for (int axis = 0; axis < 3; axis++) {
+        view.force_mn[axis] = FOOTSENSE_NO_FORCE;
+        view.sigma_mn[axis] = FOOTSENSE_NO_SIGMA;
+    }
+    if (node < 1 || node > FOOTSENSE_LEGS) {
+        return view;
+    }
+    const footsense_leg *leg = &link->legs[node - 1];
+    view.status = status_of(link, leg, now_us);
+    view.state = leg->force.state;
+    view.flags = leg->quality.flags;
+    view.fault_mask = leg->quality.fault_mask;
+    view.usable = (view.status == FOOTSENSE_LINK_OK || view.status == FOOTSENSE_LINK_LOST)
+                  && (view.state == FOOTSENSE_VALID
+                      || (view.state == FOOTSENSE_DEGRADED && link->limits.accept_degraded));
+    for (int axis = 0; axis < 3; axis++) {
+        view.usable = view.usable && leg->force.force_mn[axis] != FOOTSENSE_NO_FORCE;
+    }
+    if (view.usable) {
+        memcpy(view.force_mn, leg->force.force_mn, sizeof view.force_mn);
+        memcpy(view.sigma_mn, leg->quality.sigma_mn, sizeof view.sigma_mn);
+        view.age_us = leg->quality.age_us + (uint32_t)(now_us - leg->arrived_us);
+    }
+    return view;
+}

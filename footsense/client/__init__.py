@@ -1,0 +1,12 @@
+"""For whoever uses the forces: frames as they come from CAN in, forces that may be used out.
+
+link       frames -> status, state, force, sigma, age of every leg     pure; the same in C: firmware_interface/c
+commands   tare, start, stop, and the answers to them                  pure
+
+Nothing here opens a channel or reads a clock, and nothing but `firmware_interface` is imported.
+"""
+
+from footsense.client.commands import Commands, Ended
+from footsense.client.link import Limits, Link, Status, View
+
+__all__ = ["Commands", "Ended", "Limits", "Link", "Status", "View"]

@@ -1,0 +1,130 @@
+"""The decoder of `firmware_interface/c`, built with whatever compiles C here, and called from Python."""
+
+import ctypes
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+from footsense.client import Limits, Status, View
+
+__all__ = ["SOURCES", "CLink", "compile_c", "library"]
+
+SOURCES = Path(__file__).parents[2] / "firmware_interface/c"
+
+_WARNINGS = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
+
+
+def _compiler() -> list[str]:
+    """Return the first C compiler that is there; the last is a Python package, so that one always is."""
+    if os.environ.get("CC"):
+        return shlex.split(os.environ["CC"])
+    for name in ("cc", "gcc", "clang"):
+        if shutil.which(name):
+            return [name]
+    return [sys.executable, "-m", "ziglang", "cc"]
+
+
+def compile_c(folder: Path, *arguments: str | Path) -> None:
+    """Compile without a single warning; the compiler's own caches stay in `folder`."""
+    environment = os.environ | {"ZIG_GLOBAL_CACHE_DIR": str(folder), "ZIG_LOCAL_CACHE_DIR": str(folder)}
+    command = [*_compiler(), *_WARNINGS, *map(str, arguments)]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+class _Limits(ctypes.Structure):
+    _fields_ = (
+        ("max_age_us", ctypes.c_uint32),
+        ("timeout_us", ctypes.c_uint32),
+        ("max_delta", ctypes.c_uint8),
+        ("min_good", ctypes.c_uint8),
+        ("accept_degraded", ctypes.c_bool),
+    )
+
+
+class _View(ctypes.Structure):
+    _fields_ = (
+        ("status", ctypes.c_int),
+        ("usable", ctypes.c_bool),
+        ("state", ctypes.c_uint8),
+        ("flags", ctypes.c_uint8),
+        ("fault_mask", ctypes.c_uint16),
+        ("force_mn", ctypes.c_int16 * 3),
+        ("sigma_mn", ctypes.c_uint16 * 3),
+        ("age_us", ctypes.c_uint32),
+    )
+
+
+#: More room than a footsense_link takes; the test never looks into it.
+_LINK_BYTES = 4096
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """Return the decoder as a shared library, built once in a process."""
+    folder = Path(mkdtemp(prefix="footsense-c-"))
+    try:
+        files = [SOURCES / "footsense_can.c", SOURCES / "footsense_link.c"]
+        compile_c(folder, "-shared", "-fPIC", *files, "-o", folder / "footsense.so")
+        built = ctypes.CDLL(str(folder / "footsense.so"))
+    finally:
+        shutil.rmtree(folder)
+    built.footsense_look.restype = _View
+    built.footsense_look.argtypes = [ctypes.c_char_p, ctypes.c_uint8, ctypes.c_uint64]
+    built.footsense_feed.restype = ctypes.c_bool
+    built.footsense_feed.argtypes = [
+        ctypes.c_char_p,
+        ctypes.c_uint16,
+        ctypes.c_char_p,
+        ctypes.c_uint8,
+        ctypes.c_uint64,
+    ]
+    return built
+
+
+class CLink:
+    """`footsense.client.Link`, in C."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._library = library()
+        self._link = ctypes.create_string_buffer(_LINK_BYTES)
+        given = _Limits(
+            limits.max_age_ns // 1000,
+            limits.timeout_ns // 1000,
+            limits.max_delta,
+            limits.min_good,
+            limits.accept_degraded,
+        )
+        self._library.footsense_link_init(self._link, ctypes.byref(given))
+
+    def feed(self, can_id: int, data: bytes, t_us: int) -> bool:
+        """Take a frame."""
+        fed: bool = self._library.footsense_feed(self._link, can_id, data, len(data), t_us)
+        return fed
+
+    def look(self, node: int, t_us: int) -> tuple[object, ...]:
+        """Return what is known of a leg, in the units of C: mN and us."""
+        view = self._library.footsense_look(self._link, node, t_us)
+        return (
+            Status(view.status),
+            view.usable,
+            view.state,
+            view.flags,
+            view.fault_mask,
+            tuple(view.force_mn),
+            tuple(view.sigma_mn),
+            view.age_us,
+        )
+
+
+def in_c_units(view: View) -> tuple[object, ...]:
+    """Return a view of Python as C says it."""
+    forces = tuple(-32768 if force_n != force_n else round(force_n * 1000) for force_n in view.force_n)  # noqa: PLR0124
+    sigmas = tuple(65535 if sigma_n != sigma_n else round(sigma_n * 1000) for sigma_n in view.sigma_n)  # noqa: PLR0124
+    age_us = 0xFFFFFFFF if view.age_ns is None else view.age_ns // 1000
+    return (*view[:5], forces, sigmas, age_us)

@@ -1,0 +1,211 @@
+"""Makes `firmware_interface/vectors/link.json`: what a consumer sees of one leg, frame by frame.
+
+The frames come from the encoders; the statuses are said here by hand, for a decoder in any language to meet.
+Make them anew with `python -m tests.contract.link_vectors`.
+"""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from firmware_interface.can_codes import State
+from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, encode_force, encode_quality
+
+__all__ = ["PATH", "document"]
+
+PATH = Path(__file__).parents[2] / "firmware_interface/vectors/link.json"
+
+NODE = 2
+PERIOD_US = 25_000
+#: Between the two frames of a force.
+GAP_US = 270
+FORCE_N = (0.1, -0.05, 0.8)
+SIGMA_N = (0.02, 0.02, 0.04)
+
+STALE, OK, LOST, REPEATED, WRONG = "stale", "ok", "lost", "repeated", "wrong"
+
+
+def force(counter: int, state: State = State.VALID, node: int = NODE) -> tuple[int, bytes]:
+    """Return id and data of a force."""
+    return FORCE_ID + node, encode_force(node, counter, state, FORCE_N)
+
+
+def quality(counter: int, age_us: int | None = 15_000, node: int = NODE) -> tuple[int, bytes]:
+    """Return id and data of a quality."""
+    age_ns = None if age_us is None else age_us * 1000
+    return QUALITY_ID + node, encode_quality(node, counter, 0, age_ns, 0, SIGMA_N)
+
+
+@dataclass
+class Case:
+    """One sequence: steps of time, frame (None to look only), and what is expected after it."""
+
+    name: str
+    limits: dict[str, int | bool] = field(default_factory=dict)
+    steps: list[list[int | str | bool | None]] = field(default_factory=list)
+    t_us: int = 1_000_000
+
+    def feed(self, frame: tuple[int, bytes], status: str, *, usable: bool | None = None) -> "Case":
+        """Add a frame. `usable` is said where the status alone does not tell."""
+        can_id, data = frame
+        self.steps.append([self.t_us, can_id, data.hex(), status, _usable(status, usable)])
+        return self
+
+    def look(self, after_us: int, status: str, *, usable: bool | None = None) -> "Case":
+        """Look without a frame."""
+        self.t_us += after_us
+        self.steps.append([self.t_us, None, None, status, _usable(status, usable)])
+        return self
+
+    def pair(
+        self,
+        counter: int,
+        status: str,
+        *,
+        before: str | None = None,
+        state: State = State.VALID,
+        age_us: int | None = 15_000,
+        usable: bool | None = None,
+        used_before: bool | None = None,
+    ) -> "Case":
+        """Add a force and its quality one scan later; after the first of the two the view is as before."""
+        self.t_us += PERIOD_US
+        self.feed(
+            force(counter, state), before or status, usable=usable if used_before is None else used_before
+        )
+        self.t_us += GAP_US
+        self.feed(quality(counter, age_us), status, usable=usable)
+        self.t_us -= GAP_US
+        return self
+
+    def trusted(self) -> "Case":
+        """Add what it takes to be trusted: three forces in order, counters 0 to 2."""
+        return self.pair(0, STALE).pair(1, STALE).pair(2, OK, before=STALE)
+
+
+def _usable(status: str, usable: bool | None) -> bool:  # noqa: FBT001 - a value, not an option
+    return status in {OK, LOST} if usable is None else usable
+
+
+def _spoilt(frame: tuple[int, bytes]) -> tuple[int, bytes]:
+    can_id, data = frame
+    return can_id, data[:-1] + bytes([data[-1] ^ 0x10])
+
+
+def cases() -> list[Case]:
+    """Return every sequence."""
+    order = Case("in order, and the counter wraps from 14 to 0").trusted()
+    for counter in (*range(3, 15), 0, 1, 2):
+        order.pair(counter, OK)
+
+    silence = Case("silence: stale by age, then by time; three forces in order until it is trusted again")
+    silence.trusted().look(80_000, OK).look(5_001, STALE).look(60_000, STALE)
+    silence.pair(7, STALE).pair(8, STALE).pair(9, OK, before=STALE)
+
+    old = Case("a force that was old when it was sent, or of unknown age").trusted()
+    old.pair(3, STALE, before=OK, age_us=100_100, used_before=True).pair(4, OK, before=STALE)
+    old.pair(5, STALE, before=OK, age_us=None, used_before=True).pair(6, STALE, age_us=100_000)
+    # What the age says, and the time since the force arrived: 99.7 ms and 0.3 ms are just within 100 ms.
+    old.pair(7, OK, before=STALE, age_us=99_700).look(300, OK).look(1, STALE)
+    return [
+        order,
+        Case("nothing was ever heard").look(0, STALE),
+        Case("one and two lost")
+        .trusted()
+        .pair(4, LOST, before=OK)
+        .pair(5, OK, before=LOST)
+        .pair(8, LOST, before=OK),
+        Case("three lost is too large a gap")
+        .trusted()
+        .pair(6, WRONG, before=OK, used_before=True, usable=False)
+        .pair(7, WRONG)
+        .pair(8, WRONG)
+        .pair(9, OK, before=WRONG),
+        Case("a force comes twice, and then the next")
+        .trusted()
+        .feed(force(2), REPEATED)
+        .feed(quality(2), REPEATED)
+        .pair(3, OK, before=REPEATED),
+        Case("the counter stands still: repeated, then stale")
+        .trusted()
+        .pair(2, REPEATED)
+        .pair(2, REPEATED)
+        .look(26_000, REPEATED)
+        .pair(2, STALE),
+        Case("wrong crc of a force")
+        .trusted()
+        .feed(_spoilt(force(3)), WRONG)
+        .pair(3, WRONG)
+        .pair(4, WRONG)
+        .pair(5, OK, before=WRONG),
+        Case("wrong crc of a quality, and one loss on the way back")
+        .trusted()
+        .feed(_spoilt(quality(3)), WRONG)
+        .pair(4, WRONG)
+        .pair(5, WRONG)
+        .pair(7, LOST, before=WRONG),
+        Case("another leg's frame under this leg's id")
+        .trusted()
+        .feed((FORCE_ID + NODE, force(3, node=5)[1]), WRONG),
+        Case("frames of other legs and of other kinds say nothing about this one")
+        .trusted()
+        .feed(_spoilt(force(3, node=5)), OK)
+        .feed((0x181, b""), OK)
+        .feed((0x700 + NODE, b"\x04"), OK)
+        .feed((0x180, bytes(8)), OK)
+        .feed((0x187, bytes(8)), OK),
+        Case("too short, and a counter that is never sent")
+        .trusted()
+        .feed((FORCE_ID + NODE, force(3)[1][:7]), WRONG)
+        .feed((FORCE_ID + NODE, bytes.fromhex("00")), WRONG)
+        .feed((FORCE_ID + NODE, b""), WRONG),
+        Case("wrong frames alone: wrong, then stale")
+        .feed(_spoilt(force(0)), WRONG)
+        .look(100_000, WRONG)
+        .look(1, STALE),
+        silence,
+        old,
+        Case("a force without its quality is not used; the next pair shows the loss")
+        .trusted()
+        .feed(force(3), OK)
+        .pair(4, LOST, before=OK),
+        Case("quality first").trusted().feed(quality(3), OK).feed(force(3), OK),
+        Case("states that forbid the force: the link is in order, and bad news acts at once")
+        .trusted()
+        .pair(3, OK, state=State.ELEMENT_FAULT, usable=False)
+        .pair(4, OK, state=State.ABSENT, age_us=None, usable=False)
+        .pair(5, OK, state=State.STARTING, age_us=None, usable=False)
+        .pair(6, OK, used_before=False)
+        .pair(7, OK, state=State.DEGRADED, usable=False, used_before=True)
+        .pair(8, OK, used_before=False),
+        Case("degraded forces where they are accepted", {"accept_degraded": True})
+        .trusted()
+        .pair(3, OK, state=State.DEGRADED),
+        Case("one good force is enough, no loss is allowed", {"min_good": 1, "max_delta": 1})
+        .pair(9, OK, before=STALE)
+        .pair(11, WRONG, before=OK, used_before=True, usable=False)
+        .pair(12, OK, before=WRONG),
+    ]
+
+
+def document() -> str:
+    """Return the file's text."""
+    about = (
+        "What a consumer sees of the leg of `node`, frame by frame. A step is time in us, CAN id, data, and the status "
+        "after it and whether the force may be used then; without id and data it is a look only. Limits are those of "
+        "FOOTSENSE_DEFAULT_LIMITS but for what a case names."
+    )
+    lines = [f'{{\n "about": {json.dumps(about)},\n "node": {NODE},\n "cases": [']
+    lines.append(
+        ",\n".join(
+            f'  {{"name": {json.dumps(case.name)}, "limits": {json.dumps(case.limits)}, "steps": [\n'
+            + ",\n".join(f"   {json.dumps(step)}" for step in case.steps)
+            + "\n  ]}"
+            for case in cases()
+        )
+    )
+    return "\n".join(lines) + "\n ]\n}\n"
+
+
+if __name__ == "__main__":
+    PATH.write_text(document(), encoding="utf-8")

@@ -1,0 +1,228 @@
+"""The consumer's decoder in C and in Python: the same vectors, the same answers to any frames."""
+
+import ctypes
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware_interface.can_codes import Cause, CommandKind, Flag, Result, State, ZeroStatus
+from firmware_interface.can_events import (
+    ANSWER_ID,
+    COMMAND_ID,
+    FAULT_ID,
+    HEARTBEAT_ID,
+    decode_answer,
+    decode_fault,
+    decode_heartbeat,
+    encode_answer,
+    encode_command,
+)
+from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, encode_force, encode_quality
+from firmware_interface.can_zero import ZERO_ID, decode_zero
+from firmware_interface.crc8 import FrameError, protect
+from footsense.client import Commands, Ended, Limits, Link
+from tests.contract import link_vectors
+from tests.contract.c_decoder import SOURCES, CLink, compile_c, in_c_units, library
+
+LINK = json.loads(link_vectors.PATH.read_text())
+FRAMES = json.loads(link_vectors.PATH.with_name("can_frames.json").read_text())
+
+
+def test_the_vectors_are_those_that_the_script_makes() -> None:
+    """Nobody changed one without the other."""
+    assert link_vectors.document() == link_vectors.PATH.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("case", LINK["cases"], ids=lambda case: case["name"])
+def test_both_see_what_the_vectors_say(case: dict[str, Any]) -> None:
+    """Status and use after every frame."""
+    limits = Limits(**case["limits"])
+    ours, theirs = Link(limits), CLink(limits)
+    for t_us, can_id, data, status, usable in case["steps"]:
+        if can_id is not None:
+            ours.feed(can_id, bytes.fromhex(data), t_us * 1000)
+            theirs.feed(can_id, bytes.fromhex(data), t_us)
+        view = ours.look(LINK["node"], t_us * 1000)
+        assert (view.status.name.lower(), view.usable) == (status, usable), t_us
+        assert theirs.look(LINK["node"], t_us) == in_c_units(view), t_us
+
+
+@st.composite
+def streams(draw: st.DrawFn) -> list[tuple[int, int, bytes]]:
+    """Return frames of two legs with times in us: mostly what a service sends, with every kind of harm."""
+    frames, t_us, counter = [], 0, draw(st.integers(0, 14))
+    for harm in draw(st.lists(st.sampled_from(["none"] * 12 + list("lhqfcszxb")), max_size=40)):
+        t_us += draw(st.sampled_from([0, 100, 25_000, 25_000, 25_000, 99_999, 100_001]))
+        step = draw(st.integers(2, 14)) if harm == "l" else 0 if harm == "z" else 1
+        counter = (counter + step) % 15
+        state = draw(st.sampled_from(State)) if harm == "s" else State.VALID
+        node = draw(st.sampled_from([1, 1, 1, 2]))
+        age_ns = draw(st.sampled_from([15_000_000, 15_000_000, 99_000_000, 100_100_000, None]))
+        sent = [
+            (FORCE_ID + node, encode_force(node, counter, state, (0.1, -0.2, 40.0))),
+            (QUALITY_ID + node, encode_quality(node, counter, 9, age_ns, 5, (0.01, 2.0, float("nan")))),
+        ]
+        if harm == "h":
+            del sent[draw(st.integers(0, 1))]
+        if harm == "q":
+            sent.reverse()
+        if harm == "f":
+            sent = [(draw(st.integers(0x180, 0x28F)), draw(st.binary(max_size=8)))]
+        if harm == "c":
+            sent[0] = (sent[0][0], protect(sent[0][0], draw(st.binary(min_size=7, max_size=7))))
+        if harm == "x":
+            sent[1] = (sent[1][0] ^ 3, sent[1][1])
+        if harm == "b":
+            t_us = max(0, t_us - draw(st.integers(0, 200_000)))
+        frames += [(t_us + 270 * place, *frame) for place, frame in enumerate(sent)]
+    return frames
+
+
+@given(
+    streams(),
+    st.builds(
+        Limits, max_delta=st.integers(1, 14), min_good=st.integers(0, 4), accept_degraded=st.booleans()
+    ),
+    st.integers(0, 200_000),
+)
+def test_both_see_the_same_in_any_frames(
+    frames: list[tuple[int, int, bytes]], limits: Limits, later_us: int
+) -> None:
+    """Every field of every view, right after each frame and some time later, clocks that step back included."""
+    ours, theirs = Link(limits), CLink(limits)
+    for t_us, can_id, data in frames:
+        assert ours.feed(can_id, data, t_us * 1000) == theirs.feed(can_id, data, t_us)
+        for node in (1, 2):
+            for at_us in (t_us, t_us + later_us):
+                view = ours.look(node, at_us * 1000)
+                assert theirs.look(node, at_us) == in_c_units(view)
+                assert not view.usable or (view.age_ns is not None and view.age_ns <= limits.max_age_ns)
+
+
+def c_decodes(name: str, can_id: int, data: bytes) -> tuple[int, ...] | None:
+    """Return the fields that C reads from a frame of events, each as a number; None if it refuses the frame."""
+    fields = {
+        "fault": "node counter state previous cause fault_mask:H",
+        "zero": "node counter status mean_af:i worst_af:i age_ms:I",
+        "answer": "node result counter kind asked",
+        "heartbeat": "node state degraded_timing:?",
+    }[name]
+    kinds = {
+        "B": ctypes.c_uint8,
+        "H": ctypes.c_uint16,
+        "i": ctypes.c_int32,
+        "I": ctypes.c_uint32,
+        "?": ctypes.c_bool,
+    }
+    named = [(field.partition(":")[0], kinds[field.partition(":")[2] or "B"]) for field in fields.split()]
+    out = type(name, (ctypes.Structure,), {"_fields_": named})()
+    decode = getattr(library(), f"footsense_decode_{name}")
+    decode.restype = ctypes.c_bool
+    if not decode(ctypes.c_uint16(can_id), data, ctypes.c_uint8(len(data)), ctypes.byref(out)):
+        return None
+    return tuple(getattr(out, field) for field, _ in named)
+
+
+def ours_decodes(name: str, can_id: int, data: bytes) -> tuple[int, ...] | None:
+    """Return the same from Python, in the units of C."""
+    try:
+        if name == "fault":
+            fault = decode_fault(can_id, data)
+            return (*fault[:4], fault.cause, fault.fault_mask)
+        if name == "answer":
+            node, counter, result, kind, asked = decode_answer(can_id, data)
+            return node, result, counter, kind, asked
+        if name == "heartbeat":
+            return tuple(decode_heartbeat(can_id, data))
+        zero = decode_zero(can_id, data)
+    except FrameError:
+        return None
+    offsets = (-(2**31) if pf != pf else round(pf * 1e6) for pf in (zero.mean_pf, zero.worst_pf))  # noqa: PLR0124
+    age_ms = 0xFFFFFFFF if zero.age_ns is None else zero.age_ns // 1_000_000
+    return (zero.node, zero.counter, zero.status, *offsets, age_ms)
+
+
+EVENTS = {
+    "fault": (FAULT_ID, 6),
+    "zero": (ZERO_ID, 8),
+    "answer": (ANSWER_ID, 4),
+    "heartbeat": (HEARTBEAT_ID, 1),
+}
+
+
+@given(
+    st.sampled_from(sorted(EVENTS)), st.integers(0, 7), st.binary(min_size=8, max_size=8), st.integers(0, 8)
+)
+def test_both_read_and_refuse_the_same_events(name: str, node: int, payload: bytes, harm: int) -> None:
+    """Any contents, with one byte too many or one bit wrong now and then."""
+    base, length = EVENTS[name]
+    data = (payload + payload)[: length + (harm == 0)]
+    if length > 1:
+        data = protect(base + node, data[1:])
+    if harm == 1:
+        data = bytes([data[0] ^ 1]) + data[1:]
+    assert c_decodes(name, base + node, data) == ours_decodes(name, base + node, data)
+
+
+@pytest.mark.parametrize("name", ["fault", "zero", "answer"])
+def test_both_read_the_vectors_of_events(name: str) -> None:
+    """Every vector is read, and by both alike."""
+    for vector in FRAMES[name]:
+        can_id, data = EVENTS[name][0] + vector["fields"][0], bytes.fromhex(vector["data"])
+        assert c_decodes(name, can_id, data) == ours_decodes(name, can_id, data) is not None
+
+
+@given(st.integers(0, 8), st.integers(0, 16), st.integers(0, 5))
+def test_c_writes_the_commands_of_python_and_none_other(node: int, counter: int, kind: int) -> None:
+    """The id is 0 for a node, counter or kind that does not exist."""
+    data = ctypes.create_string_buffer(8)
+    can_id = library().footsense_encode_command(node, counter, kind, data)
+    if 1 <= node <= 6 and counter <= 14 and kind in set(CommandKind):
+        assert (can_id, data.raw) == (COMMAND_ID + node, encode_command(node, counter, CommandKind(kind)))
+    else:
+        assert can_id == 0
+
+
+def test_the_codes_of_the_header_are_those_of_python() -> None:
+    """C has the names that it acts on, and how far the others go."""
+    header = (SOURCES / "footsense_can.h").read_text()
+    named = {name: int(code) for name, code in re.findall(r"FOOTSENSE_(\w+) = (\d+)", header)}
+    states = {"TOO_OLD" if state is State.STALE else state.name: state.value for state in State}
+    flags = {flag.name: flag.value for flag in Flag}
+    commands = {kind.name: kind.value for kind in CommandKind}
+    assert named == states | flags | commands | {"DONE": Result.DONE.value}
+    limits = re.search(
+        r"LAST_CAUSE = (\d+), LAST_ZERO_STATUS = (\d+), LAST_RESULT = (\d+)",
+        (SOURCES / "footsense_can.c").read_text(),
+    )
+    assert limits
+    assert list(map(int, limits.groups())) == [max(Cause), max(ZeroStatus), max(Result)]
+
+
+def test_the_example_in_the_readme_compiles(tmp_path: Path) -> None:
+    """Without a warning, against the headers alone."""
+    example = re.search(r"```c\n(.*?)```", (SOURCES / "README.md").read_text(), re.DOTALL)
+    assert example
+    (tmp_path / "example.c").write_text(example[1])
+    compile_c(tmp_path, "-c", f"-I{SOURCES}", "example.c", "-o", "example.o")
+
+
+def test_an_answer_ends_the_command_that_it_names() -> None:
+    """Each command has its own counter; what answers nothing that is open, or is broken, ends nothing."""
+    commands = Commands(first_counter=14)
+    assert commands.ask(2, CommandKind.TARE, 0) == (0x202, encode_command(2, 14, CommandKind.TARE))
+    assert commands.ask(2, CommandKind.TARE, 10) == (0x202, encode_command(2, 0, CommandKind.TARE))
+    answer = encode_answer(2, 5, Result.LOADED, CommandKind.TARE, 0)
+    broken = answer[:-1] + b"\x03"
+    others = [(0x583, answer), (0x582, broken), (0x702, b"\x05"), (0x582, encode_answer(2, 4, 0, 9, 0))]
+    assert [commands.feed(*other, 20) for other in others] == [None] * 4
+    assert commands.feed(0x582, answer, 30) == Ended(2, CommandKind.TARE, Result.LOADED, 20)
+    assert commands.feed(0x582, answer, 40) is None
+    assert commands.overdue(50, 50) == []
+    assert commands.overdue(51, 50) == [(2, CommandKind.TARE)]
+    assert commands.overdue(99, 50) == []
