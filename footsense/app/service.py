@@ -149,11 +149,11 @@ def service(
             # Simulated forces must not reach the controller of the robot whose wiring they borrow.
             config = msgspec.structs.replace(config, can=Can(interface="virtual"))
         network = load_network(config)
+        # Before any chip is touched; the recorder's and the exporter's processes give up again what they inherit of it.
+        flags = _flags(config, simulated=scene is not None)
         scan = stack.enter_context(scanning(config, scene))
         if scan.response_sha256 not in {None, network.card.response_sha256}:
             _log.warning("the network was trained on another response table than the simulated feet follow")
-        # The recorder's and the exporter's processes give up again what they inherit of it.
-        flags = _flags(config, simulated=scene is not None)
         observers: list[Observer] = [Journal(legs), Supervision(SystemdNotifier(), legs)]
         source: FrameSource = scan.source
         wakeups = scan.wakeups

@@ -11,7 +11,7 @@ from urllib.request import urlopen
 import can
 import pytest
 
-from tests.system.command import TIMEOUT_S, footsense, one_line_error
+from tests.system.command import TIMEOUT_S, footsense, one_line_error, robot
 
 
 def free_port() -> int:
@@ -90,3 +90,10 @@ def test_a_metrics_port_in_use_is_one_clear_line(config: tuple[Path, int], tmp_p
         )
     assert f"127.0.0.1:{port}" in one_line_error(result, 2)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["robot.yaml"]
+
+
+def test_a_service_that_requires_its_place_refuses_to_start_without(tmp_path: Path) -> None:
+    """One line says what was not granted and which key asks for it, before any bus is opened; exit 2."""
+    asked = "realtime: {cpu: 1023, required: true}\n"
+    line = one_line_error(footsense("run", "--config", robot(tmp_path, device="/dev/i2c-77", more=asked)), 2)
+    assert line.startswith("realtime.required: processor 1023 was not granted: this process may use ")
