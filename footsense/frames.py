@@ -115,7 +115,8 @@ class ForceFrame:
         sequence: Number of the scan that it was made of.
         t_sent_ns: Time at which it is handed to the sinks [ns, monotonic].
         t_ns: How far the measurement reaches [ns], shape (legs,); 0 where none. Of whole scans the mean
-            of the elements' stamps, to which all are brought; of single elements the newest, while the force is as of t_sent_ns.
+            of the elements' stamps, to which all are brought; of single elements the newest stamp, while the force is
+            as of t_sent_ns.
         force_n: Ground reaction on the foot in the foot frame [N], shape (legs, 3), NaN unless the state is USABLE.
         sigma_n: Standard deviation of each component [N], shape (legs, 3), NaN where the force is.
         state: Whether and why the force may be used, shape (legs,), uint8 of `State`.

@@ -139,8 +139,8 @@ class BusScanner:
     def _refuse_old(self, step: Step) -> None:
         """Begin anew if nothing runs yet, or if the loop was held up: a result from before that comes too late."""
         running = self._running
-        if running is not None:
-            if self._clock.now_ns() <= running.t_start_ns + 2 * self._plan.wait_ns:
+        if running is not None and self.timing is not None:
+            if self._clock.now_ns() <= running.t_start_ns + self.timing.late_ns:
                 return
             self.late_ticks += 1
         self._discard_results()

@@ -11,6 +11,7 @@ from typing import NamedTuple
 from firmware_interface.i2c_timing import BUS_FREE_NS, transaction_bits
 from firmware_interface.schedule import ScanLimits, scan_limits
 from footsense.drivers.scan_plan import ScanPlan
+from footsense.frames import ELEMENTS
 from footsense.ports import Clock, I2cBus, Transaction
 
 _SHORT, _LONG = 1, 33  # bytes read
@@ -33,15 +34,20 @@ class BusCosts(NamedTuple):
         return transaction_bits(n_write, n_read) * 1e9 / self.rate_hz + BUS_FREE_NS + self.host_cost_ns
 
 
-def measure(bus: I2cBus, clock: Clock, mux_address: int) -> BusCosts:
-    """Return what transactions cost, from reads of the mux's control byte, which it repeats as long as it is read.
+def measure(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
+    """Return what transactions cost, from reads of a chip with a single byte, which it repeats as long as it is read.
+
+    Args:
+        bus: The adapter.
+        clock: The time that it lives in.
+        address: Of a TCA9548A, or of an ADG715.
 
     Raises:
-        BusError: The mux does not answer.
+        BusError: The chip does not answer.
     """
 
     def lasts_ns(n_read: int) -> float:
-        transaction = Transaction(mux_address, b"", n_read)
+        transaction = Transaction(address, b"", n_read)
         durations_ns = []
         for _ in range(_TRIES):
             start_ns = clock.now_ns()
@@ -68,6 +74,11 @@ class Timing(NamedTuple):
     costs: BusCosts
     limits: ScanLimits
     floor_ns: int
+
+    @property
+    def late_ns(self) -> int:
+        """Return the age of a conversion at which the loop must have been held up [ns]: two steps."""
+        return 2 * self.limits.scan_ns // ELEMENTS
 
     def __str__(self) -> str:
         """Return one line for the journal."""

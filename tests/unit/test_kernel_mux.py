@@ -1,0 +1,144 @@
+"""A mux that the kernel switches: the same readings, at the pace that one adapter for each leg allows."""
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from firmware_interface.schedule import scan_limits
+from footsense.drivers.kernel_mux_scanner import KernelMuxScanner
+from footsense.drivers.robot_scanner import RobotScanner
+from footsense.drivers.scan_plan import scan_plan
+from footsense.errors import BusError, BusTimeoutError, NackError
+from footsense.frames import CapFrame, Reading
+from footsense.ports import Transaction
+from footsense.sim.bus import SimulatedBus, SimulatedMux
+from footsense.sim.clock import VirtualClock
+from footsense.sim.fdc1004_chip import SimulatedFdc1004
+from footsense.sim.kernel_mux import SimulatedKernelMuxLeg
+from footsense.sim.row_switch import SimulatedRowSwitch
+from tests.unit.test_scanner import DISTINCT_PF, Capacitance, column_through
+
+CONVERSION_NS = 2_500_000
+
+
+class FailingLeg(SimulatedKernelMuxLeg):
+    """A leg whose transactions fail as they are told to.
+
+    Attributes:
+        failing: Number of the transaction that fails, and how.
+    """
+
+    failing: Mapping[int, BusError] = MappingProxyType({})
+    n = 0
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        self.n += 1
+        if error := self.failing.get(self.n):
+            self._clock.advance_ns(20_000_000 if isinstance(error, BusTimeoutError) else 27_500)
+            raise error
+        return super().transfer(transaction)
+
+
+class Robot:
+    """Six legs behind a kernel mux."""
+
+    def __init__(
+        self,
+        capacitance_pf: Capacitance,
+        host_cost_ns: int = 0,
+        order: str = "lo_shu",
+        *,
+        element_wise: bool = False,
+    ) -> None:
+        self.clock = VirtualClock()
+        mux = SimulatedMux(0x71)
+        switches = [SimulatedRowSwitch() for _ in range(6)]
+        self.converters = [
+            SimulatedFdc1004(column_through(switch, capacitance_pf), None) for switch in switches
+        ]
+        chips = dict(enumerate(zip(self.converters, switches, strict=True)))
+        trunk = SimulatedBus(self.clock, 400_000, 0, mux, chips)
+        self.legs = {f"{n}": FailingLeg(trunk, self.clock, mux, n, host_cost_ns) for n in range(6)}
+        self.bus = KernelMuxScanner(dict(self.legs), self.clock, scan_plan(order, 400))
+        self.scanner = RobotScanner([self.bus], element_wise=element_wise)
+        self.scanner.start()
+
+    def read(self, n: int = 1) -> CapFrame:
+        for _ in range(n):
+            frame = self.scanner.read()
+        return frame
+
+
+def distinct(element: int, t_ns: int) -> float:
+    return float(DISTINCT_PF[element])
+
+
+@pytest.mark.parametrize("order", ["lo_shu", "raster"])
+@pytest.mark.parametrize("element_wise", [False, True])
+def test_every_element_lands_at_its_place(order: str, *, element_wise: bool) -> None:
+    """Distinct capacitances come out where they belong, on every leg."""
+    frame = Robot(distinct, order=order, element_wise=element_wise).read(10)
+    assert (frame.reading == Reading.OK).all()
+    np.testing.assert_allclose(frame.capacitance_pf, np.tile(DISTINCT_PF, (6, 1)), atol=2**-11)
+
+
+@pytest.mark.parametrize("host_cost_us", [0, 40, 100])
+def test_the_period_is_near_the_best(host_cost_us: int) -> None:
+    """Row by row, within 3 % of what wires and host allow; the timing that is measured at start says so too."""
+    robot = Robot(distinct, host_cost_us * 1000, "raster")
+    robot.read(2)
+    start_ns = robot.clock.now_ns()
+    robot.read(18)
+    limits = scan_limits(
+        n_legs=6,
+        conversion_ns=CONVERSION_NS,
+        rate_hz=400_000,
+        host_cost_ns=host_cost_us * 1000,
+        kernel_mux=True,
+    )
+    assert (robot.clock.now_ns() - start_ns) / 18 < 1.03 * limits.scan_ns
+    assert robot.bus.timing is not None
+    assert math.isclose(robot.bus.timing.limits.scan_ns, limits.scan_ns, rel_tol=1e-3)
+
+
+def test_each_leg_has_stamps_of_its_own() -> None:
+    """A ramp reads as what it was at the stamp."""
+    frame = Robot(lambda element, t_ns: 5.0 + t_ns * 1e-9).read(5)
+    np.testing.assert_allclose(frame.capacitance_pf, 5.0 + frame.t_ns * 1e-9, atol=2**-11 + 1e-6)
+
+
+def test_an_absent_leg_costs_only_itself_and_comes_back() -> None:
+    """The others read on; after its back-off the leg is there again."""
+    robot = Robot(distinct)
+    robot.legs["2"].failing = {
+        n: NackError("gone") for n in range(robot.legs["2"].n + 1, robot.legs["2"].n + 200)
+    }
+    frame = robot.read(10)
+    assert (frame.reading[2] == Reading.NO_ANSWER).all()
+    assert (np.delete(frame.reading, 2, axis=0) == Reading.OK).all()
+    robot.legs["2"].failing = {}
+    frame = robot.read(400)
+    assert (frame.reading == Reading.OK).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.dictionaries(st.integers(40, 400), st.sampled_from(["nack", "timeout", "error"]), max_size=6),
+    st.booleans(),
+)
+def test_whatever_fails_a_reading_is_right_or_missing(failing: dict[int, str], element_wise: bool) -> None:  # noqa: FBT001
+    """No failure of a transaction makes a wrong number, on its own leg or on another."""
+    robot = Robot(distinct, element_wise=element_wise)
+    errors = {"nack": NackError("no"), "timeout": BusTimeoutError("stuck"), "error": BusError("arbitration")}
+    robot.legs["3"].failing = {n: errors[kind] for n, kind in failing.items()}
+    for _ in range(60 if element_wise else 12):
+        frame = robot.read()
+        expected = np.tile(DISTINCT_PF, (6, 1))
+        right = np.abs(frame.capacitance_pf - expected) < 2**-11
+        assert (right | np.isnan(frame.capacitance_pf)).all()
+        assert ((frame.reading == Reading.OK) == np.isfinite(frame.capacitance_pf)).all()
