@@ -169,6 +169,14 @@ def cases() -> list[Case]:
         .trusted()
         .feed(force(3), OK)
         .pair(4, LOST, before=OK),
+        Case("the first half of a force waits no longer than a force may be away")
+        .trusted()
+        .feed(force(3), OK)
+        .look(100_001, STALE)
+        .feed(quality(3), STALE)
+        .feed(force(3), STALE)
+        .pair(4, STALE)
+        .pair(5, OK, before=STALE),
         Case("quality first").trusted().feed(quality(3), OK).feed(force(3), OK),
         Case("states that forbid the force: the link is in order, and bad news acts at once")
         .trusted()
