@@ -1,6 +1,7 @@
 """From configuration to scans: real adapters or a simulated robot, and the scanner over them."""
 
-from collections.abc import Callable, Iterator
+import logging
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
@@ -10,15 +11,22 @@ from numpy.typing import NDArray
 from footsense.app.estimation import released
 from footsense.backends.linux_i2c import LinuxI2cBus
 from footsense.clock import MonotonicClock, Wakeups
-from footsense.config import Config
+from footsense.config import Bus, Config
 from footsense.drivers.bus_scanner import BusScanner
-from footsense.drivers.robot_scanner import RobotScanner
+from footsense.drivers.bus_timing import Timing
+from footsense.drivers.kernel_mux_scanner import KernelMuxScanner
+from footsense.drivers.robot_scanner import LegsScanner, RobotScanner
 from footsense.drivers.scan_plan import scan_plan
 from footsense.errors import ConfigError
 from footsense.ports import Clock, I2cBus
 from footsense.sim.foot import FootResponse
 from footsense.sim.robot import SimulatedRobot, Wiring
 from footsense.sim.scene import Scene
+
+_log = logging.getLogger(__name__)
+
+#: Share of the configured clock below which a bus is said to be slow.
+_SLOW_REL = 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +70,37 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
             raise ConfigError(
                 f"scene: faults[{n}].bus: {bus} is no bus of this robot; it has 0 to {len(config.buses) - 1}"
             )
-    wiring = [Wiring(bus.rate_hz, bus.mux.address, dict[str, int](bus.legs.items())) for bus in config.buses]
+    wiring = [
+        Wiring(
+            bus.rate_hz,
+            bus.mux.address,
+            bus.channels or {leg: channel for channel, leg in enumerate(bus.legs)},
+            kernel_mux=bool(bus.adapters),
+        )
+        for bus in config.buses
+    ]
     return SimulatedRobot(scene, FootResponse.load(released("response.npz")), wiring)
+
+
+def _opened(device: str, stack: ExitStack) -> I2cBus:
+    adapter = LinuxI2cBus.open(device)
+    stack.callback(adapter.close)
+    return adapter
+
+
+def _tell(bus: Bus, timing: Timing | None) -> None:
+    """Say in the journal what a bus allows, and whether it runs as fast as it was said to."""
+    if timing is None:
+        return
+    _log.info("%s: %s", bus.device, timing)
+    if timing.costs.rate_hz < _SLOW_REL * bus.rate_hz:
+        _log.warning(
+            "%s runs at %.0f kHz, not at the %.0f kHz of the configuration: a Raspberry Pi's follows the core clock; "
+            "set core_freq_min, or correct rate_hz",
+            bus.device,
+            timing.costs.rate_hz * 1e-3,
+            bus.rate_hz * 1e-3,
+        )
 
 
 @contextmanager
@@ -81,28 +118,27 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
         HardwareError: A bus or its mux is not there.
     """
     with ExitStack() as stack:
-        robot = None
-        buses: list[I2cBus] = []
-        clocks: list[Clock] = []
-        clock: Clock = MonotonicClock()
-        if scene is not None:
-            robot = simulated_robot(config, scene)
-            buses, clocks, clock = list(robot.buses), list(robot.clocks), robot.clock
-        else:
-            for bus in config.buses:
-                buses.append(LinuxI2cBus.open(bus.device))
-                stack.callback(buses[-1].close)
-                clocks.append(MonotonicClock())
+        robot = None if scene is None else simulated_robot(config, scene)
+        clock: Clock = MonotonicClock() if robot is None else robot.clock
+        clocks: Sequence[Clock] = [MonotonicClock() for _ in config.buses] if robot is None else robot.clocks
         plan = scan_plan(config.scan.order, config.scan.rate_sps)
-        source = RobotScanner(
-            [
-                BusScanner(adapter, bus_clock, dict[str, int](bus.legs.items()), bus.mux.address, plan)
-                for adapter, bus_clock, bus in zip(buses, clocks, config.buses, strict=True)
-            ],
-            element_wise=config.publish == "element",
-        )
+        scanners: list[LegsScanner] = []
+        for number, (bus, its_clock) in enumerate(zip(config.buses, clocks, strict=True)):
+            if bus.adapters:
+                adapters: dict[str, I2cBus] = (
+                    {leg: _opened(device, stack) for leg, device in bus.adapters.items()}
+                    if robot is None
+                    else dict(robot.adapters[number])
+                )
+                scanners.append(KernelMuxScanner(adapters, its_clock, plan))
+            else:
+                trunk = _opened(bus.device, stack) if robot is None else robot.buses[number]
+                scanners.append(BusScanner(trunk, its_clock, bus.channels, bus.mux.address, plan))
+        source = RobotScanner(scanners, element_wise=config.publish == "element")
         stack.callback(source.close)
         source.start()
+        for bus, scanner in zip(config.buses, scanners, strict=True):
+            _tell(bus, scanner.timing)
         if robot is None:
             wakeups = tuple(own.wakeups for own in clocks if isinstance(own, MonotonicClock))
             yield Scanning(source, clock, None, None, wakeups)

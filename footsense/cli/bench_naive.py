@@ -21,7 +21,7 @@ from footsense.ports import Clock, I2cBus, Transaction
 def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
     """Scan every element of every leg of the first bus, one after the other."""
     plan = scan_plan("raster", config.scan.rate_sps)
-    for channel in config.buses[0].legs.values():
+    for channel in config.buses[0].channels.values():
         for step in plan.steps:
             bus.transfer(Transaction(config.buses[0].mux.address, bytes((tca9548a.select((channel,)),))))
             bus.transfer(step.select_row)

@@ -58,19 +58,40 @@ def _between_buses(config: Config) -> Iterator[Problem]:
                     f"{leg} is already a leg of buses[{bus_of[leg]}]; a leg has one foot, so name it once",
                 )
             bus_of[leg] = i
-    simulated = [bus.device.startswith("sim") for bus in config.buses]
-    if any(simulated) and not all(simulated):
-        i = simulated.index(True)
+    simulated = [
+        all(device.startswith("sim") for device in (bus.device, *bus.adapters.values()))
+        for bus in config.buses
+    ]
+    real = [
+        all(not device.startswith("sim") for device in (bus.device, *bus.adapters.values()))
+        for bus in config.buses
+    ]
+    if not (all(simulated) or all(real)):
+        i = real.index(False)
         yield Problem(
             ("buses", i, "device"), "simulated and real buses cannot be mixed; use sim for all or none"
         )
 
 
 def _channels(bus: Bus, i: int) -> Iterator[Problem]:
+    if bus.channels and bus.adapters:
+        yield Problem(
+            ("buses", i, "legs", next(iter(bus.adapters))),
+            "the multiplexer is driven by the kernel or by footsense, never by both: "
+            "name an adapter for every leg, or a channel for every leg",
+        )
+    leg_of: dict[str, str] = {}
+    for leg, device in bus.adapters.items():
+        if device in leg_of or device == bus.device:
+            whose = f"that of {leg_of[device]}" if device in leg_of else "the bus itself"
+            yield Problem(
+                ("buses", i, "legs", leg), f"{device} is already {whose}; `i2cdetect -l` lists them"
+            )
+        leg_of[device] = leg
     leg_on: dict[int, str] = {}
-    for leg, channel in bus.legs.items():
+    for leg, channel in bus.channels.items():
         if channel in leg_on:
-            free = sorted(set(range(8)) - set(bus.legs.values()))
+            free = sorted(set(range(8)) - set(bus.channels.values()))
             yield Problem(
                 ("buses", i, "legs", leg),
                 f"channel {channel} is already that of {leg_on[channel]}; free channels are {free}",

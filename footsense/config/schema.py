@@ -30,6 +30,7 @@ Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr"]
 PCA9685_ALLCALL = 0x70
 
 Channel = Annotated[int, Meta(ge=0, le=tca9548a.CHANNELS - 1, description="a channel of the TCA9548A")]
+Device = Annotated[str, Meta(pattern=r"^(/dev/[^\s]+|sim[0-9]?)$", description="such as /dev/i2c-1, or sim")]
 StrayPf = Annotated[
     tuple[Annotated[float, Meta(ge=0.0, le=20.0)], ...], Meta(min_length=ELEMENTS, max_length=ELEMENTS)
 ]
@@ -70,19 +71,28 @@ class Bus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         device: The adapter: `/dev/i2c-N`, or `sim`, `sim1`, ... for a simulated one.
         rate_hz: Clock of the bus [Hz]; tells how long a transaction takes, does not set it.
         mux: The multiplexer.
-        legs: Channel of the multiplexer for each leg.
+        legs: Channel of the multiplexer for each leg; or, where the kernel drives it (i2c-mux-pca954x), the adapter
+            that it made of the leg's channel.
         other_devices: What else answers on the trunk.
     """
 
-    device: Annotated[
-        str, Meta(pattern=r"^(/dev/[^\s]+|sim[0-9]?)$", description="such as /dev/i2c-1, or sim")
-    ]
-    legs: Annotated[dict[Leg, Channel], Meta(min_length=1)]
+    device: Device
+    legs: Annotated[dict[Leg, Channel | Device], Meta(min_length=1)]
     rate_hz: Annotated[
         int, Meta(ge=10_000, le=400_000, description="FDC1004 and TCA9548A are 400 kHz parts")
     ] = 400_000
     mux: Mux = Mux()
     other_devices: tuple[OtherDevice, ...] = ()
+
+    @property
+    def channels(self) -> dict[str, int]:
+        """Return each leg's channel; none where the kernel drives the multiplexer."""
+        return {leg: channel for leg, channel in self.legs.items() if isinstance(channel, int)}
+
+    @property
+    def adapters(self) -> dict[str, str]:
+        """Return each leg's adapter where the kernel drives the multiplexer; none where it does not."""
+        return {leg: device for leg, device in self.legs.items() if isinstance(device, str)}
 
 
 class Scan(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

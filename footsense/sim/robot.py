@@ -19,6 +19,7 @@ from footsense.sim.fabricated import Foot
 from footsense.sim.faults import OnChips, OnFoot, OnWires, StuckSda
 from footsense.sim.fdc1004_chip import SimulatedFdc1004
 from footsense.sim.foot import FootResponse
+from footsense.sim.kernel_mux import SimulatedKernelMuxLeg
 from footsense.sim.load import Load
 from footsense.sim.row_switch import SimulatedRowSwitch
 from footsense.sim.scene import Scene
@@ -28,11 +29,19 @@ _COLUMNS = 3
 
 
 class Wiring(NamedTuple):
-    """One simulated bus: its clock rate, the mux address, and each leg's mux channel."""
+    """One simulated bus.
+
+    Attributes:
+        rate_hz: Its clock [Hz].
+        mux_address: Address of its mux.
+        channels: Mux channel of each leg.
+        kernel_mux: Whether the kernel drives the mux, and each leg is an adapter of its own.
+    """
 
     rate_hz: int
     mux_address: int
     channels: dict[str, int]
+    kernel_mux: bool = False
 
 
 class SimulatedLeg:
@@ -116,7 +125,8 @@ class SimulatedRobot:
     Attributes:
         clocks: The time of each bus.
         clock: The time of whoever uses all buses together.
-        buses: The adapters.
+        buses: The trunks: the adapters, unless the kernel drives the mux.
+        adapters: Adapter of each leg by name, for every bus whose mux the kernel drives; empty for the others.
         muxes: The mux of each, whose RESET pin a line of the host may drive.
         response_sha256: Hash of the table that its feet follow.
     """
@@ -129,13 +139,16 @@ class SimulatedRobot:
         self.clock = JoinedClock(self.clocks)
         self.buses: list[SimulatedBus | FailingBus] = []
         self.muxes: list[SimulatedMux] = []
-        host_cost_ns = round(scene.host_cost_us * 1e3)
+        self.adapters: list[dict[str, SimulatedKernelMuxLeg]] = []
         for number, (wiring, clock) in enumerate(zip(buses, self.clocks, strict=True)):
             legs = {
                 channel: SimulatedLeg(leg, self._legs.index(leg), scene, self._load, response)
                 for leg, channel in wiring.channels.items()
             }
             mux = SimulatedMux(wiring.mux_address)
+            # A mux that the kernel drives is switched without a system call: there each leg brings the host's cost.
+            leg_cost_ns = round(scene.host_cost_us * 1e3)
+            host_cost_ns = 0 if wiring.kernel_mux else leg_cost_ns
             bus: SimulatedBus | FailingBus = SimulatedBus(
                 clock,
                 rate_hz=wiring.rate_hz,
@@ -162,6 +175,13 @@ class SimulatedRobot:
                 )
             self.buses.append(bus)
             self.muxes.append(mux)
+            self.adapters.append(
+                {
+                    leg: SimulatedKernelMuxLeg(bus, clock, mux, channel, leg_cost_ns)
+                    for leg, channel in wiring.channels.items()
+                    if wiring.kernel_mux
+                }
+            )
 
     def felt_n(self, t_ns: int) -> NDArray[np.float64]:
         """Return the force that every foot really feels at a time [N], shape (legs, 3), foot frame."""
