@@ -5,7 +5,8 @@
     ├── RecordingError        exit 3   not a recording, or cut short: what is whole was still replayed
     ├── ModelError            exit 4   a model is missing, corrupt, or made for another foot
     ├── HardwareError         exit 5   the bus or a chip that everything needs is not there
-    │   └── BusError                   one transaction failed; the scanner turns it into a state
+    │   ├── WrongChipError             another chip answers; the scanner turns it into a state, as it does these:
+    │   └── BusError                   one transaction failed
     │       ├── NackError              nobody acknowledged the address or a byte
     │       └── BusTimeoutError        the adapter gave up: a line is held low
     └── CanError              exit 6   the CAN channel is not there or is down
@@ -43,6 +44,10 @@ class HardwareError(FootsenseError):
     """A bus or chip that the service cannot work without is not there."""
 
     exit_code = 5
+
+
+class WrongChipError(HardwareError):
+    """Something else than the expected chip answers at its address."""
 
 
 class BusError(HardwareError):

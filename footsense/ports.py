@@ -44,6 +44,14 @@ class I2cBus(Protocol):
         ...
 
 
+class ResetLine(Protocol):
+    """The RESET pin of a mux, driven by the host."""
+
+    def pulse(self) -> None:
+        """Pull the pin low for a moment, which disconnects every channel."""
+        ...
+
+
 class Clock(Protocol):
     """Monotonic time; the only time in the program."""
 

@@ -4,9 +4,9 @@ Only these transactions are used, because only they work on every adapter: a wri
 read of the same address. Their kernel messages are built once per transaction and used again.
 """
 
-import contextlib
 import errno
 import fcntl
+import logging
 from typing import Protocol
 
 import smbus2
@@ -14,9 +14,13 @@ import smbus2
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
 from footsense.ports import Transaction
 
-_I2C_TIMEOUT = 0x0702  # linux/i2c-dev.h
+_I2C_RETRIES, _I2C_TIMEOUT = 0x0701, 0x0702  # linux/i2c-dev.h
 #: Adapter timeout in units of 10 ms. The kernel's default of 1 s would let one stuck leg stop all others for as long.
 _TIMEOUT_10MS = 2
+#: How often the kernel begins a transaction again that lost arbitration to another master.
+_RETRIES = 1
+
+_log = logging.getLogger(__name__)
 
 _NO_ADAPTER = {errno.ENOTTY, errno.EINVAL, errno.EISDIR}
 _NACK_ERRNOS = {errno.EREMOTEIO, errno.ENXIO}
@@ -68,9 +72,16 @@ class LinuxI2cBus:
             # Other kinds of files do not know the question that an adapter answers.
             what = "not an I2C adapter; see `ls /dev/i2c-*`" if error.errno in _NO_ADAPTER else error.strerror
             raise HardwareError(f"{device}: {what}") from error
-        # An adapter that does not take the timeout still works, only slower when a line is stuck.
-        with contextlib.suppress(OSError):
+        try:
             fcntl.ioctl(adapter.fd, _I2C_TIMEOUT, _TIMEOUT_10MS)
+            fcntl.ioctl(adapter.fd, _I2C_RETRIES, _RETRIES)
+        except OSError as error:
+            # Such an adapter still works, only slower when a line is stuck.
+            _log.warning(
+                "%s: its timeout cannot be shortened (%s); a line that is held low may stop all legs for 1 s",
+                device,
+                error.strerror,
+            )
         return cls(adapter, device)
 
     def transfer(self, transaction: Transaction) -> bytes:
@@ -92,6 +103,8 @@ class LinuxI2cBus:
                 raise NackError(f"{where}: no acknowledge") from error
             if error.errno == errno.ETIMEDOUT:
                 raise BusTimeoutError(f"{where}: timeout, SDA or SCL is held low") from error
+            if error.errno == errno.EAGAIN:
+                raise BusError(f"{where}: arbitration lost, another master is on this bus") from error
             raise BusError(f"{where}: {error.strerror or error}") from error
         return bytes(messages[-1]) if transaction.n_read else b""
 

@@ -11,11 +11,13 @@ settings are held, is asked of all legs in one read: their answers are a wired A
 Only when it says otherwise is each leg asked alone. A result is read while the next conversion runs in another slot of
 the converter. A leg that fails is left out for the rest of the scan, so that it costs the others no more time.
 
+A line of the bus that is held low blocks all legs. The leg that holds it is looked for at once (`leg_search.py`), and
+what the others had been doing is begun anew without it.
+
 Where the bus is slow, a conversion leaves no time for checks of rows and settings. They are then asked one a scan, in
 turn, instead of all in each.
 """
 
-import contextlib
 import logging
 from typing import NamedTuple
 
@@ -25,15 +27,22 @@ from numpy.typing import NDArray
 from footsense.drivers import fdc1004
 from footsense.drivers.bus_timing import Timing, measure, spare_ns, timing
 from footsense.drivers.leg_link import LegLink
+from footsense.drivers.leg_search import leave_out_holders, probe, probe_one
 from footsense.drivers.scan_plan import Check, ScanPlan, Step
 from footsense.drivers.trunk import Trunk
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
 from footsense.frames import ELEMENTS, Reading
-from footsense.ports import Clock, I2cBus
+from footsense.ports import Clock, I2cBus, ResetLine
 
 _log = logging.getLogger(__name__)
 
 _NAN = float("nan")
+#: How often anything that fails is done before it counts as failed.
+_TRIES = 2
+
+
+class _HeldUpError(Exception):
+    """A line was held low; whoever holds it is now left out, and what the others did has to be begun anew."""
 
 
 class BusScan(NamedTuple):
@@ -52,12 +61,14 @@ class _Conversion(NamedTuple):
         t_start_ns: When its trigger had gone out [ns].
         legs: The legs that were told to convert; none if a transaction failed.
         row_selected: Whether the row was selected for it, or left from the step before.
+        unread: What a leg that gives no reading of it has to say.
     """
 
     step: Step
     t_start_ns: int
     legs: tuple[LegLink, ...]
     row_selected: bool
+    unread: Reading
 
 
 class BusScanner:
@@ -69,6 +80,8 @@ class BusScanner:
         channels: Mux channel of each leg by name, in the order of the rows of its scans.
         mux_address: Address of the TCA9548A.
         plan: What to do in one scan.
+        reset_line: The RESET pin of the mux; None if nothing drives it. Without it, a leg that holds a line low stops
+            all legs of its bus for as long as it does.
 
     Attributes:
         timing: What the bus costs and allows; measured by `start`.
@@ -76,9 +89,15 @@ class BusScanner:
     """
 
     def __init__(
-        self, bus: I2cBus, clock: Clock, channels: dict[str, int], mux_address: int, plan: ScanPlan
+        self,
+        bus: I2cBus,
+        clock: Clock,
+        channels: dict[str, int],
+        mux_address: int,
+        plan: ScanPlan,
+        reset_line: ResetLine | None = None,
     ) -> None:
-        self._trunk = Trunk(bus, mux_address)
+        self._trunk = Trunk(bus, mux_address, reset_line)
         self._clock = clock
         self._plan = plan
         self._legs = tuple(LegLink(name, channel) for name, channel in channels.items())
@@ -102,7 +121,8 @@ class BusScanner:
         """
         mux = f"the mux (TCA9548A) at {self._trunk.mux_address:#04x}"
         try:
-            self._trunk.connect(())
+            if not self._trunk.free():
+                self._trunk.connect(())
             costs = measure(self._trunk.bus, self._clock, self._trunk.mux_address)
         except NackError as error:
             raise HardwareError(
@@ -117,19 +137,40 @@ class BusScanner:
         )
         for leg in self._legs:
             leg.retry_at_ns = 0
-            self._probe(leg, self._plan.steps[0])
+            probe(self._trunk, leg, self._legs, self._plan.steps[0].select_row, self._clock)
 
     def scan(self) -> BusScan:
         """Run the plan once and return what it read; the first conversion of the next scan is then running."""
-        self._refuse_old(self._plan.steps[0])
-        for _ in self._plan.steps:
-            self._step()
-        return self._copy()
+        for _ in range(_TRIES):
+            try:
+                self._refuse_old(self._plan.steps[0])
+                for _ in self._plan.steps:
+                    self._step()
+            except _HeldUpError:
+                self._running, self._position = None, 0
+            else:
+                return self._copy()
+        return self._held_up(slice(None))
 
     def step(self) -> BusScan:
         """Read one element of every leg, the next one of the plan, and return it among the latest of the others."""
-        self._refuse_old(self._plan.steps[self._position])
-        self._step()
+        position = self._position
+        for _ in range(_TRIES):
+            try:
+                self._refuse_old(self._plan.steps[position])
+                self._step()
+            except _HeldUpError:
+                self._running, self._position = None, position
+            else:
+                return self._copy()
+        return self._held_up(self._plan.steps[position].element)
+
+    def _held_up(self, elements: int | slice) -> BusScan:
+        """Return the latest readings without those of these elements, which could not be read in time."""
+        t_ns, capacitance_pf, reading = self._latest
+        t_ns[:, elements], capacitance_pf[:, elements] = 0, _NAN
+        for row, leg in enumerate(self._legs):
+            reading[row, elements] = Reading.HELD_UP if leg.in_scan else leg.outcome
         return self._copy()
 
     def _copy(self) -> BusScan:
@@ -166,7 +207,7 @@ class BusScanner:
         finished = running
         running = self._begin(following, select_row=following.row_changes or not finished.legs)
         into.t_ns[:, step.element], into.capacitance_pf[:, step.element] = 0, _NAN
-        into.reading[:, step.element] = Reading.NO_ANSWER
+        into.reading[:, step.element] = finished.unread
         for leg, outcome in failed.items():
             # The settings are checked in the last step: a leg that was not there has nothing that counts.
             elements = slice(None) if ends else step.element
@@ -178,7 +219,7 @@ class BusScanner:
         if ends:
             self._n_scans += 1
             self._note(into)
-            self._probe_one(running.step)
+            probe_one(self._trunk, self._legs, running.step.select_row, self._clock)
 
     def stop(self) -> None:
         """Disconnect every leg from the trunk."""
@@ -190,16 +231,20 @@ class BusScanner:
     def _begin(self, step: Step, *, select_row: bool) -> _Conversion:
         """Start one conversion on every leg at once."""
         legs = self._active()
-        try:
-            if legs:
+        unread = Reading.NO_ANSWER
+        for _ in range(_TRIES if legs else 0):
+            try:
                 self._trunk.connect(_channels(legs))
                 if select_row:
                     self._trunk.bus.transfer(step.select_row)
                 self._trunk.bus.transfer(step.trigger)
-        except BusError as error:
-            self._give_up(error)
-            legs = ()
-        return _Conversion(step, self._clock.now_ns(), legs, select_row)
+            except BusError as error:
+                self._look_for_holder(error)
+                self._trunk.doubt()  # the mux may have lost its selection: then nobody is there to answer
+                unread = Reading.NO_ANSWER if isinstance(error, NackError) else Reading.HELD_UP
+            else:
+                return _Conversion(step, self._clock.now_ns(), legs, select_row, Reading.NO_ANSWER)
+        return _Conversion(step, self._clock.now_ns(), (), select_row, unread)
 
     def _read_out(self, conversion: _Conversion, failed: dict[LegLink, Reading], into: BusScan) -> None:
         """Read one finished conversion from every leg that did it, into the element's column."""
@@ -225,18 +270,28 @@ class BusScanner:
             return False
         try:
             return fdc1004.is_done(self._trunk.bus.transfer(fdc1004.READ_CONF), step.slot)
-        except BusError:
+        except BusError as error:
+            self._look_for_holder(error)
             return False
 
     def _read_leg(self, leg: LegLink, step: Step, *, all_done: bool) -> tuple[Reading, float]:
-        try:
-            self._trunk.connect((leg.channel,))
-            if not all_done and not fdc1004.is_done(self._trunk.bus.transfer(fdc1004.READ_CONF), step.slot):
-                return Reading.NOT_READY, _NAN
-            return fdc1004.decode_result([self._trunk.bus.transfer(read) for read in step.read])
-        except BusError as error:
-            self._give_up(error)
-            return Reading.NO_ANSWER, _NAN
+        reading = Reading.NO_ANSWER
+        for _ in range(_TRIES):
+            try:
+                self._trunk.connect((leg.channel,))
+                if not all_done:
+                    conf = self._trunk.bus.transfer(fdc1004.READ_CONF)
+                    if fdc1004.is_garbled(conf):
+                        reading = Reading.GARBLED
+                        continue
+                    if not fdc1004.is_done(conf, step.slot):
+                        return Reading.NOT_READY, _NAN
+                return fdc1004.decode_result([self._trunk.bus.transfer(read) for read in step.read])
+            except BusError as error:
+                self._look_for_holder(error)
+                self._trunk.doubt()
+                reading = Reading.NO_ANSWER if isinstance(error, NackError) else Reading.HELD_UP
+        return reading, _NAN
 
     def _is_checked(self, conversion: _Conversion) -> bool:
         """Tell whether rows and settings are asked for during this conversion."""
@@ -262,7 +317,7 @@ class BusScanner:
         try:
             return self._trunk.holds(_channels(legs), check)
         except BusError as error:
-            self._give_up(error)
+            self._look_for_holder(error)
             return False
 
     def _discard_results(self) -> None:
@@ -273,7 +328,7 @@ class BusScanner:
                 for read in fdc1004.ALL_RESULTS:
                     self._trunk.bus.transfer(read)
             except BusError as error:
-                self._give_up(error)
+                self._look_for_holder(error)
 
     def _rejoin(self, first: Step) -> None:
         """Bring every leg that failed in this scan to where the others are, so that it takes part in the next one.
@@ -290,7 +345,7 @@ class BusScanner:
                 for read in fdc1004.ALL_RESULTS:
                     self._trunk.bus.transfer(read)
             except BusError as error:
-                self._give_up(error)
+                self._look_for_holder(error)
             else:
                 leg.outcome = Reading.OK
 
@@ -300,39 +355,24 @@ class BusScanner:
             if leg.in_scan:
                 leg.note_scan(scan.reading[row], now_ns)
 
-    def _probe_one(self, step: Step) -> None:
-        """Try the leg that has waited longest, if one is due; one a scan, so that the others keep their time."""
-        now_ns = self._clock.now_ns()
-        due = [leg for leg in self._legs if not leg.in_scan and leg.retry_at_ns <= now_ns]
-        if due:
-            leg = min(due, key=lambda leg: leg.retry_at_ns)
-            outcome = leg.outcome
-            self._probe(leg, step)
-            if leg.in_scan:
-                leg.outcome = (
-                    outcome  # it was not told of the conversion that runs, and joins with the next scan
-                )
+    def _look_for_holder(self, error: BusError) -> None:
+        """Do nothing about an error but if a line is held low: then leave out who holds it.
 
-    def _probe(self, leg: LegLink, step: Step) -> None:
-        try:
-            self._trunk.connect((leg.channel,))
-        except BusError as error:
-            leg.leave(Reading.NO_ANSWER, str(error), self._clock.now_ns())
-        else:
-            leg.probe(self._trunk.bus, step.select_row, self._clock.now_ns())
-
-    def _give_up(self, error: BusError) -> None:
-        """Leave all legs alone for a while if a line is stuck: each further try would cost a timeout."""
+        Raises:
+            _HeldUpError: All have lost time, and the mux its selection.
+        """
         if isinstance(error, BusTimeoutError):
-            for leg in self._legs:
-                if leg.in_scan:
-                    leg.leave(Reading.NO_ANSWER, str(error), self._clock.now_ns())
+            in_scan = [leg for leg in self._legs if leg.in_scan]
+            leave_out_holders(self._trunk, in_scan, self._plan.steps[0].row_check.ask, self._clock)
+            raise _HeldUpError from error
 
     def _prepare(self) -> None:
         """Connect all legs while the conversion still runs; if that fails, `_begin` tries once more."""
         if legs := self._active():
-            with contextlib.suppress(BusError):
+            try:
                 self._trunk.connect(_channels(legs))
+            except BusError as error:
+                self._look_for_holder(error)
 
     def _active(self) -> tuple[LegLink, ...]:
         """Return the legs that take part in this scan and have not failed in it."""

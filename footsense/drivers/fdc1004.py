@@ -5,11 +5,14 @@ held low as zeros. Register meanings: `firmware_interface/fdc1004.py`.
 """
 
 from firmware_interface import fdc1004 as chip
-from footsense.errors import HardwareError, NackError
+from footsense.errors import HardwareError, NackError, WrongChipError
 from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction
 
 COLUMNS = 3
+
+#: Bits of FDC_CONF that read as zero on a chip that is used as here (section 8.6.1.3).
+_NEVER_SET = 0x7300
 
 
 def write_register(register: int, word: int) -> Transaction:
@@ -32,7 +35,9 @@ def identify(bus: I2cBus) -> None:
     """Make sure that the connected chip is an FDC1004.
 
     Raises:
-        HardwareError: Nothing answers, or something else does; the text says what that usually means.
+        HardwareError: Nothing answers.
+        WrongChipError: Something else does; the text says what that usually means.
+        BusError: The transaction failed otherwise.
     """
     try:
         manufacturer = _read_word(bus, chip.Register.MANUFACTURER_ID)
@@ -51,7 +56,7 @@ def identify(bus: I2cBus) -> None:
         why = "SDA is held low: check for a short or a chip without power"
     else:
         why = "another chip has this address, such as a 24Cxx EEPROM"
-    raise HardwareError(f"{found}, {wanted}; {why}")
+    raise WrongChipError(f"{found}, {wanted}; {why}")
 
 
 def configure(bus: I2cBus) -> None:
@@ -63,6 +68,11 @@ def configure(bus: I2cBus) -> None:
     bus.transfer(_RESET)
     for slot in range(COLUMNS):
         bus.transfer(write_register(chip.Register.CONF_MEAS1 + slot, chip.measurement_config(slot)))
+
+
+def is_garbled(conf_answer: bytes) -> bool:
+    """Tell whether an answer to READ_CONF has bits that no FDC1004 sends: reserved ones, or REPEAT, never asked for."""
+    return bool(_word(conf_answer) & _NEVER_SET)
 
 
 def is_done(conf_answer: bytes, slot: int) -> bool:
@@ -85,6 +95,8 @@ def result_reads(slot: int, rate_sps: int) -> tuple[Transaction, ...]:
 def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
     """Return what the answers to `result_reads` say, and the capacitance [pF], NaN unless the reading is OK."""
     words = [_word(answer) for answer in answers]
+    if any(word & 0xFF for word in words[1:]):  # the lower half of a lower register is reserved
+        return Reading.GARBLED, float("nan")
     # The upper word alone tells the ends of the range: 0x7FFF is also what an unfinished measurement reads as.
     if words[0] in {chip.CODE_MAX >> 8, chip.CODE_MIN >> 8 & 0xFFFF}:
         return Reading.OVER_RANGE, float("nan")

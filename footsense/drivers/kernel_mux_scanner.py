@@ -156,7 +156,7 @@ class KernelMuxScanner:
     def _give_up(self, leg: LegLink, error: BusError) -> None:
         """Leave a leg alone for a while if a line is stuck: each further try would cost a timeout."""
         if isinstance(error, BusTimeoutError):
-            leg.leave(Reading.NO_ANSWER, str(error), self._clock.now_ns())
+            leg.leave(Reading.LINE_HELD, str(error), self._clock.now_ns())
 
     def _begin_anew(self, row: int, step: Step) -> None:
         """Start a conversion on a leg of which nothing is known; what its converter has left is read away first."""

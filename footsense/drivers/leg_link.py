@@ -2,7 +2,8 @@
 
 A leg that fails for `MISSES_ALLOWED` scans in a row is left out, so that it costs the others nothing; it is tried
 again with growing pauses, one leg per scan at most. A converter that answers but never finishes is reset the same
-way, which is what frees a hung FDC1004.
+way, which is what frees a hung FDC1004. A leg that holds a line of the bus low is left out at once and tried more
+rarely: each try costs the others an adapter's timeout.
 """
 
 import logging
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.drivers import fdc1004
-from footsense.errors import HardwareError
+from footsense.errors import BusTimeoutError, HardwareError, WrongChipError
 from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction
 
@@ -20,11 +21,15 @@ _log = logging.getLogger(__name__)
 MISSES_ALLOWED = 3
 _FIRST_PAUSE_NS = 250_000_000
 _LONGEST_PAUSE_NS = 4_000_000_000
+#: The same of a leg that holds a line, over those of another one.
+_HELD_PAUSES = 4
 
 _WORDS = {
     Reading.NO_ANSWER: "does not answer",
     Reading.NOT_READY: "does not finish its conversions",
     Reading.MISCONFIGURED: "does not hold its settings",
+    Reading.GARBLED: "answers as no converter does",
+    Reading.LINE_HELD: "holds a line of the bus low",
 }
 
 
@@ -60,6 +65,10 @@ class LegLink:
             fdc1004.identify(bus)
             fdc1004.configure(bus)
             bus.transfer(select_row)
+        except BusTimeoutError as error:
+            self.leave(Reading.LINE_HELD, str(error), now_ns)
+        except WrongChipError as error:
+            self.leave(Reading.WRONG_CHIP, str(error), now_ns)
         except HardwareError as error:
             self.leave(Reading.NO_ANSWER, str(error), now_ns)
         else:
@@ -81,9 +90,9 @@ class LegLink:
 
     def leave(self, outcome: Reading, why: str, now_ns: int) -> None:
         """Leave the leg out of the scans, and put off the next try: twice as long each time."""
-        if self._pause_ns == _FIRST_PAUSE_NS:
+        if outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS:
             _log.warning("leg %s: %s; left out of the scan and tried again later", self.name, why)
         self.in_scan = False
         self.outcome = outcome
-        self.retry_at_ns = now_ns + self._pause_ns
+        self.retry_at_ns = now_ns + self._pause_ns * (_HELD_PAUSES if outcome is Reading.LINE_HELD else 1)
         self._pause_ns = min(2 * self._pause_ns, _LONGEST_PAUSE_NS)

@@ -58,7 +58,7 @@ class _Noisy:
 
 
 class _Eeprom:
-    """A blank 24C02 that answers at the converter's address during a span of time: 256 bytes of ones, readable on."""
+    """A 24C02 that answers at the converter's address during a span of time; each byte in it is its address."""
 
     address = fdc1004.ADDRESS
 
@@ -66,7 +66,7 @@ class _Eeprom:
         self._chip = chip
         self._spans = [span_ns]
         self._pointer = 0
-        self._memory = bytearray(b"\xff" * 256)
+        self._memory = bytearray(range(256))
 
     def acknowledges(self, t_ns: int) -> bool:
         return during(self._spans, t_ns) or self._chip.acknowledges(t_ns)
