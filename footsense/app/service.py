@@ -17,7 +17,7 @@ from footsense.core.pipeline import Pipeline
 from footsense.errors import ConfigError, RecordingError
 from footsense.frames import Flag
 from footsense.inference.network import Network
-from footsense.ports import Clock, FrameSource, Observer
+from footsense.ports import CanWire, Clock, FrameSource, Observer
 from footsense.publish.can_log import check_log_target
 from footsense.publish.can_sink import CanSink
 from footsense.publish.can_stats import CanStats
@@ -36,7 +36,13 @@ _log = logging.getLogger(__name__)
 
 @contextmanager
 def can_sink(
-    config: Config, clock: Clock, log_file: Path | None, stats: CanStats | None = None
+    config: Config,
+    clock: Clock,
+    log_file: Path | None,
+    stats: CanStats | None = None,
+    *,
+    real_time: bool = False,
+    connect: Callable[[], CanWire] | None = None,
 ) -> Iterator[CanSink]:
     """Open the CAN channel, and end with every leg's heartbeat `stopped`.
 
@@ -56,6 +62,8 @@ def can_sink(
         log_file=log_file,
         bitrate=config.can.bitrate,
         stats=stats,
+        log_waits=not real_time,
+        connect=connect,
     )
     with _ending(sink.close):
         yield sink
@@ -173,7 +181,7 @@ def service(
             exporter = start_exporter(metrics.path, config.metrics.address, config.metrics.port)
             stack.callback(exporter.close)
             observers.append(metrics)
-        sink = stack.enter_context(can_sink(config, scan.clock, can_log, stats))
+        sink = stack.enter_context(can_sink(config, scan.clock, can_log, stats, real_time=real_time))
         if record is not None:
             header = _recording_header(config, scene, network, flags)
             recorder = Recorder(record, legs, header, blocking=not real_time)

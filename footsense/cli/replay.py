@@ -83,7 +83,7 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool) -> 
     pipeline = app.pipeline_for(config, network, app.recorded_flags(recording))
     n_frames = 0
     with ExitStack() as stack:
-        sink = stack.enter_context(app.can_sink(config, clock, can_log))
+        sink = stack.enter_context(app.can_sink(config, clock, can_log, real_time=realtime))
         frames = Paced(source, clock, MonotonicClock()) if realtime else source
         while (scan := frames.read()) is not None:
             recorded = source.cycle

@@ -1,33 +1,33 @@
-"""One CAN channel and the log of what was sent on it: the only file that knows python-can.
+"""One CAN channel and the log of what was sent on it.
 
 A frame that the channel does not take at once is dropped and counted, never tried again: by then there is a
-newer one. Nothing here waits, and once the channel is open nothing here raises.
+newer one. An interface that goes down or disappears is opened again, at growing intervals, for as long as it
+takes. Nothing here waits, and once the channel is open nothing here raises.
 
-Each frame carries the time of its forces, so that on the virtual channel and in the log a simulated minute
-lasts a minute. python-can does not check the settings that it is given and would add those of files in the
-home directory: it gets the chance for neither.
+What becomes of a frame between the kernel's queue and the wire is a matter of the interface's settings:
+`deploy/80-can0.network` says which.
 """
 
-import contextlib
-import errno
 import logging
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-from footsense.errors import CanError, RecordingError
-from footsense.publish.can_log import check_log_suffix, open_log
+from firmware_interface.socketcan import FRAME_BYTES, is_data, is_error, pack_frame, split_frames
+from footsense.errors import CanError
+from footsense.ports import CanWire
+from footsense.publish.can_bus import open_wire, what_is_wrong
+from footsense.publish.can_health import BusHealth
+from footsense.publish.can_log import CanLog, check_log_suffix
 from footsense.publish.can_stats import CanStats
-
-if TYPE_CHECKING:
-    import can
 
 __all__ = ["CanChannel"]
 
-#: Ends the drain of a channel that never falls silent; a full bus of 1 Mbit/s carries fewer frames in a scan.
-_MAX_DRAINED = 1000
+_log = logging.getLogger(__name__)
 
-_NO_CHANNEL = {errno.ENETDOWN, errno.ENXIO, errno.ENODEV, errno.EAFNOSUPPORT}
+#: Shortest and longest time between two attempts to open an interface that has gone [ns].
+_BACK_OFF_NS = 50_000_000
+_LONGEST_BACK_OFF_NS = 1_000_000_000
 
 
 class CanChannel:
@@ -41,9 +41,8 @@ class CanChannel:
         greeting: First frames, by CAN id; they also show whether the channel is up.
         log_file: File for every frame sent, its format by suffix; None for none. Made when all else is well.
         stats: Where to count.
-
-    Attributes:
-        log_error: Why the log ended early, such as a full disk; empty while it is whole.
+        log_waits: Whether the log may make the loop wait, as in virtual time.
+        connect: Opens the interface; None for python-can's way to `interface` and `channel`.
 
     Raises:
         ConfigError: The log's suffix is unknown.
@@ -61,78 +60,83 @@ class CanChannel:
         greeting: Mapping[int, bytes],
         log_file: Path | None,
         stats: CanStats,
+        log_waits: bool = False,
+        connect: Callable[[], CanWire] | None = None,
     ) -> None:
         if log_file is not None:
             check_log_suffix(log_file)
-        import can
-
         self.stats = stats
-        self.log_error = ""
-        self._failures = (can.CanError, OSError)
         self._accept = frozenset(accept)
-        self._log_file = log_file
-        self._log: can.io.generic.FileIOMessageWriter[Any] | None = None
-        self._unlogged: list[can.Message] = []
+        self._explain = partial(what_is_wrong, interface, channel, bitrate)
+        self._connect: Callable[[], CanWire] = connect or partial(
+            open_wire, interface, channel, bitrate, self._accept
+        )
+        self._name = f"CAN channel {channel} ({interface})"
+        self._health = BusHealth(channel, stats)
+        self._t_ns = 0
+        self._back_off_ns = 0  # 0: the interface is there
+        self._due_ns = 0
+        self._lost_ns = 0
+        self._log: CanLog | None = None
+        self._wire: CanWire | None = self._connect()
         try:
-            self._bus = can.Bus(
-                interface=interface, channel=channel, ignore_config=True, **_options(interface, accept)
-            )
-        except (can.CanError, OSError, ValueError, ImportError, NotImplementedError) as error:
-            raise CanError(_what_is_wrong(interface, channel, bitrate, error)) from error
-        try:
-            self._greet(greeting, interface, channel, bitrate)
+            # Sent before there is a log, and before there are forces to tell the time.
+            self._unlogged = self._greet(b"".join(pack_frame(*frame) for frame in greeting.items()))
             if log_file is not None:
-                self._log = open_log(log_file, channel)
+                self._log = CanLog(log_file, channel, stats, waits=log_waits)
         except BaseException:
-            self._bus.shutdown()
+            self._let_go()
             raise
 
-    def frame(self, can_id: int, length: int) -> "can.Message":
-        """Return a frame to be filled and sent again and again; python-can copies what it is handed."""
-        import can
-
-        return can.Message(arbitration_id=can_id, is_extended_id=False, data=bytes(length), is_rx=False)
-
-    def send(self, frame: "can.Message", data: bytes, stamp_s: float) -> None:
-        """Fill a frame and hand it over, or drop it.
+    def send(self, frames: bytes, t_ns: int) -> int:
+        """Hand over frames up to the first for which there is no room, and drop the rest.
 
         Args:
-            frame: One that `frame` made.
-            data: Its contents, of the same length.
-            stamp_s: Time to be written to the log [s].
+            frames: Whole frames behind each other, as in `firmware_interface.socketcan`.
+            t_ns: The present time [ns]; the log shows it.
+
+        Returns:
+            How many were taken.
         """
-        frame.data[:] = data
-        frame.timestamp = stamp_s
-        try:
-            self._bus.send(frame, timeout=0)
-        except self._failures:
-            self.stats.dropped += 1
-            return
-        self.stats.sent += 1
-        if self._log is not None:
-            self._write_log(self._log, frame)
+        self._t_ns = t_ns
+        n = len(frames) // FRAME_BYTES
+        taken = 0
+        wire = self._wire or self._try_again()
+        if wire is not None:
+            try:
+                taken = wire.send(frames, t_ns)
+            except OSError as error:
+                self._lose(error)
+            else:
+                if self._back_off_ns:
+                    self._say_back()
+        self.stats.sent += taken
+        self.stats.dropped += n - taken
+        if self._log is not None and taken:
+            if self._unlogged:
+                self._log.add(t_ns, self._unlogged)
+                self._unlogged = b""
+            self._log.add(t_ns, frames[: taken * FRAME_BYTES])
+        return taken
 
     def receive(self) -> list[tuple[int, bytes]]:
-        """Return id and data of each accepted frame that has arrived, oldest first.
-
-        The rest is taken from the channel too: an unread queue of the virtual channel grows without bound.
-        """
+        """Return id and data of each accepted frame that has arrived, oldest first; the rest is dropped."""
+        if self._wire is None:
+            return []
+        try:
+            frames = self._wire.receive()
+        except OSError as error:
+            self._lose(error)
+            return []
         arrived = []
-        for _ in range(_MAX_DRAINED):
-            try:
-                # Its recv() measures even no timeout with the wall clock, and waits as long as that is set back.
-                message, _ = self._bus._recv_internal(timeout=0)  # noqa: SLF001
-            except self._failures:
-                break
-            if message is None:
-                break
-            if message.is_error_frame:
-                self.stats.bus_errors += 1
-            elif message.arbitration_id in self._accept and not (
-                message.is_extended_id or message.is_remote_frame
-            ):
-                arrived.append((message.arbitration_id, bytes(message.data)))
+        for frame in frames:
+            can_id, data = next(split_frames(frame))
+            if is_error(can_id):
+                self._health.note(can_id, data, self._t_ns)
+            elif is_data(can_id) and can_id in self._accept:
+                arrived.append((can_id, data))
         self.stats.received += len(arrived)
+        self._health.watch(self._t_ns)
         return arrived
 
     def close(self) -> None:
@@ -141,87 +145,51 @@ class CanChannel:
         Raises:
             RecordingError: The log is not whole.
         """
-        self._bus.shutdown()
+        self._let_go()
         if self._log is not None:
-            self._end_log(self._log)
-        if self.log_error:
-            raise RecordingError(f"{self._log_file}: {self.log_error}; what was sent is not affected")
+            log, self._log = self._log, None
+            log.close()
 
-    def _greet(self, greeting: Mapping[int, bytes], interface: str, channel: str, bitrate: int) -> None:
-        """Send the first frames.
+    def _greet(self, frames: bytes) -> bytes:
+        """Send the first frames and return those that were taken.
 
         Raises:
             CanError: The channel is down. A full queue is no reason: where nobody listens, it fills at once.
         """
-        for can_id, data in greeting.items():
-            frame = self.frame(can_id, len(data))
-            frame.data[:] = data
-            try:
-                self._bus.send(frame, timeout=0)
-            except self._failures as error:
-                if _errno(error) in _NO_CHANNEL:
-                    raise CanError(_what_is_wrong(interface, channel, bitrate, error)) from error
-                self.stats.dropped += 1
-            else:
-                self.stats.sent += 1
-                self._unlogged.append(frame)
-
-    def _write_log(self, log: "can.io.generic.FileIOMessageWriter[Any]", frame: "can.Message") -> None:
-        """Add a frame; a log that cannot grow ends, and the forces go on."""
+        assert self._wire is not None
         try:
-            # The greeting was sent before there was a log, and before there were forces to tell the time.
-            for early in self._unlogged:
-                early.timestamp = frame.timestamp
-                log.on_message_received(early)
-            self._unlogged.clear()
-            log.on_message_received(frame)
+            taken = self._wire.send(frames, 0) if frames else 0
         except OSError as error:
-            self.log_error = f"the CAN log ended early: {error.strerror}"
-            self._end_log(log)
+            raise CanError(self._explain(error)) from error
+        self.stats.sent += taken
+        self.stats.dropped += len(frames) // FRAME_BYTES - taken
+        return frames[: taken * FRAME_BYTES]
 
-    def _end_log(self, log: "can.io.generic.FileIOMessageWriter[Any]") -> None:
-        self._log = None
+    def _lose(self, error: OSError) -> None:
+        """Give up an interface that has gone, and wait longer each time before the next attempt."""
+        self._let_go()
+        if not self._back_off_ns:
+            self._lost_ns = self._t_ns
+            _log.warning("%s; no frame goes out until it is back", self._explain(error))
+        self._back_off_ns = min(max(2 * self._back_off_ns, _BACK_OFF_NS), _LONGEST_BACK_OFF_NS)
+        self._due_ns = self._t_ns + self._back_off_ns
+
+    def _try_again(self) -> CanWire | None:
+        """Open the interface again if it is time to; that it opens does not yet mean that it is up."""
+        if self._t_ns < self._due_ns:
+            return None
         try:
-            log.stop()
-        except OSError as error:
-            self.log_error = self.log_error or f"the CAN log is not whole: {error.strerror}"
-            # python-can leaves the file open where its last words do not fit.
-            with contextlib.suppress(OSError):
-                log.file.close()
+            self._wire = self._connect()
+        except CanError as error:
+            self._lose(OSError(None, str(error)))
+        return self._wire
 
+    def _say_back(self) -> None:
+        self._back_off_ns = 0
+        self.stats.reopened += 1
+        _log.warning("%s is back after %.1f s", self._name, (self._t_ns - self._lost_ns) / 1e9)
 
-def _options(interface: str, accept: Collection[int]) -> dict[str, Any]:
-    """Return what only this kind of channel understands."""
-    if interface == "virtual":
-        return {"preserve_timestamps": True}
-    if interface == "socketcan":
-        # The kernel drops the rest. python-can's own filter would end each drain at the first foreign frame.
-        return {
-            "can_filters": [{"can_id": can_id, "can_mask": 0x7FF, "extended": False} for can_id in accept]
-        }
-    return {}
-
-
-def _errno(error: BaseException) -> int | None:
-    """Return the system's number for what went wrong, which python-can keeps in a field of its own."""
-    number = getattr(error, "error_code", None) or getattr(error, "errno", None)
-    return number if isinstance(number, int) else None
-
-
-def _what_is_wrong(interface: str, channel: str, bitrate: int, error: BaseException) -> str:
-    """Return one line: what is wrong with the channel, and what would be right."""
-    name = f"CAN channel {channel} ({interface})"
-    match _errno(error):
-        case errno.ENETDOWN:
-            kind = "" if channel.startswith("vcan") else f" type can bitrate {bitrate}"
-            return f"{name} is down; try: ip link set {channel} up{kind}"
-        case errno.ENODEV | errno.ENXIO:
-            return f"{name} does not exist; those that do: ip -details link show type can"
-        case errno.EAFNOSUPPORT:
-            return f"{name} needs a kernel with CAN; try: modprobe can_raw"
-        case _:
-            return f"{name} cannot be opened: {error}"
-
-
-# python-can logs what it also raises; without a listener of its own, Python would print that beside our line.
-logging.getLogger("can").addHandler(logging.NullHandler())
+    def _let_go(self) -> None:
+        if self._wire is not None:
+            self._wire.close()
+            self._wire = None

@@ -1,22 +1,40 @@
 """Forces to CAN, and commands from CAN: who sends what when.
 
-For each leg `Force` and `Quality` with every scan, a heartbeat at 5 Hz, and a fault report when the state,
-the element mask or the cause changes. The counters go on over frames that the channel did not take, and show the gap.
+For each leg `Force` and `Quality` with every scan, a heartbeat at 5 Hz, `Zero` at 1 Hz, and a fault report when
+the state, the element mask or the cause changes. All that one scan gives goes out with one call. The counters
+go on over frames that the channel did not take, and show the gap.
+
+Where the channel takes only a part, the rest of the scan is dropped, and the next begins with the leg that came
+off badly: a full queue costs all legs the same. A fault report that was not taken is sent again with the next
+scan, as the fault then is.
+
+The loop drives all of this, the heartbeats too. It turns even if no leg answers; if it stands, its heartbeats
+stop, and that is what they are for.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 
-from firmware_interface import can_events, can_frames
-from firmware_interface.can_codes import NODE_IDS, Cause, NmtState, Result, State
+from firmware_interface import can_events, can_frames, can_zero
+from firmware_interface.can_codes import NODE_IDS, Cause, Flag, NmtState, Result, State
 from firmware_interface.crc8 import FrameError, next_counter
+from firmware_interface.socketcan import FRAME_BYTES, pack_frame
 from footsense.frames import Command, CommandKind, ForceFrame, Outcome
-from footsense.ports import Clock
+from footsense.ports import CanWire, Clock
 from footsense.publish.can_channel import CanChannel
 from footsense.publish.can_stats import CanStats
 
 __all__ = ["CanSink"]
 
 _HEARTBEAT_PERIOD_NS = 200_000_000
+_ZERO_PERIOD_NS = 1_000_000_000
+
+#: Most frames beside Force and Quality that go out with one scan; the others wait for the next. The interface's
+#: queue has room for so many (`deploy/80-can0.network`).
+_MOST_EVENTS = 4
+
+#: Bytes of a leg's Force and Quality.
+_PAIR_BYTES = 2 * FRAME_BYTES
 
 #: The same command with the same counter within this time is a repetition; later, it is a restarted consumer's.
 _REPEAT_NS = 1_000_000_000
@@ -33,19 +51,19 @@ _NMT_OF_STATE = {
 
 
 class _Leg:
-    """One leg's frames and where their counters stand."""
+    """One leg's place on the bus and where its counters stand."""
 
-    def __init__(self, channel: CanChannel, node: int, heartbeat_due_ns: int) -> None:
+    def __init__(self, row: int, node: int, heartbeat_due_ns: int, zero_due_ns: int) -> None:
+        self.row = row
         self.node = node
-        self.force = channel.frame(can_frames.FORCE_ID + node, 8)
-        self.quality = channel.frame(can_frames.QUALITY_ID + node, 8)
-        self.fault = channel.frame(can_events.FAULT_ID + node, 6)
-        self.answer = channel.frame(can_events.ANSWER_ID + node, 4)
-        self.heartbeat = channel.frame(can_events.HEARTBEAT_ID + node, 1)
-        self.counter = 0  # of Force and Quality: the two of one scan have the same
+        self.force_head = pack_frame(can_frames.FORCE_ID + node, bytes(8))[:-8]
+        self.quality_head = pack_frame(can_frames.QUALITY_ID + node, bytes(8))[:-8]
         self.fault_counter = 0
         self.answer_counter = 0
+        self.zero_counter = 0
         self.heartbeat_due_ns = heartbeat_due_ns
+        self.zero_due_ns = zero_due_ns
+        self.degraded_timing = False
         # As if stopped until now: the first state is a change, and a consumer that was here before learns it.
         self.reported = (int(State.STOPPED), 0, int(Cause.NONE))
         self.last_command: tuple[CommandKind, int] | None = None  # its counter
@@ -61,10 +79,12 @@ class CanSink:
         interface: Kind of channel, as python-can calls it: `virtual` or `socketcan`.
         channel: Its name, such as `can0`.
         legs: Name of the leg in each row of the frames.
-        clock: Times the heartbeats.
+        clock: The time that the frames are in.
         log_file: File for every frame sent: candump `.log`, `.asc` or `.blf`; None for none.
         bitrate: Bit rate of the bus [bit/s]; Linux sets it when the interface comes up, so it is only told.
         stats: Where to count; None to begin a new count.
+        log_waits: Whether the log may make the loop wait, as in virtual time.
+        connect: Opens another interface than that of this name, such as a simulated one.
 
     Attributes:
         stats: What the channel has done so far.
@@ -75,7 +95,7 @@ class CanSink:
         CanError: The channel is missing or down.
 
     Timing:
-        Never waits. Six legs: 12 frames a scan and 30 heartbeats a second.
+        Never waits. Six legs: 12 frames a scan, 30 heartbeats and 6 zeros a second; one system call a scan.
     """
 
     def __init__(
@@ -88,6 +108,8 @@ class CanSink:
         log_file: Path | None = None,
         bitrate: int = 500_000,
         stats: CanStats | None = None,
+        log_waits: bool = False,
+        connect: Callable[[], CanWire] | None = None,
     ) -> None:
         self.stats = stats or CanStats()
         nodes = [NODE_IDS[leg] for leg in legs]
@@ -100,55 +122,54 @@ class CanSink:
             greeting={can_events.HEARTBEAT_ID + node: boot for node in nodes},
             log_file=log_file,
             stats=self.stats,
+            log_waits=log_waits,
+            connect=connect,
         )
         self._clock = clock
         now_ns = clock.now_ns()
-        self._stamp_s = now_ns / 1e9
-        # Spread over the period, so that the heartbeats do not all come on top of one scan's burst.
+        # Spread over the periods, so that these frames do not all come on top of one scan's.
         self._legs = [
-            _Leg(self._channel, node, now_ns + row * _HEARTBEAT_PERIOD_NS // len(nodes))
+            _Leg(
+                row,
+                node,
+                now_ns + row * _HEARTBEAT_PERIOD_NS // len(nodes),
+                now_ns + row * _ZERO_PERIOD_NS // len(nodes),
+            )
             for row, node in enumerate(nodes)
         ]
         self._row_of_node = {node: row for row, node in enumerate(nodes)}
+        self._counter = 0  # of every Force and Quality of a scan
+        self._first = 0  # row of the leg whose frames go out first
+        self._told: list[list[int]] = []  # states, masks and causes of which nothing is left to report
+        self._due_ns = now_ns  # of the next heartbeat or zero
         self._closed = False
 
-    @property
-    def log_error(self) -> str:
-        """Why the log ended early, such as a full disk; empty while it is whole."""
-        return self._channel.log_error
-
     def publish(self, frame: ForceFrame) -> None:
-        """Send each leg's force and quality, and the fault reports and heartbeats that are due."""
-        self._stamp_s = frame.t_sent_ns / 1e9
+        """Send each leg's force and quality, and the fault reports, heartbeats and zeros that are due."""
+        t_ns = frame.t_sent_ns
         states: list[int] = frame.state.tolist()
         masks: list[int] = frame.fault_mask.tolist()
-        values = zip(
-            self._legs,
-            states,
-            masks,
-            frame.force_n.tolist(),
-            frame.sigma_n.tolist(),
-            frame.flags.tolist(),
-            frame.t_ns.tolist(),
-            strict=True,
-        )
-        for leg, state, mask, force_n, sigma_n, flags, t_ns in values:
-            counter = leg.counter
-            leg.counter = next_counter(counter)
-            force = can_frames.encode_force(leg.node, counter, state, force_n)
-            self._channel.send(leg.force, force, self._stamp_s)
-            age_ns = frame.t_sent_ns - t_ns if t_ns else None
-            quality = can_frames.encode_quality(leg.node, counter, flags, age_ns, mask, sigma_n)
-            self._channel.send(leg.quality, quality, self._stamp_s)
-        now_ns = self._clock.now_ns()
-        causes: list[int] = frame.cause.tolist()
-        for leg, state, mask, cause in zip(self._legs, states, masks, causes, strict=True):
-            if leg.reported != (state, mask, cause):
-                self._report(leg, state, mask, cause)
-            if now_ns >= leg.heartbeat_due_ns:
-                n_due = 1 + (now_ns - leg.heartbeat_due_ns) // _HEARTBEAT_PERIOD_NS
-                leg.heartbeat_due_ns += n_due * _HEARTBEAT_PERIOD_NS  # those missed are not made up for
-                self._beat(leg, _NMT_OF_STATE.get(state, NmtState.OPERATIONAL))
+        forces = self._encode(frame, states, masks)
+        if self._first:
+            cut = self._first * _PAIR_BYTES
+            forces = forces[cut:] + forces[:cut]
+        told = [states, masks, frame.cause.tolist()]
+        owed = [] if told == self._told else self._changes(told)
+        reports = owed[:_MOST_EVENTS]
+        events = [self._report(leg, now) for leg, now in reports]
+        if t_ns >= self._due_ns:
+            events += self._periodic(frame, states, _MOST_EVENTS - len(events))
+        taken = self._channel.send(forces + b"".join(events), t_ns)
+
+        # A full queue cuts the scan somewhere: the leg that it cut goes first the next time.
+        n_forces = 2 * len(self._legs)
+        self._first = 0 if taken >= n_forces else (self._first + taken // 2) % len(self._legs)
+        n_reported = min(len(reports), max(0, taken - n_forces))
+        for leg, now in reports[:n_reported]:
+            leg.fault_counter = next_counter(leg.fault_counter)
+            leg.reported = now
+        if n_reported == len(owed):
+            self._told = told
 
     def commands(self) -> list[Command]:
         """Return the good commands among the frames that have arrived; the others are counted.
@@ -202,21 +223,91 @@ class CanSink:
         if self._closed:
             return
         self._closed = True
-        for leg in self._legs:
-            self._beat(leg, NmtState.STOPPED)
+        last = b"".join(self._beat(leg, NmtState.STOPPED) for leg in self._legs)
+        self._channel.send(last, self._clock.now_ns())
         self._channel.close()
 
-    def _report(self, leg: _Leg, state: int, mask: int, cause: int) -> None:
-        previous = leg.reported[0]
-        data = can_events.encode_fault(leg.node, leg.fault_counter, state, previous, mask, cause)
-        leg.fault_counter = next_counter(leg.fault_counter)
-        leg.reported = (state, mask, cause)
-        self._channel.send(leg.fault, data, self._stamp_s)
+    def _encode(self, frame: ForceFrame, states: list[int], masks: list[int]) -> bytes:
+        """Return Force and Quality of every leg.
+
+        Leg by leg: for six legs, numpy's calls take as long as the arithmetic that they would save.
+        """
+        counter = self._counter
+        self._counter = next_counter(counter)
+        t_sent_ns = frame.t_sent_ns
+        values = zip(
+            self._legs,
+            states,
+            masks,
+            frame.force_n.tolist(),
+            frame.sigma_n.tolist(),
+            frame.flags.tolist(),
+            frame.t_ns.tolist(),
+            strict=True,
+        )
+        parts: list[bytes] = []
+        for leg, state, mask, force_n, sigma_n, flags, t_ns in values:
+            age_ns = t_sent_ns - t_ns if t_ns else None
+            parts += (
+                leg.force_head,
+                can_frames.encode_force(leg.node, counter, state, force_n),
+                leg.quality_head,
+                can_frames.encode_quality(leg.node, counter, flags, age_ns, mask, sigma_n),
+            )
+        return b"".join(parts)
+
+    def _changes(self, told: list[list[int]]) -> list[tuple[_Leg, tuple[int, int, int]]]:
+        """Return the legs of which a fault report is owed, with state, mask and cause."""
+        of_legs = zip(*told, strict=True)
+        return [
+            (leg, (state, mask, cause))
+            for leg, (state, mask, cause) in zip(self._legs, of_legs, strict=True)
+            if leg.reported != (state, mask, cause)
+        ]
+
+    def _periodic(self, frame: ForceFrame, states: list[int], room: int) -> list[bytes]:
+        """Return the heartbeats and zeros that are due, as many as there is room for.
+
+        Those that were missed are not made up for.
+        """
+        now_ns = frame.t_sent_ns
+        due: list[bytes] = []
+        for leg, state, flags in zip(self._legs, states, frame.flags.tolist(), strict=True):
+            if now_ns >= leg.heartbeat_due_ns and len(due) < room:
+                leg.heartbeat_due_ns = _next_due(leg.heartbeat_due_ns, _HEARTBEAT_PERIOD_NS, now_ns)
+                leg.degraded_timing = bool(flags & Flag.DEGRADED_TIMING)
+                due.append(self._beat(leg, _NMT_OF_STATE.get(state, NmtState.OPERATIONAL)))
+            if now_ns >= leg.zero_due_ns and len(due) < room:
+                leg.zero_due_ns = _next_due(leg.zero_due_ns, _ZERO_PERIOD_NS, now_ns)
+                due.append(self._zero(leg, frame))
+        self._due_ns = min(min(leg.heartbeat_due_ns, leg.zero_due_ns) for leg in self._legs)
+        return due
+
+    @staticmethod
+    def _report(leg: _Leg, now: tuple[int, int, int]) -> bytes:
+        state, mask, cause = now
+        data = can_events.encode_fault(leg.node, leg.fault_counter, state, leg.reported[0], mask, cause)
+        return pack_frame(can_events.FAULT_ID + leg.node, data)
+
+    @staticmethod
+    def _beat(leg: _Leg, state: NmtState) -> bytes:
+        data = can_events.encode_heartbeat(state, degraded_timing=leg.degraded_timing)
+        return pack_frame(can_events.HEARTBEAT_ID + leg.node, data)
+
+    @staticmethod
+    def _zero(leg: _Leg, frame: ForceFrame) -> bytes:
+        status, mean_pf, worst_pf, moved_ns = (column[leg.row].item() for column in frame.zero)
+        age_ns = frame.t_sent_ns - moved_ns if moved_ns else None
+        data = can_zero.encode_zero(leg.node, leg.zero_counter, status, mean_pf, worst_pf, age_ns)
+        leg.zero_counter = next_counter(leg.zero_counter)
+        return pack_frame(can_zero.ZERO_ID + leg.node, data)
 
     def _answer(self, leg: _Leg, result: int, kind: int, asked: int) -> None:
         data = can_events.encode_answer(leg.node, leg.answer_counter, result, kind, asked)
         leg.answer_counter = next_counter(leg.answer_counter)
-        self._channel.send(leg.answer, data, self._stamp_s)
+        self._channel.send(pack_frame(can_events.ANSWER_ID + leg.node, data), self._clock.now_ns())
 
-    def _beat(self, leg: _Leg, state: NmtState) -> None:
-        self._channel.send(leg.heartbeat, can_events.encode_heartbeat(state), self._stamp_s)
+
+def _next_due(due_ns: int, period_ns: int, now_ns: int) -> int:
+    """Return when a frame is due again that was due at `due_ns` and is sent now."""
+    return due_ns + (1 + (now_ns - due_ns) // period_ns) * period_ns
