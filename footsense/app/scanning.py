@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.app.estimation import released
+from footsense.backends.linux_gpio import LinuxResetLine
 from footsense.backends.linux_i2c import LinuxI2cBus
 from footsense.clock import MonotonicClock, Wakeups
 from footsense.config import Bus, Config
@@ -18,7 +19,8 @@ from footsense.drivers.kernel_mux_scanner import KernelMuxScanner
 from footsense.drivers.robot_scanner import LegsScanner, RobotScanner
 from footsense.drivers.scan_plan import scan_plan
 from footsense.errors import ConfigError
-from footsense.ports import Clock, I2cBus
+from footsense.ports import Clock, I2cBus, ResetLine
+from footsense.sim.bus import SimulatedMux
 from footsense.sim.foot import FootResponse
 from footsense.sim.robot import SimulatedRobot, Wiring
 from footsense.sim.scene import Scene
@@ -88,6 +90,15 @@ def _opened(device: str, stack: ExitStack) -> I2cBus:
     return adapter
 
 
+def _reset_line(bus: Bus, simulated: SimulatedMux | None, stack: ExitStack) -> ResetLine | None:
+    """Return what drives the RESET pin of a bus's mux, None if nothing does."""
+    if bus.mux.reset is None or simulated is not None:
+        return simulated if bus.mux.reset else None
+    line = LinuxResetLine.open(bus.mux.reset.device, bus.mux.reset.line)
+    stack.callback(line.close)
+    return line
+
+
 def _tell(bus: Bus, timing: Timing | None) -> None:
     """Say in the journal what a bus allows, and whether it runs as fast as it was said to."""
     if timing is None:
@@ -133,7 +144,8 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
                 scanners.append(KernelMuxScanner(adapters, its_clock, plan))
             else:
                 trunk = _opened(bus.device, stack) if robot is None else robot.buses[number]
-                scanners.append(BusScanner(trunk, its_clock, bus.channels, bus.mux.address, plan))
+                reset_line = _reset_line(bus, None if robot is None else robot.muxes[number], stack)
+                scanners.append(BusScanner(trunk, its_clock, bus.channels, bus.mux.address, plan, reset_line))
         source = RobotScanner(scanners, element_wise=config.publish == "element")
         stack.callback(source.close)
         source.start()

@@ -8,7 +8,18 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from footsense.config.contradictions import first_contradiction
-from footsense.config.schema import Bus, Can, Config, Metrics, Mux, OtherDevice, Realtime, Scan, Tare
+from footsense.config.schema import (
+    Bus,
+    Can,
+    Config,
+    Metrics,
+    Mux,
+    OtherDevice,
+    Realtime,
+    ResetLine,
+    Scan,
+    Tare,
+)
 from footsense.strict_yaml import load
 
 __all__ = [
@@ -20,6 +31,7 @@ __all__ = [
     "Mux",
     "OtherDevice",
     "Realtime",
+    "ResetLine",
     "Scan",
     "Tare",
     "load_config",
@@ -27,7 +39,13 @@ __all__ = [
 
 #: The simulation that runs without any file: six legs behind one multiplexer, CAN within the process.
 DEFAULT = Config(
-    buses=(Bus(device="sim", legs={"lf": 0, "lm": 1, "lr": 2, "rf": 3, "rm": 4, "rr": 5}),),
+    buses=(
+        Bus(
+            device="sim",
+            mux=Mux(reset=ResetLine(device="sim", line=0)),
+            legs={"lf": 0, "lm": 1, "lr": 2, "rf": 3, "rm": 4, "rr": 5},
+        ),
+    ),
     can=Can(interface="virtual"),
 )
 

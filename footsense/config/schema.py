@@ -16,12 +16,15 @@ __all__ = [
     "Bus",
     "Can",
     "Config",
+    "Contact",
     "Metrics",
     "Mux",
     "OtherDevice",
     "Realtime",
+    "ResetLine",
     "Scan",
     "Tare",
+    "Zero",
 ]
 
 Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr"]
@@ -40,16 +43,33 @@ UnloadedPf = Annotated[
 FootId = Annotated[str, Meta(pattern=r"^foot-[0-9]{4}$", description="such as foot-0007")]
 
 
+class ResetLine(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The GPIO line that drives the RESET pin of a multiplexer.
+
+    Attributes:
+        device: The GPIO chip: `/dev/gpiochipN`, or `sim` for a simulated one.
+        line: Its number on that chip.
+    """
+
+    device: Annotated[
+        str, Meta(pattern=r"^(/dev/gpiochip[0-9]+|sim)$", description="such as /dev/gpiochip0, or sim")
+    ]
+    line: Annotated[int, Meta(ge=0, le=1023)]
+
+
 class Mux(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The TCA9548A that stands between a bus and its legs.
 
     Attributes:
         address: 7-bit address on the trunk.
+        reset: What drives its RESET pin; None for nothing. Only that disconnects a leg that holds the bus low: without
+            it, such a leg stops all legs of its bus.
     """
 
     address: Annotated[int, Meta(ge=0x70, le=0x77, description="0x70 to 0x77, set by its pins")] = (
         tca9548a.ADDRESS
     )
+    reset: ResetLine | None = None
 
 
 class OtherDevice(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -127,16 +147,38 @@ class Tare(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     unloaded_limit_rel: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.03
 
 
+class Zero(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What happens to the zero of a foot between tares.
+
+    Attributes:
+        track: Whether it follows a foot that is surely in the air; by default, because temperature moves a zero by
+            about 1 mN/K, and what it can take of a load is bounded (docs/adr/0009).
+    """
+
+    track: bool = True
+
+
+class Contact(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """When a foot is on the ground.
+
+    Attributes:
+        touch_n: Load along the leg from which it is, above what it reads in the air [N]; it leaves at half of that.
+            Well above what the swing itself makes of the foot's own mass, well below what a stance carries.
+    """
+
+    touch_n: Annotated[float, Meta(ge=0.002, le=10.0)] = 0.03
+
+
 class Can(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Where the forces go.
 
     Attributes:
-        interface: `socketcan` on the robot; `virtual` stays within the process.
-        channel: Name of the network interface.
+        interface: `socketcan` on the robot; `virtual` stays within the process, `udp_multicast` on this computer.
+        channel: Name of the network interface; with `udp_multicast` an address such as 239.74.163.2.
         bitrate: For information [bit/s]: the kernel sets it (deploy/README.md).
     """
 
-    interface: Literal["virtual", "socketcan"]
+    interface: Literal["virtual", "socketcan", "udp_multicast"]
     channel: Annotated[
         str, Meta(pattern=r"^[^\s/]{1,15}$", description="a network interface such as can0")
     ] = "can0"
@@ -183,6 +225,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             predicted to the time of sending.
         average_scans: Scans that are averaged before a force is made of them; with `publish: frame` only.
         tare: When a foot counts as quiet and unloaded.
+        zero: What happens to it between tares.
+        contact: When a foot is on the ground.
         max_age_ms: Age of its oldest element at which a measurement becomes `stale` [ms]; None for four scans.
         stray_pf: Capacitance beside each element that is not the foot's [pF], nine per leg; 0 where absent.
         unloaded_pf: What each element of a mounted foot reads while nothing presses it, stray included [pF], nine per
@@ -200,6 +244,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     publish: Literal["frame", "element"] = "frame"
     average_scans: Annotated[int, Meta(ge=1, le=16)] = 1
     tare: Tare = Tare()
+    zero: Zero = Zero()
+    contact: Contact = Contact()
     max_age_ms: Annotated[int, Meta(ge=1, le=10_000)] | None = None
     stray_pf: dict[Leg, StrayPf] = {}
     unloaded_pf: dict[Leg, UnloadedPf] = {}
@@ -228,8 +274,10 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         ]
         if self.metrics is not None and not ip_address(self.metrics.address).is_loopback:
             found.append(f"metrics.address: the network reads {self.metrics.address} without a password")
-        if self.can.interface == "virtual" and any(bus.device.startswith("/dev/") for bus in self.buses):
+        if self.can.interface != "socketcan" and any(bus.device.startswith("/dev/") for bus in self.buses):
+            where = "process" if self.can.interface == "virtual" else "computer"
             found.append(
-                "can.interface: virtual never leaves the process; the robot's controller needs socketcan"
+                f"can.interface: {self.can.interface} never leaves the {where}; "
+                "the robot's controller needs socketcan"
             )
         return tuple(found)
