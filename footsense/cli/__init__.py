@@ -23,6 +23,10 @@ _INTERRUPTED = 130
 #: Where each command is, and its line in the help, so that help imports none of them.
 _COMMANDS = {
     "run": ("footsense.cli.run:run", "Read the feet, estimate their forces, publish them on CAN."),
+    "monitor": (
+        "footsense.cli.monitor:monitor",
+        "Show the legs on CAN, as a consumer of their forces sees them.",
+    ),
     "replay": ("footsense.cli.replay:replay", "Run a recording through the pipeline again, or check it."),
     "recover": ("footsense.cli.recover:recover", "Rewrite a recording that was cut short."),
     "check-config": ("footsense.cli.check_config:check_config", "Say what a configuration file means."),

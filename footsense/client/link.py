@@ -13,7 +13,10 @@ from firmware_interface.can_codes import NODE_IDS, USABLE, Flag, State
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, Force, Quality, decode_force, decode_quality
 from firmware_interface.crc8 import COUNTER_PERIOD, FrameError
 
-__all__ = ["Limits", "Link", "Status", "View"]
+__all__ = ["LINK_IDS", "Limits", "Link", "Status", "View"]
+
+#: CAN ids of the frames that are taken.
+LINK_IDS = tuple(base + node for base in (FORCE_ID, QUALITY_ID) for node in NODE_IDS.values())
 
 _NAN = float("nan")
 _NO_FORCE = (_NAN, _NAN, _NAN)

@@ -1,7 +1,7 @@
 """Settings that are each right and together wrong: the path in the file, and what would be right."""
 
 from collections.abc import Iterator
-from ipaddress import ip_address
+from ipaddress import IPv4Address, ip_address
 
 from firmware_interface import adg715, fdc1004
 from footsense.config.schema import PCA9685_ALLCALL, Bus, Config
@@ -37,9 +37,21 @@ def _contradictions(config: Config) -> Iterator[Problem]:
             ("average_scans",),
             "is of use with publish: frame only; a prediction weighs old readings by itself",
         )
+    if config.can.interface == "udp_multicast" and not _is_multicast(config.can.channel):
+        yield Problem(
+            ("can", "channel"),
+            f"{config.can.channel} is no IPv4 multicast address, as udp_multicast needs one; use 239.74.163.2",
+        )
     yield from _feet(config)
     if config.metrics is not None:
         yield from _metrics(config.metrics.address)
+
+
+def _is_multicast(channel: str) -> bool:
+    try:
+        return IPv4Address(channel).is_multicast
+    except ValueError:
+        return False
 
 
 def _between_buses(config: Config) -> Iterator[Problem]:
