@@ -238,8 +238,9 @@ def decode_answer(can_id: int, data: bytes) -> Answer:
 def encode_heartbeat(state: NmtState, *, degraded_timing: bool = False) -> bytes:
     """Return the data byte of `Heartbeat`, which is CANopen's and has no crc.
 
-    With degraded timing the bit is set that CiA 301 keeps at 0: a CANopen tool then sees no valid state, and
-    that is what it should see. In normal operation the byte is CANopen's.
+    With degraded timing the bit is set that CiA 301 keeps at 0. A CANopen tool then sees no valid state, which is
+    what it should see, or, if it masks the bit out as node guarding does, the plain one. In normal operation the
+    byte is CANopen's.
 
     Example:
         >>> encode_heartbeat(NmtState.OPERATIONAL).hex()
