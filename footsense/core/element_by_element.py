@@ -36,8 +36,6 @@ class ElementByElement:
         noise_rel: Standard deviation of one reading of a distance over the gap [1].
     """
 
-    frames_per_scan = ELEMENTS
-
     def __init__(
         self,
         estimator: Estimator,
@@ -55,6 +53,7 @@ class ElementByElement:
         self._spread_ns = round(_SPREAD_SCANS * len(order) * step_ns)
         self._seen_ns = np.zeros((n_legs, ELEMENTS), np.int64)
         self._fresh_from_ns = np.zeros(n_legs, np.int64)
+        self._whole: Mask = np.zeros(n_legs, bool)
         self._running = np.zeros(n_legs, bool)
         self._variance_n2 = self._force_variance(moments, n_legs)
         self._sets = np.zeros(n_legs, np.intp)
@@ -65,13 +64,14 @@ class ElementByElement:
         readable = np.isfinite(values)
         new = (t_ns > self._seen_ns) & readable
         newest_ns = t_ns.max(axis=1)
-        # A reading that fails breaks the sequence: what was known of the others is as old as itself.
-        broken = ~(readable | missing).all(axis=1)
-        self._fresh_from_ns[broken] = newest_ns[broken]
+        whole = (readable | missing).all(axis=1)
+        # A reading that fails breaks the sequence: what was read before it is not mixed with what comes after.
+        breaks = self._whole & ~whole
+        self._fresh_from_ns[breaks] = newest_ns[breaks]
+        self._whole = whole
         spread_ns = newest_ns - np.where(missing, newest_ns[:, None], t_ns).min(axis=1)
-        complete = (missing | (t_ns > self._fresh_from_ns[:, None])).all(axis=1) & (
-            spread_ns <= self._spread_ns
-        )
+        fresh = (missing | (t_ns > self._fresh_from_ns[:, None])).all(axis=1)
+        complete = whole & fresh & (spread_ns <= self._spread_ns)
         going_on = complete & self._running
         self._take(values, t_ns, new & going_on[:, None])
         for leg in np.flatnonzero(complete & ~self._running).tolist():
