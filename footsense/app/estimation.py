@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 import footsense
 from firmware_interface import fdc1004
 from footsense.config import Can, Config
-from footsense.core.baseline import TareLimits
+from footsense.core.contact import ContactLimits
 from footsense.core.element_by_element import ElementByElement
 from footsense.core.pipeline import Pipeline, Reckoning
 from footsense.core.scan_by_scan import ScanByScan
+from footsense.core.sensitivity import sensitivity
+from footsense.core.tare import TareLimits
 from footsense.drivers.scan_plan import ORDERS
 from footsense.errors import ModelError, RecordingError
 from footsense.frames import ELEMENTS
@@ -37,8 +39,7 @@ def load_network(config: Config) -> Network:
         ModelError: There is none, or it is made for another foot.
     """
     path = Path(config.model) if config.model else released("network.onnx")
-    # Of a whole scan each leg is estimated two ways.
-    network = Network(path, n_rows=len(config.legs) * (1 if config.publish == "element" else 2))
+    network = Network(path, n_rows=_n_rows(config))
     if network.card.foot_type != FOOT_TYPE:
         raise ModelError(
             f"{path}: made for foot type {network.card.foot_type!r}, these feet are {FOOT_TYPE!r}"
@@ -58,14 +59,22 @@ def pipeline_for(config: Config, network: Network, flags: int) -> Pipeline:
         calibration=calibration,
         stray_pf=stray_pf,
         unloaded_pf=unloaded_pf,
+        sensitivity=sensitivity(network, _n_rows(config), calibration.moments),
         tare=TareLimits(
             window_frames=config.tare.window_frames,
             noise_limit_ff=config.tare.noise_limit_ff,
             unloaded_limit_rel=config.tare.unloaded_limit_rel,
         ),
+        contact=ContactLimits(touch_n=config.contact.touch_n),
+        track_zero=config.zero.track,
         max_age_ns=round(config.stale_after_ms * 1e6),
         flags=flags,
     )
+
+
+def _n_rows(config: Config) -> int:
+    """Return how many feet the network estimates at once: of a whole scan, each leg two ways."""
+    return len(config.legs) * (1 if config.publish == "element" else 2)
 
 
 def _reckoning(config: Config, network: Network) -> Reckoning:

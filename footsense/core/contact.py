@@ -13,6 +13,7 @@ carries little without having carried more just before stays in contact, however
 One element alone makes no contact: the largest and the smallest closure are left out of the load.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,8 +22,6 @@ from numpy.typing import NDArray
 from footsense.frames import CommandKind
 
 Vector = NDArray[np.float64]
-Stamps = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 #: Lift-off in a fall: less is left than this part of the mean load of the last second or so.
 _FALLEN_REL = 0.3
@@ -71,108 +70,92 @@ def middle_mean(closure_rel: Vector) -> Vector:
         >>> middle_mean(np.array([[0.0, 1.0, 2.0, 9.0, np.nan]])).tolist()
         [1.5]
     """
-    n_read = np.isfinite(closure_rel).sum(axis=1)
-    # fmax and fmin pass NaN by, without the warnings of nanmax.
+    total = np.add.reduce(closure_rel, axis=1)
+    # fmax and fmin pass NaN by, without the warnings and the cost of nanmax.
     extremes = np.fmax.reduce(closure_rel, axis=1) + np.fmin.reduce(closure_rel, axis=1)
-    middle = np.nansum(closure_rel, axis=1) - extremes
-    mean: Vector = np.where(n_read > 2, middle / np.maximum(n_read - 2, 1), np.nan)
+    n_closures = closure_rel.shape[1]
+    mean: Vector = (total - extremes) / (n_closures - 2)
+    for leg in np.flatnonzero(np.isnan(total)).tolist():
+        known = closure_rel[leg][np.isfinite(closure_rel[leg])]
+        mean[leg] = (known.sum() - extremes[leg]) / (len(known) - 2) if len(known) > 2 else np.nan
     return mean
 
 
-class Contacts:
-    """Which legs are on the ground.
-
-    Args:
-        n_legs: Legs of the robot.
-        limits: When a foot is on the ground.
+class Contact:
+    """Whether one leg is on the ground. Plain numbers: six times these are cheaper than arrays of six.
 
     Attributes:
-        touching: Legs that are, shape (legs,).
-        load_n: Load along the leg above its zero [N], shape (legs,), NaN where it is not known.
-        doubt_n: How much of a load drift and creep alone could explain now [N], shape (legs,).
+        limits: When a foot is on the ground.
+        touching: Whether it is; False where that is not known.
+        load_n: Load along the leg above its zero [N], NaN where it is not known.
+        doubt_n: How much of a load drift and creep alone could explain now [N].
     """
 
-    def __init__(self, n_legs: int, limits: ContactLimits) -> None:
-        self.touching = np.zeros(n_legs, bool)
-        self.load_n = np.full(n_legs, np.nan)
-        self.doubt_n = np.zeros(n_legs)
-        self._limits = limits
-        self._floor_n = np.zeros(n_legs)
-        self._recent_n = np.zeros(n_legs)
-        self._carried_n = np.zeros(n_legs)
-        self._t_ns = np.zeros(n_legs, np.int64)
-        self._lifted_ns = np.zeros(n_legs, np.int64)
+    def __init__(self, limits: ContactLimits) -> None:
+        self.limits = limits
+        self._carried_n = 0.0
+        self.doubt_n = 0.0
+        self.begin_anew(0)
 
-    def observe(self, load_n: Vector, zero_doubt_n: Vector, t_ns: Stamps, now_ns: int) -> None:
-        """Judge the newest load of each leg.
+    def begin_anew(self, t_ns: int) -> None:
+        """Forget what was: at `t_ns` [ns] the leg has got a new zero, or has not been heard for long."""
+        self.touching = False
+        self.load_n = math.nan
+        self._floor_n = 0.0
+        self._recent_n = 0.0
+        self._t_ns = self._lifted_ns = t_ns
+
+    def observe(self, load_n: float, zero_doubt_n: float, t_ns: int, now_ns: int) -> None:
+        """Judge the newest load.
 
         Args:
-            load_n: Load along the leg above its zero [N], shape (legs,), NaN where it is not known.
-            zero_doubt_n: How far the zero may be off [N], shape (legs,).
-            t_ns: When the newest of the readings was taken [ns], shape (legs,).
+            load_n: Load along the leg above its zero [N], NaN where it is not known.
+            zero_doubt_n: How far the zero may be off [N].
+            t_ns: When the newest of the readings was taken [ns].
             now_ns: The time now [ns].
         """
-        limits = self._limits
-        known = np.isfinite(load_n)
-        lost = ~known & (now_ns - self._t_ns > _BELIEVED_NS)
-        if lost.any():
-            self._begin_anew(lost, now_ns)
+        limits = self.limits
         self.load_n = load_n
-        load_n = np.where(known, load_n, 0.0)
-        passed_s = np.where(known, np.maximum(t_ns - self._t_ns, 0) * 1e-9, 0.0)
+        if not math.isfinite(load_n):
+            if now_ns - self._t_ns > _BELIEVED_NS:
+                self.begin_anew(now_ns)
+            return
+        passed_s = max(t_ns - self._t_ns, 0) * 1e-9
+        self._t_ns = t_ns
         self.doubt_n = zero_doubt_n + _CREEP_REL * self._carried_n
-
         above_n = load_n - self._floor_n
-        explained = above_n < limits.lift_n + self.doubt_n
-        fell = explained & (load_n < _FALLEN_REL * self._recent_n)
-        lifting = known & self.touching & (fell | (above_n < limits.lift_n))
-        touching = known & ~self.touching & (above_n > limits.touch_n)
-        changed = lifting | touching
-        if changed.any():
-            self.touching = self.touching ^ changed
-            self._lifted_ns[lifting] = t_ns[lifting]
-            self._floor_n[lifting] = load_n[lifting]
-        risen_n = np.minimum(load_n, self._floor_n + limits.floor_n_per_s * passed_s)
-        self._floor_n = np.where(known & ~self.touching, risen_n, self._floor_n)
-
-        pressed_n = np.maximum(load_n, 0.0)
+        if self.touching:
+            fell = load_n < _FALLEN_REL * self._recent_n and above_n < limits.lift_n + self.doubt_n
+            if fell or above_n < limits.lift_n:
+                self.touching = False
+                self._lifted_ns = t_ns
+                self._floor_n = load_n
+        elif above_n > limits.touch_n:
+            self.touching = True
+        else:
+            self._floor_n = min(load_n, self._floor_n + limits.floor_n_per_s * passed_s)
+        pressed_n = max(load_n, 0.0)
         self._recent_n += (pressed_n - self._recent_n) * (passed_s / (_RECENT_S + passed_s))
         self._carried_n += (pressed_n - self._carried_n) * (passed_s / (_CARRIED_S + passed_s))
-        self._t_ns = np.where(known, t_ns, self._t_ns)
 
-    def confirmed(self) -> Mask:
-        """Tell which legs are surely in the air: off the ground for a while, and not about to touch, shape (legs,)."""
-        aloft_s = (self._t_ns - self._lifted_ns) * 1e-9
-        settled = self.load_n - self._floor_n < self._limits.lift_n / 2
-        return settled & ~self.touching & (aloft_s >= self._limits.confirmed_s)
-
-    def explained(self) -> Mask:
-        """Tell for which legs drift and creep could explain the whole load, shape (legs,); False where unknown."""
-        within: Mask = np.abs(self.load_n) <= self._limits.lift_n + self.doubt_n
-        return within
-
-    def begin_anew(self, leg: int, now_ns: int) -> None:
-        """Forget a leg's history: it has a new zero, or perhaps a new foot."""
-        which = np.zeros(len(self.touching), bool)
-        which[leg] = True
-        self._begin_anew(which, now_ns)
-        self._carried_n[leg] = 0.0
-
-    def refusal(self, kind: CommandKind, leg: int) -> str | None:
-        """Return why a command may not be obeyed now, or None if it may."""
-        return refusal(
-            kind,
-            touching=bool(self.touching[leg]),
-            load_n=float(self.load_n[leg]),
-            doubt_n=float(self.doubt_n[leg]),
+    @property
+    def aloft(self) -> bool:
+        """Whether the swing is confirmed: off the ground for a while, and not about to touch."""
+        limits = self.limits
+        return (
+            not self.touching
+            and self.load_n - self._floor_n < limits.lift_n / 2
+            and (self._t_ns - self._lifted_ns) * 1e-9 >= limits.confirmed_s
         )
 
-    def _begin_anew(self, which: Mask, now_ns: int) -> None:
-        self.touching = self.touching & ~which
-        for history in (self._floor_n, self._recent_n):
-            history[which] = 0.0
-        for stamps in (self._t_ns, self._lifted_ns):
-            stamps[which] = now_ns
+    @property
+    def explained(self) -> bool:
+        """Whether drift and creep could explain the whole load; False where that is not known."""
+        return abs(self.load_n) <= self.limits.lift_n + self.doubt_n
+
+    def refusal(self, kind: CommandKind) -> str | None:
+        """Return why a command may not be obeyed now, or None if it may."""
+        return refusal(kind, touching=self.touching, load_n=self.load_n, doubt_n=self.doubt_n)
 
 
 def refusal(kind: CommandKind, *, touching: bool, load_n: float, doubt_n: float) -> str | None:
@@ -197,6 +180,6 @@ def refusal(kind: CommandKind, *, touching: bool, load_n: float, doubt_n: float)
         return None
     if kind is CommandKind.TARE and load_n <= doubt_n:
         return None
-    carries = "its load is not known now" if np.isnan(load_n) else f"it carries {load_n:.2f} N"
+    carries = "its load is not known now" if math.isnan(load_n) else f"it carries {load_n:.2f} N"
     doubt = f", and drift explains at most {doubt_n:.2f} N" if kind is CommandKind.TARE else ""
     return f"the foot is on the ground: {carries}{doubt}"

@@ -7,14 +7,15 @@ that is surely in the air (`core/zero.py`), and which foot that is `core/contact
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.core.contact import ContactLimits, Contacts, middle_mean
+from footsense.core.contact import Contact, ContactLimits, middle_mean
 from footsense.core.design import CapacitorDesign
 from footsense.core.sensitivity import Sensitivity
 from footsense.core.tare import TareLimits, TareWindow, Verdict
-from footsense.core.zero import FARTHEST_PF, ZeroLimits, ZeroTracking
-from footsense.frames import Command, CommandKind, Flag, Outcome, Reading, Result, State, Zero
+from footsense.core.zero import FARTHEST_PF, LegZero, ZeroLimits
+from footsense.frames import Command, CommandKind, Flag, Outcome, Reading, Result, State, Zero, ZeroStatus
 
 Vector = NDArray[np.float64]
+Stamps = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 #: A leg that was silent for so long may come back with another foot: its baseline is forgotten. Nobody is faster.
@@ -35,7 +36,9 @@ class Footing:
         track: Whether baselines follow the foot in the air.
 
     Attributes:
-        baseline_pf: Unloaded capacitance without stray [pF], shape (legs, 9), NaN where there is none yet.
+        baseline_pf: Unloaded capacitance without stray [pF], shape (legs, 9), NaN where there is none; replaced, never
+            changed.
+        sigma_n: What the baseline leaves open of each leg's force, one sigma [N], shape (legs, 3), NaN without one.
         flags: CONTACT, and TARE_REFUSED where an older baseline is in use, shape (legs,).
         zero: What is published of the baselines.
     """
@@ -51,58 +54,28 @@ class Footing:
         track: bool,
     ) -> None:
         n_legs = len(unloaded_pf)
+        self._legs = range(n_legs)
         self._unloaded_pf = unloaded_pf
-        self._design = design
         self._tare = tare
         self._sensitivity = sensitivity
-        self._contacts = Contacts(n_legs, contact)
-        self._zeros = ZeroTracking(
-            unloaded_pf,
-            ZeroLimits(
-                track=track, noise_limit_ff=tare.noise_limit_ff, unloaded_limit_rel=tare.unloaded_limit_rel
-            ),
-        )
+        self._track = track
+        follow = ZeroLimits(noise_limit_ff=tare.noise_limit_ff, unloaded_limit_rel=tare.unloaded_limit_rel)
+        self._zeros = [LegZero(unloaded_pf[leg], follow) for leg in self._legs]
+        self._contacts = [Contact(contact) for _ in self._legs]
         # Near the rest, which is where the error of a zero matters.
         self._closure_per_pf = float(design.plate_distance_um(unloaded_pf).mean()) / (
             design.gap_um * float(unloaded_pf.mean())
         )
-        self._windows = {leg: self._window(leg) for leg in range(n_legs)}
+        self._turn = 0
+        self._windows = {leg: self._window(leg) for leg in self._legs}
         self._commanded: set[int] = set()
         self._refusal: dict[int, Result] = {}
-        self._refused_flag = np.zeros(n_legs, np.uint8)
-        self._untared = np.ones(n_legs, bool)
+        self._refused: set[int] = set()
         self._heard_ns = np.zeros(n_legs, np.int64)
-
-    @property
-    def baseline_pf(self) -> Vector:
-        """See the class."""
-        return self._zeros.zero_pf
-
-    @property
-    def flags(self) -> NDArray[np.uint8]:
-        """See the class."""
-        return self._refused_flag | self._contacts.touching * np.uint8(Flag.CONTACT)
-
-    @property
-    def zero(self) -> Zero:
-        """See the class."""
-        return self._zeros.summary
-
-    @property
-    def sigma_n(self) -> Vector:
-        """What the baseline leaves open of each leg's force, one sigma [N], shape (legs, 3), NaN without one."""
-        return (self._zeros.sigma_pf * self._closure_per_pf)[:, None] * self._sensitivity.zero_n
-
-    @property
-    def moved_pf(self) -> Vector:
-        """How far each element's baseline has moved since its tare [pF], shape (legs, 9)."""
-        return self._zeros.moved_pf
-
-    @property
-    def without(self) -> Mask:
-        """Elements that were missing when their leg was tared, and have not been seen in the air since, (legs, 9)."""
-        without: Mask = np.isnan(self._zeros.zero_pf) & ~self._untared[:, None]
-        return without
+        self._untared = set(self._legs)
+        self.sigma_n = np.full((n_legs, 3), np.nan)
+        self.flags = np.zeros(n_legs, np.uint8)
+        self._gather()
 
     def begin(self, leg: int) -> Outcome | None:
         """Tare a leg because it was asked for; a tare that is being taken already serves.
@@ -112,9 +85,7 @@ class Footing:
         """
         reason = self.refusal(CommandKind.TARE, leg)
         if reason is not None:
-            if not self._untared[leg]:
-                self._refused_flag = self._refused_flag.copy()
-                self._refused_flag[leg] = Flag.TARE_REFUSED
+            self._refused.add(leg)
             return Outcome(Command(CommandKind.TARE, leg), Result.LOADED, reason)
         self._windows.setdefault(leg, self._window(leg))
         self._commanded.add(leg)
@@ -122,45 +93,88 @@ class Footing:
 
     def refusal(self, kind: CommandKind, leg: int) -> str | None:
         """Return why a command may not be obeyed now, or None if it may."""
-        return self._contacts.refusal(kind, leg)
+        return self._contacts[leg].refusal(kind)
 
-    def observe(
-        self,
-        capacitance_pf: Vector,
-        reading: NDArray[np.uint8],
-        t_ns: NDArray[np.int64],
-        missing: Mask,
-        now_ns: int,
+    def tare(
+        self, capacitance_pf: Vector, reading: NDArray[np.uint8], t_ns: Stamps, missing: Mask, now_ns: int
     ) -> tuple[Outcome, ...]:
-        """Take a frame of all legs and return the tares that ended with it.
+        """Let the tares that are being taken see a frame of all legs, and return those that ended with it.
 
         Args:
             capacitance_pf: Readings without stray [pF], shape (legs, 9), NaN where there is none to be used.
             reading: How each element answered, same shape.
             t_ns: Stamp of each [ns], same shape.
-            missing: Elements that the leg has to do without, same shape.
+            missing: Elements that a tare has to do without, same shape.
             now_ns: The time now [ns].
         """
         self._forget_silent(reading, now_ns)
-        outcomes = self._tares(capacitance_pf, reading, t_ns, missing) if self._windows else ()
-        used_pf = np.where(missing, np.nan, capacitance_pf)
-        closure_um = self._design.closure_um(used_pf, self._zeros.zero_pf)
-        load_n = middle_mean(closure_um) * (self._sensitivity.load_n / self._design.gap_um)
-        doubt_pf = np.fmin(3.0 * self._zeros.sigma_pf, FARTHEST_PF)
-        contacts = self._contacts
-        contacts.observe(
-            load_n,
-            doubt_pf * (self._closure_per_pf * self._sensitivity.load_n),
-            t_ns.max(axis=1),
-            now_ns,
-        )
-        self._zeros.observe(used_pf, t_ns, contacts.confirmed(), contacts.explained())
-        return outcomes
+        outcomes = []
+        for leg, window in list(self._windows.items()):
+            verdict = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], missing[leg])
+            outcome = None if verdict is None else self._conclude(leg, verdict, int(t_ns[leg].max()))
+            if outcome is not None:
+                outcomes.append(outcome)
+        return tuple(outcomes)
+
+    def observe(
+        self, closure_rel: Vector, capacitance_pf: Vector, t_ns: Stamps, missing: Mask, now_ns: int
+    ) -> None:
+        """Judge who is on the ground, and follow one of those that are not; each gets its turn.
+
+        Args:
+            closure_rel: Closures over the gap as measured [1], shape (legs, 9), NaN where there is none.
+            capacitance_pf: Readings without stray that they come from [pF], same shape.
+            t_ns: Stamp of each [ns], same shape.
+            missing: Elements that are not to be believed, same shape.
+            now_ns: The time now [ns].
+        """
+        believed_rel = np.where(missing, np.nan, closure_rel) if missing.any() else closure_rel
+        load_n = (middle_mean(believed_rel) * self._sensitivity.load_n).tolist()
+        newest_ns = t_ns.max(axis=1).tolist()
+        doubt_n_per_pf = self._closure_per_pf * self._sensitivity.load_n
+        aloft, sigma_pf, flags = [], [], []
+        for leg, (zero, contact) in enumerate(zip(self._zeros, self._contacts, strict=True)):
+            sigma_pf.append(zero.sigma_pf(now_ns))
+            doubt_pf = min(3.0 * sigma_pf[-1], FARTHEST_PF)
+            contact.observe(load_n[leg], doubt_n_per_pf * doubt_pf, newest_ns[leg], now_ns)
+            flags.append(contact.touching * Flag.CONTACT | (leg in self._refused) * Flag.TARE_REFUSED)
+            if leg in self._untared:
+                continue
+            if not self._track or not contact.aloft:
+                zero.hold()
+            elif not contact.explained:
+                zero.hold(ZeroStatus.TOO_FAST)
+            else:
+                aloft.append(leg)
+        moved = False
+        if aloft:
+            self._turn = next((leg for leg in aloft if leg > self._turn), aloft[0])
+            zero = self._zeros[self._turn]
+            # What is missing only because it has no zero gets one.
+            disbelieved = missing[self._turn] & np.isfinite(zero.zero_pf)
+            moved = zero.follow(np.where(disbelieved, np.nan, capacitance_pf[self._turn]), t_ns[self._turn])
+        if moved or [zero.status for zero in self._zeros] != self._statuses:
+            self._gather()
+        closure_sigma_rel = np.array(sigma_pf) * self._closure_per_pf
+        self.sigma_n = closure_sigma_rel[:, None] * self._sensitivity.zero_n
+        self.flags = np.array(flags, np.uint8)
 
     def mark_untared(self, state: NDArray[np.uint8]) -> None:
         """Write TARING or NO_BASELINE over the state of every leg without a baseline."""
-        for leg in np.flatnonzero(self._untared).tolist():
+        for leg in self._untared:
             state[leg] = State.NO_BASELINE if leg in self._refusal else State.TARING
+
+    def _gather(self) -> None:
+        """Put together what the legs' zeros are now."""
+        self.baseline_pf = np.stack([zero.zero_pf for zero in self._zeros])
+        offsets_pf = [zero.offset_pf for zero in self._zeros]
+        self._statuses = [zero.status for zero in self._zeros]
+        self.zero = Zero(
+            status=np.array(self._statuses, np.uint8),
+            mean_pf=np.array([mean_pf for mean_pf, _ in offsets_pf]),
+            worst_pf=np.array([worst_pf for _, worst_pf in offsets_pf]),
+            moved_ns=np.array([zero.moved_ns for zero in self._zeros], np.int64),
+        )
 
     def _window(self, leg: int) -> TareWindow:
         return TareWindow(self._tare, self._unloaded_pf[leg])
@@ -171,24 +185,15 @@ class Footing:
             return
         silent = (reading == Reading.NO_ANSWER).all(axis=1)
         self._heard_ns[~silent] = now_ns
-        gone = ~self._untared & (now_ns - self._heard_ns >= _SILENT_NS)
-        for leg in np.flatnonzero(gone).tolist():
-            self._zeros.forget(leg)
-            self._contacts.begin_anew(leg, now_ns)
-            self._untared[leg] = True
+        for leg in np.flatnonzero(now_ns - self._heard_ns >= _SILENT_NS).tolist():
+            if leg in self._untared:
+                continue
+            self._untared.add(leg)
+            self._zeros[leg].forget()
+            self._contacts[leg] = Contact(self._contacts[leg].limits)
             self._refusal.pop(leg, None)
             self._windows.setdefault(leg, self._window(leg))
-
-    def _tares(
-        self, capacitance_pf: Vector, reading: NDArray[np.uint8], t_ns: NDArray[np.int64], missing: Mask
-    ) -> tuple[Outcome, ...]:
-        outcomes = []
-        for leg, window in list(self._windows.items()):
-            verdict = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], missing[leg])
-            outcome = None if verdict is None else self._conclude(leg, verdict, int(t_ns[leg].max()))
-            if outcome is not None:
-                outcomes.append(outcome)
-        return tuple(outcomes)
+            self._gather()
 
     def _conclude(self, leg: int, verdict: Verdict, t_ns: int) -> Outcome | None:
         """Take or refuse a baseline; a tare that nobody asked for says the same refusal only once."""
@@ -196,21 +201,20 @@ class Footing:
         commanded = leg in self._commanded
         self._commanded.discard(leg)
         repeated = self._refusal.get(leg) is verdict.result
-        refused_flag = self._refused_flag.copy()
         if verdict.zero_pf is not None:
-            self._zeros.take(leg, verdict.zero_pf, t_ns)
-            self._contacts.begin_anew(leg, t_ns)
-            self._untared[leg] = False
-            refused_flag[leg] = 0
+            self._zeros[leg].take(verdict.zero_pf, t_ns)
+            self._contacts[leg].begin_anew(t_ns)
+            self._untared.discard(leg)
+            self._refused.discard(leg)
             self._refusal.pop(leg, None)
-        elif self._untared[leg]:
+            self._gather()
+        elif leg in self._untared:
             self._windows[leg] = self._window(leg)
             if verdict.result is Result.ABSENT and not commanded:
                 return None  # nothing was judged: the tare waits for the leg
             self._refusal[leg] = verdict.result
         else:
-            refused_flag[leg] = Flag.TARE_REFUSED
-        self._refused_flag = refused_flag
+            self._refused.add(leg)
         if repeated and not commanded:
             return None
         return Outcome(Command(CommandKind.TARE, leg), verdict.result, verdict.reason)

@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.core import quality
-from footsense.core.baseline import Baselines, TareLimits
 from footsense.core.consistency import Consistency
+from footsense.core.contact import ContactLimits
 from footsense.core.design import CapacitorDesign
+from footsense.core.footing import Footing
 from footsense.core.scan_by_scan import Moment
+from footsense.core.sensitivity import Sensitivity
+from footsense.core.tare import TareLimits
 from footsense.frames import (
     ELEMENTS,
     USABLE,
@@ -26,7 +29,6 @@ from footsense.frames import (
     Reading,
     Result,
     State,
-    Zero,
 )
 
 Vector = NDArray[np.float64]
@@ -53,13 +55,7 @@ class Calibration:
 
 
 class Reckoning(Protocol):
-    """How readings that were taken one after the other become forces of one time: `ScanByScan`, `ElementByElement`.
-
-    Attributes:
-        frames_per_scan: Frames in which every element is read once.
-    """
-
-    frames_per_scan: int
+    """How readings that were taken one after the other become forces of one time: `ScanByScan`, `ElementByElement`."""
 
     def align(self, values: Vector, t_ns: NDArray[np.int64], now_ns: int, missing: Mask) -> Moment:
         """Bring the elements of each leg to one time."""
@@ -80,7 +76,10 @@ class Pipeline:
         calibration: What its card says.
         stray_pf: Known capacitance in parallel with each element [pF], shape (legs, 9).
         unloaded_pf: What each element of the free foot is expected to read, without stray [pF], shape (legs, 9).
+        sensitivity: What small closures are worth in newtons.
         tare: When a tare is granted.
+        contact: When a foot is on the ground.
+        track_zero: Whether a baseline follows a foot in the air.
         max_age_ns: Age from which a measurement may not be used any more [ns].
         flags: Flags that every frame carries.
     """
@@ -91,8 +90,12 @@ class Pipeline:
         calibration: Calibration,
         stray_pf: Vector,
         unloaded_pf: Vector,
+        *,
+        sensitivity: Sensitivity,
         tare: TareLimits,
+        contact: ContactLimits,
         max_age_ns: int,
+        track_zero: bool = True,
         flags: int = 0,
     ) -> None:
         self._reckoning = reckoning
@@ -102,17 +105,18 @@ class Pipeline:
         self._max_age_ns = max_age_ns
         self._flags = flags
         n_legs = len(stray_pf)
-        self._baselines = Baselines(unloaded_pf, tare)
+        self._footing = Footing(unloaded_pf, calibration.design, tare, contact, sensitivity, track=track_zero)
         self._consistency = Consistency(n_legs, calibration.moments, max_age_ns)
-        self._n_frames = 0
         self._opened = np.zeros((n_legs, ELEMENTS), bool)
         self._stopped = np.zeros(n_legs, bool)
 
     def obey(self, command: Command) -> Outcome | None:
-        """Begin what a command asks for; a tare ends in a later scan, the rest at once."""
+        """Begin what a command asks for, unless the foot is on the ground; a tare ends in a later scan."""
         if command.kind is CommandKind.TARE:
-            self._baselines.begin(command.leg)
-            return None
+            return self._footing.begin(command.leg)
+        reason = self._footing.refusal(command.kind, command.leg)
+        if reason is not None:
+            return Outcome(command, Result.LOADED, reason)
         self._stopped[command.leg] = command.kind is CommandKind.STOP
         return Outcome(command, Result.DONE, f"{command.kind.name.lower()} obeyed")
 
@@ -125,21 +129,11 @@ class Pipeline:
     def _process(self, scan: CapFrame, now_ns: int) -> tuple[ForceFrame, tuple[Outcome, ...]]:
         calibration, design = self._calibration, self._calibration.design
         capacitance_pf = scan.capacitance_pf - self._stray_pf
-        self._n_frames += 1
-        outcomes = (
-            ()
-            if self._n_frames % self._reckoning.frames_per_scan
-            else self._baselines.observe(capacitance_pf, scan.reading)
-        )
         # NaN compares as False: an element that was not read is neither open, shut nor out of range.
         opened = quality.open_elements(capacitance_pf, self._unloaded_pf)
         over_range = scan.reading == Reading.OVER_RANGE
         if over_range.any():  # as much at least: whether that may be, the other elements tell
             capacitance_pf = np.where(over_range, quality.RANGE_END_PF - self._stray_pf, capacitance_pf)
-        baseline_pf = self._baselines.baseline_pf
-        untared = np.isnan(baseline_pf)
-        faulty = opened | self._consistency.remembered | (untared & ~untared.all(axis=1, keepdims=True))
-        missing = quality.missing_elements(faulty)
         if opened.any():
             capacitance_pf = capacitance_pf - quality.floating_pf(scan.capacitance_pf, opened)
         # A line that breaks or returns was whole for a part of the scan, and what it does to the other elements too.
@@ -147,13 +141,25 @@ class Pipeline:
         self._opened = opened
         # Moved to one time as distances, which do not jump when a tare moves the baseline. What is open or unsettled
         # has none: a line through its last one would take the element's return for a load.
-        distance_rel = np.where(unsettled, np.nan, design.plate_distance_um(capacitance_pf) / design.gap_um)
+        settled_pf = np.where(unsettled, np.nan, capacitance_pf)
+        faulty = opened | self._consistency.remembered
+        outcomes = self._footing.tare(
+            settled_pf, scan.reading, scan.t_ns, quality.missing_elements(faulty), now_ns
+        )
+        baseline_pf = self._footing.baseline_pf
+        untared = np.isnan(baseline_pf)
+        self._consistency.forget(untared.all(axis=1))
+        untared &= ~untared.all(axis=1, keepdims=True)
+        missing = quality.missing_elements(faulty | untared)
+        distance_rel = design.plate_distance_um(settled_pf) / design.gap_um
         moment = self._reckoning.align(distance_rel, scan.t_ns, now_ns, missing)
         rest_rel = design.plate_distance_um(baseline_pf) / design.gap_um
         judged_rel = rest_rel - moment.judged
-        self._consistency.forget(untared.all(axis=1))
         judgement = self._consistency.judge(rest_rel - moment.values, judged_rel, missing, moment.t_ns)
+        # Some are forgiven with this frame, and some are blamed.
+        faulty = opened | untared | self._consistency.remembered | (judgement.missing & ~missing)
         missing = judgement.missing
+        self._footing.observe(judged_rel, settled_pf, scan.t_ns, missing, now_ns)
 
         shut = judged_rel > quality.SHUT_REL
         outside = (judged_rel < calibration.closure_rel_min) | (judged_rel > calibration.closure_rel_max)
@@ -163,7 +169,7 @@ class Pipeline:
         state[missing.any(axis=1) | (judgement.doubt_rel > 0.0)] = State.DEGRADED
         state[(outside & ~missing).any(axis=1)] = State.OUT_OF_RANGE
         state[(now_ns - oldest_ns > self._max_age_ns) | ~moment.together] = State.STALE
-        self._baselines.mark_untared(state)
+        self._footing.mark_untared(state)
         quality.converter_states(state, scan.reading, faulty & ~missing, (shut | over_range) & ~missing)
         state[self._stopped] = State.STOPPED
 
@@ -173,6 +179,7 @@ class Pipeline:
             rest_rel - moment.values, calibration.closure_rel_min, calibration.closure_rel_max
         )
         force_n, sigma_n = self._reckoning.estimate(closure_rel, rest_rel, usable, missing)
+        sigma_n = np.hypot(sigma_n, self._footing.sigma_n)
         if judgement.doubt_rel.any():
             doubt_n = judgement.doubt_rel * np.linalg.norm(force_n, axis=1)
             sigma_n = np.hypot(sigma_n, doubt_n[:, None])
@@ -188,11 +195,11 @@ class Pipeline:
             sigma_n=sigma_n,
             state=state,
             fault_mask=quality.fault_mask((scan.reading != 0) | faulty | shut),
-            flags=self._baselines.flags | np.uint8(self._flags),
+            flags=self._footing.flags | np.uint8(self._flags),
             cause=quality.causes(
                 scan.reading,
                 state,
                 quality.Faulty(opened, over_range & missing, judgement.stuck, judgement.drifting),
             ),
-            zero=Zero.none(len(state)),
+            zero=self._footing.zero,
         ), outcomes

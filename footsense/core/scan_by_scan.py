@@ -44,8 +44,6 @@ class ScanByScan:
         n_averaged: Scans whose elements are averaged before they are read.
     """
 
-    frames_per_scan = 1
-
     def __init__(self, estimator: Estimator, n_legs: int, moments: Vector, n_averaged: int = 1) -> None:
         self._estimator = estimator
         self._filling = Filling(moments)

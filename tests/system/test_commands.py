@@ -56,7 +56,7 @@ def scene(tmp_path: Path) -> str:
 
 
 def test_a_tare_is_granted_unloaded_and_refused_loaded(scene: str) -> None:
-    """The start's own tare is told too; then DONE in the air, LOADED on the ground, and the old baseline stays."""
+    """The start's own tare is told too; then DONE in the air, LOADED on the ground, where no leg is stopped either."""
     with (
         can.Bus(interface="virtual", channel=DEFAULT.can.channel) as bus,
         app.service(DEFAULT, load_scene(scene), real_time=False) as service,
@@ -69,7 +69,20 @@ def test_a_tare_is_granted_unloaded_and_refused_loaded(scene: str) -> None:
         (CommandKind.TARE, Result.DONE),
         (CommandKind.TARE, Result.DONE),
         (CommandKind.TARE, Result.LOADED),
-        (CommandKind.STOP, Result.DONE),
+        (CommandKind.STOP, Result.LOADED),
     ]
-    assert controller.states[85] is State.VALID
+    assert controller.states[-1] is State.VALID
+
+
+def test_a_leg_in_the_air_is_stopped() -> None:
+    """STOPPED, with the answer that it was done."""
+    with (
+        can.Bus(interface="virtual", channel=DEFAULT.can.channel) as bus,
+        app.service(DEFAULT, load_scene("hanging"), real_time=False) as service,
+    ):
+        controller = Controller(bus, {20: CommandKind.STOP})
+        service.observers.append(controller)
+        clock = service.scanning.clock
+        service.run(lambda: clock.now_ns() > 1_000_000_000)
+    assert controller.answers == [(CommandKind.TARE, Result.DONE), (CommandKind.STOP, Result.DONE)]
     assert controller.states[-1] is State.STOPPED

@@ -3,10 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.core.baseline import TareLimits
+from footsense.core.contact import ContactLimits
 from footsense.core.design import CapacitorDesign
 from footsense.core.pipeline import Calibration, Pipeline
 from footsense.core.scan_by_scan import ScanByScan
+from footsense.core.sensitivity import Sensitivity
+from footsense.core.tare import TareLimits
 from footsense.frames import CapFrame, Flag, ForceFrame, Result
 
 DESIGN = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
@@ -14,6 +16,8 @@ WINDOW = 4
 SCAN_NS = 25_000_000
 MAX_AGE_NS = 100_000_000
 SIGMA_N = np.array([0.01, 0.01, 0.02])
+#: The zero of these feet leaves nothing open: their sigma is the network's, and `test_footing` has the zero's.
+ZERO_N = np.zeros(3)
 
 #: Loads that close all gaps alike, but for a millionth: a missing closure is the mean of the others.
 ALIKE = np.ones((9, 9)) + 1e-6 * np.eye(9)
@@ -42,9 +46,11 @@ def pipeline(n_legs: int = 2, stray_pf: float = 0.0) -> Pipeline:
         ),
         np.full((n_legs, 9), stray_pf),
         np.full((n_legs, 9), DESIGN.rest_pf),
-        TareLimits(window_frames=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-        MAX_AGE_NS,
-        Flag.SIMULATED,
+        sensitivity=Sensitivity(load_n=9.0, zero_n=ZERO_N),
+        tare=TareLimits(window_frames=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
+        contact=ContactLimits(touch_n=0.03),
+        max_age_ns=MAX_AGE_NS,
+        flags=Flag.SIMULATED,
     )
 
 

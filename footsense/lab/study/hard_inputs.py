@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from onnx import TensorProto, numpy_helper
 from onnx.reference import ReferenceEvaluator
 
-from footsense.core.baseline import TareLimits
+from footsense.core.contact import ContactLimits
 from footsense.core.pipeline import Pipeline
 from footsense.core.scan_by_scan import ScanByScan
+from footsense.core.sensitivity import sensitivity
+from footsense.core.tare import TareLimits
 from footsense.frames import CapFrame, ForceFrame, Reading, State
 from footsense.inference.card import read_card
 from footsense.lab.dataset import paper_verification
@@ -78,10 +80,18 @@ class _Leg:
     def __init__(self, bench: Workbench) -> None:
         self.design = bench.response.design
         calibration = read_card(json.dumps(bench.network.card), str(bench.models)).calibration
-        limits = TareLimits(window_frames=_WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03)
         stray_pf, unloaded_pf = np.zeros((1, 9)), np.full((1, 9), self.design.rest_pf)
         reckoning = ScanByScan(bench.network, 1, calibration.moments)
-        self._pipeline = Pipeline(reckoning, calibration, stray_pf, unloaded_pf, limits, _MAX_AGE_NS)
+        self._pipeline = Pipeline(
+            reckoning,
+            calibration,
+            stray_pf,
+            unloaded_pf,
+            sensitivity=sensitivity(bench.network, 2, calibration.moments),
+            tare=TareLimits(window_frames=_WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
+            contact=ContactLimits(touch_n=0.03),
+            max_age_ns=_MAX_AGE_NS,
+        )
         self._sequence = 0
         for _ in range(_WINDOW):
             self.feed(unloaded_pf[0])
