@@ -8,8 +8,9 @@ is at most 14 % of the others' closures; in a walk, skew included, it comes to t
 What disagrees more has a reason: an electrode that came off and no longer moves, one that drifts, a bit that was
 flipped, a line that broke while the scan ran - or a load that steps while the elements are read one after the other.
 The last passes within a few scans. So an element, row or column without which the rest agrees is left out at once;
-one that stays in doubt is remembered, until it has agreed for a while with a foot that moves: at rest, an element
-that is stuck at its zero is right. If the rest does not agree either, the force is given, and its sigma is widened.
+one that stays in doubt is remembered, until it has agreed for a while both with a loaded foot and with a free one: at
+rest, an element that is stuck at its zero is right, and under load, where more is tolerated, one that drifts may be. If
+the rest does not agree either, the force is given, and its sigma is widened.
 """
 
 from typing import NamedTuple
@@ -27,8 +28,8 @@ Mask = NDArray[np.bool_]
 LIMIT, LIMIT_REL = 0.04, 0.3
 #: Closure that the others predict from which an element's motion can be judged [1].
 MOVED = 0.08
-#: How long an element has to agree, while it is predicted to be loaded, until it is trusted again [ns].
-TRUSTED_AFTER_NS = 500_000_000
+#: How long an element has to agree, loaded and free each, until it is trusted again [ns].
+TRUSTED_AFTER_NS = 300_000_000
 #: An element that moves less than this share of what the others predict is stuck [1].
 STUCK_REL = 0.3
 
@@ -69,7 +70,8 @@ class Consistency:
         self._doubted = np.zeros(shape, bool)
         self._doubted_since_ns = np.zeros(n_legs, np.int64)
         self._remembered = np.zeros(shape, bool)
-        self._agreed_ns = np.zeros(n_legs, np.int64)
+        self._stuck = np.zeros(shape, bool)
+        self._agreed_ns = np.zeros((n_legs, 2), np.int64)  # free, loaded
         self._t_ns = np.zeros(n_legs, np.int64)
         # Extremes of what each element did and of what the others predicted meanwhile: low, high.
         self._seen = np.zeros((2, *shape))
@@ -82,7 +84,7 @@ class Consistency:
 
     def forget(self, legs: Mask) -> None:
         """Trust all elements of these legs again, shape (legs,): they have a new foot, or a new zero."""
-        self._remembered[legs] = self._doubted[legs] = False
+        self._remembered[legs] = self._doubted[legs] = self._stuck[legs] = False
 
     def judge(
         self, closure_rel: Vector, measured_rel: Vector, missing: Mask, t_ns: NDArray[np.int64]
@@ -108,8 +110,9 @@ class Consistency:
             for leg in np.flatnonzero(troubled).tolist():
                 doubt_rel[leg] = self._judge_leg(leg, closure_rel[leg], missing[leg], int(t_ns[leg]))
         self._t_ns = t_ns
-        stuck = self._remembered & self._does_not_move()
-        return Judgement(missing, doubt_rel, stuck, self._remembered & ~stuck)
+        if self._remembered.any():
+            self._stuck |= self._remembered & self._does_not_move()
+        return Judgement(missing, doubt_rel, self._stuck.copy(), self._remembered & ~self._stuck)
 
     def _judge_leg(self, leg: int, closure_rel: Vector, missing: Mask, t_ns: int) -> float:
         """Write who contradicts into `missing`, shape (9,), and return how much is in doubt [1]."""
@@ -148,11 +151,13 @@ class Consistency:
         predicted = self._watch(leg, closure_rel, missing)
         if self._contradiction(closure_rel, missing & ~remembered) > 1.0:
             self._agreed_ns[leg] = 0
-        elif (np.abs(predicted[remembered]) > MOVED).all():
-            self._agreed_ns[leg] += min(t_ns - int(self._t_ns[leg]), self._settled_ns)
-        if self._agreed_ns[leg] >= TRUSTED_AFTER_NS:
+        else:
+            passed_ns = min(t_ns - int(self._t_ns[leg]), self._settled_ns)
+            largest = np.abs(predicted[remembered]).max()
+            self._agreed_ns[leg] += np.where([largest < LIMIT, largest > MOVED], passed_ns, 0)
+        if (self._agreed_ns[leg] >= TRUSTED_AFTER_NS).all():
             missing &= ~remembered
-            self._remembered[leg] = False
+            self._remembered[leg] = self._stuck[leg] = False
 
     def _watch(self, leg: int, closure_rel: Vector, missing: Mask) -> Vector:
         """Widen the extremes of what was seen and predicted; return what is predicted, shape (9,)."""
