@@ -5,12 +5,20 @@ from ipaddress import IPv4Address, ip_address
 
 from firmware_interface import adg715, fdc1004
 from footsense.config.schema import PCA9685_ALLCALL, Bus, Config
+from footsense.frames import ELEMENTS
 from footsense.strict_yaml import Problem
 
 __all__ = ["first_contradiction"]
 
 #: Addresses that each leg occupies while its channel is connected to the trunk.
 _LEG_DEVICES = {fdc1004.ADDRESS: "FDC1004", adg715.ADDRESS: "ADG715"}
+
+#: `Force` and `Quality`.
+_FRAMES_PER_LEG = 2
+#: Eight bytes under an 11-bit id with every stuff bit that can be, and the pause behind it.
+_LONGEST_FRAME_BITS = 135
+#: Share of the bus that forces may take; the rest is the robot's.
+_CAN_SHARE = 0.7
 
 
 def first_contradiction(config: Config) -> Problem | None:
@@ -42,6 +50,7 @@ def _contradictions(config: Config) -> Iterator[Problem]:
             ("can", "channel"),
             f"{config.can.channel} is no IPv4 multicast address, as udp_multicast needs one; use 239.74.163.2",
         )
+    yield from _can_load(config)
     yield from _feet(config)
     if config.metrics is not None:
         yield from _metrics(config.metrics.address)
@@ -140,6 +149,18 @@ def _addresses(bus: Bus, i: int) -> Iterator[Problem]:
                 "change one of them, or name a device once",
             )
         name_at[device.address] = device.name
+
+
+def _can_load(config: Config) -> Iterator[Problem]:
+    # Forces after every conversion are nine times as many as after every scan.
+    per_s = config.scan.rate_sps if config.publish == "element" else config.scan.rate_sps / ELEMENTS
+    bits_per_s = len(config.legs) * _FRAMES_PER_LEG * _LONGEST_FRAME_BITS * per_s
+    if config.can.interface == "socketcan" and bits_per_s > _CAN_SHARE * config.can.bitrate:
+        yield Problem(
+            ("can", "bitrate"),
+            f"{len(config.legs)} legs at {per_s:.0f} forces/s take {bits_per_s * 1e-3:.0f} kbit/s, more than "
+            f"{_CAN_SHARE:.0%} of {config.can.bitrate * 1e-3:.0f} kbit/s; use 1000000, or publish: frame",
+        )
 
 
 def _feet(config: Config) -> Iterator[Problem]:

@@ -64,7 +64,7 @@ class ElementByElement:
         readable = np.isfinite(values)
         new = (t_ns > self._seen_ns) & readable
         newest_ns = t_ns.max(axis=1)
-        whole = (readable | missing).all(axis=1)
+        whole: Mask = np.asarray((readable | missing).all(axis=1))
         # A reading that fails breaks the sequence: what was read before it is not mixed with what comes after.
         breaks = self._whole & ~whole
         self._fresh_from_ns[breaks] = newest_ns[breaks]

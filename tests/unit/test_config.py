@@ -101,6 +101,26 @@ def test_the_model_is_found_beside_the_file(file: Path) -> None:
             "line 4: buses[0].mux.address: my PCA9685 answers at 0x70 too (ALLCALL)",
         ),
         (ONE_BUS + "feet: {lf: foot-0001, rf: foot-0001}", "feet.rf: foot-0001 is already mounted on lf"),
+        (
+            ONE_BUS.replace("rf: 1", "rf: /dev/i2c-11"),
+            "line 3: buses[0].legs.rf: the multiplexer is driven by the kernel or by footsense, never by both",
+        ),
+        (
+            ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: /dev/i2c-11, rf: /dev/i2c-11}"),
+            "line 3: buses[0].legs.rf: /dev/i2c-11 is already that of lf; `i2cdetect -l` lists them",
+        ),
+        (
+            ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: /dev/i2c-11, rf: sim}"),
+            "buses[0].device: simulated and real buses cannot be mixed",
+        ),
+        (
+            ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: 0, rf: 1, lm: 2, rm: 3}") + "publish: element",
+            "can.bitrate: 4 legs at 400 forces/s take 432 kbit/s, more than 70% of 500 kbit/s; use 1000000, or",
+        ),
+        (
+            ONE_BUS + "publish: element\naverage_scans: 2",
+            "average_scans: is of use with publish: frame only",
+        ),
         (ONE_BUS + "feet: {lm: foot-0001}", "feet.lm: no bus has the leg lm; the legs are lf, rf"),
         (ONE_BUS + "metrics: {address: localhost}", "metrics.address: 'localhost' is not an IP address"),
         (
