@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.socketcan import split_frames
-from footsense.client import LINK_IDS, REPORT_IDS, Limits, Link, Report, Reports, View
+from footsense.client import LINK_IDS, REPORT_IDS, Limits, Link, Report, Reports, Status, View
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 from footsense.publish.can_bus import open_wire
@@ -31,6 +31,12 @@ class Seen(NamedTuple):
     view: View
     report: Report
     n_forces: int
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the leg has spoken lately; else its state is only the last that it had."""
+        silent = self.view.status is Status.STALE and self.report.node_state is None
+        return self.n_forces > 0 and not silent
 
 
 class Listener:

@@ -21,7 +21,7 @@ from footsense.clock import MonotonicClock
 _CHANNELS = {"socketcan": "can0", "udp_multicast": "239.74.163.2"}
 
 _NS_PER_S = 1_000_000_000
-_DRAW_NS = 100_000_000
+_DRAW_NS = 200_000_000
 
 
 @click.command()
@@ -107,21 +107,21 @@ def _is_multicast(name: str) -> bool:
 def _plain(seen: Seen) -> dict[str, Any]:
     """Return what is known of a leg as plain values; null is what is not known."""
     leg, view, report, n_forces = seen
-    heard = n_forces > 0
+    known = seen.is_known
     return {
         "leg": leg,
         "link": view.status.name.lower(),
         "forces": n_forces,
-        "phase": phase_of(view.state).name.lower() if heard else None,
-        "state": view.state.name.lower() if heard else None,
+        "phase": phase_of(view.state).name.lower() if known else None,
+        "state": view.state.name.lower() if known else None,
         "cause": cause_text(seen),
         "usable": view.usable,
         "force_n": _numbers(view.force_n),
         "sigma_n": _numbers(view.sigma_n),
         "age_ms": None if view.age_ns is None else round(view.age_ns * 1e-6, 1),
         "contact": bool(view.flags & Flag.CONTACT) if view.usable else None,
-        "simulated": bool(view.flags & Flag.SIMULATED) if heard else None,
-        "elements_out": [element for element in range(9) if view.fault_mask >> element & 1],
+        "simulated": bool(view.flags & Flag.SIMULATED) if known else None,
+        "elements_out": [e for e in range(9) if view.fault_mask >> e & 1] if known else None,
         "zero": {
             "status": None if report.zero is None else report.zero.name.lower(),
             "mean_ff": _number(report.mean_pf * 1e3, 1),

@@ -51,8 +51,8 @@ def monitor_table(legs: list[Seen], title: str) -> Group:
 
 
 def cause_text(seen: Seen) -> str | None:
-    """Return what lies behind a leg's state in words; None if it was not told, or with another state."""
-    if seen.report.cause is None or seen.report.cause_state is not seen.view.state:
+    """Return what lies behind a leg's state in words; None if it was not told, with another state, or long ago."""
+    if not seen.is_known or seen.report.cause is None or seen.report.cause_state is not seen.view.state:
         return None
     return _words(seen.report.cause.name)
 
@@ -74,7 +74,7 @@ def _forces(legs: list[Seen]) -> Table:
             numbers = [f"{component:+.3f}" for component in view.force_n]
             numbers += [_or_nothing(max(view.sigma_n), ".3f"), f"{view.age_ns * 1e-6:.1f}"]
             numbers += [Text("down", "cyan") if view.flags & Flag.CONTACT else "up"]
-        table.add_row(seen.leg, state if seen.n_forces else _NOTHING, link, *numbers)
+        table.add_row(seen.leg, state if seen.is_known else _NOTHING, link, *numbers)
     return table
 
 
@@ -95,7 +95,7 @@ def _reports(legs: list[Seen]) -> Table:
         table.add_row(
             seen.leg,
             _NOTHING if cause is None else Text(cause, "" if report.cause is Cause.NONE else "yellow"),
-            _grid(mask) if seen.n_forces else _NOTHING,
+            _grid(mask) if seen.is_known else _NOTHING,
             _NOTHING if report.zero is None else _words(report.zero.name),
             _or_nothing(report.mean_pf * 1e3, "+.1f"),
             _or_nothing(report.worst_pf * 1e3, "+.1f"),

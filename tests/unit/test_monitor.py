@@ -94,6 +94,7 @@ def test_a_listener_sees_what_a_sink_sends_and_stops_believing_it(request: pytes
     left = plain(listener)[0]
     assert (left["link"], left["usable"], left["heartbeat"]) == ("stale", False, None)
     assert (left["force_n"], left["age_ms"], left["contact"]) == ([None] * 3, None, None)
+    assert (left["state"], left["cause"], left["elements_out"]) == (None, None, None)
     robot.close()
 
 
