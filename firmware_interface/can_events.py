@@ -2,6 +2,8 @@
 
 All but the heartbeat are protected as told in `crc8`. The ids are CANopen's, so that a CANopen tool shows an
 emergency, a request, an answer and a heartbeat; the contents of the first three are footsense's own.
+
+The file is long for its drawings: each frame has one, beside the two functions that it explains.
 """
 
 import struct
