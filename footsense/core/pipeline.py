@@ -110,6 +110,11 @@ class Pipeline:
         self._opened = np.zeros((n_legs, ELEMENTS), bool)
         self._stopped = np.zeros(n_legs, bool)
 
+    @property
+    def baseline_pf(self) -> Vector:
+        """What each element reads unloaded, without stray [pF], shape (legs, 9), NaN where that is not known."""
+        return self._footing.baseline_pf
+
     def obey(self, command: Command) -> Outcome | None:
         """Begin what a command asks for, unless the foot is on the ground; a tare ends in a later scan."""
         if command.kind is CommandKind.TARE:
