@@ -61,12 +61,12 @@ def scan_limits(
     Example:
         >>> limits = scan_limits(n_legs=6, conversion_ns=2_500_000, rate_hz=400_000, host_cost_ns=40_000)
         >>> limits.holds, round(limits.scan_ns / 22.5e6, 3)
-        ('conversion', 1.088)
+        ('conversion', 1.087)
         >>> limits = scan_limits(
         ...     n_legs=6, conversion_ns=2_500_000, rate_hz=400_000, host_cost_ns=40_000, kernel_mux=True
         ... )
         >>> limits.holds, round(limits.scan_ns / 22.5e6, 3)
-        ('read-out', 1.297)
+        ('read-out', 1.298)
     """
 
     def lasts(n_write: int, n_read: int = 0) -> int:
