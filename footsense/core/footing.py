@@ -21,6 +21,9 @@ Mask = NDArray[np.bool_]
 #: A leg that was silent for so long may come back with another foot: its baseline is forgotten. Nobody is faster.
 _SILENT_NS = 250_000_000
 
+#: In how many frames every leg gets its turn to follow: two of six legs in one frame, and those of opposite tripods.
+_TURNS = 3
+
 
 class Footing:
     """The baselines of all legs, the tares that are being taken, and who is on the ground.
@@ -119,7 +122,7 @@ class Footing:
     def observe(
         self, closure_rel: Vector, capacitance_pf: Vector, t_ns: Stamps, missing: Mask, now_ns: int
     ) -> None:
-        """Judge who is on the ground, and follow one of those that are not; each gets its turn.
+        """Judge who is on the ground, and follow those that are not and whose turn it is.
 
         Args:
             closure_rel: Closures over the gap as measured [1], shape (legs, 9), NaN where there is none.
@@ -146,13 +149,14 @@ class Footing:
                 zero.hold(ZeroStatus.TOO_FAST)
             else:
                 aloft.append(leg)
+        self._turn = (self._turn + 1) % _TURNS
         moved = False
-        if aloft:
-            self._turn = next((leg for leg in aloft if leg > self._turn), aloft[0])
-            zero = self._zeros[self._turn]
-            # What is missing only because it has no zero gets one.
-            disbelieved = missing[self._turn] & np.isfinite(zero.zero_pf)
-            moved = zero.follow(np.where(disbelieved, np.nan, capacitance_pf[self._turn]), t_ns[self._turn])
+        for leg in aloft:
+            if leg % _TURNS == self._turn:
+                zero = self._zeros[leg]
+                # What is missing only because it has no zero gets one.
+                disbelieved = missing[leg] & np.isfinite(zero.zero_pf)
+                moved |= zero.follow(np.where(disbelieved, np.nan, capacitance_pf[leg]), t_ns[leg])
         if moved or [zero.status for zero in self._zeros] != self._statuses:
             self._gather()
         closure_sigma_rel = np.array(sigma_pf) * self._closure_per_pf
