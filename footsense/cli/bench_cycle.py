@@ -1,0 +1,239 @@
+"""The part of `footsense bench` about one cycle: what it costs us, a floor in C, and a naive program, in turns.
+
+A whole cycle: estimate, publish, count, record. Each of the three sends to a socket of the same kind, a stand-in for
+CAN's that any machine has, and records into a pipe of the same kind; both are drained between cycles.
+"""
+
+import os
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from footsense import app
+from footsense.cli.bench_floor import Floor, codes_of, compiler
+from footsense.cli.bench_naive import NaiveCycle, naive_cycle
+from footsense.clock import stopwatch_ns, undisturbed
+from footsense.config import DEFAULT
+from footsense.errors import FootsenseError
+from footsense.frames import CapFrame, Cycle, Flag, State
+from footsense.loop import step
+from footsense.publish.can_socket import SocketWire
+from footsense.publish.can_stats import CanStats
+from footsense.publish.journal import Journal
+from footsense.publish.metrics import Metrics
+from footsense.publish.supervision import Supervision
+from footsense.publish.systemd import SystemdNotifier
+from footsense.recording.cycle_pipe import CyclePipe
+from footsense.sim.clock import VirtualClock
+from footsense.sim.scene import load_scene
+
+__all__ = [
+    "WARM_UP",
+    "OurCycle",
+    "Outlets",
+    "cycle_figures",
+    "our_cycle",
+    "recorded_scans",
+    "sent_ns",
+    "tared_floor",
+]
+
+#: Scans in which the feet are tared.
+WARM_UP = 40
+#: Largest difference between the floor's forces and ours [N]: half a step of the wire.
+_SAME_N = 1e-3
+
+
+class Outlets:
+    """Where the frames and the record of a cycle go."""
+
+    def __init__(self) -> None:
+        self.socket, self._sink = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._drain, self.pipe = os.pipe()
+        os.set_blocking(self._drain, False)
+
+    @property
+    def fds(self) -> tuple[int, int, int, int]:
+        """Both ends of the socket, and the pipe's to write and to read."""
+        return self.socket.fileno(), self._sink.fileno(), self.pipe, self._drain
+
+    def drain(self) -> None:
+        """Take out what a cycle has left."""
+        with suppress(BlockingIOError):
+            while True:
+                self._sink.recv(64, socket.MSG_DONTWAIT)
+        with suppress(BlockingIOError):
+            os.read(self._drain, 1 << 16)
+
+    def close(self) -> None:
+        """Release all ends."""
+        self.socket.close()
+        self._sink.close()
+        os.close(self._drain)
+        os.close(self.pipe)
+
+
+class _Recording:
+    """An observer that copies every cycle into a pipe, as the recorder does."""
+
+    def __init__(self, pipe: int, legs: tuple[str, ...]) -> None:
+        self._pipe = CyclePipe(pipe, legs, {}, blocking=False)
+
+    def observe(self, cycle: Cycle) -> None:
+        """Copy one cycle."""
+        self._pipe.send(cycle)
+
+    def close(self) -> None:
+        """Nothing waits."""
+
+
+class OurCycle(NamedTuple):
+    """A cycle of the service's own parts.
+
+    Attributes:
+        run: Does one cycle with a scan, as of a time [ns].
+        baseline_pf: Returns the zeros that the next cycle begins with [pF], shape (legs, 9).
+        metrics: Its counters.
+        outlets: Where its frames and records go.
+    """
+
+    run: Callable[[CapFrame, int], Cycle]
+    baseline_pf: Callable[[], NDArray[np.float64]]
+    metrics: Metrics
+    outlets: Outlets
+
+
+@contextmanager
+def our_cycle() -> Iterator[OurCycle]:
+    """Put together what the service does with a scan.
+
+    Yields:
+        The cycle; its counters are there until the end.
+    """
+    clock, stats, outlets = VirtualClock(), CanStats(), Outlets()
+    pipeline = app.pipeline_for(DEFAULT, app.load_network(DEFAULT), Flag.SIMULATED)
+    wire = SocketWire(outlets.socket, lambda: None)
+    metrics = Metrics(DEFAULT.legs, stats)
+    observers = (
+        Journal(DEFAULT.legs),
+        Supervision(SystemdNotifier({}), DEFAULT.legs),
+        metrics,
+        _Recording(outlets.pipe, DEFAULT.legs),
+    )
+    with app.can_sink(DEFAULT, clock, None, stats, connect=lambda: wire) as sink:
+
+        def run(scan: CapFrame, now_ns: int) -> Cycle:
+            clock.sleep_until_ns(now_ns)
+            return step(scan, tuple(sink.commands()), pipeline, sink, observers, clock)
+
+        try:
+            yield OurCycle(run, lambda: pipeline.baseline_pf, metrics, outlets)
+        finally:
+            metrics.close()
+    outlets.close()
+
+
+def recorded_scans(n: int) -> list[CapFrame]:
+    """Return scans of six walking legs in turn."""
+    with app.scanning(DEFAULT, replace(load_scene("measured_walk"), host_cost_us=40.0)) as scanning:
+        return [scanning.source.read() for _ in range(n)]
+
+
+def sent_ns(scan: CapFrame) -> int:
+    """Return when a scan is processed, in its own time [ns]: when the last element has been read."""
+    return int(scan.t_ns.max()) + 2_000_000
+
+
+def tared_floor(folder: Path, scans: list[CapFrame]) -> Floor:
+    """Return the floor with the zeros that the service's tare finds in the first scans.
+
+    Raises:
+        FootsenseError: It cannot be compiled.
+    """
+    floor = Floor(folder, DEFAULT, app.load_network(DEFAULT).card.calibration)
+    floor.tare(np.mean([scan.capacitance_pf for scan in scans[: DEFAULT.tare.window_frames]], axis=0))
+    return floor
+
+
+class _Times(NamedTuple):
+    ours_ns: list[int]
+    floor_ns: list[int]
+    naive_ns: list[int]
+
+
+def cycle_figures(scans: list[CapFrame]) -> dict[str, float | None]:
+    """Return what a cycle costs [us] and the ratios; None where there is nothing to compare with.
+
+    Args:
+        scans: What to process, WARM_UP of them before anything counts.
+
+    Raises:
+        FootsenseError: The floor's forces are not ours.
+    """
+    with TemporaryDirectory() as folder, our_cycle() as ours, naive_cycle(DEFAULT) as naive:
+        floor = tared_floor(Path(folder), scans) if compiler() else None
+        with undisturbed():
+            times = _time(scans, ours, floor, naive)
+    ours_us, floor_us, naive_us = (np.array(part[WARM_UP:]) * 1e-3 for part in times)
+    p50 = float(np.median(ours_us))
+    return {
+        "p50": p50,
+        "p99": float(np.quantile(ours_us, 0.99)),
+        "c_floor_p50": float(np.median(floor_us)) if floor else None,
+        "naive_p50": float(np.median(naive_us)) if naive else None,
+        "cycle_over_c_floor": p50 / float(np.median(floor_us)) if floor else None,
+        "naive_over_cycle": float(np.median(naive_us)) / p50 if naive else None,
+    }
+
+
+def _time(scans: list[CapFrame], ours: OurCycle, floor: Floor | None, naive: NaiveCycle | None) -> _Times:
+    """Time each cycle three ways, one after the other, so that what else the machine does strikes all alike."""
+    times = _Times([], [], [])
+    outlets = ours.outlets
+    for number, scan in enumerate(scans):
+        now_ns = sent_ns(scan)
+        baseline_pf = ours.baseline_pf()
+        start_ns = stopwatch_ns()
+        cycle = ours.run(scan, now_ns)
+        times.ours_ns.append(stopwatch_ns() - start_ns)
+        outlets.drain()
+        if floor is not None:
+            codes = codes_of(scan)
+            floor.tare(baseline_pf)
+            start_ns = stopwatch_ns()
+            force_n = floor.run(scan, codes, now_ns, outlets.socket.fileno(), outlets.pipe)
+            times.floor_ns.append(stopwatch_ns() - start_ns)
+            outlets.drain()
+            if number >= WARM_UP:
+                _check_same(cycle, force_n)
+        if naive is not None:
+            start_ns = stopwatch_ns()
+            naive.run(scan, now_ns, outlets.socket, outlets.pipe)
+            times.naive_ns.append(stopwatch_ns() - start_ns)
+            outlets.drain()
+    return times
+
+
+def _check_same(cycle: Cycle, floor_n: NDArray[np.float64] | None) -> None:
+    """Check that the floor did the same work.
+
+    Raises:
+        FootsenseError: It gives another force than we do, or none.
+    """
+    if floor_n is None:
+        raise FootsenseError(
+            f"scan {cycle.scan.sequence}: the floor in C gives no force where every leg is healthy"
+        )
+    valid = cycle.forces.state == State.VALID
+    difference_n = np.abs(cycle.forces.force_n - floor_n)[valid].max(initial=0.0)
+    if not difference_n < _SAME_N:
+        raise FootsenseError(
+            f"scan {cycle.scan.sequence}: the floor in C differs by {difference_n:.2g} N from ours"
+        )
