@@ -25,7 +25,9 @@ Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: Residual that is no contradiction: of an element over its gap [1], and over the others' mean square root [1].
-LIMIT, LIMIT_REL = 0.04, 0.3
+LIMIT, LIMIT_REL = 0.03, 0.4
+#: Share of the largest residual that may stand in the force: in fast gaits and steps its root mean square is a third.
+DOUBT_REL = 0.5
 #: Closure that the others predict from which an element's motion can be judged [1].
 MOVED = 0.08
 #: How long an element has to agree, loaded and free each, until it is trusted again [ns].
@@ -131,7 +133,7 @@ class Consistency:
             self._seen[:, leg], self._predicted[:, leg] = np.inf, np.inf
             self._seen[1, leg], self._predicted[1, leg] = -np.inf, -np.inf
         rms = float(np.sqrt(np.square(closure_rel[~missing]).mean()))
-        doubt_rel = contradiction * (LIMIT + LIMIT_REL * rms) / max(rms, LIMIT)
+        doubt_rel = DOUBT_REL * contradiction * (LIMIT + LIMIT_REL * rms) / max(rms, LIMIT)
         missing |= culprit
         if not doubted.any():
             return doubt_rel

@@ -148,9 +148,9 @@ class Pipeline:
         # has none: a line through its last one would take the element's return for a load.
         settled_pf = np.where(unsettled, np.nan, capacitance_pf)
         faulty = opened | self._consistency.remembered
-        outcomes = self._footing.tare(
-            settled_pf, scan.reading, scan.t_ns, quality.missing_elements(faulty), now_ns
-        )
+        # Whether an element over the range is pressed or shorted, the others' closures tell: none without a baseline.
+        lacking = quality.missing_elements(faulty | over_range & np.isnan(self._footing.baseline_pf))
+        outcomes = self._footing.tare(settled_pf, scan.reading, scan.t_ns, lacking, now_ns)
         baseline_pf = self._footing.baseline_pf
         untared = np.isnan(baseline_pf)
         self._consistency.forget(untared.all(axis=1))
@@ -162,6 +162,7 @@ class Pipeline:
         judged_rel = rest_rel - moment.judged
         judgement = self._consistency.judge(rest_rel - moment.values, judged_rel, missing, moment.t_ns)
         # Some are forgiven with this frame, and some are blamed.
+        shorted = over_range & (missing | self._consistency.remembered)
         faulty = opened | untared | self._consistency.remembered | (judgement.missing & ~missing)
         missing = judgement.missing
         self._footing.observe(judged_rel, settled_pf, scan.t_ns, missing, now_ns)
@@ -175,7 +176,7 @@ class Pipeline:
         state[(outside & ~missing).any(axis=1)] = State.OUT_OF_RANGE
         state[(now_ns - oldest_ns > self._max_age_ns) | ~moment.together] = State.STALE
         self._footing.mark_untared(state)
-        quality.converter_states(state, scan.reading, faulty & ~missing, (shut | over_range) & ~missing)
+        quality.converter_states(state, scan.reading, faulty & ~missing, shut & ~missing | over_range & ~shorted)
         state[self._stopped] = State.STOPPED
 
         usable = np.isin(state, _USABLE)
@@ -204,7 +205,7 @@ class Pipeline:
             cause=quality.causes(
                 scan.reading,
                 state,
-                quality.Faulty(opened, over_range & missing, judgement.stuck, judgement.drifting),
+                quality.Faulty(opened, shorted, judgement.stuck, judgement.drifting),
             ),
             zero=self._footing.zero,
         ), outcomes
