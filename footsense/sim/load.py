@@ -52,23 +52,29 @@ class Unloaded:
         return IN_THE_AIR
 
 
-class Constant:
-    """Every foot is pressed through its centre by one force from a time on.
+class Ramp:
+    """Every foot is pressed through its centre by one force, which grows evenly from nothing and then stays.
 
     Args:
-        force_n: Force on every foot [N], foot frame, not zero.
+        force_n: Force on every foot in the end [N], foot frame, not zero.
         from_ns: When it begins [ns].
+        rise_ns: How long it grows [ns]; 0 for a load that is there at once.
     """
 
-    def __init__(self, force_n: tuple[float, float, float], from_ns: int) -> None:
-        force = np.array(force_n)
-        self._contact = Contact(force / np.linalg.norm(force), force)
+    def __init__(self, force_n: tuple[float, float, float], from_ns: int, rise_ns: int = 0) -> None:
+        self._force_n = np.array(force_n)
+        self._normal = self._force_n / np.linalg.norm(self._force_n)
         self._from_ns = from_ns
+        self._rise_ns = rise_ns
 
     def contact(self, leg: str, t_ns: int) -> Contact:
         """Return the same for every leg."""
         del leg
-        return self._contact if t_ns >= self._from_ns else IN_THE_AIR
+        since_ns = t_ns - self._from_ns
+        if since_ns < 0:
+            return IN_THE_AIR
+        share = min(since_ns / self._rise_ns, 1.0) if self._rise_ns else 1.0
+        return Contact(self._normal, share * self._force_n)
 
 
 #: Ground reaction in the world frame [N] over the phase of the gait cycle, 0 at touchdown, in [0, 1).

@@ -23,6 +23,7 @@ LOWEST_ELEVATION_DEG = 30
 
 Force = Annotated[float, Meta(ge=0.0, le=2.0)]
 Pitch = Annotated[float, Meta(ge=-30.0, le=30.0)]
+_Pressing = tuple[float, float, Annotated[float, Meta(gt=0.0, le=2.0)]]
 
 
 class _Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -41,17 +42,22 @@ class Unloaded(_Part, frozen=True, tag="unloaded", tag_field="kind"):
 class Constant(_Part, frozen=True, tag="constant", tag_field="kind"):
     """One force on every foot, through the centre of its ball."""
 
-    force_n: tuple[float, float, Annotated[float, Meta(gt=0.0, le=2.0)]]
+    force_n: _Pressing
 
     def build(self, from_ns: int) -> load.Load:
         """Return the load."""
-        return load.Constant(self.force_n, from_ns)
+        return load.Ramp(self.force_n, from_ns)
 
-    @property
-    def elevation_deg(self) -> float:
-        """Elevation of the force [deg]; 90 is straight up the leg."""
-        x, y, z = self.force_n
-        return math.degrees(math.atan2(z, math.hypot(x, y)))
+
+class Ramp(_Part, frozen=True, tag="ramp", tag_field="kind"):
+    """One force on every foot, through the centre of its ball, that grows evenly from nothing."""
+
+    force_n: _Pressing
+    rise_s: Annotated[float, Meta(gt=0.0, le=60.0)]
+
+    def build(self, from_ns: int) -> load.Load:
+        """Return the load."""
+        return load.Ramp(self.force_n, from_ns, round(self.rise_s * _NS_PER_S))
 
 
 class Tripod(_Part, frozen=True, tag="tripod", tag_field="kind"):
@@ -139,7 +145,7 @@ class Scene(_Part, frozen=True):
     """
 
     description: str
-    load: Unloaded | Constant | Tripod | MeasuredWalk
+    load: Unloaded | Constant | Ramp | Tripod | MeasuredWalk
     lead_in_s: Annotated[float, Meta(ge=0.0)] = 1.0
     host_cost_us: Annotated[float, Meta(ge=0.0, le=10_000.0)] = 0.0
     seed: Annotated[int, Meta(ge=0)] = 1
@@ -176,12 +182,15 @@ def load_scene(name_or_path: str) -> Scene:
 
 def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
     """Return what is right by itself and cannot be simulated."""
-    if isinstance(scene.load, Constant) and scene.load.elevation_deg < LOWEST_ELEVATION_DEG:
-        return strict_yaml.Problem(
-            ("load", "force_n"),
-            f"leans to an elevation of {scene.load.elevation_deg:.0f} deg; "
-            f"the foot's response is known from {LOWEST_ELEVATION_DEG} deg up",
-        )
+    if isinstance(scene.load, Constant | Ramp):
+        x, y, z = scene.load.force_n
+        elevation_deg = math.degrees(math.atan2(z, math.hypot(x, y)))
+        if elevation_deg < LOWEST_ELEVATION_DEG:
+            return strict_yaml.Problem(
+                ("load", "force_n"),
+                f"leans to an elevation of {elevation_deg:.0f} deg; "
+                f"the foot's response is known from {LOWEST_ELEVATION_DEG} deg up",
+            )
     for n, fault in enumerate(scene.faults):
         until_s = getattr(fault, "until_s", None)
         if until_s is not None and until_s <= fault.at_s:
