@@ -4,9 +4,8 @@ One call for all legs, one thread, no spinning: a spinning worker would take a c
 a second thread costs more than this network's microseconds.
 """
 
-import hashlib
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import onnxruntime as ort
@@ -15,8 +14,12 @@ from numpy.typing import NDArray
 from footsense.errors import ModelError
 from footsense.frames import ELEMENTS
 from footsense.inference.card import METADATA_KEY, Card, read_card
+from footsense.inference.seal import unsealed_sha256
 
 _AXES = 3
+
+#: Largest file that is read [bytes]; the released network has 18 thousand.
+MAX_BYTES = 1 << 24
 
 #: Where between the trained limits of its inputs a network is tried before it is used [1].
 _TRIED_REL = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -31,15 +34,16 @@ class Network:
 
     Attributes:
         card: What the network was made for.
-        sha256: Hash of the file, which names this very network in recordings.
+        sha256: Hash of the file without its seal, which names this very network in recordings.
 
     Raises:
-        ModelError: The file is no network, its card does not fit, or it gives no force where it was trained.
+        ModelError: The file is no network or not whole, its card does not fit, or it gives no force where it was
+            trained.
     """
 
     def __init__(self, path: Path, n_rows: int) -> None:
         content = _content(path)
-        self.sha256 = hashlib.sha256(content).hexdigest()
+        self.sha256 = unsealed_sha256(content, str(path))
         options = ort.SessionOptions()
         options.intra_op_num_threads = 1
         options.inter_op_num_threads = 1
@@ -49,12 +53,14 @@ class Network:
             4  # its errors come as exceptions; its warnings are not for the robot's journal
         )
         try:
-            self._session = ort.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+            self._session = ort.InferenceSession(
+                content, options, providers=["CPUExecutionProvider"], enable_fallback=0
+            )
+            text = self._session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
+            inputs, outputs = _ports(self._session.get_inputs()), _ports(self._session.get_outputs())
         except Exception as error:  # the library raises a dozen types that share no base of their own
             raise ModelError(f"{path}: not a readable ONNX network ({_one_line(error)})") from error
         # The shapes come first: a card that describes another shape would only be said not to fit.
-        text = self._session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
-        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
         if text is not None:
             _check_shapes(path, "input", inputs, ELEMENTS)
             _check_shapes(path, "output", outputs, _AXES)
@@ -113,9 +119,14 @@ def _content(path: Path) -> bytes:
     """Return the bytes of a network's file.
 
     Raises:
-        ModelError: There is no such file, or it cannot be read.
+        ModelError: There is no such file, or it cannot be read, or is larger than any network.
     """
     try:
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise ModelError(f"{path}: has {size} bytes, at most {MAX_BYTES} are read; not a network of feet")
+        if not (path.is_file() or path.is_dir()):
+            raise ModelError(f"{path}: not a file; name the network itself")
         return path.read_bytes()
     except FileNotFoundError as error:
         raise ModelError(f"{path}: no such network ({error.strerror})") from error
@@ -125,7 +136,19 @@ def _content(path: Path) -> bytes:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from error
 
 
-def _check_shapes(path: Path, what: str, values: list[Any], width: int) -> None:
+class _Port(NamedTuple):
+    """What the runtime says of an input or output."""
+
+    name: str
+    type: str
+    shape: list[Any]
+
+
+def _ports(values: list[Any]) -> list[_Port]:
+    return [_Port(value.name, value.type, value.shape) for value in values]
+
+
+def _check_shapes(path: Path, what: str, values: list[_Port], width: int) -> None:
     """Check the two inputs or outputs.
 
     Raises:
@@ -139,7 +162,7 @@ def _check_shapes(path: Path, what: str, values: list[Any], width: int) -> None:
         )
 
 
-def _check_names(path: Path, values: list[Any], named: list[str]) -> None:
+def _check_names(path: Path, values: list[_Port], named: list[str]) -> None:
     """Check that the card speaks of this network.
 
     Raises:
@@ -151,5 +174,5 @@ def _check_names(path: Path, values: list[Any], named: list[str]) -> None:
 
 
 def _one_line(error: Exception) -> str:
-    """Return the reason that the library gives, without what follows it."""
-    return str(error).strip().partition("\n")[0]
+    """Return the reason that the library gives, without what follows it, if there is one."""
+    return str(error).strip().partition("\n")[0] or type(error).__name__

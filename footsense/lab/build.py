@@ -11,10 +11,10 @@ from typing import Any
 
 import ngsolve as ng
 import numpy as np
-import onnx
 
 from footsense.core.filling import Filling
 from footsense.inference.card import FORMAT, INPUT_ORDER, INPUT_UNIT, OUTPUT_ORDER, OUTPUT_UNIT
+from footsense.inference.seal import seal
 from footsense.lab import dataset
 from footsense.lab.dataset import Cases, paper_training, wide
 from footsense.lab.evaluate import Errors, Readout
@@ -206,7 +206,8 @@ def build(output: Path, recipe: Recipe, report: Callable[[str], None]) -> Built:
         # What goes into the card is computed before there is a file, by JAX, and may differ in the last digit from
         # what everybody finds later, which is what is printed.
         card = _card(response, recipe, weights, cases, table)
-        onnx.save(onnx_model(weights, card), Path(scratch) / NETWORK_FILE)
+        network = seal(onnx_model(weights, card).SerializeToString())
+        (Path(scratch) / NETWORK_FILE).write_bytes(network)
         parity = _parity_n(OnnxNetwork(Path(scratch) / NETWORK_FILE), weights, closure_rel)
         if not parity <= PARITY_N:
             raise ArithmeticError(

@@ -5,7 +5,6 @@ goes on with the pages that are missing. Each study has a process of its own: wh
 threads made the next one's small matrix products fifteen times as slow.
 """
 
-import hashlib
 import json
 import os
 import sys
@@ -18,6 +17,7 @@ from pathlib import Path
 from timeit import default_timer
 
 from footsense.errors import FootsenseError
+from footsense.inference.seal import unsealed_sha256
 from footsense.lab.evaluate_models import NETWORK_FILE
 from footsense.lab.study.page import Page, Workbench
 from footsense.lab.targets import targets
@@ -70,7 +70,8 @@ def timed_page(study: Callable[[Workbench], Page], bench: Workbench) -> Page:
 
 def _network_hash(bench: Workbench) -> str:
     """Return the hash of the network that the studies are about."""
-    return hashlib.sha256((bench.models / NETWORK_FILE).read_bytes()).hexdigest()
+    path = bench.models / NETWORK_FILE
+    return unsealed_sha256(path.read_bytes(), str(path))
 
 
 def is_made(name: str, folder: Path, bench: Workbench) -> bool:

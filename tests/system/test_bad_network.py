@@ -16,6 +16,7 @@ from footsense.app.estimation import load_network
 from footsense.config import DEFAULT
 from footsense.errors import ModelError
 from footsense.inference.card import INPUT_ORDER, OUTPUT_ORDER
+from footsense.inference.seal import seal
 from tests.system.command import footsense, one_line_error, robot
 
 NINE_INPUTS, THREE_NEWTONS = {"unit": "1", "order": INPUT_ORDER}, {"unit": "N", "order": OUTPUT_ORDER}
@@ -81,7 +82,7 @@ def network_file(
     if text is not None:
         helper.set_model_props(model, {"footsense_card": text})
     file = folder / "network.onnx"
-    onnx.save(model, str(file))
+    file.write_bytes(seal(model.SerializeToString()))
     return file
 
 
@@ -108,8 +109,10 @@ def test_a_missing_network(tmp_path: Path) -> None:
 
 
 def test_a_corrupt_network(tmp_path: Path) -> None:
-    """Bytes that are no ONNX file."""
+    """Bytes that are no ONNX file, with and without the checksum of one."""
     (tmp_path / "network.onnx").write_bytes(b"this is no network")
+    assert "no checksum at its end" in refused(tmp_path)
+    (tmp_path / "network.onnx").write_bytes(seal(b"this is no network"))
     assert "not a readable ONNX network" in refused(tmp_path)
 
 
@@ -209,7 +212,7 @@ def test_a_network_whose_weights_do_not_fit_its_input_is_told_with_the_reason(tm
     file = network_file(tmp_path, card())
     model = onnx.load(str(file))
     model.graph.input[0].type.tensor_type.shape.dim[1].dim_value = 8
-    onnx.save(model, str(file))
+    file.write_bytes(seal(model.SerializeToString()))
     line = refused(tmp_path)
     assert "not a readable ONNX network (" in line
     assert "ncompatible dimensions" in line
