@@ -1,9 +1,10 @@
 """Whether a foot is on the ground: level and rate of its load, in newtons and seconds.
 
-The load is judged above a floor, not above the zero: in the air the floor follows the load down at once and up no
-faster than `floor_n_per_s`, on the ground it stands still. So drift, which is slow, never makes contact, whatever it
-adds up to, and a touchdown, which is fast, is seen in the first reading that is `touch_n` above the floor. A load that
-comes more slowly than `floor_n_per_s` cannot be told from drift, and is not.
+The load is judged above a floor, not above the zero: in the air the floor follows the load down as soon as it has been
+that low for a twentieth of a second, and up no faster than `floor_n_per_s`; on the ground it stands still. So drift,
+which is slow, never makes contact, whatever it adds up to, and a touchdown, which is fast, is seen in the first reading
+that is `touch_n` above the floor. A load that comes more slowly than `floor_n_per_s` cannot be told from drift, and is
+not.
 
 A foot has left the ground when its load is back within `lift_n` of the floor. After a long stance it may never be: the
 zero has drifted meanwhile, and rubber that was pressed goes back over minutes. So a load that has fallen fast, to a
@@ -31,6 +32,9 @@ _RECENT_S = 1.0
 #: on the safe side: Prony series of PDMS add 2 to 5 % over minutes; no foot has been measured.
 _CREEP_REL = 0.05
 _CARRIED_S = 100.0
+
+#: How long a load has to be low before the floor goes there: a glitch downwards must not make contact afterwards.
+_LOW_NS = 50_000_000
 
 #: Without a reading, contact is believed for so long, and is unknown after that.
 _BELIEVED_NS = 250_000_000
@@ -103,6 +107,9 @@ class Contact:
         self.load_n = math.nan
         self._floor_n = 0.0
         self._recent_n = 0.0
+        # The highest load of the last _LOW_NS to twice that.
+        self._highest_before_n = self._highest_n = math.inf
+        self._watched_ns = t_ns
         self._t_ns = self._lifted_ns = t_ns
 
     def observe(self, load_n: float, zero_doubt_n: float, t_ns: int, now_ns: int) -> None:
@@ -125,15 +132,24 @@ class Contact:
         self.doubt_n = zero_doubt_n + _CREEP_REL * self._carried_n
         above_n = load_n - self._floor_n
         if self.touching:
-            fell = load_n < _FALLEN_REL * self._recent_n and above_n < limits.lift_n + self.doubt_n
+            # Against a floor below the zero a foot might never be free: the zero is in the air too.
+            left_n = load_n - max(self._floor_n, 0.0)
+            fell = load_n < _FALLEN_REL * self._recent_n and left_n < limits.lift_n + self.doubt_n
             if fell or above_n < limits.lift_n:
                 self.touching = False
                 self._lifted_ns = t_ns
                 self._floor_n = load_n
+                self._highest_before_n = self._highest_n = load_n
+                self._watched_ns = t_ns
         elif above_n > limits.touch_n:
             self.touching = True
         else:
-            self._floor_n = min(load_n, self._floor_n + limits.floor_n_per_s * passed_s)
+            if t_ns - self._watched_ns > _LOW_NS:
+                self._highest_before_n = self._highest_n
+                self._highest_n, self._watched_ns = load_n, t_ns
+            self._highest_n = max(self._highest_n, load_n)
+            highest_n = max(self._highest_n, self._highest_before_n)
+            self._floor_n = min(highest_n, self._floor_n + limits.floor_n_per_s * passed_s)
         pressed_n = max(load_n, 0.0)
         self._recent_n += (pressed_n - self._recent_n) * (passed_s / (_RECENT_S + passed_s))
         self._carried_n += (pressed_n - self._carried_n) * (passed_s / (_CARRIED_S + passed_s))

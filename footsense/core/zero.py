@@ -159,7 +159,7 @@ class LegZero:
         self._anchor_pf = anchor_pf
         self._at_ns = t_ns
         # What the margin cut off is not known any better: the variance shrinks by as much as was really moved.
-        share = float(np.abs(moved_pf).sum()) / off_sum_pf if off_sum_pf > 0.0 else 0.0
+        share = float(np.abs(moved_pf).sum()) / off_sum_pf if off_sum_pf > 0.0 else gain * followed.any()
         self._variance_pf2 = (1.0 - share) ** 2 * variance_pf2 + share**2 * _READING_PF2
         if share > 0.0:
             self.moved_ns = t_ns
