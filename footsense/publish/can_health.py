@@ -61,4 +61,4 @@ class BusHealth:
         if self._ill_ns is not None and t_ns - self._ill_ns >= _WELL_AFTER_NS:
             self._ill_ns = None
             n_bus_off = self._stats.bus_off - self._first_bus_off
-            _log.warning("CAN %s: no more errors; it was bus-off %d times", self._channel, n_bus_off)
+            _log.warning("CAN %s: no more errors; bus-off %d times until then", self._channel, n_bus_off)

@@ -4,9 +4,9 @@ For each leg `Force` and `Quality` with every scan, a heartbeat at 5 Hz, `Zero` 
 the state, the element mask or the cause changes. All that one scan gives goes out with one call. The counters
 go on over frames that the channel did not take, and show the gap.
 
-Where the channel takes only a part, the rest of the scan is dropped, and the next begins with the leg that came
-off badly: a full queue costs all legs the same. A fault report that was not taken is sent again with the next
-scan, as the fault then is.
+Where the channel takes only a part, the rest of the scan is dropped; each scan begins with another leg, so that a
+full queue costs all legs the same. A leg's Force and Quality go out behind each other. A fault report that was not
+taken is sent again with the next scan, as the fault then is.
 
 The loop drives all of this, the heartbeats too. It turns even if no leg answers; if it stands, its heartbeats
 stop, and that is what they are for.
@@ -139,7 +139,7 @@ class CanSink:
         ]
         self._row_of_node = {node: row for row, node in enumerate(nodes)}
         self._counter = 0  # of every Force and Quality of a scan
-        self._first = 0  # row of the leg whose frames go out first
+        self._first = 0  # where the frames begin that go out first [bytes]
         self._told: list[list[int]] = []  # states, masks and causes of which nothing is left to report
         self._due_ns = now_ns  # of the next heartbeat or zero
         self._closed = False
@@ -150,9 +150,9 @@ class CanSink:
         states: list[int] = frame.state.tolist()
         masks: list[int] = frame.fault_mask.tolist()
         forces = self._encode(frame, states, masks)
-        if self._first:
-            cut = self._first * _PAIR_BYTES
-            forces = forces[cut:] + forces[:cut]
+        # A full queue drops frames at its front or refuses them at its end: not always those of the same leg.
+        self._first = (self._first + _PAIR_BYTES) % len(forces)
+        forces = forces[self._first :] + forces[: self._first]
         told = [states, masks, frame.cause.tolist()]
         owed = [] if told == self._told else self._changes(told)
         reports = owed[:_MOST_EVENTS]
@@ -161,10 +161,7 @@ class CanSink:
             events += self._periodic(frame, states, _MOST_EVENTS - len(events))
         taken = self._channel.send(forces + b"".join(events), t_ns)
 
-        # A full queue cuts the scan somewhere: the leg that it cut goes first the next time.
-        n_forces = 2 * len(self._legs)
-        self._first = 0 if taken >= n_forces else (self._first + taken // 2) % len(self._legs)
-        n_reported = min(len(reports), max(0, taken - n_forces))
+        n_reported = min(len(reports), max(0, taken - 2 * len(self._legs)))
         for leg, now in reports[:n_reported]:
             leg.fault_counter = next_counter(leg.fault_counter)
             leg.reported = now

@@ -30,16 +30,15 @@ def robot(request: pytest.FixtureRequest) -> Iterator[Robot]:
 
 
 def test_each_leg_sends_force_and_quality_with_one_counter(request: pytest.FixtureRequest) -> None:
-    """Twelve frames a scan for six legs, each decodable, counting 0..14 and on."""
+    """Twelve frames a scan for six legs, each decodable, counting 0..14 and on; every scan begins with another."""
     robot = Robot(request.node.nodeid, tuple(NODE_IDS))
     for scan in range(17):
         robot.publish(scan * 20 * MS + MS, age_ns=12_300_000)
         messages = robot.heard()
         forces = [decode_force(m.arbitration_id, bytes(m.data)) for m in messages[:12:2]]
         qualities = [decode_quality(m.arbitration_id, bytes(m.data)) for m in messages[1:12:2]]
-        assert (
-            [force.node for force in forces] == [quality.node for quality in qualities] == [1, 2, 3, 4, 5, 6]
-        )
+        nodes = [(scan + row + 1) % 6 + 1 for row in range(6)]
+        assert [force.node for force in forces] == [quality.node for quality in qualities] == nodes
         assert {force.counter for force in forces} == {q.counter for q in qualities} == {scan % 15}
         assert forces[0].force_n == (0.5, 0.5, 0.5)
         assert (qualities[0].age_ns, qualities[0].sigma_n) == (12_300_000, (0.01, 0.01, 0.01))

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from footsense.sim.can_wire import AS_DEPLOYED
+
 DEPLOY = Path(__file__).parents[2] / "deploy"
 UNIT = DEPLOY / "footsense.service"
 
@@ -67,18 +69,15 @@ def test_systemd_has_no_complaint(tmp_path: Path) -> None:
     assert [line for line in done.stderr.splitlines() if UNIT.name in line] == []
 
 
-def test_can0_comes_up_by_itself_with_a_queue_of_one_scan() -> None:
-    """The bit rate is footsense's default, a bus-off ends, and the queue holds a scan but not many."""
+def test_can0_comes_up_by_itself_and_keeps_no_old_frame() -> None:
+    """The bit rate is footsense's default, and the rest is what the simulation of a breaking bus is about."""
     network = parsed(DEPLOY / "80-can0.network")
-    assert (network["Match"]["Name"], network["CAN"]["BitRate"], network["CAN"]["RestartSec"]) == (
-        "can0",
-        "500000",
-        "100ms",
-    )
-    link = parsed(DEPLOY / "80-can0.link")
-    assert link["Match"]["OriginalName"] == "can0"
-    n_frames = 6 * 4  # force, quality, fault report and heartbeat of each leg, all in one scan
-    assert n_frames <= int(link["Link"]["TransmitQueueLength"]) <= 2 * n_frames
+    can = network["CAN"]
+    assert (network["Match"]["Name"], can["BitRate"]) == ("can0", "500000")
+    assert can["RestartSec"] == f"{AS_DEPLOYED.restart_ns // 1_000_000}ms"
+    assert (can["OneShot"] == "yes") is AS_DEPLOYED.one_shot
+    assert int(network["PFIFOHeadDrop"]["PacketLimit"]) == AS_DEPLOYED.queue_frames
+    assert AS_DEPLOYED.head_drop
 
 
 def test_i2c_adapters_are_known_to_systemd() -> None:
