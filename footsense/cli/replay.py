@@ -7,6 +7,7 @@ import click
 
 from footsense import app
 from footsense.clock import MonotonicClock
+from footsense.config import Config
 from footsense.errors import FootsenseError, ModelError, RecordingError
 from footsense.frames import ForceFrame
 from footsense.inference.network import Network
@@ -76,6 +77,7 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool) -> 
     source = ReplaySource(recording)
     clock = ReplayClock(source)
     config = app.recorded_config(recording)
+    _require_same_legs(file, recording, config)
     network = app.load_network(config)
     comparison = Comparison(file, recording) if check else None
     if comparison:
@@ -95,6 +97,17 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool) -> 
             n_frames += 1
     click.echo(str(comparison) if comparison else f"{n_frames} scans replayed")
     _require_whole(file, source, comparison)
+
+
+def _require_same_legs(file: Path, recording: Replay, config: Config) -> None:
+    """Check that the recording's header is of one piece.
+
+    Raises:
+        RecordingError: It speaks of two robots.
+    """
+    if config.legs != recording.legs:
+        then, now = ", ".join(recording.legs), ", ".join(config.legs)
+        raise RecordingError(f"{file}: holds the legs {then}, but a configuration of {now}")
 
 
 def _require_same_network(file: Path, recording: Replay, network: Network) -> None:

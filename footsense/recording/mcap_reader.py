@@ -16,10 +16,10 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Chunk, DataEnd, Message, Metadata
 from mcap.records import Header as McapHeader
 from mcap.stream_reader import StreamReader, breakup_chunk
-from zstandard import ZstdError
+from zstandard import ZstdError, frame_content_size
 
 from footsense.errors import RecordingError
-from footsense.frames import CapFrame, Command, Cycle, Outcome
+from footsense.frames import LEGS, CapFrame, Command, Cycle, Outcome
 from footsense.recording import messages
 from footsense.recording.mcap_writer import HEADER_CRC, METADATA, PROFILE, header_crc
 from footsense.recording.pipe_format import Loss, Numbered
@@ -30,7 +30,10 @@ __all__ = ["read_entries", "read_header"]
 MAX_CHUNK_BYTES = 1 << 24
 
 #: What the libraries below raise when they meet bytes that they did not write.
-_DAMAGE = (McapError, ZstdError, ValueError, LookupError, TypeError, OverflowError, MemoryError, struct.error)
+_DAMAGE = (
+    *(McapError, ZstdError, ValueError, LookupError, TypeError, AttributeError, OverflowError),
+    *(MemoryError, RecursionError, EOFError, struct.error),
+)
 
 _Record = Any  # the library is not typed
 
@@ -43,7 +46,13 @@ class _Bounded:
         self.size = os.fstat(file.fileno()).st_size
 
     def read(self, n: int) -> bytes:
-        """Return `n` bytes, fewer at the end."""
+        """Return `n` bytes, fewer at the end.
+
+        Raises:
+            ValueError: They are more than any record has that is written.
+        """
+        if n > MAX_CHUNK_BYTES:
+            raise ValueError("a record is larger than any that is written")
         return self._file.read(min(n, self.size - self._file.tell()))
 
 
@@ -69,11 +78,25 @@ def read_header(path: Path) -> dict[str, str]:
             header = metadata.metadata if isinstance(metadata, Metadata) else {}
             if header.get(HEADER_CRC) != header_crc(header) or metadata.name != METADATA:
                 raise RecordingError(f"{path}: the header of the recording is damaged; nothing can be read")
+            _check_legs(path, header.get("legs", ""))
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
     except (*_DAMAGE, StopIteration):
         raise RecordingError(f"{path}: is not a recording, or was cut off in its first bytes") from None
     return {key: value for key, value in header.items() if key != HEADER_CRC}
+
+
+def _check_legs(path: Path, legs: str) -> None:
+    """Check that a header names the rows of the frames.
+
+    Raises:
+        RecordingError: It does not.
+    """
+    names = legs.split(",")
+    if len(set(names)) < len(names) or not set(names) <= set(LEGS):
+        raise RecordingError(
+            f"{path}: the recording names its legs {legs[:40]!r}, not some of {', '.join(LEGS)}"
+        )
 
 
 def read_entries(path: Path, legs: tuple[str, ...]) -> Iterator[Numbered | Loss]:
@@ -119,6 +142,11 @@ def _require(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the 
 def _contents(chunk: _Record) -> list[_Record]:
     _require(chunk.uncompressed_crc != 0, "a chunk has no checksum")
     _require(chunk.uncompressed_size <= MAX_CHUNK_BYTES, "a chunk is larger than any that is written")
+    # The library would make room for what the compressed data say of themselves, whatever that is.
+    _require(
+        chunk.compression == "zstd" and frame_content_size(chunk.data) == chunk.uncompressed_size,
+        "a chunk is not packed as it says",
+    )
     return list(breakup_chunk(chunk, validate_crc=True))
 
 
@@ -148,7 +176,7 @@ class _Assembly:
     def _message(self, topic: str, message: _Record) -> Numbered | Loss | None:
         event = json.loads(message.data) if topic == messages.EVENT else {}
         if event.get("event") == "loss":
-            self._expected += event["n_cycles"]
+            self._expected += messages.whole(event["n_cycles"])
         _require(message.sequence == self._expected & 0xFFFF_FFFF, "cycles are missing")
         match topic, event.get("event"):
             case messages.EVENT, "loss":

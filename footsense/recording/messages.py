@@ -12,9 +12,10 @@ zero, are not compared, and stay out when the recording is recovered.
 
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from footsense.frames import (
     ELEMENTS,
@@ -24,6 +25,7 @@ from footsense.frames import (
     CommandKind,
     ForceFrame,
     Outcome,
+    Reading,
     Result,
     State,
     Zero,
@@ -45,9 +47,15 @@ __all__ = [
     "loss_event",
     "outcome_event",
     "schemas",
+    "whole",
 ]
 
 SCAN, FORCE, EVENT = "/scan", "/force", "/event"
+
+#: Largest whole number in a message: one more bit is the sign of the arrays' entries.
+_MOST = (1 << 63) - 1
+
+_Whole = TypeVar("_Whole", np.int64, np.uint8, np.uint16)
 
 #: Stands for the cause of a state in what was recorded before there were causes; no `Cause` has this code.
 NOT_RECORDED = 255
@@ -68,11 +76,12 @@ def decode_scan(data: bytes, legs: Sequence[str]) -> CapFrame:
     """Return the scan that `encode_scan` wrote."""
     message = json.loads(data)
     rows = [message[leg] for leg in legs]
+    shape = len(legs), ELEMENTS
     return CapFrame(
-        message["sequence"],
-        np.array([row["t_ns"] for row in rows], dtype=np.int64),
-        np.array([row["capacitance_pf"] for row in rows], dtype=np.float64),
-        np.array([row["reading"] for row in rows], dtype=np.uint8),
+        whole(message["sequence"]),
+        _wholes([row["t_ns"] for row in rows], np.int64, shape),
+        _floats([row["capacitance_pf"] for row in rows], shape),
+        _wholes([row["reading"] for row in rows], np.uint8, shape, max(Reading)),
     )
 
 
@@ -105,27 +114,60 @@ def decode_force(data: bytes, legs: Sequence[str]) -> ForceFrame:
     """Return the forces that `encode_force` wrote."""
     message = json.loads(data)
     rows = [message[leg] for leg in legs]
+    n = (len(legs),)
     return ForceFrame(
-        message["sequence"],
-        message["t_sent_ns"],
-        np.array([row["t_ns"] for row in rows], dtype=np.int64),
-        np.array([[row[f"f{axis}_n"] for axis in _AXES] for row in rows], dtype=np.float64),
-        np.array([[row[f"sigma_{axis}_n"] for axis in _AXES] for row in rows], dtype=np.float64),
+        whole(message["sequence"]),
+        whole(message["t_sent_ns"]),
+        _wholes([row["t_ns"] for row in rows], np.int64, n),
+        _floats([[row[f"f{axis}_n"] for axis in _AXES] for row in rows], (*n, 3)),
+        _floats([[row[f"sigma_{axis}_n"] for axis in _AXES] for row in rows], (*n, 3)),
         np.array([State[row["state"]] for row in rows], dtype=np.uint8),
-        np.array([row["fault_mask"] for row in rows], dtype=np.uint16),
-        np.array([row["flags"] for row in rows], dtype=np.uint8),
+        _wholes([row["fault_mask"] for row in rows], np.uint16, n, (1 << ELEMENTS) - 1),
+        _wholes([row["flags"] for row in rows], np.uint8, n, 255),
         np.array([_cause(row) for row in rows], dtype=np.uint8),
         Zero(
             np.array([ZeroStatus[row.get("zero_status", "NONE")] for row in rows], dtype=np.uint8),
-            np.array([row.get("zero_mean_pf") for row in rows], dtype=np.float64),
-            np.array([row.get("zero_worst_pf") for row in rows], dtype=np.float64),
-            np.array([row.get("zero_moved_ns", 0) for row in rows], dtype=np.int64),
+            _floats([row.get("zero_mean_pf") for row in rows], n),
+            _floats([row.get("zero_worst_pf") for row in rows], n),
+            _wholes([row.get("zero_moved_ns", 0) for row in rows], np.int64, n),
         ),
     )
 
 
 def _cause(row: Mapping[str, Any]) -> int:
     return Cause[row["cause"]] if "cause" in row else NOT_RECORDED
+
+
+def whole(value: object, most: int = _MOST) -> int:
+    """Return a value that is a whole number from 0 on.
+
+    Raises:
+        ValueError: It is not, or is above `most`.
+    """
+    if type(value) is not int or not 0 <= value <= most:
+        raise ValueError(f"{str(value)[:20]!r} is not a whole number from 0 to {most}")
+    return value
+
+
+def _wholes(
+    values: object, dtype: type[_Whole], shape: tuple[int, ...], most: int = _MOST
+) -> NDArray[_Whole]:
+    found = np.array(values, dtype=object)
+    _require_shape(found, shape)
+    return np.array([whole(value, most) for value in found.flat], dtype=dtype).reshape(shape)
+
+
+def _floats(values: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    found = np.array(values, dtype=object)
+    _require_shape(found, shape)
+    if not all(value is None or type(value) in {int, float} for value in found.flat):
+        raise ValueError("a number is expected, or null")
+    return found.astype(np.float64)
+
+
+def _require_shape(found: NDArray[Any], shape: tuple[int, ...]) -> None:
+    if found.shape != shape:
+        raise ValueError(f"{shape} values are expected, not {found.shape}")
 
 
 def command_event(command: Command, legs: Sequence[str]) -> bytes:
@@ -156,8 +198,15 @@ def decode_command(event: Mapping[str, Any], legs: Sequence[str]) -> Command:
 
 
 def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> Outcome:
-    """Return the outcome of an outcome event."""
-    return Outcome(decode_command(event, legs), Result[event["result"]], event["reason"])
+    """Return the outcome of an outcome event.
+
+    Raises:
+        TypeError: Its reason is no text.
+    """
+    reason = event["reason"]
+    if not isinstance(reason, str):
+        raise TypeError("a reason is a text")
+    return Outcome(decode_command(event, legs), Result[event["result"]], reason)
 
 
 def _dump(message: dict[str, Any]) -> bytes:

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footsense.errors import RecordingError
 from footsense.frames import (
     ELEMENTS,
     CapFrame,
@@ -36,6 +37,9 @@ _LOSS = struct.Struct("<IHHQQqQ")
 _COMMAND = struct.Struct("<BB")
 _OUTCOME = struct.Struct("<BBBH")
 _MAX_REASON = 65_535
+
+#: Longest record [bytes]: a cycle with more outcomes than there are commands to obey.
+_MAX_RECORD = 1 << 24
 
 
 class _Kind(IntEnum):
@@ -171,27 +175,48 @@ def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | N
         The header, cycles and losses, in the order of the pipe.
 
     Raises:
-        ValueError: A cycle stands before the header.
+        RecordingError: What arrived is not what this module writes.
     """
-    while len(buffer) >= _HEAD.size:
-        length, n_commands, n_outcomes, kind = _HEAD.unpack_from(buffer)
-        if len(buffer) < length:
-            return
-        record = bytes(buffer[:length])
-        del buffer[:length]
-        if kind == _Kind.HEADER:
-            header = json.loads(record[_HEAD.size :])
-            n_legs = len(header["legs"].split(","))
-            yield header
-        elif kind == _Kind.LOSS:
-            yield Loss(*_LOSS.unpack(record)[4:])
-        elif n_legs is None:
-            raise ValueError("the first record on the pipe has to be the header")
-        else:
-            yield _unpack_cycle(record, n_legs, n_commands, n_outcomes)
+    try:
+        while record := _next_record(buffer):
+            _, n_commands, n_outcomes, kind = _HEAD.unpack_from(record)
+            match _Kind(kind):
+                case _Kind.HEADER:
+                    header = json.loads(record[_HEAD.size :])
+                    n_legs = len(header["legs"].split(","))
+                    yield header
+                case _Kind.LOSS:
+                    yield Loss(*_LOSS.unpack(record)[4:])
+                case _Kind.CYCLE:
+                    yield _unpack_cycle(record, n_legs or 0, n_commands, n_outcomes)
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, struct.error) as error:
+        raise RecordingError(f"the cycles of the loop arrive damaged ({error})") from None
+
+
+def _next_record(buffer: bytearray) -> bytes:
+    """Take the first record out of a buffer.
+
+    Returns:
+        The record; nothing as long as it is not whole.
+
+    Raises:
+        ValueError: It has a length that no record has.
+    """
+    if len(buffer) < _HEAD.size:
+        return b""
+    length = _HEAD.unpack_from(buffer)[0]
+    if not _HEAD.size <= length <= _MAX_RECORD:
+        raise ValueError(f"a record of {length} bytes")
+    if len(buffer) < length:
+        return b""
+    record = bytes(buffer[:length])
+    del buffer[:length]
+    return record
 
 
 def _unpack_cycle(record: bytes, n_legs: int, n_commands: int, n_outcomes: int) -> Numbered:
+    if n_legs == 0:
+        raise ValueError("no header before the first cycle")
     kind = _cycle_type(n_legs)
     entry = np.frombuffer(record, dtype=kind, count=1)[0]
     scan = CapFrame(
@@ -213,13 +238,21 @@ def _unpack_cycle(record: bytes, n_legs: int, n_commands: int, n_outcomes: int) 
     commands = []
     for _ in range(n_commands):
         which, leg = _COMMAND.unpack_from(record, at)
-        commands.append(Command(CommandKind(which), leg))
+        commands.append(_command(which, leg, n_legs))
         at += _COMMAND.size
     outcomes = []
     for _ in range(n_outcomes):
         which, leg, result, length = _OUTCOME.unpack_from(record, at)
         at += _OUTCOME.size
         reason = record[at : at + length].decode(errors="replace")
-        outcomes.append(Outcome(Command(CommandKind(which), leg), Result(result), reason))
+        outcomes.append(Outcome(_command(which, leg, n_legs), Result(result), reason))
         at += length
+    if at != len(record):
+        raise ValueError(f"a cycle of {len(record)} bytes instead of {at}")
     return Numbered(int(entry["counter"]), Cycle(scan, tuple(commands), forces, tuple(outcomes)))
+
+
+def _command(which: int, leg: int, n_legs: int) -> Command:
+    if leg >= n_legs:
+        raise ValueError(f"a command for leg {leg} of {n_legs}")
+    return Command(CommandKind(which), leg)
