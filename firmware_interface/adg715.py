@@ -30,6 +30,10 @@ def select_rows(rows_to_ground: int) -> int:
     return rows_to_ground | (_ALL_ROWS & ~rows_to_ground) << _SHIELD_SHIFT
 
 
+#: The switch byte that grounds every row: each pin then sees its whole column.
+ALL_ROWS = select_rows(_ALL_ROWS)
+
+
 def grounded_rows(switches: int) -> int:
     """Return the mask of the rows that a switch byte connects to ground."""
     return switches & _ALL_ROWS

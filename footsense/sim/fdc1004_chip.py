@@ -5,8 +5,9 @@ It shares only register addresses with the driver. Behaviours kept (data sheet s
   during a conversion abandons it;
 - DONE_n is set when measurement n ends and cleared when its result is read (8.5.3.4);
 - a result that was never converted, or is being converted, reads as 0x7FFFFF;
+- the CAPDAC takes its steps off what a pin sees, with an error of the whole chip and one where bit 3 comes in;
 - the result clips at the ends of the 24-bit range; white noise by rate.
-Not simulated: REPEAT, CAPDAC, offset and gain calibration, supply dependence.
+Not simulated: REPEAT, offset and gain calibration, supply dependence, noise and temperature of the CAPDAC.
 """
 
 from collections.abc import Callable
@@ -15,6 +16,13 @@ import numpy as np
 
 from firmware_interface import fdc1004 as chip
 from footsense.sim.faults import Span, during
+
+#: Largest error of a chip's CAPDAC steps [1]. Not specified: codes 1 to 7 of one chip agreed within 0.16 pF, 1 %.
+CAPDAC_ERROR_REL = 0.02
+#: What bit 3 of the CAPDAC takes off beyond its eight steps [pF]: the jump between codes 7 and 8 that was measured on
+#: one chip (TI E2E forum, thread 1178477), and seen on others.
+CAPDAC_JUMP_PF = 1.4
+_JUMP_BIT = 8
 
 #: Mean capacitance [pF] that a CIN pin (0..3) saw to ground between two times [ns].
 CinCapacitance = Callable[[int, int, int], float]
@@ -27,6 +35,7 @@ class SimulatedFdc1004:
         cin_capacitance_pf: What is connected to the pins.
         noise: Source of the converter's noise; None for a converter without.
         clock_error_rel: How much longer its conversions last than nominal [1].
+        capdac_error_rel: How much larger the steps of its CAPDAC are than nominal [1].
 
     Attributes:
         absent_ns: Spans in which it does not answer [ns].
@@ -41,6 +50,7 @@ class SimulatedFdc1004:
         cin_capacitance_pf: CinCapacitance,
         noise: np.random.Generator | None,
         clock_error_rel: float = 0.0,
+        capdac_error_rel: float = 0.0,
     ) -> None:
         self.absent_ns: list[Span] = []
         self.stuck_ns: list[Span] = []
@@ -48,6 +58,7 @@ class SimulatedFdc1004:
         self._cin_capacitance_pf = cin_capacitance_pf
         self._noise = noise
         self._clock_factor = 1.0 + clock_error_rel
+        self._capdac_step_pf = chip.CAPDAC_STEP_PF * (1.0 + capdac_error_rel)
         self._pointer = 0
         self._reset()
 
@@ -113,8 +124,11 @@ class SimulatedFdc1004:
         self._done |= chip.slot_bit(slot)
 
     def _convert(self, slot: int, t_start_ns: int, t_end_ns: int) -> int:
-        cin = chip.CONF_CHA.decode(self._registers[chip.Register.CONF_MEAS1 + slot])
-        capacitance_pf = self._cin_capacitance_pf(cin, t_start_ns, t_end_ns)
+        config = self._registers[chip.Register.CONF_MEAS1 + slot]
+        capacitance_pf = self._cin_capacitance_pf(chip.CONF_CHA.decode(config), t_start_ns, t_end_ns)
+        if chip.CONF_CHB.decode(config) == chip.CHB_CAPDAC:
+            capdac = chip.CONF_CAPDAC.decode(config)
+            capacitance_pf -= capdac * self._capdac_step_pf + (CAPDAC_JUMP_PF if capdac & _JUMP_BIT else 0.0)
         if self._noise is not None:
             noise_ff = {rate.code: rate.noise_ff for rate in chip.RATES.values()}[
                 chip.CONF_RATE.decode(self._conf)

@@ -17,7 +17,7 @@ from footsense.sim.clock import JoinedClock, VirtualClock
 from footsense.sim.damage import Damage, pin_capacitance_pf
 from footsense.sim.fabricated import Foot
 from footsense.sim.faults import OnChips, OnFoot, OnWires, StuckSda
-from footsense.sim.fdc1004_chip import SimulatedFdc1004
+from footsense.sim.fdc1004_chip import CAPDAC_ERROR_REL, SimulatedFdc1004
 from footsense.sim.foot import FootResponse
 from footsense.sim.kernel_mux import SimulatedKernelMuxLeg
 from footsense.sim.load import Load
@@ -70,6 +70,7 @@ class SimulatedLeg:
             self._cin_capacitance_pf,
             noise=random if effects.converter_noise else None,
             clock_error_rel=effects.converter_clock_rel * random.uniform(-1, 1),
+            capdac_error_rel=np.random.default_rng((scene.seed, number, 4)).uniform(-1, 1) * CAPDAC_ERROR_REL,
         )
         # What breaks draws from elsewhere, so that the same converters make the same noise.
         own = [fault for fault in scene.faults if getattr(fault, "leg", None) == leg]
