@@ -1,4 +1,4 @@
-"""Forces to CAN, and commands from CAN: who sends what when.
+"""Forces to CAN: who sends what when.
 
 For each leg `Force` and `Quality` with every scan, a heartbeat at 5 Hz, `Zero` at 1 Hz, and a fault report when
 the state, the element mask or the cause changes. All that one scan gives goes out with one call. The counters
@@ -16,12 +16,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from firmware_interface import can_events, can_frames, can_zero
-from firmware_interface.can_codes import NODE_IDS, Cause, Flag, NmtState, Result, State
-from firmware_interface.crc8 import FrameError, next_counter
+from firmware_interface.can_codes import NODE_IDS, Cause, Flag, NmtState, State
+from firmware_interface.crc8 import next_counter
 from firmware_interface.socketcan import FRAME_BYTES, pack_frame
-from footsense.frames import Command, CommandKind, ForceFrame, Outcome
+from footsense.frames import Command, ForceFrame, Outcome
 from footsense.ports import CanWire, Clock
 from footsense.publish.can_channel import CanChannel
+from footsense.publish.can_commands import CanCommands
 from footsense.publish.can_stats import CanStats
 
 __all__ = ["CanSink"]
@@ -35,9 +36,6 @@ _MOST_EVENTS = 4
 
 #: Bytes of a leg's Force and Quality.
 _PAIR_BYTES = 2 * FRAME_BYTES
-
-#: The same command with the same counter within this time is a repetition; later, it is a restarted consumer's.
-_REPEAT_NS = 1_000_000_000
 
 #: A leg whose chips give nothing waits for them as one without a baseline waits for its tare.
 _NMT_OF_STATE = {
@@ -59,17 +57,12 @@ class _Leg:
         self.force_head = pack_frame(can_frames.FORCE_ID + node, bytes(8))[:-8]
         self.quality_head = pack_frame(can_frames.QUALITY_ID + node, bytes(8))[:-8]
         self.fault_counter = 0
-        self.answer_counter = 0
         self.zero_counter = 0
         self.heartbeat_due_ns = heartbeat_due_ns
         self.zero_due_ns = zero_due_ns
         self.degraded_timing = False
         # As if stopped until now: the first state is a change, and a consumer that was here before learns it.
         self.reported = (int(State.STOPPED), 0, int(Cause.NONE))
-        self.last_command: tuple[CommandKind, int] | None = None  # its counter
-        self.last_command_ns = 0
-        # Counters of the open commands of each kind, oldest first.
-        self.asked: dict[CommandKind, list[int]] = {kind: [] for kind in CommandKind}
 
 
 class CanSink:
@@ -137,7 +130,7 @@ class CanSink:
             )
             for row, node in enumerate(nodes)
         ]
-        self._row_of_node = {node: row for row, node in enumerate(nodes)}
+        self._commands = CanCommands(self._channel, nodes, clock, self.stats)
         self._counter = 0  # of every Force and Quality of a scan
         self._first = 0  # where the frames begin that go out first [bytes]
         self._told: list[list[int]] = []  # states, masks and causes of which nothing is left to report
@@ -169,47 +162,12 @@ class CanSink:
             self._told = told
 
     def commands(self) -> list[Command]:
-        """Return the good commands among the frames that have arrived; the others are counted.
-
-        One that asks for nothing known is answered at once. One with a wrong crc or a repeated counter is
-        not: it is not certain who sent it, and whether.
-        """
-        commands = []
-        for can_id, data in self._channel.receive():
-            try:
-                _, counter, kind = can_events.decode_command(can_id, data)
-            except can_events.UnknownCommandError as error:
-                leg = self._legs[self._row_of_node[can_id - can_events.COMMAND_ID]]
-                self.stats.rejected += 1
-                self._answer(leg, Result.UNKNOWN, error.kind, error.counter)
-                continue
-            except FrameError:
-                self.stats.rejected += 1
-                continue
-            row = self._row_of_node[can_id - can_events.COMMAND_ID]
-            leg = self._legs[row]
-            now_ns = self._clock.now_ns()
-            if (kind, counter) == leg.last_command and now_ns - leg.last_command_ns < _REPEAT_NS:
-                self.stats.rejected += 1
-                continue
-            leg.last_command, leg.last_command_ns = (kind, counter), now_ns
-            if counter not in leg.asked[kind]:  # so the list cannot outgrow the counter's range
-                leg.asked[kind].append(counter)
-            commands.append(Command(kind, row))
-        return commands
+        """Return the good commands among the frames that have arrived; the others are counted."""
+        return self._commands.take()
 
     def answer(self, outcome: Outcome) -> None:
-        """Send a command's result on its leg's answer id, with the counter of the command.
-
-        A tare that is asked for while one runs begins that one anew: both have one end, and each its answer.
-        """
-        kind, row = outcome.command
-        leg = self._legs[row]
-        asked = leg.asked[kind]
-        n_ended = len(asked) if kind is CommandKind.TARE else 1
-        for counter in asked[:n_ended] or [can_events.UNASKED]:
-            self._answer(leg, outcome.result, kind, counter)
-        del asked[:n_ended]
+        """Send a command's result on its leg's answer id, with the counter of the command."""
+        self._commands.answer(outcome)
 
     def close(self) -> None:
         """Send each leg's last heartbeat, `stopped`, and release the channel; a second call does nothing.
@@ -298,11 +256,6 @@ class CanSink:
         data = can_zero.encode_zero(leg.node, leg.zero_counter, status, mean_pf, worst_pf, age_ns)
         leg.zero_counter = next_counter(leg.zero_counter)
         return pack_frame(can_zero.ZERO_ID + leg.node, data)
-
-    def _answer(self, leg: _Leg, result: int, kind: int, asked: int) -> None:
-        data = can_events.encode_answer(leg.node, leg.answer_counter, result, kind, asked)
-        leg.answer_counter = next_counter(leg.answer_counter)
-        self._channel.send(pack_frame(can_events.ANSWER_ID + leg.node, data), self._clock.now_ns())
 
 
 def _next_due(due_ns: int, period_ns: int, now_ns: int) -> int:
