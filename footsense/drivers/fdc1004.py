@@ -59,15 +59,27 @@ def identify(bus: I2cBus) -> None:
     raise WrongChipError(f"{found}, {wanted}; {why}")
 
 
+def configuration(capdac: int = 0) -> tuple[Transaction, ...]:
+    """Return the writes that let measurement n measure CIN n to ground, less so many steps of the CAPDAC."""
+    return tuple(
+        write_register(chip.Register.CONF_MEAS1 + slot, chip.measurement_config(slot, capdac))
+        for slot in range(COLUMNS)
+    )
+
+
+#: What the scanner asks of every element: CAPDAC off.
+SINGLE_ELEMENTS = configuration()
+
+
 def configure(bus: I2cBus) -> None:
-    """Reset the chip, then let measurement n measure CIN n to ground, CAPDAC off.
+    """Reset the chip, and set it up for single elements.
 
     Raises:
         BusError: A write was not acknowledged.
     """
     bus.transfer(_RESET)
-    for slot in range(COLUMNS):
-        bus.transfer(write_register(chip.Register.CONF_MEAS1 + slot, chip.measurement_config(slot)))
+    for write in SINGLE_ELEMENTS:
+        bus.transfer(write)
 
 
 def is_garbled(conf_answer: bytes) -> bool:

@@ -38,10 +38,17 @@ class Check(NamedTuple):
     expected: bytes
 
 
-#: The second column's configuration: after a reset it reads as the first column's.
-_SETTING_CHECK = Check(
-    read_register(fdc1004.Register.CONF_MEAS1 + 1), fdc1004.measurement_config(1).to_bytes(2, "big")
-)
+def row_check(switches: int) -> Check:
+    """Return the question whether the row switch stands as it was told."""
+    return Check(Transaction(adg715.ADDRESS, b"", n_read=1), bytes((switches,)))
+
+
+def setting_check(capdac: int = 0) -> Check:
+    """Return the question for the second column's configuration: after a reset it reads as the first column's."""
+    return Check(
+        read_register(fdc1004.Register.CONF_MEAS1 + 1),
+        fdc1004.measurement_config(1, capdac).to_bytes(2, "big"),
+    )
 
 
 class Step(NamedTuple):
@@ -105,16 +112,16 @@ def scan_plan(order: str, rate_sps: int) -> ScanPlan:
     steps = []
     for position, element in enumerate(elements):
         row, column = divmod(element, _SIDE)
-        switches = bytes((adg715.select_rows(1 << row),))
+        switches = adg715.select_rows(1 << row)
         steps.append(
             Step(
                 element=element,
                 slot=column,
-                select_row=Transaction(adg715.ADDRESS, switches),
+                select_row=Transaction(adg715.ADDRESS, bytes((switches,))),
                 row_changes=row_changes[position],
                 trigger=write_register(fdc1004.Register.FDC_CONF, fdc1004.trigger(rate_sps, column)),
-                row_check=Check(Transaction(adg715.ADDRESS, b"", n_read=1), switches),
-                setting_check=_SETTING_CHECK if position == last else None,
+                row_check=row_check(switches),
+                setting_check=setting_check() if position == last else None,
                 read=result_reads(column, rate_sps),
             )
         )
