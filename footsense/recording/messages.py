@@ -138,14 +138,14 @@ def _cause(row: Mapping[str, Any]) -> int:
     return Cause[row["cause"]] if "cause" in row else NOT_RECORDED
 
 
-def whole(value: object, most: int = _MOST) -> int:
-    """Return a value that is a whole number from 0 on.
+def whole(value: object, most: int = _MOST, least: int = 0) -> int:
+    """Return a value that is a whole number.
 
     Raises:
-        ValueError: It is not, or is above `most`.
+        ValueError: It is not, or not from `least` to `most`.
     """
-    if type(value) is not int or not 0 <= value <= most:
-        raise ValueError(f"{str(value)[:20]!r} is not a whole number from 0 to {most}")
+    if type(value) is not int or not least <= value <= most:
+        raise ValueError(f"{str(value)[:20]!r} is not a whole number from {least} to {most}")
     return value
 
 
@@ -154,7 +154,8 @@ def _wholes(
 ) -> NDArray[_Whole]:
     found = np.array(values, dtype=object)
     _require_shape(found, shape)
-    return np.array([whole(value, most) for value in found.flat], dtype=dtype).reshape(shape)
+    least = ~_MOST if np.issubdtype(dtype, np.signedinteger) else 0
+    return np.array([whole(value, most, least) for value in found.flat], dtype=dtype).reshape(shape)
 
 
 def _floats(values: object, shape: tuple[int, ...]) -> NDArray[np.float64]:

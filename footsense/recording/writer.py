@@ -17,7 +17,8 @@ from pathlib import Path
 
 from footsense.errors import RecordingError
 from footsense.recording.mcap_writer import McapFile
-from footsense.recording.pipe_format import Loss, Numbered, unpack
+from footsense.recording.pipe_format import Loss, Numbered
+from footsense.recording.pipe_unpack import unpack
 
 __all__ = ["FdStream", "PipeWriter", "main"]
 

@@ -15,7 +15,8 @@ from footsense.recording import messages
 from footsense.recording.compare import compare, same_machine
 from footsense.recording.machine import this_machine
 from footsense.recording.mcap_writer import McapFile
-from footsense.recording.pipe_format import CyclePacker, Loss, Numbered, pack_header, pack_loss, unpack
+from footsense.recording.pipe_format import CyclePacker, Loss, Numbered, pack_header, pack_loss
+from footsense.recording.pipe_unpack import unpack
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 from footsense.recording.writer import FdStream
