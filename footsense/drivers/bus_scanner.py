@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from footsense.drivers import fdc1004
 from footsense.drivers.bus_timing import Timing, measure, spare_ns, timing
 from footsense.drivers.leg_link import LegLink
-from footsense.drivers.leg_search import leave_out_holders, probe, probe_one
+from footsense.drivers.leg_search import leave_out_holders, probe, probe_due
 from footsense.drivers.scan_plan import Check, ScanPlan, Step
 from footsense.drivers.trunk import Trunk
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
@@ -53,7 +53,7 @@ class BusScan(NamedTuple):
     reading: NDArray[np.uint8]
 
 
-class _Conversion(NamedTuple):
+class Conversion(NamedTuple):
     """A conversion that was triggered on some legs.
 
     Attributes:
@@ -106,7 +106,7 @@ class BusScanner:
             np.full((len(channels), ELEMENTS), _NAN),
             np.full((len(channels), ELEMENTS), Reading.NO_ANSWER, np.uint8),
         )
-        self._running: _Conversion | None = None
+        self._running: Conversion | None = None
         self._position = 0
         self._check_all = True
         self._n_scans = 0
@@ -202,7 +202,7 @@ class BusScanner:
         }
         if ends:
             self._rejoin(following)
-        self._prepare()
+        self._prepare(following)
         self._clock.sleep_until_ns(running.t_start_ns + self._plan.wait_ns)
         finished = running
         running = self._begin(following, select_row=following.row_changes or not finished.legs)
@@ -219,7 +219,7 @@ class BusScanner:
         if ends:
             self._n_scans += 1
             self._note(into)
-            probe_one(self._trunk, self._legs, running.step.select_row, self._clock)
+            probe_due(self._trunk, self._legs, running.step.select_row, self._clock)
 
     def stop(self) -> None:
         """Disconnect every leg from the trunk."""
@@ -228,29 +228,32 @@ class BusScanner:
         except BusError as error:
             _log.info("the mux at %#04x was not released: %s", self._trunk.mux_address, error)
 
-    def _begin(self, step: Step, *, select_row: bool) -> _Conversion:
+    def _begin(self, step: Step, *, select_row: bool) -> Conversion:
         """Start one conversion on every leg at once."""
         legs = self._active()
         unread = Reading.NO_ANSWER
         for _ in range(_TRIES if legs else 0):
             try:
-                self._trunk.connect(_channels(legs))
-                if select_row:
-                    self._trunk.bus.transfer(step.select_row)
-                self._trunk.bus.transfer(step.trigger)
+                self._trigger(step, legs, select_row=select_row)
             except BusError as error:
                 self._look_for_holder(error)
                 self._trunk.doubt()  # the mux may have lost its selection: then nobody is there to answer
                 unread = Reading.NO_ANSWER if isinstance(error, NackError) else Reading.HELD_UP
             else:
-                return _Conversion(step, self._clock.now_ns(), legs, select_row, Reading.NO_ANSWER)
-        return _Conversion(step, self._clock.now_ns(), (), select_row, unread)
+                return Conversion(step, self._clock.now_ns(), legs, select_row, Reading.NO_ANSWER)
+        return Conversion(step, self._clock.now_ns(), (), select_row, unread)
 
-    def _read_out(self, conversion: _Conversion, failed: dict[LegLink, Reading], into: BusScan) -> None:
+    def _trigger(self, step: Step, legs: tuple[LegLink, ...], *, select_row: bool) -> None:
+        self._trunk.connect(channels(legs))
+        if select_row:
+            self._trunk.bus.transfer(step.select_row)
+        self._trunk.bus.transfer(step.trigger)
+
+    def _read_out(self, conversion: Conversion, failed: dict[LegLink, Reading], into: BusScan) -> None:
         """Read one finished conversion from every leg that did it, into the element's column."""
         step = conversion.step
         legs = [leg for leg in conversion.legs if leg not in failed]
-        all_done = bool(legs) and self._all_done(step)
+        all_done = bool(legs) and self._all_done(conversion)
         t_middle_ns = conversion.t_start_ns + self._plan.conversion_ns // 2
         for leg in legs:
             if not leg.in_scan:  # given up since the conversion began
@@ -264,12 +267,12 @@ class BusScanner:
             else:
                 leg.outcome = reading
 
-    def _all_done(self, step: Step) -> bool:
+    def _all_done(self, conversion: Conversion) -> bool:
         """Ask all legs at once; False also when the question failed or was not put to all of them."""
-        if not self._trunk.is_connected(_channels(self._active())):
+        if not self._trunk.is_connected(channels(self._active())):
             return False
         try:
-            return fdc1004.is_done(self._trunk.bus.transfer(fdc1004.READ_CONF), step.slot)
+            return fdc1004.is_done(self._trunk.bus.transfer(fdc1004.READ_CONF), conversion.step.slot)
         except BusError as error:
             self._look_for_holder(error)
             return False
@@ -293,20 +296,19 @@ class BusScanner:
                 reading = Reading.NO_ANSWER if isinstance(error, NackError) else Reading.HELD_UP
         return reading, _NAN
 
-    def _is_checked(self, conversion: _Conversion) -> bool:
+    def _is_checked(self, conversion: Conversion) -> bool:
         """Tell whether rows and settings are asked for during this conversion."""
         return self._check_all or conversion.step is self._plan.steps[self._n_scans % len(self._plan.steps)]
 
-    def _check(self, conversion: _Conversion) -> None:
+    def _check(self, conversion: Conversion) -> None:
         """Make sure, while a conversion runs, that every leg converts what it was told; note those that do not."""
         if conversion.row_selected:
-            self._ask_all(conversion.step.row_check)
+            self._ask_all(self._active(), conversion.step.row_check)
         if conversion.step.setting_check is not None:
-            self._ask_all(conversion.step.setting_check)
+            self._ask_all(self._active(), conversion.step.setting_check)
 
-    def _ask_all(self, check: Check) -> None:
-        """Leave the legs that answer otherwise than they should out of the rest of the scan."""
-        legs = self._active()
+    def _ask_all(self, legs: tuple[LegLink, ...], check: Check) -> None:
+        """Leave those of the legs that answer otherwise than they should out of the rest of the scan."""
         if not legs or self._holds(legs, check):
             return
         for leg in legs:
@@ -315,7 +317,7 @@ class BusScanner:
 
     def _holds(self, legs: tuple[LegLink, ...], check: Check) -> bool:
         try:
-            return self._trunk.holds(_channels(legs), check)
+            return self._trunk.holds(channels(legs), check)
         except BusError as error:
             self._look_for_holder(error)
             return False
@@ -324,7 +326,7 @@ class BusScanner:
         """Read away what the converters hold, or its DONE would speak for a conversion that is yet to come."""
         if legs := self._active():
             try:
-                self._trunk.connect(_channels(legs))
+                self._trunk.connect(channels(legs))
                 for read in fdc1004.ALL_RESULTS:
                     self._trunk.bus.transfer(read)
             except BusError as error:
@@ -341,6 +343,7 @@ class BusScanner:
                 continue
             try:
                 self._trunk.connect((leg.channel,))
+                self._restore(leg)
                 self._trunk.bus.transfer(first.select_row)
                 for read in fdc1004.ALL_RESULTS:
                     self._trunk.bus.transfer(read)
@@ -348,6 +351,9 @@ class BusScanner:
                 self._look_for_holder(error)
             else:
                 leg.outcome = Reading.OK
+
+    def _restore(self, leg: LegLink) -> None:
+        """Put the settings of a leg that is connected alone back to what the others have; here it never leaves them."""
 
     def _note(self, scan: BusScan) -> None:
         now_ns = self._clock.now_ns()
@@ -366,11 +372,12 @@ class BusScanner:
             leave_out_holders(self._trunk, in_scan, self._plan.steps[0].row_check.ask, self._clock)
             raise _HeldUpError from error
 
-    def _prepare(self) -> None:
+    def _prepare(self, following: Step) -> None:
         """Connect all legs while the conversion still runs; if that fails, `_begin` tries once more."""
+        del following
         if legs := self._active():
             try:
-                self._trunk.connect(_channels(legs))
+                self._trunk.connect(channels(legs))
             except BusError as error:
                 self._look_for_holder(error)
 
@@ -379,5 +386,6 @@ class BusScanner:
         return tuple(leg for leg in self._legs if leg.in_scan and leg.outcome is Reading.OK)
 
 
-def _channels(legs: tuple[LegLink, ...]) -> list[int]:
+def channels(legs: tuple[LegLink, ...]) -> list[int]:
+    """Return the mux channels of some legs."""
     return [leg.channel for leg in legs]

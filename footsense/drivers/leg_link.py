@@ -21,8 +21,8 @@ _log = logging.getLogger(__name__)
 MISSES_ALLOWED = 3
 _FIRST_PAUSE_NS = 250_000_000
 _LONGEST_PAUSE_NS = 4_000_000_000
-#: The same of a leg that holds a line, over those of another one.
-_HELD_PAUSES = 4
+#: How many pauses a leg waits that holds a line.
+HOLDER_PAUSES = 4
 
 _WORDS = {
     Reading.NO_ANSWER: "does not answer",
@@ -66,7 +66,7 @@ class LegLink:
             fdc1004.configure(bus)
             bus.transfer(select_row)
         except BusTimeoutError as error:
-            self.leave(Reading.LINE_HELD, str(error), now_ns)
+            self.leave(Reading.LINE_HELD, str(error), now_ns, pauses=HOLDER_PAUSES)
         except WrongChipError as error:
             self.leave(Reading.WRONG_CHIP, str(error), now_ns)
         except HardwareError as error:
@@ -88,11 +88,11 @@ class LegLink:
         if self._misses >= MISSES_ALLOWED:
             self.leave(missing[0], _WORDS[missing[0]], now_ns)
 
-    def leave(self, outcome: Reading, why: str, now_ns: int) -> None:
-        """Leave the leg out of the scans, and put off the next try: twice as long each time."""
+    def leave(self, outcome: Reading, why: str, now_ns: int, pauses: int = 1) -> None:
+        """Leave the leg out of the scans, and put off the next try by some pauses: twice as long each time."""
         if outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS:
             _log.warning("leg %s: %s; left out of the scan and tried again later", self.name, why)
         self.in_scan = False
         self.outcome = outcome
-        self.retry_at_ns = now_ns + self._pause_ns * (_HELD_PAUSES if outcome is Reading.LINE_HELD else 1)
+        self.retry_at_ns = now_ns + pauses * self._pause_ns
         self._pause_ns = min(2 * self._pause_ns, _LONGEST_PAUSE_NS)

@@ -8,7 +8,7 @@ timeout once more for each such leg, besides the one that told of it.
 import logging
 from collections.abc import Sequence
 
-from footsense.drivers.leg_link import LegLink
+from footsense.drivers.leg_link import HOLDER_PAUSES, LegLink
 from footsense.drivers.trunk import Trunk
 from footsense.errors import BusError, BusTimeoutError
 from footsense.frames import Reading
@@ -34,7 +34,9 @@ def leave_out_holders(trunk: Trunk, legs: Sequence[LegLink], ask: Transaction, c
                 trunk.bus.transfer(ask)
             except BusTimeoutError:
                 free = trunk.free()
-                leg.leave(Reading.LINE_HELD, "holds a line of the bus low", clock.now_ns())
+                leg.leave(
+                    Reading.LINE_HELD, "holds a line of the bus low", clock.now_ns(), pauses=HOLDER_PAUSES
+                )
             except BusError as error:  # its own trouble, which the scan will see too
                 _log.debug("leg %s: %s", leg.name, error)
         else:
@@ -69,14 +71,18 @@ def probe(
             trunk.free()
 
 
-def probe_one(trunk: Trunk, legs: Sequence[LegLink], select_row: Transaction, clock: Clock) -> None:
-    """Try the leg that has waited longest, if one is due; one a scan, so that the others keep their time."""
+def probe_due(trunk: Trunk, legs: Sequence[LegLink], select_row: Transaction, clock: Clock) -> None:
+    """Try the leg that has waited longest, if one is due; one a scan, so that the others keep their time.
+
+    If there are no others, all that are due are tried, until one finds the bus held.
+    """
     now_ns = clock.now_ns()
+    alone = not any(leg.in_scan for leg in legs)
     due = [leg for leg in legs if not leg.in_scan and leg.retry_at_ns <= now_ns]
-    if not due:
-        return
-    leg = min(due, key=lambda leg: leg.retry_at_ns)
-    outcome = leg.outcome
-    probe(trunk, leg, legs, select_row, clock)
-    if leg.in_scan:
-        leg.outcome = outcome  # it was not told of the conversion that runs, and joins with the next scan
+    for leg in sorted(due, key=lambda leg: leg.retry_at_ns)[: len(due) if alone else 1]:
+        outcome = leg.outcome
+        probe(trunk, leg, legs, select_row, clock)
+        if leg.in_scan:
+            leg.outcome = outcome  # it was not told of the conversion that runs, and joins with the next scan
+        elif leg.outcome is Reading.LINE_HELD:
+            return
