@@ -84,6 +84,12 @@ class TransmitQueue:
         self.n_purged += len(self._frames)
         self._frames.clear()
 
+    def stop(self) -> None:
+        """Be emptied with an interface that goes down; when it comes up again, it has a carrier."""
+        self.purge()
+        self.regain_carrier()
+        self.look_ns = math.inf
+
     def lose_carrier(self, t_ns: int) -> None:
         """The kernel is told; it acts at once if it has not just done so."""
         self._carrier = False

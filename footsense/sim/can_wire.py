@@ -13,95 +13,42 @@ decides whether an old force comes late, and vcan shows none of it:
 - Down: queue and mailboxes are emptied, and each socket is told ENETDOWN. A socket of an interface that is gone
   never works again.
 
-Not modelled: real stuff bits, every frame is as long as it can be; faults that begin or end within a frame, which
-count from the next on; receive errors; drivers that keep the carrier in bus-off.
-
 Source:
-    Linux: net/can/af_can.c, net/can/raw.c, drivers/net/can/dev. ISO 11898-1: error counters, retransmission.
+    Linux: net/can/af_can.c, net/can/raw.c, drivers/net/can/dev/dev.c.
 """
 
 import errno
 import math
 import os
 from collections import deque
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
 
-from firmware_interface.socketcan import (
-    CONTROLLER_ACTIVE,
-    FRAME_BYTES,
-    ErrorClass,
-    error_frame,
-    pack_frame,
-    split_frames,
-)
+from firmware_interface.socketcan import FRAME_BYTES, pack_frame
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
+from footsense.sim.can_controller import CanController, CanSettings, OtherNode
 from footsense.sim.can_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanQueueFull, CanTraffic
 from footsense.sim.can_queue import Queued, TransmitQueue
 
-__all__ = ["AS_DEPLOYED", "CanSettings", "SimulatedCan", "frame_bits"]
+__all__ = ["AS_DEPLOYED", "CanSettings", "SimulatedCan"]
 
 _NS_PER_S = 1_000_000_000
 
-#: Bits of an error flag, its delimiter and the pause behind it; more for a controller that is error passive.
-_ERROR_BITS = 6 + 8 + 3
-_SUSPEND_BITS = 8
-#: Bits of a frame behind the one in which an acknowledgement is missing: delimiter, end of frame, pause.
-_AFTER_ACK_BITS = 1 + 7 + 3
-#: Bits of silence after which a controller may come back to the bus.
-_RECOVERY_BITS = 128 * 11
-
-_PASSIVE = 128
-_BUS_OFF = 256
-_TX_PASSIVE = 0x20
+#: What `deploy/80-can0.network` sets.
+AS_DEPLOYED = CanSettings(queue_frames=16, head_drop=True, one_shot=True, restart_ns=100_000_000)
 
 #: Frames that a socket keeps unread; the kernel drops what comes on top.
 _MOST_UNREAD = 300
 
 
-class CanSettings(NamedTuple):
-    """How the interface is set up.
-
-    Attributes:
-        queue_frames: Room in its queue.
-        head_drop: Whether a full queue drops its oldest frame instead of refusing the newest.
-        one_shot: Whether the controller tries each frame once.
-        restart_ns: Time from bus-off to the restart [ns]; 0 for none.
-        mailboxes: Frames that the controller holds.
-    """
-
-    queue_frames: int
-    head_drop: bool
-    one_shot: bool
-    restart_ns: int
-    mailboxes: int = 3
-
-
-#: What `deploy/80-can0.network` sets.
-AS_DEPLOYED = CanSettings(queue_frames=16, head_drop=True, one_shot=True, restart_ns=100_000_000)
-
-
-def frame_bits(n_data: int) -> int:
-    """Return the longest that a frame with an 11-bit id can be, the pause behind it included [bits].
-
-    Example:
-        >>> frame_bits(8)
-        135
-    """
-    return 8 * n_data + 47 + (34 + 8 * n_data - 1) // 4
-
-
 class _Sender:
-    """Whoever else sends: a node on the bus, or a program on the same computer."""
+    """When a node, or another program on the same computer, sends."""
 
     def __init__(self, fault: CanTraffic | CanQueueFull) -> None:
         self.period_ns = _NS_PER_S / fault.rate_hz
         self.due_ns: float = fault.at_ns
         self.until_ns = fault.until_ns
-        self.on_bus = isinstance(fault, CanTraffic)
-        self.can_id = fault.can_id if isinstance(fault, CanTraffic) else 0x7FF
-        self.waiting = False  # a node holds one frame, its newest
+        self.node = OtherNode(fault.can_id) if isinstance(fault, CanTraffic) else None
 
 
 class SimulatedCan:
@@ -114,13 +61,10 @@ class SimulatedCan:
         settings: How the interface is set up.
 
     Attributes:
-        hear: Called with each frame of ours that reached the other nodes: when, when it was handed over [ns], and
-            the frame. None for nobody.
-        n_delivered: Frames of ours that reached them.
-        n_lost: Frames of ours that were tried once and not again.
-        n_flushed: Frames of ours that the controller held when it was restarted or stopped.
-        n_bus_off: How often the controller has gone bus-off.
         queue: The interface's queue.
+        controller: Its controller; `controller.hear` is for whoever wants to know what came when.
+        present: Whether the interface exists.
+        up: Whether it is up.
     """
 
     def __init__(
@@ -131,24 +75,16 @@ class SimulatedCan:
         settings: CanSettings = AS_DEPLOYED,
     ) -> None:
         self._clock = clock
-        self._bit_ns = _NS_PER_S / bitrate
-        self._settings = settings
         self._faults = tuple(faults)
         self._senders = [_Sender(fault) for fault in faults if isinstance(fault, CanTraffic | CanQueueFull)]
         edges = {fault.at_ns for fault in faults} | {fault.until_ns for fault in faults}
         self._edges = deque(sorted(edge for edge in edges if edge < math.inf))
         self._sockets: list[_Socket] = []
-        self._mailboxes: deque[Queued] = deque()
-        self._free_ns: float = 0  # when what is on the wire has passed
-        self._passing: Callable[[], None] | None = None  # what is due then
-        self._error_count = 0
-        self._restart_ns = math.inf
         self._t_ns = 0
-        self._no_ack = self._shorted = False
         self.up = self.present = True
         self.queue = TransmitQueue(settings.queue_frames, head_drop=settings.head_drop)
-        self.hear: Callable[[int, int, bytes], object] | None = None
-        self.n_delivered = self.n_lost = self.n_flushed = self.n_bus_off = 0
+        nodes = [sender.node for sender in self._senders if sender.node is not None]
+        self.controller = CanController(self.queue, settings, bitrate, nodes, self._tell)
 
     def connect(self) -> CanWire:
         """Return a socket that is bound to the interface.
@@ -177,7 +113,7 @@ class SimulatedCan:
             False if it was refused.
         """
         taken = self.queue.put(Queued(self._t_ns, frame, ours=True))
-        self._pump()
+        self.controller.begin(self._t_ns)
         return taken
 
     def advance(self) -> None:
@@ -186,157 +122,55 @@ class SimulatedCan:
         while True:
             t_ns = min(
                 self._edges[0] if self._edges else math.inf,
-                self._free_ns if self._passing else math.inf,
-                self._restart_ns,
+                self.controller.due_ns,
                 self.queue.look_ns,
                 *(sender.due_ns for sender in self._senders),
             )
             if t_ns > now_ns:
                 break
-            self._t_ns = max(self._t_ns, round(t_ns))
-            self._happen(t_ns)
-            self._pump()
+            self._t_ns = max(self._t_ns, math.ceil(t_ns))
+            self._happen(self._t_ns)
         self._t_ns = max(self._t_ns, now_ns)
 
-    def _happen(self, t_ns: float) -> None:
+    def _happen(self, t_ns: int) -> None:
         """Do what is due at `t_ns`."""
         while self._edges and self._edges[0] <= t_ns:
             self._edges.popleft()
-            self._turn()
-        if self._passing and self._free_ns <= t_ns:
-            passed, self._passing = self._passing, None
-            passed()
-        if self._restart_ns <= t_ns:
-            self._restart()
+            self._turn(t_ns)
+        self.controller.happen(t_ns)
         if self.queue.look_ns <= t_ns:
-            self.queue.look(self._t_ns)
+            self.queue.look(t_ns)
         for sender in self._senders:
             if sender.due_ns <= t_ns:
-                self._other_sends(sender)
+                self._other_sends(sender, t_ns)
+        self.controller.begin(t_ns)
 
-    def _turn(self) -> None:
+    def _turn(self, t_ns: int) -> None:
         """Begin and end the faults of this moment."""
-        acting = [fault for fault in self._faults if fault.at_ns <= self._t_ns < fault.until_ns]
-        self._no_ack = any(isinstance(fault, CanNoAck) for fault in acting)
-        self._shorted = any(isinstance(fault, CanBusOff) for fault in acting)
+        acting = [fault for fault in self._faults if fault.at_ns <= t_ns < fault.until_ns]
         down = [fault for fault in acting if isinstance(fault, CanDown)]
-        self.present = not any(fault.unplugged for fault in down)
         if self.up and down:
-            self._stop()
-        self.up = not down
-        for socket in self._sockets if not self.present else ():
-            socket.gone = True
+            self.queue.stop()
+            self.controller.stop()
+            for socket in self._sockets:
+                socket.error = errno.ENETDOWN
+        self.up = self.controller.running = not down
+        self.present = not any(fault.unplugged for fault in down)
+        if not self.present:
+            for socket in self._sockets:
+                socket.gone = True
+        self.controller.no_ack = any(isinstance(fault, CanNoAck) for fault in acting)
+        self.controller.shorted = any(isinstance(fault, CanBusOff) for fault in acting)
 
-    def _stop(self) -> None:
-        """Bring the interface down, as the kernel does."""
-        self.queue.purge()
-        self.queue.regain_carrier()
-        self.queue.look_ns = math.inf
-        self._flush()
-        self._passing = None
-        self._error_count = 0
-        self._restart_ns = math.inf
-        for socket in self._sockets:
-            socket.error = errno.ENETDOWN
-
-    def _flush(self) -> None:
-        self.n_flushed += sum(frame.ours for frame in self._mailboxes)
-        self._mailboxes.clear()
-
-    def _restart(self) -> None:
-        """Restart the controller after bus-off."""
-        self._restart_ns = math.inf
-        self._flush()
-        self._error_count = 0
-        self.queue.regain_carrier()
-        self._tell(error_frame(ErrorClass.RESTARTED))
-        self._occupy(_RECOVERY_BITS, lambda: None)
-
-    def _other_sends(self, sender: _Sender) -> None:
+    def _other_sends(self, sender: _Sender, t_ns: int) -> None:
         """Let a node or another program send its next frame."""
         sender.due_ns += sender.period_ns
         if sender.due_ns >= sender.until_ns:
             sender.due_ns = math.inf
-        if sender.on_bus:
-            sender.waiting = True
+        if sender.node is not None:
+            sender.node.waiting = True
         elif self.up:
-            self.queue.put(Queued(self._t_ns, pack_frame(sender.can_id, bytes(8)), ours=False))
-
-    def _pump(self) -> None:
-        """Fill the mailboxes from the queue, and begin a frame if the wire is free."""
-        while self.up and len(self.queue) and len(self._mailboxes) < self._settings.mailboxes:
-            self._mailboxes.append(self.queue.take())
-        if self._passing is None:
-            self._begin()
-
-    def _begin(self) -> None:
-        """Arbitrate, and put the winner onto the wire."""
-        ours = self._mailboxes[0] if self._mailboxes and self._error_count < _BUS_OFF and self.up else None
-        # Without an acknowledgement, and on a shorted bus, no other node is there to be heard.
-        reachable = not (self._no_ack or self._shorted)
-        others = [sender for sender in self._senders if sender.waiting] if reachable else []
-        other = min(others, key=lambda sender: sender.can_id, default=None)
-        our_id, data = next(split_frames(ours.data)) if ours else (0, b"")
-        if other and not (ours and our_id < other.can_id):
-            other.waiting = False
-            if ours and self._settings.one_shot:  # the arbitration was lost
-                self._give_up()
-            self._occupy(frame_bits(8), lambda: None)
-        elif ours and self._shorted:
-            self._occupy(1 + _ERROR_BITS + self._suspend(), self._fail)
-        elif ours and self._no_ack:
-            bits = frame_bits(len(data)) - _AFTER_ACK_BITS + _ERROR_BITS + self._suspend()
-            self._occupy(bits, self._miss_ack)
-        elif ours:
-            self._occupy(frame_bits(len(data)), self._deliver)
-
-    def _occupy(self, bits: int, then: Callable[[], None]) -> None:
-        self._free_ns = self._t_ns + bits * self._bit_ns
-        self._passing = then
-
-    def _suspend(self) -> int:
-        """Return the bits that an error passive controller waits in addition."""
-        return _SUSPEND_BITS if self._error_count >= _PASSIVE else 0
-
-    def _give_up(self) -> None:
-        self.n_lost += self._mailboxes.popleft().ours
-
-    def _deliver(self) -> None:
-        frame = self._mailboxes.popleft()
-        self._count_errors(-1)
-        if frame.ours:
-            self.n_delivered += 1
-            if self.hear is not None:
-                self.hear(self._t_ns, frame.handed_ns, frame.data)
-
-    def _miss_ack(self) -> None:
-        """Nobody acknowledged; that alone takes no controller beyond error passive."""
-        if self._error_count < _PASSIVE:
-            self._count_errors(8)
-        if self._settings.one_shot:
-            self._give_up()
-
-    def _fail(self) -> None:
-        """The first bit came back wrong."""
-        self._count_errors(8)
-        if self._error_count >= _BUS_OFF:
-            self.n_bus_off += 1
-            self.queue.lose_carrier(self._t_ns)
-            if self._settings.restart_ns:
-                self._restart_ns = self._t_ns + self._settings.restart_ns
-        elif self._settings.one_shot:
-            self._give_up()
-
-    def _count_errors(self, change: int) -> None:
-        """Move the transmit error counter, and tell the sockets when that changes the controller's state."""
-        before, after = self._error_count, max(0, self._error_count + change)
-        self._error_count = after
-        if after >= _BUS_OFF:
-            self._tell(error_frame(ErrorClass.BUS_OFF))
-        elif before < _PASSIVE <= after:
-            self._tell(error_frame(ErrorClass.CONTROLLER, _TX_PASSIVE))
-        elif after < _PASSIVE <= before:
-            self._tell(error_frame(ErrorClass.CONTROLLER, CONTROLLER_ACTIVE))
+            self.queue.put(Queued(t_ns, pack_frame(0x7FF, bytes(8)), ours=False))
 
     def _tell(self, frame: bytes) -> None:
         for socket in self._sockets:

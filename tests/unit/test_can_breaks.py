@@ -105,7 +105,7 @@ def test_a_short_is_told_once_and_counted_each_time(caplog: pytest.LogCaptureFix
     walk = CanWalk([CanBusOff(at_s=0.5, until_s=2.5)])
     walk.walk(6.0)
     lines = [record.getMessage() for record in caplog.records]
-    assert walk.sink.stats.bus_off == walk.can.n_bus_off > 10
+    assert walk.sink.stats.bus_off == walk.can.controller.n_bus_off > 10
     assert [line.partition(";")[0] for line in lines] == [
         "CAN can0: error passive: nobody acknowledges, or the wires are bad",
         "CAN can0: bus-off: the wires are shorted, or the bit rates differ",
