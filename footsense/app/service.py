@@ -29,6 +29,8 @@ from footsense.publish.supervision import Supervision
 from footsense.publish.systemd import SystemdNotifier
 from footsense.recording.machine import this_machine
 from footsense.recording.recorder import Recorder, check_target
+from footsense.sim.can_faults import CanFault
+from footsense.sim.can_wire import SimulatedCan
 from footsense.sim.scene import Scene
 
 _log = logging.getLogger(__name__)
@@ -94,6 +96,7 @@ class Service:
         sink: Where forces go.
         observers: Who sees every cycle; more may be added before `run`.
         recorder: What records, if anything does.
+        can: The simulated CAN interface of a scene in which it breaks.
     """
 
     legs: tuple[str, ...]
@@ -104,6 +107,7 @@ class Service:
     sink: CanSink
     observers: list[Observer]
     recorder: Recorder | None
+    can: SimulatedCan | None
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Run until `stop` says so."""
@@ -181,7 +185,11 @@ def service(
             exporter = start_exporter(metrics.path, config.metrics.address, config.metrics.port)
             stack.callback(exporter.close)
             observers.append(metrics)
-        sink = stack.enter_context(can_sink(config, scan.clock, can_log, stats, real_time=real_time))
+        can = _breaking_can(config, scene, scan.clock)
+        connect = can.connect if can is not None else None
+        sink = stack.enter_context(
+            can_sink(config, scan.clock, can_log, stats, real_time=real_time, connect=connect)
+        )
         if record is not None:
             header = _recording_header(config, scene, network, flags)
             recorder = Recorder(record, legs, header, blocking=not real_time)
@@ -197,7 +205,14 @@ def service(
             sink=sink,
             observers=observers,
             recorder=recorder,
+            can=can,
         )
+
+
+def _breaking_can(config: Config, scene: Scene | None, clock: Clock) -> SimulatedCan | None:
+    """Return the CAN interface of a scene in which it breaks; in any other, the virtual channel does."""
+    faults = [fault for fault in scene.faults if isinstance(fault, CanFault)] if scene is not None else []
+    return SimulatedCan(clock, config.can.bitrate, faults) if faults else None
 
 
 def _flags(config: Config, *, simulated: bool) -> Flag:

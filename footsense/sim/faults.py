@@ -2,7 +2,8 @@
 
 Each class is one fault; its name in the file is the class's in lower case: `{at_s: 3.2, leg: rm, fault: stuck_sda}`.
 Where `until_s` may stand, the fault ends there, else it is for good. What a fault does stands where the part is that
-it breaks: `footsense/sim/bus_faults.py` for the trunk, `chip_faults.py` for a leg's chips, `damage.py` for its foot.
+it breaks: `footsense/sim/bus_faults.py` for the trunk, `chip_faults.py` for a leg's chips, `damage.py` for its foot,
+`can_faults.py` and `can_wire.py` for the CAN bus.
 """
 
 import math
@@ -13,6 +14,7 @@ import msgspec
 from msgspec import Meta
 
 from footsense.frames import ELEMENTS
+from footsense.sim.can_faults import CanFault
 
 _NS_PER_S = 1_000_000_000
 
@@ -172,4 +174,4 @@ class BrokenColumn(_OnLeg, frozen=True, kw_only=True):
 OnChips = Absent | NackAtRandom | Garbled | StuckConverter | WrongChip | BrownOut | DeafSwitch
 OnWires = StuckSda | StuckTrunk | ArbitrationLost | MuxLost
 OnFoot = ElementOpen | ElementShorted | ElementStuck | ElementDrifts | GapShut | BrokenRow | BrokenColumn
-Fault = OnChips | OnWires | OnFoot
+Fault = OnChips | OnWires | OnFoot | CanFault
