@@ -132,7 +132,7 @@ class Result(IntEnum):
 
     DONE = 0
     NOT_QUIET = 1  #: tare refused: the readings move more than noise does
-    LOADED = 2  #: tare refused: the readings are not those of an unloaded foot
+    LOADED = 2  #: refused: the foot is on the ground, or its readings are not those of an unloaded one
     ELEMENT_FAULT = 3  #: tare refused: an element gives no usable number
     ABSENT = 4  #: refused: the leg does not answer
     UNKNOWN = 5  #: refused: no such command

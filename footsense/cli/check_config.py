@@ -31,6 +31,8 @@ def _summary(config: Config, network: Network) -> list[str]:
         f"tare: over {config.tare.window_frames} scans",
         f"  quiet below {config.tare.noise_limit_ff:g} fF of noise",
         f"  unloaded within {config.tare.unloaded_limit_rel:.1%} of what the free foot reads",
+        f"zero: {'follows the foot in the air' if config.zero.track else 'stands still between tares'}",
+        f"contact from {config.contact.touch_n:g} N",
         f"stale after {config.stale_after_ms:g} ms",
         f"network: {config.model or 'the released one'}, {network.sha256[:12]}, for {network.card.foot_type}",
         f"CAN: {config.can.interface} {config.can.channel}, {config.can.bitrate // 1000} kbit/s",
