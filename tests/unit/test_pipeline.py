@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from footsense.core.design import CapacitorDesign
+from footsense.core.sensitivity import Sensitivity
+from footsense.core.zero import DRIFT_PF2_PER_S
 from footsense.frames import USABLE, Command, CommandKind, Flag, Reading, Result, State
 from tests.unit.feet import MAX_AGE_NS, SCAN_NS, SIGMA_N, WINDOW, Feet, SumOfClosures
 
@@ -296,3 +298,14 @@ def test_whatever_the_converters_say_a_value_is_usable_or_missing(
     assert (forces.sigma_n[usable] > 0).all()
     assert np.isnan(forces.force_n[~usable]).all()
     assert np.isnan(forces.sigma_n[~usable]).all()
+
+
+def test_sigma_knows_how_long_the_zero_has_stood_still() -> None:
+    """After 100 s without a reading in the air, what drift may have done since is part of it."""
+    feet = Feet(n_legs=1).tared()
+    feet.pipeline._footing._sensitivity = Sensitivity(load_n=9.0, zero_n=np.array([1.0, 1.0, 9.0]))
+    feet.sequence += 100_000_000_000 // SCAN_NS
+    for _ in range(3):
+        forces = feet.feed(feet.scan(5.0))
+    drift_n = np.sqrt(100 * DRIFT_PF2_PER_S) * 0.2442 * np.array([1.0, 1.0, 9.0])
+    np.testing.assert_allclose(forces.sigma_n[0], np.hypot(SIGMA_N, drift_n), rtol=1e-3)
