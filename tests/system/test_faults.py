@@ -1,187 +1,243 @@
-"""What breaks on one leg shows as the right state, on CAN and in the metrics, and touches no other leg.
+"""What breaks shows as the right state and cause, passes by itself, and touches no other leg.
 
-The host costs nothing in these scenes, so no transaction more or less moves a conversion, and "untouched" can be taken
-at its word: the other legs' forces are the same bits at the same times as in a run in which nothing breaks.
+The host costs nothing in these walks, so that no transaction more or less moves a conversion, and "untouched" can be
+taken at its word: the other legs' forces are the same bits at the same times as in a walk in which nothing breaks.
 """
 
-from collections import Counter
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import can
 import cantools
+import msgspec
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from prometheus_client import CollectorRegistry
 
 import firmware_interface
 from footsense import app
-from footsense.config import DEFAULT
-from footsense.frames import USABLE, Cycle, State
+from footsense.app.fault_trial import BREAKS_AT_S, LEG, PASSES_AT_S, WALK, Figures, Walk, figures, walk
+from footsense.config import DEFAULT, Mux
+from footsense.frames import USABLE, Cause, State
 from footsense.publish.exporter import SharedCollector
 from footsense.publish.metrics import Metrics
 from footsense.publish.shared_counters import read_counters
-from footsense.sim.scene import load_scene
+from footsense.sim import faults
+from footsense.sim.faults import Fault
 
 DBC = Path(firmware_interface.__file__).parent / "footsense.dbc"
-DURATION_NS = 4_000_000_000
-BROKEN_AT_NS = 2_000_000_000
-#: After a line has broken, readings from before and after it are mixed for so long: two scans that it may lie across,
-#: and a second whole one to tell motion.
-SETTLED_NS = 100_000_000
 
-NOTHING = ""
-FAULTS = {
-    "{at_s: 2.0, leg: rm, fault: absent}": State.ABSENT,
-    "{at_s: 2.0, leg: rm, fault: stuck_converter}": State.CONVERTER_FAULT,
-    "{at_s: 2.0, leg: rm, fault: deaf_switch}": State.CONVERTER_FAULT,
-    "{at_s: 2.0, leg: rm, fault: broken_row, row: 0}, {at_s: 2.0, leg: rm, fault: broken_row, row: 2}": (
-        State.ELEMENT_FAULT
+#: A leg of each tripod, and the one on which things break.
+ROBOT = msgspec.structs.replace(
+    DEFAULT, buses=(msgspec.structs.replace(DEFAULT.buses[0], legs={"lf": 0, "lm": 1, "rm": 4}),)
+)
+
+#: Two scans: a line may break after its own elements were read, and it takes a second whole scan to tell motion.
+SCANS_S = 0.055
+ALL = 0b111_111_111
+
+ON_LEG: dict[str, Any] = {"at_s": BREAKS_AT_S, "leg": LEG}
+PASSING: dict[str, Any] = {**ON_LEG, "until_s": PASSES_AT_S}
+
+
+class Expected(NamedTuple):
+    """What has to become of a fault; times in s, None for never."""
+
+    state: State
+    cause: Cause
+    mask: int
+    shown: float | None
+    recovered: float | None
+
+
+#: After a cable was off, the leg waits for its next swing to be tared; others wait at most for their next try.
+PROBED_S, TARED_S = 0.5, 1.2
+#: An element has to agree again for 0.3 s loaded and as long free.
+TRUSTED_S = 1.0
+
+ON_CHIPS: dict[Fault, Expected] = {
+    faults.Absent(**PASSING): Expected(State.ABSENT, Cause.NO_ANSWER, ALL, SCANS_S, TARED_S),
+    faults.StuckConverter(**PASSING): Expected(
+        State.CONVERTER_FAULT, Cause.NEVER_FINISHES, ALL, SCANS_S, PROBED_S
+    ),
+    faults.WrongChip(**PASSING): Expected(State.ABSENT, Cause.WRONG_CHIP, ALL, SCANS_S, PROBED_S),
+    faults.BrownOut(**ON_LEG): Expected(State.CONVERTER_FAULT, Cause.SETTINGS_LOST, ALL, SCANS_S, PROBED_S),
+    faults.DeafSwitch(**PASSING): Expected(
+        State.CONVERTER_FAULT, Cause.SETTINGS_LOST, ALL, SCANS_S, PROBED_S
     ),
 }
-#: One row is estimated from the two that remain.
-BROKEN_ROW = "{at_s: 2.0, leg: rm, fault: broken_row, row: 1}"
-#: What CAN and the metrics have to show, and the elements that a report names.
-SHOWN = {**FAULTS, BROKEN_ROW: State.DEGRADED}
-FAULT_MASKS = {State.ELEMENT_FAULT: 0b111000111, State.DEGRADED: 0b000111000}
-
-
-class Walk:
-    """A walk of four seconds in which something may break after two."""
-
-    def __init__(self, fault: str, folder: Path) -> None:
-        scene = folder / "scene.yaml"
-        scene.write_text(
-            "description: a fault\n"
-            "load: {kind: tripod, period_s: 1.2, duty_rel: 0.6, peak_force_n: 1.0}\n"
-            "effects: {converter_noise: true}\n"
-            f"faults: [{fault}]\n"
-        )
-        self.log = folder / "can.log"
-        self.cycles: list[Cycle] = []
-        with app.service(DEFAULT, load_scene(str(scene)), real_time=False, can_log=self.log) as service:
-            clock = service.scanning.clock
-            metrics = Metrics(service.legs, service.sink.stats, directory=folder)
-            service.observers += [self, metrics]
-            assert service.scanning.felt_n is not None
-            self.felt_n = service.scanning.felt_n
-            service.run(lambda: clock.now_ns() > DURATION_NS)
-            registry = CollectorRegistry()
-            registry.register(SharedCollector(*read_counters(metrics.path)))
-            self.faults = {
-                (leg, state): registry.get_sample_value(
-                    "footsense_faults_total", {"leg": leg, "kind": state.name.lower()}
-                )
-                for leg in service.legs
-                for state in SHOWN.values()
-            }
-            self.leg_state = registry.get_sample_value("footsense_leg_state", {"leg": "rm"})
-            metrics.close()
-        self.legs = DEFAULT.legs
-
-    def observe(self, cycle: Cycle) -> None:
-        self.cycles.append(cycle)
-
-    def close(self) -> None:
-        pass
-
-    def states(self, leg: str, from_ns: int) -> Counter[State]:
-        row = self.legs.index(leg)
-        return Counter(State(int(c.forces.state[row])) for c in self.cycles if c.forces.t_sent_ns > from_ns)
-
-    def errors(self, leg: str, from_ns: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return error and sigma of a leg's forces [N], shape (scans, 3), against what it felt when measured."""
-        row = self.legs.index(leg)
-        late = [cycle.forces for cycle in self.cycles if cycle.forces.t_sent_ns > from_ns]
-        felt_n = np.stack([self.felt_n(int(forces.t_ns[row]))[row] for forces in late])
-        said_n = np.stack([forces.force_n[row] for forces in late])
-        return said_n - felt_n, np.stack([forces.sigma_n[row] for forces in late])
+ON_FOOT: dict[Fault, Expected] = {
+    faults.ElementOpen(element=4, **PASSING): Expected(
+        State.DEGRADED, Cause.ELEMENT_OPEN, 0b000_010_000, SCANS_S, 0.1
+    ),
+    faults.ElementShorted(element=0, **PASSING): Expected(
+        State.DEGRADED, Cause.ELEMENT_SHORTED, 0b001_001_001, SCANS_S, 0.1
+    ),
+    # It stays as it was in the middle of the stance: that shows when the others let go.
+    faults.ElementStuck(element=0, **PASSING): Expected(
+        State.DEGRADED, Cause.ELEMENT_STUCK, 0b000_000_001, 0.3, TRUSTED_S
+    ),
+    faults.ElementDrifts(element=0, rate_ff_per_s=500.0, **ON_LEG): Expected(
+        State.DEGRADED, Cause.ELEMENT_DRIFTS, 0b000_000_001, 0.5, None
+    ),
+    faults.GapShut(element=5, **PASSING): Expected(
+        State.DEGRADED, Cause.ELEMENT_SHORTED, 0b000_100_000, SCANS_S, TRUSTED_S
+    ),
+    faults.BrokenRow(row=1, **PASSING): Expected(State.DEGRADED, Cause.ROW_OPEN, 0b000_111_000, SCANS_S, 0.1),
+    faults.BrokenColumn(column=1, **PASSING): Expected(
+        State.DEGRADED, Cause.COLUMN_OPEN, 0b010_010_010, SCANS_S, 0.1
+    ),
+}
 
 
 @pytest.fixture(scope="module")
-def walks(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Walk]:
-    """The same walk with each fault and with none."""
-    return {fault: Walk(fault, tmp_path_factory.mktemp("fault")) for fault in (NOTHING, *SHOWN)}
+def whole() -> Walk:
+    """The walk in which nothing breaks."""
+    return walk(config=ROBOT)
 
 
-@pytest.mark.parametrize(("fault", "state"), FAULTS.items())
-def test_the_leg_says_what_is_wrong_and_gives_no_force(
-    walks: dict[str, Walk], fault: str, state: State
-) -> None:
-    """From the second scan after the fault on, nothing but this state, and never a number."""
-    walk = walks[fault]
-    assert walk.states("rm", BROKEN_AT_NS + 50_000_000).keys() == {state}
-    row = walk.legs.index("rm")
-    for cycle in walk.cycles:
-        if cycle.forces.state[row] not in USABLE:
-            assert np.isnan(cycle.forces.force_n[row]).all()
+def trial(fault: Fault, whole: Walk) -> tuple[Walk, Figures]:
+    broken = walk(fault, config=ROBOT)
+    return broken, figures(broken, whole, fault.at_s, getattr(fault, "until_s", None))
 
 
-def test_a_broken_row_is_estimated_from_the_others(walks: dict[str, Walk]) -> None:
-    """DEGRADED, each with a force, once the readings have settled; how far that is off, its sigma tells."""
-    walk, healthy = walks[BROKEN_ROW], walks[NOTHING]
-    assert walk.states("rm", BROKEN_AT_NS + SETTLED_NS).keys() == {State.DEGRADED}
-    off_n, sigma_n = walk.errors("rm", BROKEN_AT_NS + SETTLED_NS)
-    _, whole_sigma_n = healthy.errors("rm", BROKEN_AT_NS + SETTLED_NS)
-    assert np.isfinite(off_n).all()
-    # The rest is the moment of touching down, where a parabola through three readings says little.
-    assert np.mean(np.abs(off_n) <= 3.0 * sigma_n) > 0.95
-    assert (sigma_n.mean(axis=0) > whole_sigma_n.mean(axis=0)).all()
-    # What is left of a foot is still worth having: the load on it is known to a tenth of the peak force.
-    assert np.sqrt(np.mean(off_n[:, 2] ** 2)) < 0.1
-
-
-@pytest.mark.parametrize("fault", SHOWN)
-def test_the_other_legs_are_untouched(walks: dict[str, Walk], fault: str) -> None:
-    """Same number of scans, same stamps, same forces to the bit."""
-    healthy, broken = walks[NOTHING], walks[fault]
-    others = [row for row, leg in enumerate(healthy.legs) if leg != "rm"]
-    assert abs(len(healthy.cycles) - len(broken.cycles)) <= 1
-    for a, b in zip(healthy.cycles, broken.cycles, strict=False):
-        np.testing.assert_array_equal(a.forces.force_n[others], b.forces.force_n[others])
-        np.testing.assert_array_equal(a.forces.t_ns[others], b.forces.t_ns[others])
-        np.testing.assert_array_equal(a.forces.state[others], b.forces.state[others])
-
-
-@pytest.mark.parametrize(("fault", "state"), SHOWN.items())
-def test_can_and_metrics_show_it(walks: dict[str, Walk], fault: str, state: State) -> None:
-    """The last force frame, the fault report and the counters name the state; a broken row names its elements."""
-    walk = walks[fault]
-    database = cantools.database.load_file(DBC)
-    last: dict[str, dict[str, object]] = {}
-    for message in can.LogReader(walk.log):
-        name = database.get_message_by_frame_id(message.arbitration_id).name
-        decoded = database.decode_message(message.arbitration_id, message.data)
-        assert isinstance(decoded, dict)
-        last[name] = decoded
-    shown = "".join(part.capitalize() for part in state.name.split("_"))
-    assert str(last["ForceRm"]["State"]) == shown
-    assert str(last["FaultRm"]["State"]) == shown
-    assert str(last["ForceLm"]["State"]) == "Valid"
-    if state in FAULT_MASKS:
-        assert last["QualityRm"]["FaultMask"] == last["FaultRm"]["FaultMask"] == FAULT_MASKS[state]
-    assert (last["ForceRm"]["ForceZ"] == "NoValue") == (state not in USABLE)
-    assert walk.faults["rm", state] == 1
-    assert walk.faults["lm", state] == 0
-    assert walk.leg_state == state
+def touches_no_other_leg(broken: Walk, whole: Walk) -> bool:
+    others = [row for row, leg in enumerate(whole.legs) if leg != LEG]
+    n = min(len(broken.t_sent_ns), len(whole.t_sent_ns))
+    same = [
+        np.array_equal(getattr(broken, name)[:n, others], getattr(whole, name)[:n, others], equal_nan=True)
+        for name in ("t_ns", "state", "cause", "force_n")
+    ]
+    # The zeros of those in the air follow in turn: with one less, a turn comes sooner.
+    sigma_n = np.nan_to_num(broken.sigma_n[:n, others] - whole.sigma_n[:n, others])
+    return len(whole.t_sent_ns) - n <= 1 and all(same) and bool((np.abs(sigma_n) < 1e-6).all())
 
 
 @pytest.mark.parametrize(
-    ("fault", "between"),
-    [
-        (
-            "{at_s: 2.0, until_s: 2.4, leg: rm, fault: absent}",
-            {State.ABSENT, State.TARING, State.NO_BASELINE},
-        ),
-        ("{at_s: 2.0, leg: rm, fault: brown_out}", {State.CONVERTER_FAULT, State.STALE}),
-    ],
+    ("fault", "expected"), [*ON_CHIPS.items(), *ON_FOOT.items()], ids=lambda value: type(value).__name__
 )
-def test_a_leg_recovers_by_itself(tmp_path: Path, fault: str, between: set[State]) -> None:
-    """A cable that is plugged in again is tared anew, a converter that was reset is set up anew; then VALID again."""
-    walk = Walk(fault, tmp_path)
-    assert set(walk.states("rm", BROKEN_AT_NS + 100_000_000)) >= {State.VALID}
-    last = walk.cycles[-1].forces
-    assert last.state[walk.legs.index("rm")] == State.VALID
-    seen = walk.states("rm", BROKEN_AT_NS + 50_000_000).keys() - {State.VALID}
-    assert seen
-    assert seen <= between | {State.STALE}
+def test_a_fault_is_named_passes_and_touches_no_other_leg(
+    fault: Fault, expected: Expected, whole: Walk
+) -> None:
+    """State, cause and elements as the table has them, in time; never a number where the state forbids one."""
+    broken, seen = trial(fault, whole)
+    assert (seen.state, seen.cause, seen.fault_mask) == expected[:3]
+    assert seen.shown_after_s is not None
+    assert expected.shown is not None
+    assert seen.shown_after_s <= expected.shown
+    assert (seen.recovered_after_s is None) == (expected.recovered is None)
+    assert (seen.recovered_after_s or 0.0) <= (expected.recovered or 0.0)
+    assert touches_no_other_leg(broken, whole)
+    forbidden = ~np.isin(broken.state, [int(state) for state in USABLE])
+    assert np.isnan(broken.force_n[forbidden]).all()
+    assert np.isfinite(broken.force_n[~forbidden]).all()
+
+
+def test_two_broken_rows_are_more_than_can_be_estimated(whole: Walk) -> None:
+    """No force, and the mask names all six."""
+    broken = walk(faults.BrokenRow(row=0, **ON_LEG), faults.BrokenRow(row=2, **ON_LEG), config=ROBOT)
+    seen = figures(broken, whole, BREAKS_AT_S, None)
+    assert (seen.state, seen.cause, seen.fault_mask) == (State.ELEMENT_FAULT, Cause.ROW_OPEN, 0b111_000_111)
+    assert touches_no_other_leg(broken, whole)
+
+
+def test_what_is_left_of_a_foot_is_worth_having(whole: Walk) -> None:
+    """Without a row the force is off by less than a tenth of the load, and its sigma is larger."""
+    broken = walk(faults.BrokenRow(row=1, **ON_LEG), config=ROBOT)
+    row = whole.legs.index(LEG)
+    late = broken.t_sent_ns > (BREAKS_AT_S + 0.15) * 1e9
+    error_n = (broken.force_n - broken.felt_n)[late, row]
+    assert (broken.state[late, row] == State.DEGRADED).all()
+    assert np.sqrt(np.mean(error_n[:, 2] ** 2)) < 0.1
+    assert (np.median(broken.sigma_n[late, row] / whole.sigma_n[late, row], axis=0) > 1.0).all()
+    assert np.mean(np.abs(error_n) <= 5.0 * broken.sigma_n[late, row]) > 0.95
+
+
+def test_a_leg_that_holds_the_bus_costs_the_others_three_frames(whole: Walk) -> None:
+    """Two timeouts of 20 ms, what was being read, and a scan; one more timeout at each later try, and it comes back."""
+    broken, seen = trial(faults.StuckSda(**PASSING), whole)
+    assert (seen.state, seen.cause) == (State.ABSENT, Cause.LINE_HELD)
+    assert seen.recovered_after_s is not None
+    assert seen.recovered_after_s < 1.0
+    assert seen.worst_gap_s < 0.09
+    assert seen.lost_frames <= 3
+    others = [row for row, leg in enumerate(whole.legs) if leg != LEG]
+    assert (broken.state[broken.t_sent_ns > BREAKS_AT_S * 1e9][:, others] == State.VALID).all()
+
+
+def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(whole: Walk) -> None:
+    """Nothing else disconnects it; every leg says why, and all come back when it lets go."""
+    bus = msgspec.structs.replace(ROBOT.buses[0], mux=Mux())
+    broken = walk(faults.StuckSda(**PASSING), config=msgspec.structs.replace(ROBOT, buses=(bus,)))
+    held = (broken.t_sent_ns > (BREAKS_AT_S + 0.1) * 1e9) & (broken.t_sent_ns < PASSES_AT_S * 1e9)
+    assert (broken.state[held] == State.ABSENT).all()
+    assert (broken.cause[held] == Cause.LINE_HELD).all()
+    assert (broken.state[-1] == State.VALID).all()
+    assert figures(broken, whole, BREAKS_AT_S, PASSES_AT_S).recovered_after_s is not None
+
+
+def test_a_trunk_that_is_held_low_stops_all_and_all_come_back(whole: Walk) -> None:
+    """The RESET pin is of no help there; the next try that gets through brings every leg back at once."""
+    broken = walk(faults.StuckTrunk(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + 0.1), config=ROBOT)
+    seen = figures(broken, whole, BREAKS_AT_S, BREAKS_AT_S + 0.1)
+    assert seen.worst_gap_s < 0.45
+    assert (broken.state[-1] == State.VALID).all()
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [faults.MuxLost(at_s=BREAKS_AT_S), faults.ArbitrationLost(at_s=BREAKS_AT_S, rate_rel=0.02)],
+    ids=lambda fault: type(fault).__name__,
+)
+def test_what_a_second_try_mends_is_never_seen(fault: Fault, whole: Walk) -> None:
+    """A mux that forgot its channels, a transaction that another master took: no frame is lost or held up."""
+    seen = trial(fault, whole)[1]
+    assert (seen.state, seen.cause, seen.lost_frames) == (State.VALID, Cause.NONE, 0)
+    assert seen.worst_gap_s < 0.026
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [faults.NackAtRandom(rate_rel=0.05, **PASSING), faults.Garbled(rate_rel=0.2, **PASSING)],
+    ids=lambda fault: type(fault).__name__,
+)
+def test_what_fails_now_and_then_makes_no_error_without_its_sigma(fault: Fault, whole: Walk) -> None:
+    """A force that is further off than any is in a walk in which nothing fails has the sigma for it."""
+    broken, seen = trial(fault, whole)
+    row = whole.legs.index(LEG)
+    error_n = np.abs(broken.force_n - broken.felt_n)[:, row]
+    far_n = 1.1 * np.nanmax(np.abs(whole.force_n - whole.felt_n)[:, row])
+    assert not (error_n > np.maximum(far_n, 5.0 * broken.sigma_n[:, row])).any()
+    assert seen.shown_after_s is not None
+    assert seen.recovered_after_s is not None
+    assert touches_no_other_leg(broken, whole)
+
+
+def test_can_and_metrics_show_it(tmp_path: Path) -> None:
+    """The last force frame, the fault report with its cause and elements, and the counters."""
+    scene = msgspec.structs.replace(WALK, faults=(faults.BrokenRow(row=1, **ON_LEG),))
+    log = tmp_path / "can.log"
+    with app.service(ROBOT, scene, real_time=False, can_log=log) as service:
+        clock = service.scanning.clock
+        metrics = Metrics(service.legs, service.sink.stats, directory=tmp_path)
+        service.observers.append(metrics)
+        service.run(lambda: clock.now_ns() > 1_000_000_000)
+        registry = CollectorRegistry()
+        registry.register(SharedCollector(*read_counters(metrics.path)))
+        metrics.close()
+    database = cantools.database.load_file(DBC)
+    last: dict[str, dict[str, object]] = {}
+    for message in can.LogReader(log):
+        decoded = database.decode_message(message.arbitration_id, message.data)
+        assert isinstance(decoded, dict)
+        last[database.get_message_by_frame_id(message.arbitration_id).name] = decoded
+    assert str(last["ForceRm"]["State"]) == str(last["FaultRm"]["State"]) == "Degraded"
+    assert str(last["FaultRm"]["Cause"]) == "RowOpen"
+    assert str(last["ForceLm"]["State"]) == "Valid"
+    assert last["QualityRm"]["FaultMask"] == last["FaultRm"]["FaultMask"] == 0b000_111_000
+    faults_total = {
+        leg: registry.get_sample_value("footsense_faults_total", {"leg": leg, "kind": "degraded"})
+        for leg in ("rm", "lm")
+    }
+    assert faults_total == {"rm": 1, "lm": 0}
+    assert registry.get_sample_value("footsense_leg_state", {"leg": "rm"}) == State.DEGRADED
