@@ -27,7 +27,7 @@ _log = logging.getLogger(__name__)
 
 #: Shortest and longest time between two attempts to open an interface that has gone [ns].
 _BACK_OFF_NS = 50_000_000
-_LONGEST_BACK_OFF_NS = 1_000_000_000
+_LONGEST_BACK_OFF_NS = 250_000_000
 
 
 class CanChannel:

@@ -83,7 +83,7 @@ def test_the_deployed_settings_are_what_keeps_old_frames_away(
 
 
 @pytest.mark.parametrize("unplugged", [False, True])
-def test_an_interface_that_comes_back_is_used_again_within_a_second(
+def test_an_interface_that_comes_back_is_used_again_soon(
     *, unplugged: bool, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Down, or unplugged and new: the sink drops and counts, tries again, and says each once."""
@@ -92,7 +92,7 @@ def test_an_interface_that_comes_back_is_used_again_within_a_second(
     times_s = [h.t_ns / 1e9 for h in walk.forces(1)]
     (gap,) = [(a, b) for a, b in itertools.pairwise(times_s) if b - a > 0.1]
     assert gap[0] < 0.5
-    assert 4.0 < gap[1] < 5.1
+    assert 4.0 < gap[1] < 4.3
     assert walk.sink.stats.reopened == 1
     lost, back = (record.getMessage() for record in caplog.records)
     assert "can0 (simulated) is down; try: ip link" in lost or "does not exist" in lost

@@ -1,0 +1,40 @@
+"""Scenes in which the CAN bus breaks, with the whole service: what a consumer hears."""
+
+from pathlib import Path
+
+import pytest
+
+from footsense.app.can_trial import can_trial
+from footsense.errors import ConfigError
+from footsense.sim.can_faults import CanBusOff, CanDown, CanFault, CanNoAck
+from footsense.sim.scene import load_scene
+
+
+@pytest.mark.parametrize(
+    ("fault", "back_s"),
+    [
+        (CanNoAck(at_s=0.5, until_s=0.9), 0.03),
+        (CanBusOff(at_s=0.5, until_s=0.9), 0.15),  # the time until the restart
+        (CanDown(at_s=0.5, until_s=0.9, unplugged=True), 0.3),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, CanFault) else "",
+)
+def test_a_consumer_hears_no_old_force_and_soon_all_legs_again(fault: CanFault, back_s: float) -> None:
+    """The silence is as long as the fault and no longer than the way back; nothing comes late after it."""
+    figures = can_trial(fault, duration_s=1.6)
+    assert figures.back_after_s is not None
+    assert figures.back_after_s < back_s
+    assert 0.38 < figures.longest_silence_s < 0.4 + back_s + 0.05
+    assert figures.worst_wait_s < 0.052  # two scans and the time of a full queue
+    assert figures.worst_age_s < 0.097  # the age limit: four scans
+
+
+def test_a_scene_names_what_breaks_on_can(tmp_path: Path) -> None:
+    """Beside the faults of legs and buses, in the same list; a name that is none is one line."""
+    scene = tmp_path / "scene.yaml"
+    text = "description: d\nload: {kind: unloaded}\nfaults:\n  - {fault: %s, at_s: 1.0, rate_hz: 100}\n"
+    scene.write_text(text % "can_traffic")
+    assert [fault.at_ns for fault in load_scene(str(scene)).faults] == [1_000_000_000]
+    scene.write_text(text % "can_can")
+    with pytest.raises(ConfigError, match=r"scene\.yaml.*can_can"):
+        load_scene(str(scene))
