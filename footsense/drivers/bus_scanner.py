@@ -262,7 +262,7 @@ class BusScanner:
             reading, capacitance_pf = self._read_leg(leg, step, all_done=all_done)
             into.reading[row, step.element] = reading
             into.capacitance_pf[row, step.element] = capacitance_pf
-            if reading in {Reading.OK, Reading.OVER_RANGE}:
+            if reading in {Reading.OK, Reading.GANGED, Reading.OVER_RANGE}:
                 into.t_ns[row, step.element] = t_middle_ns
             else:
                 leg.outcome = reading

@@ -9,9 +9,11 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from footsense.drivers.bus_scanner import BusScan
 from footsense.drivers.bus_timing import Timing
+from footsense.drivers.ganged_scanner import GangedBusScanner
 from footsense.frames import CapFrame
 
 
@@ -84,6 +86,14 @@ class RobotScanner:
         )
         self._sequence += 1
         return frame
+
+    def gang(self, legs: NDArray[np.bool_]) -> None:
+        """Say which legs are to be read column by column, shape (legs,); every bus has to be able to."""
+        first = 0
+        for bus in self._buses:
+            if isinstance(bus, GangedBusScanner):
+                bus.gang(legs[first : first + bus.n_legs])
+                first += bus.n_legs
 
     def close(self) -> None:
         """Release the buses."""
