@@ -25,6 +25,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
 
+import msgspec
+
 from footsense.errors import FootsenseError
 
 __all__ = ["Family", "SharedCounters", "read_counters"]
@@ -116,9 +118,15 @@ def read_counters(path: Path) -> "tuple[list[Family], memoryview[float]]":
         if magic != _MAGIC:
             raise FootsenseError(f"{path} does not hold footsense's counters")
         start = _HEAD.size + length
-        families = [Family(**family) for family in json.loads(shared[_HEAD.size : start])]
-        return families, memoryview(shared)[start:].cast("d")
+        families = msgspec.json.decode(shared[_HEAD.size : start], type=list[Family])
+        cells = memoryview(shared)[start:].cast("d")
     except OSError as error:
         raise FootsenseError(f"{path}: {error.strerror}") from error
-    except (ValueError, TypeError, struct.error) as error:
+    except (msgspec.DecodeError, ValueError, TypeError, struct.error) as error:
         raise FootsenseError(f"{path} does not hold footsense's counters: {error}") from error
+    described = sum(family.n_cells for family in families)
+    if len(cells) != described:
+        raise FootsenseError(
+            f"{path} does not hold footsense's counters: {len(cells)} cells instead of {described}"
+        )
+    return families, cells
