@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from footsense.core.contact import Contact, ContactLimits, middle_mean
 from footsense.core.design import CapacitorDesign
+from footsense.core.quality import SILENT
 from footsense.core.sensitivity import Sensitivity
 from footsense.core.tare import TareLimits, TareWindow, Verdict
 from footsense.core.zero import FARTHEST_PF, LegZero, ZeroLimits
-from footsense.frames import Command, CommandKind, Flag, Outcome, Reading, Result, State, Zero, ZeroStatus
+from footsense.frames import Command, CommandKind, Flag, Outcome, Result, State, Zero, ZeroStatus
 
 Vector = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -187,7 +188,7 @@ class Footing:
         if not reading.any():
             self._heard_ns[:] = now_ns
             return
-        silent = (reading == Reading.NO_ANSWER).all(axis=1)
+        silent = np.isin(reading, SILENT).all(axis=1)
         self._heard_ns[~silent] = now_ns
         for leg in np.flatnonzero(now_ns - self._heard_ns >= _SILENT_NS).tolist():
             if leg in self._untared:

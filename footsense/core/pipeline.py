@@ -177,7 +177,9 @@ class Pipeline:
         state[(outside & ~missing).any(axis=1)] = State.OUT_OF_RANGE
         state[(now_ns - oldest_ns > self._max_age_ns) | ~moment.together] = State.STALE
         self._footing.mark_untared(state)
-        quality.converter_states(state, scan.reading, faulty & ~missing, shut & ~missing | over_range & ~shorted)
+        quality.converter_states(
+            state, scan.reading, faulty & ~missing, shut & ~missing | over_range & ~shorted
+        )
         state[self._stopped] = State.STOPPED
 
         usable = _USABLE[state]
@@ -207,6 +209,7 @@ class Pipeline:
                 scan.reading,
                 state,
                 quality.Faulty(opened, shorted, judgement.stuck, judgement.drifting),
+                self._footing.zero,
             ),
             zero=self._footing.zero,
         ), outcomes

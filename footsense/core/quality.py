@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from firmware_interface import fdc1004
 from footsense.core.missing import KNOWN_MISSING
-from footsense.frames import ELEMENTS, Cause, Reading, State
+from footsense.frames import ELEMENTS, Cause, Reading, State, Zero
 
 SHUT_REL = 0.95
 OPEN_REL = 0.5
 #: What an element over the converter's range has at least [pF].
 RANGE_END_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
-#: Farthest that one element's zero may move from the mean of its leg's [pF]: 20 K take all 30 fF along, and elements
+#: Farthest that an element's zero may move from the mean of its leg's [pF]: 20 K take all 30 fF along, and elements
 #: differ in that by a fifth.
 DRIFT_LIMIT_PF = 20e-3
 
@@ -45,6 +45,8 @@ _CAUSES = {
     Reading.LINE_HELD: Cause.LINE_HELD,
     Reading.NO_ANSWER: Cause.NO_ANSWER,
 }
+#: Nothing is heard of a leg's foot: when it comes back, it may be another one.
+SILENT = np.array([Reading.NO_ANSWER, Reading.LINE_HELD, Reading.WRONG_CHIP], np.uint8)
 
 Mask = NDArray[np.bool_]
 
@@ -146,7 +148,9 @@ def converter_states(state: NDArray[np.uint8], reading: NDArray[np.uint8], fault
             state[(reading == kind).any(axis=1)] = worse
 
 
-def causes(reading: NDArray[np.uint8], state: NDArray[np.uint8], faulty: Faulty) -> NDArray[np.uint8]:
+def causes(
+    reading: NDArray[np.uint8], state: NDArray[np.uint8], faulty: Faulty, zero: Zero
+) -> NDArray[np.uint8]:
     """Return what lies behind each leg's state, shape (legs,): `Cause.NONE` where nothing is known to be wrong.
 
     A line is told from single faults by all three of its elements being open. An element that is shorted ties its
@@ -156,8 +160,10 @@ def causes(reading: NDArray[np.uint8], state: NDArray[np.uint8], faulty: Faulty)
         reading: How each element answered, shape (legs, 9).
         state: What follows from it, shape (legs,).
         faulty: Elements that do not read what they should.
+        zero: Where the legs' zeros stand: one that has left the others' is told, though it is still followed.
     """
     cause = np.full(len(state), Cause.NONE, np.uint8)
+    cause[np.abs(zero.worst_pf - zero.mean_pf) > DRIFT_LIMIT_PF] = Cause.ELEMENT_DRIFTS
     cause[state == State.SATURATED] = Cause.GAP_SHUT
     if faulty.any.any():
         cause[faulty.drifting.any(axis=1)] = Cause.ELEMENT_DRIFTS
@@ -171,20 +177,3 @@ def causes(reading: NDArray[np.uint8], state: NDArray[np.uint8], faulty: Faulty)
         for kind, reason in _CAUSES.items():
             cause[(reading == kind).any(axis=1)] = reason
     return cause
-
-
-def drifting_elements(moved_pf: NDArray[np.float64]) -> Mask:
-    """Tell which elements' zeros have left the others', shape (legs, 9).
-
-    Args:
-        moved_pf: How far each zero has moved since its tare [pF], shape (legs, 9); NaN is never far.
-
-    Example:
-        >>> moved_pf = np.full((1, 9), -30e-3)
-        >>> moved_pf[0, 4] = 0.0
-        >>> np.flatnonzero(drifting_elements(moved_pf)).tolist()
-        [4]
-    """
-    others_pf = np.median(np.nan_to_num(moved_pf), axis=1, keepdims=True)
-    far: Mask = np.abs(moved_pf - others_pf) > DRIFT_LIMIT_PF
-    return far

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.core.quality import OPEN_REL
+from footsense.core.quality import OPEN_REL, SILENT
 from footsense.frames import ELEMENTS, Reading, Result
 
 Vector = NDArray[np.float64]
@@ -80,7 +80,7 @@ class TareWindow:
             None while the window is not full. A frame counts if every element has been read anew since the one that
             counted before; a reading that failed ends the tare at once.
         """
-        if (reading == Reading.NO_ANSWER).any():
+        if np.isin(reading, SILENT).any():
             return Verdict(Result.ABSENT, "the leg does not answer")
         failed = np.flatnonzero((reading != Reading.OK) & ~missing)
         if failed.size:

@@ -21,8 +21,8 @@ _log = logging.getLogger(__name__)
 MISSES_ALLOWED = 3
 _FIRST_PAUSE_NS = 250_000_000
 _LONGEST_PAUSE_NS = 4_000_000_000
-#: How many pauses a leg waits that holds a line.
-HOLDER_PAUSES = 4
+#: How many pauses a leg waits that holds a line, and one that waits for a bus to get free: that try costs nobody.
+HOLDER_PAUSES, HELD_PAUSES = 4.0, 0.25
 
 _WORDS = {
     Reading.NO_ANSWER: "does not answer",
@@ -88,11 +88,11 @@ class LegLink:
         if self._misses >= MISSES_ALLOWED:
             self.leave(missing[0], _WORDS[missing[0]], now_ns)
 
-    def leave(self, outcome: Reading, why: str, now_ns: int, pauses: int = 1) -> None:
+    def leave(self, outcome: Reading, why: str, now_ns: int, pauses: float = 1.0) -> None:
         """Leave the leg out of the scans, and put off the next try by some pauses: twice as long each time."""
         if outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS:
             _log.warning("leg %s: %s; left out of the scan and tried again later", self.name, why)
         self.in_scan = False
         self.outcome = outcome
-        self.retry_at_ns = now_ns + pauses * self._pause_ns
+        self.retry_at_ns = now_ns + round(pauses * self._pause_ns)
         self._pause_ns = min(2 * self._pause_ns, _LONGEST_PAUSE_NS)

@@ -8,7 +8,7 @@ timeout once more for each such leg, besides the one that told of it.
 import logging
 from collections.abc import Sequence
 
-from footsense.drivers.leg_link import HOLDER_PAUSES, LegLink
+from footsense.drivers.leg_link import HELD_PAUSES, HOLDER_PAUSES, LegLink
 from footsense.drivers.trunk import Trunk
 from footsense.errors import BusError, BusTimeoutError
 from footsense.frames import Reading
@@ -40,7 +40,8 @@ def leave_out_holders(trunk: Trunk, legs: Sequence[LegLink], ask: Transaction, c
             except BusError as error:  # its own trouble, which the scan will see too
                 _log.debug("leg %s: %s", leg.name, error)
         else:
-            leg.leave(Reading.LINE_HELD, "the bus is held low and does not get free", clock.now_ns())
+            why = "the bus is held low and does not get free"
+            leg.leave(Reading.LINE_HELD, why, clock.now_ns(), pauses=HELD_PAUSES)
 
 
 def probe(
@@ -59,7 +60,7 @@ def probe(
     try:
         trunk.connect((leg.channel,))
     except BusTimeoutError as error:
-        leg.leave(Reading.LINE_HELD, str(error), clock.now_ns())
+        leg.leave(Reading.LINE_HELD, str(error), clock.now_ns(), pauses=HELD_PAUSES)
         for other in others:
             if not other.in_scan:
                 other.retry_at_ns = max(other.retry_at_ns, leg.retry_at_ns)
