@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.cli.bench_cycle import WARM_UP, Outlets, our_cycle, sent_ns, tared_floor
+from footsense.cli.bench_cycle import PRIORITY, WARM_UP, Outlets, our_cycle, sent_ns, tared_floor
 from footsense.cli.bench_floor import compiler, round_ns
 from footsense.clock import MonotonicClock, request_realtime, undisturbed
 from footsense.errors import FootsenseError
@@ -33,7 +33,6 @@ from footsense.publish.exporter_process import start_exporter
 __all__ = ["jitter_figures"]
 
 _PERIOD_NS = 2_000_000
-_PRIORITY = 40
 _SCANS = "scans.npz"
 _BLOCKS = 4
 _SCRAPE_PERIOD_S = 0.2
@@ -194,7 +193,7 @@ def _rounds(played: list[tuple[CapFrame, int]]) -> Iterator[tuple[CapFrame, int]
 def _serve_ours(scans: list[CapFrame]) -> None:
     with our_cycle() as cycle:
         exporter = start_exporter(cycle.metrics.path, "127.0.0.1", 0)
-        refusals = request_realtime(_PRIORITY, None)
+        refusals = request_realtime(PRIORITY, None)
         for scan in scans[:WARM_UP]:
             cycle.run(scan, sent_ns(scan))
             cycle.outlets.drain()
@@ -218,7 +217,7 @@ def _serve_ours(scans: list[CapFrame]) -> None:
 
 def _serve_c(scans: list[CapFrame], folder: Path) -> None:
     floor, outlets = tared_floor(folder, scans), Outlets()
-    _say({"port": 0, "refusals": request_realtime(_PRIORITY, None)})
+    _say({"port": 0, "refusals": request_realtime(PRIORITY, None)})
     played = [(scan, sent_ns(scan)) for scan in scans[WARM_UP:]]
     for line in sys.stdin:
         _say({"late_ns": floor.pace(_PERIOD_NS, played, int(line), outlets.fds).tolist()})
