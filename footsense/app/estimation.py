@@ -97,9 +97,15 @@ def _per_leg(config: Config, values: dict[str, tuple[float, ...]], default: floa
 
 
 def recorded_flags(recording: Replay) -> int:
-    """Return the flags that every frame of a recording carries; without them in the header, none."""
-    text = recording.header.get("flags", "")
-    return int(text) if text.isdecimal() else 0
+    """Return the flags that every frame of a recording carries; without them in the header, none.
+
+    Raises:
+        RecordingError: The header holds something else under their name.
+    """
+    text = recording.header.get("flags", "0")
+    if text not in map(str, range(256)):
+        raise RecordingError(f"{recording.path}: the flags of its header are {text[:20]!r}, not 0 to 255")
+    return int(text)
 
 
 def recorded_config(recording: Replay) -> Config:

@@ -1,0 +1,190 @@
+"""Recordings cut short, damaged, or forged with checksums that are right."""
+
+import json
+import struct
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zstandard
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.writer import CompressionType, Writer
+
+from footsense.recording import messages
+from footsense.recording.mcap_writer import HEADER_CRC, METADATA, PROFILE, header_crc
+from footsense.recording.recover import recover
+from footsense.recording.replay import Replay
+from tests.fuzz.outcome import TRIED, refusal
+from tests.unit.cycles import LEGS, cycle, read_until_damage, same, write
+
+CYCLES = [cycle(number) for number in range(12)]
+HEADER = {"legs": ",".join(LEGS)}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """Return a recording of three chunks."""
+    return write(tmp_path_factory.mktemp("mcap") / "walk.mcap", CYCLES, every=4).read_bytes()
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Iterator[Path]:
+    yield tmp_path / "walk.mcap"
+    (tmp_path / "walk.recovered.mcap").unlink(missing_ok=True)
+
+
+def judge(path: Path) -> None:
+    """Read and recover a file: what comes is what was recorded, what does not come is said."""
+
+    def read() -> None:
+        found, damage = read_until_damage(path)
+        assert all(same(a, b) for a, b in zip(CYCLES, found, strict=False))
+        assert damage is not None or len(found) == len(CYCLES)
+        target = path.with_name("walk.recovered.mcap")
+        target.unlink(missing_ok=True)
+        assert recover(path, target).n_cycles == len(found)
+        assert read_until_damage(target)[1] is None
+
+    refusal(read)
+
+
+def test_cut_anywhere(file: Path, whole: bytes) -> None:
+    """At every length in steps."""
+    for length in [*range(0, 600, 41), *range(600, len(whole), len(whole) // 25), len(whole) - 1, len(whole)]:
+        file.write_bytes(whole[:length])
+        judge(file)
+
+
+@given(data=st.data())
+@TRIED
+def test_damaged_anywhere(file: Path, whole: bytes, data: st.DataObject) -> None:
+    """Flipped bits, bytes set, pieces repeated, pieces left out."""
+    damaged = bytearray(whole)
+    for _ in range(data.draw(st.integers(1, 3))):
+        at = data.draw(st.integers(0, len(damaged) - 1))
+        length = data.draw(st.integers(1, 200))
+        match data.draw(st.integers(0, 3)):
+            case 0:
+                damaged[at] ^= 1 << data.draw(st.integers(0, 7))
+            case 1:
+                damaged[at : at + 8] = struct.pack(
+                    "<Q", data.draw(st.sampled_from([0, 1, 2**31, 2**40, 2**64 - 1]))
+                )
+            case 2:
+                del damaged[at : at + length]
+            case _:
+                damaged[at:at] = damaged[at : at + length]
+    file.write_bytes(damaged)
+    judge(file)
+
+
+def forged(path: Path, records: list[tuple[str, bytes]], header: dict[str, str] | None = None) -> Path:
+    """Write a recording whose checksums are right, whatever its messages say."""
+    header = HEADER if header is None else header
+    with path.open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType.ZSTD, enable_data_crcs=True)
+        writer.start(profile=PROFILE)
+        writer.add_metadata(METADATA, {**header, HEADER_CRC: header_crc(header)})
+        channels = {
+            topic: writer.register_channel(topic, "json", 0) for topic in ("/scan", "/force", "/event", "/x")
+        }
+        for topic, data in records:
+            writer.add_message(channels[topic], log_time=0, publish_time=0, sequence=0, data=data)
+        writer.finish()
+    return path
+
+
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | st.just(10**400),
+    lambda inner: (
+        st.lists(inner, max_size=9) | st.dictionaries(st.sampled_from(LEGS) | st.text(max_size=4), inner)
+    ),
+    max_leaves=9,
+)
+
+
+@given(data=st.data())
+@TRIED
+def test_forged_messages(file: Path, data: st.DataObject) -> None:
+    """One value of a good scan, force or event replaced by any other, then a whole message."""
+    good: list[tuple[str, Any]] = [
+        ("/event", json.loads(messages.command_event(cycle(3).commands[0], LEGS))),
+        ("/scan", json.loads(messages.encode_scan(CYCLES[0].scan, LEGS))),
+        ("/force", json.loads(messages.encode_force(CYCLES[0].forces, LEGS))),
+    ]
+    which, value = data.draw(st.integers(0, 2)), data.draw(anything)
+    topic, message = good[which]
+    inner = data.draw(st.sampled_from([None, *message]))
+    if inner is None:
+        message = value
+    elif isinstance(message[inner], dict):
+        message[inner][data.draw(st.sampled_from(sorted(message[inner])))] = value
+    else:
+        message[inner] = value
+    good[which] = topic, message
+    forged(file, [(topic, json.dumps(message).encode()) for topic, message in good])
+    refusal(lambda: recover(file, file.with_name("walk.recovered.mcap")))
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"\xff", b"[" * 100_000, b'{"event":' * 10_000, b"1" * 10_000, b"null", b"[]"]
+)
+@pytest.mark.parametrize("topic", ["/scan", "/force", "/event", "/x"])
+def test_forged_json(file: Path, topic: str, data: bytes) -> None:
+    """Nesting and numbers without end, and JSON that is no message."""
+    forged(file, [(topic, data)])
+    refusal(lambda: recover(file, file.with_name("walk.recovered.mcap")))
+
+
+@given(st.dictionaries(st.sampled_from(["legs", "config", "flags", "x"]), st.text(max_size=20), max_size=4))
+@TRIED
+def test_forged_headers(file: Path, header: dict[str, str]) -> None:
+    """Legs that do not exist, twice or not at all."""
+    said = refusal(lambda: Replay(forged(file, [], header)))
+    assert said is None or "legs" in said
+
+
+def test_a_chunk_that_unpacks_to_gigabytes(file: Path, whole: bytes) -> None:
+    """Refused by its sizes, under a limit of memory, whichever of them lies."""
+    packer = zstandard.ZstdCompressor(level=1).compressobj(size=1 << 31)
+    million = bytes(1 << 20)
+    bomb = b"".join(packer.compress(million) for _ in range(1 << 11)) + packer.flush()
+    for declared, says in ((100, "not packed as it says"), (1 << 31, "larger than any")):
+        file.write_bytes(with_chunk(whole, bomb, declared))
+        done = subprocess.run(
+            [sys.executable, "-c", LIMITED, str(file)],
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=60,
+        )
+        assert says in done.stdout, (done.stdout[-300:], done.stderr[-300:])
+
+
+#: Reads a recording with no more memory than it has and a little; argv: the file.
+LIMITED = """
+import pathlib, resource, sys
+from footsense.errors import RecordingError
+from footsense.recording.replay import Replay
+size = 4096 * int(pathlib.Path("/proc/self/statm").read_text().split()[0])
+resource.setrlimit(resource.RLIMIT_AS, (size + (200 << 20),) * 2)
+try:
+    print(len(list(Replay(pathlib.Path(sys.argv[1])))))
+except RecordingError as error:
+    print("refused:", error)
+"""
+
+
+def with_chunk(whole: bytes, packed: bytes, declared: int) -> bytes:
+    """Return a recording whose first chunk is replaced."""
+    at = 8
+    while whole[at] != 0x06:  # opcode, length, content
+        at += 9 + struct.unpack_from("<Q", whole, at + 1)[0]
+    name = b"zstd"
+    content = struct.pack("<QQQII", 0, 1, declared, 0xDEADBEEF, len(name)) + name
+    content += struct.pack("<Q", len(packed)) + packed
+    return whole[:at] + b"\x06" + struct.pack("<Q", len(content)) + content

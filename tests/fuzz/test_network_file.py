@@ -1,0 +1,153 @@
+"""ONNX files: damaged, and forged with a checksum that is right."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from onnx import ModelProto, TensorProto, helper
+
+from footsense.app import released
+from footsense.errors import ModelError
+from footsense.inference.card import read_card
+from footsense.inference.network import Network
+from footsense.inference.seal import seal
+from tests.fuzz.outcome import TRIED, refusal
+
+WHOLE = released("network.onnx").read_bytes()
+CARD = json.loads(
+    {entry.key: entry.value for entry in ModelProto.FromString(WHOLE).metadata_props}["footsense_card"]
+)
+
+
+@given(data=st.data())
+@TRIED
+def test_no_damage_is_taken(tmp_path: Path, data: st.DataObject) -> None:
+    """Whatever bit is flipped, wherever the file is cut: refused, before the runtime sees it."""
+    at = data.draw(st.integers(0, len(WHOLE) - 1))
+    damaged = bytearray(WHOLE)
+    damaged[at] ^= 1 << data.draw(st.integers(0, 7))
+    for content in (damaged, WHOLE[:at], WHOLE + WHOLE[:at] if at else b""):
+        (tmp_path / "network.onnx").write_bytes(content)
+        said = refusal(lambda: Network(tmp_path / "network.onnx", 12), ModelError)
+        assert said
+        assert "checksum" in said
+
+
+#: Opens networks in a process that may be hurt, with a gigabyte more than it has; argv: the files.
+LIMITED = """
+import pathlib, resource, sys
+from footsense.errors import ModelError
+from footsense.inference.network import Network
+size = 4096 * int(pathlib.Path("/proc/self/statm").read_text().split()[0])
+resource.setrlimit(resource.RLIMIT_AS, (size + (1 << 30),) * 2)
+resource.setrlimit(resource.RLIMIT_CPU, (60, 60))
+for name in sys.argv[1:]:
+    try:
+        Network(pathlib.Path(name), 12)
+        print(name, "taken")
+    except ModelError as error:
+        assert "\\\\n" not in str(error)
+        print(name, "refused:", error)
+"""
+
+
+def judge(files: list[Path]) -> list[str]:
+    """Return what becomes of each file, one line each."""
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED, *map(str, files)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=100,
+    )
+    lines = [line for line in done.stdout.splitlines() if " taken" in line or " refused: " in line]
+    assert (done.returncode, len(lines)) == (0, len(files)), (done.stdout[-500:], done.stderr[-500:])
+    return lines
+
+
+def test_forged_files_hurt_nobody(tmp_path: Path) -> None:
+    """Bytes changed under a checksum that is made anew: the runtime takes them or refuses, and lives on."""
+    content, rng, files = WHOLE[:-86], np.random.default_rng(1), []
+    assert seal(content) == WHOLE
+    for n in range(150):
+        changed = bytearray(content)
+        structure = rng.integers(0, 3000, 2), len(content) - 1 - rng.integers(0, 6000, 2)
+        for at in (*structure[n % 2], rng.integers(0, len(content)))[: 1 + n % 3]:
+            changed[at] = rng.integers(0, 256)
+        files.append(tmp_path / f"{n}.onnx")
+        files[-1].write_bytes(seal(bytes(changed)))
+    assert sum(" refused: " in line for line in judge(files)) > 10
+
+
+def network(tmp_path: Path, *nodes: Any, **constants: Any) -> Path:
+    """Write a network with the released card, made of other nodes."""
+    graph = helper.make_graph(
+        list(nodes),
+        "n",
+        [
+            helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 9])
+            for name in ("closure_rel", "missing")
+        ],
+        [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 3]) for name in ("force_n", "sigma_n")],
+        [
+            helper.make_tensor(name, TensorProto.INT64, np.shape(value), np.ravel(value))
+            for name, value in constants.items()
+        ],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    helper.set_model_props(model, {"footsense_card": json.dumps(CARD)})
+    path = tmp_path / f"{len(list(tmp_path.iterdir()))}.onnx"
+    path.write_bytes(seal(model.SerializeToString()))
+    return path
+
+
+def test_a_network_that_asks_for_too_much(tmp_path: Path) -> None:
+    """Room for 10^18 numbers, a shape of negative size, and outputs of another size than declared."""
+    half = helper.make_node("Slice", ["missing", "zero", "three", "one"], ["sigma_n"])
+    three = {"zero": [0], "three": [3], "one": [1]}
+    files = []
+    for size in ([10**9, 10**9], [1 << 62, 4], [-5, 3], [100_000, 10_000]):
+        room = helper.make_node("ConstantOfShape", ["size"], ["room"])
+        total = helper.make_node("ReduceSum", ["room"], ["sum"], keepdims=0)
+        part = helper.make_node("Slice", ["closure_rel", "zero", "three", "one"], ["part"])
+        add = helper.make_node("Add", ["part", "sum"], ["force_n"])
+        files.append(network(tmp_path, room, total, part, add, half, size=size, **three))
+    files.append(
+        network(
+            tmp_path,
+            helper.make_node("ConstantOfShape", ["size"], ["force_n"]),
+            half,
+            size=[7, 3],
+            **three,
+        )
+    )
+    for line in judge(files):
+        assert " refused: " in line
+
+
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
+    lambda inner: st.lists(inner, max_size=9) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
+    max_leaves=9,
+)
+
+
+@given(key=st.sampled_from(sorted(CARD)), value=anything)
+@TRIED
+def test_a_forged_card(key: str, value: Any) -> None:
+    """One entry replaced by anything."""
+    refusal(lambda: read_card(json.dumps({**CARD, key: value}), "network.onnx"), ModelError)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[" * 100_000, '{"format":' * 50_000, "{}", "null", '{"format": 2e400}']
+)
+def test_a_card_that_is_none(text: str) -> None:
+    """Nesting without end, and JSON that is no card."""
+    assert refusal(lambda: read_card(text, "network.onnx"), ModelError)

@@ -1,0 +1,153 @@
+"""Configurations, scenes, counters, and the configuration in a recording's header."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from footsense.app import recorded_config, recorded_flags
+from footsense.config import DEFAULT, load_config
+from footsense.publish.shared_counters import Family, SharedCounters, read_counters
+from footsense.recording.mcap_writer import McapFile
+from footsense.recording.replay import Replay
+from footsense.recording.writer import FdStream
+from footsense.sim.scene import load_scene
+from tests.fuzz.outcome import TRIED, refusal
+
+ROBOT = "buses: [{device: sim, legs: {lf: 0, rf: 1}}]\ncan: {interface: virtual}\n"
+SCENE = "description: x\nload: {kind: tripod, period_s: 1.0, peak_force_n: [0, 0, 1]}\nseed: 3\n"
+
+pieces = st.sampled_from(
+    [
+        *("buses:", "legs:", "{lf: 0}", "load:", "kind: tripod", "faults:", "- ", "seed: ", "description: "),
+        *(
+            "&a ",
+            "*a",
+            "<<: ",
+            "!!python/object:os.system ",
+            "---\n",
+            "...\n",
+            "? ",
+            "| ",
+            "> ",
+            "%YAML 1.1\n",
+        ),
+        *(
+            "1e999",
+            ".nan",
+            "-.inf",
+            "9" * 5000,
+            "0x" + "f" * 400,
+            "1:2:3",
+            "2020-01-01",
+            "~",
+            "\x00",
+            "\ufeff",
+            "\u2028",
+        ),
+        *("\n", "\n  ", " ", ":", "{", "}", "[", "]", ",", "'", '"', "#"),
+    ]
+)
+texts = st.text(max_size=60) | st.lists(pieces, max_size=25).map("".join)
+
+
+@given(data=st.data(), text=texts)
+@TRIED
+def test_any_yaml(tmp_path: Path, data: st.DataObject, text: str) -> None:
+    """Any text, alone and inside a configuration or scene that is right."""
+    for whole, read in ((ROBOT, load_config), (SCENE, lambda file: load_scene(str(file)))):
+        at = data.draw(st.integers(0, len(whole)))
+        cut = data.draw(st.integers(at, len(whole)))
+        for content in (text, whole[:at] + text + whole[cut:]):
+            file = tmp_path / "file.yaml"
+            file.write_bytes(content.encode(errors="surrogatepass"))
+            refusal(lambda read=read, file=file: read(file))  # type: ignore[misc]
+
+
+LEVELS = "".join(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 12))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a0: &a0 [1]\n" + LEVELS,
+        "&a [*a, *a]",
+        "[" * 250_000,
+        "{a: " * 60_000,
+        "- " * 130_000,
+        "seed: " + "9" * 200_000,
+        "seed: 1e" + "9" * 10_000,
+        "? " * 130_000,
+        "a: &a {b: *a}",
+        "x: " + "'" * 200_000,
+        "\n".join(f"k{n}: {n}" for n in range(9_000)),
+        "description: x\ndescription: y",
+    ],
+)
+def test_bombs(tmp_path: Path, text: str) -> None:
+    """Aliases that multiply, nesting and numbers without end, and more keys than anyone writes."""
+    file = tmp_path / "file.yaml"
+    file.write_text(text)
+    assert refusal(lambda: load_scene(str(file)))
+    assert refusal(lambda: load_config(file))
+
+
+FAMILIES = [
+    Family("a_total", "counter", "Counts.", {"leg": ["lf", "rf"]}),
+    Family("b", "histogram", "Bins.", {}, [1.0]),
+]
+
+
+@given(data=st.data())
+@TRIED
+def test_any_counters(tmp_path: Path, data: st.DataObject) -> None:
+    """A file of counters that is damaged or another's: refused, or as many cells as its families have."""
+    counters = SharedCounters(FAMILIES, tmp_path)
+    whole = counters.path.read_bytes()
+    counters.close()
+    changed = bytearray(whole)
+    for _ in range(data.draw(st.integers(1, 4))):
+        changed[data.draw(st.integers(0, len(changed) - 1))] = data.draw(st.integers(0, 255))
+    file = tmp_path / "counters"
+    for content in (
+        bytes(changed),
+        whole[: data.draw(st.integers(0, len(whole)))],
+        data.draw(st.binary(max_size=99)),
+    ):
+        file.write_bytes(content)
+
+        def read() -> None:
+            families, cells = read_counters(file)
+            assert len(cells) == sum(family.n_cells for family in families)
+
+        refusal(read)
+
+
+CONFIG: dict[str, Any] = json.loads(msgspec.json.encode(DEFAULT))
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=8),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
+    max_leaves=6,
+)
+
+
+@given(
+    key=st.sampled_from(sorted(CONFIG)),
+    value=anything,
+    text=st.text(max_size=30),
+    flags=st.text(max_size=6) | st.sampled_from(["-1", "256", "9" * 5000, "\u0663"]),
+)
+@TRIED
+def test_any_recorded_configuration(tmp_path: Path, key: str, value: object, text: str, flags: str) -> None:
+    """The header of a recording may say anything."""
+    for config in (json.dumps({**CONFIG, key: value}), text, "[" * 50_000):
+        path = tmp_path / "walk.mcap"
+        with path.open("wb") as file:
+            McapFile(FdStream(file.fileno()), {"legs": "lf", "config": config, "flags": flags}).finish()
+        refusal(lambda path=path: recorded_config(Replay(path)))  # type: ignore[misc]
+        refusal(lambda path=path: recorded_flags(Replay(path)))  # type: ignore[misc]
+    path.unlink()
