@@ -18,6 +18,9 @@ from footsense.publish.can_socket import MAX_DRAINED, SocketWire
 if TYPE_CHECKING:
     import can
 
+    #: A message, its contents, and their length.
+    _Message = tuple[can.Message, bytearray, int]
+
 __all__ = ["NO_CHANNEL", "errno_of", "open_wire", "what_is_wrong"]
 
 #: What the system says when the interface is down or not there; a bus that is only full or silent says other things.
@@ -59,7 +62,7 @@ class _BusWire:
         self._bus = bus
         self._failures = (can.CanError, OSError)
         # python-can copies what it is handed, so one message of each id and length is filled again and again.
-        self._messages: dict[bytes, can.Message] = {}
+        self._messages: dict[bytes, _Message] = {}
 
     def send(self, frames: bytes, t_ns: int) -> int:
         """Hand over frames up to the first that is refused.
@@ -73,19 +76,22 @@ class _BusWire:
             OSError: The interface is down or gone.
         """
         stamp_s = t_ns / 1e9
-        for start in range(0, len(frames), FRAME_BYTES):
-            middle = start + FRAME_BYTES // 2
-            head = frames[start:middle]
-            message = self._messages.get(head) or self._new(head)
-            message.data[:] = frames[middle : middle + message.dlc]
-            message.timestamp = stamp_s
-            try:
-                self._bus.send(message, timeout=0)
-            except self._failures as error:
-                code = errno_of(error)
-                if code in NO_CHANNEL:
-                    raise OSError(code, str(error)) from error
-                return start // FRAME_BYTES
+        known = self._messages
+        send = self._bus.send
+        start = 0
+        try:
+            for start in range(0, len(frames), FRAME_BYTES):
+                middle = start + FRAME_BYTES // 2
+                head = frames[start:middle]
+                message, contents, length = known.get(head) or self._new(head)
+                contents[:] = frames[middle : middle + length]
+                message.timestamp = stamp_s
+                send(message, timeout=0)
+        except self._failures as error:
+            code = errno_of(error)
+            if code in NO_CHANNEL:
+                raise OSError(code, str(error)) from error
+            return start // FRAME_BYTES
         return len(frames) // FRAME_BYTES
 
     def receive(self) -> list[bytes]:
@@ -112,13 +118,13 @@ class _BusWire:
         """Release the interface."""
         self._bus.shutdown()
 
-    def _new(self, head: bytes) -> "can.Message":
+    def _new(self, head: bytes) -> "_Message":
         import can
 
         can_id, data = next(split_frames(head.ljust(FRAME_BYTES, b"\0")))
         message = can.Message(arbitration_id=can_id, is_extended_id=False, data=data, is_rx=False, check=True)
-        self._messages[head] = message
-        return message
+        known = self._messages[head] = message, message.data, len(data)
+        return known
 
 
 def _flagged_id(message: "can.Message") -> int:

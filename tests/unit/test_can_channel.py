@@ -1,6 +1,7 @@
 """A channel that cannot be opened, is dead, or whose log cannot be written."""
 
 import errno
+import os
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -11,13 +12,13 @@ import numpy as np
 import pytest
 
 from firmware_interface.can_codes import NmtState
-from firmware_interface.can_events import (
-    decode_heartbeat,
-)
+from firmware_interface.can_events import decode_heartbeat
+from firmware_interface.socketcan import pack_frame
 from footsense.errors import CanError, ConfigError, RecordingError
 from footsense.frames import ForceFrame, Zero
-from footsense.publish.can_log import check_log_target
+from footsense.publish.can_log import CanLog, check_log_target
 from footsense.publish.can_sink import CanSink
+from footsense.publish.can_stats import CanStats
 from tests.unit.can_robot import MS, FakeClock, Robot
 
 
@@ -149,3 +150,49 @@ def test_a_full_disk_ends_the_log_and_not_the_forces(
         robot.sink.close()
     assert decode_heartbeat(0x701, bytes(robot.heard(0x700)[-1].data))[:2] == (1, NmtState.STOPPED)
     robot.close()
+
+
+def test_a_log_that_takes_nothing_costs_its_own_frames_and_no_time(tmp_path: Path) -> None:
+    """A named pipe that nobody empties: what finds no room on the way there is counted, and told at the end."""
+    path = tmp_path / "walk.log"
+    os.mkfifo(path)
+    reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    stats = CanStats()
+    log = CanLog(path, "can0", stats, waits=False)
+    scan = pack_frame(0x181, bytes(8)) * 12
+    for t_ns in range(20_000):
+        log.add(t_ns, scan)
+    assert stats.unlogged % 12 == 0
+    assert stats.unlogged > 0
+    with pytest.raises(
+        RecordingError, match=r"walk\.log: the file did not take what was written within 0\.1 s"
+    ):
+        log.close(timeout_s=0.1)
+    os.close(reader)
+
+
+def test_a_log_that_nobody_could_read_is_refused(tmp_path: Path) -> None:
+    """To open a named pipe without a reader would wait for one."""
+    os.mkfifo(tmp_path / "walk.log")
+    with pytest.raises(RecordingError, match=r"walk\.log: No such device or address"):
+        open_sink("virtual", "log", tmp_path / "walk.log")
+
+
+def test_a_killed_writer_ends_the_log_and_not_the_forces(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """What follows is counted, the journal has one line, and the end says that the log is not whole."""
+    stats = CanStats()
+    log = CanLog(tmp_path / "walk.log", "can0", stats, waits=True)
+    log._writer.kill()
+    log._writer.wait()
+    for t_ns in range(3):
+        log.add(t_ns, pack_frame(0x181, bytes(8)))
+    assert stats.unlogged == 3
+    assert [record.getMessage().partition(": ")[2] for record in caplog.records] == [
+        "its writer has ended; the run goes on without it"
+    ]
+    with pytest.raises(
+        RecordingError, match=r"walk\.log: its writer was killed; what was sent is not affected"
+    ):
+        log.close()
