@@ -6,7 +6,7 @@ from pathlib import Path
 import can
 import numpy as np
 
-from firmware_interface.can_codes import NODE_IDS, USABLE, State
+from firmware_interface.can_codes import NODE_IDS, USABLE, Cause, State
 from footsense.frames import ForceFrame, Zero
 from footsense.publish.can_sink import CanSink
 
@@ -38,7 +38,16 @@ class Robot:
         self.legs = legs
         self.heard()
 
-    def publish(self, t_ns: int, state: State = State.VALID, age_ns: int = 0, mask: int = 0) -> None:
+    def publish(
+        self,
+        t_ns: int,
+        state: State = State.VALID,
+        age_ns: int = 0,
+        mask: int = 0,
+        cause: Cause = Cause.NONE,
+        flags: int = 0,
+        zero: Zero | None = None,
+    ) -> None:
         """Publish one frame at a time at which its measurement is `age_ns` old."""
         self.clock.t_ns = t_ns
         n = len(self.legs)
@@ -52,9 +61,9 @@ class Robot:
                 sigma_n=np.full((n, 3), force_n / 50),
                 state=np.full(n, state, np.uint8),
                 fault_mask=np.full(n, mask, np.uint16),
-                flags=np.zeros(n, np.uint8),
-                cause=np.zeros(n, np.uint8),
-                zero=Zero.none(n),
+                flags=np.full(n, flags, np.uint8),
+                cause=np.full(n, cause, np.uint8),
+                zero=zero or Zero.none(n),
             )
         )
 

@@ -5,9 +5,19 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import can
+import numpy as np
 import pytest
 
-from firmware_interface.can_codes import NODE_IDS, CommandKind, NmtState, Result, State
+from firmware_interface.can_codes import (
+    NODE_IDS,
+    Cause,
+    CommandKind,
+    Flag,
+    NmtState,
+    Result,
+    State,
+    ZeroStatus,
+)
 from firmware_interface.can_events import (
     UNASKED,
     decode_answer,
@@ -16,8 +26,9 @@ from firmware_interface.can_events import (
     encode_command,
 )
 from firmware_interface.can_frames import decode_force, decode_quality
+from firmware_interface.can_zero import decode_zero
 from firmware_interface.crc8 import protect
-from footsense.frames import Command, Outcome
+from footsense.frames import Command, Outcome, Zero
 from tests.unit.can_robot import MS, Robot
 
 
@@ -98,20 +109,57 @@ def test_heartbeats_tell_waiting_and_stopped_legs(robot: Robot) -> None:
 
 
 def test_a_change_is_reported_once(robot: Robot) -> None:
-    """The first state, each new state and each new element mask make one report."""
-    for state, mask in (
-        (State.VALID, 0),
-        (State.VALID, 0),
-        (State.ELEMENT_FAULT, 4),
-        (State.ELEMENT_FAULT, 6),
+    """The first state, each new state, each new element mask and each new cause make one report."""
+    for state, mask, cause in (
+        (State.VALID, 0, Cause.NONE),
+        (State.VALID, 0, Cause.NONE),
+        (State.ELEMENT_FAULT, 4, Cause.ELEMENT_OPEN),
+        (State.ELEMENT_FAULT, 6, Cause.ELEMENT_OPEN),
+        (State.ELEMENT_FAULT, 6, Cause.COLUMN_OPEN),
     ):
-        robot.publish(0, state, mask=mask)
-    reports = [decode_fault(0x081, bytes(m.data))[:5] for m in robot.heard(0x080)]
+        robot.publish(0, state, mask=mask, cause=cause)
+    reports = [decode_fault(0x081, bytes(m.data)) for m in robot.heard(0x080)]
     assert reports == [
-        (1, 0, State.VALID, State.STOPPED, 0),
-        (1, 1, State.ELEMENT_FAULT, State.VALID, 4),
-        (1, 2, State.ELEMENT_FAULT, State.ELEMENT_FAULT, 6),
+        (1, 0, State.VALID, State.STOPPED, 0, Cause.NONE),
+        (1, 1, State.ELEMENT_FAULT, State.VALID, 4, Cause.ELEMENT_OPEN),
+        (1, 2, State.ELEMENT_FAULT, State.ELEMENT_FAULT, 6, Cause.ELEMENT_OPEN),
+        (1, 3, State.ELEMENT_FAULT, State.ELEMENT_FAULT, 6, Cause.COLUMN_OPEN),
     ]
+
+
+def test_what_does_not_fit_beside_the_forces_waits_for_the_next_scan(request: pytest.FixtureRequest) -> None:
+    """Four frames beside those of the forces: reports first, then heartbeats and zeros."""
+    robot = Robot(request.node.nodeid, tuple(NODE_IDS))
+    kinds = []
+    for scan in range(4):
+        robot.publish(scan * 20 * MS)
+        kinds.append([m.arbitration_id & ~7 for m in robot.heard()][12:])
+    assert kinds == [[0x080] * 4, [0x080] * 2 + [0x700, 0x380], [0x700], []]
+    robot.close()
+
+
+def test_heartbeats_tell_degraded_timing(robot: Robot) -> None:
+    """As the flag of the forces, to the last one."""
+    robot.publish(0, flags=Flag.DEGRADED_TIMING)
+    robot.sink.close()
+    beats = [decode_heartbeat(0x701, bytes(m.data)) for m in robot.heard(0x700)]
+    assert [(beat.state, beat.degraded_timing) for beat in beats] == [
+        (NmtState.OPERATIONAL, True),
+        (NmtState.STOPPED, True),
+    ]
+
+
+def test_the_zero_is_told_once_a_second(robot: Robot) -> None:
+    """Where it stands, and how long ago it moved; of a leg without one, that there is none."""
+    robot.publish(0)
+    row = np.ones(1)
+    zero = Zero((row * ZeroStatus.HELD).astype(np.uint8), row * 0.01, row * -0.02, np.array([500 * MS]))
+    for t_ms in range(20, 2000, 20):
+        robot.publish(t_ms * MS, zero=zero)
+    none, held = (decode_zero(0x381, bytes(m.data)) for m in robot.heard(0x380))
+    assert (none.counter, none.status, none.age_ns) == (0, ZeroStatus.NONE, None)
+    assert (held.counter, held.status, held.mean_pf, held.worst_pf) == (1, ZeroStatus.HELD, 0.01, -0.02)
+    assert held.age_ns == 500 * MS
 
 
 def test_a_command_arrives_and_its_answer_names_its_counter(robot: Robot) -> None:
