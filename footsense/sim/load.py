@@ -7,7 +7,7 @@ during a stance, and the friction makes the force lean away from the normal.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.resources import files
 from typing import NamedTuple, Protocol
 
@@ -84,37 +84,66 @@ Reaction = Callable[[float], Vector]
 class Walk:
     """A tripod gait on flat ground.
 
+    A stand begins for each leg in the middle of its next stance and lasts whole gait cycles, so that all six are on
+    the ground and then walk on as if they had never stood.
+
     Args:
         reaction: Ground reaction of each leg over its phase.
         period_ns: Duration of a gait cycle [ns].
         duty_rel: Part of the cycle that a foot is on the ground [1].
         pitch_deg: Lean of the leg at touchdown; it falls evenly to the opposite at lift-off [deg].
         from_ns: When the walk begins; before that, all feet are in the air [ns].
+        stands_ns: From when until when it stands, each after the one before [ns].
+
+    Attributes:
+        period_ns: As given.
+        duty_rel: As given.
+        reaction: As given.
     """
 
     def __init__(
-        self, reaction: dict[str, Reaction], period_ns: int, duty_rel: float, pitch_deg: float, from_ns: int
+        self,
+        reaction: dict[str, Reaction],
+        period_ns: int,
+        duty_rel: float,
+        pitch_deg: float,
+        from_ns: int,
+        stands_ns: Sequence[tuple[int, int]] = (),
     ) -> None:
-        self._reaction = reaction
-        self._period_ns = period_ns
-        self._duty_rel = duty_rel
+        self.reaction = reaction
+        self.period_ns = period_ns
+        self.duty_rel = duty_rel
         self._pitch_rad = math.radians(pitch_deg)
         self._from_ns = from_ns
+        self._stands_ns = tuple(stands_ns)
 
     def contact(self, leg: str, t_ns: int) -> Contact:
         """Return the leg's contact; the second tripod steps half a cycle after the first."""
-        since_ns = t_ns - self._from_ns
-        if leg in _SECOND_TRIPOD:
-            since_ns -= self._period_ns // 2
+        phase = self.phase(leg, t_ns)
+        return IN_THE_AIR if phase is None else self.contact_at(leg, phase)
+
+    def phase(self, leg: str, t_ns: int) -> float | None:
+        """Return where a leg is in its gait cycle, 0 at touchdown, in [0, 1); None in the air."""
+        from_ns = self._from_ns + (self.period_ns // 2 if leg in _SECOND_TRIPOD else 0)
+        since_ns = t_ns - from_ns
         if since_ns < 0:
-            return IN_THE_AIR
-        phase = since_ns % self._period_ns / self._period_ns
-        if phase >= self._duty_rel:
-            return IN_THE_AIR
-        x, y, z = self._reaction[leg](phase).tolist()
+            return None
+        for stand_ns, until_ns in self._stands_ns:
+            middle_ns = round(0.5 * self.duty_rel * self.period_ns)
+            before = -((from_ns + middle_ns - stand_ns) // self.period_ns)
+            stood_ns = middle_ns + max(before, 0) * self.period_ns
+            lasts_ns = -((stand_ns - until_ns) // self.period_ns) * self.period_ns
+            if stood_ns <= since_ns < stood_ns + lasts_ns:
+                since_ns = stood_ns
+        phase = since_ns % self.period_ns / self.period_ns
+        return phase if phase < self.duty_rel else None
+
+    def contact_at(self, leg: str, phase: float) -> Contact:
+        """Return a leg's contact at a phase of its stance."""
+        x, y, z = self.reaction[leg](phase).tolist()
         if z <= 0.0:
             return IN_THE_AIR
-        pitch = self._pitch_rad * (1 - 2 * phase / self._duty_rel)
+        pitch = self._pitch_rad * (1 - 2 * phase / self.duty_rel)
         sin, cos = math.sin(pitch), math.cos(pitch)
         return Contact(
             normal=np.array([sin, 0.0, cos]), force_n=np.array([x * cos + z * sin, y, z * cos - x * sin])

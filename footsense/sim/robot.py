@@ -19,11 +19,12 @@ from footsense.sim.fabricated import Foot
 from footsense.sim.faults import OnChips, OnFoot, OnWires, StuckSda
 from footsense.sim.fdc1004_chip import CAPDAC_ERROR_REL, SimulatedFdc1004
 from footsense.sim.foot import FootResponse
+from footsense.sim.gait_table import GaitTable
 from footsense.sim.kernel_mux import SimulatedKernelMuxLeg
-from footsense.sim.load import Load
+from footsense.sim.load import Load, Walk
 from footsense.sim.row_switch import SimulatedRowSwitch
 from footsense.sim.scene import Scene
-from footsense.sim.warming import WarmingFoot
+from footsense.sim.warming import WarmingFoot, softness_at
 
 _COLUMNS = 3
 
@@ -53,15 +54,25 @@ class SimulatedLeg:
         scene: What the robot does.
         load: The scene's load.
         response: How its foot yields.
+        table: What its foot does over a gait cycle; None to ask the response each time.
 
     Attributes:
         chips: Its chips, as its bus sees them.
     """
 
-    def __init__(self, leg: str, number: int, scene: Scene, load: Load, response: FootResponse) -> None:
+    def __init__(
+        self,
+        leg: str,
+        number: int,
+        scene: Scene,
+        load: Load,
+        response: FootResponse,
+        table: GaitTable | None = None,
+    ) -> None:
         effects = scene.effects
         self._leg = leg
         self._load = load
+        self._table = table
         self._foot = Foot(response, contact=effects.gap_contact)
         self._stray_pf = effects.stray_pf
         random = np.random.default_rng((scene.seed, number))
@@ -88,11 +99,14 @@ class SimulatedLeg:
 
     def _elements_pf(self, t_ns: int) -> NDArray[np.float64]:
         """Return the capacitance of the foot's elements at a time [pF], shape (9,), stray not included."""
-        contact = self._load.contact(self._leg, t_ns)
-        force_n = contact.force_n
-        if self._warming is not None:  # a solid that is stiffer yields as if it were loaded less
-            force_n = force_n * self._warming.softness(t_ns)
-        element_pf: NDArray[np.float64] = self._foot.capacitance_pf(contact.normal[None], force_n[None])[0]
+        softness = 1.0 if self._warming is None else self._warming.softness(t_ns)
+        if self._table is not None and isinstance(self._load, Walk):
+            element_pf = self._table.capacitance_pf(self._load.phase(self._leg, t_ns), softness)
+        else:
+            contact = self._load.contact(self._leg, t_ns)
+            # A solid that is stiffer yields as if it were loaded less.
+            force_n = contact.force_n if softness == 1.0 else contact.force_n * softness
+            element_pf = self._foot.capacitance_pf(contact.normal[None], force_n[None])[0]
         if self._warming is not None:
             element_pf = element_pf + self._warming.drift_pf(t_ns)
         if self._damage is not None:
@@ -113,6 +127,20 @@ class SimulatedLeg:
             else:
                 total_pf += share * pin_capacitance_pf(column_pf.tolist(), states)
         return total_pf
+
+
+def _gait_tables(
+    scene: Scene, load: Load, response: FootResponse, legs: Sequence[str]
+) -> dict[str, GaitTable]:
+    """Return the table of each leg; those with the same load share one, as their feet are the same."""
+    if not isinstance(load, Walk):
+        return {}
+    warming = scene.effects.warming
+    softness = (1.0, 1.0 if warming is None else softness_at(warming.kelvin))
+    foot = Foot(response, contact=scene.effects.gap_contact)
+    one_of = {load.reaction[leg]: leg for leg in legs}
+    of_reaction = {reaction: GaitTable(foot, load, leg, softness) for reaction, leg in one_of.items()}
+    return {leg: of_reaction[load.reaction[leg]] for leg in legs}
 
 
 class SimulatedRobot:
@@ -136,6 +164,7 @@ class SimulatedRobot:
         self._load = scene.load.build(round(scene.lead_in_s * 1e9))
         self.response_sha256 = response.sha256
         self._legs = tuple(leg for wiring in buses for leg in wiring.channels)
+        tables = _gait_tables(scene, self._load, response, self._legs) if scene.gait_table else {}
         self.clocks = tuple(VirtualClock() for _ in buses)
         self.clock = JoinedClock(self.clocks)
         self.buses: list[SimulatedBus | FailingBus] = []
@@ -143,7 +172,9 @@ class SimulatedRobot:
         self.adapters: list[dict[str, SimulatedKernelMuxLeg]] = []
         for number, (wiring, clock) in enumerate(zip(buses, self.clocks, strict=True)):
             legs = {
-                channel: SimulatedLeg(leg, self._legs.index(leg), scene, self._load, response)
+                channel: SimulatedLeg(
+                    leg, self._legs.index(leg), scene, self._load, response, tables.get(leg)
+                )
                 for leg, channel in wiring.channels.items()
             }
             mux = SimulatedMux(wiring.mux_address)

@@ -14,6 +14,11 @@ DRIFT_SPREAD_REL = 0.2
 STIFFENING_PER_K = 4.4e-3
 
 
+def softness_at(kelvin: float) -> float:
+    """Return the closures of a foot that is warmer over those before, under the same load [1]."""
+    return 1.0 / (1.0 + STIFFENING_PER_K * kelvin)
+
+
 class WarmingFoot:
     """One foot whose temperature changes.
 
@@ -33,4 +38,4 @@ class WarmingFoot:
 
     def softness(self, t_ns: int) -> float:
         """Return the closures of the foot over those that it had at the beginning, under the same load [1]."""
-        return 1.0 / (1.0 + STIFFENING_PER_K * self._warming.kelvin_at(t_ns))
+        return softness_at(self._warming.kelvin_at(t_ns))
