@@ -124,6 +124,14 @@ def _losses() -> list[Family]:
         Family("footsense_can_received_frames_total", "counter", "Command frames that arrived."),
         Family("footsense_can_rejected_frames_total", "counter", "Command frames that were not obeyed."),
         Family("footsense_can_bus_errors_total", "counter", "Error frames that the CAN controller reported."),
+        Family("footsense_can_bus_off_total", "counter", "How often the controller has left the bus."),
+        Family(
+            "footsense_can_error_passive_total",
+            "counter",
+            "How often it was near that, or nobody acknowledged.",
+        ),
+        Family("footsense_can_reopened_total", "counter", "How often the CAN interface went and came back."),
+        Family("footsense_can_unlogged_frames_total", "counter", "Frames sent that the CAN log lacks."),
         Family(
             "footsense_recorder_lost_frames_total",
             "counter",

@@ -148,7 +148,10 @@ class Metrics:
         can, zero = self._can, forces.zero
         self._show(
             "footsense_can_sent_frames_total",
-            [can.sent, can.dropped, can.received, can.rejected, can.bus_errors],
+            [
+                *(can.sent, can.dropped, can.received, can.rejected),
+                *(can.bus_errors, can.bus_off, can.error_passive, can.reopened, can.unlogged),
+            ],
         )
         self._show("footsense_recorder_lost_frames_total", [self._recorder_lost()])
         self._show("footsense_log_lost_lines_total", [self._log_lost()])

@@ -123,7 +123,17 @@ def test_a_fault_counts_once_per_fall_and_the_state_is_shown(metrics: Metrics) -
 
 def test_can_recorder_and_tares_are_counted(tmp_path: Path) -> None:
     """What the CAN channel, the recorder and the tares report is shown as it is."""
-    can = CanStats(sent=120, dropped=3, received=4, rejected=1, bus_errors=2)
+    can = CanStats(
+        sent=120,
+        dropped=3,
+        received=4,
+        rejected=1,
+        bus_errors=9,
+        bus_off=2,
+        error_passive=5,
+        reopened=6,
+        unlogged=8,
+    )
     metrics = Metrics(LEGS, can, recorder_lost=lambda: 7, log_lost=lambda: 5, directory=tmp_path)
     refused = Outcome(Command(CommandKind.TARE, 1), Result.NOT_QUIET, "")
     stopped = Outcome(Command(CommandKind.STOP, 1), Result.DONE, "")
@@ -131,8 +141,11 @@ def test_can_recorder_and_tares_are_counted(tmp_path: Path) -> None:
     get = shown(metrics).get_sample_value
     assert [
         get(f"footsense_can_{name}_total")
-        for name in ("sent_frames", "dropped_frames", "received_frames", "rejected_frames", "bus_errors")
-    ] == [120, 3, 4, 1, 2]
+        for name in (
+            *("sent_frames", "dropped_frames", "received_frames", "rejected_frames", "bus_errors"),
+            *("bus_off", "error_passive", "reopened", "unlogged_frames"),
+        )
+    ] == [120, 3, 4, 1, 9, 2, 5, 6, 8]
     assert get("footsense_recorder_lost_frames_total") == 7
     assert get("footsense_log_lost_lines_total") == 5
     assert get("footsense_tares_total", {"leg": "rr", "result": "not_quiet"}) == 1
