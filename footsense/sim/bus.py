@@ -85,6 +85,7 @@ class SimulatedBus:
         self._mux = mux
         self._legs = {channel: tuple(chips) for channel, chips in legs.items()}
         self._connected: dict[tuple[int, int], tuple[SimulatedChip, ...]] = {}
+        self._lasts_ns: dict[tuple[int, int], int] = {}
 
     def transfer(self, transaction: Transaction) -> bytes:
         """Do one transaction and move the clock by what it takes.
@@ -98,7 +99,7 @@ class SimulatedBus:
         if not chips:
             self._clock.sleep_until_ns(t_start_ns + wire_time_ns(nack_bits(), self._rate_hz))
             raise NackError(f"no acknowledge from {address:#04x}")
-        t_end_ns = t_start_ns + wire_time_ns(transaction_bits(len(data), n_read), self._rate_hz)
+        t_end_ns = t_start_ns + self._wire_time_ns(len(data), n_read)
         self._clock.sleep_until_ns(t_end_ns)
         if data:
             for chip in chips:
@@ -112,6 +113,12 @@ class SimulatedBus:
 
     def close(self) -> None:
         """Nothing is held."""
+
+    def _wire_time_ns(self, n_written: int, n_read: int) -> int:
+        key = (n_written, n_read)
+        if key not in self._lasts_ns:
+            self._lasts_ns[key] = wire_time_ns(transaction_bits(n_written, n_read), self._rate_hz)
+        return self._lasts_ns[key]
 
     def _at(self, address: int) -> tuple[SimulatedChip, ...]:
         """Return every chip at `address` that is electrically on the trunk now."""

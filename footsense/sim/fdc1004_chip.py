@@ -24,6 +24,11 @@ CAPDAC_ERROR_REL = 0.02
 CAPDAC_JUMP_PF = 1.4
 _JUMP_BIT = 8
 
+_RATE_OF_CODE = {rate.code: rate for rate in chip.RATES.values()}
+_FDC_CONF = int(chip.Register.FDC_CONF)
+_MEAS1_MSB, _MEAS4_LSB = int(chip.Register.MEAS1_MSB), int(chip.Register.MEAS4_LSB)
+_CONF_MEAS1, _GAIN_CAL_CIN4 = int(chip.Register.CONF_MEAS1), int(chip.Register.GAIN_CAL_CIN4)
+
 #: Mean capacitance [pF] that a CIN pin (0..3) saw to ground between two times [ns].
 CinCapacitance = Callable[[int, int, int], float]
 
@@ -76,16 +81,16 @@ class SimulatedFdc1004:
         if len(data) < 3:
             return
         word = data[1] << 8 | data[2]
-        if self._pointer == chip.Register.FDC_CONF:
+        if self._pointer == _FDC_CONF:
             self._configure(word, t_ns)
-        elif chip.Register.CONF_MEAS1 <= self._pointer <= chip.Register.GAIN_CAL_CIN4:
+        elif _CONF_MEAS1 <= self._pointer <= _GAIN_CAL_CIN4:
             self._registers[self._pointer] = word
 
     def read(self, n: int, t_ns: int) -> bytes:
         """Return the register at the pointer; further bytes are ones, as nobody drives the line."""
         self._finish(t_ns)
-        word = self._register(self._pointer)
-        return bytes((word >> 8, word & 0xFF))[:n] + b"\xff" * (n - 2)
+        word = self._register(self._pointer).to_bytes(2, "big")
+        return word if n == len(word) else word[:n] + b"\xff" * (n - 2)
 
     def _reset(self) -> None:
         self._registers = dict(chip.RESET_VALUES)
@@ -103,43 +108,39 @@ class SimulatedFdc1004:
         self._running = None
         triggers = chip.CONF_TRIGGERS.decode(word)
         one_shot = triggers.bit_count() == 1 and not chip.CONF_REPEAT.decode(word)
-        conversion_ns = {rate.code: rate.conversion_ns for rate in chip.RATES.values()}.get(
-            chip.CONF_RATE.decode(word)
-        )
-        if not one_shot or conversion_ns is None:
+        rate = _RATE_OF_CODE.get(chip.CONF_RATE.decode(word))
+        if not one_shot or rate is None:
             return
         slot = chip.SLOTS - triggers.bit_length()
         self._results[slot] = chip.CODE_MAX
-        self._running = (slot, t_ns, t_ns + round(conversion_ns * self._clock_factor))
+        self._running = (slot, t_ns, t_ns + round(rate.conversion_ns * self._clock_factor))
 
     def _finish(self, t_ns: int) -> None:
         """Let a conversion that is over by now set its result."""
-        if self._running is None:
+        if self._running is None or t_ns < self._running[2]:
             return
         slot, t_start_ns, t_end_ns = self._running
-        if t_ns < t_end_ns or during(self.stuck_ns, t_end_ns):
+        if during(self.stuck_ns, t_end_ns):
             return
         self._running = None
         self._results[slot] = self._convert(slot, t_start_ns, t_end_ns)
         self._done |= chip.slot_bit(slot)
 
     def _convert(self, slot: int, t_start_ns: int, t_end_ns: int) -> int:
-        config = self._registers[chip.Register.CONF_MEAS1 + slot]
+        config = self._registers[_CONF_MEAS1 + slot]
         capacitance_pf = self._cin_capacitance_pf(chip.CONF_CHA.decode(config), t_start_ns, t_end_ns)
         if chip.CONF_CHB.decode(config) == chip.CHB_CAPDAC:
             capdac = chip.CONF_CAPDAC.decode(config)
             capacitance_pf -= capdac * self._capdac_step_pf + (CAPDAC_JUMP_PF if capdac & _JUMP_BIT else 0.0)
         if self._noise is not None:
-            noise_ff = {rate.code: rate.noise_ff for rate in chip.RATES.values()}[
-                chip.CONF_RATE.decode(self._conf)
-            ]
+            noise_ff = _RATE_OF_CODE[chip.CONF_RATE.decode(self._conf)].noise_ff
             capacitance_pf += noise_ff * 1e-3 * self._noise.standard_normal()
         return min(max(round(capacitance_pf * chip.CODES_PER_PF), chip.CODE_MIN), chip.CODE_MAX)
 
     def _register(self, address: int) -> int:
-        if address == chip.Register.FDC_CONF:
+        if address == _FDC_CONF:
             return self._conf | chip.CONF_DONE.encode(self._done)
-        if chip.Register.MEAS1_MSB <= address <= chip.Register.MEAS4_LSB:
+        if _MEAS1_MSB <= address <= _MEAS4_LSB:
             slot, lower = divmod(address, 2)
             code = self._results[slot] & 0xFFFFFF
             if lower:

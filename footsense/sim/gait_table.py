@@ -46,6 +46,8 @@ class GaitTable:
         levels = np.linspace(low, high, 1 + math.ceil((high - low) / _SOFTNESS_STEP))
         self._low = low
         self._per_softness = (len(levels) - 1) / (high - low) if high > low else 0.0
+        self._last: tuple[float, float] | None = None  # three legs are converted at the same moment
+        self._last_pf = self.rest_pf
         self._tables = [foot.capacitance_pf(normal, softness * force_n) for softness in levels.tolist()]
 
     def capacitance_pf(self, phase: float | None, softness: float = 1.0) -> Vector:
@@ -57,6 +59,11 @@ class GaitTable:
         """
         if phase is None:
             return self.rest_pf
+        if self._last != (phase, softness):
+            self._last, self._last_pf = (phase, softness), self._interpolated(phase, softness)
+        return self._last_pf
+
+    def _interpolated(self, phase: float, softness: float) -> Vector:
         level = (softness - self._low) * self._per_softness
         below = min(int(level), len(self._tables) - 1)
         lower_pf = self._at(self._tables[below], phase)
