@@ -32,7 +32,7 @@ class _MsgHdr(ctypes.Structure):
     _fields_ = (
         ("name", ctypes.c_void_p),
         ("name_length", ctypes.c_uint32),
-        ("iov", ctypes.POINTER(_IoVec)),
+        ("iov", ctypes.c_void_p),
         ("iov_count", ctypes.c_size_t),
         ("control", ctypes.c_void_p),
         ("control_length", ctypes.c_size_t),
@@ -68,13 +68,12 @@ class SocketWire:
         self._fd = channel.fileno()
         self._frames = ctypes.create_string_buffer(MAX_FRAMES * FRAME_BYTES)
         self._address = ctypes.addressof(self._frames)
-        self._vectors = (_IoVec * MAX_FRAMES)(
-            *(_IoVec(self._address + n * FRAME_BYTES, FRAME_BYTES) for n in range(MAX_FRAMES))
-        )
+        self._vectors = (_IoVec * MAX_FRAMES)()
         self._headers = (_MMsgHdr * MAX_FRAMES)()
-        for header, vector in zip(self._headers, self._vectors, strict=True):
-            header.header.iov = ctypes.pointer(vector)
-            header.header.iov_count = 1
+        # Addresses and not pointers: those are objects that refer to each other, and nothing collects them here.
+        for n, (vector, header) in enumerate(zip(self._vectors, self._headers, strict=True)):
+            vector.base, vector.length = self._address + n * FRAME_BYTES, FRAME_BYTES
+            header.header.iov, header.header.iov_count = ctypes.addressof(vector), 1
         self._first = ctypes.addressof(self._headers)
 
     def send(self, frames: bytes, t_ns: int = 0) -> int:
