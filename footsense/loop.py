@@ -7,9 +7,12 @@ does: recorder and metrics exporter are processes of their own.
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from footsense.core.pipeline import Pipeline
 from footsense.frames import CapFrame, Command, Cycle
-from footsense.ports import Clock, ForceSink, FrameSource, Observer
+from footsense.ports import Clock, ForceSink, FrameSource, GangingSource, Observer
 
 
 def run(
@@ -30,11 +33,15 @@ def run(
         clock: The time that the scans' stamps are in.
         stop: Asked once a cycle.
     """
+    # A recording has been read already, as its legs were ganged then.
+    ganging = source if isinstance(source, GangingSource) and pipeline.to_gang is not None else None
     while not stop():
         scan = source.read()
         if scan is None:
             return
         step(scan, tuple(sink.commands()), pipeline, sink, observers, clock)
+        if ganging is not None and (legs := pipeline.to_gang) is not None:
+            ganging.gang(legs)
 
 
 def step(
@@ -79,6 +86,11 @@ class Paced:
             self._offset_ns = self._real.now_ns() - self._played.now_ns()
         self._real.sleep_until_ns(self._played.now_ns() + self._offset_ns)
         return scan
+
+    def gang(self, legs: NDArray[np.bool_]) -> None:
+        """Pass on which legs are to be ganged, if the source can."""
+        if isinstance(self._source, GangingSource):
+            self._source.gang(legs)
 
     def close(self) -> None:
         """Close the source."""

@@ -11,6 +11,7 @@ from firmware_interface import fdc1004
 from footsense.config import Can, Config
 from footsense.core.contact import ContactLimits
 from footsense.core.element_by_element import ElementByElement
+from footsense.core.ganged import Ganged, unknown_rel
 from footsense.core.pipeline import Pipeline, Reckoning
 from footsense.core.scan_by_scan import ScanByScan
 from footsense.core.sensitivity import sensitivity
@@ -69,7 +70,20 @@ def pipeline_for(config: Config, network: Network, flags: int) -> Pipeline:
         track_zero=config.zero.track,
         max_age_ns=round(config.stale_after_ms * 1e6),
         flags=flags,
+        ganged=_ganged(config, network) if config.scan.gang else None,
     )
+
+
+def _ganged(config: Config, network: Network) -> Ganged:
+    calibration = network.card.calibration
+    unknown = unknown_rel(network, _n_rows(config), calibration.moments)
+    scan_ns = ELEMENTS * _step_ns(config)
+    return Ganged(len(config.legs), calibration.moments, calibration.design, scan_ns, unknown)
+
+
+def _step_ns(config: Config) -> int:
+    """Return the time from one element to the next [ns]: a slow chip, its start, and now and then a row."""
+    return round(fdc1004.RATES[config.scan.rate_sps].conversion_ns * (1 + 1 / 12))
 
 
 def _n_rows(config: Config) -> int:
@@ -86,10 +100,10 @@ def _reckoning(config: Config, network: Network) -> Reckoning:
     # dC / C = -d(distance) / distance.
     distance_um = calibration.design.plate_distance_um(np.array([calibration.design.rest_pf]))[0]
     noise_rel = rate.noise_ff * 1e-3 / calibration.design.rest_pf * distance_um / calibration.design.gap_um
-    # A step is a conversion by a slow chip, its start, and now and then a row: a twelfth more than nominal.
-    step_ns = round(rate.conversion_ns * (1 + 1 / 12))
     order = ORDERS[config.scan.order]
-    return ElementByElement(network, len(config.legs), calibration.moments, order, step_ns, noise_rel)
+    return ElementByElement(
+        network, len(config.legs), calibration.moments, order, _step_ns(config), noise_rel
+    )
 
 
 def _per_leg(config: Config, values: dict[str, tuple[float, ...]], default: float) -> NDArray[np.float64]:

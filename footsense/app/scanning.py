@@ -15,6 +15,7 @@ from footsense.clock import MonotonicClock, Wakeups
 from footsense.config import Bus, Config
 from footsense.drivers.bus_scanner import BusScanner
 from footsense.drivers.bus_timing import Timing
+from footsense.drivers.ganged_scanner import GangedBusScanner
 from footsense.drivers.kernel_mux_scanner import KernelMuxScanner
 from footsense.drivers.robot_scanner import LegsScanner, RobotScanner
 from footsense.drivers.scan_plan import scan_plan
@@ -145,12 +146,13 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
             else:
                 trunk = _opened(bus.device, stack) if robot is None else robot.buses[number]
                 reset_line = _reset_line(bus, None if robot is None else robot.muxes[number], stack)
-                scanners.append(BusScanner(trunk, its_clock, bus.channels, bus.mux.address, plan, reset_line))
+                scanner = GangedBusScanner if config.scan.gang else BusScanner
+                scanners.append(scanner(trunk, its_clock, bus.channels, bus.mux.address, plan, reset_line))
         source = RobotScanner(scanners, element_wise=config.publish == "element")
         stack.callback(source.close)
         source.start()
-        for bus, scanner in zip(config.buses, scanners, strict=True):
-            _tell(bus, scanner.timing)
+        for bus, started in zip(config.buses, scanners, strict=True):
+            _tell(bus, started.timing)
         if robot is None:
             wakeups = tuple(own.wakeups for own in clocks if isinstance(own, MonotonicClock))
             yield Scanning(source, clock, None, None, wakeups)

@@ -45,6 +45,7 @@ def _contradictions(config: Config) -> Iterator[Problem]:
             ("average_scans",),
             "is of use with publish: frame only; a prediction weighs old readings by itself",
         )
+    yield from _gang(config)
     if config.can.interface == "udp_multicast" and not _is_multicast(config.can.channel):
         yield Problem(
             ("can", "channel"),
@@ -54,6 +55,20 @@ def _contradictions(config: Config) -> Iterator[Problem]:
     yield from _feet(config)
     if config.metrics is not None:
         yield from _metrics(config.metrics.address)
+
+
+def _gang(config: Config) -> Iterator[Problem]:
+    if not config.scan.gang:
+        return
+    path = ("scan", "gang")
+    if config.publish != "element":
+        yield Problem(path, "a whole scan has no conversion to spare; use publish: element, or gang: false")
+    if not config.zero.track:
+        yield Problem(path, "what a column reads is judged by zeros that follow; use zero.track: true")
+    if any(bus.adapters for bus in config.buses):
+        yield Problem(
+            path, "needs all legs to convert at once: name a channel for every leg, or use gang: false"
+        )
 
 
 def _is_multicast(channel: str) -> bool:

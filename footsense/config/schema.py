@@ -121,10 +121,14 @@ class Scan(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     Attributes:
         rate_sps: Conversions per second of one converter; slower is quieter.
         order: Order of the elements: Lo-Shu cancels the false tilt that a rising force gives a raster.
+        gang: Whether a foot in the air is read column by column, all its rows at once, to feel the ground at the first
+            conversion; with `publish: element` only. Off by default: three elements have 16.2 pF, beyond the
+            FDC1004's +-15 pF but for its CAPDAC, whose offset, drift and noise no data sheet bounds.
     """
 
     rate_sps: Literal[100, 200, 400] = 400
     order: Literal["lo_shu", "raster"] = "lo_shu"
+    gang: bool = False
 
     @property
     def shortest_ms(self) -> float:

@@ -4,6 +4,8 @@ A tare (`core/tare.py`) gives a baseline, at start by itself and later on comman
 that is surely in the air (`core/zero.py`), and which foot that is `core/contact.py` says.
 """
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -45,6 +47,8 @@ class Footing:
         sigma_n: What the baseline leaves open of each leg's force, one sigma [N], shape (legs, 3), NaN without one.
         flags: CONTACT, and TARE_REFUSED where an older baseline is in use, shape (legs,).
         zero: What is published of the baselines.
+        standing_in: Legs whose elements the next frame does not tell one by one, shape (legs,); to be set from outside.
+            Their zeros stand still, and their tares wait.
     """
 
     def __init__(
@@ -79,6 +83,8 @@ class Footing:
         self._untared = set(self._legs)
         self.sigma_n = np.full((n_legs, 3), np.nan)
         self.flags = np.zeros(n_legs, np.uint8)
+        self.standing_in: Mask = np.zeros(n_legs, bool)
+        self._aloft: tuple[int, ...] = ()
         self._gather()
 
     def begin(self, leg: int) -> Outcome | None:
@@ -99,6 +105,22 @@ class Footing:
         """Return why a command may not be obeyed now, or None if it may."""
         return self._contacts[leg].refusal(kind)
 
+    @property
+    def aloft(self) -> Mask:
+        """Who is surely in the air, with nothing on it that drift and creep could not explain, shape (legs,)."""
+        return self._those(self._aloft)
+
+    @property
+    def followed(self) -> Mask:
+        """Whose zero follows the foot now, shape (legs,)."""
+        followed: Mask = self.zero.status == ZeroStatus.TRACKING
+        return followed
+
+    @property
+    def taring(self) -> Mask:
+        """Whose tare is being taken, shape (legs,)."""
+        return self._those(self._windows)
+
     def tare(
         self, capacitance_pf: Vector, reading: NDArray[np.uint8], t_ns: Stamps, missing: Mask, now_ns: int
     ) -> tuple[Outcome, ...]:
@@ -114,6 +136,8 @@ class Footing:
         self._forget_silent(reading, now_ns)
         outcomes = []
         for leg, window in list(self._windows.items()):
+            if self.standing_in[leg]:
+                continue
             verdict = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], missing[leg])
             outcome = None if verdict is None else self._conclude(leg, verdict, int(t_ns[leg].max()))
             if outcome is not None:
@@ -151,9 +175,12 @@ class Footing:
             else:
                 aloft.append(leg)
         self._turn = (self._turn + 1) % _TURNS
+        self._aloft = tuple(aloft)
         moved = False
         for leg in aloft:
-            if leg % _TURNS == self._turn:
+            if self.standing_in[leg]:
+                self._zeros[leg].hold()
+            elif leg % _TURNS == self._turn:
                 zero = self._zeros[leg]
                 # What is missing only because it has no zero gets one.
                 disbelieved = missing[leg] & np.isfinite(zero.zero_pf)
@@ -180,6 +207,9 @@ class Footing:
             worst_pf=np.array([worst_pf for _, worst_pf in offsets_pf]),
             moved_ns=np.array([zero.moved_ns for zero in self._zeros], np.int64),
         )
+
+    def _those(self, legs: Collection[int]) -> Mask:
+        return np.array([leg in legs for leg in self._legs])
 
     def _window(self, leg: int) -> TareWindow:
         return TareWindow(self._tare, self._unloaded_pf[leg])

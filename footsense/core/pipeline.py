@@ -4,7 +4,7 @@ A leg whose value may not be used gets a state that says why, and NaN instead of
 whole scan or the newest element and a prediction of the others, is a `Reckoning`'s matter.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -15,6 +15,7 @@ from footsense.core.consistency import Consistency
 from footsense.core.contact import ContactLimits
 from footsense.core.design import CapacitorDesign
 from footsense.core.footing import Footing
+from footsense.core.ganged import Ganged
 from footsense.core.scan_by_scan import Moment
 from footsense.core.sensitivity import Sensitivity
 from footsense.core.tare import TareLimits
@@ -24,6 +25,7 @@ from footsense.frames import (
     CapFrame,
     Command,
     CommandKind,
+    Flag,
     ForceFrame,
     Outcome,
     Reading,
@@ -83,6 +85,7 @@ class Pipeline:
         track_zero: Whether a baseline follows a foot in the air.
         max_age_ns: Age from which a measurement may not be used any more [ns].
         flags: Flags that every frame carries.
+        ganged: What is known of the legs that are read column by column; None if none ever is.
     """
 
     def __init__(
@@ -98,6 +101,7 @@ class Pipeline:
         max_age_ns: int,
         track_zero: bool = True,
         flags: int = 0,
+        ganged: Ganged | None = None,
     ) -> None:
         self._reckoning = reckoning
         self._calibration = calibration
@@ -105,6 +109,7 @@ class Pipeline:
         self._unloaded_pf = unloaded_pf
         self._max_age_ns = max_age_ns
         self._flags = flags
+        self._ganged = ganged
         n_legs = len(stray_pf)
         self._footing = Footing(unloaded_pf, calibration.design, tare, contact, sensitivity, track=track_zero)
         self._consistency = Consistency(n_legs, calibration.moments, max_age_ns)
@@ -115,6 +120,11 @@ class Pipeline:
     def baseline_pf(self) -> Vector:
         """What each element reads unloaded, without stray [pF], shape (legs, 9), NaN where that is not known."""
         return self._footing.baseline_pf
+
+    @property
+    def to_gang(self) -> Mask | None:
+        """Which legs are to be read column by column from now on, shape (legs,); None if none ever is."""
+        return None if self._ganged is None else self._ganged.wanted
 
     def obey(self, command: Command) -> Outcome | None:
         """Begin what a command asks for, unless the foot is on the ground; a tare ends in a later scan."""
@@ -130,7 +140,15 @@ class Pipeline:
         """Return the forces of a scan as of `now_ns`, and the tares that ended with it."""
         # A code of zero divides by zero; what comes of it is judged like any other reading.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return self._process(scan, now_ns)
+            if self._ganged is None:
+                return self._process(scan, now_ns)
+            footing, ganged = self._footing, self._ganged
+            scan = ganged.stand_in(scan, footing.baseline_pf, self._stray_pf)
+            footing.standing_in = ganged.standing_in
+            forces, outcomes = self._process(scan, now_ns)
+            free = (forces.state == State.VALID) & ~footing.taring & (forces.flags & Flag.CONTACT == 0)
+            ganged.decide(footing.aloft, footing.followed, free, now_ns)
+            return replace(forces, sigma_n=ganged.widen(forces.sigma_n, forces.force_n)), outcomes
 
     def _process(self, scan: CapFrame, now_ns: int) -> tuple[ForceFrame, tuple[Outcome, ...]]:
         calibration, design = self._calibration, self._calibration.design
