@@ -71,6 +71,7 @@ class McapFile:
         for topic, schema in messages.schemas(self._legs).items():
             schema_id = self._writer.register_schema(f"footsense.{topic[1:]}", "jsonschema", schema)
             self._channels[topic] = self._writer.register_channel(topic, "json", schema_id)
+        self.flush()
 
     def add_cycle(self, numbered: Numbered) -> None:
         """Write one cycle."""

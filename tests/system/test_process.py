@@ -18,6 +18,7 @@ from footsense.recording.replay import Replay
 from tests.system.command import footsense, robot
 from tests.system.daemon import SIGN_OF_LIFE_S, Daemon, running
 from tests.system.test_service import free_port
+from tests.unit.cycles import read_until_damage
 
 WRITER, EXPORTER = "footsense.recording.writer", "footsense.publish.exporter"
 
@@ -35,11 +36,18 @@ def replays(path: Path, *options: str | Path) -> None:
     assert re.match(r"[1-9]\d* scans equal bit for bit", result.stdout)
 
 
+def wait_until_recording(daemon: Daemon, path: Path) -> None:
+    """Return when the first cycles are in the file: the writer takes its time to start."""
+    daemon.wait_until_ready()
+    while not read_until_damage(partial_path(path))[0]:
+        daemon.live_on(1)
+
+
 def test_the_end_of_all_power_costs_less_than_a_second(tmp_path: Path) -> None:
     """Loop and writer killed at once: `recover` gives all but the last second, and it replays."""
     path = tmp_path / "walk.mcap"
     with running(tmp_path, "--config", robot(tmp_path), "--record", path) as daemon:
-        daemon.wait_until_ready()
+        wait_until_recording(daemon, path)
         signs = 14
         daemon.live_on(signs)
         daemon.kill_all()
@@ -52,8 +60,7 @@ def test_a_disk_that_gets_full(tmp_path: Path) -> None:
     """The forces go on, one line says so at once and one at the end; what is written can be read."""
     path = tmp_path / "walk.mcap"
     with running(tmp_path, "--config", robot(tmp_path), "--record", path) as daemon:
-        daemon.wait_until_ready()
-        daemon.live_on(5)
+        wait_until_recording(daemon, path)
         full = partial_path(path).stat().st_size + 100
         resource.prlimit(daemon.child(WRITER), resource.RLIMIT_FSIZE, (full, full))
         daemon.live_on(10)

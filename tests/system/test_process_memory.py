@@ -1,0 +1,45 @@
+"""A service that walks for a day takes no more memory than one that walks for a minute.
+
+The loop runs without garbage collection, so whatever refers to itself is never given back. A day in virtual time
+takes hours (CONTRIBUTING.md has its command); these are enough cycles to see what grows with every one of them.
+"""
+
+import gc
+import sys
+from pathlib import Path
+
+from footsense import app
+from footsense.clock import resident_mib
+from footsense.config import load_config
+from footsense.core.score import Score
+from footsense.sim.scene import load_scene
+from tests.system.command import robot
+from tests.system.test_service import free_port
+
+#: Until then pools fill up, such as those of the interpreter and of the allocator.
+WARM_CYCLES = 800
+CYCLES = 1000
+
+
+def test_nothing_grows_with_the_cycles(tmp_path: Path) -> None:
+    """Recorded, counted, logged and sent, a cycle leaves no object, no memory and no garbage behind."""
+    config = load_config(robot(tmp_path, more=f"metrics: {{port: {free_port()}}}\n"))
+    record = tmp_path / "walk.mcap"
+    with app.service(config, load_scene("hanging"), real_time=False, record=record) as service:
+        service.observers.append(Score(service.legs, service.scanning.felt_n))
+
+        def run(n_cycles: int) -> None:
+            left = iter(range(n_cycles))
+            service.run(lambda: next(left, None) is None)
+
+        run(WARM_CYCLES)
+        gc.collect()
+        gc.disable()
+        try:
+            blocks, mib = sys.getallocatedblocks(), resident_mib()
+            run(CYCLES)
+            assert gc.collect() < CYCLES / 20
+            assert (sys.getallocatedblocks() - blocks) / CYCLES < 0.5
+            assert resident_mib() - mib < 1.5
+        finally:
+            gc.enable()
