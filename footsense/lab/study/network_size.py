@@ -1,5 +1,6 @@
 """Study `network-size`: what more weights buy, and what they cost."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from timeit import Timer
@@ -71,6 +72,16 @@ def run_us(models: list[bytes]) -> list[float]:
     return [1e6 * float(seconds) / RUNS for seconds in fastest]
 
 
+def learn_sizes(bench: Workbench, channels: Sequence[int], cases: int, steps: int) -> list[Weights]:
+    """Return networks with so many channels each, taught by the same steps on the same random loads."""
+    learnt = wide(bench.response, cases, LEARNT_SEED)
+    trained = []
+    for c in channels:
+        trained.append(train(learnt, bench.response.design, Protocol(channels=c, steps=steps, batch=BATCH)))
+        bench.say(f"{trained[-1].size} weights have learnt")
+    return trained
+
+
 def _errors(weights: Weights, cases: Cases, seen_rel: NDArray[np.float64]) -> Errors:
     """Return the errors of a network on measured closures of cases."""
     force_n, _ = predict(weights, seen_rel)
@@ -113,7 +124,7 @@ def page(bench: Workbench) -> Page:
     """Return the page."""
     quick, response = bench.quick, bench.response
     channels, steps, n = (QUICK_CHANNELS, QUICK_STEPS, QUICK_CASES) if quick else (CHANNELS, STEPS, CASES)
-    learnt, held_out = wide(response, n, LEARNT_SEED), wide(response, n // 4, ASKED_SEED)
+    held_out = wide(response, n // 4, ASKED_SEED)
     felt = np.linalg.norm(held_out.force_n, axis=1) >= WIDE_TABLE_MIN_N
     asked = Cases(held_out.force_n[felt], held_out.closure_um[felt])
     paper = paper_verification(response)
@@ -121,10 +132,7 @@ def page(bench: Workbench) -> Page:
     seen, paper_seen = (
         measured_closure_rel(response.design, cases.closure_um, rng) for cases in (asked, paper)
     )
-    trained = []
-    for c in channels:
-        trained.append(train(learnt, response.design, Protocol(channels=c, steps=steps, batch=BATCH)))
-        bench.say(f"network-size: {trained[-1].size} weights have learnt")
+    trained = learn_sizes(bench, channels, n, steps)
     times_us = run_us([onnx_model(weights, {}).SerializeToString() for weights in trained])
     results = [
         Result(

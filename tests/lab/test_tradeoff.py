@@ -1,0 +1,129 @@
+"""The chain of the study `tradeoff` is that of the daemon, and its judgement knows late and wrong forces."""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from footsense.core.design import CapacitorDesign
+from footsense.core.pipeline import Calibration
+from footsense.lab.evaluate_models import open_models
+from footsense.lab.study.tradeoff_chain import ORDERS, Published, Readings, along, convert, felt_by, pace
+from footsense.lab.study.tradeoff_errors import Truth, judge, settled_ms
+from footsense.sim.fabricated import Foot
+from footsense.sim.load import Ramp
+from tests.system.command import run_json
+
+pytestmark = pytest.mark.lab
+
+RELEASED = Path(__file__).parents[2] / "models" / "aoyagi-3x3"
+MS = 1_000_000
+ANY = Calibration(
+    design=CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0),
+    closure_rel_min=np.full(9, -np.inf),
+    closure_rel_max=np.full(9, np.inf),
+    moments=np.eye(9),
+)
+
+
+class FirstThree:
+    """A network whose force is the closures of the first three elements."""
+
+    def estimate(
+        self, closure_rel: NDArray[np.float64], missing: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return closure_rel[:, :3], np.ones((len(closure_rel), 3))
+
+
+def readings(order: str, distance_of_time_s: NDArray[np.float64], n: int = 45) -> Readings:
+    """Return readings of one foot whose elements follow polynomials of time [s], shape (9, coefficients)."""
+    step_ns, lead_ns = pace(400)
+    t_ns = np.arange(1, n + 1, dtype=np.int64) * step_ns
+    element = np.resize(ORDERS[order], n)
+    values = [
+        np.polyval(distance_of_time_s[e], t * 1e-9) for e, t in zip(element, t_ns.tolist(), strict=True)
+    ]
+    return Readings(
+        order=ORDERS[order],
+        t_ns=t_ns,
+        sent_ns=t_ns + lead_ns,
+        distance_rel=np.array(values)[:, None],
+        rest_rel=np.zeros((1, 9)),
+        noise_rel=1e-4,
+    )
+
+
+def test_the_daemon_keeps_the_same_pace() -> None:
+    """Rate and age of the daemon on the simulated robot are those that the study derives, to some hundredths."""
+    figures = run_json("--operating-point", "fresh", "--scene", "measured_walk", "--duration", "3", "--fast")
+    step_ns, lead_ns = pace(400)
+    assert figures["scan_rate_hz"] == pytest.approx(1e9 / step_ns, rel=0.03)
+    assert figures["age_ms"]["p50"] == pytest.approx(lead_ns * 1e-6, abs=0.1)
+
+
+@pytest.mark.parametrize("order", list(ORDERS))
+def test_a_force_is_made_of_what_was_known(order: str) -> None:
+    """The latest reading of every element, and the one before, are those up to the conversion, none after."""
+    said = readings(order, np.tile([1.0, 0.0], (9, 1)))  # every reading is its own time
+    for back in (0, 1):
+        values, stamps = said.elements(back)
+        assert len(values) == len(said.t_ns) - 9 * (back + 1) + 1
+        now_ns = said.t_ns[-len(values) :, None]
+        np.testing.assert_allclose(values[:, 0], stamps * 1e-9)
+        age = (now_ns - stamps) / pace(400).step_ns
+        np.testing.assert_array_equal(np.sort(age, axis=1), np.tile(9.0 * back + np.arange(9), (len(age), 1)))
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_extrapolation_is_exact_for_its_own_kind_of_motion(degree: int) -> None:
+    """Lines follow what moves evenly, parabolas what accelerates evenly."""
+    motion = np.random.default_rng(1).standard_normal((9, degree + 1))
+    published = along(readings("lo_shu", motion), FirstThree(), ANY, degree)
+    wanted = [[-np.polyval(motion[e], t * 1e-9) for e in range(3)] for t in published.sent_ns.tolist()]
+    np.testing.assert_allclose(published.force_n[:, 0], wanted, atol=1e-9)
+
+
+def test_a_converted_foot_reads_its_load() -> None:
+    """At rest the tare; under a load every element is pressed, by what the foot says to noise and step."""
+    response, _ = open_models(RELEASED)
+    foot, load = Foot(response), Ramp((0.0, 0.0, 0.5), 60 * MS)
+    said = convert(foot, [partial(load.contact, "lf")], ORDERS["lo_shu"], 100, 400 * MS, seed=1)
+    values, _ = said.elements()
+    closure_rel = said.rest_rel - values[:, 0]
+    assert np.abs(closure_rel[0]).max() < 8 * said.noise_rel
+    pressed_pf = foot.capacitance_pf(np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, 0.0, 0.5]]))
+    gap_um = response.design.gap_um
+    wanted = said.rest_rel[0] - response.design.plate_distance_um(pressed_pf)[0] / gap_um
+    np.testing.assert_allclose(closure_rel[-1], wanted, atol=8 * said.noise_rel)
+
+
+def published_late(truth: Truth, late_ns: int, every_ns: int = MS) -> Published:
+    """Return true forces that are sent so much too late."""
+    sent_ns = np.arange(0, truth.end_ns + MS, every_ns)
+    force_n = felt_by(truth.feet, sent_ns - late_ns)[1]
+    return Published(sent_ns, sent_ns - late_ns, sent_ns - late_ns, force_n, np.full(force_n.shape, 1e-3))
+
+
+def test_late_forces_are_found_to_be_late() -> None:
+    """By how much; and a force that is right for its stamp is wrong when it is sent."""
+    feet = [partial(Ramp((0.1, 0.0, 0.8), 700 * MS, 200 * MS).contact, "lf")]
+    truth = Truth.of(feet, 650 * MS, 1000 * MS)
+    right, late = judge(published_late(truth, 0), truth), judge(published_late(truth, 20 * MS), truth)
+    assert right.sent_total_mn == right.used_total_mn == 0.0
+    assert right.within_sigma == right.within_sigma_then == late.within_sigma_then == (1.0, 1.0, 1.0, 1.0)
+    assert right.behind_ms == pytest.approx(0.0, abs=0.1)
+    assert late.behind_ms == pytest.approx(20.0, abs=0.1)
+    assert late.age_ms == late.age_used_ms[0] == 20.0
+    assert late.sent_total_mn > 30.0
+    assert late.within_sigma[-1] < 0.5
+
+
+def test_a_step_is_settled_when_the_last_wrong_force_is_replaced() -> None:
+    """A force sent every 10 ms, 20 ms late, is right 20 to 30 ms after a step."""
+    begins_ns = (700 * MS, 704 * MS)
+    feet = [partial(Ramp((0.0, 0.0, 0.8), at_ns).contact, "lf") for at_ns in begins_ns]
+    truth = Truth.of(feet, 650 * MS, 1000 * MS)
+    found_ms = settled_ms(published_late(truth, 20 * MS, every_ns=10 * MS), truth, begins_ns)
+    np.testing.assert_allclose(found_ms, [20.0, 26.0])
