@@ -4,7 +4,7 @@ A float is written with the fewest digits that give the same 64 bits back; NaN i
 which JSON has no word, is the number 1e999.
 
 Every scan is written whole, also where forces go out after each conversion and one ninth of it is new: the
-container's compression finds what repeats (598 bytes a cycle; 538 with only the changes written).
+container's compression finds what repeats, and writing the changes alone would save a tenth of the file.
 
 A recording from before there were causes and zeros has no such entries. They are read as `NOT_RECORDED` and as no
 zero, are not compared, and stay out when the recording is recovered.
