@@ -15,20 +15,18 @@ stop, and that is what they are for.
 from collections.abc import Callable
 from pathlib import Path
 
-from firmware_interface import can_events, can_frames, can_zero
-from firmware_interface.can_codes import NODE_IDS, Cause, Flag, NmtState, State
+from firmware_interface import can_events, can_frames
+from firmware_interface.can_codes import NODE_IDS, Flag, NmtState
 from firmware_interface.crc8 import next_counter
-from firmware_interface.socketcan import FRAME_BYTES, pack_frame
+from firmware_interface.socketcan import FRAME_BYTES
 from footsense.frames import Command, ForceFrame, Outcome
 from footsense.ports import CanWire, Clock
 from footsense.publish.can_channel import CanChannel
 from footsense.publish.can_commands import CanCommands
+from footsense.publish.can_leg import CanLeg
 from footsense.publish.can_stats import CanStats
 
 __all__ = ["CanSink"]
-
-_HEARTBEAT_PERIOD_NS = 200_000_000
-_ZERO_PERIOD_NS = 1_000_000_000
 
 #: Most frames beside Force and Quality that go out with one scan; the others wait for the next. The interface's
 #: queue has room for so many (`deploy/80-can0.network`).
@@ -36,33 +34,6 @@ _MOST_EVENTS = 4
 
 #: Bytes of a leg's Force and Quality.
 _PAIR_BYTES = 2 * FRAME_BYTES
-
-#: A leg whose chips give nothing waits for them as one without a baseline waits for its tare.
-_NMT_OF_STATE = {
-    int(State.STOPPED): NmtState.STOPPED,
-    int(State.ABSENT): NmtState.PRE_OPERATIONAL,
-    int(State.STARTING): NmtState.PRE_OPERATIONAL,
-    int(State.CONVERTER_FAULT): NmtState.PRE_OPERATIONAL,
-    int(State.NO_BASELINE): NmtState.PRE_OPERATIONAL,
-    int(State.TARING): NmtState.PRE_OPERATIONAL,
-}
-
-
-class _Leg:
-    """One leg's place on the bus and where its counters stand."""
-
-    def __init__(self, row: int, node: int, heartbeat_due_ns: int, zero_due_ns: int) -> None:
-        self.row = row
-        self.node = node
-        self.force_head = pack_frame(can_frames.FORCE_ID + node, bytes(8))[:-8]
-        self.quality_head = pack_frame(can_frames.QUALITY_ID + node, bytes(8))[:-8]
-        self.fault_counter = 0
-        self.zero_counter = 0
-        self.heartbeat_due_ns = heartbeat_due_ns
-        self.zero_due_ns = zero_due_ns
-        self.degraded_timing = False
-        # As if stopped until now: the first state is a change, and a consumer that was here before learns it.
-        self.reported = (int(State.STOPPED), 0, int(Cause.NONE))
 
 
 class CanSink:
@@ -120,16 +91,7 @@ class CanSink:
         )
         self._clock = clock
         now_ns = clock.now_ns()
-        # Spread over the periods, so that these frames do not all come on top of one scan's.
-        self._legs = [
-            _Leg(
-                row,
-                node,
-                now_ns + row * _HEARTBEAT_PERIOD_NS // len(nodes),
-                now_ns + row * _ZERO_PERIOD_NS // len(nodes),
-            )
-            for row, node in enumerate(nodes)
-        ]
+        self._legs = [CanLeg(row, node, now_ns, row / len(nodes)) for row, node in enumerate(nodes)]
         self._commands = CanCommands(self._channel, nodes, clock, self.stats)
         self._counter = 0  # of every Force and Quality of a scan
         self._first = 0  # where the frames begin that go out first [bytes]
@@ -149,15 +111,14 @@ class CanSink:
         told = [states, masks, frame.cause.tolist()]
         owed = [] if told == self._told else self._changes(told)
         reports = owed[:_MOST_EVENTS]
-        events = [self._report(leg, now) for leg, now in reports]
+        events = [leg.report(*now) for leg, now in reports]
         if t_ns >= self._due_ns:
             events += self._periodic(frame, states, _MOST_EVENTS - len(events))
         taken = self._channel.send(forces + b"".join(events), t_ns)
 
         n_reported = min(len(reports), max(0, taken - 2 * len(self._legs)))
         for leg, now in reports[:n_reported]:
-            leg.fault_counter = next_counter(leg.fault_counter)
-            leg.reported = now
+            leg.has_reported(now)
         if n_reported == len(owed):
             self._told = told
 
@@ -178,7 +139,7 @@ class CanSink:
         if self._closed:
             return
         self._closed = True
-        last = b"".join(self._beat(leg, NmtState.STOPPED) for leg in self._legs)
+        last = b"".join(leg.heartbeat(NmtState.STOPPED) for leg in self._legs)
         self._channel.send(last, self._clock.now_ns())
         self._channel.close()
 
@@ -211,7 +172,7 @@ class CanSink:
             )
         return b"".join(parts)
 
-    def _changes(self, told: list[list[int]]) -> list[tuple[_Leg, tuple[int, int, int]]]:
+    def _changes(self, told: list[list[int]]) -> list[tuple[CanLeg, tuple[int, int, int]]]:
         """Return the legs of which a fault report is owed, with state, mask and cause."""
         of_legs = zip(*told, strict=True)
         return [
@@ -229,35 +190,9 @@ class CanSink:
         due: list[bytes] = []
         for leg, state, flags in zip(self._legs, states, frame.flags.tolist(), strict=True):
             if now_ns >= leg.heartbeat_due_ns and len(due) < room:
-                leg.heartbeat_due_ns = _next_due(leg.heartbeat_due_ns, _HEARTBEAT_PERIOD_NS, now_ns)
                 leg.degraded_timing = bool(flags & Flag.DEGRADED_TIMING)
-                due.append(self._beat(leg, _NMT_OF_STATE.get(state, NmtState.OPERATIONAL)))
+                due.append(leg.next_heartbeat(state, now_ns))
             if now_ns >= leg.zero_due_ns and len(due) < room:
-                leg.zero_due_ns = _next_due(leg.zero_due_ns, _ZERO_PERIOD_NS, now_ns)
-                due.append(self._zero(leg, frame))
+                due.append(leg.next_zero(frame))
         self._due_ns = min(min(leg.heartbeat_due_ns, leg.zero_due_ns) for leg in self._legs)
         return due
-
-    @staticmethod
-    def _report(leg: _Leg, now: tuple[int, int, int]) -> bytes:
-        state, mask, cause = now
-        data = can_events.encode_fault(leg.node, leg.fault_counter, state, leg.reported[0], mask, cause)
-        return pack_frame(can_events.FAULT_ID + leg.node, data)
-
-    @staticmethod
-    def _beat(leg: _Leg, state: NmtState) -> bytes:
-        data = can_events.encode_heartbeat(state, degraded_timing=leg.degraded_timing)
-        return pack_frame(can_events.HEARTBEAT_ID + leg.node, data)
-
-    @staticmethod
-    def _zero(leg: _Leg, frame: ForceFrame) -> bytes:
-        status, mean_pf, worst_pf, moved_ns = (column[leg.row].item() for column in frame.zero)
-        age_ns = frame.t_sent_ns - moved_ns if moved_ns else None
-        data = can_zero.encode_zero(leg.node, leg.zero_counter, status, mean_pf, worst_pf, age_ns)
-        leg.zero_counter = next_counter(leg.zero_counter)
-        return pack_frame(can_zero.ZERO_ID + leg.node, data)
-
-
-def _next_due(due_ns: int, period_ns: int, now_ns: int) -> int:
-    """Return when a frame is due again that was due at `due_ns` and is sent now."""
-    return due_ns + (1 + (now_ns - due_ns) // period_ns) * period_ns
