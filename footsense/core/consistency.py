@@ -32,6 +32,8 @@ DOUBT_REL = 0.5
 MOVED = 0.08
 #: How long an element has to agree, loaded and free each, until it is trusted again [ns].
 TRUSTED_AFTER_NS = 300_000_000
+#: By how much faster it loses that again while it disagrees [1].
+FORGIVES_REL = 4
 #: An element that moves less than this share of what the others predict is stuck [1].
 STUCK_REL = 0.3
 
@@ -110,18 +112,23 @@ class Consistency:
         if troubled.any():
             missing = missing.copy()
             for leg in np.flatnonzero(troubled).tolist():
-                doubt_rel[leg] = self._judge_leg(leg, closure_rel[leg], missing[leg], int(t_ns[leg]))
+                doubt_rel[leg] = self._judge_leg(
+                    leg, closure_rel[leg], measured_rel[leg], missing[leg], int(t_ns[leg])
+                )
         self._t_ns = t_ns
         if self._remembered.any():
             self._stuck |= self._remembered & self._does_not_move()
         return Judgement(missing, doubt_rel, self._stuck.copy(), self._remembered & ~self._stuck)
 
-    def _judge_leg(self, leg: int, closure_rel: Vector, missing: Mask, t_ns: int) -> float:
+    def _judge_leg(
+        self, leg: int, closure_rel: Vector, measured_rel: Vector, missing: Mask, t_ns: int
+    ) -> float:
         """Write who contradicts into `missing`, shape (9,), and return how much is in doubt [1]."""
         if not np.isfinite(closure_rel[~missing]).all():
             return 0.0
         if self._remembered[leg].any():
             self._reconsider(leg, closure_rel, missing, t_ns)
+            self._watch(leg, closure_rel, measured_rel, missing)
         contradiction = self._contradiction(closure_rel, missing)
         if contradiction <= 1.0:
             self._doubted[leg] = False
@@ -137,7 +144,7 @@ class Consistency:
         missing |= culprit
         if not doubted.any():
             return doubt_rel
-        self._watch(leg, closure_rel, missing)
+        self._watch(leg, closure_rel, measured_rel, missing)
         if t_ns - self._doubted_since_ns[leg] < self._settled_ns:
             return doubt_rel
         self._remembered[leg] |= doubted
@@ -150,28 +157,32 @@ class Consistency:
         remembered = self._remembered[leg]
         if not np.isfinite(closure_rel[remembered]).all():
             return
-        predicted = self._watch(leg, closure_rel, missing)
+        passed_ns = min(t_ns - int(self._t_ns[leg]), self._settled_ns)
         if self._contradiction(closure_rel, missing & ~remembered) > 1.0:
-            self._agreed_ns[leg] = 0
+            # Not all at once: what is measured lags behind what is predicted while the load changes.
+            self._agreed_ns[leg] = np.maximum(self._agreed_ns[leg] - FORGIVES_REL * passed_ns, 0)
         else:
-            passed_ns = min(t_ns - int(self._t_ns[leg]), self._settled_ns)
-            largest = np.abs(predicted[remembered]).max()
+            largest = np.abs(self._predict(closure_rel, missing)[remembered]).max()
             self._agreed_ns[leg] += np.where([largest < LIMIT, largest > MOVED], passed_ns, 0)
         if (self._agreed_ns[leg] >= TRUSTED_AFTER_NS).all():
             missing &= ~remembered
             self._remembered[leg] = self._stuck[leg] = False
 
-    def _watch(self, leg: int, closure_rel: Vector, missing: Mask) -> Vector:
-        """Widen the extremes of what was seen and predicted; return what is predicted, shape (9,)."""
+    def _watch(self, leg: int, closure_rel: Vector, measured_rel: Vector, missing: Mask) -> None:
+        """Widen the extremes of what was measured and of what was predicted meanwhile."""
+        predicted = self._predict(closure_rel, missing)
+        for extremes, now in ((self._seen, measured_rel), (self._predicted, predicted)):
+            extremes[0, leg] = np.fmin(extremes[0, leg], now)
+            extremes[1, leg] = np.fmax(extremes[1, leg], now)
+
+    def _predict(self, closure_rel: Vector, missing: Mask) -> Vector:
+        """Return what the others say of those that are missing, shape (9,)."""
         known = np.where(missing, 0.0, closure_rel)
         kept = ~missing
         predicted = known.copy()
         if kept.any():
             read = self._moments[np.ix_(kept, kept)]
             predicted[missing] = self._moments[np.ix_(missing, kept)] @ np.linalg.solve(read, known[kept])
-        for extremes, now in ((self._seen, closure_rel), (self._predicted, predicted)):
-            extremes[0, leg] = np.fmin(extremes[0, leg], now)
-            extremes[1, leg] = np.fmax(extremes[1, leg], now)
         return predicted
 
     def _does_not_move(self) -> Mask:

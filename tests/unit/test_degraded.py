@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from footsense.core.quality import floating_pf, missing_elements
-from footsense.frames import USABLE, CapFrame, State
-from tests.unit.feet import SCAN_NS, SIGMA_N, Feet
+from footsense.core.quality import Faulty, causes, converter_states, floating_pf, missing_elements
+from footsense.frames import USABLE, CapFrame, Cause, Reading, State, Zero
+from tests.unit.feet import SCAN_NS, SIGMA_N, WINDOW, Feet
 
 #: What an element reads whose line is open [pF].
 OPEN_PF = 0.8
@@ -143,3 +143,83 @@ def test_a_line_that_comes_and_goes_is_no_load(broken: list[int], first: int) ->
             np.testing.assert_allclose(forces.force_n[0], 9 * 0.25, rtol=1e-5)
     assert states[7] == State.DEGRADED
     assert states[8:] == [State.STALE] * 2 + [State.VALID] * 4
+
+
+def over_range(feet: Feet, closures: NDArray[np.float64], element: int) -> CapFrame:
+    """Return a scan in which one element of the first leg is beyond the converter's range."""
+    scan = feet.scan(closures)
+    scan.capacitance_pf[0, element], scan.reading[0, element] = np.nan, Reading.OVER_RANGE
+    return scan
+
+
+def test_an_element_over_the_range_of_a_pressed_foot_is_pressed() -> None:
+    """The others say so: no force."""
+    feet = Feet().tared()
+    for _ in range(8):
+        forces = feet.feed(over_range(feet, np.full((2, 9), 16.0), 4))
+    assert forces.state.tolist() == [State.SATURATED, State.VALID]
+    assert forces.cause.tolist() == [Cause.GAP_SHUT, Cause.NONE]
+
+
+def test_an_element_over_the_range_of_a_free_foot_is_shorted() -> None:
+    """Once that has lasted: the force is that of the others. A tare does without it, too."""
+    feet = Feet().tared()
+    states = [int(feet.feed(over_range(feet, np.full((2, 9), 5.0), 4)).state[0]) for _ in range(8)]
+    assert states[:4] == [State.SATURATED] * 4
+    forces = feet.feed(over_range(feet, np.full((2, 9), 5.0), 4))
+    assert forces.state.tolist() == [State.DEGRADED, State.VALID]
+    assert (forces.cause[0], forces.fault_mask[0]) == (Cause.ELEMENT_SHORTED, 1 << 4)
+    np.testing.assert_allclose(forces.force_n[0], 9 * 0.25, rtol=1e-5)
+    fresh = Feet()
+    for _ in range(WINDOW + 4):
+        forces = fresh.feed(over_range(fresh, np.zeros((2, 9)), 4))
+    assert forces.state.tolist() == [State.DEGRADED, State.VALID]
+
+
+@pytest.mark.parametrize(
+    ("elements", "cause"),
+    [
+        ([4], Cause.ELEMENT_OPEN),
+        ([0, 2], Cause.ELEMENT_OPEN),
+        ([3, 4, 5], Cause.ROW_OPEN),
+        ([2, 5, 8], Cause.COLUMN_OPEN),
+        ([0, 1, 2, 8], Cause.ROW_OPEN),
+        ([0, 4, 8], Cause.ELEMENT_OPEN),
+    ],
+    ids=str,
+)
+def test_a_line_is_told_from_single_faults(elements: list[int], cause: Cause) -> None:
+    """By all three of its elements."""
+    nothing = np.zeros((1, 9), bool)
+    faulty = Faulty(opened(*elements), nothing, nothing, nothing)
+    reading = np.zeros((1, 9), np.uint8)
+    assert causes(reading, np.array([State.DEGRADED]), faulty, Zero.none(1)).tolist() == [cause]
+
+
+def test_the_gravest_reading_gives_state_and_cause() -> None:
+    """An element that is garbled is nothing beside a chip that does not answer; what is known of elements is less."""
+    whole = np.zeros((1, 9), bool)
+    faulty = Faulty(opened(4), whole, whole, whole)
+    for readings, state, cause in (
+        ([Reading.HELD_UP], State.STALE, Cause.HELD_UP),
+        ([Reading.HELD_UP, Reading.GARBLED], State.CONVERTER_FAULT, Cause.GARBLED),
+        ([Reading.GARBLED, Reading.LINE_HELD], State.ABSENT, Cause.LINE_HELD),
+        ([Reading.WRONG_CHIP], State.ABSENT, Cause.WRONG_CHIP),
+        ([Reading.NOT_READY, Reading.NO_ANSWER], State.ABSENT, Cause.NO_ANSWER),
+    ):
+        reading = np.zeros((1, 9), np.uint8)
+        reading[0, : len(readings)] = readings
+        states = np.array([State.VALID], np.uint8)
+        converter_states(states, reading, whole, whole)
+        assert states.tolist() == [state]
+        assert causes(reading, states, faulty, Zero.none(1)).tolist() == [cause]
+
+
+def test_a_zero_that_left_the_others_is_told() -> None:
+    """Though it is followed and the force is valid."""
+    whole = np.zeros((2, 9), bool)
+    zero = Zero.none(2)._replace(mean_pf=np.array([-0.03, -0.03]), worst_pf=np.array([-0.036, 0.0]))
+    cause = causes(
+        np.zeros((2, 9), np.uint8), np.full(2, State.VALID), Faulty(whole, whole, whole, whole), zero
+    )
+    assert cause.tolist() == [Cause.NONE, Cause.ELEMENT_DRIFTS]
