@@ -40,6 +40,7 @@ STUDIES = (
     "limit",
     "network-size",
     "history",
+    "tradeoff",
     "hard-cases",
 )
 README, BUILD = "README.md", "build.json"

@@ -88,7 +88,7 @@ def test_extrapolation_is_exact_for_its_own_kind_of_motion(degree: int) -> None:
 def test_a_converted_foot_reads_its_load() -> None:
     """At rest the tare; under a load every element is pressed, by what the foot says to noise and step."""
     response, _ = open_models(RELEASED)
-    foot, load = Foot(response), Ramp((0.0, 0.0, 0.5), 60 * MS)
+    foot, load = Foot(response), Ramp((0.0, 0.0, 0.5), 100 * MS)
     said = convert(foot, [partial(load.contact, "lf")], ORDERS["lo_shu"], 100, 400 * MS, seed=1)
     values, _ = said.elements()
     closure_rel = said.rest_rel - values[:, 0]
@@ -117,7 +117,7 @@ def test_late_forces_are_found_to_be_late() -> None:
     assert late.behind_ms == pytest.approx(20.0, abs=0.1)
     assert late.age_ms == late.age_used_ms[0] == 20.0
     assert late.sent_total_mn > 30.0
-    assert late.within_sigma[-1] < 0.5
+    assert late.within_sigma[-1] < 0.6
 
 
 def test_a_step_is_settled_when_the_last_wrong_force_is_replaced() -> None:

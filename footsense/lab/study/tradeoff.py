@@ -32,7 +32,7 @@ FULL = Tried(
     phases=6,
     rates_sps=(400, 200, 100),
     averaged=(1, 2, 4, 8),
-    channels=(2, 6, 18),
+    channels=(2, 8),
     cases=10_000,
     training_steps=2000,
 )
