@@ -160,7 +160,8 @@ def test_elastance_is_the_better_linear_input(built: Built) -> None:
 def test_the_card_says_what_the_daemon_needs(built: Built, folder: Path) -> None:
     """Key by key, and the file is of the fixed, old format with a free batch size."""
     model = onnx.load(folder / "network.onnx")
-    (prop,) = model.metadata_props
+    prop, checksum = model.metadata_props
+    assert checksum.key == "footsense_sha256"
     card = json.loads(prop.value)
     assert prop.key == METADATA_KEY
     assert card == built.card
