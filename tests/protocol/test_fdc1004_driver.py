@@ -101,3 +101,25 @@ def test_results_are_two_s_complement_with_19_fractional_bits(
     got, value_pf = fdc1004.decode_result(answers)
     assert got is reading
     np.testing.assert_equal(value_pf, expected_pf)
+
+
+@pytest.mark.parametrize(
+    ("answer", "garbled"),
+    [
+        (b"\x0c\x80", False),
+        (b"\x0c\x8f", False),
+        (b"\x00\x00", False),
+        (b"\x0d\x80", True),
+        (b"\xff\xff", True),
+    ],
+)
+def test_bits_that_no_converter_sends_are_noticed(answer: bytes, *, garbled: bool) -> None:
+    """In FDC_CONF the reserved bits 14 to 12 and 9, and REPEAT, which is never asked for."""
+    assert fdc1004.is_garbled(answer) is garbled
+
+
+def test_a_lower_half_with_reserved_bits_is_garbled() -> None:
+    """Its lowest eight bits are always zero."""
+    reading, capacitance_pf = fdc1004.decode_result([b"\x2b\x00", b"\x01\x04"])
+    assert reading is Reading.GARBLED
+    assert np.isnan(capacitance_pf)
