@@ -1,0 +1,294 @@
+"""What must hold in every cycle of a walk, whatever breaks in it; what does not is noted with time and leg.
+
+A leg on which something is broken may be silent, and so may it for a while afterwards (`RECOVERY_S`): the others go
+on. What is wrong with a bus is allowed to cost its legs time, and what is wrong with CAN to cost frames there; how
+much, stands here.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, decode_quality
+from firmware_interface.socketcan import split_frames
+from footsense.frames import USABLE, Cycle, State
+from footsense.sim.can_faults import CanFault
+from footsense.sim.faults import ArbitrationLost, Fault, StuckSda, StuckTrunk
+
+__all__ = ["Invariants", "Lost", "Rules", "Spans"]
+
+_NS_PER_S = 1_000_000_000
+_USABLE = np.array(sorted(USABLE), np.uint8)
+#: Sigmas that an error may have.
+_SIGMAS = 5.0
+#: Violations that are kept; the others are counted.
+_KEPT = 20
+
+#: A leg is tried again after pauses that double up to 4 s, and tared in its next swing; one that held a line of the
+#: bus after four times as much.
+RECOVERY_S, HOLDER_RECOVERY_S = 6.0, 18.0
+#: How long after the end of a fault on CAN frames may still be missing there: the interface is opened again, and the
+#: kernel looks after its carrier once a second.
+CAN_RECOVERY_S = 2.0
+
+#: Time without any frame that an adapter's timeouts cost: beyond the period, for each leg that holds the bus [s], and
+#: in all where the trunk itself is held [s].
+_HOLDER_COSTS_S, _TRUNK_COSTS_S = 0.06, 0.45
+#: Frames on their way to the wire: a queue and three mailboxes full, each of which loses to another node's [bits].
+_DRAIN_BITS = 2 * 19 * 135
+
+
+class Lost(NamedTuple):
+    """An invariant that did not hold.
+
+    Attributes:
+        rule: Which.
+        t_s: When [s].
+        leg: Where; empty for all.
+        what: What was seen.
+    """
+
+    rule: str
+    t_s: float
+    leg: str
+    what: str
+
+
+class Rules(NamedTuple):
+    """What the walk is held to.
+
+    Attributes:
+        legs: Names of the legs.
+        period_s: From one frame to the next if all is well [s].
+        max_age_s: Age limit of a force [s].
+        gait_period_s: A leg is in the air once in this time [s].
+        from_s: When every leg is tared [s].
+        stands_s: Spans in which no leg is ever in the air [s].
+        element: Whether a force is as of its sending.
+        bitrate: Of CAN [bit/s].
+    """
+
+    legs: tuple[str, ...]
+    period_s: float
+    max_age_s: float
+    gait_period_s: float
+    from_s: float
+    stands_s: tuple[tuple[float, float], ...] = ()
+    element: bool = False
+    bitrate: int = 500_000
+
+
+class Spans:
+    """Spans of time that are asked for in their order.
+
+    Args:
+        spans_s: From when until when [s].
+    """
+
+    def __init__(self, spans_s: Sequence[tuple[float, float]]) -> None:
+        merged: list[tuple[float, float]] = []
+        for from_s, until_s in sorted(spans_s):
+            if merged and from_s <= merged[-1][1]:
+                merged[-1] = (merged[-1][0], max(until_s, merged[-1][1]))
+            else:
+                merged.append((from_s, until_s))
+        self._spans_s = merged
+        self._next = 0
+
+    def hold(self, t_s: float) -> bool:
+        """Tell whether a time, not before the last one asked for, lies in one of them."""
+        while self._next < len(self._spans_s) and self._spans_s[self._next][1] < t_s:
+            self._next += 1
+        return self._next < len(self._spans_s) and self._spans_s[self._next][0] <= t_s
+
+
+class Invariants:
+    """Watches a walk, as an observer of its cycles and as a listener on its CAN bus.
+
+    Args:
+        rules: What the walk is held to.
+        script: What breaks in it.
+        felt_n: What every foot feels at a time.
+
+    Attributes:
+        lost: The first invariants that did not hold.
+        n_lost: How many did not, by name.
+        n_cycles: Cycles seen.
+        n_checked: Usable forces of which the error was checked.
+        n_beyond: Those with an error beyond 5 sigma, by axis, shape (3,).
+        n_heard: Frames of `Force` that reached the other nodes.
+        n_missed: Those that did not while CAN was broken.
+        worst_gap_s: Longest time between two frames [s].
+        n_states: How many leg frames had which state.
+    """
+
+    def __init__(
+        self, rules: Rules, script: Sequence[Fault], felt_n: Callable[[int], NDArray[np.float64]]
+    ) -> None:
+        self._rules = rules
+        self._felt_n = felt_n
+        self._excused = [Spans(_excused_s(rules, script, leg)) for leg in rules.legs]
+        self._can_broken_s = [
+            (fault.at_s, fault.until_s + CAN_RECOVERY_S)
+            for fault in script
+            if isinstance(fault, CanFault) and fault.until_s is not None
+        ]
+        self._gap_costs_s = _gap_costs_s(script)
+        self._last: tuple[int, int] | None = None  # sequence, t_sent_ns
+        self._counters: dict[int, tuple[int, int]] = {}  # by node: counter, t_ns
+        self._longest_wait_s = 2.0 * rules.period_s + _DRAIN_BITS / rules.bitrate
+        self.lost: list[Lost] = []
+        self.n_lost: Counter[str] = Counter()
+        self.n_cycles = self.n_checked = self.n_heard = self.n_missed = 0
+        self.n_beyond = np.zeros(3, np.int64)
+        self.worst_gap_s = 0.0
+        self.n_states: Counter[int] = Counter()
+
+    def observe(self, cycle: Cycle) -> None:
+        """Check what was published."""
+        frame, rules = cycle.forces, self._rules
+        t_s = frame.t_sent_ns / _NS_PER_S
+        self.n_cycles += 1
+        self._check_pace(frame.sequence, frame.t_sent_ns, t_s)
+        usable = np.isin(frame.state, _USABLE)
+        numbers = np.isfinite(frame.force_n).all(axis=1) & np.isfinite(frame.sigma_n).all(axis=1)
+        some = np.isfinite(frame.force_n).any(axis=1)
+        wrong = (numbers != usable) | (some != usable)
+        for leg in np.flatnonzero(wrong).tolist():
+            self._lose(
+                "a number if and only if the state allows one", t_s, leg, f"{State(frame.state[leg]).name}"
+            )
+        old = usable & (frame.age_ns > rules.max_age_s * _NS_PER_S)
+        for leg in np.flatnonzero(old).tolist():
+            self._lose("no force above its age limit", t_s, leg, f"{frame.age_ns[leg] / 1e6:.1f} ms")
+        for leg, state in enumerate(frame.state.tolist()):
+            self.n_states[state] += 1
+            excused = self._excused[leg].hold(t_s)
+            if t_s > rules.from_s and not excused and not usable[leg]:
+                self._lose("the other legs go on", t_s, leg, f"{State(state).name}, cause {frame.cause[leg]}")
+        if usable.any():
+            self._check_errors(cycle, usable)
+
+    def hear(self, t_ns: int, handed_ns: int, frame: bytes) -> None:
+        """Check what reached the other nodes on CAN."""
+        can_id, data = next(split_frames(frame))
+        t_s = t_ns / _NS_PER_S
+        kind, node = can_id & ~0x7F, can_id & 0x7F
+        if kind not in {FORCE_ID, QUALITY_ID}:
+            return
+        wait_ns = t_ns - handed_ns
+        if wait_ns > self._longest_wait_s * _NS_PER_S:
+            self._lose(
+                "no frame waits for two periods", t_s, node - 1, f"0x{can_id:03x} {wait_ns / 1e6:.1f} ms"
+            )
+        if kind == QUALITY_ID:
+            self._check_age_on_wire(can_id, data, wait_ns, t_s)
+            return
+        self.n_heard += 1
+        counter = data[1] & 0xF
+        before = self._counters.get(node)
+        self._counters[node] = (counter, t_ns)
+        if before is None:
+            return
+        missed = (counter - before[0] - 1) % 15
+        if missed:
+            self.n_missed += missed
+            if not self._can_was_broken(before[1] / _NS_PER_S, t_s):
+                self._lose("every frame reaches CAN", t_s, node - 1, f"{missed} missing")
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _check_pace(self, sequence: int, t_sent_ns: int, t_s: float) -> None:
+        rules, last, self._last = self._rules, self._last, (sequence, t_sent_ns)
+        if last is None:
+            return
+        if sequence != last[0] + 1:
+            self._lose("no frame is left out", t_s, None, f"{last[0]}, then {sequence}")
+        gap_s = (t_sent_ns - last[1]) / _NS_PER_S
+        self.worst_gap_s = max(self.worst_gap_s, gap_s)
+        if not 0.0 < gap_s <= 1.1 * rules.period_s + self._allowed_s(t_s - gap_s, t_s):
+            self._lose("frames keep coming on time", t_s, None, f"{1e3 * gap_s:.1f} ms")
+
+    def _allowed_s(self, from_s: float, until_s: float) -> float:
+        """Return by how much a frame may be late because of what is wrong with a bus [s]."""
+        while self._gap_costs_s and self._gap_costs_s[0][1] < from_s:
+            self._gap_costs_s.pop(0)
+        return sum(
+            cost_s
+            for begins_s, ends_s, cost_s in self._gap_costs_s
+            if begins_s <= until_s and from_s <= ends_s
+        )
+
+    def _check_errors(self, cycle: Cycle, usable: NDArray[np.bool_]) -> None:
+        frame = cycle.forces
+        times = frame.t_ns[usable].tolist()
+        moments = {frame.t_sent_ns} if self._rules.element else set(times)
+        felt_n = {t_ns: self._felt_n(t_ns) for t_ns in moments}
+        legs = np.flatnonzero(usable)
+        true_n = (
+            felt_n[frame.t_sent_ns][usable]
+            if self._rules.element
+            else np.stack([felt_n[t_ns][leg] for t_ns, leg in zip(times, legs.tolist(), strict=True)])
+        )
+        beyond = np.abs(frame.force_n[usable] - true_n) > _SIGMAS * frame.sigma_n[usable]
+        self.n_checked += len(legs)
+        self.n_beyond += beyond.sum(axis=0)
+
+    def _check_age_on_wire(self, can_id: int, data: bytes, wait_ns: int, t_s: float) -> None:
+        quality = decode_quality(can_id, data)
+        if quality.age_ns is None or np.isnan(quality.sigma_n[0]):
+            return  # no force goes with it
+        age_ns = quality.age_ns + wait_ns
+        if age_ns > (self._rules.max_age_s + self._longest_wait_s) * _NS_PER_S:
+            self._lose("nothing old leaves the wire", t_s, quality.node - 1, f"{age_ns / 1e6:.1f} ms")
+
+    def _can_was_broken(self, from_s: float, until_s: float) -> bool:
+        return any(at_s <= until_s and from_s <= ends_s for at_s, ends_s in self._can_broken_s)
+
+    def _lose(self, rule: str, t_s: float, leg: int | None, what: str) -> None:
+        self.n_lost[rule] += 1
+        if len(self.lost) < _KEPT:
+            self.lost.append(Lost(rule, round(t_s, 4), "" if leg is None else self._rules.legs[leg], what))
+
+
+def _excused_s(rules: Rules, script: Sequence[Fault], leg: str) -> list[tuple[float, float]]:
+    """Return when a leg may be without a force [s]."""
+    spans = []
+    for fault in script:
+        if isinstance(fault, CanFault):
+            continue
+        where = getattr(fault, "leg", None)
+        if where not in {None, leg} or isinstance(fault, ArbitrationLost):
+            continue
+        until_s = getattr(fault, "until_s", None) or fault.at_s
+        recovery_s = HOLDER_RECOVERY_S if isinstance(fault, StuckSda | StuckTrunk) else RECOVERY_S
+        spans.append((fault.at_s, _later_s(rules, until_s, recovery_s + 3.0 * rules.gait_period_s)))
+    return spans
+
+
+def _later_s(rules: Rules, t_s: float, walking_s: float) -> float:
+    """Return when a robot that walks, and does not stand, has done so for some time after `t_s` [s]."""
+    later_s = t_s + walking_s
+    for from_s, until_s in rules.stands_s:
+        # It comes to a stand, and leaves it, with the legs in the middle of their stance.
+        ends_s = until_s + 2.0 * rules.gait_period_s
+        if from_s < later_s and t_s < ends_s:
+            later_s += ends_s - max(from_s, t_s)
+    return later_s
+
+
+def _gap_costs_s(script: Sequence[Fault]) -> list[tuple[float, float, float]]:
+    """Return from when until when a bus that is held may cost how much time [s], in the order of their ends."""
+    costs = []
+    for fault in script:
+        if isinstance(fault, StuckSda | StuckTrunk):
+            until_s = fault.until_s if fault.until_s is not None else np.inf
+            cost_s = _HOLDER_COSTS_S if isinstance(fault, StuckSda) else _TRUNK_COSTS_S
+            costs.append((fault.at_s, until_s + HOLDER_RECOVERY_S, cost_s))
+        elif isinstance(fault, ArbitrationLost):
+            costs.append((fault.at_s, fault.until_s or np.inf, 0.005))
+    return sorted(costs, key=lambda cost: cost[1])

@@ -1,0 +1,270 @@
+"""A day of walking in which something breaks every half minute: stretches of it, each a process of its own.
+
+Everything is in virtual time and follows from the seed; a stretch in which an invariant was lost is walked again by
+itself. Every stretch begins with a walk in which nothing breaks, which tells how often an error is beyond 5 sigma.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+
+import msgspec
+import numpy as np
+
+from footsense.app.invariants import Invariants, Lost, Rules
+from footsense.app.random_faults import random_faults
+from footsense.app.service import service
+from footsense.clock import resident_mib, stopwatch_ns
+from footsense.config import DEFAULT, Config
+from footsense.frames import State
+from footsense.sim.can_faults import CanTraffic
+from footsense.sim.scene import Effects, Scene, Stand, Tripod, Warming
+
+_NS_PER_S = 1_000_000_000
+#: All feet are in the air for so long at first [s].
+_LEAD_IN_S = 1.0
+#: The walk without faults that others are compared with [s]: as many steps at each rate.
+_CALIBRATION_STEPS = 60
+#: When memory is looked at first [s]: by then everything has been used once.
+_WARM_S = 120.0
+#: Standard deviations of a count that are chance.
+_CHANCE = 5.0
+#: An error lasts for a few frames, and comes again at every step: frames that count as one.
+_FRAMES_AS_ONE = 20
+#: Hours of a day at the full rate.
+_FAST_HOURS = 4.0
+#: How many stretches have a stand, and from when until when [s].
+_STANDS, _STAND_S = 2, (1200.0, 3000.0)
+#: Nothing breaks any more for so long at the end [s].
+_QUIET_END_S = 60.0
+#: Another node that now and then says something behind all of ours: CAN is simulated where something is on it.
+_QUIET = CanTraffic(at_s=0.0, can_id=0x7FF, rate_hz=0.1)
+_RARE = "no error beyond 5 sigma more often than calibrated"
+
+
+class Stretch(msgspec.Struct, frozen=True, kw_only=True):
+    """A part of the day.
+
+    Attributes:
+        number: Its place in the day.
+        seed: Of all that is random in it.
+        hours: How long it lasts [h].
+        rate_sps: Conversions per second; at 100 the robot walks at a quarter of its pace.
+        publish: `frame` or `element`.
+        stands_s: From when until when the robot stands [s].
+        kelvin: By how much it gets warmer, over ten minutes [K].
+    """
+
+    number: int
+    seed: int
+    hours: float
+    rate_sps: int = 400
+    publish: str = "frame"
+    stands_s: tuple[tuple[float, float], ...] = ()
+    kelvin: float = 0.0
+
+
+class Walked(msgspec.Struct, frozen=True, kw_only=True):
+    """What became of a stretch.
+
+    Attributes:
+        stretch: Which.
+        virtual_s: How long it was [s].
+        wall_s: What it took [s].
+        n_faults: What broke.
+        n_cycles: Frames that were published.
+        n_states: Leg frames by state.
+        n_lost: Invariants that did not hold, by name.
+        lost: The first of them.
+        worst_gap_s: Longest time between two frames [s].
+        beyond_rel: Share of the usable forces with an error beyond 5 sigma, by axis [1].
+        calibrated_rel: The same of the walk in which nothing broke.
+        n_heard: Frames of `Force` that arrived on CAN.
+        n_missed: Those that CAN lost while it was broken.
+        resident_mib: Memory when all had been used once, and at the end [MiB].
+        growth_mib_per_h: What was added per virtual hour [MiB/h].
+    """
+
+    stretch: Stretch
+    virtual_s: float
+    wall_s: float
+    n_faults: int
+    n_cycles: int
+    n_states: dict[str, int]
+    n_lost: dict[str, int]
+    lost: list[Lost]
+    worst_gap_s: float
+    beyond_rel: tuple[float, ...]
+    calibrated_rel: tuple[float, ...]
+    n_heard: int
+    n_missed: int
+    resident_mib: tuple[float, float]
+    growth_mib_per_h: float
+
+
+def day(hours: float, seed: int) -> list[Stretch]:
+    """Return the stretches of a walk: with a force after each conversion, two stands, and warmth that comes and goes.
+
+    A day has four hours at 400 conversions a second, one of them with a force after each, and the rest at 100, which
+    takes a third of the time. What is shorter than four hours is one stretch of each way of walking.
+    """
+    if hours <= _FAST_HOURS:
+        length = hours / 3.0
+        ways = [
+            Stretch(number=0, seed=0, hours=length),
+            Stretch(number=0, seed=0, hours=length, publish="element"),
+            Stretch(number=0, seed=0, hours=length, rate_sps=100),
+        ]
+    else:
+        ways = [
+            Stretch(number=0, seed=0, hours=1.0, publish="element"),
+            Stretch(number=0, seed=0, hours=1.0),
+            Stretch(number=0, seed=0, hours=1.0, kelvin=20.0),
+            Stretch(number=0, seed=0, hours=1.0, kelvin=-20.0),
+        ]
+        slow = [min(2.0, hours - begun) for begun in np.arange(_FAST_HOURS, hours, 2.0).tolist()]
+        ways += [
+            Stretch(
+                number=0,
+                seed=0,
+                hours=length,
+                rate_sps=100,
+                stands_s=(_STAND_S,) if number < _STANDS and length * 3600.0 > _STAND_S[1] + 600.0 else (),
+            )
+            for number, length in enumerate(slow)
+        ]
+    return [
+        msgspec.structs.replace(stretch, number=number, seed=1000 * seed + number)
+        for number, stretch in enumerate(ways)
+    ]
+
+
+def walk_day(stretches: list[Stretch], jobs: int) -> Iterator[Walked]:
+    """Walk stretches in processes of their own.
+
+    Args:
+        stretches: What is to be walked.
+        jobs: How many at a time.
+
+    Yields:
+        Each stretch as it ends.
+    """
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), max_tasks_per_child=1) as processes:
+        running = [processes.submit(walk_stretch, stretch) for stretch in stretches]
+        for walked in as_completed(running):
+            yield walked.result()
+
+
+def walk_stretch(stretch: Stretch) -> Walked:
+    """Walk one stretch.
+
+    Raises:
+        ModelError: The released network or the response table is missing.
+    """
+    config, scene, gait_period_s = _walk(stretch)
+    rules = Rules(
+        legs=config.legs,
+        period_s=math.inf,
+        max_age_s=config.stale_after_ms * 1e-3,
+        gait_period_s=gait_period_s,
+        from_s=_LEAD_IN_S + 1.0,
+        element=stretch.publish == "element",
+        bitrate=config.can.bitrate,
+    )
+    whole = _Course(config, msgspec.structs.replace(scene, faults=(_QUIET,)), rules)
+    whole.walk(_LEAD_IN_S + _CALIBRATION_STEPS * gait_period_s)
+    ends_s = 3600.0 * stretch.hours
+    rng = np.random.default_rng(stretch.seed)
+    # All that breaks has been mended and is well again at the end.
+    script = random_faults(rng, config.legs, _WARM_S, ends_s - _QUIET_END_S - 3.0 * gait_period_s)
+    rules = rules._replace(period_s=whole.period_s, stands_s=stretch.stands_s)
+    course = _Course(config, msgspec.structs.replace(scene, faults=(_QUIET, *script)), rules)
+    began_ns = stopwatch_ns()
+    course.walk(ends_s)
+    wall_s = (stopwatch_ns() - began_ns) / _NS_PER_S
+    seen = course.seen
+    lost = Counter(seen.n_lost)
+    calibrated_rel = whole.seen.n_beyond / whole.seen.n_checked
+    allowed = seen.n_checked * calibrated_rel
+    allowed += _CHANCE * np.sqrt(_FRAMES_AS_ONE * np.maximum(allowed, 1.0))
+    for axis in np.flatnonzero(seen.n_beyond > allowed).tolist():
+        lost[_RARE] += 1
+        what = f"f{'xyz'[axis]}: {seen.n_beyond[axis]} of {seen.n_checked}, at most {allowed[axis]:.0f}"
+        seen.lost.append(Lost(_RARE, ends_s, "", what))
+    warm_mib, end_mib = course.resident_mib
+    return Walked(
+        stretch=stretch,
+        virtual_s=ends_s,
+        wall_s=wall_s,
+        n_faults=len(script),
+        n_cycles=seen.n_cycles,
+        n_states={State(state).name.lower(): n for state, n in sorted(seen.n_states.items())},
+        n_lost=dict(lost),
+        lost=seen.lost,
+        worst_gap_s=seen.worst_gap_s,
+        beyond_rel=tuple((seen.n_beyond / seen.n_checked).tolist()),
+        calibrated_rel=tuple(calibrated_rel.tolist()),
+        n_heard=seen.n_heard,
+        n_missed=seen.n_missed,
+        resident_mib=(warm_mib, end_mib),
+        growth_mib_per_h=(end_mib - warm_mib) / ((ends_s - _WARM_S) / 3600.0),
+    )
+
+
+class _Course:
+    """One walk of the whole service, watched."""
+
+    def __init__(self, config: Config, scene: Scene, rules: Rules) -> None:
+        self._config, self._scene, self._rules = config, scene, rules
+        self.resident_mib = (0.0, 0.0)
+        self.period_s = math.nan
+
+    def walk(self, until_s: float) -> None:
+        """Walk up to a time [s], and look at the memory when all has been used once, and at the end."""
+        with service(self._config, self._scene, real_time=False) as running:
+            scanning = running.scanning
+            assert scanning.felt_n is not None, "a scene is simulated"
+            assert running.can is not None, "the script has something on CAN"
+            self.seen = Invariants(self._rules, self._scene.faults, scanning.felt_n)
+            running.observers.append(self.seen)
+            running.can.controller.hear = self.seen.hear
+            clock = scanning.clock
+            running.run(lambda: clock.now_ns() >= min(_WARM_S, until_s) * _NS_PER_S)
+            warm_mib = resident_mib()
+            running.run(lambda: clock.now_ns() >= until_s * _NS_PER_S)
+            self.resident_mib = (warm_mib, resident_mib())
+        self.period_s = until_s / self.seen.n_cycles
+
+
+def _walk(stretch: Stretch) -> tuple[Config, Scene, float]:
+    """Return the robot of a stretch, its scene without faults, and the period of its gait [s]."""
+    bitrate = 1_000_000 if stretch.publish == "element" else DEFAULT.can.bitrate
+    config = msgspec.convert(
+        {
+            **msgspec.to_builtins(DEFAULT),
+            "scan": {"rate_sps": stretch.rate_sps},
+            "publish": stretch.publish,
+            "can": {**msgspec.to_builtins(DEFAULT.can), "bitrate": bitrate},
+        },
+        type=Config,
+    )
+    gait_period_s = 1.2 * 400 / stretch.rate_sps
+    warming = Warming(from_s=600.0, over_s=600.0, kelvin=stretch.kelvin) if stretch.kelvin else None
+    scene = Scene(
+        description="A robot walks for hours, and things break.",
+        load=Tripod(
+            period_s=gait_period_s,
+            duty_rel=0.6,
+            peak_force_n=0.9,
+            friction_rel=0.15,
+            pitch_deg=10.0,
+            stands=tuple(Stand(from_s=from_s, until_s=until_s) for from_s, until_s in stretch.stands_s),
+        ),
+        lead_in_s=_LEAD_IN_S,
+        seed=stretch.seed,
+        gait_table=True,
+        effects=Effects(converter_noise=True, converter_clock_rel=0.01, gap_contact=True, warming=warming),
+    )
+    return config, scene, gait_period_s
