@@ -72,16 +72,7 @@ class LinuxI2cBus:
             # Other kinds of files do not know the question that an adapter answers.
             what = "not an I2C adapter; see `ls /dev/i2c-*`" if error.errno in _NO_ADAPTER else error.strerror
             raise HardwareError(f"{device}: {what}") from error
-        try:
-            fcntl.ioctl(adapter.fd, _I2C_TIMEOUT, _TIMEOUT_10MS)
-            fcntl.ioctl(adapter.fd, _I2C_RETRIES, _RETRIES)
-        except OSError as error:
-            # Such an adapter still works, only slower when a line is stuck.
-            _log.warning(
-                "%s: its timeout cannot be shortened (%s); a line that is held low may stop all legs for 1 s",
-                device,
-                error.strerror,
-            )
+        shorten_timeout(adapter.fd, device)
         return cls(adapter, device)
 
     def transfer(self, transaction: Transaction) -> bytes:
@@ -111,6 +102,19 @@ class LinuxI2cBus:
     def close(self) -> None:
         """Close the device file."""
         self._adapter.close()
+
+
+def shorten_timeout(descriptor: int, device: str) -> None:
+    """Have an adapter give up soon; one that does not take that still works, and is named in the journal."""
+    try:
+        fcntl.ioctl(descriptor, _I2C_TIMEOUT, _TIMEOUT_10MS)
+        fcntl.ioctl(descriptor, _I2C_RETRIES, _RETRIES)
+    except OSError as error:
+        _log.warning(
+            "%s: its timeout cannot be shortened (%s); a line that is held low may stop all legs for 1 s each time",
+            device,
+            error.strerror,
+        )
 
 
 def _messages(transaction: Transaction) -> list[smbus2.i2c_msg]:

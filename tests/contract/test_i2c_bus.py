@@ -3,11 +3,12 @@
 import errno
 import os
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 import smbus2
 
-from footsense.backends.linux_i2c import LinuxI2cBus
+from footsense.backends.linux_i2c import LinuxI2cBus, shorten_timeout
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.bus import SimulatedBus, SimulatedMux
@@ -91,6 +92,14 @@ def test_only_portable_transactions_reach_the_kernel() -> None:
     bus.transfer(Transaction(MUX, b"\x01"))
     bus.transfer(Transaction(MUX, b"\x01", 1))
     assert adapter.calls == [[(MUX, 0, 1)], [(MUX, 0, 1), (MUX, 1, 1)]]
+
+
+def test_an_adapter_whose_timeout_cannot_be_shortened_is_named(caplog: pytest.LogCaptureFixture) -> None:
+    """It is used all the same; the line says what to expect."""
+    with Path(os.devnull).open("rb") as device:
+        shorten_timeout(device.fileno(), "/dev/i2c-7")
+    assert "/dev/i2c-7: its timeout cannot be shortened" in caplog.text
+    assert "stop all legs for 1 s" in caplog.text
 
 
 def test_an_adapter_that_is_not_there_is_one_clear_line() -> None:
