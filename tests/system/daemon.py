@@ -14,8 +14,8 @@ from typing import Any
 #: Longest wait for anything [s]; what hangs is then seen to.
 TIMEOUT_S = 20
 
-#: Time of the robot between two signs of life [s]; the loop asks at each of its cycles whether one is due.
-SIGN_OF_LIFE_S = 0.1
+#: Time of the robot between two signs of life [s], five scans: the loop asks at each whether one is due.
+SIGN_OF_LIFE_S = 0.12
 
 
 class Daemon:
@@ -27,6 +27,7 @@ class Daemon:
 
     Attributes:
         pid: Of the loop's process.
+        signs: Signs of life that it has given since it was ready.
     """
 
     def __init__(self, process: subprocess.Popen[str], notify: socket.socket) -> None:
@@ -34,6 +35,7 @@ class Daemon:
         self._notify = notify
         self._end = os.pidfd_open(process.pid)
         self.pid = process.pid
+        self.signs = 0
 
     def wait_until_ready(self) -> None:
         """Return with the first forces."""
@@ -44,17 +46,22 @@ class Daemon:
         """Return when the loop has run for so many signs of life from now on."""
         with contextlib.suppress(BlockingIOError):
             while True:
-                self._notify.recv(4096)
-        while signs:
-            signs -= self._hear() == b"WATCHDOG=1"
+                self._take(self._notify.recv(4096))
+        wanted = self.signs + signs
+        while self.signs < wanted:
+            self._hear()
 
     def _hear(self) -> bytes:
-        """Return what it says next."""
+        """Wait for what it says next and return it."""
         said, _, _ = select.select([self._notify.fileno(), self._end], [], [], TIMEOUT_S)
         assert said, f"no word for {TIMEOUT_S} s"
         if self._notify.fileno() not in said:
             raise AssertionError(f"it ended: {self._process.communicate()}")
-        return self._notify.recv(4096)
+        return self._take(self._notify.recv(4096))
+
+    def _take(self, message: bytes) -> bytes:
+        self.signs += message == b"WATCHDOG=1"
+        return message
 
     def child(self, module: str) -> int:
         """Return the process id of the child that runs a module."""

@@ -1,7 +1,7 @@
 """A service that walks for a day takes no more memory than one that walks for a minute.
 
 The loop runs without garbage collection, so whatever refers to itself is never given back. A day in virtual time
-takes hours (CONTRIBUTING.md has its command); these are enough cycles to see what grows with every one of them.
+takes most of one (CONTRIBUTING.md has its command); these are enough cycles to see what grows with every one of them.
 """
 
 import gc
