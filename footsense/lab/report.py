@@ -41,6 +41,7 @@ STUDIES = (
     "network-size",
     "history",
     "tradeoff",
+    "touchdown",
     "hard-cases",
 )
 README, BUILD = "README.md", "build.json"
