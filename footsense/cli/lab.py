@@ -39,6 +39,7 @@ for _command in (
     lab_study.study,
     lab_study.ladder,
     lab_study.limit,
+    lab_study.tradeoff,
     lab_study.tolerance,
     lab_study.report,
 ):

@@ -1,4 +1,4 @@
-"""`footsense lab response`, `study`, `ladder`, `limit`, `tolerance`, `report`: questions to the models."""
+"""`footsense lab response`, `study`, `ladder`, `limit`, `tradeoff`, `tolerance`, `report`: questions to the models."""
 
 import json
 from pathlib import Path
@@ -88,17 +88,26 @@ def response(
 
 
 def _study(
-    study: "str | Callable[[Workbench], Page]", models: Path | None, output: Path | None, *, quick: bool
+    study: "str | Callable[[Workbench], Page]",
+    models: Path | None,
+    output: Path | None,
+    *,
+    quick: bool,
+    as_json_text: bool = False,
 ) -> None:
-    """Run a study by name or function, write its page, bind it, and print it."""
+    """Run a study by name or function, write its page, bind it, and print it, or its numbers alone as JSON."""
     folder = _report_folder(output, quick=quick)
     from footsense.lab.report import bind, make_page, timed_page
     from footsense.lab.study.page import Workbench
 
-    bench = Workbench(models=models or released_folder(), quick=quick, say=stopwatch_report())
+    say = (lambda _: None) if as_json_text else stopwatch_report()
+    bench = Workbench(models=models or released_folder(), quick=quick, say=say)
     page = make_page(study, bench) if isinstance(study, str) else timed_page(study, bench)
     page.write(folder)
     bind(folder, bench)
+    if as_json_text:
+        click.echo(json.dumps(page.values, indent=2))
+        return
     click.echo(page.markdown)
     click.echo(f"wrote {folder / page.name}.md, and bound it into {folder / 'README.md'}")
 
@@ -136,6 +145,16 @@ def ladder(*, models: Path | None, output: Path | None, quick: bool) -> None:
 def limit(*, models: Path | None, output: Path | None, quick: bool) -> None:
     """Print the Cramer-Rao bound over the loading range, and the network's error over it."""
     _study("limit", models, output, quick=quick)
+
+
+@click.command()
+@models_option
+@_output_option
+@_quick_option
+@click.option("--json", "as_json_text", is_flag=True, help="Print the numbers as JSON instead of the page.")
+def tradeoff(*, models: Path | None, output: Path | None, quick: bool, as_json_text: bool) -> None:
+    """Print what rate, averaging, publish mode and network size cost in latency and bring in error."""
+    _study("tradeoff", models, output, quick=quick, as_json_text=as_json_text)
 
 
 @click.command()

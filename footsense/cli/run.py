@@ -16,6 +16,7 @@ from footsense.cli.live_table import LiveTable
 from footsense.cli.summary_text import print_summary
 from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
+from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
 from footsense.core.score import Score
 from footsense.errors import ConfigError
 from footsense.frames import Cycle
@@ -84,6 +85,13 @@ class FirstFrame:
     help="Simulate this scene: a name (tripod, measured_walk, hanging) or a YAML file.",
 )
 @click.option(
+    "--operating-point",
+    type=click.Choice(list(OPERATING_POINTS)),
+    help="Conversion rate, averaging and publish mode by one name, instead of those of the file: "
+    + "; ".join(f"{name} for {point.purpose}" for name, point in OPERATING_POINTS.items())
+    + ".",
+)
+@click.option(
     "--duration",
     "duration_s",
     type=Seconds(),
@@ -106,6 +114,7 @@ class FirstFrame:
 def run(
     config_file: Path | None,
     scene_name: str | None,
+    operating_point: str | None,
     duration_s: float | None,
     record: Path | None,
     can_log: Path | None,
@@ -118,6 +127,8 @@ def run(
     Without --config this is the built-in simulation of a walking robot.
     """
     config = load_config(config_file) if config_file else DEFAULT
+    if operating_point is not None:
+        config = at_operating_point(config, operating_point)
     if scene_name is None and app.is_simulated(config):
         scene_name = _DEFAULT_SCENE
     scene = load_scene(scene_name) if scene_name else None

@@ -7,7 +7,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
 from firmware_interface.can_frames import NODE_IDS
@@ -167,35 +169,39 @@ def _xy(points: Sequence[Point], what: str) -> tuple[NDArray[np.float64], NDArra
     return latency, np.array([p.walk.used_total_mn if what == "error" else p.noise_mn for p in points])
 
 
+def _annotate(axes: Axes, point: Point, what: str, text: str, offset: tuple[int, int], colour: str) -> None:
+    """Write something beside a point."""
+    (x,), (y,) = _xy([point], what)
+    axes.annotate(
+        text, (x, y), offset, textcoords="offset points", fontsize=8, color=colour, ha="center", va="center"
+    )
+
+
 def grid_figure(points: Sequence[Point], sizes: Sequence[Point]) -> Figure:
     """Return error and noise against latency: a line for each rate, its number of averaged scans growing along it."""
-    figure = Figure(figsize=(10.0, 4.4), layout="constrained")
+    figure = Figure(figsize=(10.4, 4.6), layout="constrained")
     panels = figure.subplots(1, 2)
     rates = sorted({p.rate_sps for p in points}, reverse=True)
     for axes, what in zip(panels, ("error", "noise"), strict=True):
-        for colour, rate in zip(("C0", "C2", "C1"), rates, strict=False):
+        for colour, rate, aside in zip(("C0", "C2", "C1"), rates, ((-8, -6), (0, -10), (8, 6)), strict=False):
             scans = [p for p in points if p.rate_sps == rate and p.publish == "frame"]
-            x, y = _xy(scans, what)
-            axes.plot(x, y, "o-", color=colour, ms=5, label=f"frame, {rate} S/s")
-            for p, at in zip(scans, zip(x, y, strict=True), strict=True):
-                axes.annotate(
-                    f"{p.average_scans}",
-                    at,
-                    (0, 6 if what == "noise" else -12),
-                    textcoords="offset points",
-                    fontsize=8,
-                    color=colour,
-                    ha="center",
-                )
-            x, y = _xy([p for p in points if p.rate_sps == rate and p.publish == "element"], what)
-            axes.plot(x, y, "*", color=colour, ms=13, mec="k", mew=0.5, label=f"element, {rate} S/s")
+            axes.plot(*_xy(scans, what), "o-", color=colour, ms=5, label=f"frame, {rate} S/s")
+            for p in scans:
+                _annotate(axes, p, what, f"{p.average_scans}", (7, -8) if what == "error" else aside, colour)
+            single = [p for p in points if p.rate_sps == rate and p.publish == "element"]
+            axes.plot(
+                *_xy(single, what), "*", color=colour, ms=13, mec="k", mew=0.5, label=f"element, {rate} S/s"
+            )
         axes.set(xscale="log", yscale="log", xlabel="age of the force in use, median [ms]")
-        axes.grid(alpha=0.3, which="both")
-    for number, way in enumerate(("frame", "element")):
-        same = [p for p in sizes if p.publish == way]
-        x, y = _xy(same, "error")
-        panels[0].plot(x, y, "_", color="0.35", ms=9, label=None if number else "fewer or more weights")
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            axis.set_minor_formatter(NullFormatter())
+        axes.grid(alpha=0.3)
+    panels[0].plot(*_xy(sizes, "error"), "_", color="0.35", ms=10, label="fewer weights, 400 S/s")
+    for p in sizes:
+        _annotate(panels[0], p, "error", f"{p.weights}", (-16 if p.publish == "frame" else 16, 0), "0.35")
     panels[0].set(ylabel="error on the walk, at any time, rms [mN]")
     panels[1].set(ylabel="noise of a standing foot, rms [mN]")
-    panels[0].legend(fontsize=8)
+    panels[0].legend(fontsize=8, loc="lower right")
     return figure

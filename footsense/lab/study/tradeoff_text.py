@@ -133,8 +133,9 @@ themselves, along the line or parabola through their last readings, instead of b
 
 {_age_table(rows["measured_walk"])}
 
-*In use*: at any time, by a consumer that holds the last force. *Behind*: by how much earlier the truth has to be taken
-to fit best to what the consumer holds.
+*In use*: at any time, by a consumer that holds the last force. The age of a prediction is that of its newest reading;
+the other eight are older, by up to a scan. *Behind*: by how much earlier the truth has to be taken to fit best to what
+the consumer holds.
 
 In the tables, errors are rms against what the foot feels when the force is sent; *held* is against what it feels at any
 time, the consumer holding the last force; directions on feet loaded with 0.1 N and more. Sigma: share of components
@@ -213,6 +214,11 @@ def _lessons(points: Sequence[Point]) -> str:
     if slow.rate_sps < fastest:
         text += f""" Converting at {slow.rate_sps} instead of {fastest} S/s gives {slow.noise_mn:.2f} mN and
 {slow.walk.used_total_mn:.0f}."""
+        quieter = next((p for p in scans if p.noise_mn <= slow.noise_mn), None)
+        if quieter is not None:
+            text += f""" Averaging beats slower converters: {quieter.average_scans} scans at {fastest} S/s have
+{quieter.noise_mn:.2f} mN at {quieter.walk.age_used_ms[0]:.0f} ms, one at {slow.rate_sps} S/s {slow.noise_mn:.2f} mN at
+{slow.walk.age_used_ms[0]:.0f} ms."""
     return text + " Noise is never what limits a walk; age is."
 
 
