@@ -37,7 +37,8 @@ FORGIVES_REL = 4
 #: An element that moves less than this share of what the others predict is stuck [1].
 STUCK_REL = 0.3
 
-_SINGLE, _LINES = KNOWN_MISSING[1 : 1 + ELEMENTS], KNOWN_MISSING[1 + ELEMENTS :]
+_SINGLE, _LINES = slice(1, 1 + ELEMENTS), slice(1 + ELEMENTS, None)
+_N_KEPT = (~KNOWN_MISSING).sum(axis=1)
 
 
 class Judgement(NamedTuple):
@@ -70,7 +71,8 @@ class Consistency:
         self._settled_ns = settled_ns
         self._precision: dict[bytes, Vector] = {}
         shape = (n_legs, ELEMENTS)
-        self._whole = self._residual_matrix(np.zeros(ELEMENTS, bool))
+        self._without = np.stack([self._residual_matrix(missing) for missing in KNOWN_MISSING])
+        self._whole = self._without[0]
         self._doubted = np.zeros(shape, bool)
         self._doubted_since_ns = np.zeros(n_legs, np.int64)
         self._remembered = np.zeros(shape, bool)
@@ -104,10 +106,10 @@ class Consistency:
         """
         if self._remembered.any():
             closure_rel = np.where(self._remembered, measured_rel, closure_rel)
-        residual = closure_rel @ self._whole.T
-        limit = LIMIT + LIMIT_REL * np.sqrt(np.square(closure_rel).mean(axis=1, keepdims=True))
+        residual = np.abs(closure_rel @ self._whole.T)
+        limit = LIMIT + LIMIT_REL * np.sqrt(np.einsum("ij,ij->i", closure_rel, closure_rel) / ELEMENTS)
         # A NaN agrees with nothing; legs with one are looked at by themselves, like those that miss something.
-        troubled = ~(np.abs(residual) <= limit).all(axis=1) | missing.any(axis=1) | self._doubted.any(axis=1)
+        troubled = ~(residual <= limit[:, None]).all(axis=1) | missing.any(axis=1) | self._doubted.any(axis=1)
         doubt_rel = np.zeros(len(closure_rel))
         if troubled.any():
             missing = missing.copy()
@@ -203,11 +205,13 @@ class Consistency:
 
         `missing` is part of it.
         """
-        for masks in (_SINGLE, _LINES):
-            candidates = [mask for mask in masks if not (missing & ~mask).any()]
-            contradictions = [self._contradiction(closure_rel, mask) for mask in candidates]
-            if contradictions and min(contradictions) <= 1.0:
-                culprit: Mask = candidates[int(np.argmin(contradictions))]
+        known = np.where(KNOWN_MISSING, 0.0, closure_rel)
+        residual = np.abs(np.einsum("sij,sj->si", self._without, known)).max(axis=1)
+        contradictions = residual / (LIMIT + LIMIT_REL * np.sqrt(np.square(known).sum(axis=1) / _N_KEPT))
+        contradictions[(missing & ~KNOWN_MISSING).any(axis=1)] = np.inf
+        for sets in (_SINGLE, _LINES):
+            if contradictions[sets].min() <= 1.0:
+                culprit: Mask = KNOWN_MISSING[sets][contradictions[sets].argmin()]
                 return culprit
         return missing
 

@@ -60,7 +60,7 @@ ON_CHIPS: dict[Fault, Expected] = {
     faults.StuckConverter(**PASSING): Expected(
         State.CONVERTER_FAULT, Cause.NEVER_FINISHES, ALL, SCANS_S, PROBED_S
     ),
-    faults.WrongChip(**PASSING): Expected(State.ABSENT, Cause.WRONG_CHIP, ALL, SCANS_S, PROBED_S),
+    faults.WrongChip(**PASSING): Expected(State.ABSENT, Cause.WRONG_CHIP, ALL, SCANS_S, TARED_S),
     faults.BrownOut(**ON_LEG): Expected(State.CONVERTER_FAULT, Cause.SETTINGS_LOST, ALL, SCANS_S, PROBED_S),
     faults.DeafSwitch(**PASSING): Expected(
         State.CONVERTER_FAULT, Cause.SETTINGS_LOST, ALL, SCANS_S, PROBED_S
