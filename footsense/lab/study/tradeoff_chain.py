@@ -64,7 +64,7 @@ def pace(rate_sps: int) -> Pace:
 
     Example:
         >>> pace(400)
-        Pace(step_ns=2719744, lead_ns=3237855)
+        Pace(step_ns=2716733, lead_ns=3234933)
     """
     conversion_ns = fdc1004.RATES[rate_sps].conversion_ns
     limits = scan_limits(
