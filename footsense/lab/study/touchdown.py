@@ -10,7 +10,6 @@ from footsense.lab.study.page import Page, Workbench, table
 from footsense.lab.study.touchdown_run import (
     ELEMENT,
     FRAME,
-    GANGED,
     KINDS,
     SHAKE_N,
     TOUCH_N,
@@ -163,73 +162,52 @@ def _median_ms(found: dict[str, Found], seen: str) -> float:
 def _body(runs: dict[str, Run], found: dict[str, dict[str, Found]], *, quick: bool) -> str:
     """Return what was asked, the tables, and what they say."""
     step_ms, lead_ms = (time_ns * 1e-6 for time_ns in pace(400))
-    medians_ms = {way: _median_ms(found[way], "contact_ms") for way in WAYS}
-    by_force_ms = _median_ms(found[ELEMENT], "force_ms")
-    error_mn = {way: float(np.mean([one.error_mn for one in found[way].values()])) for way in WAYS}
+    after_ms, touch_mn = 1e3 * _AFTER_S, 1e3 * TOUCH_N
+    scan_ms, element_ms, ganged_ms = (f"{_median_ms(found[way], 'contact_ms'):.1f}" for way in WAYS)
+    sooner_ms = float(element_ms) - float(ganged_ms)
+    by_force_ms = f"{_median_ms(found[ELEMENT], 'force_ms'):.1f}"
+    _, element_mn, ganged_mn = (
+        f"{np.mean([one.error_mn for one in found[way].values()]):.0f}" for way in WAYS
+    )
     n_each = len(found[FRAME][next(iter(KINDS))].contact_ms)
+    header = ["touchdown", "read", "Contact p50 / p99 [ms]", f"fz > {touch_mn:g} mN [ms]", "error rms [mN]"]
+    swing_header = [
+        "read",
+        "minutes of swing",
+        "false Contact",
+        f"fz > {touch_mn:g} mN",
+        "rate below [1/h], if none",
+        "largest fz [mN]",
+        "read column by column",
+    ]
     short = "**Quick run: few feet and steps. The figures are not those of the study.**\n\n" if quick else ""
     return f"""
-{short}How soon is a consumer told that a foot has met the ground? {
-        n_each
-    } touchdowns of each kind: within 5 ms to 0.5 N, or as
-softly as a step of the walk, 1 N in 144 ms; in the middle of the ball, or 25 degrees beside it on any side. Legs are
-read by whole scans (`publish: frame`), by single elements (`publish: element`), or also column by column while they
-are in confirmed swing (`scan.gang: true`). A conversion every {step_ms:.2f} ms, sent {
-        lead_ms:.2f} ms after its middle:
-no way to read can tell sooner than {lead_ms:.1f} ms, or than {
-        lead_ms + step_ms / 2:.1f} ms on average. The daemon's own
-pipeline and the shipped network, converters with noise, steps and an unknown CAPDAC, a drift of 20 K in ten minutes,
-and in swing a tremor of {1e3 * SHAKE_N:g} mN after every step of a neighbour (an assumption).
+{short}How soon is a consumer told that a foot has met the ground? {n_each} touchdowns of each kind: within 5 ms to
+0.5 N, or as softly as a step of the walk, 1 N in 144 ms; in the middle of the ball, or 25 degrees beside it on any
+side. Legs are read by whole scans (`publish: frame`), by single elements (`publish: element`), or also column by column
+while they are in confirmed swing (`scan.gang: true`). A conversion every {step_ms:.2f} ms, sent {lead_ms:.2f} ms after
+its middle: no way to read can tell sooner than {lead_ms:.1f} ms, or than {lead_ms + step_ms / 2:.1f} ms on average. The
+daemon's own pipeline and the shipped network, converters with noise, steps and an unknown CAPDAC, a drift of 20 K in
+ten minutes, and in swing a tremor of {1e3 * SHAKE_N:g} mN after every step of a neighbour (an assumption).
 
-Latency from the moment at which the foot carries {
-        1e3 * TOUCH_N:g} mN, which is the threshold, to the frame that says
-so: with the flag `Contact`, or by its force alone. Error: of fz within {
-        1e3 * _AFTER_S:g} ms after it, at the time of
-sending.
+Latency from the moment at which the foot carries {touch_mn:g} mN, which is the threshold, to the frame that says so:
+with the flag `Contact`, or by its force alone. Error: of fz within {after_ms:g} ms after it, at the time of sending.
 
-{
-        table(
-            [
-                "touchdown",
-                "read",
-                "Contact p50 / p99 [ms]",
-                f"fz > {1e3 * TOUCH_N:g} mN [ms]",
-                "error rms [mN]",
-            ],
-            _rows(found),
-        )
-    }
+{table(header, _rows(found))}
 
 ![]({_FIGURE})
 
 False ones, of feet that carry nothing: in swing / in the first 0.1 s after lift-off. None in so much swing means fewer
 than the given rate, at 95 %.
 
-{
-        table(
-            [
-                "read",
-                "minutes of swing",
-                "false Contact",
-                f"false fz > {1e3 * TOUCH_N:g} mN",
-                "rate below [1/h], if none",
-                "largest fz [mN]",
-                "read column by column",
-            ],
-            _swing_rows(runs),
-        )
-    }
+{table(swing_header, _swing_rows(runs))}
 
-**Ganging tells the ground {
-        medians_ms[ELEMENT] - medians_ms[GANGED]:.0f} ms before the flag of single elements does**
-({medians_ms[GANGED]:.1f} against {medians_ms[ELEMENT]:.1f} ms in the median, {
-        medians_ms[FRAME]:.1f} by whole scans),
-because that flag is judged by what was read last of each element: it takes a few of nine. **The force of single elements, which is
-predicted from every reading at once, knows it after {
-        by_force_ms:.1f} ms without any ganging**; but a prediction rings
-when the foot lifts off, so that a threshold on it has to wait for the swing. After the touchdown a ganged leg has to go
-back to its elements; one conversion is lost, and it takes a scan until all are read: its force is off by
-{error_mn[GANGED]:.0f} mN instead of {error_mn[ELEMENT]:.0f} mN in the first {
-        1e3 * _AFTER_S:g} ms. Whoever needs the
-first contact alone can take it from the force; ganging is worth its price where the flag has to be first.
+**Ganging tells the ground {sooner_ms:.0f} ms before the flag of single elements does** ({ganged_ms} against
+{element_ms} ms in the median, {scan_ms} by whole scans), because that flag is judged by what was read last of each
+element: it takes a few of nine. **The force of single elements, which is predicted from every reading at once, knows it
+after {by_force_ms} ms without any ganging**; but a prediction rings when the foot lifts off, so that a threshold on it
+has to wait for the swing. After the touchdown a ganged leg has to go back to its elements; one conversion is lost, and
+it takes a scan until all are read: its force is off by {ganged_mn} mN instead of {element_mn} mN in the first
+{after_ms:g} ms. Whoever needs the first contact alone can take it from the force; ganging is worth its price where the
+flag has to be first.
 """
