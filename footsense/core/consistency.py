@@ -73,6 +73,7 @@ class Consistency:
         shape = (n_legs, ELEMENTS)
         self._without = np.stack([self._residual_matrix(missing) for missing in KNOWN_MISSING])
         self._whole = self._without[0]
+        self._no_doubt = np.zeros(n_legs)
         self._doubted = np.zeros(shape, bool)
         self._doubted_since_ns = np.zeros(n_legs, np.int64)
         self._remembered = np.zeros(shape, bool)
@@ -109,7 +110,11 @@ class Consistency:
         residual = np.abs(closure_rel @ self._whole.T)
         limit = LIMIT + LIMIT_REL * np.sqrt(np.einsum("ij,ij->i", closure_rel, closure_rel) / ELEMENTS)
         # A NaN agrees with nothing; legs with one are looked at by themselves, like those that miss something.
-        troubled = ~(residual <= limit[:, None]).all(axis=1) | missing.any(axis=1) | self._doubted.any(axis=1)
+        agrees = residual <= limit[:, None]
+        if agrees.all() and not (missing.any() or self._doubted.any() or self._remembered.any()):
+            self._t_ns = t_ns
+            return Judgement(missing, self._no_doubt, missing, missing)
+        troubled = ~agrees.all(axis=1) | missing.any(axis=1) | self._doubted.any(axis=1)
         doubt_rel = np.zeros(len(closure_rel))
         if troubled.any():
             missing = missing.copy()

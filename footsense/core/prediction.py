@@ -119,6 +119,19 @@ class Prediction:
         self._surprise[legs] = squared
         self._speed[legs] += _MEMORY_REL * (squared - self._speed[legs])
 
+    def observe_all(self, element: int, values: Vector, t_ns: NDArray[np.int64]) -> None:
+        """Take one new reading of the same element of all legs, which lack nothing; else as `observe`."""
+        state = self._state
+        elapsed_s = np.asarray((t_ns - self._t_ns) * 1e-9, np.float64)
+        self._move(state, elapsed_s)
+        gain, expected, _ = self._gains
+        surprise = values - state[:, element]
+        state += surprise[:, None] * gain[0, element]
+        self._t_ns[:] = t_ns
+        self._newest.fill(element)
+        self._surprise = surprise * surprise / expected[0, element]
+        self._speed += _MEMORY_REL * (self._surprise - self._speed)
+
     def at(self, now_ns: int) -> Vector:
         """Return the positions of all legs at a time, shape (legs, 9)."""
         ahead_s = np.maximum(now_ns - self._t_ns, 0) * 1e-9

@@ -88,6 +88,8 @@ def missing_elements(opened: Mask) -> Mask:
         >>> missing_elements(two_of_row_0)[0].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
+    if not opened.any():
+        return opened
     missing = np.zeros_like(opened)
     for leg in np.flatnonzero(opened.any(axis=1)):
         if opened[leg].sum() == 1:
@@ -148,6 +150,12 @@ def converter_states(state: NDArray[np.uint8], reading: NDArray[np.uint8], fault
             state[(reading == kind).any(axis=1)] = worse
 
 
+def drifting_zeros(zero: Zero) -> NDArray[np.uint8]:
+    """Return ELEMENT_DRIFTS for legs of which one zero has left the others', else NONE, shape (legs,)."""
+    parted = np.abs(zero.worst_pf - zero.mean_pf) > DRIFT_LIMIT_PF
+    return np.where(parted, np.uint8(Cause.ELEMENT_DRIFTS), np.uint8(Cause.NONE))
+
+
 def causes(
     reading: NDArray[np.uint8], state: NDArray[np.uint8], faulty: Faulty, zero: Zero
 ) -> NDArray[np.uint8]:
@@ -162,8 +170,7 @@ def causes(
         faulty: Elements that do not read what they should.
         zero: Where the legs' zeros stand: one that has left the others' is told, though it is still followed.
     """
-    cause = np.full(len(state), Cause.NONE, np.uint8)
-    cause[np.abs(zero.worst_pf - zero.mean_pf) > DRIFT_LIMIT_PF] = Cause.ELEMENT_DRIFTS
+    cause = drifting_zeros(zero)
     cause[state == State.SATURATED] = Cause.GAP_SHUT
     if faulty.any.any():
         cause[faulty.drifting.any(axis=1)] = Cause.ELEMENT_DRIFTS

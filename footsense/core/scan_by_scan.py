@@ -50,6 +50,7 @@ class ScanByScan:
         self._skew = SkewRemoval(n_legs, ELEMENTS)
         self._scans: deque[tuple[Aligned, NDArray[np.int64]]] = deque(maxlen=n_averaged)
         self._coarser = np.zeros((n_legs, ELEMENTS))
+        self._none_missing: Mask = np.zeros((2 * n_legs, ELEMENTS), bool)
 
     def align(self, values: Vector, t_ns: NDArray[np.int64], now_ns: int, missing: Mask) -> Moment:
         """Bring a scan to its middle.
@@ -87,12 +88,10 @@ class ScanByScan:
             missing: Elements to be filled in, shape (legs, 9).
         """
         n_legs = len(usable)
-        both_missing = np.concatenate((missing, missing))
-        both_rel = np.where(
-            np.concatenate((usable, usable))[:, None],
-            np.concatenate((closure_rel, rest_rel - self._coarser)),
-            0.0,
-        )
+        both_missing = np.concatenate((missing, missing)) if missing.any() else self._none_missing
+        both_rel = np.concatenate((closure_rel, rest_rel - self._coarser))
+        if not usable.all():
+            both_rel[~np.concatenate((usable, usable))] = 0.0
         both_n, both_sigma_n = self._estimator.estimate(
             self._filling.fill(both_rel, both_missing), both_missing
         )

@@ -11,6 +11,7 @@ two. The step between the best two of these ways tells how far the result may be
 differential equations do. A leg whose elements cannot be moved at all, after a gap or a stall, is not `together`.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -76,10 +77,12 @@ class SkewRemoval:
         self._values, self._slope = values, slope
         line = values + slope * ahead_ns
         parabola = line + bend * (ahead_ns * (ahead_ns + elapsed_ns))
+        near: NDArray[np.bool_] = (np.abs(ahead_ns) <= _FARTHEST_REL * elapsed_ns).all(axis=1)
+        if math.isfinite(parabola.sum()):  # as almost always: nothing to choose
+            return Aligned(parabola, line, near)
         ignored = np.False_ if spared is None else spared
         has_two = (np.isfinite(line) | ignored).all(axis=1, keepdims=True)
         has_three = (np.isfinite(parabola) | ignored).all(axis=1, keepdims=True)
-        near = (np.abs(ahead_ns) <= _FARTHEST_REL * elapsed_ns).all(axis=1)
         return Aligned(
             values=np.where(has_three, parabola, np.where(has_two, line, values)),
             coarser=np.where(has_three, line, values),
