@@ -118,6 +118,19 @@ def test_the_model_is_found_beside_the_file(file: Path) -> None:
             "can.bitrate: 4 legs at 400 forces/s take 432 kbit/s, more than 70% of 500 kbit/s; use 1000000, or",
         ),
         (
+            ONE_BUS + "scan: {gang: true}",
+            "scan.gang: a whole scan has no conversion to spare; use publish: element, or gang: false",
+        ),
+        (
+            ONE_BUS + "scan: {gang: true}\npublish: element\nzero: {track: false}",
+            "scan.gang: what a column reads is judged by zeros that follow; use zero.track: true",
+        ),
+        (
+            ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: /dev/i2c-11, rf: /dev/i2c-12}")
+            + "scan: {gang: true}\npublish: element",
+            "scan.gang: needs all legs to convert at once: name a channel for every leg, or use gang: false",
+        ),
+        (
             ONE_BUS + "publish: element\naverage_scans: 2",
             "average_scans: is of use with publish: frame only",
         ),
