@@ -49,12 +49,14 @@ class Judgement(NamedTuple):
         doubt_rel: Share of the readings that contradicts the rest without a remembered reason, shape (legs,) [1].
         stuck: Elements that are remembered not to move, shape (legs, 9).
         drifting: Elements that are remembered to stand beside where they should, shape (legs, 9).
+        well: Whether nothing is missing, in doubt or remembered.
     """
 
     missing: Mask
     doubt_rel: Vector
     stuck: Mask
     drifting: Mask
+    well: bool
 
 
 class Consistency:
@@ -113,7 +115,7 @@ class Consistency:
         agrees = residual <= limit[:, None]
         if agrees.all() and not (missing.any() or self._doubted.any() or self._remembered.any()):
             self._t_ns = t_ns
-            return Judgement(missing, self._no_doubt, missing, missing)
+            return Judgement(missing, self._no_doubt, missing, missing, well=True)
         troubled = ~agrees.all(axis=1) | missing.any(axis=1) | self._doubted.any(axis=1)
         doubt_rel = np.zeros(len(closure_rel))
         if troubled.any():
@@ -125,7 +127,7 @@ class Consistency:
         self._t_ns = t_ns
         if self._remembered.any():
             self._stuck |= self._remembered & self._does_not_move()
-        return Judgement(missing, doubt_rel, self._stuck.copy(), self._remembered & ~self._stuck)
+        return Judgement(missing, doubt_rel, self._stuck.copy(), self._remembered & ~self._stuck, well=False)
 
     def _judge_leg(
         self, leg: int, closure_rel: Vector, measured_rel: Vector, missing: Mask, t_ns: int

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.core import quality
-from footsense.core.consistency import Consistency
+from footsense.core.consistency import Consistency, Judgement
 from footsense.core.contact import ContactLimits
 from footsense.core.design import CapacitorDesign
 from footsense.core.footing import Footing
@@ -106,9 +106,11 @@ class Pipeline:
         self._reckoning = reckoning
         self._calibration = calibration
         self._stray_pf = stray_pf
-        self._unloaded_pf = unloaded_pf
+        self._open_below_pf = quality.OPEN_REL * unloaded_pf
         self._max_age_ns = max_age_ns
-        self._flags = flags
+        self._flags = np.uint8(flags)
+        # A capacitor of the electrodes' area with the gap between them: over a capacitance, its distance over the gap.
+        self._gap_pf = float(calibration.design.plate_distance_um(np.ones(1))[0]) / calibration.design.gap_um
         self._ganged = ganged
         n_legs = len(stray_pf)
         self._footing = Footing(unloaded_pf, calibration.design, tare, contact, sensitivity, track=track_zero)
@@ -165,69 +167,94 @@ class Pipeline:
         if footing.baseline_pf is not self._at_rest.baseline_pf:
             self._at_rest = _AtRest(footing.baseline_pf, calibration.design)
             self._consistency.forget(self._at_rest.untared_legs)
-        rest_rel, untared = self._at_rest.distance_rel, self._at_rest.untared
-        missing = quality.missing_elements(seen.faulty | untared)
+        rest_rel = self._at_rest.distance_rel
+        missing = seen.faulty if self._at_rest.whole else seen.faulty | self._at_rest.untared
+        missing = quality.missing_elements(missing)
         # Moved to one time as distances, which do not jump when a tare moves the baseline.
-        distance_rel = calibration.design.plate_distance_um(seen.settled_pf) / calibration.design.gap_um
-        moment = self._reckoning.align(distance_rel, scan.t_ns, now_ns, missing)
-        closure_rel, judged_rel = rest_rel - moment.values, rest_rel - moment.judged
+        moment = self._reckoning.align(self._gap_pf / seen.settled_pf, scan.t_ns, now_ns, missing)
+        closure_rel = judged_rel = rest_rel - moment.values
+        if moment.judged is not moment.values:
+            judged_rel = rest_rel - moment.judged
         judgement = self._consistency.judge(closure_rel, judged_rel, missing, moment.t_ns)
-        # Some are forgiven with this frame, and some are blamed.
-        shorted = seen.over_range & (missing | self._consistency.remembered)
-        faulty = seen.opened | untared | self._consistency.remembered | (judgement.missing & ~missing)
-        missing = judgement.missing
-        footing.observe(judged_rel, seen.settled_pf, scan.t_ns, missing, now_ns)
+        footing.observe(judged_rel, seen.settled_pf, scan.t_ns, judgement.missing, now_ns)
+        verdict = self._verdict(scan, now_ns, seen, missing, moment, judged_rel, judgement)
+        state, usable = verdict.state, _USABLE[verdict.state]
 
-        outside = (judged_rel < self._least_rel) | (judged_rel > self._most_rel)
-        shut = outside & (judged_rel > quality.SHUT_REL)
-        oldest_ns = scan.t_ns.min(axis=1)
-        # Of a robot that is well, no element has to be looked at.
-        well = not (faulty.any() or outside.any() or scan.reading.any())
-        state = np.full(len(missing), State.VALID, np.uint8)
-        state[judgement.doubt_rel > 0.0] = State.DEGRADED
-        if not well:
-            state[missing.any(axis=1)] = State.DEGRADED
-            state[(outside & ~missing).any(axis=1)] = State.OUT_OF_RANGE
-        state[(now_ns - oldest_ns > self._max_age_ns) | ~moment.together] = State.STALE
-        footing.mark_untared(state)
-        if not well:
-            wrong, shut_now = faulty & ~missing, shut & ~missing | seen.over_range & ~shorted
-            quality.converter_states(state, scan.reading, wrong, shut_now)
-        state[self._stopped] = State.STOPPED
-
-        usable = _USABLE[state]
         # A prediction may overshoot, at lift-off for instance; the network is not asked what it was not taught.
         taught_rel = np.minimum(
             np.maximum(closure_rel, calibration.closure_rel_min), calibration.closure_rel_max
         )
-        force_n, sigma_n = self._reckoning.estimate(taught_rel, rest_rel, usable, missing)
+        force_n, sigma_n = self._reckoning.estimate(taught_rel, rest_rel, usable, judgement.missing)
         sigma_n = np.hypot(sigma_n, footing.sigma_n)
-        if judgement.doubt_rel.any():
+        if not judgement.well and judgement.doubt_rel.any():
             doubt_n = judgement.doubt_rel * np.linalg.norm(force_n, axis=1)
             sigma_n = np.hypot(sigma_n, doubt_n[:, None])
-        unknown = ~(usable & np.isfinite(force_n + sigma_n).all(axis=1))
-        if unknown.any():
-            state[unknown & usable] = State.OUT_OF_RANGE
-            force_n[unknown] = sigma_n[unknown] = np.nan
+        known = usable & np.isfinite(force_n + sigma_n).all(axis=1)
+        if not known.all():
+            state[usable & ~known] = State.OUT_OF_RANGE
+            force_n[~known] = sigma_n[~known] = np.nan
         return ForceFrame(
             sequence=scan.sequence,
             t_sent_ns=now_ns,
-            t_ns=np.where(oldest_ns > 0, moment.t_ns, 0),
+            t_ns=verdict.t_ns,
             force_n=force_n,
             sigma_n=sigma_n,
             state=state,
-            fault_mask=self._no_fault if well else quality.fault_mask((scan.reading != 0) | faulty | shut),
-            flags=footing.flags | np.uint8(self._flags),
-            cause=self._drifting_zeros()
-            if well
-            else quality.causes(
-                scan.reading,
-                state,
-                quality.Faulty(seen.opened, shorted, judgement.stuck, judgement.drifting),
-                footing.zero,
-            ),
+            fault_mask=verdict.fault_mask,
+            flags=footing.flags | self._flags,
+            cause=verdict.cause,
             zero=footing.zero,
         ), outcomes
+
+    def _verdict(
+        self,
+        scan: CapFrame,
+        now_ns: int,
+        seen: "_Seen",
+        missing: Mask,
+        moment: Moment,
+        judged_rel: Vector,
+        judgement: Judgement,
+    ) -> "_Verdict":
+        """Return what each leg is worth; of a robot that is well, no element and no leg is looked at by itself.
+
+        Args:
+            scan: The frame.
+            now_ns: The time now [ns].
+            seen: What its readings are worth by themselves.
+            missing: What was missing before the elements were held against each other.
+            moment: What was made of them for one time.
+            judged_rel: The closures by which they are judged [1].
+            judgement: What they said of each other.
+        """
+        outside = (judged_rel < self._least_rel) | (judged_rel > self._most_rel)
+        oldest_ns = int(scan.t_ns.min())
+        timely = oldest_ns > 0 and now_ns - oldest_ns <= self._max_age_ns and moment.together.all()
+        state = np.full(len(missing), State.VALID, np.uint8)
+        if seen.well and judgement.well and timely and not (outside.any() or self._stopped.any()):
+            self._footing.mark_untared(state)
+            return _Verdict(state, self._no_fault, self._drifting_zeros(), moment.t_ns)
+        # Some are forgiven with this frame, and some are blamed.
+        remembered = self._consistency.remembered
+        shorted = seen.over_range & (missing | remembered)
+        faulty = seen.opened | self._at_rest.untared | remembered | (judgement.missing & ~missing)
+        missing = judgement.missing
+        shut = judged_rel > quality.SHUT_REL
+        read_ns = scan.t_ns.min(axis=1)
+        state[missing.any(axis=1) | (judgement.doubt_rel > 0.0)] = State.DEGRADED
+        state[(outside & ~missing).any(axis=1)] = State.OUT_OF_RANGE
+        state[(now_ns - read_ns > self._max_age_ns) | ~moment.together] = State.STALE
+        self._footing.mark_untared(state)
+        wrong, pressed = faulty & ~missing, shut & ~missing | seen.over_range & ~shorted
+        quality.converter_states(state, scan.reading, wrong, pressed)
+        state[self._stopped] = State.STOPPED
+        broken = quality.Faulty(seen.opened, shorted, judgement.stuck, judgement.drifting)
+        return _Verdict(
+            state=state,
+            fault_mask=quality.fault_mask((scan.reading != 0) | faulty | shut),
+            cause=quality.causes(scan.reading, state, broken, self._footing.zero),
+            t_ns=np.where(read_ns > 0, moment.t_ns, 0),
+        )
 
     def _drifting_zeros(self) -> NDArray[np.uint8]:
         """Return the causes of a robot that is well, shape (legs,): zeros may have parted all the same."""
@@ -241,12 +268,12 @@ class Pipeline:
         none = self._none
         capacitance_pf = scan.capacitance_pf - self._stray_pf
         # NaN compares as False: an element that was not read is neither open, shut nor out of range.
-        opened = quality.open_elements(capacitance_pf, self._unloaded_pf)
+        opened = capacitance_pf < self._open_below_pf
         remembered = self._consistency.remembered
         before, self._opened = self._opened, opened
         if not (scan.reading.any() or opened.any() or before.any()):
             lacking = quality.missing_elements(remembered)
-            return _Seen(capacitance_pf, none, none, remembered, lacking)
+            return _Seen(capacitance_pf, none, none, remembered, lacking, well=True)
         over_range = scan.reading == Reading.OVER_RANGE
         if over_range.any():  # as much at least: whether that may be, the other elements tell
             capacitance_pf = np.where(over_range, quality.RANGE_END_PF - self._stray_pf, capacitance_pf)
@@ -258,7 +285,8 @@ class Pipeline:
         # Whether an element over the range is pressed or shorted, the others' closures tell: none without a baseline.
         lacking = quality.missing_elements(faulty | over_range & np.isnan(self._footing.baseline_pf))
         # What is open or unsettled has none: a line through its last one would take the element's return for a load.
-        return _Seen(np.where(unsettled, np.nan, capacitance_pf), opened, over_range, faulty, lacking)
+        settled_pf = np.where(unsettled, np.nan, capacitance_pf)
+        return _Seen(settled_pf, opened, over_range, faulty, lacking, well=False)
 
 
 class _Seen(NamedTuple):
@@ -270,6 +298,7 @@ class _Seen(NamedTuple):
         over_range: Elements that read more than the converter can.
         faulty: Those that are open, and those that contradicted the others before.
         lacking: What a tare has to do without.
+        well: Whether nothing is wrong with any reading.
     """
 
     settled_pf: Vector
@@ -277,6 +306,16 @@ class _Seen(NamedTuple):
     over_range: Mask
     faulty: Mask
     lacking: Mask
+    well: bool
+
+
+class _Verdict(NamedTuple):
+    """What each leg is worth, shape (legs,) each; as in `ForceFrame`."""
+
+    state: NDArray[np.uint8]
+    fault_mask: NDArray[np.uint16]
+    cause: NDArray[np.uint8]
+    t_ns: NDArray[np.int64]
 
 
 class _AtRest:
@@ -291,6 +330,7 @@ class _AtRest:
         distance_rel: Distances over the gap [1], shape (legs, 9).
         untared_legs: Legs without any, shape (legs,).
         untared: Elements without one on legs that have others, shape (legs, 9).
+        whole: Whether there are none of those.
     """
 
     def __init__(self, baseline_pf: Vector, design: CapacitorDesign) -> None:
@@ -300,3 +340,4 @@ class _AtRest:
         whole_legs: Mask = np.asarray(untared.all(axis=1))
         self.untared_legs = whole_legs
         self.untared: Mask = np.logical_and(untared, ~whole_legs[:, None])
+        self.whole = not self.untared.any()

@@ -72,11 +72,6 @@ class Faulty(NamedTuple):
         return self.opened | self.shorted | self.stuck | self.drifting
 
 
-def open_elements(capacitance_pf: NDArray[np.float64], unloaded_pf: NDArray[np.float64]) -> Mask:
-    """Tell which elements have lost their electrode, shape as given; False where there is no reading."""
-    return capacitance_pf < OPEN_REL * unloaded_pf
-
-
 def missing_elements(opened: Mask) -> Mask:
     """Return which elements the network has to do without, shape (legs, 9): one open one, or the open ones' line.
 
