@@ -347,10 +347,12 @@ class BusScanner:
                 self._trunk.bus.transfer(first.select_row)
                 for read in fdc1004.ALL_RESULTS:
                     self._trunk.bus.transfer(read)
+                # The row need not change for the first step, and is not asked for then.
+                held = self._trunk.holds((leg.channel,), first.row_check)
             except BusError as error:
                 self._look_for_holder(error)
             else:
-                leg.outcome = Reading.OK
+                leg.outcome = Reading.OK if held else Reading.MISCONFIGURED
 
     def _restore(self, leg: LegLink) -> None:
         """Put the settings of a leg that is connected alone back to what the others have; here it never leaves them."""
