@@ -4,6 +4,7 @@ Everything is in virtual time and follows from the seed; a stretch in which an i
 itself. Every stretch begins with a walk in which nothing breaks, which tells how often an error is beyond 5 sigma.
 """
 
+import logging
 import math
 from collections import Counter
 from collections.abc import Iterator
@@ -141,6 +142,11 @@ def day(hours: float, seed: int) -> list[Stretch]:
     ]
 
 
+def _quiet() -> None:
+    """Say nothing of what breaks: that is on purpose."""
+    logging.disable(logging.WARNING)
+
+
 def walk_day(stretches: list[Stretch], jobs: int) -> Iterator[Walked]:
     """Walk stretches in processes of their own.
 
@@ -151,7 +157,9 @@ def walk_day(stretches: list[Stretch], jobs: int) -> Iterator[Walked]:
     Yields:
         Each stretch as it ends.
     """
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), max_tasks_per_child=1) as processes:
+    with ProcessPoolExecutor(
+        jobs, mp_context=get_context("spawn"), initializer=_quiet, max_tasks_per_child=1
+    ) as processes:
         running = [processes.submit(walk_stretch, stretch) for stretch in stretches]
         for walked in as_completed(running):
             yield walked.result()
@@ -178,7 +186,8 @@ def walk_stretch(stretch: Stretch) -> Walked:
     ends_s = 3600.0 * stretch.hours
     rng = np.random.default_rng(stretch.seed)
     # All that breaks has been mended and is well again at the end.
-    script = random_faults(rng, config.legs, _WARM_S, ends_s - _QUIET_END_S - 3.0 * gait_period_s)
+    begins_s = min(_WARM_S, 0.1 * ends_s)
+    script = random_faults(rng, config.legs, begins_s, ends_s - _QUIET_END_S - 3.0 * gait_period_s)
     rules = rules._replace(period_s=whole.period_s, stands_s=stretch.stands_s)
     course = _Course(config, msgspec.structs.replace(scene, faults=(_QUIET, *script)), rules)
     began_ns = stopwatch_ns()
@@ -209,7 +218,7 @@ def walk_stretch(stretch: Stretch) -> Walked:
         n_heard=seen.n_heard,
         n_missed=seen.n_missed,
         resident_mib=(warm_mib, end_mib),
-        growth_mib_per_h=(end_mib - warm_mib) / ((ends_s - _WARM_S) / 3600.0),
+        growth_mib_per_h=(end_mib - warm_mib) / (max(ends_s - _WARM_S, 1.0) / 3600.0),
     )
 
 

@@ -31,6 +31,10 @@ _COMMANDS = {
     "recover": ("footsense.cli.recover:recover", "Rewrite a recording that was cut short."),
     "check-config": ("footsense.cli.check_config:check_config", "Say what a configuration file means."),
     "bench": ("footsense.cli.bench:bench", "Measure scan, cycle and start beside their limits."),
+    "soak": (
+        "footsense.cli.soak:soak",
+        "Walk for a virtual day while things break, and count what must not be.",
+    ),
     "lab": ("footsense.cli.lab:lab", "From rubber to network (needs footsense[lab])."),
 }
 
