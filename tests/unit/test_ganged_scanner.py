@@ -177,5 +177,5 @@ class AnyChange(RuleBasedStateMachine):
         assert (self.robot.frame.reading == Reading.OK).all()
 
 
-AnyChange.TestCase.settings = settings(max_examples=12, stateful_step_count=12, deadline=None)
+AnyChange.TestCase.settings = settings(max_examples=8, stateful_step_count=12, deadline=None)
 TestAnyChange = AnyChange.TestCase
