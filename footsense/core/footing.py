@@ -27,6 +27,9 @@ _SILENT_NS = 250_000_000
 #: In how many frames every leg gets its turn to follow: two of six legs in one frame, and those of opposite tripods.
 _TURNS = 3
 
+#: How often it is reckoned how far the zeros may be off [ns]; in a tenth of a second they drift by a fifth of a fF.
+_DOUBT_NS = 100_000_000
+
 # Plain numbers: an enumeration's arithmetic costs a microsecond each time.
 _CONTACT, _TARE_REFUSED = int(Flag.CONTACT), int(Flag.TARE_REFUSED)
 
@@ -86,6 +89,8 @@ class Footing:
         self._untared = set(self._legs)
         self.sigma_n = np.full((n_legs, 3), np.nan)
         self.flags = np.zeros(n_legs, np.uint8)
+        self._flags: list[int] = []
+        self._doubts_n: list[float] = []
         self.standing_in: Mask = np.zeros(n_legs, bool)
         self._aloft: tuple[int, ...] = ()
         self._gather()
@@ -162,13 +167,12 @@ class Footing:
         believed_rel = np.where(missing, np.nan, closure_rel) if missing.any() else closure_rel
         loads_n = (middle_mean(believed_rel) * self._sensitivity.load_n).tolist()
         newest_ns = t_ns.max(axis=1).tolist()
-        doubt_n_per_pf = self._closure_per_pf * self._sensitivity.load_n
-        aloft, sigmas_pf, flags = [], [], []
-        each = zip(self._legs, self._zeros, self._contacts, loads_n, newest_ns, strict=True)
-        for leg, zero, contact, load_n, newest in each:
-            sigma_pf = zero.sigma_pf(now_ns)
-            sigmas_pf.append(sigma_pf)
-            contact.observe(load_n, doubt_n_per_pf * min(3.0 * sigma_pf, FARTHEST_PF), newest, now_ns)
+        if now_ns >= self._doubt_due_ns:
+            self._doubt(now_ns)
+        aloft, flags = [], []
+        each = zip(self._legs, self._zeros, self._contacts, loads_n, newest_ns, self._doubts_n, strict=True)
+        for leg, zero, contact, load_n, newest, doubt_n in each:
+            contact.observe(load_n, doubt_n, newest, now_ns)
             refused = _TARE_REFUSED if leg in self._refused else 0
             flags.append(_CONTACT | refused if contact.touching else refused)
             if leg in self._untared:
@@ -179,10 +183,16 @@ class Footing:
                 zero.hold(ZeroStatus.TOO_FAST)
             else:
                 aloft.append(leg)
-        self._turn = (self._turn + 1) % _TURNS
         self._aloft = tuple(aloft)
+        self._follow(capacitance_pf, t_ns, missing)
+        if flags != self._flags:
+            self._flags, self.flags = flags, np.array(flags, np.uint8)
+
+    def _follow(self, capacitance_pf: Vector, t_ns: Stamps, missing: Mask) -> None:
+        """Let the zeros of those follow that are in the air and whose turn it is; arguments as of `observe`."""
+        self._turn = (self._turn + 1) % _TURNS
         moved = False
-        for leg in aloft:
+        for leg in self._aloft:
             if self.standing_in[leg]:
                 self._zeros[leg].hold()
             elif leg % _TURNS == self._turn:
@@ -192,17 +202,23 @@ class Footing:
                 moved |= zero.follow(np.where(disbelieved, np.nan, capacitance_pf[leg]), t_ns[leg])
         if moved or [zero.status for zero in self._zeros] != self._statuses:
             self._gather()
-        closure_sigma_rel = np.array(sigmas_pf) * self._closure_per_pf
-        self.sigma_n = closure_sigma_rel[:, None] * self._sensitivity.zero_n
-        self.flags = np.array(flags, np.uint8)
 
     def mark_untared(self, state: NDArray[np.uint8]) -> None:
         """Write TARING or NO_BASELINE over the state of every leg without a baseline."""
         for leg in self._untared:
             state[leg] = State.NO_BASELINE if leg in self._refusal else State.TARING
 
+    def _doubt(self, now_ns: int) -> None:
+        """Say how far the zeros may be off until it is said anew: they drift slowly, so now and then is enough."""
+        self._doubt_due_ns = now_ns + _DOUBT_NS
+        sigmas_pf = [zero.sigma_pf(self._doubt_due_ns) for zero in self._zeros]
+        n_per_pf = self._closure_per_pf * self._sensitivity.load_n
+        self._doubts_n = [n_per_pf * min(3.0 * sigma_pf, FARTHEST_PF) for sigma_pf in sigmas_pf]
+        self.sigma_n = (np.array(sigmas_pf) * self._closure_per_pf)[:, None] * self._sensitivity.zero_n
+
     def _gather(self) -> None:
         """Put together what the legs' zeros are now."""
+        self._doubt_due_ns = 0
         self.baseline_pf = np.stack([zero.zero_pf for zero in self._zeros])
         offsets_pf = [zero.offset_pf for zero in self._zeros]
         self._statuses = [zero.status for zero in self._zeros]
