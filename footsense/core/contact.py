@@ -138,8 +138,10 @@ class Contact:
             if fell or above_n < limits.lift_n:
                 self.touching = False
                 self._lifted_ns = t_ns
-                self._floor_n = load_n
-                self._highest_before_n = self._highest_n = load_n
+                # A foot can be pressed, not pulled: what lies farther below than its zero may be off is the end of a
+                # parabola through the lift-off, and a floor there would take the next reading for a touchdown.
+                self._floor_n = max(load_n, -zero_doubt_n)
+                self._highest_before_n = self._highest_n = self._floor_n
                 self._watched_ns = t_ns
         elif above_n > limits.touch_n:
             self.touching = True

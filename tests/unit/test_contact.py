@@ -68,6 +68,15 @@ def test_a_glitch_downwards_makes_no_contact() -> None:
     assert not leg.carry(0.0, 20)
 
 
+def test_a_lift_off_that_swings_below_nothing_is_followed_by_no_contact() -> None:
+    """A parabola through the end of a stance: the reading after it lies far above it, and is nothing all the same."""
+    leg = Leg()
+    leg.carry(1.0, 20)
+    assert not leg.carry(-0.036)
+    assert not leg.carry(0.0, 20)
+    assert leg.carry(0.039)
+
+
 def test_silence_is_not_contact() -> None:
     """Believed for a quarter of a second without a reading, unknown then; found again at the first reading."""
     leg = Leg()
