@@ -1,6 +1,6 @@
 """What must hold in every cycle of a walk, whatever breaks in it; what does not is noted with time and leg.
 
-A leg on which something is broken may be silent, and so may it for a while afterwards (`RECOVERY_S`): the others go
+A leg on which something is broken may be silent, and so may it for a while afterwards: the others go
 on. What is wrong with a bus is allowed to cost its legs time, and what is wrong with CAN to cost frames there; how
 much, stands here.
 """
@@ -27,9 +27,9 @@ _SIGMAS = 5.0
 #: Violations that are kept; the others are counted.
 _KEPT = 20
 
-#: A leg is tried again after pauses that double up to 4 s, and tared in its next swing; one that held a line of the
-#: bus after four times as much.
-RECOVERY_S, HOLDER_RECOVERY_S = 6.0, 18.0
+#: Longest pause after which a leg is tried again [s], and one that held a line of the bus; what a try takes beyond,
+#: and in how many steps it is tared after it.
+_PAUSE_S, _HOLDER_PAUSE_S, _TRY_S, _STEPS = 4.0, 16.0, 1.0, 3.0
 #: How long after the end of a fault on CAN frames may still be missing there: the interface is opened again, and the
 #: kernel looks after its carrier once a second.
 CAN_RECOVERY_S = 2.0
@@ -85,17 +85,11 @@ class Spans:
     """Spans of time that are asked for in their order.
 
     Args:
-        spans_s: From when until when [s].
+        spans_s: From when until when, in their order and apart [s].
     """
 
     def __init__(self, spans_s: Sequence[tuple[float, float]]) -> None:
-        merged: list[tuple[float, float]] = []
-        for from_s, until_s in sorted(spans_s):
-            if merged and from_s <= merged[-1][1]:
-                merged[-1] = (merged[-1][0], max(until_s, merged[-1][1]))
-            else:
-                merged.append((from_s, until_s))
-        self._spans_s = merged
+        self._spans_s = tuple(spans_s)
         self._next = 0
 
     def hold(self, t_s: float) -> bool:
@@ -114,6 +108,7 @@ class Invariants:
         felt_n: What every foot feels at a time.
 
     Attributes:
+        well_again_s: When every leg has to be well again for good [s].
         lost: The first invariants that did not hold.
         n_lost: How many did not, by name.
         n_cycles: Cycles seen.
@@ -130,7 +125,9 @@ class Invariants:
     ) -> None:
         self._rules = rules
         self._felt_n = felt_n
-        self._excused = [Spans(_excused_s(rules, script, leg)) for leg in rules.legs]
+        excused_s = [_excused_s(rules, script, leg) for leg in rules.legs]
+        self._excused = [Spans(spans_s) for spans_s in excused_s]
+        self.well_again_s = max((until_s for spans_s in excused_s for _, until_s in spans_s), default=0.0)
         self._can_broken_s = [
             (fault.at_s, fault.until_s + CAN_RECOVERY_S)
             for fault in script
@@ -258,17 +255,23 @@ class Invariants:
 
 
 def _excused_s(rules: Rules, script: Sequence[Fault], leg: str) -> list[tuple[float, float]]:
-    """Return when a leg may be without a force [s]."""
-    spans = []
-    for fault in script:
-        if isinstance(fault, CanFault):
+    """Return when a leg may be without a force [s]: while something is broken, and until it is surely found again.
+
+    A leg that was left out is tried again after pauses that double: it waits no longer than it was broken.
+    """
+    spans: list[tuple[float, float]] = []
+    for fault in sorted(script, key=lambda fault: fault.at_s):
+        if isinstance(fault, CanFault | ArbitrationLost) or getattr(fault, "leg", leg) != leg:
             continue
-        where = getattr(fault, "leg", None)
-        if where not in {None, leg} or isinstance(fault, ArbitrationLost):
-            continue
-        until_s = getattr(fault, "until_s", None) or fault.at_s
-        recovery_s = HOLDER_RECOVERY_S if isinstance(fault, StuckSda | StuckTrunk) else RECOVERY_S
-        spans.append((fault.at_s, _later_s(rules, until_s, recovery_s + 3.0 * rules.gait_period_s)))
+        begins_s = spans[-1][0] if spans and fault.at_s <= spans[-1][1] else fault.at_s
+        until_s = max(getattr(fault, "until_s", None) or fault.at_s, fault.at_s)
+        longest_s = _HOLDER_PAUSE_S if isinstance(fault, StuckSda | StuckTrunk) else _PAUSE_S
+        recovery_s = min(until_s - begins_s, longest_s) + _TRY_S + _STEPS * rules.gait_period_s
+        later_s = _later_s(rules, until_s, recovery_s)
+        if spans and fault.at_s <= spans[-1][1]:
+            spans[-1] = (begins_s, max(spans[-1][1], later_s))
+        else:
+            spans.append((begins_s, later_s))
     return spans
 
 
@@ -290,7 +293,7 @@ def _gap_costs_s(script: Sequence[Fault]) -> list[tuple[float, float, float]]:
         if isinstance(fault, StuckSda | StuckTrunk):
             until_s = fault.until_s if fault.until_s is not None else np.inf
             cost_s = _HOLDER_COSTS_S if isinstance(fault, StuckSda) else _TRUNK_COSTS_S
-            costs.append((fault.at_s, until_s + HOLDER_RECOVERY_S, cost_s))
+            costs.append((fault.at_s, until_s + _HOLDER_PAUSE_S + _TRY_S, cost_s))
         elif isinstance(fault, ArbitrationLost):
             costs.append((fault.at_s, fault.until_s or np.inf, 0.005))
     return sorted(costs, key=lambda cost: cost[1])

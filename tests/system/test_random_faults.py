@@ -1,0 +1,143 @@
+"""Whatever breaks, wherever, whenever: the invariants hold in every cycle, and in the end all legs are back."""
+
+import sys
+from typing import get_args
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from footsense import app
+from footsense.app.invariants import Invariants, Rules
+from footsense.app.random_faults import GRADES_REL, IDS, ON_CAN, ON_ROBOT, fault_of
+from footsense.config import DEFAULT, Config
+from footsense.frames import USABLE, Cycle
+from footsense.sim.can_faults import CanTraffic
+from footsense.sim.faults import Fault, Leg
+from footsense.sim.scene import Effects, Scene, Tripod
+
+#: Half of the legs in half of the time: one steps while the other two carry.
+LEGS = ("lf", "lm", "rm")
+SCENE = Scene(
+    description="Three legs walk, and anything breaks.",
+    load=Tripod(period_s=0.8, duty_rel=0.6, peak_force_n=0.9, friction_rel=0.15, pitch_deg=10.0),
+    lead_in_s=0.4,
+    gait_table=True,
+    effects=Effects(converter_noise=True, gap_contact=True),
+)
+TARED_S, BREAKS_S = 1.2, 1.3
+#: The longest that a leg may take to be back, and long enough after it to see that nothing is left behind.
+QUIET_S, TAIL_S = 5.0, 0.4
+PERIOD_S = {"frame": 0.02412, "element": 0.0027}
+#: Standard deviations of a count that are chance, and neighbouring frames that count as one.
+CHANCE, AS_ONE = 5.0, 20
+
+times = st.floats(BREAKS_S, 2.5).map(lambda t_s: round(t_s, 3))
+lengths = st.floats(0.002, 0.9).map(lambda t_s: round(t_s, 3))
+
+
+@st.composite
+def faults(draw: st.DrawFn) -> list[Fault]:
+    """A fault of any kind that passes."""
+    at_s = draw(times)
+    return fault_of(
+        draw(st.sampled_from(ON_ROBOT + ON_CAN)),
+        leg=draw(st.sampled_from(LEGS)),
+        at_s=at_s,
+        until_s=round(at_s + draw(lengths), 3),
+        element=draw(st.integers(0, 8)),
+        row=draw(st.integers(0, 2)),
+        column=draw(st.integers(0, 2)),
+        rate_rel=draw(st.sampled_from(GRADES_REL)),
+        rate_ff_per_s=draw(st.floats(-800.0, 800.0)),
+        unplugged=draw(st.booleans()),
+        can_id=draw(st.sampled_from(IDS)),
+        rate_hz=draw(st.floats(1.0, 1800.0)),
+    )
+
+
+scripts = st.lists(faults(), max_size=6).map(lambda found: [fault for some in found for fault in some])
+
+
+class Tail:
+    """How many blocks of memory there are at the end, when everything is as it was."""
+
+    def __init__(self, from_s: float) -> None:
+        self._from_ns = from_s * 1e9
+        self.blocks: list[int] = []
+        self.state: list[int] = []
+
+    def observe(self, cycle: Cycle) -> None:
+        self.state = cycle.forces.state.tolist()
+        if cycle.forces.t_sent_ns > self._from_ns:
+            self.blocks.append(sys.getallocatedblocks())
+
+    def close(self) -> None:
+        pass
+
+
+def robot(publish: str) -> Config:
+    return msgspec.structs.replace(
+        DEFAULT,
+        buses=(msgspec.structs.replace(DEFAULT.buses[0], legs={"lf": 0, "lm": 1, "rm": 4}),),
+        publish=publish,
+        can=msgspec.structs.replace(DEFAULT.can, bitrate=1_000_000),
+    )
+
+
+def walk(publish: str, script: list[Fault]) -> Invariants:
+    """Walk until all that breaks is over and should be well again, and check all but how often errors are large."""
+    config = robot(publish)
+    script = [CanTraffic(at_s=0.0, can_id=0x7FF, rate_hz=1.0), *script]
+    ends_s = max(getattr(fault, "until_s", None) or fault.at_s for fault in script)
+    rules = Rules(
+        legs=LEGS,
+        period_s=PERIOD_S[publish],
+        max_age_s=config.stale_after_ms * 1e-3,
+        gait_period_s=0.8,
+        from_s=TARED_S,
+        element=publish == "element",
+        bitrate=config.can.bitrate,
+    )
+    scene = msgspec.structs.replace(SCENE, faults=tuple(script))
+    with app.service(config, scene, real_time=False) as service:
+        clock = service.scanning.clock
+        assert service.scanning.felt_n is not None
+        assert service.can is not None
+        seen = Invariants(rules, script, service.scanning.felt_n)
+        service.can.controller.hear = seen.hear
+        ends_s = max(seen.well_again_s, ends_s + 2.1, TARED_S)
+        tail = Tail(ends_s)
+        service.observers += [seen, tail]
+        service.run(lambda: clock.now_ns() > (ends_s + TAIL_S) * 1e9)
+    assert seen.lost == []
+    assert set(tail.state) <= set(USABLE)
+    # Numbers that are kept for a while come and go with the gait; what grows does so with every cycle.
+    assert tail.blocks[-1] - tail.blocks[0] < 0.5 * len(tail.blocks) + 200
+    return seen
+
+
+def test_every_kind_of_fault_may_break() -> None:
+    """None is forgotten when one is added."""
+    assert set(ON_ROBOT + ON_CAN) == set(get_args(Fault))
+    assert set(LEGS) <= set(get_args(Leg))
+
+
+@pytest.mark.parametrize(("publish", "n_walks"), [("frame", 12), ("element", 3)])
+def test_the_invariants_hold_whatever_breaks(publish: str, n_walks: int) -> None:
+    """And no error is beyond 5 sigma more often than in walks in which nothing breaks."""
+    calibrated = walk(publish, [])
+    tally: list[Invariants] = []
+
+    @settings(max_examples=n_walks, derandomize=True, database=None, deadline=None)
+    @given(scripts)
+    def whatever_breaks(script: list[Fault]) -> None:
+        tally.append(walk(publish, script))
+
+    whatever_breaks()
+    n_checked = sum(seen.n_checked for seen in tally)
+    expected = n_checked * calibrated.n_beyond / calibrated.n_checked
+    n_beyond = np.sum([seen.n_beyond for seen in tally], axis=0)
+    assert (n_beyond <= expected + CHANCE * np.sqrt(AS_ONE * np.maximum(expected, 1.0))).all()
