@@ -100,7 +100,7 @@ def _reckoning(config: Config, network: Network) -> Reckoning:
     # dC / C = -d(distance) / distance.
     distance_um = calibration.design.plate_distance_um(np.array([calibration.design.rest_pf]))[0]
     noise_rel = rate.noise_ff * 1e-3 / calibration.design.rest_pf * distance_um / calibration.design.gap_um
-    order = ORDERS[config.scan.order]
+    order = ORDERS[config.order]
     return ElementByElement(
         network, len(config.legs), calibration.moments, order, _step_ns(config), noise_rel
     )

@@ -133,7 +133,7 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
         robot = None if scene is None else simulated_robot(config, scene)
         clock: Clock = MonotonicClock() if robot is None else robot.clock
         clocks: Sequence[Clock] = [MonotonicClock() for _ in config.buses] if robot is None else robot.clocks
-        plan = scan_plan(config.scan.order, config.scan.rate_sps)
+        plan = scan_plan(config.order, config.scan.rate_sps)
         scanners: list[LegsScanner] = []
         for number, (bus, its_clock) in enumerate(zip(config.buses, clocks, strict=True)):
             if bus.adapters:

@@ -26,7 +26,7 @@ def _summary(config: Config, network: Network) -> list[str]:
     cpu = "" if realtime is None or realtime.cpu is None else f" on processor {realtime.cpu}"
     return [
         f"{len(config.legs)} legs on the board {config.board}",
-        f"scan: {config.scan.rate_sps} conversions/s in {config.scan.order} order",
+        f"scan: {config.scan.rate_sps} conversions/s in {config.order} order",
         *(_bus_line(bus, config) for bus in config.buses),
         f"tare: over {config.tare.window_frames} scans",
         f"  quiet below {config.tare.noise_limit_ff:g} fF of noise",

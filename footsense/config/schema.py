@@ -120,14 +120,15 @@ class Scan(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     Attributes:
         rate_sps: Conversions per second of one converter; slower is quieter.
-        order: Order of the elements: Lo-Shu cancels the false tilt that a rising force gives a raster.
+        order: Order of the elements: `lo_shu` keeps opposite ones at the same mean time, `raster` switches half as many
+            rows; brought to one time, they err alike. None: lo_shu, or raster where the kernel drives the multiplexer.
         gang: Whether a foot in the air is read column by column, all its rows at once, to feel the ground at the first
             conversion; with `publish: element` only. Off by default: three elements have 16.2 pF, beyond the
             FDC1004's +-15 pF but for its CAPDAC, whose offset, drift and noise no data sheet bounds.
     """
 
     rate_sps: Literal[100, 200, 400] = 400
-    order: Literal["lo_shu", "raster"] = "lo_shu"
+    order: Literal["lo_shu", "raster"] | None = None
     gang: bool = False
 
     @property
@@ -262,6 +263,11 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def legs(self) -> tuple[str, ...]:
         """Return the configured legs bus by bus: the rows of every frame."""
         return tuple(leg for bus in self.buses for leg in bus.legs)
+
+    @property
+    def order(self) -> Literal["lo_shu", "raster"]:
+        """Return the order of the elements: as given, or the one that suits the multiplexer."""
+        return self.scan.order or ("raster" if any(bus.adapters for bus in self.buses) else "lo_shu")
 
     @property
     def stale_after_ms(self) -> float:

@@ -245,6 +245,7 @@ class Pipeline:
         state[(outside & ~missing).any(axis=1)] = State.OUT_OF_RANGE
         state[(now_ns - read_ns > self._max_age_ns) | ~moment.together] = State.STALE
         self._footing.mark_untared(state)
+        state[(state == State.TARING) & ~moment.together] = State.STARTING
         wrong, pressed = faulty & ~missing, shut & ~missing | seen.over_range & ~shorted
         quality.converter_states(state, scan.reading, wrong, pressed)
         state[self._stopped] = State.STOPPED

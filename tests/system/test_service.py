@@ -50,7 +50,7 @@ def test_it_gets_ready_shows_metrics_and_stops_cleanly(tmp_path: Path, config: t
             text=True,
         )
         try:
-            assert notify.recv(4096).startswith(b"READY=1\nSTATUS=lf taring")
+            assert notify.recv(4096).startswith(b"READY=1\nSTATUS=lf starting")
             assert notify.recv(4096) == b"WATCHDOG=1"
             with urlopen(f"http://127.0.0.1:{port}/metrics", timeout=TIMEOUT_S) as page:
                 text = page.read().decode()

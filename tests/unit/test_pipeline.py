@@ -14,10 +14,10 @@ from tests.unit.feet import MAX_AGE_NS, SCAN_NS, SIGMA_N, WINDOW, Feet, SumOfClo
 
 
 def test_before_the_first_tare_there_is_no_force() -> None:
-    """TARING while the window fills, then VALID."""
+    """STARTING with the first scan, TARING while the window fills, then VALID."""
     feet = Feet()
     states = [feet.feed(feet.scan()).state.tolist() for _ in range(WINDOW)]
-    assert states == [[State.TARING] * 2] * (WINDOW - 1) + [[State.VALID] * 2]
+    assert states == [[State.STARTING] * 2] + [[State.TARING] * 2] * (WINDOW - 2) + [[State.VALID] * 2]
 
 
 @pytest.mark.parametrize("stray_pf", [0.0, 1.0])
@@ -148,7 +148,8 @@ def test_a_leg_that_was_away_is_tared_anew() -> None:
         if n_silent == 9:
             assert states == [State.STALE] + [State.VALID] * WINDOW
         else:
-            assert states == [State.TARING] * (WINDOW - 1) + [State.NO_BASELINE] * 2
+            starting = [State.STARTING] + [State.TARING] * (WINDOW - 2)
+            assert states == starting + [State.NO_BASELINE] * 2
 
 
 def test_elements_that_cannot_be_brought_to_one_time_have_no_value() -> None:
@@ -260,7 +261,7 @@ def test_an_element_that_was_missing_at_the_tare_gets_its_zero_in_the_air() -> N
         states.append(State(int(feet.feed(scan).state[0])))
     assert [result for _, result, _ in feet.outcomes] == [Result.DONE]
     assert feet.outcomes[0][2].endswith("without elements 4")
-    assert states[:5] == [State.TARING] * 4 + [State.DEGRADED]
+    assert states[:5] == [State.STARTING] * 2 + [State.TARING] * 2 + [State.DEGRADED]
     assert states[-1] is State.VALID
 
 
