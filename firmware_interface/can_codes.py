@@ -6,6 +6,7 @@ The same names, in CamelCase, are the value tables of `footsense.dbc`. A code is
 from enum import IntEnum, IntFlag
 
 __all__ = [
+    "EXPECTED",
     "NODE_IDS",
     "USABLE",
     "Cause",
@@ -44,6 +45,9 @@ class State(IntEnum):
 
 #: States under which a force is sent.
 USABLE = frozenset({State.VALID, State.DEGRADED})
+
+#: States that a leg passes through when nothing is wrong with it.
+EXPECTED = frozenset({State.VALID, State.STARTING, State.TARING, State.STOPPED})
 
 
 class Phase(IntEnum):

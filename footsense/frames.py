@@ -12,11 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface.can_codes import USABLE, Cause, ZeroStatus
+from firmware_interface.can_codes import EXPECTED, USABLE, Cause, ZeroStatus
 from firmware_interface.can_frames import NODE_IDS, CommandKind, Flag, Result, State
 
 __all__ = [
     "ELEMENTS",
+    "EXPECTED",
     "LEGS",
     "USABLE",
     "CapFrame",

@@ -26,6 +26,7 @@ _STATE_NAMES = {state: state.name.lower().replace("_", " ") for state in State}
 _STYLES = {
     State.VALID: "green",
     State.DEGRADED: "yellow",
+    State.STARTING: "yellow",
     State.TARING: "yellow",
     State.NO_BASELINE: "yellow",
     State.STOPPED: "dim",

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import USABLE, Cycle, State
+from footsense.frames import EXPECTED, USABLE, Cycle, State
 
 #: Truth from which a frame counts as loaded and its direction as defined [N].
 LOADED_N = 0.1
@@ -119,9 +119,7 @@ class Score:
                 leg: {State(s).name.lower(): int(n) for s, n in enumerate(counts) if n}
                 for leg, counts in zip(self._legs, self._states, strict=True)
             },
-            "faults": int(
-                self._states.sum() - self._states[:, [State.VALID, State.TARING, State.STOPPED]].sum()
-            ),
+            "faults": int(self._states.sum() - self._states[:, sorted(EXPECTED)].sum()),
         }
         if self._felt_n is not None:
             rmse_n = np.sqrt(self._squared_n2 / self._valid).tolist() if self._valid else [None] * 3

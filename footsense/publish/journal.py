@@ -6,14 +6,12 @@ counted; the wire and the metrics show every change.
 
 import logging
 
-from footsense.frames import Cause, CommandKind, Cycle, Result, State
+from footsense.frames import EXPECTED, Cause, CommandKind, Cycle, Result, State
 
 _log = logging.getLogger(__name__)
 
 _LINES_PER_MINUTE = 10
 _MINUTE_NS = 60_000_000_000
-#: States that a healthy leg passes through.
-_EXPECTED = {State.VALID, State.STARTING, State.TARING, State.STOPPED}
 
 
 class Journal:
@@ -57,7 +55,7 @@ class Journal:
             if (state_before, cause_before) != (state, cause):
                 before, now = State(state_before).name.lower(), State(state)
                 why = f" ({Cause(cause).name.lower()})" if cause else ""
-                level = logging.INFO if now in _EXPECTED else logging.WARNING
+                level = logging.INFO if now in EXPECTED else logging.WARNING
                 self._line(leg, level, f"{before} -> {now.name.lower()}{why}")
 
     def _line(self, leg: int, level: int, text: str) -> None:

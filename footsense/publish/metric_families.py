@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from firmware_interface.can_codes import Cause, Phase, Result, State, ZeroStatus
+from firmware_interface.can_codes import EXPECTED, Cause, Phase, Result, State, ZeroStatus
 from footsense.publish.shared_counters import Family
 
 __all__ = ["AGE_BOUNDS_S", "FAULTS", "PERIOD_BOUNDS_S", "STATES", "families"]
@@ -16,7 +16,7 @@ AGE_BOUNDS_S = [0.001, 0.002, 0.005, 0.01, 0.012, 0.014, 0.016, 0.02, 0.025, 0.0
 
 STATES = [state.name.lower() for state in State]
 #: States that nobody asked for.
-FAULTS = [state for state in State if state not in {State.VALID, State.STARTING, State.TARING, State.STOPPED}]
+FAULTS = [state for state in State if state not in EXPECTED]
 
 
 def families(legs: tuple[str, ...], lateness_bounds_s: Sequence[float] | None) -> list[Family]:
