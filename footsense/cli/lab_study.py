@@ -198,9 +198,10 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
     folder = models or Path("models") / (f"{app.FOOT_TYPE}-quick" if quick else app.FOOT_TYPE)
     require_writable(folder)
     pages = _report_folder(output, quick=quick)
+    from footsense.cli.lab_faults import write_page_of_faults
     from footsense.lab.build import FULL, QUICK, build
     from footsense.lab.evaluate_models import NETWORK_FILE, RESPONSE_FILE
-    from footsense.lab.report import make_report
+    from footsense.lab.report import is_made, make_report
     from footsense.lab.study.page import Workbench
 
     say, started_ns, build_s = stopwatch_report(), stopwatch_ns(), None
@@ -208,4 +209,6 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
         build(folder, QUICK if quick else FULL, say)
         build_s = (stopwatch_ns() - started_ns) / 1e9
     bench = Workbench(models=folder, quick=quick, say=say)
+    if not (resume and is_made("faults", pages, bench)):
+        say(f"faults: {write_page_of_faults(pages, bench).seconds:.0f} s")
     say(f"wrote {make_report(pages, bench, build_s=build_s, resume=resume, report=say)}")

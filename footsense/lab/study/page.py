@@ -58,6 +58,7 @@ class Page:
         figures: Drawings by file name, such as `sensors.png`.
         values: The measured numbers, as JSON values.
         seconds: What it took [s], filled in by whoever ran it.
+        command: Of `footsense lab` that makes it; empty for `study`.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Page:
     figures: dict[str, Figure] = field(default_factory=dict)
     values: dict[str, Any] = field(default_factory=dict)
     seconds: float = 0.0
+    command: str = ""
 
     def write(self, folder: Path) -> None:
         """Write `<name>.md`, `<name>.json` and the figures into a folder, made if missing."""
@@ -80,7 +82,7 @@ class Page:
     @property
     def markdown(self) -> str:
         """The page as it stands in the report."""
-        made_by = f"`footsense lab study {self.name}`, {self.seconds:.0f} s"
+        made_by = f"`footsense lab {self.command or 'study ' + self.name}`, {self.seconds:.0f} s"
         return f"## {self.title}\n\n{made_by}\n\n{self.body.strip()}\n"
 
 
