@@ -77,7 +77,7 @@ class Tripod(_Part, frozen=True, tag="tripod", tag_field="kind"):
     pitch_deg: Pitch = 0.0
     stands: tuple[Stand, ...] = ()
 
-    def build(self, from_ns: int) -> load.Load:
+    def build(self, from_ns: int) -> load.Walk:
         """Return the load."""
         reaction = load.smooth_step(self.duty_rel, self.peak_force_n, self.friction_rel)
         return load.Walk(
