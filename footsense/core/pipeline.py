@@ -16,11 +16,11 @@ from footsense.core.contact import ContactLimits
 from footsense.core.design import CapacitorDesign
 from footsense.core.footing import Footing
 from footsense.core.ganged import Ganged
+from footsense.core.readings import Readings, Seen
 from footsense.core.scan_by_scan import Moment
 from footsense.core.sensitivity import Sensitivity
 from footsense.core.tare import TareLimits
 from footsense.frames import (
-    ELEMENTS,
     USABLE,
     CapFrame,
     Command,
@@ -28,7 +28,6 @@ from footsense.frames import (
     Flag,
     ForceFrame,
     Outcome,
-    Reading,
     Result,
     State,
 )
@@ -106,7 +105,6 @@ class Pipeline:
         self._reckoning = reckoning
         self._calibration = calibration
         self._stray_pf = stray_pf
-        self._open_below_pf = quality.OPEN_REL * unloaded_pf
         self._max_age_ns = max_age_ns
         self._flags = np.uint8(flags)
         # A capacitor of the electrodes' area with the gap between them: over a capacitance, its distance over the gap.
@@ -118,8 +116,7 @@ class Pipeline:
         self._no_fault = np.zeros(n_legs, np.uint16)
         self._zero = self._footing.zero
         self._cause = quality.drifting_zeros(self._zero)
-        self._none: Mask = np.zeros((n_legs, ELEMENTS), bool)
-        self._opened = self._none
+        self._readings = Readings(stray_pf, unloaded_pf)
         self._stopped = np.zeros(n_legs, bool)
         # Beyond either, an element is shut or out of range.
         self._least_rel = calibration.closure_rel_min
@@ -162,7 +159,7 @@ class Pipeline:
 
     def _process(self, scan: CapFrame, now_ns: int) -> tuple[ForceFrame, tuple[Outcome, ...]]:
         calibration, footing = self._calibration, self._footing
-        seen = self._look(scan)
+        seen = self._readings.look(scan, self._consistency.remembered, footing.baseline_pf)
         outcomes = footing.tare(seen.settled_pf, scan.reading, scan.t_ns, seen.lacking, now_ns)
         if footing.baseline_pf is not self._at_rest.baseline_pf:
             self._at_rest = _AtRest(footing.baseline_pf, calibration.design)
@@ -210,7 +207,7 @@ class Pipeline:
         self,
         scan: CapFrame,
         now_ns: int,
-        seen: "_Seen",
+        seen: Seen,
         missing: Mask,
         moment: Moment,
         judged_rel: Vector,
@@ -263,51 +260,6 @@ class Pipeline:
             self._zero = self._footing.zero
             self._cause = quality.drifting_zeros(self._zero)
         return self._cause
-
-    def _look(self, scan: CapFrame) -> "_Seen":
-        """Tell which readings may be used, before anything is known of loads."""
-        none = self._none
-        capacitance_pf = scan.capacitance_pf - self._stray_pf
-        # NaN compares as False: an element that was not read is neither open, shut nor out of range.
-        opened = capacitance_pf < self._open_below_pf
-        remembered = self._consistency.remembered
-        before, self._opened = self._opened, opened
-        if not (scan.reading.any() or opened.any() or before.any()):
-            lacking = quality.missing_elements(remembered)
-            return _Seen(capacitance_pf, none, none, remembered, lacking, well=True)
-        over_range = scan.reading == Reading.OVER_RANGE
-        if over_range.any():  # as much at least: whether that may be, the other elements tell
-            capacitance_pf = np.where(over_range, quality.RANGE_END_PF - self._stray_pf, capacitance_pf)
-        if opened.any():
-            capacitance_pf = capacitance_pf - quality.floating_pf(scan.capacitance_pf, opened)
-        # A line that breaks or returns was whole for a part of the scan, and what it does to the other elements too.
-        unsettled = opened | (opened != before).any(axis=1, keepdims=True)
-        faulty = opened | remembered
-        # Whether an element over the range is pressed or shorted, the others' closures tell: none without a baseline.
-        lacking = quality.missing_elements(faulty | over_range & np.isnan(self._footing.baseline_pf))
-        # What is open or unsettled has none: a line through its last one would take the element's return for a load.
-        settled_pf = np.where(unsettled, np.nan, capacitance_pf)
-        return _Seen(settled_pf, opened, over_range, faulty, lacking, well=False)
-
-
-class _Seen(NamedTuple):
-    """What a frame's readings are worth by themselves, shape (legs, 9) each.
-
-    Attributes:
-        settled_pf: Capacitances without stray [pF], NaN where there is none to be used.
-        opened: Elements that have lost their electrode.
-        over_range: Elements that read more than the converter can.
-        faulty: Those that are open, and those that contradicted the others before.
-        lacking: What a tare has to do without.
-        well: Whether nothing is wrong with any reading.
-    """
-
-    settled_pf: Vector
-    opened: Mask
-    over_range: Mask
-    faulty: Mask
-    lacking: Mask
-    well: bool
 
 
 class _Verdict(NamedTuple):
