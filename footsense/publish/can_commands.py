@@ -45,6 +45,7 @@ class CanCommands:
         self._clock = clock
         self._stats = stats
         self._askers = [_Asker(row, node) for row, node in enumerate(nodes)]
+        self._unasked: dict[int, tuple[Result, CommandKind]] = {}  # by row, the last outcome
         self._of_id = {can_events.COMMAND_ID + asker.node: asker for asker in self._askers}
 
     def take(self) -> list[Command]:
@@ -78,17 +79,31 @@ class CanCommands:
     def answer(self, outcome: Outcome) -> None:
         """Send a command's result on its leg's answer id, with the counter of the command.
 
-        A tare that is asked for while one runs begins that one anew: both have one end, and each its answer.
+        A tare that is asked for while one runs begins that one anew: both have one end, and each its answer. What
+        nobody asked for waits for `unasked`: after a start, all legs are tared at once.
         """
         kind, row = outcome.command
         asker = self._askers[row]
         asked = asker.open[kind]
         n_ended = len(asked) if kind is CommandKind.TARE else 1
-        for counter in asked[:n_ended] or [can_events.UNASKED]:
+        for counter in asked[:n_ended]:
             self._answer(asker, outcome.result, kind, counter)
+        if not asked:
+            self._unasked[row] = (outcome.result, kind)
         del asked[:n_ended]
 
+    def unasked(self, room: int) -> list[bytes]:
+        """Return what the service did by itself and nobody has been told yet, as at most `room` frames."""
+        return [
+            self._encode(self._askers[row], *self._unasked.pop(row), can_events.UNASKED)
+            for row in list(self._unasked)[:room]
+        ]
+
     def _answer(self, asker: _Asker, result: int, kind: int, asked: int) -> None:
+        self._channel.send(self._encode(asker, result, kind, asked), self._clock.now_ns())
+
+    @staticmethod
+    def _encode(asker: _Asker, result: int, kind: int, asked: int) -> bytes:
         data = can_events.encode_answer(asker.node, asker.answer_counter, result, kind, asked)
         asker.answer_counter = next_counter(asker.answer_counter)
-        self._channel.send(pack_frame(can_events.ANSWER_ID + asker.node, data), self._clock.now_ns())
+        return pack_frame(can_events.ANSWER_ID + asker.node, data)

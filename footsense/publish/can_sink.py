@@ -114,6 +114,7 @@ class CanSink:
         events = [leg.report(*now) for leg, now in reports]
         if t_ns >= self._due_ns:
             events += self._periodic(frame, states, _MOST_EVENTS - len(events))
+        events += self._commands.unasked(_MOST_EVENTS - len(events))
         taken = self._channel.send(forces + b"".join(events), t_ns)
 
         n_reported = min(len(reports), max(0, taken - 2 * len(self._legs)))

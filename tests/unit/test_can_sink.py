@@ -169,6 +169,7 @@ def test_a_command_arrives_and_its_answer_names_its_counter(robot: Robot) -> Non
     assert command == Command(CommandKind.TARE, 0)
     robot.sink.answer(Outcome(command, Result.LOADED, ""))
     robot.sink.answer(Outcome(command, Result.DONE, "the service's own tare"))
+    robot.publish(20 * MS)
     answers = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
     assert answers == [
         (1, 0, Result.LOADED, CommandKind.TARE, 7),
