@@ -29,7 +29,7 @@ Span = tuple[float, float]
 
 def during(spans: list[Span], t_ns: float) -> bool:
     """Tell whether a time lies in one of the spans."""
-    return any(from_ns <= t_ns < until_ns for from_ns, until_ns in spans)
+    return bool(spans) and any(from_ns <= t_ns < until_ns for from_ns, until_ns in spans)
 
 
 def _tag(name: str) -> str:

@@ -69,6 +69,8 @@ class SimulatedFdc1004:
 
     def acknowledges(self, t_ns: int) -> bool:
         """Answer as long as the leg is there."""
+        if not (self.brown_outs_ns or self.absent_ns):
+            return True
         while self.brown_outs_ns and min(self.brown_outs_ns) <= t_ns:
             self.brown_outs_ns.remove(min(self.brown_outs_ns))
             self._reset()
@@ -76,7 +78,8 @@ class SimulatedFdc1004:
 
     def write(self, data: bytes, t_ns: int) -> None:
         """Take a register pointer and, if two bytes follow, the register's new value."""
-        self._finish(t_ns)
+        if self._running is not None and t_ns >= self._running[2]:
+            self._finish(self._running)
         self._pointer = data[0]
         if len(data) < 3:
             return
@@ -88,7 +91,8 @@ class SimulatedFdc1004:
 
     def read(self, n: int, t_ns: int) -> bytes:
         """Return the register at the pointer; further bytes are ones, as nobody drives the line."""
-        self._finish(t_ns)
+        if self._running is not None and t_ns >= self._running[2]:
+            self._finish(self._running)
         word = self._register(self._pointer).to_bytes(2, "big")
         return word if n == len(word) else word[:n] + b"\xff" * (n - 2)
 
@@ -115,11 +119,9 @@ class SimulatedFdc1004:
         self._results[slot] = chip.CODE_MAX
         self._running = (slot, t_ns, t_ns + round(rate.conversion_ns * self._clock_factor))
 
-    def _finish(self, t_ns: int) -> None:
+    def _finish(self, running: tuple[int, int, int]) -> None:
         """Let a conversion that is over by now set its result."""
-        if self._running is None or t_ns < self._running[2]:
-            return
-        slot, t_start_ns, t_end_ns = self._running
+        slot, t_start_ns, t_end_ns = running
         if during(self.stuck_ns, t_end_ns):
             return
         self._running = None
