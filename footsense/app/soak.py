@@ -34,6 +34,8 @@ _WARM_S = 120.0
 _CHANCE = 5.0
 #: An error lasts for a few frames, and comes again at every step: frames that count as one.
 _FRAMES_AS_ONE = 20
+#: Growth of memory that is no more than the allocator's own unrest, over an hour at least [MiB/h].
+_MOST_GROWTH_MIB_PER_H = 2.0
 #: Hours of a day at the full rate.
 _FAST_HOURS = 4.0
 #: How many stretches have a stand, and from when until when [s].
@@ -42,7 +44,7 @@ _STANDS, _STAND_S = 2, (1200.0, 3000.0)
 _QUIET_END_S = 60.0
 #: Another node that now and then says something behind all of ours: CAN is simulated where something is on it.
 _QUIET = CanTraffic(at_s=0.0, can_id=0x7FF, rate_hz=0.1)
-_RARE = "no error beyond 5 sigma more often than calibrated"
+_RARE, _GROWS = "no error beyond 5 sigma more often than calibrated", "memory does not grow"
 
 
 class Stretch(msgspec.Struct, frozen=True, kw_only=True):
@@ -203,6 +205,10 @@ def walk_stretch(stretch: Stretch) -> Walked:
         what = f"f{'xyz'[axis]}: {seen.n_beyond[axis]} of {seen.n_checked}, at most {allowed[axis]:.0f}"
         seen.lost.append(Lost(_RARE, ends_s, "", what))
     warm_mib, end_mib = course.resident_mib
+    growth_mib_per_h = (end_mib - warm_mib) / (max(ends_s - _WARM_S, 1.0) / 3600.0)
+    if stretch.hours >= 1.0 and growth_mib_per_h > _MOST_GROWTH_MIB_PER_H:
+        lost[_GROWS] += 1
+        seen.lost.append(Lost(_GROWS, ends_s, "", f"{warm_mib:.1f} to {end_mib:.1f} MiB"))
     return Walked(
         stretch=stretch,
         virtual_s=ends_s,
@@ -218,7 +224,7 @@ def walk_stretch(stretch: Stretch) -> Walked:
         n_heard=seen.n_heard,
         n_missed=seen.n_missed,
         resident_mib=(warm_mib, end_mib),
-        growth_mib_per_h=(end_mib - warm_mib) / (max(ends_s - _WARM_S, 1.0) / 3600.0),
+        growth_mib_per_h=growth_mib_per_h,
     )
 
 
