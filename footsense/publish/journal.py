@@ -24,7 +24,7 @@ class Journal:
     def __init__(self, legs: tuple[str, ...]) -> None:
         self._legs = legs
         # What a leg begins with; to get there is no news.
-        self._seen = (bytes([State.TARING] * len(legs)), bytes(len(legs)))
+        self._seen = (bytes([State.STARTING] * len(legs)), bytes(len(legs)))
         self._lines = [0] * len(legs)
         self._suppressed = [0] * len(legs)
         self._minute = 0

@@ -46,7 +46,7 @@ def test_a_change_of_state_or_cause_is_one_line(caplog: pytest.LogCaptureFixture
         journal.observe(at(1, State.ABSENT, cause))
     journal.observe(at(1, State.STARTING))
     assert lines(caplog) == [
-        "WARNING leg lm: taring -> absent (no_answer)",
+        "WARNING leg lm: starting -> absent (no_answer)",
         "WARNING leg lm: absent -> absent (line_held)",
         "INFO leg lm: absent -> starting",
     ]
