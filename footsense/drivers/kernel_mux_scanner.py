@@ -151,7 +151,7 @@ class KernelMuxScanner:
             self._give_up(leg, error)
             return Reading.NO_ANSWER, _NAN, 0
         middle_ns = started_ns + self._plan.conversion_ns // 2
-        return reading, capacitance_pf, middle_ns if reading is Reading.OK else 0
+        return reading, capacitance_pf, middle_ns if reading in {Reading.OK, Reading.OVER_RANGE} else 0
 
     def _give_up(self, leg: LegLink, error: BusError) -> None:
         """Leave a leg alone for a while if a line is stuck: each further try would cost a timeout."""

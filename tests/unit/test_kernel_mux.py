@@ -112,6 +112,13 @@ def test_each_leg_has_stamps_of_its_own() -> None:
     np.testing.assert_allclose(frame.capacitance_pf, 5.0 + frame.t_ns * 1e-9, atol=2**-11 + 1e-6)
 
 
+def test_an_element_over_the_range_has_been_read() -> None:
+    """It has a stamp, as behind any other mux: a leg with a shorted element goes on with the others."""
+    frame = Robot(lambda element, t_ns: 20.0 if element == 4 else 5.0).read(3)
+    assert (frame.reading[:, 4] == Reading.OVER_RANGE).all()
+    assert (frame.t_ns > 0).all()
+
+
 def test_an_absent_leg_costs_only_itself_and_comes_back() -> None:
     """The others read on; after its back-off the leg is there again."""
     robot = Robot(distinct)
