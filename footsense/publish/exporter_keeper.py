@@ -108,7 +108,7 @@ def _keep(file: Path, address: str, port: int) -> int:
         if not _wait((0, exporter), _LONG_LIFE_MS):
             n_young = 0
             _wait((0, exporter))
-        if not _wait((exporter,), 0):  # the service has ended, and so does the exporter
+        if 0 in _wait((0,), 0):  # the service has ended, and so does the exporter, or has done so already
             if not _wait((exporter,), _FAREWELL_MS):
                 signal.pidfd_send_signal(exporter, signal.SIGKILL)
             _bury(exporter)
