@@ -14,7 +14,9 @@ from multiprocessing import get_context
 import msgspec
 import numpy as np
 
-from footsense.app.invariants import Invariants, Lost, Rules
+from footsense.app.allowances import Rules
+from footsense.app.day import Stretch
+from footsense.app.invariants import Invariants, Lost
 from footsense.app.random_faults import random_faults
 from footsense.app.service import service
 from footsense.clock import resident_mib, stopwatch_ns
@@ -36,37 +38,11 @@ _CHANCE = 5.0
 _FRAMES_AS_ONE = 20
 #: Growth of memory that is no more than the allocator's own unrest, over an hour at least [MiB/h].
 _MOST_GROWTH_MIB_PER_H = 2.0
-#: Hours of a day at the full rate.
-_FAST_HOURS = 4.0
-#: How many stretches have a stand, and from when until when [s].
-_STANDS, _STAND_S = 2, (1200.0, 3000.0)
 #: Nothing breaks any more for so long at the end [s].
 _QUIET_END_S = 60.0
 #: Another node that now and then says something behind all of ours: CAN is simulated where something is on it.
 _QUIET = CanTraffic(at_s=0.0, can_id=0x7FF, rate_hz=0.1)
 _RARE, _GROWS = "no error beyond 5 sigma more often than calibrated", "memory does not grow"
-
-
-class Stretch(msgspec.Struct, frozen=True, kw_only=True):
-    """A part of the day.
-
-    Attributes:
-        number: Its place in the day.
-        seed: Of all that is random in it.
-        hours: How long it lasts [h].
-        rate_sps: Conversions per second; at 100 the robot walks at a quarter of its pace.
-        publish: `frame` or `element`.
-        stands_s: From when until when the robot stands [s].
-        kelvin: By how much it gets warmer, over ten minutes [K].
-    """
-
-    number: int
-    seed: int
-    hours: float
-    rate_sps: int = 400
-    publish: str = "frame"
-    stands_s: tuple[tuple[float, float], ...] = ()
-    kelvin: float = 0.0
 
 
 class Walked(msgspec.Struct, frozen=True, kw_only=True):
@@ -105,43 +81,6 @@ class Walked(msgspec.Struct, frozen=True, kw_only=True):
     n_missed: int
     resident_mib: tuple[float, float]
     growth_mib_per_h: float
-
-
-def day(hours: float, seed: int) -> list[Stretch]:
-    """Return the stretches of a walk: with a force after each conversion, two stands, and warmth that comes and goes.
-
-    A day has four hours at 400 conversions a second, one of them with a force after each, and the rest at 100, which
-    takes a third of the time. What is shorter than four hours is one stretch of each way of walking.
-    """
-    if hours <= _FAST_HOURS:
-        length = hours / 3.0
-        ways = [
-            Stretch(number=0, seed=0, hours=length),
-            Stretch(number=0, seed=0, hours=length, publish="element"),
-            Stretch(number=0, seed=0, hours=length, rate_sps=100),
-        ]
-    else:
-        ways = [
-            Stretch(number=0, seed=0, hours=1.0, publish="element"),
-            Stretch(number=0, seed=0, hours=1.0),
-            Stretch(number=0, seed=0, hours=1.0, kelvin=20.0),
-            Stretch(number=0, seed=0, hours=1.0, kelvin=-20.0),
-        ]
-        slow = [min(2.0, hours - begun) for begun in np.arange(_FAST_HOURS, hours, 2.0).tolist()]
-        ways += [
-            Stretch(
-                number=0,
-                seed=0,
-                hours=length,
-                rate_sps=100,
-                stands_s=(_STAND_S,) if number < _STANDS and length * 3600.0 > _STAND_S[1] + 600.0 else (),
-            )
-            for number, length in enumerate(slow)
-        ]
-    return [
-        msgspec.structs.replace(stretch, number=number, seed=1000 * seed + number)
-        for number, stretch in enumerate(ways)
-    ]
 
 
 def _quiet() -> None:

@@ -9,7 +9,8 @@ from pathlib import Path
 import click
 import msgspec
 
-from footsense.app.soak import Stretch, Walked, day, walk_day, walk_stretch
+from footsense.app.day import Stretch, day
+from footsense.app.soak import Walked, walk_day, walk_stretch
 from footsense.clock import stopwatch_ns
 
 

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from footsense import app
-from footsense.app.invariants import Invariants, Rules
+from footsense.app.allowances import Rules
+from footsense.app.invariants import Invariants
 from footsense.app.random_faults import GRADES_REL, IDS, ON_CAN, ON_ROBOT, fault_of
 from footsense.config import DEFAULT, Config
 from footsense.frames import USABLE, Cycle

@@ -5,9 +5,10 @@ import pytest
 
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, encode_force, encode_quality
 from firmware_interface.socketcan import pack_frame
-from footsense.app.invariants import Invariants, Rules
+from footsense.app.allowances import Rules
+from footsense.app.day import day
+from footsense.app.invariants import Invariants
 from footsense.app.random_faults import random_faults
-from footsense.app.soak import day
 from footsense.frames import LEGS, Cycle, ForceFrame, State, Zero
 from footsense.sim.can_faults import CanDown
 from footsense.sim.faults import Absent, ElementDrifts, Fault, StuckSda
