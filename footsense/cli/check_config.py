@@ -24,9 +24,11 @@ def check_config(file: Path) -> None:
 def _summary(config: Config, network: Network) -> list[str]:
     realtime, metrics = config.realtime, config.metrics
     cpu = "" if realtime is None or realtime.cpu is None else f" on processor {realtime.cpu}"
+    gang = ", column by column in the air" if config.scan.gang else ""
     return [
         f"{len(config.legs)} legs on the board {config.board}",
-        f"scan: {config.scan.rate_sps} conversions/s in {config.order} order",
+        f"scan: {config.scan.rate_sps} conversions/s in {config.order} order{gang}",
+        f"forces: {_forces(config)}",
         *(_bus_line(bus, config) for bus in config.buses),
         f"tare: over {config.tare.window_frames} scans",
         f"  quiet below {config.tare.noise_limit_ff:g} fF of noise",
@@ -41,9 +43,18 @@ def _summary(config: Config, network: Network) -> list[str]:
     ]
 
 
+def _forces(config: Config) -> str:
+    if config.publish == "element":
+        return "one after every conversion, predicted to the time of sending"
+    averaged = f", of the mean of {config.average_scans}" if config.average_scans > 1 else ""
+    return f"one after every scan{averaged}"
+
+
 def _bus_line(bus: Bus, config: Config) -> str:
+    where = "behind" if bus.adapters else "on channel"
     legs = ", ".join(
-        f"{leg} on channel {channel}" + (f" ({config.feet[leg]})" if leg in config.feet else "")
-        for leg, channel in sorted(bus.legs.items(), key=lambda item: item[1])
+        f"{leg} {where} {place}" + (f" ({config.feet[leg]})" if leg in config.feet else "")
+        for leg, place in sorted(bus.legs.items(), key=lambda item: item[1])
     )
-    return f"{bus.device} at {bus.rate_hz // 1000} kHz, TCA9548A at {bus.mux.address:#04x}: {legs}"
+    mux = "a mux that the kernel drives" if bus.adapters else f"TCA9548A at {bus.mux.address:#04x}"
+    return f"{bus.device} at {bus.rate_hz // 1000} kHz, {mux}: {legs}"

@@ -43,6 +43,8 @@ def test_the_commented_values_are_the_defaults(file: Path) -> None:
         long.tare,
         long.max_age_ms,
     )
+    assert (short.publish, short.average_scans) == (long.publish, long.average_scans)
+    assert (short.zero, short.contact) == (long.zero, long.contact)
     assert (short.buses[0].mux, short.buses[0].rate_hz) == (long.buses[0].mux, long.buses[0].rate_hz)
     assert long.metrics == Metrics()
     assert short.metrics is None
