@@ -82,7 +82,7 @@ class FirstFrame:
 @click.option(
     "--scene",
     "scene_name",
-    help="Simulate this scene: a name (tripod, measured_walk, hanging) or a YAML file.",
+    help="Simulate this scene: a name (tripod, measured_walk, hanging, faults) or a YAML file.",
 )
 @click.option(
     "--operating-point",

@@ -29,7 +29,8 @@ LOG_SUFFIXES = (".log", ".asc", ".blf")
 #: Before the frames of one call: their time [ns] and their length [bytes].
 RECORD_HEAD = struct.Struct("<qI")
 
-#: Room in the pipe [bytes], the most that Linux gives a user by default: two minutes of scans.
+#: Room in the pipe [bytes], the most that Linux gives a user by default: two minutes of scans, 14 s of single
+#: conversions.
 PIPE_BYTES = 1 << 20
 
 #: Longest wait for the writer after the pipe has ended [s].

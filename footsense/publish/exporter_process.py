@@ -33,7 +33,7 @@ class ExporterProcess:
 def start_exporter(path: Path, address: str, port: int, timeout_s: float = 20.0) -> ExporterProcess:
     """Start the exporter and wait until it listens.
 
-    Call this before the process asks for real-time scheduling, so that the exporter never has it.
+    It gives up again what it inherits of a process with real-time scheduling.
 
     Args:
         path: File of the counters: `Metrics.path`.

@@ -87,7 +87,7 @@ def check_not_being_written(partial: Path) -> None:
 class Recorder:
     """Records every cycle that it observes.
 
-    To be made before the process turns to real-time scheduling, which the writer would inherit.
+    The writer gives up again what it inherits of a process with real-time scheduling.
 
     Args:
         path: File to make; it is `FILE.partial` until it is whole.
