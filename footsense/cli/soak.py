@@ -34,14 +34,10 @@ def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json
     Stretches of an hour or two have a process each: at 400 and at 100 conversions a second, with a force after each
     scan and after each conversion, warmer and colder by 20 K, with two stands of half an hour. Ends with 1 if an
     invariant was lost; the line that says so names the stretch, and --only walks it again.
-
-    Raises:
-        click.BadParameter: There is no such stretch.
     """
     logging.disable(logging.WARNING)  # what breaks is on purpose
     stretches = day(hours, seed)
-    if only is not None and only >= len(stretches):
-        raise click.BadParameter(f"this walk has stretches 0 to {len(stretches) - 1}", param_hint="--only")
+    _refuse(only, len(stretches), as_json)
     began_ns = stopwatch_ns()
     walked: list[Walked] = []
     if only is not None:
@@ -74,6 +70,18 @@ def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json
         }
         as_json.write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
     sys.exit(1 if n_lost else 0)
+
+
+def _refuse(only: int | None, n_stretches: int, as_json: Path | None) -> None:
+    """Say before hours of walking what would be in vain.
+
+    Raises:
+        click.BadParameter: There is no such stretch, or no folder for the figures.
+    """
+    if only is not None and only >= n_stretches:
+        raise click.BadParameter(f"this walk has stretches 0 to {n_stretches - 1}", param_hint="--only")
+    if as_json is not None and not as_json.parent.is_dir():
+        raise click.BadParameter(f"{as_json}: there is no directory {as_json.parent}", param_hint="--json")
 
 
 def _line(walked: Walked) -> str:
