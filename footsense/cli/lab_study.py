@@ -60,11 +60,7 @@ def response(
     models: Path | None,
     as_json_text: bool,
 ) -> None:
-    """Print what one centred load does to the nine elements.
-
-    Raises:
-        FootsenseError: There is no such rung, or it cannot answer for such a load.
-    """
+    """Print what one centred load does to the nine elements."""  # noqa: DOC501 - click shows this text
     from footsense.lab.evaluate_models import RESPONSE_FILE
     from footsense.lab.geometry import SoleDesign
     from footsense.lab.ladder.query import response_to
