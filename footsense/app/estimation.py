@@ -22,6 +22,9 @@ from footsense.frames import ELEMENTS
 from footsense.inference.network import Network
 from footsense.recording.replay import Replay
 
+#: Scans in which a step of the load has passed through all elements, and what was made of them.
+_SETTLED_SCANS = 4
+
 #: The foot that the released artefacts are for.
 FOOT_TYPE = "aoyagi-3x3"
 
@@ -69,6 +72,7 @@ def pipeline_for(config: Config, network: Network, flags: int) -> Pipeline:
         contact=ContactLimits(touch_n=config.contact.touch_n),
         track_zero=config.zero.track,
         max_age_ns=round(config.stale_after_ms * 1e6),
+        settled_ns=round(_SETTLED_SCANS * config.scan.shortest_ms * 1e6),
         flags=flags,
         ganged=_ganged(config, network) if config.scan.gang else None,
     )

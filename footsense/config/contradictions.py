@@ -34,11 +34,12 @@ def _contradictions(config: Config) -> Iterator[Problem]:
         yield from _channels(bus, i)
         yield from _addresses(bus, i)
     # The oldest element is a whole scan old when the forces go out, and a scan takes a tenth longer than its limit.
-    if config.stale_after_ms < 1.25 * config.scan.shortest_ms:
+    scans = "a scan takes" if config.average_scans == 1 else f"{config.average_scans} scans take"
+    if config.stale_after_ms < (config.average_scans + 0.25) * config.scan.shortest_ms:
         yield Problem(
             ("max_age_ms",),
-            f"a scan takes {config.scan.shortest_ms:g} ms and more at {config.scan.rate_sps} S/s: "
-            f"every force would be stale; use at least {2 * config.scan.shortest_ms:g}",
+            f"{scans} {config.scan.shortest_ms * config.average_scans:g} ms and more at {config.scan.rate_sps} S/s: "
+            f"every force would be stale; use at least {(1 + config.average_scans) * config.scan.shortest_ms:g}",
         )
     if config.publish == "element" and config.average_scans > 1:
         yield Problem(

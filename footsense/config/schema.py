@@ -232,7 +232,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         tare: When a foot counts as quiet and unloaded.
         zero: What happens to it between tares.
         contact: When a foot is on the ground.
-        max_age_ms: Age of its oldest element at which a measurement becomes `stale` [ms]; None for four scans.
+        max_age_ms: Age of its oldest element at which a measurement becomes `stale` [ms]; None for four scans,
+            more by those that are averaged.
         stray_pf: Capacitance beside each element that is not the foot's [pF], nine per leg; 0 where absent.
         unloaded_pf: What each element of a mounted foot reads while nothing presses it, stray included [pF], nine per
             leg; none given means the design's. A tare must come near it.
@@ -271,8 +272,10 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def stale_after_ms(self) -> float:
-        """Return the age limit of a measurement [ms]: as given, or four scans of nine conversions."""
-        return 4 * self.scan.shortest_ms if self.max_age_ms is None else self.max_age_ms
+        """Return the age limit of a measurement [ms]: as given, or three scans more than are averaged."""
+        if self.max_age_ms is not None:
+            return self.max_age_ms
+        return (3 + self.average_scans) * self.scan.shortest_ms
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -69,7 +69,8 @@ class ElementByElement:
             newest_ns: Stamps = t_ns[:, element]
             self._prediction.observe_all(element, values[:, element], newest_ns)
             self._seen_ns = t_ns
-            return Moment(self._prediction.at(now_ns), values, self._running, newest_ns)
+            at = self._prediction.at(now_ns)
+            return Moment(at, values, self._running, newest_ns, t_ns.min(axis=1))
         return self._align_any(values, t_ns, now_ns, missing)
 
     def _is_next(self, values: Vector, t_ns: Stamps, missing: Mask) -> bool:
@@ -105,7 +106,7 @@ class ElementByElement:
         self._running = complete
         self._seen_ns = t_ns
         self._next = self._following[int(t_ns.max(axis=0).argmax())]
-        return Moment(self._prediction.at(now_ns), values, complete, newest_ns)
+        return Moment(self._prediction.at(now_ns), values, complete, newest_ns, t_ns.min(axis=1))
 
     def estimate(
         self, closure_rel: Vector, rest_rel: Vector, usable: Mask, missing: Mask

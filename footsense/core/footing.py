@@ -15,7 +15,7 @@ from footsense.core.quality import SILENT
 from footsense.core.sensitivity import Sensitivity
 from footsense.core.tare import TareLimits, TareWindow, Verdict
 from footsense.core.zero import FARTHEST_PF, LegZero, ZeroLimits
-from footsense.frames import Command, CommandKind, Flag, Outcome, Result, State, Zero, ZeroStatus
+from footsense.frames import Command, CommandKind, Flag, Outcome, Reading, Result, State, Zero, ZeroStatus
 
 Vector = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -23,6 +23,9 @@ Mask = NDArray[np.bool_]
 
 #: A leg that was silent for so long may come back with another foot: its baseline is forgotten. Nobody is faster.
 _SILENT_NS = 250_000_000
+#: The same while a line of its bus is held low, which says nothing of its own foot: a robot that stands would lose all
+#: its forces until each foot's next swing.
+_HELD_NS = 3_000_000_000
 
 #: In how many frames every leg gets its turn to follow: two of six legs in one frame, and those of opposite tripods.
 _TURNS = 3
@@ -209,8 +212,11 @@ class Footing:
             state[leg] = State.NO_BASELINE if leg in self._refusal else State.TARING
 
     def _doubt(self, now_ns: int) -> None:
-        """Say how far the zeros may be off until it is said anew: they drift slowly, so now and then is enough."""
-        self._doubt_due_ns = now_ns + _DOUBT_NS
+        """Say how far the zeros may be off until it is said anew: they drift slowly, so now and then is enough.
+
+        For times that are the same for all legs, whatever happens to one of them.
+        """
+        self._doubt_due_ns = (now_ns // _DOUBT_NS + 1) * _DOUBT_NS
         sigmas_pf = [zero.sigma_pf(self._doubt_due_ns) for zero in self._zeros]
         n_per_pf = self._closure_per_pf * self._sensitivity.load_n
         self._doubts_n = [n_per_pf * min(3.0 * sigma_pf, FARTHEST_PF) for sigma_pf in sigmas_pf]
@@ -241,7 +247,8 @@ class Footing:
             return
         silent = np.isin(reading, SILENT).all(axis=1)
         self._heard_ns[~silent] = now_ns
-        for leg in np.flatnonzero(now_ns - self._heard_ns >= _SILENT_NS).tolist():
+        allowed_ns = np.where((reading == Reading.LINE_HELD).any(axis=1), _HELD_NS, _SILENT_NS)
+        for leg in np.flatnonzero(now_ns - self._heard_ns >= allowed_ns).tolist():
             if leg in self._untared:
                 continue
             self._untared.add(leg)

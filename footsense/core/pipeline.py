@@ -82,7 +82,8 @@ class Pipeline:
         tare: When a tare is granted.
         contact: When a foot is on the ground.
         track_zero: Whether a baseline follows a foot in the air.
-        max_age_ns: Age from which a measurement may not be used any more [ns].
+        max_age_ns: Age of the oldest reading from which a measurement may not be used any more [ns].
+        settled_ns: Time after which readings from before a step are forgotten: a few scans [ns].
         flags: Flags that every frame carries.
         ganged: What is known of the legs that are read column by column; None if none ever is.
     """
@@ -98,6 +99,7 @@ class Pipeline:
         tare: TareLimits,
         contact: ContactLimits,
         max_age_ns: int,
+        settled_ns: int,
         track_zero: bool = True,
         flags: int = 0,
         ganged: Ganged | None = None,
@@ -112,7 +114,7 @@ class Pipeline:
         self._ganged = ganged
         n_legs = len(stray_pf)
         self._footing = Footing(unloaded_pf, calibration.design, tare, contact, sensitivity, track=track_zero)
-        self._consistency = Consistency(n_legs, calibration.moments, max_age_ns)
+        self._consistency = Consistency(n_legs, calibration.moments, settled_ns)
         self._no_fault = np.zeros(n_legs, np.uint16)
         self._zero = self._footing.zero
         self._cause = quality.drifting_zeros(self._zero)
@@ -225,7 +227,7 @@ class Pipeline:
             judgement: What they said of each other.
         """
         outside = (judged_rel < self._least_rel) | (judged_rel > self._most_rel)
-        oldest_ns = int(scan.t_ns.min())
+        oldest_ns = int(moment.oldest_ns.min())
         timely = oldest_ns > 0 and now_ns - oldest_ns <= self._max_age_ns and moment.together.all()
         state = np.full(len(missing), State.VALID, np.uint8)
         if seen.well and judgement.well and timely and not (outside.any() or self._stopped.any()):
@@ -237,7 +239,7 @@ class Pipeline:
         faulty = seen.opened | self._at_rest.untared | remembered | (judgement.missing & ~missing)
         missing = judgement.missing
         shut = judged_rel > quality.SHUT_REL
-        read_ns = scan.t_ns.min(axis=1)
+        read_ns = moment.oldest_ns
         state[missing.any(axis=1) | (judgement.doubt_rel > 0.0)] = State.DEGRADED
         state[(outside & ~missing).any(axis=1)] = State.OUT_OF_RANGE
         state[(now_ns - read_ns > self._max_age_ns) | ~moment.together] = State.STALE

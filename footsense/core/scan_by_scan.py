@@ -13,6 +13,7 @@ from footsense.ports import Estimator
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Stamps = NDArray[np.int64]
 
 
 class Moment(NamedTuple):
@@ -23,19 +24,21 @@ class Moment(NamedTuple):
         judged: Those by which an element is said to be shut or out of range: as measured, where `values` are predicted.
         together: Whether they could be brought to that time, shape (legs,).
         t_ns: Which the consumer is told: how far the measurement reaches [ns], shape (legs,).
+        oldest_ns: Stamp of the oldest reading that went into it [ns], shape (legs,); 0 without one.
     """
 
     values: Vector
     judged: Vector
     together: Mask
     t_ns: NDArray[np.int64]
+    oldest_ns: NDArray[np.int64]
 
 
 class ScanByScan:
     """Forces of whole scans.
 
-    Each leg is estimated two ways, its elements moved along parabolas and along lines: the difference tells what the
-    motion may have left in the force.
+    Each leg is estimated two ways, its elements moved along parabolas and along lines: how far the two forces lie apart
+    tells what the motion may have left on any axis; of one axis alone it may vanish by chance.
 
     Args:
         estimator: The network, for twice the legs.
@@ -48,7 +51,7 @@ class ScanByScan:
         self._estimator = estimator
         self._filling = Filling(moments)
         self._skew = SkewRemoval(n_legs, ELEMENTS)
-        self._scans: deque[tuple[Aligned, NDArray[np.int64]]] = deque(maxlen=n_averaged)
+        self._scans: deque[tuple[Aligned, Stamps, Stamps]] = deque(maxlen=n_averaged)
         self._coarser = np.zeros((n_legs, ELEMENTS))
         self._none_missing: Mask = np.zeros((2 * n_legs, ELEMENTS), bool)
 
@@ -62,18 +65,20 @@ class ScanByScan:
             missing: Elements that nobody asks for, shape (legs, 9).
         """
         del now_ns
-        self._scans.append((self._skew.apply(values, t_ns, missing), t_ns.sum(axis=1) // ELEMENTS))
+        aligned, middle_ns = self._skew.apply(values, t_ns, missing), t_ns.sum(axis=1) // ELEMENTS
+        self._scans.append((aligned, middle_ns, t_ns.min(axis=1)))
         if len(self._scans) == 1:
-            (aligned, middle_ns) = self._scans[0]
             self._coarser = aligned.coarser
-            return Moment(aligned.values, aligned.values, aligned.together, middle_ns)
-        self._coarser = np.mean([aligned.coarser for aligned, _ in self._scans], axis=0)
-        averaged = np.mean([aligned.values for aligned, _ in self._scans], axis=0)
+            return Moment(aligned.values, aligned.values, aligned.together, middle_ns, self._scans[0][2])
+        all_aligned, middles_ns, oldest_ns = zip(*self._scans, strict=True)
+        self._coarser = np.mean([one.coarser for one in all_aligned], axis=0)
+        averaged = np.mean([one.values for one in all_aligned], axis=0)
         return Moment(
             values=averaged,
             judged=averaged,
-            together=np.all([aligned.together for aligned, _ in self._scans], axis=0),
-            t_ns=np.sum([middle_ns for _, middle_ns in self._scans], axis=0) // len(self._scans),
+            together=np.all([one.together for one in all_aligned], axis=0),
+            t_ns=np.sum(middles_ns, axis=0) // len(self._scans),
+            oldest_ns=np.min(oldest_ns, axis=0),
         )
 
     def estimate(
@@ -96,4 +101,6 @@ class ScanByScan:
             self._filling.fill(both_rel, both_missing), both_missing
         )
         force_n = both_n[:n_legs]
-        return force_n, np.hypot(both_sigma_n[:n_legs], force_n - both_n[n_legs:])
+        apart_n = force_n - both_n[n_legs:]
+        moved_n = np.sqrt(np.einsum("ij,ij->i", apart_n, apart_n))
+        return force_n, np.hypot(both_sigma_n[:n_legs], moved_n[:, None])

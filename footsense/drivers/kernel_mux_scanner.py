@@ -139,24 +139,28 @@ class KernelMuxScanner:
         try:
             self._clock.sleep_until_ns(started_ns + self._plan.wait_ns)
             if following.row_changes:
-                adapter.transfer(following.select_row)
-            adapter.transfer(following.trigger)
+                _persist(adapter, following.select_row)
+            _persist(adapter, following.trigger)
             self._started_ns[row] = self._clock.now_ns()
-            if not fdc1004.is_done(adapter.transfer(fdc1004.READ_CONF), step.slot):
+            conf = _persist(adapter, fdc1004.READ_CONF)
+            if fdc1004.is_garbled(conf):
+                return Reading.GARBLED, _NAN, 0
+            if not fdc1004.is_done(conf, step.slot):
                 return Reading.NOT_READY, _NAN, 0
-            reading, capacitance_pf = fdc1004.decode_result([adapter.transfer(read) for read in step.read])
-            if any(adapter.transfer(check.ask) != check.expected for check in checks):
+            reading, capacitance_pf = fdc1004.decode_result([_persist(adapter, read) for read in step.read])
+            if any(_persist(adapter, check.ask) != check.expected for check in checks):
                 return Reading.MISCONFIGURED, _NAN, 0
         except BusError as error:
-            self._give_up(leg, error)
-            return Reading.NO_ANSWER, _NAN, 0
+            return self._give_up(leg, error), _NAN, 0
         middle_ns = started_ns + self._plan.conversion_ns // 2
         return reading, capacitance_pf, middle_ns if reading in {Reading.OK, Reading.OVER_RANGE} else 0
 
-    def _give_up(self, leg: LegLink, error: BusError) -> None:
-        """Leave a leg alone for a while if a line is stuck: each further try would cost a timeout."""
-        if isinstance(error, BusTimeoutError):
-            leg.leave(Reading.LINE_HELD, str(error), self._clock.now_ns())
+    def _give_up(self, leg: LegLink, error: BusError) -> Reading:
+        """Say what an error means; a leg that holds a line is left alone for a while: each try costs a timeout."""
+        if not isinstance(error, BusTimeoutError):
+            return Reading.NO_ANSWER
+        leg.leave(Reading.LINE_HELD, str(error), self._clock.now_ns())
+        return Reading.LINE_HELD
 
     def _begin_anew(self, row: int, step: Step) -> None:
         """Start a conversion on a leg of which nothing is known; what its converter has left is read away first."""
@@ -169,8 +173,7 @@ class KernelMuxScanner:
             for transaction in transactions:
                 adapter.transfer(transaction)
         except BusError as error:
-            leg.outcome = Reading.NO_ANSWER
-            self._give_up(leg, error)
+            leg.outcome = self._give_up(leg, error)
         else:
             leg.outcome = Reading.OK
             self._started_ns[row] = self._clock.now_ns()
@@ -190,3 +193,18 @@ class KernelMuxScanner:
     def _probe(self, row: int) -> None:
         self._started_ns[row] = None
         self._legs[row].probe(self._adapters[row], self._plan.steps[0].select_row, self._clock.now_ns())
+
+
+def _persist(adapter: I2cBus, transaction: Transaction) -> bytes:
+    """Do a transaction, once more if it is not acknowledged; none of them does harm twice.
+
+    Raises:
+        BusTimeoutError: A line is held.
+        BusError: It fails again.
+    """
+    try:
+        return adapter.transfer(transaction)
+    except BusTimeoutError:
+        raise
+    except BusError:
+        return adapter.transfer(transaction)

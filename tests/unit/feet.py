@@ -50,6 +50,7 @@ def pipeline(n_legs: int = 2, stray_pf: float = 0.0) -> Pipeline:
         tare=TareLimits(window_frames=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
         contact=ContactLimits(touch_n=0.03),
         max_age_ns=MAX_AGE_NS,
+        settled_ns=MAX_AGE_NS,
         flags=Flag.SIMULATED,
     )
 

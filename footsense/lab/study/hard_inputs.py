@@ -91,6 +91,7 @@ class _Leg:
             tare=TareLimits(window_frames=_WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
             contact=ContactLimits(touch_n=0.03),
             max_age_ns=_MAX_AGE_NS,
+            settled_ns=_MAX_AGE_NS,
         )
         self._sequence = 0
         for _ in range(_WINDOW):

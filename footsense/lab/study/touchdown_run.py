@@ -188,6 +188,7 @@ class _Chain:
             tare=TareLimits(window_frames=8, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
             contact=ContactLimits(touch_n=TOUCH_N),
             max_age_ns=4 * scan_ns,
+            settled_ns=4 * scan_ns,
             ganged=self.ganged,
         )
 
