@@ -76,8 +76,10 @@ over its own sigma while the fault shows, *others' error* the largest of any oth
 
 {table(_HEADER, [_row(trial, seen) for trial, seen in walked])}
 
-A leg whose cable was off is tared anew, in its next swing; one that held the bus is tried again after a second at the
-earliest, because each try costs the others a timeout.
+The row *nothing* is the walk itself: what a scan's parabolas make of a hard touchdown, which is the largest error that
+any leg has here, is there with and without a fault. A leg whose cable was off is tared anew, in its next swing; one
+that held the bus is tried again after a second at the earliest, because each try costs the others a timeout. An element
+that has drifted has another zero when the drift ends, and is trusted again after a tare.
 
 ### When CAN breaks
 
