@@ -29,7 +29,9 @@ def test_the_service_is_watched_and_started_again() -> None:
     assert service["Restart"] == "on-failure"
     assert service["RestartPreventExitStatus"].split() == ["2", "4"]
     assert service["KillMode"] == "mixed"
-    assert service["ExecStart"] == "/opt/footsense/bin/footsense -v run --config /etc/footsense/footsense.yaml"
+    assert (
+        service["ExecStart"] == "/opt/footsense/bin/footsense -v run --config /etc/footsense/footsense.yaml"
+    )
 
 
 def test_the_service_may_do_what_the_loop_needs() -> None:
