@@ -36,6 +36,11 @@ _CARRIED_S = 100.0
 #: How long a load has to be low before the floor goes there: a glitch downwards must not make contact afterwards.
 _LOW_NS = 50_000_000
 
+#: A contact that was foreseen is held for so long: by then every element has been read again.
+_FORESEEN_NS = 30_000_000
+#: After a lift-off a prediction rings for so long, and foresees nothing.
+_RINGS_NS = 100_000_000
+
 #: Without a reading, contact is believed for so long, and is unknown after that.
 _BELIEVED_NS = 250_000_000
 
@@ -111,8 +116,11 @@ class Contact:
         self._highest_before_n = self._highest_n = math.inf
         self._watched_ns = t_ns
         self._t_ns = self._lifted_ns = t_ns
+        self._foreseen_ns = t_ns - _FORESEEN_NS
 
-    def observe(self, load_n: float, zero_doubt_n: float, t_ns: int, now_ns: int) -> None:
+    def observe(
+        self, load_n: float, zero_doubt_n: float, t_ns: int, now_ns: int, foreseen_n: float = math.nan
+    ) -> None:
         """Judge the newest load.
 
         Args:
@@ -120,6 +128,8 @@ class Contact:
             zero_doubt_n: How far the zero may be off [N].
             t_ns: When the newest of the readings was taken [ns].
             now_ns: The time now [ns].
+            foreseen_n: The same load as predicted from the newest reading, which shows a touchdown before most elements
+                have been read again [N]; NaN without a prediction.
         """
         limits = self.limits
         self.load_n = load_n
@@ -135,7 +145,9 @@ class Contact:
             # Against a floor below the zero a foot might never be free: the zero is in the air too.
             left_n = load_n - max(self._floor_n, 0.0)
             fell = load_n < _FALLEN_REL * self._recent_n and left_n < limits.lift_n + self.doubt_n
-            if fell or above_n < limits.lift_n:
+            if t_ns - self._foreseen_ns < _FORESEEN_NS:
+                pass  # the elements that show it have yet to be read
+            elif fell or above_n < limits.lift_n:
                 self.touching = False
                 self._lifted_ns = t_ns
                 # A foot can be pressed, not pulled: what lies farther below than its zero may be off is the end of a
@@ -145,6 +157,9 @@ class Contact:
                 self._watched_ns = t_ns
         elif above_n > limits.touch_n:
             self.touching = True
+        elif foreseen_n - self._floor_n > limits.touch_n and t_ns - self._lifted_ns > _RINGS_NS:
+            self.touching = True
+            self._foreseen_ns = t_ns
         else:
             if t_ns - self._watched_ns > _LOW_NS:
                 self._highest_before_n = self._highest_n

@@ -4,6 +4,7 @@ A tare (`core/tare.py`) gives a baseline, at start by itself and later on comman
 that is surely in the air (`core/zero.py`), and which foot that is `core/contact.py` says.
 """
 
+import math
 from collections.abc import Collection
 
 import numpy as np
@@ -93,6 +94,7 @@ class Footing:
         self.sigma_n = np.full((n_legs, 3), np.nan)
         self.flags = np.zeros(n_legs, np.uint8)
         self._flags: list[int] = []
+        self._nothing_foreseen = [math.nan] * n_legs
         self._doubts_n: list[float] = []
         self.standing_in: Mask = np.zeros(n_legs, bool)
         self._aloft: tuple[int, ...] = ()
@@ -156,12 +158,19 @@ class Footing:
         return tuple(outcomes)
 
     def observe(
-        self, closure_rel: Vector, capacitance_pf: Vector, t_ns: Stamps, missing: Mask, now_ns: int
+        self,
+        closure_rel: Vector,
+        foreseen_rel: Vector | None,
+        capacitance_pf: Vector,
+        t_ns: Stamps,
+        missing: Mask,
+        now_ns: int,
     ) -> None:
         """Judge who is on the ground, and follow those that are not and whose turn it is.
 
         Args:
             closure_rel: Closures over the gap as measured [1], shape (legs, 9), NaN where there is none.
+            foreseen_rel: The same as predicted from the newest of them; None where nothing is predicted.
             capacitance_pf: Readings without stray that they come from [pF], same shape.
             t_ns: Stamp of each [ns], same shape.
             missing: Elements that are not to be believed, same shape.
@@ -169,13 +178,18 @@ class Footing:
         """
         believed_rel = np.where(missing, np.nan, closure_rel) if missing.any() else closure_rel
         loads_n = (middle_mean(believed_rel) * self._sensitivity.load_n).tolist()
+        foreseen_n = self._nothing_foreseen
+        if foreseen_rel is not None:
+            believed_rel = np.where(missing, np.nan, foreseen_rel) if missing.any() else foreseen_rel
+            foreseen_n = (middle_mean(believed_rel) * self._sensitivity.load_n).tolist()
         newest_ns = t_ns.max(axis=1).tolist()
         if now_ns >= self._doubt_due_ns:
             self._doubt(now_ns)
         aloft, flags = [], []
-        each = zip(self._legs, self._zeros, self._contacts, loads_n, newest_ns, self._doubts_n, strict=True)
-        for leg, zero, contact, load_n, newest, doubt_n in each:
-            contact.observe(load_n, doubt_n, newest, now_ns)
+        loads = zip(loads_n, self._doubts_n, newest_ns, foreseen_n, strict=True)
+        each = zip(self._legs, self._zeros, self._contacts, loads, strict=True)
+        for leg, zero, contact, (load_n, doubt_n, newest, ahead_n) in each:
+            contact.observe(load_n, doubt_n, newest, now_ns, ahead_n)
             refused = _TARE_REFUSED if leg in self._refused else 0
             flags.append(_CONTACT | refused if contact.touching else refused)
             if leg in self._untared:

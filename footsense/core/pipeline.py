@@ -175,7 +175,11 @@ class Pipeline:
         if moment.judged is not moment.values:
             judged_rel = rest_rel - moment.judged
         judgement = self._consistency.judge(closure_rel, judged_rel, missing, moment.t_ns)
-        footing.observe(judged_rel, seen.settled_pf, scan.t_ns, judgement.missing, now_ns)
+        # What is foreseen of a leg that is not together is of no worth.
+        foreseen_rel = None
+        if judged_rel is not closure_rel:
+            foreseen_rel = np.where(moment.together[:, None], closure_rel, np.nan)
+        footing.observe(judged_rel, foreseen_rel, seen.settled_pf, scan.t_ns, judgement.missing, now_ns)
         verdict = self._verdict(scan, now_ns, seen, missing, moment, judged_rel, judgement)
         state, usable = verdict.state, _USABLE[verdict.state]
 

@@ -94,7 +94,7 @@ class Standing:
         now_ns = self.t_ns + 2_000_000
         self.outcomes += self.footing.tare(capacitance_pf, reading, self._stamps, missing, now_ns)
         closure_rel = DESIGN.closure_um(capacitance_pf, self.footing.baseline_pf) / DESIGN.gap_um
-        self.footing.observe(closure_rel, capacitance_pf, self._stamps, missing, now_ns)
+        self.footing.observe(closure_rel, None, capacitance_pf, self._stamps, missing, now_ns)
 
     def tared(self) -> "Standing":
         """Hang in the air until the tare is done and the swing confirmed."""
