@@ -164,7 +164,6 @@ def _body(runs: dict[str, Run], found: dict[str, dict[str, Found]], *, quick: bo
     step_ms, lead_ms = (time_ns * 1e-6 for time_ns in pace(400))
     after_ms, touch_mn = 1e3 * _AFTER_S, 1e3 * TOUCH_N
     scan_ms, element_ms, ganged_ms = (f"{_median_ms(found[way], 'contact_ms'):.1f}" for way in WAYS)
-    sooner_ms = float(element_ms) - float(ganged_ms)
     by_force_ms = f"{_median_ms(found[ELEMENT], 'force_ms'):.1f}"
     _, element_mn, ganged_mn = (
         f"{np.mean([one.error_mn for one in found[way].values()]):.0f}" for way in WAYS
@@ -202,12 +201,10 @@ than the given rate, at 95 %.
 
 {table(swing_header, _swing_rows(runs))}
 
-**Ganging tells the ground {sooner_ms:.0f} ms before the flag of single elements does** ({ganged_ms} against
-{element_ms} ms in the median, {scan_ms} by whole scans), because that flag is judged by what was read last of each
-element: it takes a few of nine. **The force of single elements, which is predicted from every reading at once, knows it
-after {by_force_ms} ms without any ganging**; but a prediction rings when the foot lifts off, so that a threshold on it
-has to wait for the swing. After the touchdown a ganged leg has to go back to its elements; one conversion is lost, and
-it takes a scan until all are read: its force is off by {ganged_mn} mN instead of {element_mn} mN in the first
-{after_ms:g} ms. Whoever needs the first contact alone can take it from the force; ganging is worth its price where the
-flag has to be first.
+Median latencies of the flag over all kinds: {scan_ms} ms by whole scans, {element_ms} ms by single elements,
+{ganged_ms} ms ganged. The flag is set as soon as the filter foresees the load from the first element that shows it,
+except in the first tenth of a second after lift-off, in which its prediction rings; the force alone, which rings
+then, tells it after {by_force_ms} ms. A sum of three elements can hardly tell sooner, and after the touchdown a ganged
+leg has to go back to its elements: one conversion is lost, and it takes a scan until all are read. Its force is off by
+{ganged_mn} mN instead of {element_mn} mN in the first {after_ms:g} ms. So ganging is off by default.
 """
