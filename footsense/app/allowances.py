@@ -16,6 +16,9 @@ _PAUSE_S, _HOLDER_PAUSE_S, _TRY_S, _STEPS = 4.0, 16.0, 1.0, 3.0
 #: Time without a force that an adapter's timeouts cost, and reading what they broke off anew: for each leg that holds
 #: the bus [s], and in all where the trunk itself is held [s].
 _HOLDER_COSTS_S, _TRUNK_COSTS_S = 0.085, 0.45
+#: What it costs a leg that the same transaction lost twice [s]: that scan, and two more until its elements can be
+#: brought to one time again.
+_ARBITRATION_COSTS_S = 0.08
 
 
 class Rules(NamedTuple):
@@ -101,5 +104,5 @@ def gap_costs_s(script: Sequence[Fault]) -> list[tuple[float, float, float]]:
             cost_s = _HOLDER_COSTS_S if isinstance(fault, StuckSda) else _TRUNK_COSTS_S
             costs.append((fault.at_s, until_s + _HOLDER_PAUSE_S + _TRY_S, cost_s))
         elif isinstance(fault, ArbitrationLost):
-            costs.append((fault.at_s, fault.until_s or np.inf, 0.005))
+            costs.append((fault.at_s, (fault.until_s or np.inf) + _ARBITRATION_COSTS_S, _ARBITRATION_COSTS_S))
     return sorted(costs, key=lambda cost: cost[1])

@@ -29,7 +29,7 @@ _NS_PER_S = 1_000_000_000
 #: All feet are in the air for so long at first [s].
 _LEAD_IN_S = 1.0
 #: The walk without faults that others are compared with [s]: as many steps at each rate.
-_CALIBRATION_STEPS = 60
+_CALIBRATION_STEPS = 200
 #: When memory is looked at first [s]: by then everything has been used once.
 _WARM_S = 120.0
 #: Standard deviations of a count that are chance.
@@ -137,8 +137,12 @@ def walk_stretch(stretch: Stretch) -> Walked:
     seen = course.seen
     lost = Counter(seen.n_lost)
     calibrated_rel = whole.seen.n_beyond / whole.seen.n_checked
-    allowed = seen.n_checked * calibrated_rel
-    allowed += _CHANCE * np.sqrt(_FRAMES_AS_ONE * np.maximum(allowed, 1.0))
+    # Both shares are counted, and the shorter walk's is the less certain: of rare errors it may have met none.
+    both_rel = (whole.seen.n_beyond + seen.n_beyond) / (whole.seen.n_checked + seen.n_checked)
+    chance_rel = _CHANCE * np.sqrt(
+        _FRAMES_AS_ONE * both_rel * (1.0 / whole.seen.n_checked + 1.0 / seen.n_checked)
+    )
+    allowed = seen.n_checked * (calibrated_rel + chance_rel)
     for axis in np.flatnonzero(seen.n_beyond > allowed).tolist():
         lost[_RARE] += 1
         what = f"f{'xyz'[axis]}: {seen.n_beyond[axis]} of {seen.n_checked}, at most {allowed[axis]:.0f}"
