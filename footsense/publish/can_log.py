@@ -5,17 +5,14 @@ it (`can_log_writer`), and the loop copies a scan's frames into a pipe, with one
 loop waits for room there; in real time it never does, and what finds no room is counted.
 """
 
-import contextlib
-import fcntl
 import logging
 import os
-import signal
 import struct
 import subprocess
-import sys
 from pathlib import Path
 
 from firmware_interface.socketcan import FRAME_BYTES
+from footsense.child_process import start_writer
 from footsense.errors import ConfigError, RecordingError
 from footsense.publish.can_stats import CanStats
 
@@ -141,21 +138,4 @@ def _start_writer(path: Path, channel: str) -> "tuple[subprocess.Popen[bytes], i
     except OSError as error:
         raise RecordingError(f"CAN log {path}: {error.strerror}") from error
     os.set_blocking(file, True)
-    read_end, write_end = os.pipe()
-    with contextlib.suppress(OSError):  # a smaller pipe serves too
-        fcntl.fcntl(write_end, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
-    # A blocked signal stays blocked in the child: a Ctrl-C or a stop of the service ends the loop, and then
-    # the end of the pipe ends the writer.
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-    try:
-        writer = subprocess.Popen(  # noqa: S603 - our own module
-            [sys.executable, "-P", "-m", "footsense.publish.can_log_writer", path.suffix, channel],
-            stdin=read_end,
-            stdout=file,
-            stderr=subprocess.PIPE,
-        )
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-        os.close(read_end)
-        os.close(file)
-    return writer, write_end
+    return start_writer("footsense.publish.can_log_writer", [path.suffix, channel], file, PIPE_BYTES)

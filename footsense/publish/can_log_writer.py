@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from typing import IO, TYPE_CHECKING, Any
 
 from firmware_interface.socketcan import split_frames
+from footsense.child_process import yield_to_the_loop
 from footsense.publish.can_log import RECORD_HEAD
 
 if TYPE_CHECKING:
@@ -114,15 +115,8 @@ def _abandon(opened: IO[Any]) -> None:
         opened.close()
 
 
-def _yield_to_the_loop() -> None:
-    """Give up what a service with real-time scheduling hands down to its children."""
-    with contextlib.suppress(OSError):
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        os.sched_setaffinity(0, range(os.cpu_count() or 1))
-
-
 if __name__ == "__main__":
-    _yield_to_the_loop()
+    yield_to_the_loop()
     failure = main(sys.argv[1], sys.argv[2])
     if failure:
         with contextlib.suppress(BrokenPipeError):  # nobody listens any more if the daemon was killed

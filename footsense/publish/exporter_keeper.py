@@ -19,6 +19,8 @@ import signal
 import sys
 from pathlib import Path
 
+from footsense.child_process import yield_to_the_loop
+
 __all__ = ["main"]
 
 _log = logging.getLogger(__name__)
@@ -29,14 +31,6 @@ _LONG_LIFE_MS = 60_000
 _PAUSES_MS = (0, 1_000, 2_000, 4_000, 8_000, 16_000, 30_000)
 #: How long an exporter may take to end with the service [ms].
 _FAREWELL_MS = 3_000
-
-
-def _yield_to_the_loop() -> None:
-    """Give up what a service with real-time scheduling hands down to its children."""
-    with contextlib.suppress(OSError):
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        os.sched_setaffinity(0, range(os.cpu_count() or 1))
-        os.nice(5)
 
 
 def _fork_exporter(file: Path, address: str, port: int) -> tuple[int, int]:
@@ -128,7 +122,7 @@ def main() -> int:
     parser.add_argument("--port", type=int, default=9108)
     arguments = parser.parse_args()
     logging.basicConfig(format="%(levelname)s: %(message)s")
-    _yield_to_the_loop()
+    yield_to_the_loop(nice=5)
     return _keep(arguments.file, arguments.address, arguments.port)
 
 

@@ -9,13 +9,12 @@ import fcntl
 import json
 import logging
 import os
-import signal
 import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from footsense.child_process import start_writer
 from footsense.errors import ConfigError, RecordingError
 from footsense.frames import Cycle
 from footsense.recording.cycle_pipe import CyclePipe
@@ -183,21 +182,4 @@ def _start_writer(path: Path) -> tuple[subprocess.Popen[bytes], int]:
     with contextlib.suppress(OSError):  # some network drives know no locks; the file is written all the same
         # The writer inherits the lock with the file, and it ends with whoever has the file open last.
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    read_end, write_end = os.pipe()
-    with contextlib.suppress(OSError):  # a smaller pipe serves too
-        fcntl.fcntl(write_end, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
-    # A blocked signal stays blocked in the child: a Ctrl-C or a stop of the service ends the loop, and then
-    # the end of the pipe ends the writer.
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-    try:
-        writer = subprocess.Popen(  # noqa: S603 - our own module
-            [sys.executable, "-P", "-m", "footsense.recording.writer", str(path)],
-            stdin=read_end,
-            stdout=file,
-            stderr=subprocess.PIPE,
-        )
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-        os.close(read_end)
-        os.close(file)
-    return writer, write_end
+    return start_writer("footsense.recording.writer", [str(path)], file, PIPE_BYTES)

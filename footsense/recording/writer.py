@@ -15,6 +15,7 @@ import sys
 import threading
 from pathlib import Path
 
+from footsense.child_process import yield_to_the_loop
 from footsense.errors import RecordingError
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.pipe_format import Loss, Numbered
@@ -178,13 +179,6 @@ def _give_name(path: Path) -> None:
     path.with_name(path.name + ".partial").rename(path)
 
 
-def _yield_to_the_loop() -> None:
-    """Give up what a service with real-time scheduling hands down to its children."""
-    with contextlib.suppress(OSError):
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        os.sched_setaffinity(0, range(os.cpu_count() or 1))
-
-
 def main(path: Path, pipe: int = 0, fd: int = 1, report: int = 2) -> int:
     """Write a recording until the pipe ends.
 
@@ -197,7 +191,7 @@ def main(path: Path, pipe: int = 0, fd: int = 1, report: int = 2) -> int:
     Returns:
         The exit code: 0 if the recording is whole and has its name.
     """
-    _yield_to_the_loop()
+    yield_to_the_loop()
     writer = PipeWriter(fd)
     failure = ""
     try:
