@@ -5,11 +5,13 @@
     ├── RecordingError        exit 3   not a recording, or cut short: what is whole was still replayed
     ├── ModelError            exit 4   a model is missing, corrupt, or made for another foot
     ├── HardwareError         exit 5   the bus or a chip that everything needs is not there
+    │   ├── SensorError                what a bench's force sensor says is not what was described
     │   ├── WrongChipError             another chip answers; the scanner turns it into a state, as it does these:
     │   └── BusError                   one transaction failed
     │       ├── NackError              nobody acknowledged the address or a byte
     │       └── BusTimeoutError        the adapter gave up: a line is held low
-    └── CanError              exit 6   the CAN channel is not there or is down
+    ├── CanError              exit 6   the CAN channel is not there or is down
+    └── CalibrationError      exit 7   a foot's recordings do not tell what is asked of them
 
 The message of an error is one line for a person: what is wrong, where, and what would be right.
 Only `footsense.cli` turns an error into an exit code.
@@ -46,6 +48,10 @@ class HardwareError(FootsenseError):
     exit_code = 5
 
 
+class SensorError(HardwareError):
+    """The force sensor of a bench is not there, or says what it cannot mean."""
+
+
 class WrongChipError(HardwareError):
     """Something else than the expected chip answers at its address."""
 
@@ -66,3 +72,9 @@ class CanError(FootsenseError):
     """The CAN channel is missing or down."""
 
     exit_code = 6
+
+
+class CalibrationError(FootsenseError):
+    """The recordings of a foot contradict each other, or cannot tell what is asked of them."""
+
+    exit_code = 7

@@ -29,6 +29,7 @@ __all__ = [
     "ForceFrame",
     "Outcome",
     "Reading",
+    "Reference",
     "Result",
     "State",
     "Zero",
@@ -172,6 +173,20 @@ class Outcome(NamedTuple):
     reason: str
 
 
+class Reference(NamedTuple):
+    """What the force sensor of a bench said since the last turn of the loop, oldest first.
+
+    Attributes:
+        t_ns: When each sample was taken, in the daemon's clock [ns, monotonic], shape (n,), int64.
+        force_n: Ground reaction on the foot in the leg's frame, as in `ForceFrame` [N], shape (n, 3).
+        saturated: Whether an axis stood at the end of its range, shape (n,).
+    """
+
+    t_ns: NDArray[np.int64]
+    force_n: NDArray[np.float64]
+    saturated: NDArray[np.bool_]
+
+
 class Cycle(NamedTuple):
     """One turn of the loop, as its observers see it.
 
@@ -180,9 +195,11 @@ class Cycle(NamedTuple):
         commands: Commands that were obeyed before the scan was processed.
         forces: What was published.
         outcomes: Commands that came to an end in this turn.
+        reference: What a bench's force sensor said, None where there is none.
     """
 
     scan: CapFrame
     commands: tuple[Command, ...]
     forces: ForceFrame
     outcomes: tuple[Outcome, ...]
+    reference: Reference | None = None

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.core.pipeline import Pipeline
-from footsense.frames import CapFrame, Command, Cycle
-from footsense.ports import Clock, ForceSink, FrameSource, GangingSource, Observer
+from footsense.frames import CapFrame, Command, Cycle, Reference
+from footsense.ports import Clock, ForceSink, FrameSource, GangingSource, Observer, ReferenceSensor
 
 
 def run(
@@ -22,6 +22,7 @@ def run(
     observers: Sequence[Observer],
     clock: Clock,
     stop: Callable[[], bool],
+    reference: ReferenceSensor | None = None,
 ) -> None:
     """Run until the source ends or `stop` says so; the caller closes what it opened.
 
@@ -32,6 +33,7 @@ def run(
         observers: Who sees every cycle.
         clock: The time that the scans' stamps are in.
         stop: Asked once a cycle.
+        reference: The force sensor of a bench, on a bench.
     """
     # A recording has been read already, as its legs were ganged then.
     ganging = source if isinstance(source, GangingSource) and pipeline.to_gang is not None else None
@@ -39,7 +41,8 @@ def run(
         scan = source.read()
         if scan is None:
             return
-        step(scan, tuple(sink.commands()), pipeline, sink, observers, clock)
+        felt = None if reference is None else reference.read(clock.now_ns())
+        step(scan, tuple(sink.commands()), pipeline, sink, observers, clock, felt)
         if ganging is not None and (legs := pipeline.to_gang) is not None:
             ganging.gang(legs)
 
@@ -51,12 +54,13 @@ def step(
     sink: ForceSink,
     observers: Sequence[Observer],
     clock: Clock,
+    reference: Reference | None = None,
 ) -> Cycle:
     """Do all that follows from one scan and the commands before it, and return it."""
     at_once = [outcome for command in commands if (outcome := pipeline.obey(command)) is not None]
     forces, ended = pipeline.process(scan, clock.now_ns())
     sink.publish(forces)
-    cycle = Cycle(scan, commands, forces, (*at_once, *ended))
+    cycle = Cycle(scan, commands, forces, (*at_once, *ended), reference)
     for outcome in cycle.outcomes:
         sink.answer(outcome)
     for observer in observers:

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import CapFrame, Command, Cycle, ForceFrame, Outcome
+from footsense.frames import CapFrame, Command, Cycle, ForceFrame, Outcome, Reference
 
 
 class Transaction(NamedTuple):
@@ -113,6 +113,25 @@ class GangingSource(FrameSource, Protocol):
 
     def gang(self, legs: NDArray[np.bool_]) -> None:
         """Say which, shape (legs,), from the next conversion on."""
+        ...
+
+
+class ReferenceSensor(Protocol):
+    """The multi-axis force sensor of a bench."""
+
+    def read(self, now_ns: int) -> Reference:
+        """Return the samples that have arrived since the last call, oldest first; never waits, and may be none.
+
+        Args:
+            now_ns: The time now [ns]; the samples' own times are mapped to it.
+
+        Raises:
+            SensorError: What arrives can never be a reading: wrong framing, or wrong columns.
+        """
+        ...
+
+    def close(self) -> None:
+        """Release the port."""
         ...
 
 

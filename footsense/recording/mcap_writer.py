@@ -75,7 +75,7 @@ class McapFile:
 
     def add_cycle(self, numbered: Numbered) -> None:
         """Write one cycle."""
-        counter, (scan, commands, forces, outcomes) = numbered
+        counter, (scan, commands, forces, outcomes, _) = numbered
         t_ns = forces.t_sent_ns
         for command in commands:
             self._add(messages.EVENT, counter, t_ns, messages.command_event(command, self._legs))

@@ -112,7 +112,7 @@ class CyclePacker:
 
     def pack(self, counter: int, cycle: Cycle) -> bytes | bytearray:
         """Return one cycle as bytes, valid until the next call."""
-        scan, commands, forces, outcomes = cycle
+        scan, commands, forces, outcomes, _ = cycle
         zero = forces.zero
         arrays = self._arrays
         arrays["scan_t_ns"][...] = scan.t_ns
