@@ -1,0 +1,155 @@
+"""The time of a clock elsewhere, a microcontroller's or a sensor's, in the time of this machine.
+
+What arrives was stamped there and is stamped again here: the second stamp minus the first is the offset of the clocks
+plus the way here. The way varies, by interrupts, buffers and whoever else wants the processor, but it only ever adds.
+So the least offsets count and the others do not: the line under all of them, as near to them as can be, is the offset
+and how it drifts.
+
+The points below which nothing lies form a convex hull; of the lines under all points, the one with the least mean
+distance lies along the edge of the hull over the points' mean time (S. Moon, P. Skelly and D. Towsley, Estimation and
+removal of clock skew from network delay measurements, INFOCOM 1999, pose it as a linear program; the edge is its
+solution). The shortest way itself cannot be seen from one end, and is left in: a time is late by it.
+"""
+
+from collections import deque
+
+__all__ = ["ClockMap"]
+
+_NS_PER_MS = 1_000_000
+
+#: Of this much time only the least offset is kept: a tenth of a second holds the short ways of any stream in use.
+_SLOT_NS = 100 * _NS_PER_MS
+#: How far back the line is held against: a crystal that warms up stays within 1 ppm over it.
+_WINDOW_NS = 10_000 * _NS_PER_MS
+#: Below this span a slope would tell of the ways, not of the clock.
+_LEAST_SPAN_NS = 500 * _NS_PER_MS
+#: What the worst clock drifts that a serial line still works with: an RC oscillator, 1 %.
+_MOST_DRIFT_REL = 0.01
+#: Stamps of one scan may arrive out of order by less than this.
+_DISORDER_NS = 20 * _NS_PER_MS
+#: No way is shorter than the shortest by this much, nor is it longer for a whole `_LATE_NS`.
+_JUMP_NS = 20 * _NS_PER_MS
+_LATE_NS = 1_000 * _NS_PER_MS
+
+_Point = tuple[int, int]  # foreign time and offset [ns]
+
+
+class ClockMap:
+    """Follows offset and drift of one foreign clock.
+
+    A foreign clock that jumps is noticed and followed anew: at once if it jumps back or ahead by more than 20 ms, and
+    after a second if it stood still, since until then what came late may as well have waited on its way, and is old.
+
+    Attributes:
+        restarts: How often the clock has jumped; what is corrected within the first half second is not counted.
+        drift_rel: By how much this machine's clock runs faster than the foreign one [1], -0.01 to 0.01; 0 at first.
+    """
+
+    def __init__(self) -> None:
+        self.restarts = 0
+        self.drift_rel = 0.0
+        self._points: deque[_Point] = deque()
+        self._least: _Point | None = None  # of the slot that is not over yet
+        self._origin: _Point = (0, 0)  # the line goes through it
+        self._slot_ends_ns = 0
+        self._late_since_ns: int | None = None
+        self._last: tuple[int, int] | None = None  # foreign time and what it was mapped to
+
+    @property
+    def residual_ns(self) -> int:
+        """Return how far the least offsets lie above the line in the mean [ns]: what a time may be wrong by."""
+        if not self._points:
+            return 0
+        return sum(y_ns - self._line_ns(x_ns) for x_ns, y_ns in self._points) // len(self._points)
+
+    def map(self, t_foreign_ns: int, t_arrival_ns: int) -> int:
+        """Return the time here that a foreign stamp means [ns].
+
+        It never lies behind the arrival, and time does not run backwards where the foreign clock does not: a map that
+        turns out to be ahead is put right at half the speed.
+
+        Args:
+            t_foreign_ns: The stamp [ns], any start; a counter that wraps is the caller's to unwrap.
+            t_arrival_ns: When it was received [ns], never before that of the call before.
+        """
+        point = (t_foreign_ns, t_arrival_ns - t_foreign_ns)
+        late_ns = point[1] - self._line_ns(t_foreign_ns)
+        since_ns = 0 if self._last is None else t_foreign_ns - self._last[0]
+        if self._last is None or self._has_jumped(since_ns, late_ns, t_arrival_ns):
+            self._restart(point, t_arrival_ns)
+            mapped_ns = t_arrival_ns
+        else:
+            slowest_ns = self._last[1] + (since_ns // 2 if since_ns > 0 else since_ns)
+            mapped_ns = min(max(t_arrival_ns - max(late_ns, 0), slowest_ns), t_arrival_ns)
+            self._take(point, late_ns, t_arrival_ns)
+        self._last = t_foreign_ns, mapped_ns
+        return mapped_ns
+
+    def _line_ns(self, t_foreign_ns: int) -> int:
+        """Return the offset at a foreign time [ns]."""
+        return self._origin[1] + round(self.drift_rel * (t_foreign_ns - self._origin[0]))
+
+    def _has_jumped(self, since_ns: int, late_ns: int, t_arrival_ns: int) -> bool:
+        if late_ns <= _JUMP_NS:
+            self._late_since_ns = None
+        elif self._late_since_ns is None:
+            self._late_since_ns = t_arrival_ns
+        stood_still = self._late_since_ns is not None and t_arrival_ns - self._late_since_ns > _LATE_NS
+        return stood_still or late_ns < -_JUMP_NS or since_ns < -_DISORDER_NS
+
+    def _restart(self, point: _Point, t_arrival_ns: int) -> None:
+        """Know nothing but one point."""
+        if self._points and self._points[-1][0] - self._points[0][0] >= _LEAST_SPAN_NS:
+            self.restarts += 1
+        self.drift_rel = 0.0
+        self._points.clear()
+        self._least = self._origin = point
+        self._late_since_ns = None
+        self._slot_ends_ns = t_arrival_ns + _SLOT_NS
+
+    def _take(self, point: _Point, late_ns: int, t_arrival_ns: int) -> None:
+        """Hold the line against one point more, and begin a new slot when its time has come."""
+        if late_ns < 0:
+            self._origin, late_ns = point, 0
+        if self._least is None or late_ns < self._least[1] - self._line_ns(self._least[0]):
+            self._least = point
+        if t_arrival_ns < self._slot_ends_ns:
+            return
+        self._points.append(self._least)
+        self._least = None
+        self._slot_ends_ns = t_arrival_ns + _SLOT_NS
+        while len(self._points) > 1 and sum(self._points[0]) < t_arrival_ns - _WINDOW_NS:
+            self._points.popleft()
+        self._fit()
+
+    def _fit(self) -> None:
+        """Lay the line under all points."""
+        points = sorted(self._points)
+        if points[-1][0] - points[0][0] >= _LEAST_SPAN_NS:
+            slope_rel = _slope_under(points)
+            self.drift_rel = min(max(slope_rel, -_MOST_DRIFT_REL), _MOST_DRIFT_REL)
+        self._origin = min(points, key=lambda point: point[1] - self.drift_rel * (point[0] - points[0][0]))
+
+
+def _slope_under(points: list[_Point]) -> float:
+    """Return the slope of the lower convex hull at the mean time of some points, sorted, not all of one time.
+
+    Example:
+        >>> _slope_under([(0, 0), (10, 7), (20, 2), (30, 9), (40, 4)])
+        0.1
+    """
+    hull: list[_Point] = []
+    for x, y in points:
+        while len(hull) > 1 and _turns_right(hull[-2], hull[-1], (x, y)):
+            hull.pop()
+        if hull and hull[-1][0] == x:  # the lower one of two at one time, as they are sorted
+            continue
+        hull.append((x, y))
+    mean = sum(x for x, _ in points) / len(points)
+    right = next(i for i, (x, _) in enumerate(hull) if x >= mean)
+    (x0, y0), (x1, y1) = hull[right - 1], hull[right]
+    return (y1 - y0) / (x1 - x0)
+
+
+def _turns_right(a: _Point, b: _Point, c: _Point) -> bool:
+    return (b[0] - a[0]) * (c[1] - a[1]) <= (b[1] - a[1]) * (c[0] - a[0])
