@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface import fdc1004
+from footsense.core import force_errors
 from footsense.core.design import CapacitorDesign
 from footsense.lab.response import SYMMETRIES, element_map
 from footsense.sim.fabricated import Deviations, Foot
 from footsense.sim.foot import FootResponse
 
-#: Newtons in a gram-force.
-GRAM_FORCE_N = 9.80665e-3
+GRAM_FORCE_N = force_errors.GRAM_FORCE_N
 #: Largest force of the wide set [N].
 WIDE_MAX_N = 2.0
 #: Share of the wide set's centred loads; the others lean by up to the friction angle.

@@ -1,0 +1,77 @@
+"""How wrong estimated forces are, in the units of the paper.
+
+Direction error: angle between true and estimated force [deg]. Magnitude error: | |f| - |f_est| | [gf].
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+#: One gram-force [N], by the standard acceleration of free fall.
+GRAM_FORCE_N = 9.80665e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Errors over a set of cases.
+
+    Attributes:
+        direction_deg: Mean angle [deg].
+        direction_p95_deg: 95th percentile of the angle [deg].
+        direction_max_deg: Largest angle [deg].
+        magnitude_gf: Mean magnitude error [gf].
+        magnitude_p95_gf: 95th percentile of it [gf].
+        magnitude_max_gf: Largest one [gf].
+        n: Cases.
+    """
+
+    direction_deg: float
+    direction_p95_deg: float
+    direction_max_deg: float
+    magnitude_gf: float
+    magnitude_p95_gf: float
+    magnitude_max_gf: float
+    n: int
+
+
+def direction_errors_deg(truth_n: Vector, estimate_n: Vector) -> Vector:
+    """Return the angle of each estimate to the truth [deg], shape (n,).
+
+    Args:
+        truth_n: True forces [N], shape (n, 3), none of them zero.
+        estimate_n: Estimates [N], same shape.
+    """
+    # atan2 keeps small angles that arccos of a number near one would lose.
+    sine = np.linalg.norm(np.cross(truth_n, estimate_n), axis=1)
+    angle_deg: Vector = np.degrees(np.arctan2(sine, (truth_n * estimate_n).sum(axis=1)))
+    return angle_deg
+
+
+def magnitude_errors_gf(truth_n: Vector, estimate_n: Vector) -> Vector:
+    """Return by how much the magnitude of each estimate is off [gf], shape (n,), never negative.
+
+    Args:
+        truth_n: True forces [N], shape (n, 3).
+        estimate_n: Estimates [N], same shape.
+    """
+    size_n, guess_n = np.linalg.norm(truth_n, axis=1), np.linalg.norm(estimate_n, axis=1)
+    off_gf: Vector = np.abs(size_n - guess_n) / GRAM_FORCE_N
+    return off_gf
+
+
+def errors(truth_n: Vector, estimate_n: Vector) -> Errors:
+    """Return the errors of estimated forces [N], both of shape (n, 3), n > 0, no true force zero."""
+    angle_deg = direction_errors_deg(truth_n, estimate_n)
+    off_gf = magnitude_errors_gf(truth_n, estimate_n)
+    return Errors(
+        direction_deg=float(angle_deg.mean()),
+        direction_p95_deg=float(np.percentile(angle_deg, 95)),
+        direction_max_deg=float(angle_deg.max()),
+        magnitude_gf=float(off_gf.mean()),
+        magnitude_p95_gf=float(np.percentile(off_gf, 95)),
+        magnitude_max_gf=float(off_gf.max()),
+        n=len(truth_n),
+    )
