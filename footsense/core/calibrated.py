@@ -1,0 +1,56 @@
+"""Feet as they were made, read by the network of their design: one call for all, what is a foot's own on both sides."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.core.foot_parameters import FEATURES, FootParameters, features
+from footsense.frames import ELEMENTS
+from footsense.ports import Estimator
+
+Vector = NDArray[np.float64]
+
+
+class CalibratedFeet:
+    """An estimator for feet that were measured on a bench; their strays are the pipeline's matter.
+
+    Args:
+        network: Of the design.
+        feet: The foot on each leg, None for one that is taken as designed.
+        n_rows: Feet that are estimated at once: all legs, once or more times over.
+
+    Raises:
+        ValueError: The rows are no multiple of the legs.
+    """
+
+    def __init__(self, network: Estimator, feet: Sequence[FootParameters | None], n_rows: int) -> None:
+        if n_rows % len(feet):
+            raise ValueError(f"{n_rows} rows are no multiple of {len(feet)} legs")
+        times = n_rows // len(feet)
+        self._network = network
+        self._gain_rel = np.tile(
+            [np.ones(ELEMENTS) if foot is None else foot.gain_rel for foot in feet], (times, 1)
+        )
+        self._matrix = np.tile(
+            [np.eye(3) if foot is None else foot.force_matrix for foot in feet], (times, 1, 1)
+        )
+        self._correction = np.tile(
+            [np.zeros((3, FEATURES)) if foot is None else foot.correction for foot in feet], (times, 1, 1)
+        )
+        self._corrected = bool(self._correction.any())
+        self._error_n = np.tile([np.zeros(3) if foot is None else foot.error_n for foot in feet], (times, 1))
+        self._error_rel = np.tile([0.0 if foot is None else foot.error_rel for foot in feet], times)[:, None]
+
+    def estimate(self, closure_rel: Vector, missing: NDArray[np.bool_]) -> tuple[Vector, Vector]:
+        """Return force and sigma of every row [N], shape (rows, 3) each; arguments as of the network.
+
+        The network's sigma is turned and scaled with the force; what the bench left unexplained comes on top.
+        """
+        designed_n, designed_sigma_n = self._network.estimate(closure_rel / self._gain_rel, missing)
+        force_n = np.einsum("rij,rj->ri", self._matrix, designed_n)
+        if self._corrected:
+            force_n += np.einsum("rij,rj->ri", self._correction, features(designed_n))
+        own_variance = np.einsum("rij,rj->ri", self._matrix**2, designed_sigma_n**2)
+        left_n = np.hypot(self._error_n, self._error_rel * np.linalg.norm(force_n, axis=1, keepdims=True))
+        return force_n, np.sqrt(own_variance + left_n**2)

@@ -1,0 +1,107 @@
+"""What makes one foot differ from its design, as found on a bench: all that the daemon needs to read it right.
+
+The first three belong to the electrodes and go before the network, the rest goes behind it. With p the forces that the
+network of the design makes of the foot's own closures,
+
+    f = M p + C phi(p),        M = (1 + stiffness) * mount^T
+
+M holds exactly for a linear solid, gaps that shut at the design's closures included; C phi(p) is what remains, learnt.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.frames import ELEMENTS
+
+Vector = NDArray[np.float64]
+
+#: Terms of the correction.
+FEATURES = 30
+
+_AXES = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FootParameters:
+    """One foot, measured.
+
+    Attributes:
+        stray_pf: Capacitance in parallel with each element that is not the foot's [pF], shape (9,).
+        unloaded_pf: What each element of the free foot reads, stray included [pF], shape (9,): its fingerprint.
+        gap_um: Air gap of each element [um], shape (9,).
+        gain_rel: Closure of each element by the design's electrodes, of its real closure [1], shape (9,).
+        stiffness_rel: Stiffness of the whole foot over the design's, less one [1].
+        mount: Rotation from the leg's frame to the foot's, shape (3, 3).
+        correction: C above, shape (3, FEATURES); zero for none.
+        error_n: Standard deviation of what the pokes leave unexplained, of each component at no load [N], shape (3,).
+        error_rel: The same, relative to the force [1].
+    """
+
+    stray_pf: Vector
+    unloaded_pf: Vector
+    gap_um: Vector
+    gain_rel: Vector = field(default_factory=lambda: np.ones(ELEMENTS))
+    stiffness_rel: float = 0.0
+    mount: Vector = field(default_factory=lambda: np.eye(_AXES))
+    correction: Vector = field(default_factory=lambda: np.zeros((_AXES, FEATURES)))
+    error_n: Vector = field(default_factory=lambda: np.zeros(_AXES))
+    error_rel: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the shapes and what cannot be.
+
+        Raises:
+            ValueError: A shape is wrong, a value is not finite, or no foot can have it; the message names it.
+        """
+        shapes = {
+            "stray_pf": (ELEMENTS,),
+            "unloaded_pf": (ELEMENTS,),
+            "gap_um": (ELEMENTS,),
+            "gain_rel": (ELEMENTS,),
+            "mount": (_AXES, _AXES),
+            "correction": (_AXES, FEATURES),
+            "error_n": (_AXES,),
+        }
+        for name, shape in shapes.items():
+            value = getattr(self, name)
+            if value.shape != shape or not np.isfinite(value).all():
+                raise ValueError(f"{name}: {shape} finite numbers are expected, got {value.tolist()}")
+        for name, least in (("gap_um", self.gap_um.min()), ("gain_rel", self.gain_rel.min())):
+            if least <= 0.0:
+                raise ValueError(f"{name}: has to be above 0, got {least:g}")
+        if (self.unloaded_pf <= self.stray_pf).any():
+            raise ValueError("unloaded_pf: has to be above stray_pf at every element")
+        if not self.stiffness_rel > -1.0:
+            raise ValueError(f"stiffness_rel: has to be above -1, got {self.stiffness_rel:g}")
+        if not np.allclose(self.mount @ self.mount.T, np.eye(_AXES), atol=1e-6):
+            raise ValueError("mount: is no rotation")
+        if not (self.error_rel >= 0.0 and self.error_n.min() >= 0.0):
+            raise ValueError("error_n, error_rel: are standard deviations, not below 0")
+
+    @property
+    def force_matrix(self) -> Vector:
+        """M above: forces in the leg's frame for each newton that the design would have felt, shape (3, 3)."""
+        matrix: Vector = (1.0 + self.stiffness_rel) * self.mount.T
+        return matrix
+
+
+def features(force_n: Vector) -> Vector:
+    """Return phi: what a correction is made of [N], shape (n, FEATURES).
+
+    Products of a direction's components up to the third degree, times the force: of degree one in it, as the solid is;
+    and the same once more times the force in newtons, for gaps that shut. Products that follow from the others by the
+    direction's unit length are left out.
+
+    Args:
+        force_n: Forces p [N], shape (n, 3); zero gives zeros.
+    """
+    size_n = np.sqrt((force_n * force_n).sum(axis=1, keepdims=True))
+    x, y, z = (force_n / np.maximum(size_n, np.finfo(np.float64).tiny)).T
+    xy, xz, yz, xx, yy = x * y, x * z, y * z, x * x, y * y
+    one = np.stack(
+        [x, y, z, xy, xz, yz, xx, yy, xx * x, yy * y, xx * y, x * yy, xx * z, yy * z, xy * z], axis=1
+    )
+    one *= size_n
+    return np.concatenate([one, one * size_n], axis=1)
