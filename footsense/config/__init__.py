@@ -57,12 +57,11 @@ def load_config(path: Path) -> Config:
         path: The file.
 
     Returns:
-        The configuration, with `model` resolved against the directory of the file.
+        The configuration, with `model` and `packs` resolved against the directory of the file.
 
     Raises:
         ConfigError: The file is missing, is not such YAML, does not fit, or contradicts itself.
     """
     config = load(path, Config, check=first_contradiction)
-    if config.model is None:
-        return config
-    return replace(config, model=str(path.parent / config.model))
+    paths = {"model": config.model, "packs": config.packs}
+    return replace(config, **{key: str(path.parent / value) for key, value in paths.items() if value})

@@ -1,6 +1,6 @@
 """Settings that are each right and together wrong: the path in the file, and what would be right."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from ipaddress import IPv4Address, ip_address
 
 from firmware_interface import adg715, fdc1004
@@ -54,6 +54,7 @@ def _contradictions(config: Config) -> Iterator[Problem]:
         )
     yield from _can_load(config)
     yield from _feet(config)
+    yield from _packs(config)
     if config.metrics is not None:
         yield from _metrics(config.metrics.address)
 
@@ -185,11 +186,34 @@ def _feet(config: Config) -> Iterator[Problem]:
         if foot in leg_of:
             yield Problem(("feet", leg), f"{foot} is already mounted on {leg_of[foot]}")
         leg_of[foot] = leg
-    for section, legs in (("feet", config.feet), ("stray_pf", config.stray_pf)):
+    sections: dict[str, Mapping[str, object]] = {
+        "feet": config.feet,
+        "stray_pf": config.stray_pf,
+        "unloaded_pf": config.unloaded_pf,
+    }
+    for section, legs in sections.items():
         for leg in legs:
             if leg not in config.legs:
                 yield Problem(
                     (section, leg), f"no bus has the leg {leg}; the legs are {', '.join(config.legs)}"
+                )
+
+
+def _packs(config: Config) -> Iterator[Problem]:
+    if config.packs is None:
+        return
+    if not config.feet:
+        yield Problem(("packs",), "no foot is named that a pack could be for; name them under feet")
+    if config.model is not None:
+        yield Problem(
+            ("model",), "each pack brings the network that it was fitted on; take model or packs away"
+        )
+    measured = {"stray_pf": config.stray_pf, "unloaded_pf": config.unloaded_pf}
+    for section, legs in measured.items():
+        for leg in legs:
+            if leg in config.feet:
+                yield Problem(
+                    (section, leg), f"the pack of {config.feet[leg]} says what it is; take this entry away"
                 )
 
 

@@ -239,6 +239,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             leg; none given means the design's. A tare must come near it.
         model: Network to use, relative to the file; None for the released one.
         feet: Which foot is mounted on which leg.
+        packs: Directory of the packs that feet were calibrated into, relative to the file; every foot in `feet` needs
+            one there, and brings its stray_pf, unloaded_pf and network. None takes every foot for the designed one.
         metrics: Where the counters are shown; None for nowhere.
         realtime: What the loop asks of the scheduler; None for nothing.
     """
@@ -257,6 +259,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     unloaded_pf: dict[Leg, UnloadedPf] = {}
     model: Annotated[str, Meta(min_length=1)] | None = None
     feet: dict[Leg, FootId] = {}
+    packs: Annotated[str, Meta(min_length=1)] | None = None
     metrics: Metrics | None = None
     realtime: Realtime | None = None
 

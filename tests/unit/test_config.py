@@ -50,10 +50,12 @@ def test_the_commented_values_are_the_defaults(file: Path) -> None:
     assert short.metrics is None
 
 
-def test_the_model_is_found_beside_the_file(file: Path) -> None:
-    """A relative model path does not depend on the directory in which the daemon is started."""
+def test_model_and_packs_are_found_beside_the_file(file: Path) -> None:
+    """A relative path does not depend on the directory in which the daemon is started."""
     file.write_text(ONE_BUS + "model: my.onnx")
     assert load_config(file).model == str(file.parent / "my.onnx")
+    file.write_text(ONE_BUS + "feet: {lf: foot-0007}\npacks: feet/")
+    assert load_config(file).packs == str(file.parent / "feet")
 
 
 @pytest.mark.parametrize(
@@ -103,6 +105,16 @@ def test_the_model_is_found_beside_the_file(file: Path) -> None:
             "line 4: buses[0].mux.address: my PCA9685 answers at 0x70 too (ALLCALL)",
         ),
         (ONE_BUS + "feet: {lf: foot-0001, rf: foot-0001}", "feet.rf: foot-0001 is already mounted on lf"),
+        (ONE_BUS + "packs: feet/", "packs: no foot is named that a pack could be for; name them under feet"),
+        (
+            ONE_BUS + "feet: {lf: foot-0001}\npacks: feet/\nmodel: my.onnx",
+            "model: each pack brings the network that it was fitted on; take model or packs away",
+        ),
+        (
+            ONE_BUS + "feet: {lf: foot-0001}\npacks: feet/\nunloaded_pf: {lf: [5, 5, 5, 5, 5, 5, 5, 5, 5]}",
+            "unloaded_pf.lf: the pack of foot-0001 says what it is; take this entry away",
+        ),
+        (ONE_BUS + "unloaded_pf: {lr: [5, 5, 5, 5, 5, 5, 5, 5, 5]}", "unloaded_pf.lr: no bus has the leg lr"),
         (
             ONE_BUS.replace("rf: 1", "rf: /dev/i2c-11"),
             "line 3: buses[0].legs.rf: the multiplexer is driven by the kernel or by footsense, never by both",
