@@ -1,6 +1,6 @@
 """Settings that are each right and together wrong: the path in the file, and what would be right."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from ipaddress import IPv4Address, ip_address
 
 from firmware_interface import adg715, fdc1004
@@ -186,13 +186,13 @@ def _feet(config: Config) -> Iterator[Problem]:
         if foot in leg_of:
             yield Problem(("feet", leg), f"{foot} is already mounted on {leg_of[foot]}")
         leg_of[foot] = leg
-    sections: dict[str, Mapping[str, object]] = {
-        "feet": config.feet,
-        "stray_pf": config.stray_pf,
-        "unloaded_pf": config.unloaded_pf,
-    }
-    for section, legs in sections.items():
-        for leg in legs:
+    sections = (
+        ("feet", set(config.feet)),
+        ("stray_pf", set(config.stray_pf)),
+        ("unloaded_pf", set(config.unloaded_pf)),
+    )
+    for section, legs in sections:
+        for leg in sorted(legs):
             if leg not in config.legs:
                 yield Problem(
                     (section, leg), f"no bus has the leg {leg}; the legs are {', '.join(config.legs)}"
@@ -208,9 +208,8 @@ def _packs(config: Config) -> Iterator[Problem]:
         yield Problem(
             ("model",), "each pack brings the network that it was fitted on; take model or packs away"
         )
-    measured = {"stray_pf": config.stray_pf, "unloaded_pf": config.unloaded_pf}
-    for section, legs in measured.items():
-        for leg in legs:
+    for section, legs in (("stray_pf", set(config.stray_pf)), ("unloaded_pf", set(config.unloaded_pf))):
+        for leg in sorted(legs):
             if leg in config.feet:
                 yield Problem(
                     (section, leg), f"the pack of {config.feet[leg]} says what it is; take this entry away"
