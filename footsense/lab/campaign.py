@@ -16,29 +16,20 @@ from rich.console import Console
 from rich.progress import Progress
 
 from footsense.errors import FootsenseError
+from footsense.sim.fabrication import FootTolerances
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tolerances:
+class Tolerances(FootTolerances):
     """How far a made foot, and the bench that it is calibrated on, are from ideal: rms values, zero for exact.
 
     Attributes:
-        gap_um: Of the gap of each element [um].
-        film_um: Of the film of each element [um].
-        stray_pf: Of the stray of each element that the daemon does not know of [pF].
-        stiffness_rel: Of the stiffness of the whole foot [1].
-        mount_deg: Angle by which the foot is turned on its leg, about any axis [deg].
         reading_pf: Of each reading of a capacitance [pF].
         repeat_rel: Of each change of a capacitance, relative to it [1].
         reference_rel: Of the reference sensor's force components, in its resolutions [1].
         stick_deg: Angle between contact normal and force of a load that was meant to be centred [deg].
     """
 
-    gap_um: float = 0.0
-    film_um: float = 0.0
-    stray_pf: float = 0.0
-    stiffness_rel: float = 0.0
-    mount_deg: float = 0.0
     reading_pf: float = 0.0
     repeat_rel: float = 0.0
     reference_rel: float = 0.0

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from footsense.core.design import CapacitorDesign
 from footsense.lab.campaign import Figures, Job, Tolerances
@@ -20,60 +19,20 @@ from footsense.lab.evaluate_models import open_models
 from footsense.lab.export import OnnxNetwork
 from footsense.lab.mlp import start_layers
 from footsense.lab.paper_way import HIDDEN, Lesson
-from footsense.sim.fabricated import Deviations, Foot
+from footsense.sim.fabricated import Foot
+from footsense.sim.fabrication import fabricate
 from footsense.sim.foot import FootResponse
 
 Vector = NDArray[np.float64]
 
 #: Resolution of the reference sensor's x, y, z (Table II) [N].
 REFERENCE_N = np.array([4.0, 4.0, 12.0]) * GRAM_FORCE_N
-#: What a gap, a film or the stiffness is at least, of the designed one [1]; a draw below is drawn again.
-LEAST_REL = 0.25
-#: Lowest elevation of the paper's loads [deg].
-LOWEST_LOAD_DEG = 40.0
 
 
 def _direction(force_n: Vector) -> Vector:
     """Return unit vectors, shape (n, 3), of forces."""
     unit: Vector = force_n / np.linalg.norm(force_n, axis=1, keepdims=True)
     return unit
-
-
-def _drawn(rng: np.random.Generator, rms: float, n: int, least: float) -> Vector:
-    """Return normal deviates of an rms, shape (n,), each drawn again until it is at least `least`."""
-    values = rng.normal(size=n)
-    while (low := rms * values < least).any():
-        values[low] = rng.normal(size=int(low.sum()))
-    return rms * values
-
-
-def _mount(rng: np.random.Generator, rms_deg: float, most_deg: float) -> Vector:
-    """Return a rotation about any axis, shape (3, 3), tilting the leg by at most `most_deg` or drawn again."""
-    while True:
-        # The angle's square is the sum of three squares.
-        turn = Rotation.from_rotvec(rms_deg / np.sqrt(3.0) * rng.normal(size=3), degrees=True)
-        mount: Vector = turn.as_matrix()
-        if mount[2, 2] >= np.cos(np.radians(most_deg)):
-            return mount
-
-
-def fabricate(response: FootResponse, tolerances: Tolerances, seed: int, foot: int) -> Deviations:
-    """Return how foot number `foot` differs from its design.
-
-    Each kind of deviation has its own stream of random numbers, so a foot has the same pattern of gaps whether
-    its mount is exact or not, and at twice the tolerance twice the deviations (but for those drawn again).
-    """
-    gap, film, stray, stiffness, mount = (
-        np.random.default_rng(stream) for stream in np.random.SeedSequence((seed, foot)).spawn(5)
-    )
-    design, out = response.design, LEAST_REL - 1.0
-    return Deviations(
-        gap_um=_drawn(gap, tolerances.gap_um, 9, out * design.gap_um),
-        film_um=_drawn(film, tolerances.film_um, 9, out * design.film_um),
-        stray_pf=_drawn(stray, tolerances.stray_pf, 9, -np.inf),
-        stiffness_rel=float(_drawn(stiffness, tolerances.stiffness_rel, 1, out)[0]),
-        mount=_mount(mount, tolerances.mount_deg, LOWEST_LOAD_DEG - response.min_elevation_deg),
-    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from footsense.errors import FootsenseError
-from footsense.lab import specimens
 from footsense.lab.campaign import Figures, Job, Tolerances, Work, in_turn, run_campaign
 from footsense.lab.cluster import on_cluster
 from footsense.lab.dataset import paper_verification
 from footsense.lab.evaluate_models import open_models
-from footsense.lab.specimens import fabricate, judge, measure
+from footsense.lab.specimens import judge, measure
 from footsense.lab.study.page import Workbench
 from footsense.lab.study.tolerance import ON_DESIGN, ON_FOOT, campaign_page
 from footsense.lab.sweeps import BENCHES, FEET, FULL, QUICK, Results
 from footsense.sim.fabricated import Foot
+from footsense.sim.fabrication import LEAST_REL, fabricate
 from footsense.sim.foot import FootResponse
 
 pytestmark = pytest.mark.lab
@@ -148,7 +148,7 @@ def test_feet_have_the_stated_distribution(released: FootResponse) -> None:
     turned_deg = np.degrees(np.arccos([(np.trace(f.mount) - 1.0) / 2.0 for f in feet]))
     np.testing.assert_allclose(np.sqrt(np.mean(turned_deg**2)), 2.0, rtol=0.05)
     wild = [fabricate(released, Tolerances(gap_um=20.0, mount_deg=20.0), 1, foot) for foot in range(20)]
-    assert min(f.gap_um.min() for f in wild) >= (specimens.LEAST_REL - 1.0) * released.design.gap_um
+    assert min(f.gap_um.min() for f in wild) >= (LEAST_REL - 1.0) * released.design.gap_um
     assert min(f.mount[2, 2] for f in wild) >= np.cos(np.radians(15.0))
 
 

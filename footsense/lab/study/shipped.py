@@ -15,13 +15,12 @@ from footsense.lab.evaluate import Errors, coverage, errors
 from footsense.lab.evaluate_models import (
     HELD_OUT_CASES,
     HELD_OUT_SEED,
-    WIDE_TABLE_MIN_N,
     as_markdown,
     evaluate_models,
 )
-from footsense.lab.specimens import fabricate
 from footsense.lab.study.page import Page, Workbench, table
 from footsense.lab.train import MASKS
+from footsense.sim.fabrication import fabricate
 
 Vector = NDArray[np.float64]
 
@@ -55,7 +54,7 @@ _FIGURE = "shipped-sigma.png"
 def _held_out(bench: Workbench) -> tuple[Cases, Vector]:
     """Return held-out loads and their noisy closures over the gap."""
     n = 2000 if bench.quick else HELD_OUT_CASES
-    cases = wide(bench.response, n, HELD_OUT_SEED)
+    cases = wide(bench.response, bench.sole.loads, n, HELD_OUT_SEED)
     rng = np.random.default_rng(HELD_OUT_SEED)
     return cases, measured_closure_rel(bench.response.design, cases.closure_um, rng)
 
@@ -65,7 +64,7 @@ def _masked(
 ) -> dict[str, tuple[Errors, dict[str, list[float]]]]:
     """Return errors and coverage for everything that may be missing."""
     filling = Filling(np.array(bench.network.card["moments"]))
-    felt = np.linalg.norm(cases.force_n, axis=1) >= WIDE_TABLE_MIN_N
+    felt = np.linalg.norm(cases.force_n, axis=1) >= bench.sole.loads.judged_from_n
     found = {}
     for name, index in MISSING.items():
         missing = np.tile(MASKS[index], (len(closure_rel), 1))
@@ -148,7 +147,7 @@ def page(bench: Workbench) -> Page:
     quick = "A quick form with few cases.\n\n" if bench.quick else ""
     body = f"""{quick}{weights} weights, symmetric under the square by construction. `paper_*`: the paper's 180
 verification cases (100 gf, centred), without noise, gap contact on; `_362`: trained on the paper's 362 cases
-alone, fed with unbent closures or with elastance. `wide_*`: held-out random loads from {WIDE_TABLE_MIN_N:g} N,
+alone, fed with unbent closures or with elastance. `wide_*`: held-out random loads from {bench.sole.loads.judged_from_n:g} N,
 leaning contacts, the converter's noise. The paper's figures are those of its simulation (III F).
 
 {as_markdown(errors_by_row)}
