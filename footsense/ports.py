@@ -64,6 +64,32 @@ class Clock(Protocol):
         ...
 
 
+class SerialPort(Protocol):
+    """A serial line to a microcontroller or a sensor, which may be unplugged and come back.
+
+    Attributes:
+        opened: How often it has been opened: whoever holds a part of a message drops it when this changes.
+    """
+
+    opened: int
+
+    def read(self) -> bytes:
+        """Return what has arrived, nothing if that is nothing; never waits, and opens again what had gone."""
+        ...
+
+    def wait_until_ns(self, t_ns: int) -> None:
+        """Return when something has arrived, at `t_ns` at the latest."""
+        ...
+
+    def write(self, data: bytes) -> None:
+        """Send a few bytes; those that a line that has gone does not take are lost."""
+        ...
+
+    def close(self) -> None:
+        """Release the line."""
+        ...
+
+
 class CanWire(Protocol):
     """A CAN interface, or what stands for one; frames as in `firmware_interface.socketcan`."""
 
