@@ -17,7 +17,8 @@ class Transaction(NamedTuple):
 
     Attributes:
         address: 7-bit address.
-        write: Bytes to write; none for a plain read.
+        write: Bytes to write; none for a plain read, or together with no bytes to read for the mere question whether
+            the address is acknowledged, which not every adapter can put.
         n_read: Bytes to read, after a repeated start if something was written; 0 for none.
     """
 

@@ -7,6 +7,7 @@ read of the same address. Their kernel messages are built once per transaction a
 import errno
 import fcntl
 import logging
+from pathlib import Path
 from typing import Protocol
 
 import smbus2
@@ -104,6 +105,23 @@ class LinuxI2cBus:
         self._adapter.close()
 
 
+def adapters(folder: Path = Path("/dev")) -> list[str]:
+    """Return the device files of all adapters of this computer, in the order of their numbers."""
+    numbers = (path.name.removeprefix("i2c-") for path in folder.glob("i2c-*"))
+    return [str(folder / f"i2c-{number}") for number in sorted(map(int, filter(str.isdecimal, numbers)))]
+
+
+def kernel_drivers(device: str, folder: Path = Path("/sys/bus/i2c/devices")) -> dict[int, str]:
+    """Return the addresses on an adapter that a driver of the kernel holds, and its name."""
+    number = device.removeprefix("/dev/i2c-")
+    held = {}
+    for client in folder.glob(f"{number}-*"):
+        driver = client / "driver"
+        if driver.exists():
+            held[int(client.name.partition("-")[2], 16)] = driver.resolve().name
+    return held
+
+
 def shorten_timeout(descriptor: int, device: str) -> None:
     """Have an adapter give up soon; one that does not take that still works, and is named in the journal."""
     try:
@@ -118,7 +136,9 @@ def shorten_timeout(descriptor: int, device: str) -> None:
 
 
 def _messages(transaction: Transaction) -> list[smbus2.i2c_msg]:
-    messages = [smbus2.i2c_msg.write(transaction.address, transaction.write)] if transaction.write else []
+    # A message without a byte still asks whether the address is acknowledged.
+    writes = transaction.write or not transaction.n_read
+    messages = [smbus2.i2c_msg.write(transaction.address, transaction.write)] if writes else []
     if transaction.n_read:
         messages.append(smbus2.i2c_msg.read(transaction.address, transaction.n_read))
     return messages

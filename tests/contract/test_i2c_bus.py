@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import smbus2
 
-from footsense.backends.linux_i2c import LinuxI2cBus, shorten_timeout
+from footsense.backends.linux_i2c import LinuxI2cBus, adapters, kernel_drivers, shorten_timeout
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.bus import SimulatedBus, SimulatedMux
@@ -34,7 +34,7 @@ class KernelAdapter:
             if message.flags & 1:
                 for i in range(message.len):
                     message.buf[i] = self.control
-            else:
+            elif message.len:
                 self.control = bytes(message)[-1]
 
     def close(self) -> None:
@@ -58,6 +58,29 @@ def test_a_written_byte_is_read_back(make: Callable[[], I2cBus]) -> None:
     assert bus.transfer(Transaction(MUX, b"\x0a", 1)) == b"\x0a"
     assert bus.transfer(Transaction(MUX, b"\x09", 1)) == b"\x09"
     bus.close()
+
+
+@pytest.mark.parametrize("make", [linux, simulated])
+def test_a_transaction_without_a_byte_asks_who_is_there(make: Callable[[], I2cBus]) -> None:
+    """It changes nothing at an address that answers, and is a NackError at one that does not."""
+    bus = make()
+    bus.transfer(Transaction(MUX, b"\x05"))
+    assert bus.transfer(Transaction(MUX, b"")) == b""
+    assert bus.transfer(Transaction(MUX, b"", 1)) == b"\x05"
+    with pytest.raises(NackError):
+        bus.transfer(Transaction(0x20, b""))
+
+
+def test_adapters_and_the_chips_that_the_kernel_holds_are_found(tmp_path: Path) -> None:
+    """Adapters come in the order of their numbers; a chip without a driver is nobody's."""
+    for name in ("i2c-10", "i2c-2", "i2c-stub", "null"):
+        (tmp_path / name).touch()
+    assert adapters(tmp_path) == [str(tmp_path / "i2c-2"), str(tmp_path / "i2c-10")]
+    (tmp_path / "drivers" / "pca9685").mkdir(parents=True)
+    for client in ("1-0040", "1-0050", "11-0041"):
+        (tmp_path / "devices" / client).mkdir(parents=True)
+    (tmp_path / "devices" / "1-0040" / "driver").symlink_to(tmp_path / "drivers" / "pca9685")
+    assert kernel_drivers("/dev/i2c-1", tmp_path / "devices") == {0x40: "pca9685"}
 
 
 @pytest.mark.parametrize("make", [linux, simulated])

@@ -1,0 +1,60 @@
+"""Which addresses answer on a bus, asked so that no chip minds.
+
+An empty write is the gentlest question: START, address, acknowledge, STOP. To the EEPROM AT24RF08 (0x54 to 0x57) even
+that is the beginning of a write, and write-protect registers of memory modules stand at 0x30 to 0x37: there, and only
+there, one byte is read instead, which in turn locks up clock chips that can only be written, such as those at 0x69. So
+does `i2cdetect` ask by default. Addresses below 0x08 and above 0x77 are reserved (UM10204, table 4) and left alone, and
+so are chips that a driver of the kernel holds.
+"""
+
+from collections.abc import Collection
+from typing import NamedTuple
+
+from footsense.errors import BusError, BusTimeoutError, NackError
+from footsense.ports import I2cBus, Transaction
+
+__all__ = ["ADDRESSES", "Census", "take_census"]
+
+#: Addresses that a chip may have.
+ADDRESSES = range(0x08, 0x78)
+
+_READ = {*range(0x30, 0x38), *range(0x50, 0x60)}
+
+
+class Census(NamedTuple):
+    """Who is there.
+
+    Attributes:
+        answering: Addresses that acknowledged.
+        unasked: Addresses of which this adapter could not say, most often because it does no empty writes.
+    """
+
+    answering: tuple[int, ...]
+    unasked: tuple[int, ...] = ()
+
+
+def take_census(bus: I2cBus, leave_alone: Collection[int] = ()) -> Census:
+    """Ask every address once.
+
+    Args:
+        bus: The bus, with whatever of it is connected.
+        leave_alone: Addresses not to ask.
+
+    Raises:
+        BusTimeoutError: A line is held low: nobody could answer.
+    """
+    answering, unasked = [], []
+    for address in ADDRESSES:
+        if address in leave_alone:
+            continue
+        try:
+            bus.transfer(Transaction(address, b"", int(address in _READ)))
+        except NackError:
+            continue
+        except BusTimeoutError:
+            raise
+        except BusError:
+            unasked.append(address)
+        else:
+            answering.append(address)
+    return Census(tuple(answering), tuple(unasked))
