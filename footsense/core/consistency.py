@@ -13,6 +13,7 @@ rest, an element that is stuck at its zero is right, and under load, where more 
 the rest does not agree either, the force is given, and its sigma is widened.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,8 @@ Mask = NDArray[np.bool_]
 
 #: Residual that is no contradiction: of an element over its gap [1], and over the others' mean square root [1].
 LIMIT, LIMIT_REL = 0.03, 0.4
+#: The same over the root of the others' sum of squares.
+_LIMIT_REL_OF_SUM = LIMIT_REL / math.sqrt(ELEMENTS)
 #: Share of the largest residual that may stand in the force: in fast gaits and steps its root mean square is a third.
 DOUBT_REL = 0.5
 #: Closure that the others predict from which an element's motion can be judged [1].
@@ -74,8 +77,9 @@ class Consistency:
         self._precision: dict[bytes, Vector] = {}
         shape = (n_legs, ELEMENTS)
         self._without = np.stack([self._residual_matrix(missing) for missing in KNOWN_MISSING])
-        self._whole = self._without[0]
+        self._whole = np.ascontiguousarray(self._without[0].T)
         self._no_doubt = np.zeros(n_legs)
+        self._trusted = True  # nobody is doubted or remembered
         self._doubted = np.zeros(shape, bool)
         self._doubted_since_ns = np.zeros(n_legs, np.int64)
         self._remembered = np.zeros(shape, bool)
@@ -107,13 +111,13 @@ class Consistency:
             missing: What cannot be read, shape (legs, 9), `remembered` included.
             t_ns: Time of the frame for each leg [ns], shape (legs,).
         """
-        if self._remembered.any():
+        if not self._trusted:
             closure_rel = np.where(self._remembered, measured_rel, closure_rel)
-        residual = np.abs(closure_rel @ self._whole.T)
-        limit = LIMIT + LIMIT_REL * np.sqrt(np.einsum("ij,ij->i", closure_rel, closure_rel) / ELEMENTS)
+        residual = np.abs(closure_rel @ self._whole)
+        sum_rel2 = np.add.reduce(closure_rel * closure_rel, axis=1, keepdims=True)
         # A NaN agrees with nothing; legs with one are looked at by themselves, like those that miss something.
-        agrees = residual <= limit[:, None]
-        if agrees.all() and not (missing.any() or self._doubted.any() or self._remembered.any()):
+        agrees = residual <= LIMIT + _LIMIT_REL_OF_SUM * np.sqrt(sum_rel2)
+        if self._trusted and np.count_nonzero(agrees) == agrees.size and not np.count_nonzero(missing):
             self._t_ns = t_ns
             return Judgement(missing, self._no_doubt, missing, missing, well=True)
         troubled = ~agrees.all(axis=1) | missing.any(axis=1) | self._doubted.any(axis=1)
@@ -125,6 +129,7 @@ class Consistency:
                     leg, closure_rel[leg], measured_rel[leg], missing[leg], int(t_ns[leg])
                 )
         self._t_ns = t_ns
+        self._trusted = not (self._doubted.any() or self._remembered.any())
         if self._remembered.any():
             self._stuck |= self._remembered & self._does_not_move()
         return Judgement(missing, doubt_rel, self._stuck.copy(), self._remembered & ~self._stuck, well=False)

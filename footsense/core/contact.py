@@ -84,6 +84,8 @@ def middle_mean(closure_rel: Vector) -> Vector:
     extremes = np.fmax.reduce(closure_rel, axis=1) + np.fmin.reduce(closure_rel, axis=1)
     n_closures = closure_rel.shape[1]
     mean: Vector = (total - extremes) / (n_closures - 2)
+    if not math.isnan(sum(total.tolist())):
+        return mean
     for leg in np.flatnonzero(np.isnan(total)).tolist():
         known = closure_rel[leg][np.isfinite(closure_rel[leg])]
         mean[leg] = (known.sum() - extremes[leg]) / (len(known) - 2) if len(known) > 2 else np.nan
@@ -137,17 +139,17 @@ class Contact:
             if now_ns - self._t_ns > _BELIEVED_NS:
                 self.begin_anew(now_ns)
             return
-        passed_s = max(t_ns - self._t_ns, 0) * 1e-9
+        passed_s = (t_ns - self._t_ns) * 1e-9 if t_ns > self._t_ns else 0.0
         self._t_ns = t_ns
-        self.doubt_n = zero_doubt_n + _CREEP_REL * self._carried_n
-        above_n = load_n - self._floor_n
+        self.doubt_n = doubt_n = zero_doubt_n + _CREEP_REL * self._carried_n
+        floor_n = self._floor_n
+        above_n = load_n - floor_n
         if self.touching:
+            lift_n = limits.lift_n
             # Against a floor below the zero a foot might never be free: the zero is in the air too.
-            left_n = load_n - max(self._floor_n, 0.0)
-            fell = load_n < _FALLEN_REL * self._recent_n and left_n < limits.lift_n + self.doubt_n
-            if t_ns - self._foreseen_ns < _FORESEEN_NS:
-                pass  # the elements that show it have yet to be read
-            elif fell or above_n < limits.lift_n:
+            fell = load_n < _FALLEN_REL * self._recent_n and load_n - max(floor_n, 0.0) < lift_n + doubt_n
+            # What was foreseen is held: the elements that show it have yet to be read.
+            if (fell or above_n < lift_n) and t_ns - self._foreseen_ns >= _FORESEEN_NS:
                 self.touching = False
                 self._lifted_ns = t_ns
                 # A foot can be pressed, not pulled: what lies farther below than its zero may be off is the end of a
@@ -157,7 +159,7 @@ class Contact:
                 self._watched_ns = t_ns
         elif above_n > limits.touch_n:
             self.touching = True
-        elif foreseen_n - self._floor_n > limits.touch_n and t_ns - self._lifted_ns > _RINGS_NS:
+        elif foreseen_n - floor_n > limits.touch_n and t_ns - self._lifted_ns > _RINGS_NS:
             self.touching = True
             self._foreseen_ns = t_ns
         else:
@@ -166,7 +168,7 @@ class Contact:
                 self._highest_n, self._watched_ns = load_n, t_ns
             self._highest_n = max(self._highest_n, load_n)
             highest_n = max(self._highest_n, self._highest_before_n)
-            self._floor_n = min(highest_n, self._floor_n + limits.floor_n_per_s * passed_s)
+            self._floor_n = min(highest_n, floor_n + limits.floor_n_per_s * passed_s)
         pressed_n = max(load_n, 0.0)
         self._recent_n += (pressed_n - self._recent_n) * (passed_s / (_RECENT_S + passed_s))
         self._carried_n += (pressed_n - self._carried_n) * (passed_s / (_CARRIED_S + passed_s))

@@ -176,13 +176,12 @@ class Footing:
             missing: Elements that are not to be believed, same shape.
             now_ns: The time now [ns].
         """
-        believed_rel = np.where(missing, np.nan, closure_rel) if missing.any() else closure_rel
-        loads_n = (middle_mean(believed_rel) * self._sensitivity.load_n).tolist()
-        foreseen_n = self._nothing_foreseen
-        if foreseen_rel is not None:
-            believed_rel = np.where(missing, np.nan, foreseen_rel) if missing.any() else foreseen_rel
-            foreseen_n = (middle_mean(believed_rel) * self._sensitivity.load_n).tolist()
-        newest_ns = t_ns.max(axis=1).tolist()
+        if np.count_nonzero(missing):
+            closure_rel = np.where(missing, np.nan, closure_rel)
+            foreseen_rel = None if foreseen_rel is None else np.where(missing, np.nan, foreseen_rel)
+        loads_n = self._loads_n(closure_rel)
+        foreseen_n = self._nothing_foreseen if foreseen_rel is None else self._loads_n(foreseen_rel)
+        newest_ns = np.maximum.reduce(t_ns, axis=1).tolist()
         if now_ns >= self._doubt_due_ns:
             self._doubt(now_ns)
         aloft, flags = [], []
@@ -190,11 +189,12 @@ class Footing:
         each = zip(self._legs, self._zeros, self._contacts, loads, strict=True)
         for leg, zero, contact, (load_n, doubt_n, newest, ahead_n) in each:
             contact.observe(load_n, doubt_n, newest, now_ns, ahead_n)
+            touching = contact.touching
             refused = _TARE_REFUSED if leg in self._refused else 0
-            flags.append(_CONTACT | refused if contact.touching else refused)
+            flags.append(_CONTACT | refused if touching else refused)
             if leg in self._untared:
                 continue
-            if not self._track or not contact.aloft:
+            if touching or not (self._track and contact.aloft):
                 zero.hold()
             elif not contact.explained:
                 zero.hold(ZeroStatus.TOO_FAST)
@@ -204,6 +204,11 @@ class Footing:
         self._follow(capacitance_pf, t_ns, missing)
         if flags != self._flags:
             self._flags, self.flags = flags, np.array(flags, np.uint8)
+
+    def _loads_n(self, closure_rel: Vector) -> list[float]:
+        """Return the load of each leg along it [N], NaN where that is not known."""
+        loads_n: list[float] = (middle_mean(closure_rel) * self._sensitivity.load_n).tolist()
+        return loads_n
 
     def _follow(self, capacitance_pf: Vector, t_ns: Stamps, missing: Mask) -> None:
         """Let the zeros of those follow that are in the air and whose turn it is; arguments as of `observe`."""

@@ -83,7 +83,7 @@ def missing_elements(opened: Mask) -> Mask:
         >>> missing_elements(two_of_row_0)[0].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
-    if not opened.any():
+    if not np.count_nonzero(opened):
         return opened
     missing = np.zeros_like(opened)
     for leg in np.flatnonzero(opened.any(axis=1)):

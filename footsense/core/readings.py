@@ -45,6 +45,7 @@ class Readings:
         self._open_below_pf = quality.OPEN_REL * unloaded_pf
         self._none: Mask = np.zeros(stray_pf.shape, bool)
         self._opened = self._none
+        self._any_opened = False
 
     def look(self, scan: CapFrame, remembered: Mask, baseline_pf: Vector) -> Seen:
         """Tell which readings may be used.
@@ -58,13 +59,14 @@ class Readings:
         # NaN compares as False: an element that was not read is neither open, shut nor out of range.
         opened = capacitance_pf < self._open_below_pf
         before, self._opened = self._opened, opened
-        if not (scan.reading.any() or opened.any() or before.any()):
+        any_before, self._any_opened = self._any_opened, bool(np.count_nonzero(opened))
+        if not (self._any_opened or any_before or np.count_nonzero(scan.reading)):
             lacking = quality.missing_elements(remembered)
             return Seen(capacitance_pf, self._none, self._none, remembered, lacking, well=True)
         over_range = scan.reading == Reading.OVER_RANGE
         if over_range.any():  # as much at least: whether that may be, the other elements tell
             capacitance_pf = np.where(over_range, quality.RANGE_END_PF - self._stray_pf, capacitance_pf)
-        if opened.any():
+        if self._any_opened:
             capacitance_pf = capacitance_pf - quality.floating_pf(scan.capacitance_pf, opened)
         # A line that breaks or returns was whole for a part of the scan, and what it does to the other elements too.
         unsettled = opened | (opened != before).any(axis=1, keepdims=True)

@@ -51,7 +51,7 @@ class ScanByScan:
         self._estimator = estimator
         self._filling = Filling(moments)
         self._skew = SkewRemoval(n_legs, ELEMENTS)
-        self._scans: deque[tuple[Aligned, Stamps, Stamps]] = deque(maxlen=n_averaged)
+        self._scans: deque[tuple[Aligned, Stamps]] = deque(maxlen=n_averaged)
         self._coarser = np.zeros((n_legs, ELEMENTS))
         self._none_missing: Mask = np.zeros((2 * n_legs, ELEMENTS), bool)
 
@@ -65,20 +65,21 @@ class ScanByScan:
             missing: Elements that nobody asks for, shape (legs, 9).
         """
         del now_ns
-        aligned, middle_ns = self._skew.apply(values, t_ns, missing), t_ns.sum(axis=1) // ELEMENTS
-        self._scans.append((aligned, middle_ns, t_ns.min(axis=1)))
+        aligned = self._skew.apply(values, t_ns, missing)
+        oldest_ns = np.minimum.reduce(t_ns, axis=1)
+        self._scans.append((aligned, oldest_ns))
         if len(self._scans) == 1:
             self._coarser = aligned.coarser
-            return Moment(aligned.values, aligned.values, aligned.together, middle_ns, self._scans[0][2])
-        all_aligned, middles_ns, oldest_ns = zip(*self._scans, strict=True)
+            return Moment(aligned.values, aligned.values, aligned.together, aligned.t_ns, oldest_ns)
+        all_aligned, all_oldest_ns = zip(*self._scans, strict=True)
         self._coarser = np.mean([one.coarser for one in all_aligned], axis=0)
         averaged = np.mean([one.values for one in all_aligned], axis=0)
         return Moment(
             values=averaged,
             judged=averaged,
             together=np.all([one.together for one in all_aligned], axis=0),
-            t_ns=np.sum(middles_ns, axis=0) // len(self._scans),
-            oldest_ns=np.min(oldest_ns, axis=0),
+            t_ns=np.sum([one.t_ns for one in all_aligned], axis=0) // len(self._scans),
+            oldest_ns=np.min(all_oldest_ns, axis=0),
         )
 
     def estimate(

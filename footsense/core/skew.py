@@ -31,11 +31,13 @@ class Aligned(NamedTuple):
         values: Moved the best way that each leg allows, shape (legs, elements).
         coarser: Moved the next simpler way, same shape.
         together: Whether the leg's elements could be moved, shape (legs,).
+        t_ns: The one time of each leg [ns], shape (legs,).
     """
 
     values: Vector
     coarser: Vector
     together: NDArray[np.bool_]
+    t_ns: Stamps
 
 
 class SkewRemoval:
@@ -52,6 +54,7 @@ class SkewRemoval:
         self._t_ns = np.zeros(shape, np.int64)
         self._slope = np.full(shape, np.nan)
         self._t_before_ns = np.zeros(shape, np.int64)
+        self._all_legs = np.ones(n_legs, bool)
 
     def apply(self, values: Vector, t_ns: Stamps, spared: NDArray[np.bool_] | None = None) -> Aligned:
         """Return every value as of the mean stamp of its leg.
@@ -72,19 +75,22 @@ class SkewRemoval:
         elapsed_ns = np.maximum(t_ns - self._t_ns, 1).astype(np.float64)
         slope = (values - self._values) / elapsed_ns
         bend = (slope - self._slope) / np.maximum(t_ns - self._t_before_ns, 1)
-        ahead_ns = (t_ns.sum(axis=1, keepdims=True) // t_ns.shape[1] - t_ns).astype(np.float64)
+        middle_ns: Stamps = np.add.reduce(t_ns, axis=1) // t_ns.shape[1]
+        ahead_ns = (middle_ns[:, None] - t_ns).astype(np.float64)
         self._t_before_ns, self._t_ns = self._t_ns, t_ns
         self._values, self._slope = values, slope
         line = values + slope * ahead_ns
         parabola = line + bend * (ahead_ns * (ahead_ns + elapsed_ns))
-        near: NDArray[np.bool_] = (np.abs(ahead_ns) <= _FARTHEST_REL * elapsed_ns).all(axis=1)
-        if math.isfinite(parabola.sum()):  # as almost always: nothing to choose
-            return Aligned(parabola, line, near)
+        near = np.abs(ahead_ns) <= _FARTHEST_REL * elapsed_ns
+        # As almost always, there is nothing to choose.
+        if np.count_nonzero(near) == near.size and math.isfinite(np.add.reduce(parabola, axis=None)):
+            return Aligned(parabola, line, self._all_legs, middle_ns)
         ignored = np.False_ if spared is None else spared
         has_two = (np.isfinite(line) | ignored).all(axis=1, keepdims=True)
         has_three = (np.isfinite(parabola) | ignored).all(axis=1, keepdims=True)
         return Aligned(
             values=np.where(has_three, parabola, np.where(has_two, line, values)),
             coarser=np.where(has_three, line, values),
-            together=has_two[:, 0] & near,
+            together=has_two[:, 0] & near.all(axis=1),
+            t_ns=middle_ns,
         )
