@@ -67,6 +67,7 @@ class Foot:
         self._gap_of_cell_um = np.repeat(self._gap_um, gaps.CELLS)
         self._film_of_cell_um = np.repeat(film_um, gaps.CELLS) / response.design.film_eps_r
         self._softness = 1.0 / (1.0 + own.stiffness_rel)
+        self._compliance_um_per_n = response.compliance_um_per_n * self._softness
         self._stray_pf = own.stray_pf
         self._mount = own.mount
         self._contact = contact
@@ -87,9 +88,9 @@ class Foot:
         if not self._contact:
             return np.minimum(free_um, self._gap_of_cell_um)
         shut = np.flatnonzero((free_um > self._gap_of_cell_um).any(axis=1))
-        compliance = self.response.compliance_um_per_n * self._softness
         for load in shut:
-            free_um[load] = gaps.touch(free_um[load], self._gap_of_cell_um, compliance).closure_um
+            touch = gaps.touch(free_um[load], self._gap_of_cell_um, self._compliance_um_per_n)
+            free_um[load] = touch.closure_um
         return free_um
 
     def capacitance_pf(self, normal: Vector, force_n: Vector) -> Vector:

@@ -16,6 +16,7 @@ from footsense.sim.chip_faults import failing_chips
 from footsense.sim.clock import JoinedClock, VirtualClock
 from footsense.sim.damage import Damage, pin_capacitance_pf
 from footsense.sim.fabricated import Foot
+from footsense.sim.fabrication import fabricate
 from footsense.sim.faults import OnChips, OnFoot, OnWires, StuckSda
 from footsense.sim.fdc1004_chip import CAPDAC_ERROR_REL, SimulatedFdc1004
 from footsense.sim.foot import FootResponse
@@ -23,6 +24,7 @@ from footsense.sim.gait_table import GaitTable
 from footsense.sim.kernel_mux import SimulatedKernelMuxLeg
 from footsense.sim.load import Load, Walk
 from footsense.sim.row_switch import SimulatedRowSwitch
+from footsense.sim.rubber import RememberingRubber
 from footsense.sim.scene import Scene
 from footsense.sim.warming import WarmingFoot, softness_at
 
@@ -53,7 +55,7 @@ class SimulatedLeg:
         number: Its place among the legs, which seeds its noise.
         scene: What the robot does.
         load: The scene's load.
-        response: How its foot yields.
+        foot: The foot on it.
         table: What its foot does over a gait cycle; None to ask the response each time.
 
     Attributes:
@@ -66,14 +68,17 @@ class SimulatedLeg:
         number: int,
         scene: Scene,
         load: Load,
-        response: FootResponse,
+        foot: Foot,
         table: GaitTable | None = None,
     ) -> None:
         effects = scene.effects
         self._leg = leg
         self._load = load
         self._table = table
-        self._foot = Foot(response, contact=effects.gap_contact)
+        self._foot = foot
+        self._rubber = RememberingRubber() if effects.rubber else None
+        self._pressed: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+        self._pressed_pf = foot.rest_pf
         self._stray_pf = effects.stray_pf
         random = np.random.default_rng((scene.seed, number))
         self._switch = SimulatedRowSwitch()
@@ -104,14 +109,25 @@ class SimulatedLeg:
             element_pf = self._table.capacitance_pf(self._load.phase(self._leg, t_ns), softness)
         else:
             contact = self._load.contact(self._leg, t_ns)
+            normal, force_n = contact
+            if self._rubber is not None:
+                normal, force_n = self._rubber.felt(t_ns, normal, force_n)
             # A solid that is stiffer yields as if it were loaded less.
-            force_n = contact.force_n if softness == 1.0 else contact.force_n * softness
-            element_pf = self._foot.capacitance_pf(contact.normal[None], force_n[None])[0]
+            element_pf = self._solid_pf(normal, force_n if softness == 1.0 else force_n * softness)
         if self._warming is not None:
             element_pf = element_pf + self._warming.drift_pf(t_ns)
         if self._damage is not None:
             element_pf = self._damage.elements_pf(element_pf, t_ns)
         return element_pf
+
+    def _solid_pf(self, normal: NDArray[np.float64], force_n: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the capacitances of a load [pF], shape (9,); a load that stands still is computed once."""
+        if self._pressed is None or not (
+            np.array_equal(force_n, self._pressed[1]) and np.array_equal(normal, self._pressed[0])
+        ):
+            self._pressed = normal, force_n
+            self._pressed_pf = self._foot.capacitance_pf(normal[None], force_n[None])[0]
+        return self._pressed_pf
 
     def _cin_capacitance_pf(self, cin: int, t_start_ns: int, t_end_ns: int) -> float:
         """Return the mean capacitance of a pin to ground during a conversion.
@@ -129,18 +145,28 @@ class SimulatedLeg:
         return total_pf
 
 
-def _gait_tables(
-    scene: Scene, load: Load, response: FootResponse, legs: Sequence[str]
-) -> dict[str, GaitTable]:
-    """Return the table of each leg; those with the same load share one, as their feet are the same."""
+def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str, Foot]:
+    """Return the foot on each leg: as designed, one for all; as made, each its own."""
+    made, contact = scene.fabrication, scene.effects.gap_contact
+    if made is None:
+        return dict.fromkeys(legs, Foot(response, contact=contact))
+    return {
+        leg: Foot(
+            response, fabricate(response, made.tolerances, made.seed, made.first + number), contact=contact
+        )
+        for number, leg in enumerate(legs)
+    }
+
+
+def _gait_tables(scene: Scene, load: Load, feet: dict[str, Foot]) -> dict[str, GaitTable]:
+    """Return the table of each leg; those with the same foot and load share one."""
     if not isinstance(load, Walk):
         return {}
     warming = scene.effects.warming
     softness = (1.0, 1.0 if warming is None else softness_at(warming.kelvin))
-    foot = Foot(response, contact=scene.effects.gap_contact)
-    one_of = {load.reaction[leg]: leg for leg in legs}
-    of_reaction = {reaction: GaitTable(foot, load, leg, softness) for reaction, leg in one_of.items()}
-    return {leg: of_reaction[load.reaction[leg]] for leg in legs}
+    one_of = {(foot, load.reaction[leg]): leg for leg, foot in feet.items()}
+    tables = {which: GaitTable(which[0], load, leg, softness) for which, leg in one_of.items()}
+    return {leg: tables[foot, load.reaction[leg]] for leg, foot in feet.items()}
 
 
 class SimulatedRobot:
@@ -158,13 +184,15 @@ class SimulatedRobot:
         adapters: Adapter of each leg by name, for every bus whose mux the kernel drives; empty for the others.
         muxes: The mux of each, whose RESET pin a line of the host may drive.
         response_sha256: Hash of the table that its feet follow.
+        feet: The foot on each leg.
     """
 
     def __init__(self, scene: Scene, response: FootResponse, buses: Sequence[Wiring]) -> None:
         self._load = scene.load.build(round(scene.lead_in_s * 1e9))
         self.response_sha256 = response.sha256
         self._legs = tuple(leg for wiring in buses for leg in wiring.channels)
-        tables = _gait_tables(scene, self._load, response, self._legs) if scene.gait_table else {}
+        self.feet = _feet(scene, response, self._legs)
+        tables = _gait_tables(scene, self._load, self.feet) if scene.gait_table else {}
         self.clocks = tuple(VirtualClock() for _ in buses)
         self.clock = JoinedClock(self.clocks)
         self.buses: list[SimulatedBus | FailingBus] = []
@@ -173,7 +201,7 @@ class SimulatedRobot:
         for number, (wiring, clock) in enumerate(zip(buses, self.clocks, strict=True)):
             legs = {
                 channel: SimulatedLeg(
-                    leg, self._legs.index(leg), scene, self._load, response, tables.get(leg)
+                    leg, self._legs.index(leg), scene, self._load, self.feet[leg], tables.get(leg)
                 )
                 for leg, channel in wiring.channels.items()
             }

@@ -6,7 +6,7 @@ An effect that a scene does not name is not computed. Named scenes are in `foots
 import math
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
@@ -15,7 +15,10 @@ from footsense import strict_yaml
 from footsense.errors import ConfigError
 from footsense.frames import LEGS
 from footsense.sim import load
+from footsense.sim.fabrication import FootTolerances
 from footsense.sim.faults import Fault
+from footsense.sim.poking import Pokes as PokingStick
+from footsense.sim.poking import paper_presses
 
 _NS_PER_S = 1_000_000_000
 #: Lowest elevation of a contact [deg].
@@ -103,6 +106,71 @@ class MeasuredWalk(_Part, frozen=True, tag="measured_walk", tag_field="kind"):
         return load.measured_walk(self.peak_force_n, self.pitch_deg, from_ns)
 
 
+class Pokes(_Part, frozen=True, tag="pokes", tag_field="kind"):
+    """A bench that pokes every foot through the centre of its ball, once after the other.
+
+    Attributes:
+        presses: The forces [N]; or the paper's: `training`, 362, or `verification`, 180.
+        rise_s: How long a force grows, and how long it goes [s].
+        hold_s: How long it stands [s].
+        rest_s: How long the foot is free before the next [s].
+        lean_deg: Root mean square angle between the contact's normal and the force [deg].
+        seed: Of how each one leans.
+    """
+
+    presses: Literal["training", "verification"] | Annotated[tuple[_Pressing, ...], Meta(min_length=1)]
+    rise_s: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.1
+    hold_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 0.6
+    rest_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 0.4
+    lean_deg: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
+    seed: Annotated[int, Meta(ge=0)] = 1
+
+    def build(self, from_ns: int) -> PokingStick:
+        """Return the load."""
+        return PokingStick(
+            paper_presses(self.presses) if isinstance(self.presses, str) else self.presses,
+            from_ns=from_ns,
+            rise_ns=round(self.rise_s * _NS_PER_S),
+            hold_ns=round(self.hold_s * _NS_PER_S),
+            rest_ns=round(self.rest_s * _NS_PER_S),
+            lean_deg=self.lean_deg,
+            seed=self.seed,
+        )
+
+
+class Fabrication(_Part, frozen=True):
+    """Feet that are not as designed: rms values of what each is off by, as in `fabrication.FootTolerances`.
+
+    Attributes:
+        seed: Of the workshop.
+        first: Number of the foot on the first leg; the other legs have the next ones.
+        gap_um: Of the gap of each element [um].
+        film_um: Of the film of each element [um].
+        stray_pf: Of the stray of each element [pF].
+        stiffness_rel: Of the stiffness of the whole foot [1].
+        mount_deg: Angle by which a foot is turned on its leg [deg].
+    """
+
+    seed: Annotated[int, Meta(ge=0)] = 1
+    first: Annotated[int, Meta(ge=0)] = 0
+    gap_um: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.0
+    film_um: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.0
+    stray_pf: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.0
+    stiffness_rel: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.0
+    mount_deg: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.0
+
+    @property
+    def tolerances(self) -> FootTolerances:
+        """The same as the workshop has it."""
+        return FootTolerances(
+            gap_um=self.gap_um,
+            film_um=self.film_um,
+            stray_pf=self.stray_pf,
+            stiffness_rel=self.stiffness_rel,
+            mount_deg=self.mount_deg,
+        )
+
+
 class Warming(_Part, frozen=True):
     """A temperature that changes evenly, and what that does to a foot.
 
@@ -129,6 +197,7 @@ class Effects(_Part, frozen=True):
         converter_clock_rel: Largest deviation of a converter's clock; each chip draws its own [1].
         stray_pf: Capacitance to ground in parallel with every element [pF].
         gap_contact: Whether a gap that shuts carries load; else its closure is only limited.
+        rubber: Whether the feet creep and show hysteresis (`sim/rubber.py`).
         warming: How the temperature changes; None for not at all.
         adapter_timeout_ms: How long an I2C adapter waits for a line that is held; those that cannot be told wait
             1000 [ms].
@@ -138,6 +207,7 @@ class Effects(_Part, frozen=True):
     converter_clock_rel: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.0
     stray_pf: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
     gap_contact: bool = False
+    rubber: bool = False
     warming: Warming | None = None
     adapter_timeout_ms: Annotated[float, Meta(ge=10.0, le=10_000.0)] = 20.0
 
@@ -154,16 +224,18 @@ class Scene(_Part, frozen=True):
         gait_table: Whether what a foot does over a gait cycle is computed once and interpolated, for long walks:
             0.2 fF off as long as no gap shuts.
         effects: What is not ideal.
+        fabrication: What the feet are like; None for feet as designed.
         faults: What breaks, and when.
     """
 
     description: str
-    load: Unloaded | Constant | Ramp | Tripod | MeasuredWalk
+    load: Unloaded | Constant | Ramp | Tripod | MeasuredWalk | Pokes
     lead_in_s: Annotated[float, Meta(ge=0.0)] = 1.0
     host_cost_us: Annotated[float, Meta(ge=0.0, le=10_000.0)] = 0.0
     seed: Annotated[int, Meta(ge=0)] = 1
     gait_table: bool = False
     effects: Effects = Effects()
+    fabrication: Fabrication | None = None
     faults: tuple[Fault, ...] = ()
 
 
@@ -196,15 +268,10 @@ def load_scene(name_or_path: str) -> Scene:
 
 def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
     """Return what is right by itself and cannot be simulated."""
-    if isinstance(scene.load, Constant | Ramp):
-        x, y, z = scene.load.force_n
-        elevation_deg = math.degrees(math.atan2(z, math.hypot(x, y)))
-        if elevation_deg < LOWEST_ELEVATION_DEG:
-            return strict_yaml.Problem(
-                ("load", "force_n"),
-                f"leans to an elevation of {elevation_deg:.0f} deg; "
-                f"the foot's response is known from {LOWEST_ELEVATION_DEG} deg up",
-            )
+    if (problem := _too_low(scene)) is not None:
+        return problem
+    if scene.gait_table and scene.effects.rubber:
+        return strict_yaml.Problem(("effects", "rubber"), "remembers, and a gait_table does not: choose one")
     if scene.gait_table and not isinstance(scene.load, Tripod | MeasuredWalk):
         return strict_yaml.Problem(("gait_table",), "is for walks: tripod or measured_walk")
     for n, stand in enumerate(scene.load.stands if isinstance(scene.load, Tripod) else ()):
@@ -214,4 +281,22 @@ def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
         until_s = getattr(fault, "until_s", None)
         if until_s is not None and until_s <= fault.at_s:
             return strict_yaml.Problem(("faults", n, "until_s"), "must be later than at_s")
+    return None
+
+
+def _too_low(scene: Scene) -> strict_yaml.Problem | None:
+    """Return which force leans more than the foot's response is known for."""
+    forces: dict[tuple[str | int, ...], _Pressing] = {}
+    if isinstance(scene.load, Constant | Ramp):
+        forces = {("load", "force_n"): scene.load.force_n}
+    elif isinstance(scene.load, Pokes) and not isinstance(scene.load.presses, str):
+        forces = {("load", "presses", n): force_n for n, force_n in enumerate(scene.load.presses)}
+    for path, (x, y, z) in forces.items():
+        elevation_deg = math.degrees(math.atan2(z, math.hypot(x, y)))
+        if elevation_deg < LOWEST_ELEVATION_DEG:
+            return strict_yaml.Problem(
+                path,
+                f"leans to an elevation of {elevation_deg:.0f} deg; "
+                f"the foot's response is known from {LOWEST_ELEVATION_DEG} deg up",
+            )
     return None
