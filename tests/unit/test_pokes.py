@@ -1,0 +1,69 @@
+"""A press is found, weighed against the reference, and refused with the reason where it does not count."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from footsense.calibration.holds import WhyNot
+from footsense.calibration.pokes import find_pokes
+from footsense.frames import Reading
+from tests.unit.feet import DESIGN
+from tests.unit.presses import CLOSURE_REL, SAMPLE_NOISE_N, Hold, cycles, direction, felt
+
+ONE = Hold(1.5, 1.2, tuple(direction(40.0, 60.0)))
+
+
+def test_pokes_are_what_was_pressed() -> None:
+    """Three presses: their force within what averaging leaves of the noise, capacitances and zero to a femtofarad."""
+    holds = [
+        Hold(1.5 + 2.5 * k, 1.0, tuple(size_n * direction(70.0 * k, 55.0 + 10 * k)))
+        for k, size_n in enumerate((0.5, 1.0, 1.4))
+    ]
+    pokes = find_pokes(cycles(felt(*holds), 9.5, drift_pf_per_s=0.005), 0)
+    assert [poke.why_not for poke in pokes] == [None] * 3
+    for poke, hold in zip(pokes, holds, strict=True):
+        error_n = poke.force_n - hold.force_n
+        assert (np.abs(error_n) < 5 * SAMPLE_NOISE_N / np.sqrt(min(poke.n_samples, 60))).all()
+        assert poke.force_noise_n == pytest.approx(SAMPLE_NOISE_N, rel=0.3)
+        held_pf = DESIGN.capacitance_pf(np.array(hold.force_n) @ CLOSURE_REL * DESIGN.gap_um)
+        assert poke.capacitance_pf - poke.rest_pf == pytest.approx(held_pf - DESIGN.rest_pf, abs=1e-3)
+        assert poke.estimate_n == pytest.approx(hold.force_n, abs=0.01)
+        assert 0.8 < poke.hold_s < 1.2
+        assert abs(poke.t_ns * 1e-9 - 1.0 - (hold.at_s + 0.2 + hold.held_s / 2)) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("hold", "more", "why"),
+    [
+        (ONE._replace(held_s=0.15), {}, WhyNot.TOO_SHORT),
+        (ONE._replace(held_s=0.05, rise_s=1.2), {}, WhyNot.SLIPPED),
+        (ONE._replace(force_n=(0.0, 0.0, 0.05)), {}, WhyNot.TOO_LIGHT),
+        (ONE._replace(held_s=9.0), {}, WhyNot.NOT_LET_GO),
+        (ONE, {"saturated": lambda t_s: t_s > 2.0}, WhyNot.REFERENCE_SATURATED),
+        (ONE, {"missing": lambda t_s: t_s > 1.8}, WhyNot.REFERENCE_MISSING),
+        (ONE, {"missing": lambda t_s: t_s < 1.5}, WhyNot.REFERENCE_MISSING),
+        (ONE, {"missing": lambda t_s: int(t_s * 200) % 5 == 0 and t_s > 1.6}, WhyNot.REFERENCE_MISSING),
+        (ONE, {"reading": lambda t_s: Reading.OVER_RANGE if t_s > 2.0 else Reading.OK}, WhyNot.OVER_RANGE),
+        (ONE, {"reading": lambda _: Reading.NO_ANSWER}, WhyNot.NOT_READ),
+    ],
+)
+def test_what_does_not_count_has_a_reason(hold: Hold, more: dict[str, Any], why: WhyNot) -> None:
+    """Each way of spoiling a press is told from the others, in words, and without a number."""
+    pokes = find_pokes(cycles(felt(hold), 5.5, **more), 0)
+    assert [poke.why_not for poke in pokes] == [why]
+    assert pokes[0].words
+    assert why is WhyNot.TOO_LIGHT or np.isnan(pokes[0].force_n).all()
+
+
+def test_a_foot_that_hangs_is_not_poked() -> None:
+    """A minute of noise and drift holds no press."""
+    assert find_pokes(cycles(felt(), 60.0, drift_pf_per_s=0.01), 0) == []
+
+
+def test_pressed_again_at_once_is_two_pokes() -> None:
+    """The second has the zero of before the first; what the foot did after the first is not known."""
+    pokes = find_pokes(cycles(felt(ONE, ONE._replace(at_s=3.3)), 6.0), 0)
+    assert [poke.why_not for poke in pokes] == [None, None]
+    assert np.isnan(pokes[0].shift_pf).all()
+    assert pokes[1].rest_pf == pytest.approx(pokes[0].rest_pf, abs=1e-3)
