@@ -5,7 +5,7 @@ that is surely in the air (`core/zero.py`), and which foot that is `core/contact
 """
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,7 @@ class Footing:
         contact: When a foot is on the ground.
         sensitivity: What closures are worth in newtons.
         track: Whether baselines follow the foot in the air.
+        feet: Name of the foot on each leg whose fingerprint `unloaded_pf` is; empty where it is any foot's.
 
     Attributes:
         baseline_pf: Unloaded capacitance without stray [pF], shape (legs, 9), NaN where there is none; replaced, never
@@ -70,8 +71,10 @@ class Footing:
         sensitivity: Sensitivity,
         *,
         track: bool,
+        feet: Sequence[str] = (),
     ) -> None:
         n_legs = len(unloaded_pf)
+        self._feet = feet or ("",) * n_legs
         self._legs = range(n_legs)
         self._unloaded_pf = unloaded_pf
         self._tare = tare
@@ -258,7 +261,7 @@ class Footing:
         return np.array([leg in legs for leg in self._legs])
 
     def _window(self, leg: int) -> TareWindow:
-        return TareWindow(self._tare, self._unloaded_pf[leg])
+        return TareWindow(self._tare, self._unloaded_pf[leg], self._feet[leg])
 
     def _forget_silent(self, reading: NDArray[np.uint8], now_ns: int) -> None:
         if not reading.any():

@@ -4,6 +4,7 @@ A leg whose value may not be used gets a state that says why, and NaN instead of
 whole scan or the newest element and a prediction of the others, is a `Reckoning`'s matter.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
@@ -86,6 +87,7 @@ class Pipeline:
         settled_ns: Time after which readings from before a step are forgotten: a few scans [ns].
         flags: Flags that every frame carries.
         ganged: What is known of the legs that are read column by column; None if none ever is.
+        feet: Name of the foot on each leg whose fingerprint `unloaded_pf` is; empty where it is any foot's.
     """
 
     def __init__(
@@ -103,6 +105,7 @@ class Pipeline:
         track_zero: bool = True,
         flags: int = 0,
         ganged: Ganged | None = None,
+        feet: Sequence[str] = (),
     ) -> None:
         self._reckoning = reckoning
         self._calibration = calibration
@@ -113,7 +116,9 @@ class Pipeline:
         self._gap_pf = float(calibration.design.plate_distance_um(np.ones(1))[0]) / calibration.design.gap_um
         self._ganged = ganged
         n_legs = len(stray_pf)
-        self._footing = Footing(unloaded_pf, calibration.design, tare, contact, sensitivity, track=track_zero)
+        self._footing = Footing(
+            unloaded_pf, calibration.design, tare, contact, sensitivity, track=track_zero, feet=feet
+        )
         self._consistency = Consistency(n_legs, calibration.moments, settled_ns)
         self._no_fault = np.zeros(n_legs, np.uint16)
         self._zero = self._footing.zero

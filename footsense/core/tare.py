@@ -52,10 +52,12 @@ class TareWindow:
     Args:
         limits: When to grant.
         unloaded_pf: What the free foot is expected to read [pF], shape (9,).
+        foot: The foot whose fingerprint that is; empty where it is that of any foot.
     """
 
-    def __init__(self, limits: TareLimits, unloaded_pf: Vector) -> None:
+    def __init__(self, limits: TareLimits, unloaded_pf: Vector, foot: str = "") -> None:
         self._limits = limits
+        self._foot = foot
         self._unloaded_pf = unloaded_pf
         self._readings_pf: list[Vector] = []
         self._missing = np.zeros(ELEMENTS, bool)
@@ -108,11 +110,13 @@ class TareWindow:
         worst = int(np.abs(deviation_rel).argmax())
         if abs(deviation_rel[worst]) > self._limits.unloaded_limit_rel:
             opened = deviation_rel[worst] < OPEN_REL - 1
+            what = "the foot is not unloaded" + (f", or another than {self._foot}" if self._foot else "")
             return Verdict(
                 Result.ELEMENT_FAULT if opened else Result.LOADED,
-                f"{'an element is open' if opened else 'the foot is not unloaded'}: element {worst} reads "
+                f"{'an element is open' if opened else what}: element {worst} reads "
                 f"{zero_pf[worst]:.3f} pF, {deviation_rel[worst]:+.1%} from the {self._unloaded_pf[worst]:.3f} pF "
-                f"expected of the free foot (unloaded_pf), at most {self._limits.unloaded_limit_rel:.1%} is allowed",
+                f"expected of {self._foot or 'the free foot (unloaded_pf)'}, "
+                f"at most {self._limits.unloaded_limit_rel:.1%} is allowed",
             )
         without = f" without elements {_names(np.flatnonzero(self._missing))}" if self._missing.any() else ""
         return Verdict(

@@ -11,12 +11,23 @@ NONE = np.zeros(9, bool)
 OK = np.zeros(9, np.uint8)
 
 
-def tare(readings_pf: np.ndarray, missing: np.ndarray = NONE) -> Verdict | None:
+def tare(readings_pf: np.ndarray, missing: np.ndarray = NONE, foot: str = "") -> Verdict | None:
     """Return the verdict over scans of these readings, shape (9,), one after the other."""
-    window = TareWindow(LIMITS, UNLOADED_PF)
+    window = TareWindow(LIMITS, UNLOADED_PF, foot)
     for number in range(LIMITS.window_frames):
         verdict = window.add(readings_pf, OK, np.full(9, 1 + number), missing)
     return verdict
+
+
+def test_a_foot_that_is_another_is_told_by_name() -> None:
+    """A foot of a pack has a fingerprint of its own; whoever reads the line need not know what unloaded_pf is."""
+    verdict = tare(UNLOADED_PF * np.linspace(0.9, 1.1, 9), foot="foot-0008")
+    assert verdict is not None
+    assert (verdict.result, verdict.zero_pf) == (Result.LOADED, None)
+    assert verdict.reason == (
+        "the foot is not unloaded, or another than foot-0008: element 0 reads 4.860 pF, -10.0% from the 5.400 pF "
+        "expected of foot-0008, at most 3.0% is allowed"
+    )
 
 
 def test_an_element_that_is_missing_is_left_out() -> None:
