@@ -1,0 +1,195 @@
+"""The link from a microcontroller that scans feet by itself, board `mcu`: records on a serial line.
+
+A record is one scan of one leg, 50 bytes, little endian::
+
+    offset  0        1     2      3      4    6        8      12                    48
+         +---------+-----+-------+----+-----+---------+------+---------------------+-------+
+         | version | leg | flags | n  | seq | step_us | t_us | n values [aF], int32| crc16 |
+         |   u8    | u8  |  u8   | u8 | u16 |   u16   | u32  |     9 x 4 bytes     |  u16  |
+         +---------+-----+-------+----+-----+---------+------+---------------------+-------+
+
+    version  1; a record of another version is counted and left alone
+    leg      node id as on CAN: 1 lf, 2 lm, 3 lr, 4 rf, 5 rm, 6 rr
+    flags    `RecordFlag`
+    n        elements, 9; the values stand in flat index 3 * row + column, whatever order they were converted in
+    seq      counts the records of a leg, and wraps
+    step_us  from the middle of one element's conversion to that of the next; 0 if all are converted together
+    t_us     middle of the first element's conversion, in the controller's time, which wraps after 71.6 minutes; the
+             legs of one scan agree within half a scan
+    values   capacitance, stray included; -2^31 + code says why there is none (`NoValue`)
+    crc16    CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF, no reflection, no final value; "123456789" gives
+             0x29B1) over all bytes before it
+
+On the line a record is stuffed by COBS, so that no byte of it is zero, and a zero ends it: 52 bytes. Whoever starts to
+listen in the middle, or has lost a byte, is right again behind the next zero (`serial_decoder.py`). Six legs at 200
+scans/s are 62 400 bytes/s: 68 % of 921600 bit/s, 8N1.
+
+Source:
+    S. Cheshire and M. Baker, Consistent Overhead Byte Stuffing, IEEE/ACM Trans. Networking 7(2), 1999. CRC by the
+    catalogue of R. Cook ("CRC-16/IBM-3740", alias CCITT-FALSE).
+"""
+
+import struct
+from binascii import crc_hqx
+from collections.abc import Sequence
+from enum import IntEnum, IntFlag
+from typing import NamedTuple
+
+from firmware_interface.can_codes import NODE_IDS
+
+__all__ = [
+    "ELEMENTS",
+    "FRAME_BYTES",
+    "MOST_BYTES",
+    "NO_VALUE",
+    "N_CODES",
+    "STUFFED_BYTES",
+    "VERSION",
+    "NoValue",
+    "Record",
+    "RecordFlag",
+    "decode_record",
+    "encode_record",
+    "is_whole",
+    "pack_values",
+    "stuff",
+    "unstuff",
+]
+
+VERSION = 1
+ELEMENTS = 9
+
+#: A value below NO_VALUE + N_CODES is no capacitance: NO_VALUE plus a code of `NoValue`.
+NO_VALUE = -(2**31)
+N_CODES = 16
+
+_HEADER = struct.Struct("<BBBBHHI")
+_VALUES = struct.Struct(f"<{ELEMENTS}i")
+_CRC = struct.Struct("<H")
+_CRC_START = 0xFFFF
+_CRC_AT = _HEADER.size + _VALUES.size
+_RECORD_BYTES = _CRC_AT + _CRC.size
+#: A record on the line without the zero that ends it, and with it.
+STUFFED_BYTES = _RECORD_BYTES + 1
+FRAME_BYTES = STUFFED_BYTES + 1
+
+#: Room for a record of any version, stuffed; what is longer and has no zero is no record.
+MOST_BYTES = 255
+
+_LEGS = frozenset(NODE_IDS.values())
+
+
+class RecordFlag(IntFlag):
+    """Notes on a record; bits that this version does not name are zero."""
+
+    LO_SHU = 1  #: the elements were converted in the order 5 0 7 6 4 2 1 8 3, not 0 to 8
+    STARTING = 2  #: one of the first 256 of its leg since the controller's start: seq began anew
+
+
+_FLAGS = sum(RecordFlag)
+
+
+class NoValue(IntEnum):
+    """Why an element has no capacitance."""
+
+    NO_ANSWER = 1  #: its converter does not answer
+    NOT_READY = 2  #: its conversion had not finished when it was read
+    OVER_RANGE = 3  #: it stands at an end of the converter's range
+    MISCONFIGURED = 4  #: the switches or the converter do not hold their setting
+    WRONG_CHIP = 6  #: another chip answers
+    GARBLED = 7  #: an answer that no healthy chip gives
+
+
+class Record(NamedTuple):
+    """One scan of one leg.
+
+    Attributes:
+        leg: Node id, 1 to 6.
+        seq: Its number, 0 to 65535.
+        flags: Bits of `RecordFlag`.
+        step_us: Time from element to element [us], 0 to 65535.
+        t_us: Middle of the first conversion in the controller's time [us], 0 to 2^32 - 1.
+        values: Capacitance of each element [aF], little endian int32, 36 bytes: in a stream they are not worth 54
+            objects each scan.
+    """
+
+    leg: int
+    seq: int
+    flags: int
+    step_us: int
+    t_us: int
+    values: bytes
+
+    def values_af(self) -> tuple[int, ...]:
+        """Return the values as numbers [aF], shape (9,)."""
+        return _VALUES.unpack(self.values)
+
+
+def encode_record(record: Record) -> bytes:
+    """Return a record as it stands on the line.
+
+    Raises:
+        ValueError: A field does not fit, or there are not nine values.
+    """
+    if len(record.values) != _VALUES.size:
+        raise ValueError(f"a record has {_VALUES.size} bytes of values, not {len(record.values)}")
+    try:
+        header = _HEADER.pack(
+            VERSION, record.leg, record.flags, ELEMENTS, record.seq, record.step_us, record.t_us
+        )
+    except struct.error as error:
+        raise ValueError(f"{record[:5]} does not fit into a record: {error}") from error
+    body = header + record.values
+    return stuff(body + _CRC.pack(crc_hqx(body, _CRC_START))) + b"\0"
+
+
+def pack_values(values_af: Sequence[int]) -> bytes:
+    """Return nine values [aF] as a record holds them."""
+    return _VALUES.pack(*values_af)
+
+
+def stuff(data: bytes) -> bytes:
+    """Return bytes without a zero: each run before one is led by its length. At most 253 bytes.
+
+    Example:
+        >>> stuff(bytes([0x11, 0, 0, 0x22])).hex()
+        '0211010222'
+    """
+    return b"".join(bytes((len(run) + 1,)) + run for run in data.split(b"\0"))
+
+
+def unstuff(stuffed: bytes) -> bytes | None:
+    """Return the bytes that `stuff` was given, None if it never made these; at most 254 of them.
+
+    Example:
+        >>> unstuff(bytes.fromhex("0211010222")) == bytes.fromhex("11000022"), unstuff(b"broken")
+        (True, None)
+    """
+    data, end, at = bytearray(stuffed), len(stuffed), 0
+    while at < end:
+        length = data[at] or MOST_BYTES  # no zero is ever made: it leads out
+        data[at] = 0
+        at += length
+    return bytes(data[1:]) if at == end and end else None
+
+
+def is_whole(data: bytes) -> bool:
+    """Tell whether bytes have what records of all versions have: a header, and a crc that is right."""
+    end = len(data) - _CRC.size
+    return end >= _HEADER.size and crc_hqx(data[:end], _CRC_START) == _CRC.unpack_from(data, end)[0]
+
+
+def decode_record(data: bytes) -> Record | None:
+    """Return the record in bytes that are whole; None if another version, leg or flag is in them.
+
+    Raises:
+        ValueError: They are a record of this version, but of another length.
+    """
+    version, leg, flags, n, seq, step_us, t_us = _HEADER.unpack_from(data)
+    if version != VERSION or leg not in _LEGS or flags & ~_FLAGS:
+        return None
+    if len(data) != _RECORD_BYTES or n != ELEMENTS:
+        raise ValueError(
+            f"a record of {len(data)} bytes and {n} elements, not {_RECORD_BYTES} and {ELEMENTS}"
+        )
+    return Record(leg, seq, flags, step_us, t_us, data[_HEADER.size : _CRC_AT])
