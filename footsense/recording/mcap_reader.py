@@ -23,6 +23,7 @@ from footsense.frames import LEGS, CapFrame, Command, Cycle, Outcome
 from footsense.recording import messages
 from footsense.recording.mcap_writer import HEADER_CRC, METADATA, PROFILE, header_crc
 from footsense.recording.pipe_format import Loss, Numbered
+from footsense.recording.reference_messages import decode_reference
 
 __all__ = ["read_entries", "read_header"]
 
@@ -160,6 +161,8 @@ class _Assembly:
         self._scan: CapFrame | None = None
         self._commands: list[Command] = []
         self._outcomes: list[Outcome] = []
+        self._samples: list[bytes] = []
+        self._on_bench = False
         self._n_cycles = 0
         self._t_first_ns = 0
         self._t_last_ns = 0
@@ -168,6 +171,7 @@ class _Assembly:
         for record in records:
             if isinstance(record, Channel):
                 self._topics[record.id] = record.topic
+                self._on_bench |= record.topic == messages.REFERENCE
             elif isinstance(record, Message):
                 whole = self._message(self._topics[record.channel_id], record)
                 if whole is not None:
@@ -185,6 +189,8 @@ class _Assembly:
                 self._commands.append(messages.decode_command(event, self._legs))
             case messages.EVENT, "outcome":
                 self._outcomes.append(messages.decode_outcome(event, self._legs))
+            case messages.REFERENCE, None:
+                self._samples.append(message.data)
             case messages.SCAN, None:
                 _require(self._scan is None, "forces are missing")
                 self._scan = messages.decode_scan(message.data, self._legs)
@@ -196,9 +202,11 @@ class _Assembly:
         forces = messages.decode_force(data, self._legs)
         if self._scan is None:
             raise ValueError("a scan is missing")
-        cycle = Cycle(self._scan, tuple(self._commands), forces, tuple(self._outcomes))
+        # A bench's recording has the topic, and every cycle of it a reference, without samples too.
+        reference = decode_reference(self._samples) if self._on_bench else None
+        cycle = Cycle(self._scan, tuple(self._commands), forces, tuple(self._outcomes), reference)
         numbered = Numbered(self._expected, cycle)
-        self._scan, self._commands, self._outcomes = None, [], []
+        self._scan, self._commands, self._outcomes, self._samples = None, [], [], []
         self._expected += 1
         self._t_first_ns = forces.t_sent_ns if self._n_cycles == 0 else self._t_first_ns
         self._t_last_ns = forces.t_sent_ns

@@ -12,8 +12,10 @@ from typing import Protocol
 
 from mcap.writer import CompressionType, Writer
 
+from footsense.frames import Reference
 from footsense.recording import messages
 from footsense.recording.pipe_format import Loss, Numbered
+from footsense.recording.reference_messages import encode_reference, reference_schema
 
 __all__ = ["HEADER_CRC", "METADATA", "PROFILE", "McapFile", "Stream", "header_crc"]
 
@@ -67,26 +69,38 @@ class McapFile:
         )
         self._writer.start(profile=PROFILE)
         self._writer.add_metadata(METADATA, {**header, HEADER_CRC: header_crc(header)})
-        self._channels = {}
+        self._channels: dict[str, int] = {}
         for topic, schema in messages.schemas(self._legs).items():
-            schema_id = self._writer.register_schema(f"footsense.{topic[1:]}", "jsonschema", schema)
-            self._channels[topic] = self._writer.register_channel(topic, "json", schema_id)
+            self._register(topic, schema)
         self.flush()
 
     def add_cycle(self, numbered: Numbered) -> None:
         """Write one cycle."""
-        counter, (scan, commands, forces, outcomes, _) = numbered
+        counter, (scan, commands, forces, outcomes, reference) = numbered
         t_ns = forces.t_sent_ns
         for command in commands:
             self._add(messages.EVENT, counter, t_ns, messages.command_event(command, self._legs))
         for outcome in outcomes:
             self._add(messages.EVENT, counter, t_ns, messages.outcome_event(outcome, self._legs))
+        if reference is not None:
+            self._add_reference(counter, reference)
         self._add(messages.SCAN, counter, t_ns, messages.encode_scan(scan, self._legs))
         self._add(messages.FORCE, counter, t_ns, messages.encode_force(forces, self._legs))
+
+    def _add_reference(self, counter: int, reference: Reference) -> None:
+        # The topic tells a bench's recording from others, whose cycles have no reference, so it comes with the first.
+        if messages.REFERENCE not in self._channels:
+            self._register(messages.REFERENCE, reference_schema())
+        for t_ns, sample in encode_reference(reference):
+            self._add(messages.REFERENCE, counter, t_ns, sample)
 
     def add_loss(self, loss: Loss) -> None:
         """Write that cycles are missing here."""
         self._add(messages.EVENT, loss.counter, loss.t_ns, messages.loss_event(loss.n_cycles))
+
+    def _register(self, topic: str, schema: bytes) -> None:
+        schema_id = self._writer.register_schema(f"footsense.{topic[1:]}", "jsonschema", schema)
+        self._channels[topic] = self._writer.register_channel(topic, "json", schema_id)
 
     def _add(self, topic: str, counter: int, t_ns: int, data: bytes) -> None:
         # The container's own sequence field has 32 bits and serves to notice a missing chunk.

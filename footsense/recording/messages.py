@@ -36,21 +36,25 @@ __all__ = [
     "EVENT",
     "FORCE",
     "NOT_RECORDED",
+    "REFERENCE",
     "SCAN",
     "command_event",
     "decode_command",
     "decode_force",
     "decode_outcome",
     "decode_scan",
+    "dump",
     "encode_force",
     "encode_scan",
+    "floats",
     "loss_event",
     "outcome_event",
     "schemas",
     "whole",
+    "wholes",
 ]
 
-SCAN, FORCE, EVENT = "/scan", "/force", "/event"
+SCAN, FORCE, EVENT, REFERENCE = "/scan", "/force", "/event", "/reference"
 
 #: Largest whole number in a message: one more bit is the sign of the arrays' entries.
 _MOST = (1 << 63) - 1
@@ -69,7 +73,7 @@ def encode_scan(scan: CapFrame, legs: Sequence[str]) -> bytes:
     message: dict[str, Any] = {"sequence": scan.sequence}
     for row, leg in enumerate(legs):
         message[leg] = {"t_ns": t_ns[row], "capacitance_pf": capacitance_pf[row], "reading": reading[row]}
-    return _dump(message)
+    return dump(message)
 
 
 def decode_scan(data: bytes, legs: Sequence[str]) -> CapFrame:
@@ -79,9 +83,9 @@ def decode_scan(data: bytes, legs: Sequence[str]) -> CapFrame:
     shape = len(legs), ELEMENTS
     return CapFrame(
         whole(message["sequence"]),
-        _wholes([row["t_ns"] for row in rows], np.int64, shape),
-        _floats([row["capacitance_pf"] for row in rows], shape),
-        _wholes([row["reading"] for row in rows], np.uint8, shape, max(Reading)),
+        wholes([row["t_ns"] for row in rows], np.int64, shape),
+        floats([row["capacitance_pf"] for row in rows], shape),
+        wholes([row["reading"] for row in rows], np.uint8, shape, max(Reading)),
     )
 
 
@@ -107,7 +111,7 @@ def encode_force(forces: ForceFrame, legs: Sequence[str]) -> bytes:
                 "zero_worst_pf": float(zero.worst_pf[row]),
                 "zero_moved_ns": int(zero.moved_ns[row]),
             }
-    return _dump(message)
+    return dump(message)
 
 
 def decode_force(data: bytes, legs: Sequence[str]) -> ForceFrame:
@@ -118,18 +122,18 @@ def decode_force(data: bytes, legs: Sequence[str]) -> ForceFrame:
     return ForceFrame(
         whole(message["sequence"]),
         whole(message["t_sent_ns"]),
-        _wholes([row["t_ns"] for row in rows], np.int64, n),
-        _floats([[row[f"f{axis}_n"] for axis in _AXES] for row in rows], (*n, 3)),
-        _floats([[row[f"sigma_{axis}_n"] for axis in _AXES] for row in rows], (*n, 3)),
+        wholes([row["t_ns"] for row in rows], np.int64, n),
+        floats([[row[f"f{axis}_n"] for axis in _AXES] for row in rows], (*n, 3)),
+        floats([[row[f"sigma_{axis}_n"] for axis in _AXES] for row in rows], (*n, 3)),
         np.array([State[row["state"]] for row in rows], dtype=np.uint8),
-        _wholes([row["fault_mask"] for row in rows], np.uint16, n, (1 << ELEMENTS) - 1),
-        _wholes([row["flags"] for row in rows], np.uint8, n, 255),
+        wholes([row["fault_mask"] for row in rows], np.uint16, n, (1 << ELEMENTS) - 1),
+        wholes([row["flags"] for row in rows], np.uint8, n, 255),
         np.array([_cause(row) for row in rows], dtype=np.uint8),
         Zero(
             np.array([ZeroStatus[row.get("zero_status", "NONE")] for row in rows], dtype=np.uint8),
-            _floats([row.get("zero_mean_pf") for row in rows], n),
-            _floats([row.get("zero_worst_pf") for row in rows], n),
-            _wholes([row.get("zero_moved_ns", 0) for row in rows], np.int64, n),
+            floats([row.get("zero_mean_pf") for row in rows], n),
+            floats([row.get("zero_worst_pf") for row in rows], n),
+            wholes([row.get("zero_moved_ns", 0) for row in rows], np.int64, n),
         ),
     )
 
@@ -149,16 +153,24 @@ def whole(value: object, most: int = _MOST, least: int = 0) -> int:
     return value
 
 
-def _wholes(
-    values: object, dtype: type[_Whole], shape: tuple[int, ...], most: int = _MOST
-) -> NDArray[_Whole]:
+def wholes(values: object, dtype: type[_Whole], shape: tuple[int, ...], most: int = _MOST) -> NDArray[_Whole]:
+    """Return an array of whole numbers, from 0 or the least that the type has.
+
+    Raises:
+        ValueError: They are not, or not so many.
+    """
     found = np.array(values, dtype=object)
     _require_shape(found, shape)
     least = ~_MOST if np.issubdtype(dtype, np.signedinteger) else 0
     return np.array([whole(value, most, least) for value in found.flat], dtype=dtype).reshape(shape)
 
 
-def _floats(values: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def floats(values: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Return an array of numbers, null as NaN.
+
+    Raises:
+        ValueError: They are none, or not so many.
+    """
     found = np.array(values, dtype=object)
     _require_shape(found, shape)
     if not all(value is None or type(value) in {int, float} for value in found.flat):
@@ -210,7 +222,8 @@ def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> Outcome:
     return Outcome(decode_command(event, legs), Result[event["result"]], reason)
 
 
-def _dump(message: dict[str, Any]) -> bytes:
+def dump(message: dict[str, Any]) -> bytes:
+    """Return a message as JSON."""
     # Only numbers and the names of legs and states stand in these messages, so no text can be hit.
     return (
         json.dumps(message, separators=(",", ":"))

@@ -2,7 +2,7 @@
 
     head    length u32 | commands u16 | outcomes u16 | kind u64        16 bytes, every record
     header  head, JSON                                                 once, first
-    cycle   head, counter u64, arrays of both frames, commands, outcomes
+    cycle   head, counter u64, arrays of both frames, commands, outcomes; on a bench, the samples of its reference
     loss    head, counter u64, t_ns i64, n_cycles u64                  before the cycle that got through
 
 The length counts the whole record. All little-endian. The counter numbers the cycles that were observed.
@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.frames import ELEMENTS, Command, Cycle, Outcome
+from footsense.recording.pipe_reference import pack_reference
 
 __all__ = [
     "COMMAND",
@@ -46,6 +47,7 @@ class Kind(IntEnum):
     HEADER = 0
     CYCLE = 1
     LOSS = 2
+    BENCH_CYCLE = 3  #: a cycle with the samples of a reference behind it, even if there are none
 
 
 class Numbered(NamedTuple):
@@ -112,7 +114,7 @@ class CyclePacker:
 
     def pack(self, counter: int, cycle: Cycle) -> bytes | bytearray:
         """Return one cycle as bytes, valid until the next call."""
-        scan, commands, forces, outcomes, _ = cycle
+        scan, commands, forces, outcomes, reference = cycle
         zero = forces.zero
         arrays = self._arrays
         arrays["scan_t_ns"][...] = scan.t_ns
@@ -129,14 +131,16 @@ class CyclePacker:
         arrays["zero_mean_pf"][...] = zero.mean_pf
         arrays["zero_worst_pf"][...] = zero.worst_pf
         arrays["zero_moved_ns"][...] = zero.moved_ns
-        tail = _pack_tail(commands, outcomes) if commands or outcomes else b""
+        kind, tail = Kind.CYCLE, _pack_tail(commands, outcomes) if commands or outcomes else b""
+        if reference is not None:
+            kind, tail = Kind.BENCH_CYCLE, tail + pack_reference(reference)
         _CYCLE_HEAD.pack_into(
             self._buffer,
             0,
             len(self._buffer) + len(tail),
             len(commands),
             len(outcomes),
-            Kind.CYCLE,
+            kind,
             counter,
             scan.sequence,
             forces.sequence,

@@ -20,12 +20,14 @@ from footsense.frames import (
     ForceFrame,
     Outcome,
     Reading,
+    Reference,
     Result,
     State,
     Zero,
     ZeroStatus,
 )
 from footsense.recording.pipe_format import COMMAND, HEAD, LOSS, OUTCOME, Kind, Loss, Numbered, cycle_type
+from footsense.recording.pipe_reference import unpack_reference
 
 __all__ = ["unpack"]
 
@@ -66,8 +68,9 @@ def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | N
                 case Kind.LOSS:
                     counter, t_ns, n_cycles = LOSS.unpack(record)[4:]
                     yield Loss(counter, _time(t_ns), n_cycles)
-                case Kind.CYCLE:
-                    yield _unpack_cycle(record, n_legs or 0, n_commands, n_outcomes)
+                case Kind.CYCLE | Kind.BENCH_CYCLE as which:
+                    on_bench = which is Kind.BENCH_CYCLE
+                    yield _unpack_cycle(record, n_legs or 0, n_commands, n_outcomes, on_bench=on_bench)
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError, struct.error) as error:
         raise RecordingError(f"the cycles of the loop arrive damaged ({error})") from None
 
@@ -93,7 +96,9 @@ def _next_record(buffer: bytearray) -> bytes:
     return record
 
 
-def _unpack_cycle(record: bytes, n_legs: int, n_commands: int, n_outcomes: int) -> Numbered:
+def _unpack_cycle(
+    record: bytes, n_legs: int, n_commands: int, n_outcomes: int, *, on_bench: bool
+) -> Numbered:
     if n_legs == 0:
         raise ValueError("no header before the first cycle")
     kind = cycle_type(n_legs)
@@ -129,9 +134,12 @@ def _unpack_cycle(record: bytes, n_legs: int, n_commands: int, n_outcomes: int) 
         reason = record[at : at + length].decode(errors="replace")
         outcomes.append(Outcome(_command(which, leg, n_legs), Result(result), reason))
         at += length
+    reference: Reference | None = None
+    if on_bench:
+        reference, at = unpack_reference(record, at)
     if at != len(record):
         raise ValueError(f"a cycle of {len(record)} bytes instead of {at}")
-    return Numbered(int(entry["counter"]), Cycle(scan, tuple(commands), forces, tuple(outcomes)))
+    return Numbered(int(entry["counter"]), Cycle(scan, tuple(commands), forces, tuple(outcomes), reference))
 
 
 def _time(t_ns: int) -> int:

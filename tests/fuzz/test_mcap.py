@@ -21,7 +21,7 @@ from footsense.recording.replay import Replay
 from tests.fuzz.outcome import TRIED, refusal
 from tests.unit.cycles import LEGS, cycle, read_until_damage, same, write
 
-CYCLES = [cycle(number) for number in range(12)]
+CYCLES = [cycle(number, n_samples=2) for number in range(12)]
 HEADER = {"legs": ",".join(LEGS)}
 
 
@@ -90,7 +90,8 @@ def forged(path: Path, records: list[tuple[str, bytes]], header: dict[str, str] 
         writer.start(profile=PROFILE)
         writer.add_metadata(METADATA, {**header, HEADER_CRC: header_crc(header)})
         channels = {
-            topic: writer.register_channel(topic, "json", 0) for topic in ("/scan", "/force", "/event", "/x")
+            topic: writer.register_channel(topic, "json", 0)
+            for topic in ("/scan", "/force", "/event", "/reference", "/x")
         }
         for topic, data in records:
             writer.add_message(channels[topic], log_time=0, publish_time=0, sequence=0, data=data)
@@ -106,17 +107,20 @@ anything = st.recursive(
     max_leaves=9,
 )
 
+_SAMPLE = b'{"t_ns":7,"fx_n":0.1,"fy_n":null,"fz_n":-2,"saturated":false}'
+
 
 @given(data=st.data())
 @TRIED
 def test_forged_messages(file: Path, data: st.DataObject) -> None:
-    """One value of a good scan, force or event replaced by any other, then a whole message."""
+    """One value of a good scan, force, sample or event replaced by any other, then a whole message."""
     good: list[tuple[str, Any]] = [
         ("/event", json.loads(messages.command_event(cycle(3).commands[0], LEGS))),
+        ("/reference", json.loads(_SAMPLE)),
         ("/scan", json.loads(messages.encode_scan(CYCLES[0].scan, LEGS))),
         ("/force", json.loads(messages.encode_force(CYCLES[0].forces, LEGS))),
     ]
-    which, value = data.draw(st.integers(0, 2)), data.draw(anything)
+    which, value = data.draw(st.integers(0, 3)), data.draw(anything)
     topic, message = good[which]
     inner = data.draw(st.sampled_from([None, *message]))
     if inner is None:
@@ -133,7 +137,7 @@ def test_forged_messages(file: Path, data: st.DataObject) -> None:
 @pytest.mark.parametrize(
     "data", [b"", b"\xff", b"[" * 100_000, b'{"event":' * 10_000, b"1" * 10_000, b"null", b"[]"]
 )
-@pytest.mark.parametrize("topic", ["/scan", "/force", "/event", "/x"])
+@pytest.mark.parametrize("topic", ["/scan", "/force", "/event", "/reference", "/x"])
 def test_forged_json(file: Path, topic: str, data: bytes) -> None:
     """Nesting and numbers without end, and JSON that is no message."""
     forged(file, [(topic, data)])

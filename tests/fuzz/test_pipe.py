@@ -15,7 +15,7 @@ from footsense.recording.writer import PipeWriter
 from tests.fuzz.outcome import TRIED, refusal
 from tests.unit.cycles import LEGS, TARE, cycle, same
 
-SHOWN = cycle(3, outcomes=(Outcome(TARE, Result.LOADED, "0.2 pF"),))
+SHOWN = cycle(3, outcomes=(Outcome(TARE, Result.LOADED, "0.2 pF"),), n_samples=2)
 HEADER = pack_header({"legs": ",".join(LEGS)})
 STREAM = HEADER + bytes(CyclePacker(6).pack(0, SHOWN)) + pack_loss(Loss(3, 5, 2))
 heads = st.builds(

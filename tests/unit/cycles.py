@@ -16,6 +16,7 @@ from footsense.frames import (
     ForceFrame,
     Outcome,
     Reading,
+    Reference,
     State,
     Zero,
     ZeroStatus,
@@ -32,7 +33,14 @@ TARE = Command(CommandKind.TARE, 2)
 AWKWARD = np.array([np.nan, np.inf, -np.inf, -0.0, 5e-324, 0.1, 1.7976931348623157e308, 1 / 3])
 
 
-def cycle(number: int, seed: int = 0, *, outcomes: tuple[Outcome, ...] = (), n_legs: int = 6) -> Cycle:
+def cycle(
+    number: int,
+    seed: int = 0,
+    *,
+    outcomes: tuple[Outcome, ...] = (),
+    n_legs: int = 6,
+    n_samples: int | None = None,
+) -> Cycle:
     """Return a cycle of random bits, awkward floats among them."""
     rng = np.random.default_rng([seed, number])
 
@@ -64,7 +72,16 @@ def cycle(number: int, seed: int = 0, *, outcomes: tuple[Outcome, ...] = (), n_l
         ),
     )
     commands = (TARE,) if number % 7 == 3 else ()
-    return Cycle(scan, commands, forces, outcomes)
+    reference = (
+        None
+        if n_samples is None
+        else Reference(
+            rng.integers(0, 2**63, n_samples),
+            floats(n_samples, 3),
+            rng.integers(0, 2, n_samples).astype(np.bool_),
+        )
+    )
+    return Cycle(scan, commands, forces, outcomes, reference)
 
 
 def same(a: Cycle, b: Cycle) -> bool:
@@ -79,7 +96,14 @@ def same(a: Cycle, b: Cycle) -> bool:
         and a.scan.sequence == b.scan.sequence
         and compare(a.forces, b.forces, exact=True, legs=legs) is None
         and (a.commands, a.outcomes) == (b.commands, b.outcomes)
+        and _same_reference(a.reference, b.reference)
     )
+
+
+def _same_reference(a: Reference | None, b: Reference | None) -> bool:
+    if a is None or b is None:
+        return a is b
+    return all(np.array_equal(x, y, equal_nan=x.dtype.kind == "f") for x, y in zip(a, b, strict=True))
 
 
 def write(path: Path, cycles: list[Cycle], every: int = 20) -> Path:

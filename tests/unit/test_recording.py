@@ -38,11 +38,19 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
 outcome = st.builds(Outcome, st.just(TARE), st.sampled_from(Result), st.text(max_size=40))
 
 
-@given(st.integers(0, 2**32), st.integers(3, 6), st.lists(outcome, max_size=3), st.integers(1, 4000))
-def test_the_pipe_keeps_every_bit(seed: int, n_legs: int, outcomes: list[Outcome], piece: int) -> None:
+samples = st.none() | st.integers(0, 6)
+
+
+@given(st.integers(0, 2**32), st.integers(3, 6), st.lists(outcome, max_size=3), samples, st.integers(1, 4000))
+def test_the_pipe_keeps_every_bit(
+    seed: int, n_legs: int, outcomes: list[Outcome], n_samples: int | None, piece: int
+) -> None:
     """Cycles come out of the pipe as they went in, in whatever pieces they arrive."""
     packer = CyclePacker(n_legs)
-    shown = [cycle(number, seed, outcomes=tuple(outcomes), n_legs=n_legs) for number in range(3)]
+    shown = [
+        cycle(number, seed, outcomes=tuple(outcomes), n_legs=n_legs, n_samples=n_samples)
+        for number in range(3)
+    ]
     header = {"legs": ",".join(LEGS[:n_legs])}
     stream = pack_header(header) + b"".join(bytes(packer.pack(i, one)) for i, one in enumerate(shown))
     stream += pack_loss(Loss(9, 8, 6))
@@ -59,11 +67,13 @@ def test_the_pipe_keeps_every_bit(seed: int, n_legs: int, outcomes: list[Outcome
     assert all(same(a, b.cycle) for a, b in zip(shown, numbered, strict=True))
 
 
-@given(st.integers(0, 2**32), st.lists(outcome, max_size=2))
+@given(st.integers(0, 2**32), st.lists(outcome, max_size=2), samples)
 @settings(max_examples=25)
-def test_the_file_keeps_every_bit(scratch: Path, seed: int, outcomes: list[Outcome]) -> None:
+def test_the_file_keeps_every_bit(
+    scratch: Path, seed: int, outcomes: list[Outcome], n_samples: int | None
+) -> None:
     """Floats of any value, NaN, infinities and -0.0, and reasons in any script come out of the file again."""
-    shown = [cycle(number, seed, outcomes=tuple(outcomes)) for number in range(5)]
+    shown = [cycle(number, seed, outcomes=tuple(outcomes), n_samples=n_samples) for number in range(5)]
     read, damage = read_until_damage(write(scratch, shown))
     assert damage is None
     assert all(same(a, b) for a, b in zip(shown, read, strict=True))
@@ -128,6 +138,21 @@ def test_recover_makes_a_sound_file(tmp_path: Path, walk: tuple[bytes, list[Cycl
     with (tmp_path / "walk.mcap").open("rb") as file:
         topics = [channel.topic for _, channel, _ in make_reader(file).iter_messages()]
     assert topics.count("/scan") == topics.count("/force") == len(read)
+
+
+def test_recover_keeps_the_reference(tmp_path: Path) -> None:
+    """A bench's recording has the samples of its force sensor again, one message each."""
+    shown = [cycle(number, n_samples=number % 3) for number in range(9)]
+    cut = write(tmp_path / "cut.mcap", shown, every=4)
+    cut.write_bytes(cut.read_bytes()[:-400])
+    recover(cut, tmp_path / "whole.mcap")
+    read, damage = read_until_damage(tmp_path / "whole.mcap")
+    assert damage is None
+    assert read
+    assert all(same(a, b) for a, b in zip(shown, read, strict=False))
+    with (tmp_path / "whole.mcap").open("rb") as file:
+        samples = [message for _, _, message in make_reader(file).iter_messages(topics=["/reference"])]
+    assert len(samples) == sum(len(one.reference.t_ns) for one in read if one.reference is not None)
 
 
 def test_replay_gives_scan_commands_and_time(walk: tuple[bytes, list[Cycle]], scratch: Path) -> None:
