@@ -1,44 +1,51 @@
-"""The ADG715 octal analog switch, and how it selects one row of a foot.
+"""The ADG715 octal analog switch, and how it selects lines of a foot.
 
 Source: Analog Devices ADG714/ADG715 data sheet rev. B. One data byte, bit n closes switch n + 1; all switches are
-open after power-up. The address is 1001 0 A1 A0; A1 A0 = 01 keeps it clear of an AD7746 at 0x48.
+open after power-up. The address is 1001 0 A1 A0; A1 A0 = 01 and 10 keep it clear of an AD7746 at 0x48.
 
-Wiring of one foot (board `fdc1004`): switches 1..3 put rows 0..2 to ground, switches 4..6 put them to the shield
-driver. A row at ground is measured; a row at the shield follows the measured column and drops out.
+Switches 1..3 connect lines 0..2 to where a selected line belongs, switches 4..6 to where the others wait:
+
+| board | address | lines | selected | waiting |
+|---|---|---|---|---|
+| `fdc1004` | 0x49 | rows | ground: the row is measured | shield: follows the measured column, and drops out |
+| `ad7746` | 0x49 | rows | EXCA: the row is measured | ground |
+| `ad7746` | 0x4A | columns | CIN1: the column is measured | ground |
 """
 
-#: 7-bit bus address with A1 A0 = 01.
+#: 7-bit bus address with A1 A0 = 01: the rows.
 ADDRESS = 0x49
+#: 7-bit bus address with A1 A0 = 10: the columns, where a board switches them.
+COLUMN_ADDRESS = 0x4A
 
-ROWS = 3
-_SHIELD_SHIFT = ROWS
-_ALL_ROWS = (1 << ROWS) - 1
+LINES = 3
+_WAITING_SHIFT = LINES
+_ALL_LINES = (1 << LINES) - 1
 
 
-def select_rows(rows_to_ground: int) -> int:
-    """Return the switch byte that grounds the rows in the bit mask and shields the others.
+def select_lines(lines: int) -> int:
+    """Return the switch byte that selects the lines in the bit mask and lets the others wait.
 
     Raises:
-        ValueError: The mask has more bits than a foot has rows.
+        ValueError: The mask has more bits than a foot has rows or columns.
 
     Example:
-        >>> [bin(select_rows(1 << row)) for row in range(3)]
+        >>> [bin(select_lines(1 << line)) for line in range(3)]
         ['0b110001', '0b101010', '0b11100']
     """
-    if not 0 <= rows_to_ground <= _ALL_ROWS:
-        raise ValueError(f"a foot has {ROWS} rows, got the mask {rows_to_ground:#b}")
-    return rows_to_ground | (_ALL_ROWS & ~rows_to_ground) << _SHIELD_SHIFT
+    if not 0 <= lines <= _ALL_LINES:
+        raise ValueError(f"a foot has {LINES} rows and {LINES} columns, got the mask {lines:#b}")
+    return lines | (_ALL_LINES & ~lines) << _WAITING_SHIFT
 
 
-#: The switch byte that grounds every row: each pin then sees its whole column.
-ALL_ROWS = select_rows(_ALL_ROWS)
+#: The switch byte that selects every line: of rows, each column then reads as the sum of its elements.
+ALL_LINES = select_lines(_ALL_LINES)
 
 
-def grounded_rows(switches: int) -> int:
-    """Return the mask of the rows that a switch byte connects to ground."""
-    return switches & _ALL_ROWS
+def selected_lines(switches: int) -> int:
+    """Return the mask of the lines that a switch byte selects."""
+    return switches & _ALL_LINES
 
 
-def shielded_rows(switches: int) -> int:
-    """Return the mask of the rows that a switch byte connects to the shield."""
-    return switches >> _SHIELD_SHIFT & _ALL_ROWS
+def waiting_lines(switches: int) -> int:
+    """Return the mask of the lines that a switch byte lets wait."""
+    return switches >> _WAITING_SHIFT & _ALL_LINES

@@ -6,14 +6,36 @@ it reaches against them.
 
 from typing import NamedTuple
 
-from firmware_interface.fdc1004 import CLOCK_TOLERANCE_REL
+from firmware_interface import ad7746, fdc1004
 from firmware_interface.i2c_timing import transaction_bits, wire_time_ns
 
-__all__ = ["ScanLimits", "scan_limits"]
+__all__ = ["AD7746", "FDC1004", "ScanLimits", "Traffic", "scan_limits"]
 
 _ELEMENTS = 9
-#: A scan that goes through the rows one after the other switches them as seldom as can be.
-_ROW_SWITCHES = 3
+
+
+class Traffic(NamedTuple):
+    """What a board's transactions are, and how few of them do.
+
+    Attributes:
+        n_switches: Writes of line switches in a scan, in the order that needs the fewest.
+        n_start: Bytes of the write that starts a conversion.
+        done: Bytes written and read to ask all legs whether they are done; None if their results tell.
+        result: Bytes written and read for one part of a result.
+        clock_tolerance_rel: How much slower than nominal a converter may be [1].
+    """
+
+    n_switches: int
+    n_start: int
+    done: tuple[int, int] | None
+    result: tuple[int, int]
+    clock_tolerance_rel: float
+
+
+#: Row after row: three switches.
+FDC1004 = Traffic(3, 3, (1, 2), (1, 2), fdc1004.CLOCK_TOLERANCE_REL)
+#: Every step changes the row or the column at least, and there is an order in which none changes both.
+AD7746 = Traffic(9, 2, None, (1, 4), ad7746.CLOCK_TOLERANCE_REL)
 
 
 class ScanLimits(NamedTuple):
@@ -46,6 +68,7 @@ def scan_limits(
     host_cost_ns: float,
     n_result_reads: int = 1,
     kernel_mux: bool = False,
+    traffic: Traffic = FDC1004,
 ) -> ScanLimits:
     """Return the limits of a scan of nine elements of all legs on one bus.
 
@@ -54,9 +77,10 @@ def scan_limits(
         conversion_ns: Nominal conversion time [ns].
         rate_hz: Clock of the bus [Hz].
         host_cost_ns: What the host adds to every transaction [ns].
-        n_result_reads: Registers of a result that are read: 1 or 2.
+        n_result_reads: Transactions that read a result: 1 or 2.
         kernel_mux: Whether the kernel switches the mux: each leg is then told and read by itself, and the switch is on
             the wire, but costs the host no transaction of its own.
+        traffic: The board's transactions.
 
     Example:
         >>> limits = scan_limits(n_legs=6, conversion_ns=2_500_000, rate_hz=400_000, host_cost_ns=40_000)
@@ -67,18 +91,24 @@ def scan_limits(
         ... )
         >>> limits.holds, round(limits.scan_ns / 22.5e6, 3)
         ('read-out', 1.298)
+        >>> limits = scan_limits(
+        ...     n_legs=6, conversion_ns=11_000_000, rate_hz=400_000, host_cost_ns=40_000, traffic=AD7746
+        ... )
+        >>> limits.holds, round(limits.scan_ns * 1e-6, 1)
+        ('conversion', 102.8)
     """
 
     def lasts(n_write: int, n_read: int = 0) -> int:
         return round(wire_time_ns(transaction_bits(n_write, n_read), round(rate_hz)) + host_cost_ns)
 
-    select, start, ask = lasts(1), lasts(3), lasts(1, 2)
-    read = n_result_reads * ask
-    wait = round(conversion_ns * (1 + CLOCK_TOLERANCE_REL))
-    rows = _ROW_SWITCHES * select  # a row switch is a byte to one address, as the selection of a channel is
+    select, start = lasts(1), lasts(traffic.n_start)
+    ask = lasts(*traffic.done) if traffic.done else 0
+    read = n_result_reads * lasts(*traffic.result)
+    wait = round(conversion_ns * (1 + traffic.clock_tolerance_rel))
+    lines = traffic.n_switches * select  # a line switch takes a byte, as the selection of a channel does
     if not kernel_mux:
         readout = select + start + ask + n_legs * (select + read)
-        return ScanLimits(_ELEMENTS * (wait + start) + rows, _ELEMENTS * readout + rows)
+        return ScanLimits(_ELEMENTS * (wait + start) + lines, _ELEMENTS * readout + lines)
     switch = round(select - host_cost_ns)
-    leg = _ELEMENTS * (switch + start) + rows
+    leg = _ELEMENTS * (switch + start) + lines
     return ScanLimits(_ELEMENTS * wait + leg, n_legs * (leg + _ELEMENTS * (ask + read)))

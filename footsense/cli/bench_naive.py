@@ -34,7 +34,8 @@ def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
     for channel in config.buses[0].channels.values():
         for step in plan.steps:
             bus.transfer(Transaction(config.buses[0].mux.address, bytes((tca9548a.select((channel,)),))))
-            bus.transfer(step.select_row)
+            for write in step.select:
+                bus.transfer(write)
             bus.transfer(step.trigger)
             clock.sleep_until_ns(clock.now_ns() + plan.wait_ns)
             bus.transfer(READ_CONF)

@@ -5,6 +5,7 @@ follows the processor's. So two reads of the mux, a short and a long one, are ti
 the rest is what interpreter, system call and interrupts add to every transaction.
 """
 
+from collections.abc import Iterable
 from statistics import median
 from typing import NamedTuple
 
@@ -32,6 +33,10 @@ class BusCosts(NamedTuple):
     def lasts_ns(self, n_write: int, n_read: int = 0) -> float:
         """Return how long a transaction takes [ns]."""
         return transaction_bits(n_write, n_read) * 1e9 / self.rate_hz + BUS_FREE_NS + self.host_cost_ns
+
+    def of_ns(self, transactions: Iterable[Transaction]) -> float:
+        """Return how long some transactions take [ns]."""
+        return sum(self.lasts_ns(len(each.write), each.n_read) for each in transactions)
 
 
 def measure(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
@@ -99,11 +104,18 @@ def timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool) ->
         host_cost_ns=costs.host_cost_ns,
         n_result_reads=len(plan.steps[0].read),
         kernel_mux=kernel_mux,
+        traffic=plan.board.traffic,
     )
     return Timing(costs, limits, len(plan.steps) * plan.conversion_ns)
 
 
 def spare_ns(costs: BusCosts, plan: ScanPlan, n_legs: int) -> float:
     """Return what a conversion leaves over after the read-out of all legs [ns]; negative if that takes longer."""
-    ask, select = costs.lasts_ns(1, 2), costs.lasts_ns(1)
-    return plan.wait_ns - ask - select - n_legs * (select + len(plan.steps[0].read) * ask)
+    step, select_ns = plan.steps[0], costs.lasts_ns(1)
+    ask_ns = costs.of_ns([step.done.ask] if step.done else [])
+    return plan.wait_ns - ask_ns - select_ns - n_legs * (select_ns + costs.of_ns(step.read))
+
+
+def checks_ns(costs: BusCosts, plan: ScanPlan) -> float:
+    """Return the most that a step asks for besides the read-out [ns]: lines, and once a scan the settings."""
+    return costs.of_ns(check.ask for check in (*plan.steps[0].select_checks, plan.board.setting_check))

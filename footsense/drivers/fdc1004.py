@@ -4,10 +4,14 @@ Ids are checked before anything else, because a chip that is not there often "an
 held low as zeros. Register meanings: `firmware_interface/fdc1004.py`.
 """
 
+from functools import partial
+
+from firmware_interface import adg715, schedule
 from firmware_interface import fdc1004 as chip
+from footsense.drivers.board import Board, Check, Done, Element
 from footsense.errors import HardwareError, NackError, WrongChipError
 from footsense.frames import Reading
-from footsense.ports import I2cBus, Transaction
+from footsense.ports import Clock, I2cBus, Transaction
 
 COLUMNS = 3
 
@@ -31,14 +35,29 @@ ALL_RESULTS = tuple(read_register(chip.result_register(slot)) for slot in range(
 _RESET = write_register(chip.Register.FDC_CONF, chip.CONF_RESET.encode(1))
 
 
-def identify(bus: I2cBus) -> None:
+def element(row: int, column: int, rate_sps: int) -> Element:
+    """Return what converting the element of a row and a column takes: measurement slot `column` has CIN `column`."""
+    return Element(
+        select=(Transaction(adg715.ADDRESS, bytes((adg715.select_lines(1 << row),))),),
+        trigger=write_register(chip.Register.FDC_CONF, chip.trigger(rate_sps, column)),
+        done=Done(READ_CONF, partial(_says, slot=column)),
+        read=result_reads(column, rate_sps),
+    )
+
+
+def identify(bus: I2cBus, clock: Clock) -> None:
     """Make sure that the connected chip is an FDC1004.
+
+    Args:
+        bus: Its bus.
+        clock: The time that the bus lives in; nothing is waited for here.
 
     Raises:
         HardwareError: Nothing answers.
         WrongChipError: Something else does; the text says what that usually means.
         BusError: The transaction failed otherwise.
     """
+    del clock
     try:
         manufacturer = _read_word(bus, chip.Register.MANUFACTURER_ID)
         device = _read_word(bus, chip.Register.DEVICE_ID)
@@ -71,15 +90,28 @@ def configuration(capdac: int = 0) -> tuple[Transaction, ...]:
 SINGLE_ELEMENTS = configuration()
 
 
-def configure(bus: I2cBus) -> None:
-    """Reset the chip, and set it up for single elements.
+def setting_check(capdac: int = 0) -> Check:
+    """Return the question for the second column's configuration: after a reset it reads as the first column's."""
+    return Check(
+        read_register(chip.Register.CONF_MEAS1 + 1), chip.measurement_config(1, capdac).to_bytes(2, "big")
+    )
+
+
+def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
+    """Reset the chip, and set it up for single elements, from which the CAPDAC takes nothing off.
+
+    Args:
+        bus: Its bus.
+        clock: The time that the bus lives in; nothing is waited for here.
 
     Raises:
         BusError: A write was not acknowledged.
     """
+    del clock
     bus.transfer(_RESET)
     for write in SINGLE_ELEMENTS:
         bus.transfer(write)
+    return Reading.OK, 0.0
 
 
 def is_garbled(conf_answer: bytes) -> bool:
@@ -90,6 +122,12 @@ def is_garbled(conf_answer: bytes) -> bool:
 def is_done(conf_answer: bytes, slot: int) -> bool:
     """Tell from an answer to READ_CONF whether measurement `slot` has finished since it was last read."""
     return bool(chip.CONF_DONE.decode(_word(conf_answer)) & chip.slot_bit(slot))
+
+
+def _says(conf_answer: bytes, slot: int) -> Reading:
+    if is_garbled(conf_answer):
+        return Reading.GARBLED
+    return Reading.OK if is_done(conf_answer, slot) else Reading.NOT_READY
 
 
 def result_reads(slot: int, rate_sps: int) -> tuple[Transaction, ...]:
@@ -121,3 +159,16 @@ def _word(answer: bytes) -> int:
 
 def _read_word(bus: I2cBus, register: int) -> int:
     return _word(bus.transfer(read_register(register)))
+
+
+BOARD = Board(
+    conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
+    element=element,
+    identify=identify,
+    configure=configure,
+    decode_result=decode_result,
+    afresh=ALL_RESULTS,
+    setting_check=setting_check(),
+    thermometer=None,
+    traffic=schedule.FDC1004,
+)

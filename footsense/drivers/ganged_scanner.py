@@ -1,4 +1,4 @@
-"""Scans a bus on which some legs are ganged: all their rows are at ground, and a conversion reads a whole column.
+"""Scans a bus of boards `fdc1004` on which some legs are ganged: rows all at ground, a conversion reads a column.
 
 A foot in the air needs no elements, only the first sign of the ground. Ganged, each conversion sees three elements,
 wherever on the foot the ground is met; the full legs go on with their elements in the same broadcast conversions.
@@ -22,9 +22,11 @@ from numpy.typing import NDArray
 from firmware_interface import adg715
 from firmware_interface.fdc1004 import CAPDAC_STEP_PF
 from footsense.drivers import fdc1004
-from footsense.drivers.bus_scanner import BusScanner, Conversion, channels
+from footsense.drivers.board import switch_check
+from footsense.drivers.bus_scanner import BusScanner
+from footsense.drivers.conversion import Conversion, channels
 from footsense.drivers.leg_link import LegLink
-from footsense.drivers.scan_plan import Step, row_check, setting_check
+from footsense.drivers.scan_plan import Step
 from footsense.errors import BusError
 from footsense.frames import Reading
 from footsense.ports import Transaction
@@ -34,9 +36,9 @@ from footsense.ports import Transaction
 CAPDAC = 5
 
 _COLUMNS_AT_ONCE = fdc1004.configuration(CAPDAC)
-_ALL_ROWS = Transaction(adg715.ADDRESS, bytes((adg715.ALL_ROWS,)))
-_ROWS_CHECK = row_check(adg715.ALL_ROWS)
-_SETTING_CHECK = setting_check(CAPDAC)
+_ALL_ROWS = (Transaction(adg715.ADDRESS, bytes((adg715.ALL_LINES,))),)
+_ROWS_CHECK = switch_check(_ALL_ROWS[0])
+_SETTING_CHECK = fdc1004.setting_check(CAPDAC)
 
 
 class GangedBusScanner(BusScanner):
@@ -88,19 +90,19 @@ class GangedBusScanner(BusScanner):
         self._set_up(ganging, _ALL_ROWS, _COLUMNS_AT_ONCE)
         self._ask_all(ganging, _ROWS_CHECK)
         self._ask_all(ganging, _SETTING_CHECK)
-        self._set_up(freed, running.step.select_row, fdc1004.SINGLE_ELEMENTS)
-        self._ask_all(freed, running.step.row_check)
-        self._ask_all(freed, setting_check())
+        self._set_up(freed, running.step.select, fdc1004.SINGLE_ELEMENTS)
+        for check in (*running.step.select_checks, self._plan.board.setting_check):
+            self._ask_all(freed, check)
         self._ganged -= frozenset(leg for leg in freed if leg.outcome is Reading.OK)
 
     def _set_up(
-        self, legs: tuple[LegLink, ...], select_rows: Transaction, settings: Sequence[Transaction]
+        self, legs: tuple[LegLink, ...], select: tuple[Transaction, ...], settings: Sequence[Transaction]
     ) -> None:
         if not legs:
             return
         try:
             self._trunk.connect(channels(legs))
-            for transaction in (select_rows, *settings):
+            for transaction in (*select, *settings):
                 self._trunk.bus.transfer(transaction)
         except BusError as error:
             self._look_for_holder(error)
@@ -126,7 +128,7 @@ class GangedBusScanner(BusScanner):
             if leg.in_scan and leg.outcome is Reading.OK and (row in self._wanted) != (leg in self._ganged)
         )
         full, ganged = self._sides()
-        if not (ganged and full and following.row_changes):
+        if not (ganged and full and following.changes):
             super()._prepare(following)
             return
         try:
@@ -134,14 +136,15 @@ class GangedBusScanner(BusScanner):
         except BusError as error:
             self._look_for_holder(error)
 
-    def _trigger(self, step: Step, legs: tuple[LegLink, ...], *, select_row: bool) -> None:
+    def _trigger(self, step: Step, legs: tuple[LegLink, ...], select: tuple[Transaction, ...]) -> None:
         full = tuple(leg for leg in legs if leg not in self._ganged)
         if len(full) == len(legs):
-            super()._trigger(step, legs, select_row=select_row)
+            super()._trigger(step, legs, select)
             return
-        if select_row and full:
+        if select and full:
             self._trunk.connect(channels(full))
-            self._trunk.bus.transfer(step.select_row)
+            for write in select:
+                self._trunk.bus.transfer(write)
         self._trunk.connect(channels(legs))
         self._trunk.bus.transfer(step.trigger)
 
@@ -154,7 +157,8 @@ class GangedBusScanner(BusScanner):
             return super()._all_done(conversion)
         try:
             self._trunk.connect(channels(asked))
-            return fdc1004.is_done(self._trunk.bus.transfer(fdc1004.READ_CONF), conversion.step.slot)
+            done = conversion.step.done
+            return done is None or done.says(self._trunk.bus.transfer(done.ask)) is Reading.OK
         except BusError as error:
             self._look_for_holder(error)
             return False
@@ -173,8 +177,9 @@ class GangedBusScanner(BusScanner):
         if not ganged:
             super()._check(conversion)
             return
-        if conversion.row_selected:
-            self._ask_all(full, conversion.step.row_check)
+        if conversion.selected:
+            for check in conversion.step.select_checks:
+                self._ask_all(full, check)
             self._ask_all(ganged, _ROWS_CHECK)
         if conversion.step.setting_check is not None:
             self._ask_all(full, conversion.step.setting_check)
@@ -186,10 +191,10 @@ class GangedBusScanner(BusScanner):
                 self._trunk.bus.transfer(write)
             self._ganged -= {leg}
 
-    def _discard_results(self) -> None:
+    def _set_afresh(self) -> None:
         """As of `BusScanner`; and everybody is full again, whose row the next conversion selects."""
         self._changing = self._changed = ()
         _, ganged = self._sides()
-        self._set_up(ganged, self._plan.steps[0].select_row, fdc1004.SINGLE_ELEMENTS)
+        self._set_up(ganged, self._plan.steps[0].select, fdc1004.SINGLE_ELEMENTS)
         self._ganged -= frozenset(leg for leg in ganged if leg.outcome is Reading.OK)
-        super()._discard_results()
+        super()._set_afresh()

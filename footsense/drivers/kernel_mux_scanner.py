@@ -4,23 +4,21 @@ The driver i2c-mux-pca954x gives each channel a device file and selects it by it
 legs at once. Each leg is visited once per step: its next conversion is started, then its last result read. The visits
 of the others fill the time that it converts.
 
-    leg 1  row, trigger k │ done? │ result k-1 │          ...                │ row, trigger k+1 │ ...
-    leg 2                                      │ row, trigger k │ done? │ result k-1 │ ...
+    leg 1  lines, trigger k │ done? │ result k-1 │          ...                  │ lines, trigger k+1 │ ...
+    leg 2                                        │ lines, trigger k │ done? │ result k-1 │ ...
 
-What becomes of a leg that fails is as in `bus_scanner`. Rows and settings are asked for of one leg at one step a scan,
-in turn: each leg acknowledges its own row here, so that no leg misses what another one has answered.
+What becomes of a leg that fails is as in `bus_scanner`. Lines and settings are asked for of one leg at one step a scan,
+in turn: each leg acknowledges its own lines here, so that no leg misses what another one has answered.
 """
 
-import numpy as np
-
 from firmware_interface import adg715
-from footsense.drivers import fdc1004
-from footsense.drivers.bus_scanner import BusScan
+from footsense.drivers.board import CONVERTED, Check
+from footsense.drivers.bus_scan import BusScan
 from footsense.drivers.bus_timing import Timing, measure, timing
-from footsense.drivers.leg_link import LegLink
-from footsense.drivers.scan_plan import Check, ScanPlan, Step
+from footsense.drivers.leg_link import TEMPERATURE_PERIOD_NS, LegLink
+from footsense.drivers.scan_plan import ScanPlan, Step
 from footsense.errors import BusError, BusTimeoutError
-from footsense.frames import ELEMENTS, Reading
+from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
 _NAN = float("nan")
@@ -45,16 +43,18 @@ class KernelMuxScanner:
         self._clock = clock
         self._plan = plan
         n_legs = len(self._legs)
-        self._latest = BusScan(
-            np.zeros((n_legs, ELEMENTS), np.int64),
-            np.full((n_legs, ELEMENTS), _NAN),
-            np.full((n_legs, ELEMENTS), Reading.NO_ANSWER, np.uint8),
-        )
+        self._latest = BusScan.unread(n_legs)
         self._started_ns: list[int | None] = [None] * n_legs  # of the conversion that runs on each leg
         self._position = 0
         self._n_scans = 0
+        self._temperature_due_ns = 0
         self.timing: Timing | None = None
         self.late_ticks = 0
+
+    @property
+    def temperature_c(self) -> tuple[float, ...]:
+        """Return what the legs' converters said last of their temperature [deg C], NaN for nothing."""
+        return tuple(leg.temperature_c for leg in self._legs)
 
     def start(self) -> None:
         """Look for every leg's chips and set them up. A leg that is missing is tried again later."""
@@ -67,23 +67,47 @@ class KernelMuxScanner:
 
     def scan(self) -> BusScan:
         """Run the plan once and return what it read; the first conversions of the next scan are then running."""
+        self._take_temperatures()
         self._refuse_old()
         for _ in self._plan.steps:
             self._step()
-        return self._copy()
+        return self._latest.copied()
 
     def step(self) -> BusScan:
         """Read one element of every leg, the next one of the plan, and return it among the latest of the others."""
+        if self._position == 0:
+            self._take_temperatures()
         self._refuse_old()
         self._step()
-        return self._copy()
+        return self._latest.copied()
 
     def stop(self) -> None:
         """Nothing is held: the kernel owns the mux."""
 
-    def _copy(self) -> BusScan:
-        t_ns, capacitance_pf, reading = self._latest
-        return BusScan(t_ns.copy(), capacitance_pf.copy(), reading.copy())
+    def _take_temperatures(self) -> None:
+        """Ask every leg's converter for its temperature if that is due; what runs is thrown away, and begun anew."""
+        thermometer = self._plan.board.thermometer
+        if thermometer is None or self._clock.now_ns() < self._temperature_due_ns:
+            return
+        self._temperature_due_ns = self._clock.now_ns() + TEMPERATURE_PERIOD_NS
+        asked = [row for row, leg in enumerate(self._legs) if leg.in_scan]
+        for row in asked:
+            self._started_ns[row] = None
+            for write in thermometer.start:
+                self._ask(row, write)
+        self._clock.sleep_until_ns(self._clock.now_ns() + thermometer.wait_ns)
+        for row in asked:
+            if answer := self._ask(row, thermometer.read):
+                self._legs[row].temperature_c = thermometer.decode(answer)
+
+    def _ask(self, row: int, transaction: Transaction) -> bytes:
+        """Return what a leg answers; nothing if it is given up for not answering."""
+        leg = self._legs[row]
+        try:
+            return _persist(self._adapters[row], transaction) if leg.in_scan else b""
+        except BusError as error:
+            leg.outcome = self._give_up(leg, error)
+            return b""
 
     def _refuse_old(self) -> None:
         """Begin anew on legs where nothing runs yet, or whose conversions are too old: the loop was held up."""
@@ -106,12 +130,11 @@ class KernelMuxScanner:
             self._latest.reading[row, step.element] = reading
             self._latest.capacitance_pf[row, step.element] = capacitance_pf
             self._latest.t_ns[row, step.element] = t_ns
-            if leg.in_scan and reading is not Reading.OVER_RANGE:
+            if leg.in_scan and reading not in CONVERTED:
                 leg.outcome = reading
             if reading is Reading.MISCONFIGURED:
                 # Nothing that it said since the check before counts.
-                self._latest.reading[row] = reading
-                self._latest.capacitance_pf[row], self._latest.t_ns[row] = _NAN, 0
+                self._latest.void((row, slice(None)), reading)
         if ends:
             self._n_scans += 1
             self._end_scan()
@@ -121,7 +144,7 @@ class KernelMuxScanner:
         turn, asked = divmod(self._n_scans, len(self._legs))
         if step is not self._plan.steps[turn % len(self._plan.steps)]:
             return asked, ()
-        held = (following.row_check,)
+        held = following.select_checks
         return asked, held if step.setting_check is None else (*held, step.setting_check)
 
     def _visit(
@@ -138,22 +161,21 @@ class KernelMuxScanner:
         self._started_ns[row] = None
         try:
             self._clock.sleep_until_ns(started_ns + self._plan.wait_ns)
-            if following.row_changes:
-                _persist(adapter, following.select_row)
-            _persist(adapter, following.trigger)
+            for write in (*following.changes, following.trigger):
+                _persist(adapter, write)
             self._started_ns[row] = self._clock.now_ns()
-            conf = _persist(adapter, fdc1004.READ_CONF)
-            if fdc1004.is_garbled(conf):
-                return Reading.GARBLED, _NAN, 0
-            if not fdc1004.is_done(conf, step.slot):
-                return Reading.NOT_READY, _NAN, 0
-            reading, capacitance_pf = fdc1004.decode_result([_persist(adapter, read) for read in step.read])
+            if step.done:
+                reading = step.done.says(_persist(adapter, step.done.ask))
+                if reading is not Reading.OK:
+                    return reading, _NAN, 0
+            answers = [_persist(adapter, read) for read in step.read]
+            reading, capacitance_pf = self._plan.board.decode_result(answers)
             if any(_persist(adapter, check.ask) != check.expected for check in checks):
                 return Reading.MISCONFIGURED, _NAN, 0
         except BusError as error:
             return self._give_up(leg, error), _NAN, 0
         middle_ns = started_ns + self._plan.conversion_ns // 2
-        return reading, capacitance_pf, middle_ns if reading in {Reading.OK, Reading.OVER_RANGE} else 0
+        return reading, capacitance_pf + leg.offset_pf, middle_ns if reading in CONVERTED else 0
 
     def _give_up(self, leg: LegLink, error: BusError) -> Reading:
         """Say what an error means; a leg that holds a line is left alone for a while: each try costs a timeout."""
@@ -168,9 +190,8 @@ class KernelMuxScanner:
         self._started_ns[row] = None
         if not leg.in_scan:
             return
-        transactions: tuple[Transaction, ...] = (step.select_row, *fdc1004.ALL_RESULTS, step.trigger)
         try:
-            for transaction in transactions:
+            for transaction in (*step.select, *self._plan.board.afresh, step.trigger):
                 adapter.transfer(transaction)
         except BusError as error:
             leg.outcome = self._give_up(leg, error)
@@ -192,7 +213,8 @@ class KernelMuxScanner:
 
     def _probe(self, row: int) -> None:
         self._started_ns[row] = None
-        self._legs[row].probe(self._adapters[row], self._plan.steps[0].select_row, self._clock.now_ns())
+        select = self._plan.steps[0].select
+        self._legs[row].probe(self._adapters[row], self._plan.board, select, self._clock)
 
 
 def _persist(adapter: I2cBus, transaction: Transaction) -> bytes:

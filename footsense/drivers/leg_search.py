@@ -6,8 +6,9 @@ timeout once more for each such leg, besides the one that told of it.
 """
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
+from footsense.drivers.board import Board
 from footsense.drivers.leg_link import HELD_PAUSES, HOLDER_PAUSES, LegLink
 from footsense.drivers.trunk import Trunk
 from footsense.errors import BusError, BusTimeoutError
@@ -45,7 +46,12 @@ def leave_out_holders(trunk: Trunk, legs: Sequence[LegLink], ask: Transaction, c
 
 
 def probe(
-    trunk: Trunk, leg: LegLink, others: Sequence[LegLink], select_row: Transaction, clock: Clock
+    trunk: Trunk,
+    leg: LegLink,
+    others: Sequence[LegLink],
+    board: Board,
+    select: Iterable[Transaction],
+    clock: Clock,
 ) -> None:
     """Look for one leg's chips and take it into the scan, or put off the next try.
 
@@ -54,7 +60,8 @@ def probe(
         leg: The leg.
         others: All legs of the bus; if the bus itself is held, those that wait are put off too, for one of them is
             enough to find out when it gets free.
-        select_row: Selects the row that the other legs have now.
+        board: The leg's electronics.
+        select: Selects the lines that the other legs have now.
         clock: The time that the bus lives in.
     """
     try:
@@ -67,12 +74,14 @@ def probe(
     except BusError as error:
         leg.leave(Reading.NO_ANSWER, str(error), clock.now_ns())
     else:
-        leg.probe(trunk.bus, select_row, clock.now_ns())
+        leg.probe(trunk.bus, board, select, clock)
         if leg.outcome is Reading.LINE_HELD:
             trunk.free()
 
 
-def probe_due(trunk: Trunk, legs: Sequence[LegLink], select_row: Transaction, clock: Clock) -> None:
+def probe_due(
+    trunk: Trunk, legs: Sequence[LegLink], board: Board, select: Iterable[Transaction], clock: Clock
+) -> None:
     """Try the leg that has waited longest, if one is due; one a scan, so that the others keep their time.
 
     If there are no others, all that are due are tried, until one finds the bus held.
@@ -82,7 +91,7 @@ def probe_due(trunk: Trunk, legs: Sequence[LegLink], select_row: Transaction, cl
     due = [leg for leg in legs if not leg.in_scan and leg.retry_at_ns <= now_ns]
     for leg in sorted(due, key=lambda leg: leg.retry_at_ns)[: len(due) if alone else 1]:
         outcome = leg.outcome
-        probe(trunk, leg, legs, select_row, clock)
+        probe(trunk, leg, legs, board, select, clock)
         if leg.in_scan:
             leg.outcome = outcome  # it was not told of the conversion that runs, and joins with the next scan
         elif leg.outcome is Reading.LINE_HELD:

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.drivers.bus_scanner import BusScan
+from footsense.drivers.bus_scan import BusScan
 from footsense.drivers.bus_timing import Timing
 from footsense.drivers.ganged_scanner import GangedBusScanner
 from footsense.frames import CapFrame
@@ -22,6 +22,11 @@ class LegsScanner(Protocol):
 
     timing: Timing | None
     late_ticks: int
+
+    @property
+    def temperature_c(self) -> tuple[float, ...]:
+        """Return the converters' temperatures [deg C], NaN where there is none."""
+        ...
 
     def start(self) -> None:
         """Find the chips and set them up."""
@@ -60,6 +65,14 @@ class RobotScanner:
     def late_ticks(self) -> int:
         """Return how often a scan was begun anew because it had been held up."""
         return sum(bus.late_ticks for bus in self._buses)
+
+    @property
+    def temperature_c(self) -> NDArray[np.float64]:
+        """Return what each leg's converter said last of its temperature [deg C], shape (legs,); NaN for nothing.
+
+        At most ten seconds old; of a board without a sensor, and of a leg that is out of the scan, there is none.
+        """
+        return np.array([each for bus in self._buses for each in bus.temperature_c])
 
     def start(self) -> None:
         """Find and set up the chips of every bus.

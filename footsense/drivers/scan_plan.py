@@ -9,13 +9,15 @@ ramp as a tilt. In the order of the Lo-Shu magic square
 
 elements opposite each other have the same mean time, and so has every row and column: a force that grows linearly
 makes no tilt at all, and the centre element stands at the frame's time. Neighbours in this order never share a
-column, so a result is read from one measurement slot while another slot converts.
+column, so that a converter with a measurement slot for each column reads from one while another converts.
 """
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Literal, NamedTuple
 
-from firmware_interface import adg715, fdc1004
-from footsense.drivers.fdc1004 import read_register, result_reads, write_register
+from footsense.drivers import ad7746, fdc1004
+from footsense.drivers.board import Board, Check, Done, switch_check
 from footsense.ports import Transaction
 
 _SIDE = 3
@@ -25,30 +27,7 @@ ORDERS: dict[str, tuple[int, ...]] = {
     "raster": (0, 1, 2, 3, 4, 5, 6, 7, 8),
 }
 
-
-class Check(NamedTuple):
-    """What every leg must answer while a conversion runs; asked of all at once, the answers are a wired AND.
-
-    Attributes:
-        ask: A read that changes nothing.
-        expected: The answer of a leg that holds its setting.
-    """
-
-    ask: Transaction
-    expected: bytes
-
-
-def row_check(switches: int) -> Check:
-    """Return the question whether the row switch stands as it was told."""
-    return Check(Transaction(adg715.ADDRESS, b"", n_read=1), bytes((switches,)))
-
-
-def setting_check(capdac: int = 0) -> Check:
-    """Return the question for the second column's configuration: after a reset it reads as the first column's."""
-    return Check(
-        read_register(fdc1004.Register.CONF_MEAS1 + 1),
-        fdc1004.measurement_config(1, capdac).to_bytes(2, "big"),
-    )
+BOARDS: Mapping[str, Board] = MappingProxyType({"fdc1004": fdc1004.BOARD, "ad7746": ad7746.BOARD})
 
 
 class Step(NamedTuple):
@@ -56,24 +35,24 @@ class Step(NamedTuple):
 
     Attributes:
         element: Flat index of the element that is converted.
-        slot: Measurement slot of the converter, which is the element's column.
-        select_row: Puts the element's row to ground and the others to the shield.
-        row_changes: Whether the step before left another row selected.
+        select: Selects the element's lines, whatever was selected before.
+        changes: Those of the writes that are needed after the step before.
         trigger: Starts the conversion.
-        row_check: That the row switch stands as it was told: a broadcast write is acknowledged even if one leg missed
-            it, and a wrong row reads as a plausible capacitance.
-        setting_check: That the converter holds its configuration, which a dip of its supply resets: every slot then
-            reads column 0. In the last step of a scan only, for all of it; else None.
+        select_checks: That the line switches stand as they were told: a broadcast write is acknowledged even if one leg
+            missed it, and a wrong line reads as a plausible capacitance.
+        setting_check: That the converter holds its configuration. In the last step of a scan only, for all of it; else
+            None.
+        done: Asks whether the conversion is done; None where the result itself tells.
         read: Reads the result of one leg.
     """
 
     element: int
-    slot: int
-    select_row: Transaction
-    row_changes: bool
+    select: tuple[Transaction, ...]
+    changes: tuple[Transaction, ...]
     trigger: Transaction
-    row_check: Check
+    select_checks: tuple[Check, ...]
     setting_check: Check | None
+    done: Done | None
     read: tuple[Transaction, ...]
 
 
@@ -81,54 +60,55 @@ class ScanPlan(NamedTuple):
     """All that one bus does in one scan, again and again.
 
     Attributes:
+        board: The electronics that it is for.
         steps: The conversions in their order; the first one follows the last one of the scan before.
         rate_sps: Conversions per second.
         conversion_ns: Nominal time of a conversion [ns].
         wait_ns: Time after which also the slowest chip has finished [ns].
     """
 
+    board: Board
     steps: tuple[Step, ...]
     rate_sps: int
     conversion_ns: int
     wait_ns: int
 
 
-def scan_plan(order: str, rate_sps: int) -> ScanPlan:
-    """Return the plan for the board `fdc1004`.
+def scan_plan(order: str, rate_sps: int, board: Literal["fdc1004", "ad7746"] = "fdc1004") -> ScanPlan:
+    """Return the plan for a board.
 
     Args:
         order: A key of ORDERS.
-        rate_sps: Conversions per second: 100, 200 or 400.
+        rate_sps: Conversions per second, one of the rates of the board's converter.
+        board: A key of BOARDS.
 
     Example:
         >>> plan = scan_plan("lo_shu", 400)
-        >>> [step.element for step in plan.steps], sum(step.row_changes for step in plan.steps)
+        >>> [step.element for step in plan.steps], sum(len(step.changes) for step in plan.steps)
         ([5, 0, 7, 6, 4, 2, 1, 8, 3], 6)
     """
-    elements = ORDERS[order]
-    rows = [element // _SIDE for element in elements]
-    row_changes = [row != before for row, before in zip(rows, rows[-1:] + rows[:-1], strict=True)]
-    last = len(elements) - 1
-    steps = []
-    for position, element in enumerate(elements):
-        row, column = divmod(element, _SIDE)
-        switches = adg715.select_rows(1 << row)
-        steps.append(
-            Step(
-                element=element,
-                slot=column,
-                select_row=Transaction(adg715.ADDRESS, bytes((switches,))),
-                row_changes=row_changes[position],
-                trigger=write_register(fdc1004.Register.FDC_CONF, fdc1004.trigger(rate_sps, column)),
-                row_check=row_check(switches),
-                setting_check=setting_check() if position == last else None,
-                read=result_reads(column, rate_sps),
-            )
+    of, order_of = BOARDS[board], ORDERS[order]
+    elements = [of.element(*divmod(element, _SIDE), rate_sps) for element in order_of]
+    before = elements[-1:] + elements[:-1]
+    steps = [
+        Step(
+            element=number,
+            select=element.select,
+            changes=tuple(write for write in element.select if write not in last.select),
+            trigger=element.trigger,
+            select_checks=tuple(switch_check(write) for write in element.select),
+            setting_check=None,
+            done=element.done,
+            read=element.read,
         )
-    conversion_ns = fdc1004.RATES[rate_sps].conversion_ns
+        for number, element, last in zip(order_of, elements, before, strict=True)
+    ]
+    steps[-1] = steps[-1]._replace(setting_check=of.setting_check)
+    conversion_ns = of.conversion_ns[rate_sps]
     return ScanPlan(
+        board=of,
         steps=tuple(steps),
         rate_sps=rate_sps,
         conversion_ns=conversion_ns,
-        wait_ns=round(conversion_ns * (1 + fdc1004.CLOCK_TOLERANCE_REL)),
+        wait_ns=round(conversion_ns * (1 + of.traffic.clock_tolerance_rel)),
     )

@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Iterable
 
 from firmware_interface import tca9548a
-from footsense.drivers.scan_plan import Check
+from footsense.drivers.board import Check
 from footsense.errors import BusError
 from footsense.ports import I2cBus, ResetLine, Transaction
 

@@ -17,7 +17,7 @@ from footsense.sim.faults import (
     during,
 )
 from footsense.sim.fdc1004_chip import SimulatedFdc1004
-from footsense.sim.row_switch import SimulatedRowSwitch
+from footsense.sim.line_switch import SimulatedLineSwitch
 
 
 class _Loose:
@@ -87,7 +87,7 @@ class _Eeprom:
 
 
 def failing_chips(
-    converter: SimulatedFdc1004, switch: SimulatedRowSwitch, faults: list[OnChips], rng: np.random.Generator
+    converter: SimulatedFdc1004, switch: SimulatedLineSwitch, faults: list[OnChips], rng: np.random.Generator
 ) -> tuple[SimulatedChip, SimulatedChip]:
     """Return the chips of a leg as its bus sees them.
 

@@ -24,7 +24,7 @@ from footsense.sim.faults import (
     GapShut,
     OnFoot,
 )
-from footsense.sim.row_switch import FLOATING_ROW_PF, RowStates
+from footsense.sim.line_switch import FLOATING_ROW_PF, LineStates
 
 #: What is left of an element without its electrode, or of a column without its line: a piece of trace [pF].
 OPEN_PF = 0.1
@@ -38,7 +38,7 @@ Vector = NDArray[np.float64]
 
 
 def pin_capacitance_pf(
-    column_pf: Sequence[float], states: RowStates, broken_rows: int = 0, shorted_rows: int = 0
+    column_pf: Sequence[float], states: LineStates, broken_rows: int = 0, shorted_rows: int = 0
 ) -> float:
     """Return what a pin sees of its column [pF].
 
@@ -51,9 +51,9 @@ def pin_capacitance_pf(
     broken = (
         broken_rows & ~shorted_rows
     )  # a short is on the foot's side of a broken line: the row floats with the pin
-    if shorted_rows & states.grounded & ~broken_rows:
+    if shorted_rows & states.selected & ~broken_rows:
         return SHORT_PF
-    if shorted_rows & states.shielded & ~broken_rows:
+    if shorted_rows & states.waiting & ~broken_rows:
         return 0.0
     total_pf = 0.0
     for row in range(_ROWS):
@@ -61,9 +61,9 @@ def pin_capacitance_pf(
         pf = column_pf[row]
         if shorted_rows & bit:
             total_pf += FLOATING_ROW_PF
-        elif broken & bit or not (states.grounded | states.shielded) & bit:
+        elif broken & bit or not (states.selected | states.waiting) & bit:
             total_pf += pf * FLOATING_ROW_PF / (pf + FLOATING_ROW_PF)
-        elif states.grounded & bit:
+        elif states.selected & bit:
             total_pf += pf
     return total_pf
 
@@ -106,7 +106,7 @@ class Damage:
                     pass
         return element_pf
 
-    def seen_pf(self, cin: int, column_pf: Vector, states: RowStates, t_ns: int) -> float:
+    def seen_pf(self, cin: int, column_pf: Vector, states: LineStates, t_ns: int) -> float:
         """Return what pin `cin` sees of its column, shape (3,), through the row lines as they are at a time [pF]."""
         broken_rows = shorted_rows = 0
         for fault in self._faults:

@@ -22,8 +22,8 @@ from footsense.sim.fdc1004_chip import CAPDAC_ERROR_REL, SimulatedFdc1004
 from footsense.sim.foot import FootResponse
 from footsense.sim.gait_table import GaitTable
 from footsense.sim.kernel_mux import SimulatedKernelMuxLeg
+from footsense.sim.line_switch import SimulatedLineSwitch
 from footsense.sim.load import Load, Walk
-from footsense.sim.row_switch import SimulatedRowSwitch
 from footsense.sim.rubber import RememberingRubber
 from footsense.sim.scene import Scene
 from footsense.sim.warming import WarmingFoot, softness_at
@@ -81,7 +81,7 @@ class SimulatedLeg:
         self._pressed_pf = foot.rest_pf
         self._stray_pf = effects.stray_pf
         random = np.random.default_rng((scene.seed, number))
-        self._switch = SimulatedRowSwitch()
+        self._switch = SimulatedLineSwitch()
         converter = SimulatedFdc1004(
             self._cin_capacitance_pf,
             noise=random if effects.converter_noise else None,

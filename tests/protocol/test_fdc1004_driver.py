@@ -8,6 +8,7 @@ from footsense.drivers.scan_plan import scan_plan
 from footsense.errors import HardwareError, NackError
 from footsense.frames import Reading
 from footsense.ports import Transaction
+from footsense.sim.clock import VirtualClock
 from tests.protocol.scripted_bus import ScriptedBus
 
 NAN = float("nan")
@@ -18,7 +19,7 @@ READ_DEVICE = Transaction(0x50, b"\xff", 2)
 def test_the_right_chip_is_recognised_by_both_ids() -> None:
     """0x5449 ("TI") and 0x1004 are what an FDC1004 says of itself."""
     with ScriptedBus((READ_MANUFACTURER, b"\x54\x49"), (READ_DEVICE, b"\x10\x04")) as bus:
-        fdc1004.identify(bus)
+        fdc1004.identify(bus, VirtualClock())
 
 
 @pytest.mark.parametrize(
@@ -35,7 +36,7 @@ def test_a_wrong_id_is_explained_in_words(manufacturer: bytes, device: bytes, hi
         ScriptedBus((READ_MANUFACTURER, manufacturer), (READ_DEVICE, device)) as bus,
         pytest.raises(HardwareError, match=hint),
     ):
-        fdc1004.identify(bus)
+        fdc1004.identify(bus, VirtualClock())
 
 
 def test_silence_is_explained_in_words() -> None:
@@ -46,7 +47,7 @@ def test_silence_is_explained_in_words() -> None:
             HardwareError, match=r"no answer at 0x50: broken wire, no 3\.3 V, or another mux channel"
         ),
     ):
-        fdc1004.identify(bus)
+        fdc1004.identify(bus, VirtualClock())
 
 
 def test_configuration_is_reset_then_one_cin_per_slot() -> None:
@@ -57,15 +58,15 @@ def test_configuration_is_reset_then_one_cin_per_slot() -> None:
         (Transaction(0x50, b"\x09\x3c\x00"), b""),
         (Transaction(0x50, b"\x0a\x5c\x00"), b""),
     ) as bus:
-        fdc1004.configure(bus)
+        assert fdc1004.configure(bus, VirtualClock()) == (Reading.OK, 0.0)
 
 
 def test_the_plan_triggers_one_measurement_at_a_time() -> None:
     """At 400 S/s the triggers are 0x0C80, 0x0C40, 0x0C20; the rows are grounded one by one, the others shielded."""
     steps = {step.element: step for step in scan_plan("lo_shu", 400).steps}
     assert [steps[e].trigger.write.hex() for e in (0, 1, 2)] == ["0c0c80", "0c0c40", "0c0c20"]
-    assert [steps[e].select_row for e in (0, 3, 6)] == [
-        Transaction(0x49, bytes((switches,))) for switches in (0b110001, 0b101010, 0b011100)
+    assert [steps[e].select for e in (0, 3, 6)] == [
+        (Transaction(0x49, bytes((switches,))),) for switches in (0b110001, 0b101010, 0b011100)
     ]
     assert steps[4].read == (Transaction(0x50, b"\x02", 2),)
 
@@ -80,7 +81,7 @@ def test_slower_rates_read_the_lower_half_of_the_result_too() -> None:
 def test_no_step_reads_a_slot_that_the_next_one_converts() -> None:
     """A result is read while the following conversion runs, so neighbours must use different slots."""
     for order in ("lo_shu", "raster"):
-        slots = [step.slot for step in scan_plan(order, 400).steps]
+        slots = [step.read[0].write for step in scan_plan(order, 400).steps]
         assert all(slot != following for slot, following in zip(slots, slots[1:] + slots[:1], strict=True))
 
 

@@ -16,7 +16,7 @@ from footsense.frames import CapFrame, Reading
 from footsense.sim.bus import SimulatedBus, SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.fdc1004_chip import SimulatedFdc1004
-from footsense.sim.row_switch import SimulatedRowSwitch
+from footsense.sim.line_switch import SimulatedLineSwitch
 from tests.unit.test_scanner import DISTINCT_PF, column_through, distinct
 
 N_LEGS = 3
@@ -34,10 +34,10 @@ class Robot:
     def __init__(self, host_cost_ns: int = 0) -> None:
         self.clock = VirtualClock()
         self.converters: list[SimulatedFdc1004] = []
-        self.switches: list[SimulatedRowSwitch] = []
+        self.switches: list[SimulatedLineSwitch] = []
         legs = {}
         for channel in range(N_LEGS):
-            switch = SimulatedRowSwitch()
+            switch = SimulatedLineSwitch()
             chip = SimulatedFdc1004(column_through(switch, distinct), None, capdac_error_rel=STEPS_REL)
             self.converters.append(chip)
             self.switches.append(switch)

@@ -20,7 +20,7 @@ from footsense.sim.bus import SimulatedBus, SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.fdc1004_chip import SimulatedFdc1004
 from footsense.sim.kernel_mux import SimulatedKernelMuxLeg
-from footsense.sim.row_switch import SimulatedRowSwitch
+from footsense.sim.line_switch import SimulatedLineSwitch
 from tests.unit.test_scanner import DISTINCT_PF, Capacitance, column_through
 
 CONVERSION_NS = 2_500_000
@@ -57,7 +57,7 @@ class Robot:
     ) -> None:
         self.clock = VirtualClock()
         mux = SimulatedMux(0x71)
-        switches = [SimulatedRowSwitch() for _ in range(6)]
+        switches = [SimulatedLineSwitch() for _ in range(6)]
         self.converters = [
             SimulatedFdc1004(column_through(switch, capacitance_pf), None) for switch in switches
         ]

@@ -6,7 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from footsense.drivers.bus_scanner import BusScan, BusScanner
+from footsense.drivers.bus_scan import BusScan
+from footsense.drivers.bus_scanner import BusScanner
 from footsense.drivers.scan_plan import scan_plan
 from footsense.frames import Reading
 from footsense.sim import faults
@@ -17,7 +18,7 @@ from footsense.sim.clock import VirtualClock
 from footsense.sim.damage import pin_capacitance_pf
 from footsense.sim.faults import Leg, OnChips, OnWires
 from footsense.sim.fdc1004_chip import SimulatedFdc1004
-from footsense.sim.row_switch import SimulatedRowSwitch
+from footsense.sim.line_switch import SimulatedLineSwitch
 
 LEGS = {"lf": 0, "lm": 1, "lr": 2}
 #: A different capacitance for every element, so that a swap shows [pF].
@@ -26,7 +27,7 @@ TIMEOUT_NS = 20_000_000
 WORKS_AGAIN_S = 1.0
 
 
-def column_pf(switch: SimulatedRowSwitch, cin: int, t_start_ns: int, t_end_ns: int) -> float:
+def column_pf(switch: SimulatedLineSwitch, cin: int, t_start_ns: int, t_end_ns: int) -> float:
     """Return what a pin sees of its column."""
     return sum(
         share * pin_capacitance_pf(DISTINCT_PF[cin::3].tolist(), states)
@@ -43,7 +44,7 @@ class Robot:
         mux = SimulatedMux(0x71)
         chips = {}
         for leg, channel in LEGS.items():
-            switch = SimulatedRowSwitch()
+            switch = SimulatedLineSwitch()
             converter = SimulatedFdc1004(partial(column_pf, switch), None)
             own = [f for f in script if isinstance(f, OnChips) and f.leg == leg]
             chips[channel] = failing_chips(converter, switch, own, rng)

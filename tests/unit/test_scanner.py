@@ -18,7 +18,7 @@ from footsense.ports import Transaction
 from footsense.sim.bus import SimulatedBus, SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
 from footsense.sim.fdc1004_chip import CinCapacitance, SimulatedFdc1004
-from footsense.sim.row_switch import SimulatedRowSwitch
+from footsense.sim.line_switch import SimulatedLineSwitch
 
 T_CONV_NS = 2_500_000
 TIMEOUT_NS = 20_000_000
@@ -28,7 +28,7 @@ DISTINCT_PF = 5.0 + 0.125 * np.arange(9)
 Capacitance = Callable[[int, int], float]  # element, t_ns -> pF
 
 
-def column_through(switch: SimulatedRowSwitch, capacitance_pf: Capacitance) -> CinCapacitance:
+def column_through(switch: SimulatedLineSwitch, capacitance_pf: Capacitance) -> CinCapacitance:
     """Return what a pin sees of its column through the rows that the switch grounds."""
 
     def seen_pf(cin: int, t_start_ns: int, t_end_ns: int) -> float:
@@ -36,7 +36,7 @@ def column_through(switch: SimulatedRowSwitch, capacitance_pf: Capacitance) -> C
             share * capacitance_pf(3 * row + cin, (t_start_ns + t_end_ns) // 2)
             for share, rows in switch.between(t_start_ns, t_end_ns)
             for row in range(3)
-            if rows.grounded >> row & 1
+            if rows.selected >> row & 1
         )
 
     return seen_pf
@@ -90,7 +90,7 @@ class Robot:
         element_wise: bool = False,
     ) -> None:
         self.converters: list[SimulatedFdc1004] = []
-        self.switches: list[SimulatedRowSwitch] = []
+        self.switches: list[SimulatedLineSwitch] = []
         self.saboteurs: list[Saboteur] = []
         clocks = [VirtualClock() for _ in range(n_buses)]
         scanners: list[BusScanner] = []
@@ -98,7 +98,7 @@ class Robot:
         for clock in clocks:
             legs = {}
             for channel in range(per_bus):
-                switch = SimulatedRowSwitch()
+                switch = SimulatedLineSwitch()
                 converter = SimulatedFdc1004(column_through(switch, capacitance_pf), None, clock_error_rel)
                 self.converters.append(converter)
                 self.switches.append(switch)

@@ -7,7 +7,7 @@ from footsense.ports import Transaction
 from footsense.sim.bus import SimulatedBus, SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
 from footsense.sim.fdc1004_chip import SimulatedFdc1004
-from footsense.sim.row_switch import SimulatedRowSwitch
+from footsense.sim.line_switch import SimulatedLineSwitch
 
 MUX = 0x71
 SWITCH = 0x49
@@ -18,7 +18,7 @@ class Legs:
 
     def __init__(self, host_cost_ns: int = 0) -> None:
         self.clock = VirtualClock()
-        self.switches = [SimulatedRowSwitch() for _ in range(3)]
+        self.switches = [SimulatedLineSwitch() for _ in range(3)]
         self.bus = SimulatedBus(
             self.clock,
             400_000,

@@ -15,7 +15,7 @@ from footsense.sim.clock import VirtualClock
 from footsense.sim.damage import OPEN_PF, SHORT_PF, pin_capacitance_pf
 from footsense.sim.faults import OnChips, OnWires
 from footsense.sim.fdc1004_chip import SimulatedFdc1004
-from footsense.sim.row_switch import FLOATING_ROW_PF, RowStates, SimulatedRowSwitch
+from footsense.sim.line_switch import FLOATING_ROW_PF, LineStates, SimulatedLineSwitch
 from footsense.sim.scene import Warming, load_scene
 from footsense.sim.warming import DRIFT_PF_PER_K, WarmingFoot
 
@@ -26,7 +26,7 @@ S_NS = 1_000_000_000
 ASK_SWITCH = Transaction(SWITCH, b"", 1)
 COLUMN_PF = (5.0, 6.0, 7.0)
 #: Row 0 at ground, the others at the shield.
-ROW_0 = RowStates(0, grounded=0b001, shielded=0b110)
+ROW_0 = LineStates(0, selected=0b001, waiting=0b110)
 
 
 class Bench:
@@ -39,7 +39,7 @@ class Bench:
         legs = {
             leg: failing_chips(
                 SimulatedFdc1004(lambda cin, t_start, t_end: 5.0, None),
-                SimulatedRowSwitch(),
+                SimulatedLineSwitch(),
                 list(on_leg_0) if leg == 0 else [],
                 rng,
             )
@@ -168,11 +168,11 @@ def test_what_happens_at_random_happens_as_often_as_is_said(rate_rel: float) -> 
         (ROW_0, 0b000, 0b001, SHORT_PF),
         (ROW_0, 0b000, 0b010, 0.0),
         (ROW_0, 0b010, 0b010, 5.0 + FLOATING_ROW_PF),
-        (RowStates(0, 0b111, 0), 0b000, 0b000, 18.0),
+        (LineStates(0, 0b111, 0), 0b000, 0b000, 18.0),
     ],
 )
 def test_a_pin_sees_its_column_through_its_row_lines(
-    states: RowStates, broken: int, shorted: int, expected_pf: float
+    states: LineStates, broken: int, shorted: int, expected_pf: float
 ) -> None:
     """A grounded row counts, a shielded one does not, a floating one in series with itself; a short overrides all."""
     assert pin_capacitance_pf(COLUMN_PF, states, broken, shorted) == pytest.approx(expected_pf)

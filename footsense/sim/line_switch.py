@@ -1,4 +1,4 @@
-"""A simulated ADG715 with a foot's row lines on it, and what the converter therefore sees."""
+"""A simulated ADG715 with a foot's rows or columns on it."""
 
 from collections import deque
 from typing import NamedTuple
@@ -10,16 +10,19 @@ from footsense.sim.faults import Span, during
 FLOATING_ROW_PF = 1.0
 
 
-class RowStates(NamedTuple):
-    """Which rows were at ground and which at the shield, from a time on."""
+class LineStates(NamedTuple):
+    """Which lines were selected and which waited, from a time on; the others floated."""
 
     since_ns: int
-    grounded: int
-    shielded: int
+    selected: int
+    waiting: int
 
 
-class SimulatedRowSwitch:
+class SimulatedLineSwitch:
     """An ADG715 behind a leg's mux channel: one data byte, readable, all switches open at power-up.
+
+    Args:
+        address: Its address on the bus.
 
     Attributes:
         absent_ns: Spans in which it does not answer [ns].
@@ -27,15 +30,14 @@ class SimulatedRowSwitch:
         brown_outs_ns: When its supply fails for a moment [ns].
     """
 
-    address = adg715.ADDRESS
-
-    def __init__(self) -> None:
+    def __init__(self, address: int = adg715.ADDRESS) -> None:
+        self.address = address
         self.absent_ns: list[Span] = []
         self.deaf_ns: list[Span] = []
         self.brown_outs_ns: list[float] = []
         self._switches = 0
-        # A conversion looks back one conversion time at most; rows change no faster than that.
-        self._history: deque[RowStates] = deque([RowStates(0, 0, 0)], maxlen=8)
+        # A conversion looks back one conversion time at most; lines change no faster than that.
+        self._history: deque[LineStates] = deque([LineStates(0, 0, 0)], maxlen=8)
 
     def acknowledges(self, t_ns: int) -> bool:
         """Answer as long as the leg is there."""
@@ -51,15 +53,17 @@ class SimulatedRowSwitch:
 
     def _set(self, switches: int, t_ns: int) -> None:
         self._switches = switches
-        self._history.append(RowStates(t_ns, adg715.grounded_rows(switches), adg715.shielded_rows(switches)))
+        self._history.append(
+            LineStates(t_ns, adg715.selected_lines(switches), adg715.waiting_lines(switches))
+        )
 
     def read(self, n: int, t_ns: int) -> bytes:
         """Return the switch byte."""
         del t_ns
         return bytes((self._switches,)) * n
 
-    def between(self, t_from_ns: int, t_to_ns: int) -> list[tuple[float, RowStates]]:
-        """Return the row states in a span of time, each with its share of it; the shares sum to 1."""
+    def between(self, t_from_ns: int, t_to_ns: int) -> list[tuple[float, LineStates]]:
+        """Return the states of the lines in a span of time, each with its share of it; the shares sum to 1."""
         shares = []
         until_ns = t_to_ns
         for states in reversed(self._history):
