@@ -1,0 +1,123 @@
+"""A recording from the bench, read as what it is for: one session of pokes of one foot."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from footsense.calibration.pack_writer import file_sha256
+from footsense.calibration.pokes import Poke, PokeFinder, WhyNot
+from footsense.errors import CalibrationError, RecordingError
+from footsense.frames import Cycle
+from footsense.recording.pipe_format import Loss
+from footsense.recording.replay import Replay
+
+__all__ = ["BenchSession", "read_session"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchSession:
+    """One mounting of a foot on the bench, as recorded.
+
+    Attributes:
+        path: The recording.
+        sha256: Its hash.
+        name: The session's name; the file's where it was given none.
+        foot: The foot, such as `foot-0007`.
+        foot_type: Its type.
+        pokes: Those that count, in their order.
+        refused: How many do not count, by reason.
+        n_lost: Cycles that the recorder could not keep.
+        damage: Why the recording ends early; empty if it is whole.
+    """
+
+    path: Path
+    sha256: str
+    name: str
+    foot: str
+    foot_type: str
+    pokes: tuple[Poke, ...]
+    refused: Counter[WhyNot]
+    n_lost: int
+    damage: str
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is missing of it, one line each."""
+        found = []
+        if self.refused:
+            n, why = self.refused.total(), ", ".join(f"{n} {why}" for why, n in self.refused.most_common())
+            found.append(f"{self.path}: {n} of {n + len(self.pokes)} pokes do not count: {why}")
+        if self.n_lost:
+            found.append(f"{self.path}: {self.n_lost} cycles were lost when it was recorded")
+        if self.damage:
+            found.append(f"{self.damage}; the {len(self.pokes)} pokes before that are used")
+        return tuple(found)
+
+
+def read_session(path: Path, foot: str) -> BenchSession:
+    """Return the session in a recording; of one that was cut short, what is whole.
+
+    Args:
+        path: The recording.
+        foot: Which foot it has to be of.
+
+    Raises:
+        RecordingError: It is no recording.
+        CalibrationError: It is of another foot, or has no reference.
+    """
+    recording = Replay(path)
+    leg_of = _mounted(recording.header)
+    if foot not in leg_of:
+        raise CalibrationError(
+            f"{path}: a recording of {', '.join(leg_of) or 'feet without names'}, not of {foot}; "
+            "`footsense record --foot` names the one on the bench"
+        )
+    row = recording.legs.index(leg_of[foot])
+    cycles = _Cycles(recording)
+    finder = PokeFinder(row)
+    found = [finder.take(cycle) for cycle in cycles]
+    pokes = [poke for poke in (*found, finder.finish()) if poke is not None]
+    if not cycles.n_samples:
+        raise CalibrationError(
+            f"{path}: holds no sample of a reference sensor; record it with `footsense record --reference`"
+        )
+    return BenchSession(
+        path=path,
+        sha256=file_sha256(path),
+        name=recording.header.get("session") or path.stem,
+        foot=foot,
+        foot_type=recording.header.get("foot_type", ""),
+        pokes=tuple(poke for poke in pokes if poke.why_not is None),
+        refused=Counter(poke.why_not for poke in pokes if poke.why_not is not None),
+        n_lost=cycles.n_lost,
+        damage=cycles.damage,
+    )
+
+
+def _mounted(header: dict[str, str]) -> dict[str, str]:
+    """Return the leg of each foot that a recording names."""
+    pairs = [entry.partition("=") for entry in header.get("feet", "").split(",") if entry]
+    return {foot: leg for leg, _, foot in pairs if leg in header["legs"].split(",")}
+
+
+class _Cycles:
+    """The cycles of a recording up to its end or damage, counted."""
+
+    def __init__(self, recording: Replay) -> None:
+        self._recording = recording
+        self.n_samples = 0
+        self.n_lost = 0
+        self.damage = ""
+
+    def __iter__(self) -> Iterator[Cycle]:
+        try:
+            for entry in self._recording.entries():
+                if isinstance(entry, Loss):
+                    self.n_lost += entry.n_cycles
+                    continue
+                if entry.cycle.reference is not None:
+                    self.n_samples += len(entry.cycle.reference.t_ns)
+                yield entry.cycle
+        except RecordingError as error:
+            self.damage = str(error)

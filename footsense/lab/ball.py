@@ -1,0 +1,48 @@
+"""The ball seen from below as a flat map: where a load touches it, and circles of directions.
+
+Stereographic, so that circles on the ball are circles; forward is up, and left is to the right, as whoever lies under
+the foot sees it. Needs numpy alone.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["circle", "rim", "touch"]
+
+Vector = NDArray[np.float64]
+
+
+def touch(normal: Vector) -> tuple[Vector, Vector]:
+    """Return the place of contacts on the map, right and up, shape (...).
+
+    Args:
+        normal: Inward unit normals, shape (..., 3); of a centred load its direction.
+
+    Example:
+        >>> right, up = touch(np.array([0.0, 0.0, 1.0]))
+        >>> float(abs(right)), float(abs(up))
+        (0.0, 0.0)
+    """
+    plane = -normal[..., :2] / (1.0 + normal[..., 2:])
+    return plane[..., 1], plane[..., 0]
+
+
+def rim(elevation_deg: float) -> float:
+    """Return the radius of a circle of elevation on the map."""
+    return float(np.tan(np.radians(90.0 - elevation_deg) / 2.0))
+
+
+def circle(direction: Vector, radius_deg: float) -> tuple[Vector, Vector]:
+    """Return right and up of the circle of all directions at an angle [deg] from one.
+
+    Args:
+        direction: Unit vector, shape (3,).
+        radius_deg: The angle.
+    """
+    # Any vector that is not along it will do.
+    across = np.cross(direction, np.eye(3)[np.abs(direction).argmin()])
+    across /= np.linalg.norm(across)
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)[:, None]
+    sideways = np.cos(turn) * across + np.sin(turn) * np.cross(direction, across)
+    radius = np.radians(radius_deg)
+    return touch(np.cos(radius) * direction + np.sin(radius) * sideways)
