@@ -1,8 +1,11 @@
 """What makes a leg's chips fail: each stands in front of a chip, or in its place, and does what a bus would see."""
 
+from collections.abc import Sequence
+from typing import TypeVar
+
 import numpy as np
 
-from firmware_interface import fdc1004
+from footsense.sim.ad7746_chip import SimulatedAd7746
 from footsense.sim.bus import SimulatedChip
 from footsense.sim.faults import (
     Absent,
@@ -18,6 +21,9 @@ from footsense.sim.faults import (
 )
 from footsense.sim.fdc1004_chip import SimulatedFdc1004
 from footsense.sim.line_switch import SimulatedLineSwitch
+
+
+_When = TypeVar("_When")
 
 
 class _Loose:
@@ -60,9 +66,8 @@ class _Noisy:
 class _Eeprom:
     """A 24C02 that answers at the converter's address during a span of time; each byte in it is its address."""
 
-    address = fdc1004.ADDRESS
-
     def __init__(self, chip: SimulatedChip, span_ns: Span) -> None:
+        self.address = chip.address
         self._chip = chip
         self._spans = [span_ns]
         self._pointer = 0
@@ -86,34 +91,40 @@ class _Eeprom:
         return bytes(self._memory[(self._pointer + k) % 256] for k in range(n))
 
 
+def _note(when: _When, *lists: list[_When]) -> None:
+    for each in lists:
+        each.append(when)
+
+
 def failing_chips(
-    converter: SimulatedFdc1004, switch: SimulatedLineSwitch, faults: list[OnChips], rng: np.random.Generator
-) -> tuple[SimulatedChip, SimulatedChip]:
-    """Return the chips of a leg as its bus sees them.
+    converter: SimulatedFdc1004 | SimulatedAd7746,
+    switches: Sequence[SimulatedLineSwitch],
+    faults: list[OnChips],
+    rng: np.random.Generator,
+) -> tuple[SimulatedChip, ...]:
+    """Return the chips of a leg as its bus sees them, its converter first.
 
     Args:
         converter: The leg's converter.
-        switch: The leg's row switch.
+        switches: The leg's line switches.
         faults: What breaks on this leg.
         rng: Of what happens at random.
     """
-    chips: tuple[SimulatedChip, SimulatedChip] = (converter, switch)
+    chips: tuple[SimulatedChip, ...] = (converter, *switches)
     for fault in faults:
         match fault:
             case Absent():
-                converter.absent_ns.append(fault.span_ns)
-                switch.absent_ns.append(fault.span_ns)
+                _note(fault.span_ns, *(chip.absent_ns for chip in (converter, *switches)))
             case BrownOut():
-                converter.brown_outs_ns.append(fault.at_ns)
-                switch.brown_outs_ns.append(fault.at_ns)
+                _note(fault.at_ns, *(chip.brown_outs_ns for chip in (converter, *switches)))
             case DeafSwitch():
-                switch.deaf_ns.append(fault.span_ns)
+                switches[0].deaf_ns.append(fault.span_ns)
             case StuckConverter():
                 converter.stuck_ns.append(fault.span_ns)
             case WrongChip():
-                chips = _Eeprom(chips[0], fault.span_ns), chips[1]
+                chips = _Eeprom(chips[0], fault.span_ns), *chips[1:]
             case NackAtRandom(rate_rel=rate_rel, span_ns=span_ns):
-                chips = _Loose(chips[0], span_ns, rate_rel, rng), _Loose(chips[1], span_ns, rate_rel, rng)
+                chips = tuple(_Loose(chip, span_ns, rate_rel, rng) for chip in chips)
             case Garbled(rate_rel=rate_rel, span_ns=span_ns):
-                chips = _Noisy(chips[0], span_ns, rate_rel, rng), _Noisy(chips[1], span_ns, rate_rel, rng)
+                chips = tuple(_Noisy(chip, span_ns, rate_rel, rng) for chip in chips)
     return chips

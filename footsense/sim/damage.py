@@ -1,11 +1,16 @@
-"""What is broken in a foot and on the lines to it, as a converter's pin sees it.
+"""What is broken in a foot and on the lines to it, as a converter sees it.
 
-The pin of column j sees each element of its column to its row line, and what that line is tied to: ground counts in
-full, the shield drops out, nothing at all leaves the line's own small capacitance to ground in series.
+On board `fdc1004`, the pin of column j sees each element of its column to its row line, and what that line is tied to:
+ground counts in full, the shield drops out, nothing at all leaves the line's own small capacitance to ground in series.
 
 A short ties the pin itself to the row line. To ground, that is beyond any range. To the shield, the shield driver
 delivers the charge that the converter should count, so that nothing is read whichever row is selected: one shorted
 element takes the two others of its column along. That follows from the wiring and was not measured.
+
+On board `ad7746`, the input sees each element between an excited row and a selected column; all other lines are at
+ground, so that one that is interrupted takes nothing but its own elements along. A short ties a row to a column: both
+selected, that is beyond any range; the row alone, the excitation is shorted; the column alone, the input is, and reads
+nothing. Not simulated: what couples through two floating lines at once.
 """
 
 from collections.abc import Sequence
@@ -68,6 +73,40 @@ def pin_capacitance_pf(
     return total_pf
 
 
+def mutual_capacitance_pf(
+    element_pf: Sequence[float],
+    rows: LineStates,
+    columns: LineStates,
+    broken_rows: int = 0,
+    broken_columns: int = 0,
+    shorted: Sequence[int] = (),
+) -> tuple[float, bool]:
+    """Return what an input sees of the excitation through the elements [pF], and whether that is shorted to ground.
+
+    Args:
+        element_pf: Capacitance of each element, shape (9,).
+        rows: What the row switch ties to the excitation and to ground.
+        columns: What the column switch ties to the input and to ground.
+        broken_rows: Bit r for each row line that is interrupted.
+        broken_columns: Bit c for each column line that is interrupted.
+        shorted: Elements whose electrodes touch.
+    """
+    excited, earthed = rows.selected & ~broken_rows, rows.waiting & ~broken_rows
+    sensed, idle = columns.selected & ~broken_columns, columns.waiting & ~broken_columns
+    total_pf, to_ground, over = 0.0, False, False
+    for element in shorted:
+        row, column = divmod(element, _COLUMNS)
+        over |= bool(excited >> row & sensed >> column & 1)
+        to_ground |= bool(excited >> row & idle >> column & 1)
+        if earthed >> row & sensed >> column & 1:
+            return 0.0, to_ground
+    for element, pf in enumerate(element_pf):
+        row, column = divmod(element, _COLUMNS)
+        if excited >> row & sensed >> column & 1:
+            total_pf += pf
+    return (SHORT_PF if over else total_pf), to_ground
+
+
 class Damage:
     """All that breaks in one foot and on its lines.
 
@@ -122,3 +161,23 @@ class Damage:
                 case _:
                     pass
         return pin_capacitance_pf(column_pf.tolist(), states, broken_rows, shorted_rows)
+
+    def sensed(
+        self, element_pf: Vector, rows: LineStates, columns: LineStates, t_ns: int
+    ) -> tuple[float, bool]:
+        """Return what the input of a board with excited rows sees at a time, as `mutual_capacitance_pf` does."""
+        broken_rows = broken_columns = 0
+        shorted: list[int] = []
+        for fault in self._faults:
+            if not fault.span_ns[0] <= t_ns < fault.span_ns[1]:
+                continue
+            match fault:
+                case BrokenColumn(column=column):
+                    broken_columns |= 1 << column
+                case BrokenRow(row=row):
+                    broken_rows |= 1 << row
+                case ElementShorted(element=element):
+                    shorted.append(element)
+                case _:
+                    pass
+        return mutual_capacitance_pf(element_pf.tolist(), rows, columns, broken_rows, broken_columns, shorted)

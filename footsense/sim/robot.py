@@ -14,21 +14,18 @@ from footsense.sim.bus import SimulatedBus, SimulatedMux
 from footsense.sim.bus_faults import FailingBus
 from footsense.sim.chip_faults import failing_chips
 from footsense.sim.clock import JoinedClock, VirtualClock
-from footsense.sim.damage import Damage, pin_capacitance_pf
+from footsense.sim.damage import Damage
+from footsense.sim.electronics import Wired, electronics
 from footsense.sim.fabricated import Foot
 from footsense.sim.fabrication import fabricate
 from footsense.sim.faults import OnChips, OnFoot, OnWires, StuckSda
-from footsense.sim.fdc1004_chip import CAPDAC_ERROR_REL, SimulatedFdc1004
 from footsense.sim.foot import FootResponse
 from footsense.sim.gait_table import GaitTable
 from footsense.sim.kernel_mux import SimulatedKernelMuxLeg
-from footsense.sim.line_switch import SimulatedLineSwitch
 from footsense.sim.load import Load, Walk
 from footsense.sim.rubber import RememberingRubber
 from footsense.sim.scene import Scene
 from footsense.sim.warming import WarmingFoot, softness_at
-
-_COLUMNS = 3
 
 
 class Wiring(NamedTuple):
@@ -39,12 +36,14 @@ class Wiring(NamedTuple):
         mux_address: Address of its mux.
         channels: Mux channel of each leg.
         kernel_mux: Whether the kernel drives the mux, and each leg is an adapter of its own.
+        board: Electronics of its legs: `fdc1004` or `ad7746`.
     """
 
     rate_hz: int
     mux_address: int
     channels: dict[str, int]
     kernel_mux: bool = False
+    board: str = "fdc1004"
 
 
 class SimulatedLeg:
@@ -57,6 +56,7 @@ class SimulatedLeg:
         load: The scene's load.
         foot: The foot on it.
         table: What its foot does over a gait cycle; None to ask the response each time.
+        board: Its electronics: `fdc1004` or `ad7746`.
 
     Attributes:
         chips: Its chips, as its bus sees them.
@@ -70,6 +70,7 @@ class SimulatedLeg:
         load: Load,
         foot: Foot,
         table: GaitTable | None = None,
+        board: str = "fdc1004",
     ) -> None:
         effects = scene.effects
         self._leg = leg
@@ -79,27 +80,35 @@ class SimulatedLeg:
         self._rubber = RememberingRubber() if effects.rubber else None
         self._pressed: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         self._pressed_pf = foot.rest_pf
-        self._stray_pf = effects.stray_pf
-        random = np.random.default_rng((scene.seed, number))
-        self._switch = SimulatedLineSwitch()
-        converter = SimulatedFdc1004(
-            self._cin_capacitance_pf,
-            noise=random if effects.converter_noise else None,
-            clock_error_rel=effects.converter_clock_rel * random.uniform(-1, 1),
-            capdac_error_rel=np.random.default_rng((scene.seed, number, 4)).uniform(-1, 1) * CAPDAC_ERROR_REL,
-        )
         # What breaks draws from elsewhere, so that the same converters make the same noise.
         own = [fault for fault in scene.faults if getattr(fault, "leg", None) == leg]
         on_chips = [fault for fault in own if isinstance(fault, OnChips)]
         on_foot = [fault for fault in own if isinstance(fault, OnFoot)]
-        self.chips = failing_chips(
-            converter, self._switch, on_chips, np.random.default_rng((scene.seed, number, 1))
-        )
         self._damage = Damage(on_foot, self._foot) if on_foot else None
+        converter, switches = electronics(
+            board, Wired(self._elements_pf, self._damage), effects, (scene.seed, number)
+        )
+        self.chips = failing_chips(
+            converter, switches, on_chips, np.random.default_rng((scene.seed, number, 1))
+        )
         self._warming = (
             WarmingFoot(effects.warming, np.random.default_rng((scene.seed, number, 2)))
             if effects.warming
             else None
+        )
+
+    def scan_pf(self, t_ns: int) -> NDArray[np.float64]:
+        """Return what a board of any kind reads at a time [pF], shape (9,): stray included, each row alone at ground."""
+        element_pf = self._elements_pf(t_ns) + self._stray_pf
+        if self._damage is None:
+            return element_pf
+        alone = [LineStates(0, 1 << row, 0b111 & ~(1 << row)) for row in range(3)]
+        return np.array(
+            [
+                self._damage.seen_pf(cin, element_pf[cin::_COLUMNS], states, t_ns)
+                for states in alone
+                for cin in range(_COLUMNS)
+            ]
         )
 
     def _elements_pf(self, t_ns: int) -> NDArray[np.float64]:
@@ -128,21 +137,6 @@ class SimulatedLeg:
             self._pressed = normal, force_n
             self._pressed_pf = self._foot.capacitance_pf(normal[None], force_n[None])[0]
         return self._pressed_pf
-
-    def _cin_capacitance_pf(self, cin: int, t_start_ns: int, t_end_ns: int) -> float:
-        """Return the mean capacitance of a pin to ground during a conversion.
-
-        The load is taken at the middle of the conversion, the row switches as they were during it.
-        """
-        t_middle_ns = (t_start_ns + t_end_ns) // 2
-        column_pf = self._elements_pf(t_middle_ns)[cin::_COLUMNS] + self._stray_pf
-        total_pf = 0.0
-        for share, states in self._switch.between(t_start_ns, t_end_ns):
-            if self._damage is not None:
-                total_pf += share * self._damage.seen_pf(cin, column_pf, states, t_middle_ns)
-            else:
-                total_pf += share * pin_capacitance_pf(column_pf.tolist(), states)
-        return total_pf
 
 
 def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str, Foot]:
@@ -185,6 +179,7 @@ class SimulatedRobot:
         muxes: The mux of each, whose RESET pin a line of the host may drive.
         response_sha256: Hash of the table that its feet follow.
         feet: The foot on each leg.
+        legs: The legs by name.
     """
 
     def __init__(self, scene: Scene, response: FootResponse, buses: Sequence[Wiring]) -> None:
@@ -193,6 +188,10 @@ class SimulatedRobot:
         self._legs = tuple(leg for wiring in buses for leg in wiring.channels)
         self.feet = _feet(scene, response, self._legs)
         tables = _gait_tables(scene, self._load, self.feet) if scene.gait_table else {}
+        self.legs = {
+            leg: SimulatedLeg(leg, number, scene, self._load, self.feet[leg], tables.get(leg))
+            for number, leg in enumerate(self._legs)
+        }
         self.clocks = tuple(VirtualClock() for _ in buses)
         self.clock = JoinedClock(self.clocks)
         self.buses: list[SimulatedBus | FailingBus] = []
@@ -201,7 +200,13 @@ class SimulatedRobot:
         for number, (wiring, clock) in enumerate(zip(buses, self.clocks, strict=True)):
             legs = {
                 channel: SimulatedLeg(
-                    leg, self._legs.index(leg), scene, self._load, self.feet[leg], tables.get(leg)
+                    leg,
+                    self._legs.index(leg),
+                    scene,
+                    self._load,
+                    self.feet[leg],
+                    tables.get(leg),
+                    wiring.board,
                 )
                 for leg, channel in wiring.channels.items()
             }
@@ -214,7 +219,7 @@ class SimulatedRobot:
                 rate_hz=wiring.rate_hz,
                 host_cost_ns=host_cost_ns,
                 mux=mux,
-                legs={channel: leg.chips for channel, leg in legs.items()},
+                legs={channel: self.legs[leg].chips for leg, channel in wiring.channels.items()},
             )
             broken = [
                 fault

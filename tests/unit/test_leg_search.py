@@ -47,7 +47,7 @@ class Robot:
             switch = SimulatedLineSwitch()
             converter = SimulatedFdc1004(partial(column_pf, switch), None)
             own = [f for f in script if isinstance(f, OnChips) and f.leg == leg]
-            chips[channel] = failing_chips(converter, switch, own, rng)
+            chips[channel] = failing_chips(converter, (switch,), own, rng)
         bus = FailingBus(
             SimulatedBus(self.clock, 400_000, 0, mux, chips),
             self.clock,

@@ -39,7 +39,7 @@ class Bench:
         legs = {
             leg: failing_chips(
                 SimulatedFdc1004(lambda cin, t_start, t_end: 5.0, None),
-                SimulatedLineSwitch(),
+                (SimulatedLineSwitch(),),
                 list(on_leg_0) if leg == 0 else [],
                 rng,
             )
