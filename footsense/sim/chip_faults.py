@@ -22,7 +22,6 @@ from footsense.sim.faults import (
 from footsense.sim.fdc1004_chip import SimulatedFdc1004
 from footsense.sim.line_switch import SimulatedLineSwitch
 
-
 _When = TypeVar("_When")
 
 

@@ -60,6 +60,7 @@ class SimulatedLeg:
 
     Attributes:
         chips: Its chips, as its bus sees them.
+        wired: What these are wired to.
     """
 
     def __init__(
@@ -85,9 +86,8 @@ class SimulatedLeg:
         on_chips = [fault for fault in own if isinstance(fault, OnChips)]
         on_foot = [fault for fault in own if isinstance(fault, OnFoot)]
         self._damage = Damage(on_foot, self._foot) if on_foot else None
-        converter, switches = electronics(
-            board, Wired(self._elements_pf, self._damage), effects, (scene.seed, number)
-        )
+        self.wired = Wired(self._elements_pf, self._damage)
+        converter, switches = electronics(board, self.wired, effects, (scene.seed, number))
         self.chips = failing_chips(
             converter, switches, on_chips, np.random.default_rng((scene.seed, number, 1))
         )
@@ -95,20 +95,6 @@ class SimulatedLeg:
             WarmingFoot(effects.warming, np.random.default_rng((scene.seed, number, 2)))
             if effects.warming
             else None
-        )
-
-    def scan_pf(self, t_ns: int) -> NDArray[np.float64]:
-        """Return what a board of any kind reads at a time [pF], shape (9,): stray included, each row alone at ground."""
-        element_pf = self._elements_pf(t_ns) + self._stray_pf
-        if self._damage is None:
-            return element_pf
-        alone = [LineStates(0, 1 << row, 0b111 & ~(1 << row)) for row in range(3)]
-        return np.array(
-            [
-                self._damage.seen_pf(cin, element_pf[cin::_COLUMNS], states, t_ns)
-                for states in alone
-                for cin in range(_COLUMNS)
-            ]
         )
 
     def _elements_pf(self, t_ns: int) -> NDArray[np.float64]:
@@ -188,18 +174,15 @@ class SimulatedRobot:
         self._legs = tuple(leg for wiring in buses for leg in wiring.channels)
         self.feet = _feet(scene, response, self._legs)
         tables = _gait_tables(scene, self._load, self.feet) if scene.gait_table else {}
-        self.legs = {
-            leg: SimulatedLeg(leg, number, scene, self._load, self.feet[leg], tables.get(leg))
-            for number, leg in enumerate(self._legs)
-        }
+        self.legs: dict[str, SimulatedLeg] = {}
         self.clocks = tuple(VirtualClock() for _ in buses)
         self.clock = JoinedClock(self.clocks)
         self.buses: list[SimulatedBus | FailingBus] = []
         self.muxes: list[SimulatedMux] = []
         self.adapters: list[dict[str, SimulatedKernelMuxLeg]] = []
         for number, (wiring, clock) in enumerate(zip(buses, self.clocks, strict=True)):
-            legs = {
-                channel: SimulatedLeg(
+            for leg in wiring.channels:
+                self.legs[leg] = SimulatedLeg(
                     leg,
                     self._legs.index(leg),
                     scene,
@@ -208,8 +191,6 @@ class SimulatedRobot:
                     tables.get(leg),
                     wiring.board,
                 )
-                for leg, channel in wiring.channels.items()
-            }
             mux = SimulatedMux(wiring.mux_address)
             # A mux that the kernel drives is switched without a system call: there each leg brings the host's cost.
             leg_cost_ns = round(scene.host_cost_us * 1e3)
