@@ -20,8 +20,7 @@ PERIOD_NS = 5 * MS
 
 def elements_pf(leg: int, t_ns: int) -> NDArray[np.float64]:
     """Return distinct capacitances that tell their time by a ramp of 1 pF/s."""
-    ramp_pf: NDArray[np.float64] = 5.0 + 0.01 * leg + 0.001 * np.arange(9) + t_ns * 1e-9
-    return ramp_pf
+    return np.asarray(5.0 + 0.01 * leg + 0.001 * np.arange(9) + t_ns * 1e-9, np.float64)
 
 
 class Robot:
