@@ -110,6 +110,7 @@ class Cause(IntEnum):
     COLUMN_OPEN = 12  #: the line of a column is interrupted
     GAP_SHUT = 13  #: a gap is shut: more load than the foot can tell
     HELD_UP = 14  #: the loop or the bus was held up
+    CANNOT_EXCITE = 15  #: the converter cannot drive the leg's rows: a short, or a leak to ground
 
 
 class ZeroStatus(IntEnum):

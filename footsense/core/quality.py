@@ -32,6 +32,7 @@ _STATES = {
     Reading.NOT_READY: State.CONVERTER_FAULT,
     Reading.GARBLED: State.CONVERTER_FAULT,
     Reading.MISCONFIGURED: State.CONVERTER_FAULT,
+    Reading.EXCITATION: State.CONVERTER_FAULT,
     Reading.WRONG_CHIP: State.ABSENT,
     Reading.LINE_HELD: State.ABSENT,
     Reading.NO_ANSWER: State.ABSENT,
@@ -41,6 +42,7 @@ _CAUSES = {
     Reading.NOT_READY: Cause.NEVER_FINISHES,
     Reading.GARBLED: Cause.GARBLED,
     Reading.MISCONFIGURED: Cause.SETTINGS_LOST,
+    Reading.EXCITATION: Cause.CANNOT_EXCITE,
     Reading.WRONG_CHIP: Cause.WRONG_CHIP,
     Reading.LINE_HELD: Cause.LINE_HELD,
     Reading.NO_ANSWER: Cause.NO_ANSWER,
@@ -100,16 +102,17 @@ def floating_pf(capacitance_pf: NDArray[np.float64], opened: Mask) -> NDArray[np
     """Return what rows that nothing drives add to the readings of the other rows [pF], shape (legs, 9).
 
     A row whose three elements are open has lost its line. Its electrodes float, and each column sees them in series
-    with their small capacitance to ground whichever row is selected: as much as the open element itself reads.
+    with their small capacitance to ground whichever row is selected: as much as the open element itself reads. Where
+    that is under the converter's range, it is a board that grounds the other columns: nothing is added there.
 
     Args:
-        capacitance_pf: Readings, stray included [pF], shape (legs, 9).
+        capacitance_pf: Readings, stray included [pF], shape (legs, 9), NaN under the range.
         opened: Open elements, shape (legs, 9).
     """
     rows = opened.reshape(-1, 3, 3)
     floating = rows.all(axis=2, keepdims=True)
     readings_pf = capacitance_pf.reshape(-1, 3, 3)
-    per_column_pf = np.where(floating, readings_pf, 0.0).sum(axis=1, keepdims=True)
+    per_column_pf = np.where(floating & ~np.isnan(readings_pf), readings_pf, 0.0).sum(axis=1, keepdims=True)
     added_pf: NDArray[np.float64] = np.where(floating, 0.0, per_column_pf).reshape(-1, ELEMENTS)
     return added_pf
 

@@ -57,7 +57,7 @@ class Readings:
         """
         capacitance_pf = scan.capacitance_pf - self._stray_pf
         # NaN compares as False: an element that was not read is neither open, shut nor out of range.
-        opened = capacitance_pf < self._open_below_pf
+        opened = (capacitance_pf < self._open_below_pf) | (scan.reading == Reading.UNDER_RANGE)
         before, self._opened = self._opened, opened
         any_before, self._any_opened = self._any_opened, bool(np.count_nonzero(opened))
         if not (self._any_opened or any_before or np.count_nonzero(scan.reading)):
