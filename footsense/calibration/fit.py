@@ -1,4 +1,4 @@
-"""What makes a foot differ from its design, found from pokes: the most probable, what a bench cannot hold still as noise.
+"""What makes a foot differ from its design, found from pokes: the most probable, the bench's own errors as noise.
 
 A poke's nine readings share errors: the reference's, the lean of the stick, the creep of the rubber. Each is a known
 direction in the space of readings, so the covariance of a poke is
@@ -99,7 +99,7 @@ def fit(twin: FootTwin, pokes: PokeSet) -> Fit:
         curvature, gradient = slopes.T @ slopes, slopes.T @ state.residual
         while damping < _MOST_DAMPING:
             step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), -gradient)
-            tried = _State(twin, load, read_pf, whiten, _possible(state.parameters + step, twin))
+            tried = _State(twin, load, read_pf, whiten, twin.possible(state.parameters + step))
             if tried.cost < state.cost:
                 break
             damping *= 10.0
@@ -110,7 +110,7 @@ def fit(twin: FootTwin, pokes: PokeSet) -> Fit:
         if won < _WON_REL and number > 3:
             break
     slopes = state.slopes()
-    covariance: Vector = np.linalg.inv(slopes.T @ slopes)
+    covariance = np.asarray(np.linalg.inv(slopes.T @ slopes), dtype=np.float64)
     return Fit(state.parameters, covariance, state.distance)
 
 
@@ -158,17 +158,6 @@ class _State:
             slope = (self._twin.capacitance_pf(moved, self._load) - self._model_pf) / _STEP[number]
             columns[:, number] = (self._weight * self._whitened(slope)).ravel()
         return np.concatenate([columns, np.diag(1.0 / PRIOR)])
-
-
-def _possible(parameters: Vector, twin: FootTwin) -> Vector:
-    """Return parameters that a foot can have: capacitances left beside the strays, gaps and stiffness above nothing."""
-    most_pf, least_um = twin.stray_limit_pf, twin.gap_limit_um
-    kept = parameters.copy()
-    kept[STRAY] = np.minimum(kept[STRAY], most_pf)
-    kept[GAP] = np.maximum(kept[GAP], least_um)
-    kept[GAIN] = np.clip(kept[GAIN], -0.5, 1.0)
-    kept[STIFFNESS] = np.clip(kept[STIFFNESS], -0.95, 20.0)
-    return kept
 
 
 def _whitening(twin: FootTwin, parameters: Vector, load: Load, pokes: PokeSet) -> Vector:

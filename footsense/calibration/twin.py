@@ -54,10 +54,6 @@ class FootTwin:
         self._response = response
         self._unloaded_pf = unloaded_pf
         self._lowest = np.sin(np.radians(response.min_elevation_deg))
-        #: Most stray that leaves each element half of what it reads [pF], shape (9,).
-        self.stray_limit_pf = 0.5 * unloaded_pf
-        #: Thinnest gap, over the designed one: a tenth of it [um].
-        self.gap_limit_um = -0.9 * response.design.gap_um
 
     def cells_um(self, parameters: Vector, load: Load) -> Vector:
         """Return the closure of each cell [um], shape (n, 324), at most its gap; of gaps, stiffness and mount alone."""
@@ -84,6 +80,15 @@ class FootTwin:
     def capacitance_pf(self, parameters: Vector, load: Load) -> Vector:
         """Return what each element reads under loads [pF], shape (n, 9)."""
         return self.reading_pf(parameters, self.cells_um(parameters, load))
+
+    def possible(self, parameters: Vector) -> Vector:
+        """Return the nearest parameters that a foot can have: capacitance beside the strays, gaps, and stiffness."""
+        kept = parameters.copy()
+        kept[STRAY] = np.minimum(kept[STRAY], 0.5 * self._unloaded_pf)
+        kept[GAIN] = np.clip(kept[GAIN], -0.5, 1.0)
+        kept[GAP] = np.maximum(kept[GAP], -0.9 * self._response.design.gap_um)
+        kept[STIFFNESS] = np.clip(kept[STIFFNESS], -0.95, 20.0)
+        return kept
 
     def _seen(self, normal: Vector) -> Vector:
         """Return normals, those below the known response lifted to its rim."""

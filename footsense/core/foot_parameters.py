@@ -18,7 +18,7 @@ from footsense.frames import ELEMENTS
 Vector = NDArray[np.float64]
 
 #: Terms of the correction.
-FEATURES = 30
+FEATURES = 15
 
 _AXES = 3
 
@@ -90,9 +90,8 @@ class FootParameters:
 def features(force_n: Vector) -> Vector:
     """Return phi: what a correction is made of [N], shape (n, FEATURES).
 
-    Products of a direction's components up to the third degree, times the force: of degree one in it, as the solid is;
-    and the same once more times the force in newtons, for gaps that shut. Products that follow from the others by the
-    direction's unit length are left out.
+    Products of a direction's components up to the third degree, times the force: of degree one in it, as the solid is.
+    Products that follow from the others by the direction's unit length are left out.
 
     Args:
         force_n: Forces p [N], shape (n, 3); zero gives zeros.
@@ -100,8 +99,8 @@ def features(force_n: Vector) -> Vector:
     size_n = np.sqrt((force_n * force_n).sum(axis=1, keepdims=True))
     x, y, z = (force_n / np.maximum(size_n, np.finfo(np.float64).tiny)).T
     xy, xz, yz, xx, yy = x * y, x * z, y * z, x * x, y * y
-    one = np.stack(
+    terms: Vector = np.stack(
         [x, y, z, xy, xz, yz, xx, yy, xx * x, yy * y, xx * y, x * yy, xx * z, yy * z, xy * z], axis=1
     )
-    one *= size_n
-    return np.concatenate([one, one * size_n], axis=1)
+    terms *= size_n
+    return terms
