@@ -1,9 +1,10 @@
 """From configuration to scans: real adapters or a simulated robot, and the scanner over them."""
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,6 @@ from footsense.drivers.robot_scanner import LegsScanner, RobotScanner
 from footsense.drivers.scan_plan import scan_plan
 from footsense.errors import ConfigError
 from footsense.ports import Clock, I2cBus, ResetLine
-from footsense.sim.bus import SimulatedMux
 from footsense.sim.foot import FootResponse
 from footsense.sim.robot import SimulatedRobot, Wiring
 from footsense.sim.scene import Scene
@@ -85,19 +85,63 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     return SimulatedRobot(scene, FootResponse.load(released("response.npz")), wiring)
 
 
+class OpenBus(NamedTuple):
+    """One bus, open.
+
+    Attributes:
+        bus: As configured.
+        clock: The time that it lives in.
+        trunk: Its adapter; None where the kernel drives the mux.
+        adapters: Adapter of each leg by name, where the kernel drives the mux; none elsewhere.
+        reset_line: What drives the RESET pin of its mux; None if nothing does.
+    """
+
+    bus: Bus
+    clock: Clock
+    trunk: I2cBus | None
+    adapters: dict[str, I2cBus]
+    reset_line: ResetLine | None
+
+
+def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> list[OpenBus]:
+    """Open the adapters and reset lines of every bus, to be closed with the stack.
+
+    Args:
+        config: The robot.
+        robot: Its simulation; None for its real buses.
+        stack: Closes them.
+
+    Raises:
+        HardwareError: An adapter or a reset line is not there.
+    """
+    opened = []
+    for number, bus in enumerate(config.buses):
+        if robot is not None:
+            trunk = None if bus.adapters else robot.buses[number]
+            reset_line = robot.muxes[number] if bus.mux.reset else None
+            adapters: dict[str, I2cBus] = dict(robot.adapters[number])
+            opened.append(OpenBus(bus, robot.clocks[number], trunk, adapters, reset_line))
+            continue
+        line = None
+        if bus.mux.reset is not None and not bus.adapters:
+            line = LinuxResetLine.open(bus.mux.reset.device, bus.mux.reset.line)
+            stack.callback(line.close)
+        opened.append(
+            OpenBus(
+                bus=bus,
+                clock=MonotonicClock(),
+                trunk=None if bus.adapters else _opened(bus.device, stack),
+                adapters={leg: _opened(device, stack) for leg, device in bus.adapters.items()},
+                reset_line=line,
+            )
+        )
+    return opened
+
+
 def _opened(device: str, stack: ExitStack) -> I2cBus:
     adapter = LinuxI2cBus.open(device)
     stack.callback(adapter.close)
     return adapter
-
-
-def _reset_line(bus: Bus, simulated: SimulatedMux | None, stack: ExitStack) -> ResetLine | None:
-    """Return what drives the RESET pin of a bus's mux, None if nothing does."""
-    if bus.mux.reset is None or simulated is not None:
-        return simulated if bus.mux.reset else None
-    line = LinuxResetLine.open(bus.mux.reset.device, bus.mux.reset.line)
-    stack.callback(line.close)
-    return line
 
 
 def _tell(bus: Bus, timing: Timing | None) -> None:
@@ -131,21 +175,13 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
     """
     with ExitStack() as stack:
         robot = None if scene is None else simulated_robot(config, scene)
-        clock: Clock = MonotonicClock() if robot is None else robot.clock
-        clocks: Sequence[Clock] = [MonotonicClock() for _ in config.buses] if robot is None else robot.clocks
+        buses = open_buses(config, robot, stack)
         plan = scan_plan(config.order, config.scan.rate_sps)
         scanners: list[LegsScanner] = []
-        for number, (bus, its_clock) in enumerate(zip(config.buses, clocks, strict=True)):
-            if bus.adapters:
-                adapters: dict[str, I2cBus] = (
-                    {leg: _opened(device, stack) for leg, device in bus.adapters.items()}
-                    if robot is None
-                    else dict(robot.adapters[number])
-                )
+        for bus, its_clock, trunk, adapters, reset_line in buses:
+            if trunk is None:
                 scanners.append(KernelMuxScanner(adapters, its_clock, plan))
             else:
-                trunk = _opened(bus.device, stack) if robot is None else robot.buses[number]
-                reset_line = _reset_line(bus, None if robot is None else robot.muxes[number], stack)
                 scanner = GangedBusScanner if config.scan.gang else BusScanner
                 scanners.append(scanner(trunk, its_clock, bus.channels, bus.mux.address, plan, reset_line))
         source = RobotScanner(scanners, element_wise=config.publish == "element")
@@ -154,7 +190,7 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
         for bus, started in zip(config.buses, scanners, strict=True):
             _tell(bus, started.timing)
         if robot is None:
-            wakeups = tuple(own.wakeups for own in clocks if isinstance(own, MonotonicClock))
-            yield Scanning(source, clock, None, None, wakeups)
+            clocks = [own.clock for own in buses if isinstance(own.clock, MonotonicClock)]
+            yield Scanning(source, MonotonicClock(), None, None, tuple(own.wakeups for own in clocks))
         else:
-            yield Scanning(source, clock, robot.response_sha256, robot.felt_n)
+            yield Scanning(source, robot.clock, robot.response_sha256, robot.felt_n)
