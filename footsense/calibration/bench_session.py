@@ -102,7 +102,7 @@ def _mounted(header: dict[str, str]) -> dict[str, str]:
 
 
 class _Cycles:
-    """The cycles of a recording up to its end or damage, counted."""
+    """The cycles of a recording from its first sample of a reference up to its end or damage, counted."""
 
     def __init__(self, recording: Replay) -> None:
         self._recording = recording
@@ -118,6 +118,7 @@ class _Cycles:
                     continue
                 if entry.cycle.reference is not None:
                     self.n_samples += len(entry.cycle.reference.t_ns)
-                yield entry.cycle
+                if self.n_samples:
+                    yield entry.cycle
         except RecordingError as error:
             self.damage = str(error)

@@ -30,6 +30,10 @@ _COMMANDS = {
     "replay": ("footsense.cli.replay:replay", "Run a recording through the pipeline again, or check it."),
     "recover": ("footsense.cli.recover:recover", "Rewrite a recording that was cut short."),
     "check-config": ("footsense.cli.check_config:check_config", "Say what a configuration file means."),
+    "evaluate": (
+        "footsense.cli.evaluate:evaluate",
+        "Compare a foot's forces with the reference of a bench.",
+    ),
     "bench": ("footsense.cli.bench:bench", "Measure scan, cycle and start beside their limits."),
     "soak": (
         "footsense.cli.soak:soak",

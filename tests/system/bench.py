@@ -1,0 +1,89 @@
+"""A simulated bench: one foot as it was made, poked by a stick, recorded beside a reference that errs by nothing."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense import app, loop
+from footsense.app import released
+from footsense.config import Bus, Can, Config
+from footsense.core.foot_parameters import FootParameters
+from footsense.frames import Reference
+from footsense.sim.fabricated import Foot
+from footsense.sim.fabrication import fabricate
+from footsense.sim.foot import FootResponse
+from footsense.sim.scene import Fabrication, Pokes, Scene
+
+_SAMPLE_NS = 5_000_000
+
+#: How badly the feet of these tests are made: enough that the network of the design alone errs by many degrees.
+MADE = Fabrication(gap_um=3.0, stray_pf=0.1, stiffness_rel=0.08, mount_deg=4.0)
+
+Felt = Callable[[int], NDArray[np.float64]]
+
+
+class ExactReference:
+    """A reference sensor that says what the foot feels, 200 times a second."""
+
+    def __init__(self, felt_n: Felt) -> None:
+        self._felt_n = felt_n
+        self._next_ns = 0
+
+    def read(self, now_ns: int) -> Reference:
+        """Return the samples since the last call."""
+        t_ns = np.arange(self._next_ns, now_ns + 1, _SAMPLE_NS)
+        self._next_ns = int(t_ns[-1]) + _SAMPLE_NS if len(t_ns) else self._next_ns
+        force_n = np.array([self._felt_n(int(t))[0] for t in t_ns]).reshape(-1, 3)
+        return Reference(t_ns, force_n, np.zeros(len(t_ns), bool))
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+def presses(n: int, seed: int = 1) -> tuple[tuple[float, float, float], ...]:
+    """Return forces of 0.4 to 1.2 N from all sides, shape (n, 3)."""
+    rng = np.random.default_rng(seed)
+    azimuth, elevation = rng.uniform(-np.pi, np.pi, n), np.radians(rng.uniform(50.0, 90.0, n))
+    direction = np.stack(
+        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], axis=1
+    )
+    force_n = rng.uniform(0.4, 1.2, n)[:, None] * direction
+    return tuple((float(x), float(y), float(z)) for x, y, z in force_n)
+
+
+def record(path: Path, foot: str = "foot-0007", n: int = 24, *, reference: bool = True) -> Path:
+    """Record a session of `n` pokes on the left front leg and return its file."""
+    config = Config(
+        buses=(Bus(device="sim", legs={"lf": 0}),), can=Can(interface="virtual"), feet={"lf": foot}
+    )
+    load = Pokes(presses=presses(n), rise_s=0.1, hold_s=0.4, rest_s=0.6)
+    scene = Scene(description="a bench", load=load, fabrication=MADE)
+    end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 200_000_000
+    with app.service(config, scene, record=path, real_time=False) as service:
+        felt_n, clock = service.scanning.felt_n, service.scanning.clock
+        assert felt_n is not None
+        loop.run(
+            service.source,
+            service.pipeline,
+            service.sink,
+            service.observers,
+            clock,
+            lambda: clock.now_ns() >= end_ns,
+            reference=ExactReference(felt_n) if reference else None,
+        )
+    return path
+
+
+def true_parameters() -> FootParameters:
+    """Return what a perfect calibration of that foot would find."""
+    response = FootResponse.load(released("response.npz"))
+    made = fabricate(response, MADE.tolerances, MADE.seed, MADE.first)
+    return FootParameters(
+        stray_pf=made.stray_pf,
+        unloaded_pf=Foot(response, made).rest_pf,
+        gap_um=response.design.gap_um + made.gap_um,
+        stiffness_rel=made.stiffness_rel,
+        mount=made.mount,
+    )
