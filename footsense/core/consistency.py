@@ -28,7 +28,7 @@ Mask = NDArray[np.bool_]
 #: Residual that is no contradiction: of an element over its gap [1], and over the others' mean square root [1].
 LIMIT, LIMIT_REL = 0.03, 0.4
 #: The same over the root of the others' sum of squares.
-_LIMIT_REL_OF_SUM = LIMIT_REL / math.sqrt(ELEMENTS)
+_LIMIT_REL_OF_SUM = np.array(LIMIT_REL / math.sqrt(ELEMENTS))
 #: Share of the largest residual that may stand in the force: in fast gaits and steps its root mean square is a third.
 DOUBT_REL = 0.5
 #: Closure that the others predict from which an element's motion can be judged [1].

@@ -79,16 +79,13 @@ def middle_mean(closure_rel: Vector) -> Vector:
         >>> middle_mean(np.array([[0.0, 1.0, 2.0, 9.0, np.nan]])).tolist()
         [1.5]
     """
-    total = np.add.reduce(closure_rel, axis=1)
-    # fmax and fmin pass NaN by, without the warnings and the cost of nanmax.
-    extremes = np.fmax.reduce(closure_rel, axis=1) + np.fmin.reduce(closure_rel, axis=1)
-    n_closures = closure_rel.shape[1]
-    mean: Vector = (total - extremes) / (n_closures - 2)
-    if not math.isnan(sum(total.tolist())):
+    rising_rel = np.sort(closure_rel, axis=1)  # any NaN comes last
+    mean: Vector = np.add.reduce(rising_rel[:, 1:-1], axis=1) / (closure_rel.shape[1] - 2)
+    if math.isfinite(sum(rising_rel[:, -1].tolist())):
         return mean
-    for leg in np.flatnonzero(np.isnan(total)).tolist():
-        known = closure_rel[leg][np.isfinite(closure_rel[leg])]
-        mean[leg] = (known.sum() - extremes[leg]) / (len(known) - 2) if len(known) > 2 else np.nan
+    for leg, closures_rel in enumerate(rising_rel):
+        known = closures_rel[np.isfinite(closures_rel)]
+        mean[leg] = known[1:-1].mean() if len(known) > 2 else np.nan
     return mean
 
 

@@ -150,6 +150,8 @@ class Footing:
             now_ns: The time now [ns].
         """
         self._forget_silent(reading, now_ns)
+        if not self._windows:
+            return ()
         outcomes = []
         for leg, window in list(self._windows.items()):
             if self.standing_in[leg]:
@@ -189,8 +191,8 @@ class Footing:
             self._doubt(now_ns)
         aloft, flags = [], []
         loads = zip(loads_n, self._doubts_n, newest_ns, foreseen_n, strict=True)
-        each = zip(self._legs, self._zeros, self._contacts, loads, strict=True)
-        for leg, zero, contact, (load_n, doubt_n, newest, ahead_n) in each:
+        for leg, (load_n, doubt_n, newest, ahead_n) in enumerate(loads):
+            zero, contact = self._zeros[leg], self._contacts[leg]
             contact.observe(load_n, doubt_n, newest, now_ns, ahead_n)
             touching = contact.touching
             refused = _TARE_REFUSED if leg in self._refused else 0
@@ -264,8 +266,8 @@ class Footing:
         return TareWindow(self._tare, self._unloaded_pf[leg], self._feet[leg])
 
     def _forget_silent(self, reading: NDArray[np.uint8], now_ns: int) -> None:
-        if not reading.any():
-            self._heard_ns[:] = now_ns
+        if not np.count_nonzero(reading):
+            self._heard_ns.fill(now_ns)
             return
         silent = np.isin(reading, SILENT).all(axis=1)
         self._heard_ns[~silent] = now_ns

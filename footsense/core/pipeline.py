@@ -4,6 +4,7 @@ A leg whose value may not be used gets a state that says why, and NaN instead of
 whole scan or the newest element and a prediction of the others, is a `Reckoning`'s matter.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
@@ -113,18 +114,24 @@ class Pipeline:
         self._max_age_ns = max_age_ns
         self._flags = np.uint8(flags)
         # A capacitor of the electrodes' area with the gap between them: over a capacitance, its distance over the gap.
-        self._gap_pf = float(calibration.design.plate_distance_um(np.ones(1))[0]) / calibration.design.gap_um
+        self._gap_pf = np.array(
+            calibration.design.plate_distance_um(np.ones(1))[0] / calibration.design.gap_um
+        )
         self._ganged = ganged
         n_legs = len(stray_pf)
         self._footing = Footing(
             unloaded_pf, calibration.design, tare, contact, sensitivity, track=track_zero, feet=feet
         )
         self._consistency = Consistency(n_legs, calibration.moments, settled_ns)
+        # Of a robot that is well; never written to.
         self._no_fault = np.zeros(n_legs, np.uint16)
+        self._all_valid = np.full(n_legs, State.VALID, np.uint8)
+        self._every_leg = np.ones(n_legs, bool)
         self._zero = self._footing.zero
         self._cause = quality.drifting_zeros(self._zero)
         self._readings = Readings(stray_pf, unloaded_pf)
         self._stopped = np.zeros(n_legs, bool)
+        self._any_stopped = False
         # Beyond either, an element is shut or out of range.
         self._least_rel = calibration.closure_rel_min
         self._most_rel = np.minimum(calibration.closure_rel_max, quality.SHUT_REL)
@@ -148,21 +155,22 @@ class Pipeline:
         if reason is not None:
             return Outcome(command, Result.LOADED, reason)
         self._stopped[command.leg] = command.kind is CommandKind.STOP
+        self._any_stopped = bool(self._stopped.any())
         return Outcome(command, Result.DONE, f"{command.kind.name.lower()} obeyed")
 
+    # A code of zero divides by zero; what comes of it is judged like any other reading.
+    @np.errstate(divide="ignore", invalid="ignore", over="ignore")
     def process(self, scan: CapFrame, now_ns: int) -> tuple[ForceFrame, tuple[Outcome, ...]]:
         """Return the forces of a scan as of `now_ns`, and the tares that ended with it."""
-        # A code of zero divides by zero; what comes of it is judged like any other reading.
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            if self._ganged is None:
-                return self._process(scan, now_ns)
-            footing, ganged = self._footing, self._ganged
-            scan = ganged.stand_in(scan, footing.baseline_pf, self._stray_pf)
-            footing.standing_in = ganged.standing_in
-            forces, outcomes = self._process(scan, now_ns)
-            free = (forces.state == State.VALID) & ~footing.taring & (forces.flags & Flag.CONTACT == 0)
-            ganged.decide(footing.aloft, footing.followed, free, now_ns)
-            return replace(forces, sigma_n=ganged.widen(forces.sigma_n, forces.force_n)), outcomes
+        if self._ganged is None:
+            return self._process(scan, now_ns)
+        footing, ganged = self._footing, self._ganged
+        scan = ganged.stand_in(scan, footing.baseline_pf, self._stray_pf)
+        footing.standing_in = ganged.standing_in
+        forces, outcomes = self._process(scan, now_ns)
+        free = (forces.state == State.VALID) & ~footing.taring & (forces.flags & Flag.CONTACT == 0)
+        ganged.decide(footing.aloft, footing.followed, free, now_ns)
+        return replace(forces, sigma_n=ganged.widen(forces.sigma_n, forces.force_n)), outcomes
 
     def _process(self, scan: CapFrame, now_ns: int) -> tuple[ForceFrame, tuple[Outcome, ...]]:
         calibration, footing = self._calibration, self._footing
@@ -172,8 +180,9 @@ class Pipeline:
             self._at_rest = _AtRest(footing.baseline_pf, calibration.design)
             self._consistency.forget(self._at_rest.untared_legs)
         rest_rel = self._at_rest.distance_rel
-        missing = seen.faulty if self._at_rest.whole else seen.faulty | self._at_rest.untared
-        missing = quality.missing_elements(missing)
+        missing = seen.lacking
+        if not (seen.well and self._at_rest.whole):
+            missing = quality.missing_elements(seen.faulty | self._at_rest.untared)
         # Moved to one time as distances, which do not jump when a tare moves the baseline.
         moment = self._reckoning.align(self._gap_pf / seen.settled_pf, scan.t_ns, now_ns, missing)
         closure_rel = judged_rel = rest_rel - moment.values
@@ -186,19 +195,22 @@ class Pipeline:
             foreseen_rel = np.where(moment.together[:, None], closure_rel, np.nan)
         footing.observe(judged_rel, foreseen_rel, seen.settled_pf, scan.t_ns, judgement.missing, now_ns)
         verdict = self._verdict(scan, now_ns, seen, missing, moment, judged_rel, judgement)
-        state, usable = verdict.state, _USABLE[verdict.state]
+        state, usable = verdict.state, verdict.usable
 
-        # A prediction may overshoot, at lift-off for instance; the network is not asked what it was not taught.
-        taught_rel = np.minimum(
-            np.maximum(closure_rel, calibration.closure_rel_min), calibration.closure_rel_max
-        )
+        taught_rel = closure_rel
+        if judged_rel is not closure_rel or not verdict.inside:
+            # A prediction may overshoot, at lift-off for instance; the network is not asked what it was not taught.
+            taught_rel = np.minimum(
+                np.maximum(closure_rel, calibration.closure_rel_min), calibration.closure_rel_max
+            )
         force_n, sigma_n = self._reckoning.estimate(taught_rel, rest_rel, usable, judgement.missing)
         sigma_n = np.hypot(sigma_n, footing.sigma_n)
         if not judgement.well and judgement.doubt_rel.any():
             doubt_n = judgement.doubt_rel * np.linalg.norm(force_n, axis=1)
             sigma_n = np.hypot(sigma_n, doubt_n[:, None])
-        known = usable & np.isfinite(force_n + sigma_n).all(axis=1)
-        if not known.all():
+        if not (usable is self._every_leg and math.isfinite(np.vdot(force_n, sigma_n))):
+            known = usable & np.isfinite(force_n + sigma_n).all(axis=1)
+            state = state.copy()
             state[usable & ~known] = State.OUT_OF_RANGE
             force_n[~known] = sigma_n[~known] = np.nan
         return ForceFrame(
@@ -236,12 +248,16 @@ class Pipeline:
             judgement: What they said of each other.
         """
         outside = (judged_rel < self._least_rel) | (judged_rel > self._most_rel)
-        oldest_ns = int(moment.oldest_ns.min())
-        timely = oldest_ns > 0 and now_ns - oldest_ns <= self._max_age_ns and moment.together.all()
-        state = np.full(len(missing), State.VALID, np.uint8)
-        if seen.well and judgement.well and timely and not (outside.any() or self._stopped.any()):
-            self._footing.mark_untared(state)
-            return _Verdict(state, self._no_fault, self._drifting_zeros(), moment.t_ns)
+        inside = not np.count_nonzero(outside)
+        oldest_ns = min(moment.oldest_ns.tolist())
+        timely = oldest_ns > 0 and now_ns - oldest_ns <= self._max_age_ns
+        together = np.count_nonzero(moment.together) == len(moment.together)
+        # A leg without a zero has no closures, and so its elements do not agree.
+        if seen.well and judgement.well and timely and together and inside and not self._any_stopped:
+            return _Verdict(
+                self._all_valid, self._every_leg, self._no_fault, self._drifting_zeros(), moment.t_ns, inside
+            )
+        state = self._all_valid.copy()
         # Some are forgiven with this frame, and some are blamed.
         remembered = self._consistency.remembered
         shorted = seen.over_range & (missing | remembered)
@@ -260,9 +276,11 @@ class Pipeline:
         broken = quality.Faulty(seen.opened, shorted, judgement.stuck, judgement.drifting)
         return _Verdict(
             state=state,
+            usable=_USABLE[state],
             fault_mask=quality.fault_mask((scan.reading != 0) | faulty | shut),
             cause=quality.causes(scan.reading, state, broken, self._footing.zero),
             t_ns=np.where(read_ns > 0, moment.t_ns, 0),
+            inside=inside,
         )
 
     def _drifting_zeros(self) -> NDArray[np.uint8]:
@@ -274,12 +292,23 @@ class Pipeline:
 
 
 class _Verdict(NamedTuple):
-    """What each leg is worth, shape (legs,) each; as in `ForceFrame`."""
+    """What each leg is worth, shape (legs,) each; as in `ForceFrame`.
+
+    Attributes:
+        state: Whether and why its force may be used.
+        usable: The former alone.
+        fault_mask: Which elements are not usable.
+        cause: What lies behind the state.
+        t_ns: How far its measurement reaches [ns].
+        inside: Whether no element of any leg is shut or out of range.
+    """
 
     state: NDArray[np.uint8]
+    usable: Mask
     fault_mask: NDArray[np.uint16]
     cause: NDArray[np.uint8]
     t_ns: NDArray[np.int64]
+    inside: bool
 
 
 class _AtRest:

@@ -53,6 +53,7 @@ class ScanByScan:
         self._skew = SkewRemoval(n_legs, ELEMENTS)
         self._scans: deque[tuple[Aligned, Stamps]] = deque(maxlen=n_averaged)
         self._coarser = np.zeros((n_legs, ELEMENTS))
+        self._both_rel = np.zeros((2 * n_legs, ELEMENTS))
         self._none_missing: Mask = np.zeros((2 * n_legs, ELEMENTS), bool)
 
     def align(self, values: Vector, t_ns: NDArray[np.int64], now_ns: int, missing: Mask) -> Moment:
@@ -94,13 +95,15 @@ class ScanByScan:
             missing: Elements to be filled in, shape (legs, 9).
         """
         n_legs = len(usable)
-        both_missing = np.concatenate((missing, missing)) if missing.any() else self._none_missing
-        both_rel = np.concatenate((closure_rel, rest_rel - self._coarser))
-        if not usable.all():
+        both_rel, both_missing = self._both_rel, self._none_missing
+        both_rel[:n_legs] = closure_rel
+        np.subtract(rest_rel, self._coarser, out=both_rel[n_legs:])
+        if np.count_nonzero(usable) < n_legs:
             both_rel[~np.concatenate((usable, usable))] = 0.0
-        both_n, both_sigma_n = self._estimator.estimate(
-            self._filling.fill(both_rel, both_missing), both_missing
-        )
+        if np.count_nonzero(missing):
+            both_missing = np.concatenate((missing, missing))
+            both_rel = self._filling.fill(both_rel, both_missing)
+        both_n, both_sigma_n = self._estimator.estimate(both_rel, both_missing)
         force_n = both_n[:n_legs]
         apart_n = force_n - both_n[n_legs:]
         moved_n = np.sqrt(np.einsum("ij,ij->i", apart_n, apart_n))

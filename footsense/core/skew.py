@@ -21,7 +21,9 @@ Vector = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 #: Farthest that an element is moved, in its own scan periods. Even steps need 0.44; more means that the scan stalled.
-_FARTHEST_REL = 0.75
+_FARTHEST_REL = np.array(0.75)
+#: As an array, like the former: numpy takes half as long with them as with numbers of Python's.
+_ONE_NS = np.array(1)
 
 
 class Aligned(NamedTuple):
@@ -54,6 +56,7 @@ class SkewRemoval:
         self._t_ns = np.zeros(shape, np.int64)
         self._slope = np.full(shape, np.nan)
         self._t_before_ns = np.zeros(shape, np.int64)
+        self._n_elements = np.array(n_elements)
         self._all_legs = np.ones(n_legs, bool)
 
     def apply(self, values: Vector, t_ns: Stamps, spared: NDArray[np.bool_] | None = None) -> Aligned:
@@ -72,10 +75,10 @@ class SkewRemoval:
             ([[2.5, 2.5]], [[2.0, 3.0]], [True])
         """
         # Newton's divided differences, in float: a leg without readings has stamps of 0, and ns squared overflow.
-        elapsed_ns = np.maximum(t_ns - self._t_ns, 1).astype(np.float64)
+        elapsed_ns = np.maximum(t_ns - self._t_ns, _ONE_NS).astype(np.float64)
         slope = (values - self._values) / elapsed_ns
-        bend = (slope - self._slope) / np.maximum(t_ns - self._t_before_ns, 1)
-        middle_ns: Stamps = np.add.reduce(t_ns, axis=1) // t_ns.shape[1]
+        bend = (slope - self._slope) / np.maximum(t_ns - self._t_before_ns, _ONE_NS).astype(np.float64)
+        middle_ns: Stamps = np.add.reduce(t_ns, axis=1) // self._n_elements
         ahead_ns = (middle_ns[:, None] - t_ns).astype(np.float64)
         self._t_before_ns, self._t_ns = self._t_ns, t_ns
         self._values, self._slope = values, slope

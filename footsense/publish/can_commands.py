@@ -94,6 +94,8 @@ class CanCommands:
 
     def unasked(self, room: int) -> list[bytes]:
         """Return what the service did by itself and nobody has been told yet, as at most `room` frames."""
+        if not self._unasked:
+            return []
         return [
             self._encode(self._askers[row], *self._unasked.pop(row), can_events.UNASKED)
             for row in list(self._unasked)[:room]

@@ -9,7 +9,7 @@ import select
 from collections.abc import Mapping, Sequence
 
 from footsense.frames import Cycle
-from footsense.recording.pipe_format import CyclePacker, Loss, pack_header, pack_loss
+from footsense.recording.pipe_format import Loss, pack_cycle, pack_header, pack_loss
 
 __all__ = ["CyclePipe"]
 
@@ -31,7 +31,6 @@ class CyclePipe:
 
     def __init__(self, fd: int, legs: Sequence[str], header: Mapping[str, str], *, blocking: bool) -> None:
         self._fd = fd
-        self._packer = CyclePacker(len(legs))
         self._rest = b""
         self._unreported = 0
         self._t_ns = 0
@@ -45,7 +44,7 @@ class CyclePipe:
     def send(self, cycle: Cycle) -> None:
         """Copy one cycle into the pipe; never fails, whatever becomes of the reader."""
         self._t_ns = cycle.forces.t_sent_ns
-        record = self._packer.pack(self.n_cycles, cycle)
+        record = pack_cycle(self.n_cycles, cycle)
         if self._unreported:
             record = pack_loss(Loss(self.n_cycles, self._t_ns, self._unreported)) + record
         self.n_cycles += 1
@@ -55,7 +54,7 @@ class CyclePipe:
             self._unreported += 1
             self.lost += 1
 
-    def _write(self, record: bytes | bytearray) -> bool:
+    def _write(self, record: bytes) -> bool:
         """Write a record; a part that found no room goes first next time.
 
         Returns:
@@ -73,7 +72,7 @@ class CyclePipe:
             self.broken = True
             return False
         if n < len(record):
-            self._rest = bytes(record[n:])
+            self._rest = record[n:]
         return True
 
     def close(self, timeout_s: float) -> None:

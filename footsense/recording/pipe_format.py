@@ -24,11 +24,11 @@ __all__ = [
     "HEAD",
     "LOSS",
     "OUTCOME",
-    "CyclePacker",
     "Kind",
     "Loss",
     "Numbered",
     "cycle_type",
+    "pack_cycle",
     "pack_header",
     "pack_loss",
 ]
@@ -103,50 +103,30 @@ def cycle_type(n_legs: int) -> np.dtype[np.void]:
     )
 
 
-class CyclePacker:
-    """Packs cycles of one number of legs, always into the same buffer."""
-
-    def __init__(self, n_legs: int) -> None:
-        kind = cycle_type(n_legs)
-        self._buffer = bytearray(kind.itemsize)
-        entry = np.frombuffer(self._buffer, dtype=kind)[0]
-        self._arrays = {name: entry[name] for name in kind.names or () if isinstance(entry[name], np.ndarray)}
-
-    def pack(self, counter: int, cycle: Cycle) -> bytes | bytearray:
-        """Return one cycle as bytes, valid until the next call."""
-        scan, commands, forces, outcomes, reference = cycle
-        zero = forces.zero
-        arrays = self._arrays
-        arrays["scan_t_ns"][...] = scan.t_ns
-        arrays["capacitance_pf"][...] = scan.capacitance_pf
-        arrays["reading"][...] = scan.reading
-        arrays["force_t_ns"][...] = forces.t_ns
-        arrays["force_n"][...] = forces.force_n
-        arrays["sigma_n"][...] = forces.sigma_n
-        arrays["state"][...] = forces.state
-        arrays["fault_mask"][...] = forces.fault_mask
-        arrays["flags"][...] = forces.flags
-        arrays["cause"][...] = forces.cause
-        arrays["zero_status"][...] = zero.status
-        arrays["zero_mean_pf"][...] = zero.mean_pf
-        arrays["zero_worst_pf"][...] = zero.worst_pf
-        arrays["zero_moved_ns"][...] = zero.moved_ns
-        kind, tail = Kind.CYCLE, _pack_tail(commands, outcomes) if commands or outcomes else b""
-        if reference is not None:
-            kind, tail = Kind.BENCH_CYCLE, tail + pack_reference(reference)
-        _CYCLE_HEAD.pack_into(
-            self._buffer,
-            0,
-            len(self._buffer) + len(tail),
-            len(commands),
-            len(outcomes),
-            kind,
-            counter,
-            scan.sequence,
-            forces.sequence,
-            forces.t_sent_ns,
-        )
-        return self._buffer + tail if tail else self._buffer
+def pack_cycle(counter: int, cycle: Cycle) -> bytes:
+    """Return one cycle as bytes: the arrays of its frames behind each other, as `cycle_type` has them."""
+    scan, commands, forces, outcomes, reference = cycle
+    zero = forces.zero
+    arrays = (
+        *(scan.t_ns, scan.capacitance_pf),
+        *(forces.t_ns, forces.force_n, forces.sigma_n),
+        *(zero.mean_pf, zero.worst_pf, zero.moved_ns),
+        *(forces.fault_mask, scan.reading, forces.state, forces.flags, forces.cause, zero.status),
+    )
+    parts = [array.tobytes() for array in arrays]
+    if commands or outcomes:
+        parts.append(_pack_tail(commands, outcomes))
+    kind = Kind.CYCLE
+    if reference is not None:
+        kind = Kind.BENCH_CYCLE
+        parts.append(pack_reference(reference))
+    body = b"".join(parts)
+    head = _CYCLE_HEAD.pack(
+        _CYCLE_HEAD.size + len(body),
+        *(len(commands), len(outcomes), kind, counter),
+        *(scan.sequence, forces.sequence, forces.t_sent_ns),
+    )
+    return head + body
 
 
 def _pack_tail(commands: tuple[Command, ...], outcomes: tuple[Outcome, ...]) -> bytes:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from footsense.errors import RecordingError
 from footsense.frames import Outcome, Result
-from footsense.recording.pipe_format import CyclePacker, Loss, Numbered, pack_header, pack_loss
+from footsense.recording.pipe_format import Loss, Numbered, pack_cycle, pack_header, pack_loss
 from footsense.recording.pipe_unpack import unpack
 from footsense.recording.writer import PipeWriter
 from tests.fuzz.outcome import TRIED, refusal
@@ -17,7 +17,7 @@ from tests.unit.cycles import LEGS, TARE, cycle, same
 
 SHOWN = cycle(3, outcomes=(Outcome(TARE, Result.LOADED, "0.2 pF"),), n_samples=2)
 HEADER = pack_header({"legs": ",".join(LEGS)})
-STREAM = HEADER + bytes(CyclePacker(6).pack(0, SHOWN)) + pack_loss(Loss(3, 5, 2))
+STREAM = HEADER + pack_cycle(0, SHOWN) + pack_loss(Loss(3, 5, 2))
 heads = st.builds(
     struct.Struct("<IHHQ").pack,
     st.sampled_from([0, 1, 15, 16, 40, 1486, 2**24, 2**32 - 1]),
