@@ -54,7 +54,7 @@ class Poke(NamedTuple):
     Attributes:
         t_ns: Middle of the hold, or of the press [ns].
         hold_s: How long it was held still [s].
-        force_n: Mean force of the reference, its zero just before and after taken off [N], shape (3,), foot frame.
+        force_n: Mean force of the reference, its zero of the last rests taken off [N], shape (3,), foot frame.
         force_noise_n: Standard deviation of a single sample of it [N], shape (3,).
         capacitance_pf: Mean of each element, stray included [pF], shape (9,).
         rest_pf: The same unloaded: of just before and after, at the time of the hold [pF], shape (9,).
@@ -97,6 +97,9 @@ class Press(NamedTuple):
         before_ns: Rest before it, from and until [ns].
         pressed_ns: From and until when it was pressed [ns].
         after_ns: Rest after it [ns]; None if there was none.
+        zero_sum_n: Sum of the reference's samples in the rests of the last seconds, that before it included [N],
+            shape (3,): its zero drifts less than one short rest can tell.
+        zero_samples: How many these are.
     """
 
     t_ns: NDArray[np.int64]
@@ -109,6 +112,8 @@ class Press(NamedTuple):
     before_ns: tuple[int, int]
     pressed_ns: tuple[int, int]
     after_ns: tuple[int, int] | None
+    zero_sum_n: Vector
+    zero_samples: int
 
 
 class _Rest(NamedTuple):
@@ -162,14 +167,15 @@ def _held(press: Press, hold_ns: tuple[int, int], before: _Rest, after: _Rest | 
     """Return the means over a hold, what rest says of the zeros taken off."""
     scans, samples = _within(press.t_ns, hold_ns), _within(press.sample_ns, hold_ns)
     middle_ns = (hold_ns[0] + hold_ns[1]) // 2
-    rest_pf, zero_n = before.capacitance_pf, before.force_n
+    rest_pf, zero_sum_n, zero_samples = before.capacitance_pf, press.zero_sum_n, press.zero_samples
     shift_pf = np.full(ELEMENTS, np.nan)
     if after is not None and after.n_samples:
         share = (middle_ns - before.t_ns) / (after.t_ns - before.t_ns)
         shift_pf = after.capacitance_pf - before.capacitance_pf
         rest_pf = rest_pf + share * shift_pf
-        zero_n = zero_n + share * (after.force_n - before.force_n)
-    force_n = press.force_n[samples].mean(axis=0) - zero_n
+        zero_sum_n = zero_sum_n + after.n_samples * after.force_n
+        zero_samples += after.n_samples
+    force_n = press.force_n[samples].mean(axis=0) - zero_sum_n / zero_samples
     poke = Poke(
         t_ns=middle_ns,
         hold_s=_seconds(hold_ns),
@@ -233,12 +239,13 @@ def _beside(press: Press, t_ns: NDArray[np.int64]) -> Vector:
 
 
 def _rest(press: Press, span_ns: tuple[int, int]) -> _Rest:
-    scans = press.capacitance_pf[_within(press.t_ns, span_ns)]
+    rested = _within(press.t_ns, span_ns)
+    scans = press.capacitance_pf[rested]
     samples = press.force_n[_within(press.sample_ns, span_ns)]
     n = len(samples)
     nothing = np.full(3, np.nan)
     return _Rest(
-        t_ns=sum(span_ns) / 2,
+        t_ns=float(press.t_ns[rested].mean()) if rested.any() else sum(span_ns) / 2,
         capacitance_pf=_mean(scans),
         noise_pf=np.sqrt(_mean((scans - _mean(scans)) ** 2)),
         force_n=samples.mean(axis=0) if n else nothing,

@@ -27,16 +27,18 @@ _PRESSED_REL = 0.005
 _LET_GO_REL = 0.15
 #: The foot at rest is that of this long, until shortly before the press, which may begin slowly [ns].
 _REST_NS = 500 * _NS_PER_MS
-_SLOW_START_NS = 150 * _NS_PER_MS
+_SLOW_START_NS = 100 * _NS_PER_MS
 #: After it was let go the rubber comes back, most of it within this [ns]; then it rests.
-_RECOVERY_NS = 150 * _NS_PER_MS
-_AFTER_NS = 350 * _NS_PER_MS
+_RECOVERY_NS = 100 * _NS_PER_MS
+_AFTER_NS = 200 * _NS_PER_MS
+#: So far back goes what is taken for the zero of the reference [ns].
+_ZERO_NS = 10_000 * _NS_PER_MS
 #: Who leans on a foot for longer has changed its zero [ns].
 _LONGEST_NS = 60_000 * _NS_PER_MS
 #: Scans that have to agree: one alone may be a reading that went wrong.
 _AGREED = 2
 #: Scans without which there is no rest to begin with.
-_LEAST_REST = 3
+_LEAST_REST = 2
 
 
 class _Phase(Enum):
@@ -60,6 +62,7 @@ class PokeFinder:
         self._row = row
         self._scans: deque[tuple[int, Vector, NDArray[np.uint8], Vector]] = deque()
         self._samples: deque[Reference] = deque()
+        self._zeros: deque[tuple[int, Vector, int]] = deque()
         self._phase = _Phase.REST
         self._agreed = 0
         self._rest_pf: Vector | None = None
@@ -120,9 +123,15 @@ class PokeFinder:
             self._note_zero()
         if not self._agrees(self._change_rel(capacitance_pf) > _PRESSED_REL):
             return
+        self._begin()
+
+    def _begin(self) -> None:
         self._phase = _Phase.PRESSED
         self._pressed_ns = self._scans[-_AGREED][0]
         self._peak_rel = 0.0
+        total_n, n = self._rested(self._before_ns)
+        if n:
+            self._zeros.append((self._before_ns[1], total_n, n))
 
     def _look_for_the_end(self, t_ns: int, capacitance_pf: Vector) -> Poke | None:
         change_rel = self._change_rel(capacitance_pf)
@@ -141,10 +150,13 @@ class PokeFinder:
     def _wait_for_rest(self, t_ns: int, capacitance_pf: Vector) -> Poke | None:
         again = self._change_rel(capacitance_pf) > max(_PRESSED_REL, 2 * _LET_GO_REL * self._peak_rel)
         if self._agrees(again):
-            # Pressed again at once: what stood before the first stands before the second, too.
-            poke = self._poke(None)
-            self._phase = _Phase.PRESSED
-            self._pressed_ns, self._peak_rel = self._scans[-_AGREED][0], 0.0
+            # Pressed again at once: what stood before the first may have to stand before the second, too.
+            between_ns = (self._let_go_ns + _RECOVERY_NS, self._scans[-_AGREED][0] - _SLOW_START_NS)
+            rested = [entry[1] for entry in self._scans if between_ns[0] <= entry[0] <= between_ns[1]]
+            poke = self._poke(between_ns if len(rested) >= _LEAST_REST else None)
+            if len(rested) >= _LEAST_REST:
+                self._before_ns, self._rest_pf = between_ns, _mean(np.array(rested))
+            self._begin()
             return poke
         if t_ns - self._let_go_ns < _RECOVERY_NS + _AFTER_NS:
             return None
@@ -169,14 +181,26 @@ class PokeFinder:
         return float(change_rel[there].mean()) if there.any() else np.nan
 
     def _note_zero(self) -> None:
-        resting = [
-            reference.force_n[(reference.t_ns >= self._before_ns[0]) & (reference.t_ns <= self._before_ns[1])]
-            for reference in self._samples
-        ]
-        n = sum(map(len, resting))
-        self.zero_n = (
-            sum((block.sum(axis=0) for block in resting), np.zeros(3)) / n if n else np.full(3, np.nan)
-        )
+        while self._zeros and self._zeros[0][0] < self._before_ns[0] - _ZERO_NS:
+            self._zeros.popleft()
+        total_n, n = self._zero()
+        now_n, n_now = self._rested(self._before_ns)
+        self.zero_n = (total_n + now_n) / (n + n_now) if n + n_now else np.full(3, np.nan)
+
+    def _zero(self) -> tuple[Vector, int]:
+        """Return the sum and the number of the reference's samples in the rests before the last presses."""
+        total_n = sum((total_n for _, total_n, _ in self._zeros), np.zeros(3))
+        return total_n, sum(n for _, _, n in self._zeros)
+
+    def _rested(self, span_ns: tuple[int, int]) -> tuple[Vector, int]:
+        """Return the sum and the number of the reference's samples in a time."""
+        total_n, n = np.zeros(3), 0
+        for block in self._samples:
+            if int(block.t_ns[-1]) >= span_ns[0] and int(block.t_ns[0]) <= span_ns[1]:
+                inside = (block.t_ns >= span_ns[0]) & (block.t_ns <= span_ns[1])
+                total_n += block.force_n[inside].sum(axis=0)
+                n += int(inside.sum())
+        return total_n, n
 
     def _rest(self, since_ns: int) -> None:
         """Wait for the next press; what was before is of no use any more."""
@@ -217,6 +241,7 @@ class PokeFinder:
             self._before_ns,
             (self._pressed_ns, self._let_go_ns),
             after_ns,
+            *self._zero(),
         )
 
 

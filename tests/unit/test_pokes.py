@@ -63,7 +63,18 @@ def test_a_foot_that_hangs_is_not_poked() -> None:
 
 def test_pressed_again_at_once_is_two_pokes() -> None:
     """The second has the zero of before the first; what the foot did after the first is not known."""
-    pokes = find_pokes(cycles(felt(ONE, ONE._replace(at_s=3.3)), 6.0), 0)
+    pokes = find_pokes(cycles(felt(ONE, ONE._replace(at_s=3.2)), 6.0), 0)
     assert [poke.why_not for poke in pokes] == [None, None]
     assert np.isnan(pokes[0].shift_pf).all()
     assert pokes[1].rest_pf == pytest.approx(pokes[0].rest_pf, abs=1e-3)
+
+
+def test_presses_in_a_row_each_have_their_own_zero() -> None:
+    """With 0.4 s between them, drift is taken off each; the reference's zero is that of all rests before."""
+    holds = [ONE._replace(at_s=1.5 + 1.2 * k, held_s=0.6, rise_s=0.1) for k in range(8)]
+    pokes = find_pokes(cycles(felt(*holds), 12.0, drift_pf_per_s=0.02), 0)
+    assert [poke.why_not for poke in pokes] == [None] * 8
+    moved_pf = np.array([poke.rest_pf - pokes[0].rest_pf for poke in pokes]).mean(axis=1)
+    assert moved_pf == pytest.approx(0.02 * 1.2 * np.arange(8), abs=1e-3)
+    error_n = np.array([poke.force_n - ONE.force_n for poke in pokes])
+    assert np.sqrt((error_n[2:] ** 2).mean(axis=0)) == pytest.approx(np.zeros(3), abs=0.012)
