@@ -16,7 +16,7 @@ from footsense.frames import ELEMENTS, Cause, Reading, State, Zero
 
 SHUT_REL = 0.95
 OPEN_REL = 0.5
-#: What an element over the converter's range has at least [pF].
+#: What an element over the range of an FDC1004 has at least [pF].
 RANGE_END_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 #: Farthest that an element's zero may move from the mean of its leg's [pF]: 20 K take all 30 fF along, and elements
 #: differ in that by a fifth.

@@ -38,10 +38,14 @@ class Readings:
     Args:
         stray_pf: Known capacitance in parallel with each element [pF], shape (legs, 9).
         unloaded_pf: What each element of the free foot is expected to read, without stray [pF], shape (legs, 9).
+        range_end_pf: What an element over the converter's range has at least [pF].
     """
 
-    def __init__(self, stray_pf: Vector, unloaded_pf: Vector) -> None:
+    def __init__(
+        self, stray_pf: Vector, unloaded_pf: Vector, range_end_pf: float = quality.RANGE_END_PF
+    ) -> None:
         self._stray_pf = stray_pf
+        self._range_end_pf = range_end_pf
         self._open_below_pf = quality.OPEN_REL * unloaded_pf
         self._none: Mask = np.zeros(stray_pf.shape, bool)
         self._opened = self._none
@@ -57,15 +61,18 @@ class Readings:
         """
         capacitance_pf = scan.capacitance_pf - self._stray_pf
         # NaN compares as False: an element that was not read is neither open, shut nor out of range.
-        opened = (capacitance_pf < self._open_below_pf) | (scan.reading == Reading.UNDER_RANGE)
+        opened = capacitance_pf < self._open_below_pf
+        all_ok = not np.count_nonzero(scan.reading)
+        if not all_ok:
+            opened |= scan.reading == Reading.UNDER_RANGE
         before, self._opened = self._opened, opened
         any_before, self._any_opened = self._any_opened, bool(np.count_nonzero(opened))
-        if not (self._any_opened or any_before or np.count_nonzero(scan.reading)):
+        if all_ok and not (self._any_opened or any_before):
             lacking = quality.missing_elements(remembered)
             return Seen(capacitance_pf, self._none, self._none, remembered, lacking, well=True)
         over_range = scan.reading == Reading.OVER_RANGE
         if over_range.any():  # as much at least: whether that may be, the other elements tell
-            capacitance_pf = np.where(over_range, quality.RANGE_END_PF - self._stray_pf, capacitance_pf)
+            capacitance_pf = np.where(over_range, self._range_end_pf - self._stray_pf, capacitance_pf)
         if self._any_opened:
             capacitance_pf = capacitance_pf - quality.floating_pf(scan.capacitance_pf, opened)
         # A line that breaks or returns was whole for a part of the scan, and what it does to the other elements too.
