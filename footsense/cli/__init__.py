@@ -30,6 +30,7 @@ _COMMANDS = {
     "replay": ("footsense.cli.replay:replay", "Run a recording through the pipeline again, or check it."),
     "recover": ("footsense.cli.recover:recover", "Rewrite a recording that was cut short."),
     "check-config": ("footsense.cli.check_config:check_config", "Say what a configuration file means."),
+    "calibrate": ("footsense.cli.calibrate:calibrate", "Make a foot's pack of its recordings on a bench."),
     "evaluate": (
         "footsense.cli.evaluate:evaluate",
         "Compare a foot's forces with the reference of a bench.",

@@ -1,0 +1,150 @@
+"""`footsense calibrate`: from recordings of a foot on the bench to its pack."""
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+
+from footsense import app
+from footsense.calibration.bench_session import BenchSession, read_session
+from footsense.calibration.calibrate import Design
+from footsense.calibration.pack_writer import PackContent, check_pack_target, write_pack
+from footsense.calibration.sessions import CalibratedFoot, calibrate_sessions
+from footsense.clock import stopwatch_ns, wall_time_iso
+from footsense.core.force_errors import Errors
+from footsense.errors import CalibrationError, ConfigError
+from footsense.inference.foot_pack import FootPack
+from footsense.inference.network import Network
+from footsense.sim.foot import FootResponse
+
+
+@click.command()
+@click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--foot", required=True, help="Which foot was on the bench, such as foot-0007.")
+@click.option(
+    "--feet",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("feet"),
+    show_default=True,
+    help="Folder of all packs; this foot's gets its name in it.",
+)
+@click.option(
+    "--foot-type",
+    help="Folder with network.onnx and response.npz of the foot's type; without it, the released one.",
+)
+@click.option("--hold-out", help="Session that tells how good the pack is; without it, the last of several.")
+@click.option("--replace", is_flag=True, help="Take the place of a pack that is there; that one is kept.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def calibrate(
+    recordings: tuple[Path, ...],
+    foot: str,
+    feet: Path,
+    foot_type: str | None,
+    hold_out: str | None,
+    *,
+    replace: bool,
+    as_json: bool,
+) -> None:
+    """Find what makes a foot differ from its design, and write its pack.
+
+    The RECORDINGS are those of `footsense record --reference`, one for each session.
+    """
+    began_ns = stopwatch_ns()
+    check_pack_target(feet / foot, replace=replace)
+    sessions = [read_session(path, foot) for path in recordings]
+    for line in (line for session in sessions for line in session.warnings):
+        click.echo(f"warning: {line}", err=True)
+    design, network = _design(sessions, foot_type)
+    found = calibrate_sessions(design, sessions, hold_out)
+    pack = write_pack(feet, _content(foot, network, sessions, found), replace=replace)
+    figures = _figures(pack, found, (stopwatch_ns() - began_ns) * 1e-9)
+    click.echo(json.dumps(figures, indent=2) if as_json else _text(pack, found, figures))
+
+
+def _design(sessions: list[BenchSession], foot_type: str | None) -> tuple[Design, Path]:
+    """Return what is known of the feet's type, and the file of its network.
+
+    Raises:
+        CalibrationError: The recordings are of several.
+        ConfigError: The folder of the type is none.
+    """
+    types = {session.foot_type for session in sessions}
+    if len(types) != 1:
+        raise CalibrationError(
+            f"recordings of several foot types: {', '.join(sorted(types))}; give those of one"
+        )
+    folder = Path(foot_type) if foot_type else app.released("network.onnx", types.pop()).parent
+    network = folder / "network.onnx"
+    if not network.is_file():
+        raise ConfigError(
+            f"{folder}: no foot type: there is no network.onnx in it; --foot-type names the folder that "
+            "`footsense lab build --foot` made"
+        )
+    response = FootResponse.load(folder / "response.npz")
+    return Design(response, partial(Network, network), Network(network, 1).card.calibration), network
+
+
+def _content(foot: str, network: Path, sessions: list[BenchSession], found: CalibratedFoot) -> PackContent:
+    return PackContent(
+        foot=foot,
+        foot_type=sessions[0].foot_type,
+        parameters=found.calibrated.parameters,
+        network=network,
+        made=wall_time_iso(),
+        n_pokes=found.n_pokes,
+        n_sessions=len(sessions),
+        held_out=found.held_out,
+        recordings={session.path.name: session.sha256 for session in sessions},
+    )
+
+
+def _figures(pack: FootPack, found: CalibratedFoot, took_s: float) -> dict[str, Any]:
+    foreseen, parameters = found.calibrated.foreseen, pack.parameters
+    held_out = pack.manifest.held_out
+    return {
+        "pack": str(pack.folder),
+        "sha256": pack.manifest.sha256,
+        "n_pokes": found.n_pokes,
+        "took_s": round(took_s, 2),
+        "stiffness_rel": parameters.stiffness_rel,
+        "stray_pf": parameters.stray_pf.tolist(),
+        "gap_um": parameters.gap_um.tolist(),
+        "gain_rel": parameters.gain_rel.tolist(),
+        "corrected": bool(parameters.correction.any()),
+        "foreseen": {"direction_deg": foreseen.direction_deg, "magnitude_rel": foreseen.magnitude_rel},
+        "not_told": list(foreseen.untold),
+        "held_out": None
+        if held_out is None
+        else {
+            "protocol": held_out.protocol,
+            "design_only": _errors(held_out.design_only),
+            "calibrated": _errors(held_out.calibrated),
+        },
+    }
+
+
+def _errors(found: Errors) -> dict[str, float]:
+    return {"direction_deg": found.direction_deg, "magnitude_gf": found.magnitude_gf, "pokes": found.n}
+
+
+def _text(pack: FootPack, found: CalibratedFoot, figures: dict[str, Any]) -> str:
+    own, foreseen, held_out = pack.parameters, found.calibrated.foreseen, pack.manifest.held_out
+    strays = f"stray {own.stray_pf.min():+.3f} to {own.stray_pf.max():+.3f} pF"
+    gaps = f"gaps {own.gap_um.min():.1f} to {own.gap_um.max():.1f} um"
+    lines = [
+        f"{pack.folder}: {found.n_pokes} pokes in {pack.manifest.n_sessions} sessions, {figures['took_s']:.1f} s",
+        f"  stiffness {1.0 + own.stiffness_rel:.3f} of the design's, {strays}, {gaps}",
+        f"  known well enough for {foreseen.direction_deg:.2f} deg and {foreseen.magnitude_rel:.1%} of a force",
+    ]
+    if foreseen.untold:
+        lines.append(f"  not told by the pokes, as designed: {', '.join(foreseen.untold)}")
+    if held_out is None:
+        lines.append("  no poke was kept to tell how good it is; record a second session")
+    else:
+        before, after = held_out.design_only, held_out.calibrated
+        lines.append(f"  held out: {held_out.protocol}, {after.n} pokes")
+        lines.append(f"    network alone   {before.direction_deg:6.2f} deg {before.magnitude_gf:6.2f} gf")
+        lines.append(f"    with its pack   {after.direction_deg:6.2f} deg {after.magnitude_gf:6.2f} gf")
+    return "\n".join(lines)
