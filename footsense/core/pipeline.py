@@ -88,6 +88,7 @@ class Pipeline:
         settled_ns: Time after which readings from before a step are forgotten: a few scans [ns].
         flags: Flags that every frame carries.
         ganged: What is known of the legs that are read column by column; None if none ever is.
+        range_end_pf: What an element over the converter's range has at least [pF].
         feet: Name of the foot on each leg whose fingerprint `unloaded_pf` is; empty where it is any foot's.
     """
 
@@ -106,6 +107,7 @@ class Pipeline:
         track_zero: bool = True,
         flags: int = 0,
         ganged: Ganged | None = None,
+        range_end_pf: float = quality.RANGE_END_PF,
         feet: Sequence[str] = (),
     ) -> None:
         self._reckoning = reckoning
@@ -129,7 +131,7 @@ class Pipeline:
         self._every_leg = np.ones(n_legs, bool)
         self._zero = self._footing.zero
         self._cause = quality.drifting_zeros(self._zero)
-        self._readings = Readings(stray_pf, unloaded_pf)
+        self._readings = Readings(stray_pf, unloaded_pf, range_end_pf)
         self._stopped = np.zeros(n_legs, bool)
         self._any_stopped = False
         # Beyond either, an element is shut or out of range.
