@@ -43,6 +43,7 @@ __all__ = [
     "MOST_BYTES",
     "NO_VALUE",
     "N_CODES",
+    "RECORD_BITS",
     "STUFFED_BYTES",
     "VERSION",
     "NoValue",
@@ -72,6 +73,8 @@ _RECORD_BYTES = _CRC_AT + _CRC.size
 #: A record on the line without the zero that ends it, and with it.
 STUFFED_BYTES = _RECORD_BYTES + 1
 FRAME_BYTES = STUFFED_BYTES + 1
+#: The same in bits, 8N1.
+RECORD_BITS = 10 * FRAME_BYTES
 
 #: Room for a record of any version, stuffed; what is longer and has no zero is no record.
 MOST_BYTES = 255

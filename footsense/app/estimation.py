@@ -72,7 +72,7 @@ def pipeline_for(config: Config, network: Network, flags: int) -> Pipeline:
         contact=ContactLimits(touch_n=config.contact.touch_n),
         track_zero=config.zero.track,
         max_age_ns=round(config.stale_after_ms * 1e6),
-        settled_ns=round(_SETTLED_SCANS * config.scan.shortest_ms * 1e6),
+        settled_ns=round(_SETTLED_SCANS * config.shortest_scan_ms * 1e6),
         flags=flags,
         ganged=_ganged(config, network) if config.scan.gang else None,
     )

@@ -9,22 +9,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_interface.serial_frames import RECORD_BITS
 from footsense.app.estimation import released
 from footsense.backends.linux_gpio import LinuxResetLine
 from footsense.backends.linux_i2c import LinuxI2cBus
+from footsense.backends.serial_link import SerialLink
 from footsense.clock import MonotonicClock, Wakeups
-from footsense.config import Bus, Config
+from footsense.config import Bus, Config, Serial
 from footsense.drivers.bus_scanner import BusScanner
 from footsense.drivers.bus_timing import Timing
 from footsense.drivers.ganged_scanner import GangedBusScanner
 from footsense.drivers.kernel_mux_scanner import KernelMuxScanner
+from footsense.drivers.record_source import RecordSource
 from footsense.drivers.robot_scanner import LegsScanner, RobotScanner
 from footsense.drivers.scan_plan import scan_plan
 from footsense.errors import ConfigError
-from footsense.ports import Clock, I2cBus, ResetLine
+from footsense.ports import Clock, I2cBus, ResetLine, SerialPort
+from footsense.sim.faults import OnChips, OnWires
 from footsense.sim.foot import FootResponse
+from footsense.sim.mcu import simulated_mcu
 from footsense.sim.robot import SimulatedRobot, Wiring
 from footsense.sim.scene import Scene
+from footsense.sim.serial_line import SimulatedLine
 
 _log = logging.getLogger(__name__)
 
@@ -44,7 +50,7 @@ class Scanning:
         wakeups: What became of the deadlines on each bus; none in virtual time.
     """
 
-    source: RobotScanner
+    source: RobotScanner | RecordSource
     clock: Clock
     response_sha256: str | None
     felt_n: Callable[[int], NDArray[np.float64]] | None
@@ -52,7 +58,9 @@ class Scanning:
 
 
 def is_simulated(config: Config) -> bool:
-    """Tell whether the configuration names simulated buses."""
+    """Tell whether the configuration names simulated buses, or a simulated line."""
+    if config.serial is not None:
+        return config.serial.device == "sim"
     return all(bus.device.startswith("sim") for bus in config.buses)
 
 
@@ -64,12 +72,16 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
         ConfigError: Something is to break on a leg that the robot does not have.
     """
     for n, fault in enumerate(scene.faults):
-        leg, bus = getattr(fault, "leg", None), getattr(fault, "bus", 0)
+        leg, bus = getattr(fault, "leg", None), getattr(fault, "bus", None)
+        if config.serial is not None and isinstance(fault, OnChips | OnWires):
+            raise ConfigError(
+                f"scene: faults[{n}]: strikes chips or wires of an I2C bus, which the board mcu does not have"
+            )
         if leg is not None and leg not in config.legs:
             raise ConfigError(
                 f"scene: faults[{n}].leg: {leg} is no leg of this robot; it has {', '.join(config.legs)}"
             )
-        if bus >= len(config.buses):
+        if bus is not None and bus >= len(config.buses):
             raise ConfigError(
                 f"scene: faults[{n}].bus: {bus} is no bus of this robot; it has 0 to {len(config.buses) - 1}"
             )
@@ -82,6 +94,8 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
         )
         for bus in config.buses
     ]
+    if config.serial is not None:  # its legs are on wires of its own, which nobody sees
+        wiring = [Wiring(400_000, 0x71, {leg: place for place, leg in enumerate(config.legs)})]
     return SimulatedRobot(scene, FootResponse.load(released("response.npz")), wiring)
 
 
@@ -159,6 +173,25 @@ def _tell(bus: Bus, timing: Timing | None) -> None:
         )
 
 
+def _from_mcu(
+    serial: Serial, robot: SimulatedRobot | None, scene: Scene | None, stack: ExitStack
+) -> Scanning:
+    """Open the line to the microcontroller, or to a simulated one."""
+    own = MonotonicClock()
+    clock: Clock = own if robot is None else robot.clock
+    if robot is None or scene is None:
+        port: SerialPort = SerialLink(serial.device, serial.baud, clock)
+    else:
+        mcu = simulated_mcu(robot, scene, serial.rate_hz)
+        port = SimulatedLine(mcu, clock, rate_hz=serial.rate_hz, baud=serial.baud)
+    wire_ns = round(RECORD_BITS * 1e9 / serial.baud)
+    source = RecordSource(port, clock, serial.legs, rate_hz=serial.rate_hz, wire_ns=wire_ns)
+    stack.callback(source.close)
+    if robot is None:
+        return Scanning(source, clock, None, None, (own.wakeups,))
+    return Scanning(source, clock, robot.response_sha256, robot.felt_n)
+
+
 @contextmanager
 def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
     """Open the buses, start the scanner, and close both at the end.
@@ -171,10 +204,13 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
         The started scanner and its clock.
 
     Raises:
-        HardwareError: A bus or its mux is not there.
+        HardwareError: A bus, its mux or the line is not there.
     """
     with ExitStack() as stack:
         robot = None if scene is None else simulated_robot(config, scene)
+        if config.serial is not None:
+            yield _from_mcu(config.serial, robot, scene, stack)
+            return
         buses = open_buses(config, robot, stack)
         plan = scan_plan(config.order, config.scan.rate_sps)
         scanners: list[LegsScanner] = []

@@ -27,7 +27,7 @@ def _summary(config: Config, network: Network) -> list[str]:
     gang = ", column by column in the air" if config.scan.gang else ""
     return [
         f"{len(config.legs)} legs on the board {config.board}",
-        f"scan: {config.scan.rate_sps} conversions/s in {config.order} order{gang}",
+        f"scan: {_scan(config)}{gang}",
         f"forces: {_forces(config)}",
         *(_bus_line(bus, config) for bus in config.buses),
         f"tare: over {config.tare.window_frames} scans",
@@ -41,6 +41,13 @@ def _summary(config: Config, network: Network) -> list[str]:
         f"metrics: {f'http://{metrics.address}:{metrics.port}/metrics' if metrics else 'none'}",
         f"real time: {f'SCHED_FIFO {realtime.priority}{cpu}' if realtime else 'not asked for'}",
     ]
+
+
+def _scan(config: Config) -> str:
+    serial = config.serial
+    if serial is None:
+        return f"{config.scan.rate_sps} conversions/s in {config.order} order"
+    return f"{serial.rate_hz:g}/s by the microcontroller at {serial.device}, {serial.baud} bit/s"
 
 
 def _forces(config: Config) -> str:

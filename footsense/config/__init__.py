@@ -18,6 +18,7 @@ from footsense.config.schema import (
     Realtime,
     ResetLine,
     Scan,
+    Serial,
     Tare,
 )
 from footsense.strict_yaml import load
@@ -33,6 +34,7 @@ __all__ = [
     "Realtime",
     "ResetLine",
     "Scan",
+    "Serial",
     "Tare",
     "load_config",
 ]

@@ -4,8 +4,7 @@ from collections.abc import Iterator
 from ipaddress import IPv4Address, ip_address
 
 from firmware_interface import adg715, fdc1004
-from footsense.config.schema import PCA9685_ALLCALL, Bus, Config
-from footsense.frames import ELEMENTS
+from footsense.config.schema import PCA9685_ALLCALL, Bus, Config, Scan
 from footsense.strict_yaml import Problem
 
 __all__ = ["first_contradiction"]
@@ -27,19 +26,24 @@ def first_contradiction(config: Config) -> Problem | None:
 
 
 def _contradictions(config: Config) -> Iterator[Problem]:
-    if config.board != "fdc1004":
+    if config.board == "ad7746":
         yield Problem(("board",), f"the board {config.board} is not supported yet; use fdc1004")
+    yield from _mcu(config)
     yield from _between_buses(config)
     for i, bus in enumerate(config.buses):
         yield from _channels(bus, i)
         yield from _addresses(bus, i)
     # The oldest element is a whole scan old when the forces go out, and a scan takes a tenth longer than its limit.
     scans = "a scan takes" if config.average_scans == 1 else f"{config.average_scans} scans take"
-    if config.stale_after_ms < (config.average_scans + 0.25) * config.scan.shortest_ms:
+    shortest_ms = config.shortest_scan_ms
+    if config.stale_after_ms < (config.average_scans + 0.25) * shortest_ms:
+        pace = (
+            f"{config.scan.rate_sps} S/s" if config.serial is None else f"{config.serial.rate_hz:g} scans/s"
+        )
         yield Problem(
             ("max_age_ms",),
-            f"{scans} {config.scan.shortest_ms * config.average_scans:g} ms and more at {config.scan.rate_sps} S/s: "
-            f"every force would be stale; use at least {(1 + config.average_scans) * config.scan.shortest_ms:g}",
+            f"{scans} {shortest_ms * config.average_scans:g} ms and more at {pace}: "
+            f"every force would be stale; use at least {(1 + config.average_scans) * shortest_ms:g}",
         )
     if config.publish == "element" and config.average_scans > 1:
         yield Problem(
@@ -57,6 +61,32 @@ def _contradictions(config: Config) -> Iterator[Problem]:
     yield from _packs(config)
     if config.metrics is not None:
         yield from _metrics(config.metrics.address)
+
+
+def _mcu(config: Config) -> Iterator[Problem]:
+    """Yield what does not go with the board that scans by itself, or with the others."""
+    if config.board != "mcu":
+        if config.serial is not None:
+            yield Problem(("serial",), f"is for board: mcu; the board {config.board} is read over I2C")
+        if not config.buses:
+            yield Problem(
+                ("board",), f"the board {config.board} is read over I2C: name its buses, with their legs"
+            )
+        return
+    if config.serial is None:
+        yield Problem(("board",), "mcu needs the line to the microcontroller: serial: {device: ...}")
+    if config.buses:
+        yield Problem(
+            ("buses",), "the board mcu has no I2C bus of ours; take buses away, or use another board"
+        )
+    if config.scan != Scan():
+        yield Problem(("scan",), "the microcontroller scans by itself, at serial.rate_hz; take scan away")
+    if config.publish == "element":
+        yield Problem(("publish",), "the microcontroller sends whole scans; use publish: frame")
+    legs = config.serial.legs if config.serial is not None else ()
+    for n, leg in enumerate(legs):
+        if leg in legs[:n]:
+            yield Problem(("serial", "legs", n), f"{leg} is named twice")
 
 
 def _gang(config: Config) -> Iterator[Problem]:
@@ -170,7 +200,7 @@ def _addresses(bus: Bus, i: int) -> Iterator[Problem]:
 
 def _can_load(config: Config) -> Iterator[Problem]:
     # Forces after every conversion are nine times as many as after every scan.
-    per_s = config.scan.rate_sps if config.publish == "element" else config.scan.rate_sps / ELEMENTS
+    per_s = config.scan.rate_sps if config.publish == "element" else 1e3 / config.shortest_scan_ms
     bits_per_s = len(config.legs) * _FRAMES_PER_LEG * _LONGEST_FRAME_BITS * per_s
     if config.can.interface == "socketcan" and bits_per_s > _CAN_SHARE * config.can.bitrate:
         yield Problem(

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from msgspec import Meta, Struct
 
 from firmware_interface import fdc1004, tca9548a
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, LEGS
 
 __all__ = [
     "PCA9685_ALLCALL",
@@ -23,6 +23,7 @@ __all__ = [
     "Realtime",
     "ResetLine",
     "Scan",
+    "Serial",
     "Tare",
     "Zero",
 ]
@@ -113,6 +114,25 @@ class Bus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def adapters(self) -> dict[str, str]:
         """Return each leg's adapter where the kernel drives the multiplexer; none where it does not."""
         return {leg: device for leg, device in self.legs.items() if isinstance(device, str)}
+
+
+class Serial(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The line to the microcontroller of board `mcu`, which scans the feet by itself.
+
+    Attributes:
+        device: Its name under /dev/serial/by-id, which stays when it is unplugged; or `sim`.
+        baud: Bits per second of a UART or adapter; a microcontroller that is a USB device itself minds none.
+        rate_hz: Scans per second that it makes; tells when one is missing, does not set it.
+        legs: Whose feet it scans.
+    """
+
+    device: Annotated[
+        str,
+        Meta(pattern=r"^(/dev/[^\s]+|sim)$", description="such as /dev/serial/by-id/usb-..., or sim"),
+    ]
+    baud: Annotated[int, Meta(ge=9600, le=12_000_000)] = 921_600
+    rate_hz: Annotated[float, Meta(ge=1.0, le=1000.0)] = 200.0
+    legs: Annotated[tuple[Leg, ...], Meta(min_length=1, max_length=len(LEGS))] = LEGS  # type: ignore[assignment]
 
 
 class Scan(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -223,7 +243,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     Attributes:
         board: Electronics of a foot.
-        buses: I2C adapters.
+        buses: I2C adapters; none with board `mcu`.
+        serial: The line to the microcontroller; with board `mcu` only.
         can: Where the forces go. No default: a robot whose forces stay in the process would look healthy.
         scan: How the elements are read.
         publish: When a force goes out: `frame`, with every scan, as of its middle; `element`, with every conversion,
@@ -246,7 +267,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     board: Literal["fdc1004", "ad7746", "mcu"] = "fdc1004"
-    buses: Annotated[tuple[Bus, ...], Meta(min_length=1, max_length=6)]
+    buses: Annotated[tuple[Bus, ...], Meta(max_length=6)] = ()
+    serial: Serial | None = None
     can: Annotated[Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
     scan: Scan = Scan()
     publish: Literal["frame", "element"] = "frame"
@@ -266,7 +288,14 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     @property
     def legs(self) -> tuple[str, ...]:
         """Return the configured legs bus by bus: the rows of every frame."""
+        if self.serial is not None:
+            return self.serial.legs
         return tuple(leg for bus in self.buses for leg in bus.legs)
+
+    @property
+    def shortest_scan_ms(self) -> float:
+        """Return the time that a scan takes at least [ms]: its conversions, or the microcontroller's pace."""
+        return self.scan.shortest_ms if self.serial is None else 1e3 / self.serial.rate_hz
 
     @property
     def order(self) -> Literal["lo_shu", "raster"]:
@@ -278,7 +307,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """Return the age limit of a measurement [ms]: as given, or three scans more than are averaged."""
         if self.max_age_ms is not None:
             return self.max_age_ms
-        return (3 + self.average_scans) * self.scan.shortest_ms
+        return (3 + self.average_scans) * self.shortest_scan_ms
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -290,7 +319,15 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         ]
         if self.metrics is not None and not ip_address(self.metrics.address).is_loopback:
             found.append(f"metrics.address: the network reads {self.metrics.address} without a password")
-        if self.can.interface != "socketcan" and any(bus.device.startswith("/dev/") for bus in self.buses):
+        devices = [bus.device for bus in self.buses]
+        if self.serial is not None:
+            devices = [self.serial.device]
+            if self.serial.device.startswith("/dev/tty"):
+                found.append(
+                    f"serial.device: {self.serial.device} may be another device when it is plugged in again; "
+                    "prefer its name under /dev/serial/by-id"
+                )
+        if self.can.interface != "socketcan" and any(device.startswith("/dev/") for device in devices):
             where = "process" if self.can.interface == "virtual" else "computer"
             found.append(
                 f"can.interface: {self.can.interface} never leaves the {where}; "

@@ -1,13 +1,10 @@
-"""A simulated microcontroller that scans feet by itself, and the serial line to it in virtual time.
+"""A simulated microcontroller that scans feet by itself.
 
 It shares only the layout of a record with the driver. Behaviours kept: a clock of its own that starts anywhere, drifts
-and wraps; numbers that begin anew with a reset; all records of a scan together, as soon as they can be on the line; a
-line that loses and garbles bytes, and is unplugged. Not simulated: what of a USB adapter holds bytes back.
+and wraps; numbers that begin anew with a reset; all records of a scan together, behind its last conversion.
 """
 
-from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +13,6 @@ from firmware_interface import fdc1004
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.serial_frames import (
     ELEMENTS,
-    FRAME_BYTES,
     NO_VALUE,
     NoValue,
     Record,
@@ -24,14 +20,16 @@ from firmware_interface.serial_frames import (
     encode_record,
     pack_values,
 )
-from footsense.ports import Clock
+from footsense.sim.electronics import Wired
 from footsense.sim.faults import Span, during
+from footsense.sim.line_switch import LineStates
+from footsense.sim.robot import SimulatedRobot
+from footsense.sim.scene import Scene
 
-__all__ = ["LineFaults", "SimulatedLine", "SimulatedMcu"]
+__all__ = ["SimulatedMcu", "simulated_mcu"]
 
 _NS_PER_US = 1000
 _AF_PER_PF = 1e6
-_BITS_PER_BYTE = 10  # 8N1
 _WRAP_US = 1 << 32
 #: Records of a leg in which it says that it has just started.
 _STARTING_RECORDS = 256
@@ -39,6 +37,14 @@ _STARTING_RECORDS = 256
 _NOISE_PF = fdc1004.RATES[400].noise_ff * 1e-3
 #: By how much its crystal runs fast [1].
 _CLOCK_ERROR_REL = 40e-6
+
+#: Share of a scan's time in which the elements are converted, one after the other.
+_CONVERTING_REL = 0.9
+_ROWS = _COLUMNS = 3
+#: One row selected, the others waiting.
+_ALONE = [LineStates(0, 1 << row, 0b111 & ~(1 << row)) for row in range(_ROWS)]
+#: What the noise draws from, beside what the legs do.
+_NOISE_DRAW = 6
 
 #: Capacitances of a leg's elements at a time [ns], stray included [pF], shape (9,).
 Elements = Callable[[int], NDArray[np.float64]]
@@ -101,10 +107,10 @@ class SimulatedMcu:
             for leg, elements_pf in self._legs.items()
         )
 
-    def lasts_ns(self, baud: int) -> int:
-        """Return the time from a scan's first conversion to its last bit on a line of some bits per second [ns]."""
-        bits = len(self._legs) * FRAME_BYTES * _BITS_PER_BYTE
-        return (ELEMENTS - 1) * self._step_us * _NS_PER_US + bits * 1_000_000_000 // baud
+    @property
+    def converts_ns(self) -> int:
+        """The time from a scan's first conversion to its last, when its records go out [ns]."""
+        return (ELEMENTS - 1) * self._step_us * _NS_PER_US
 
     def _values_af(self, leg: str, elements_pf: Elements, t_ns: int) -> list[int]:
         if leg in self.silent_ns and during([self.silent_ns[leg]], t_ns):
@@ -123,94 +129,34 @@ class SimulatedMcu:
         return values
 
 
-class LineFaults(NamedTuple):
-    """What goes wrong on the line, and when.
-
-    Attributes:
-        lost_rel: Share of the bytes that are lost [1].
-        garbled_rel: Share of the bytes of which a bit is wrong [1].
-        resets_ns: When the controller is reset, in the middle of a record [ns].
-        unplugged_ns: Spans in which the plug is out [ns].
-    """
-
-    lost_rel: float = 0.0
-    garbled_rel: float = 0.0
-    resets_ns: Sequence[int] = ()
-    unplugged_ns: Sequence[Span] = ()
-
-
-class SimulatedLine:
-    """The serial port at the daemon's end.
+def simulated_mcu(robot: SimulatedRobot, scene: Scene, rate_hz: float) -> SimulatedMcu:
+    """Return a microcontroller on a simulated robot, none of whose buses is used then.
 
     Args:
-        mcu: The controller at the other end.
-        clock: Virtual time: a wait for bytes moves it.
-        rate_hz: Scans per second.
-        baud: Bits per second.
-        faults: What goes wrong.
-        seed: Of what goes wrong at random.
-
-    Attributes:
-        opened: How often it has been opened.
+        robot: The robot.
+        scene: What it does, and what is not ideal.
+        rate_hz: Scans per second that leave it time.
     """
+    noise = np.random.default_rng((scene.seed, _NOISE_DRAW)) if scene.effects.converter_noise else None
+    return SimulatedMcu(
+        {name: _reading(leg.wired, scene.effects.stray_pf) for name, leg in robot.legs.items()},
+        step_us=round(_CONVERTING_REL * 1e6 / rate_hz / ELEMENTS),
+        noise=noise,
+    )
 
-    def __init__(
-        self,
-        mcu: SimulatedMcu,
-        clock: Clock,
-        *,
-        rate_hz: float,
-        baud: int,
-        faults: LineFaults = LineFaults(),  # noqa: B008 - a tuple
-        seed: int = 0,
-    ) -> None:
-        self.opened = 1
-        self._mcu = mcu
-        self._clock = clock
-        self._period_ns = round(1e9 / rate_hz)
-        self._lasts_ns = mcu.lasts_ns(baud)
-        self._faults = faults
-        self._resets_ns = deque(sorted(faults.resets_ns))
-        self._random = np.random.default_rng(seed)
-        self._next_ns = clock.now_ns() + self._period_ns  # first conversion of the scan that comes next
-        self._is_out = False
 
-    def read(self) -> bytes:
-        """Return what has arrived by now."""
-        now_ns, arrived = self._clock.now_ns(), b""
-        while self._next_ns + self._lasts_ns <= now_ns:
-            arrived += self._sent(self._next_ns)
-            self._next_ns += self._period_ns
-        return arrived
+def _reading(foot: Wired, stray_pf: float) -> Elements:
+    """Return what electronics without a fault of their own read of a foot, each row in turn."""
 
-    def wait_until_ns(self, t_ns: int) -> None:
-        """Move on to the next arrival, or to `t_ns`."""
-        self._clock.sleep_until_ns(min(t_ns, self._next_ns + self._lasts_ns))
+    def elements_pf(t_ns: int) -> NDArray[np.float64]:
+        element_pf = foot.elements_pf(t_ns) + stray_pf
+        if foot.damage is None:
+            return element_pf
+        seen_pf = [
+            foot.damage.seen_pf(column, element_pf[column::_COLUMNS], states, t_ns)
+            for states in _ALONE
+            for column in range(_COLUMNS)
+        ]
+        return np.array(seen_pf)
 
-    def write(self, data: bytes) -> None:
-        """Take bytes; the controller does not listen."""
-
-    def close(self) -> None:
-        """Do nothing: there is nothing to release."""
-
-    def _sent(self, t_ns: int) -> bytes:
-        """Return what of a scan gets through."""
-        data = self._mcu.scan(t_ns)
-        while self._resets_ns and self._resets_ns[0] <= t_ns:
-            data = data[: len(data) // 2 + 20]
-            self._mcu.restart(self._resets_ns.popleft())
-        was_out, self._is_out = self._is_out, during(list(self._faults.unplugged_ns), t_ns)
-        if self._is_out:
-            return b""
-        self.opened += was_out
-        return self._harmed(data)
-
-    def _harmed(self, data: bytes) -> bytes:
-        lost_rel, garbled_rel, *_ = self._faults
-        if not (lost_rel or garbled_rel):
-            return data
-        line = np.frombuffer(data, np.uint8)
-        kept = self._random.random(len(line)) >= lost_rel
-        wrong = self._random.random(len(line)) < garbled_rel
-        bits = np.left_shift(1, self._random.integers(0, 8, len(line))).astype(np.uint8)
-        return np.where(wrong, line ^ bits, line)[kept].tobytes()
+    return elements_pf
