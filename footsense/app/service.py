@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -32,6 +33,9 @@ from footsense.recording.recorder import Recorder, check_target
 from footsense.sim.can_faults import CanFault
 from footsense.sim.can_wire import SimulatedCan
 from footsense.sim.scene import Scene
+
+if TYPE_CHECKING:
+    from footsense.app.bench import BenchRun, FigureSensor
 
 _log = logging.getLogger(__name__)
 
@@ -97,6 +101,7 @@ class Service:
         observers: Who sees every cycle; more may be added before `run`.
         recorder: What records, if anything does.
         can: The simulated CAN interface of a scene in which it breaks.
+        reference: The force sensor of a bench, on a bench.
     """
 
     legs: tuple[str, ...]
@@ -108,11 +113,20 @@ class Service:
     observers: list[Observer]
     recorder: Recorder | None
     can: SimulatedCan | None
+    reference: "FigureSensor | None" = None
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Run until `stop` says so."""
         with undisturbed():
-            loop.run(self.source, self.pipeline, self.sink, self.observers, self.scanning.clock, stop)
+            loop.run(
+                self.source,
+                self.pipeline,
+                self.sink,
+                self.observers,
+                self.scanning.clock,
+                stop,
+                self.reference,
+            )
 
     def figures(self) -> dict[str, object]:
         """Return what was sent and what was lost, as plain values."""
@@ -131,6 +145,7 @@ def service(
     real_time: bool,
     record: Path | None = None,
     can_log: Path | None = None,
+    bench: "BenchRun | None" = None,
 ) -> Iterator[Service]:
     """Open all that the daemon needs, outputs last, and close it in the opposite order.
 
@@ -142,6 +157,7 @@ def service(
         real_time: Whether the loop must never wait for its recorder; a simulation is then played at that pace.
         record: File to record to.
         can_log: File for what is sent on CAN.
+        bench: The bench that a leg's foot is pressed on; there the loop waits for its recorder, as nobody walks.
 
     Yields:
         The service.
@@ -190,9 +206,15 @@ def service(
         sink = stack.enter_context(
             can_sink(config, scan.clock, can_log, stats, real_time=real_time, connect=connect)
         )
+        reference = None
+        if bench is not None:
+            from footsense.app.bench import sensor_of  # a robot needs no serial port
+
+            reference = stack.enter_context(sensor_of(bench, legs.index(bench.leg), scan))
         if record is not None:
             header = _recording_header(config, scene, network, flags)
-            recorder = Recorder(record, legs, header, blocking=not real_time)
+            header |= bench.header() if bench is not None else {}
+            recorder = Recorder(record, legs, header, blocking=not real_time or bench is not None)
             observers.append(recorder)
         for observer in observers:
             stack.enter_context(_ending(observer.close))
@@ -206,6 +228,7 @@ def service(
             observers=observers,
             recorder=recorder,
             can=can,
+            reference=reference,
         )
 
 

@@ -1,0 +1,132 @@
+"""A simulated three-axis force sensor under a foot, as of the paper's table II: BL Autotech MINI 4/20.
+
+It feels the foot's push, the opposite of the ground reaction, in axes of its own that are those of the foot. Its
+readings are bent by the linearity of its data sheet, noisy, and counted in its steps; it sends them as lines of text,
+stamped by a clock of its own.
+
+The bow of a specimen spans its whole range: 1.5 % of 4 kgf are 60 gf in the middle of it, and up to 3.9 % of a force
+near zero, as a gain that is off.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.ports import Clock
+
+__all__ = ["COLUMNS", "RATED_GF", "RATE_HZ", "TRANSMISSION_NS", "SimulatedPort", "SimulatedSensor"]
+
+Vector = NDArray[np.float64]
+
+GRAM_FORCE_N = 9.80665e-3
+#: Table II of the paper: rated value and resolution of fx, fy, fz [gf].
+RATED_GF = np.array([4000.0, 4000.0, 8000.0])
+STEP_GF = np.array([4.0, 4.0, 12.0])
+#: Linearity [1] of the rated value.
+LINEARITY_REL = 0.015
+RATE_HZ = 200
+_PERIOD_NS = 1_000_000_000 // RATE_HZ
+#: What a line is: the sensor's time and the forces in whole gf.
+COLUMNS = ("time_us", "fx", "fy", "fz")
+#: A line of 24 characters at 115200 baud [ns].
+TRANSMISSION_NS = 2_083_000
+#: Noise that dissolves the steps, so that averaging helps [steps].
+_NOISE_STEPS = 0.5
+#: How far from zero the unloaded sensor stands, and how far a crystal is off, at most.
+_OFFSET_STEPS = 10.0
+_CLOCK_REL = 50e-6
+#: Largest value of u - u^3, at u = 1 / sqrt(3).
+_BOW = 2.0 / (3.0 * math.sqrt(3.0))
+
+
+class SimulatedSensor:
+    """One specimen.
+
+    Args:
+        felt_n: Ground reaction on the foot at a time [N], shape (3,).
+        seed: Of the specimen and its noise.
+        linearity_rel: How far its readings are bent at most, of the rated value [1].
+    """
+
+    def __init__(
+        self, felt_n: Callable[[int], Vector], seed: int, linearity_rel: float = LINEARITY_REL
+    ) -> None:
+        self._felt_n = felt_n
+        self._random = np.random.default_rng((seed, 6))
+        self._bow_gf = linearity_rel / _BOW * RATED_GF * self._random.uniform(-1, 1, 3)
+        self._offset_gf = STEP_GF * self._random.uniform(-_OFFSET_STEPS, _OFFSET_STEPS, 3)
+        self._period_ns = _PERIOD_NS * (1 + self._random.uniform(-_CLOCK_REL, _CLOCK_REL))
+        self._t_first_us = int(self._random.integers(0, 1_000_000_000))
+        self._started_ns: int | None = None
+        self._n_sent = 0
+
+    def start(self, t_ns: int) -> None:
+        """Begin to stream; the first sample is taken a period later."""
+        self._started_ns, self._n_sent = t_ns, 0
+
+    def bytes_until(self, t_ns: int) -> bytes:
+        """Return the lines that have been sent since the last call."""
+        if self._started_ns is None:
+            return b""
+        lines: list[bytes] = []
+        while True:
+            taken_ns = self._started_ns + round((self._n_sent + 1) * self._period_ns)
+            if taken_ns + TRANSMISSION_NS > t_ns:
+                return b"".join(lines)
+            self._n_sent += 1
+            sensor_us = self._t_first_us + self._n_sent * _PERIOD_NS // 1000
+            lines.append(b"%d,%d,%d,%d\r\n" % (sensor_us, *self._counted_gf(taken_ns)))
+
+    def _counted_gf(self, t_ns: int) -> list[int]:
+        load_gf = -self._felt_n(t_ns) / GRAM_FORCE_N
+        share = np.clip(load_gf / RATED_GF, -1, 1)
+        noise_gf = _NOISE_STEPS * STEP_GF * self._random.normal(size=3)
+        reading_gf = load_gf + self._bow_gf * (share - share**3) + self._offset_gf + noise_gf
+        counted_gf = STEP_GF * np.rint(reading_gf / STEP_GF)
+        return [int(value) for value in np.clip(counted_gf, -RATED_GF, RATED_GF)]
+
+
+class SimulatedPort:
+    """A serial port with a simulated sensor at its other end, in virtual time.
+
+    Args:
+        sensor: The sensor.
+        clock: The time that it lives in.
+
+    Attributes:
+        opened: As of a real port.
+    """
+
+    def __init__(self, sensor: SimulatedSensor, clock: Clock) -> None:
+        self._sensor = sensor
+        self._clock = clock
+        self._unplugged = False
+        self.opened = 1
+
+    def read(self) -> bytes:
+        """Return what has arrived."""
+        data = self._sensor.bytes_until(self._clock.now_ns())
+        return b"" if self._unplugged else data
+
+    def write(self, data: bytes) -> None:
+        """Let the sensor stream, whatever it is asked."""
+        if data:
+            self._sensor.start(self._clock.now_ns())
+
+    def unplug(self) -> None:
+        """Pull the plug; the sensor streams on."""
+        self._unplugged = True
+
+    def plug_in(self) -> None:
+        """Put it back, which opens the port again."""
+        self._unplugged = False
+        self.opened += 1
+
+    def wait_until_ns(self, t_ns: int) -> None:
+        """Let time pass."""
+        self._clock.sleep_until_ns(t_ns)
+
+    def close(self) -> None:
+        """Nothing is held."""
