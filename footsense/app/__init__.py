@@ -8,11 +8,13 @@ service      all of it, opened in order and closed in the opposite one
 from footsense.app.estimation import (
     FOOT_TYPE,
     load_network,
+    load_packs,
     pipeline_for,
     recorded_config,
     recorded_flags,
     released,
 )
+from footsense.app.packs import packs_difference
 from footsense.app.scanning import Scanning, is_simulated, scanning, simulated_robot
 from footsense.app.service import Service, can_sink, service
 
@@ -23,6 +25,8 @@ __all__ = [
     "can_sink",
     "is_simulated",
     "load_network",
+    "load_packs",
+    "packs_difference",
     "pipeline_for",
     "recorded_config",
     "recorded_flags",

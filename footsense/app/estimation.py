@@ -1,5 +1,6 @@
 """From configuration to pipeline: which network, and what its card says about these feet."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -8,9 +9,12 @@ from numpy.typing import NDArray
 
 import footsense
 from firmware_interface import fdc1004
+from footsense.app.packs import packs_of
 from footsense.config import Can, Config
+from footsense.core.calibrated import CalibratedFeet
 from footsense.core.contact import ContactLimits
 from footsense.core.element_by_element import ElementByElement
+from footsense.core.foot_parameters import FootParameters
 from footsense.core.ganged import Ganged, unknown_rel
 from footsense.core.pipeline import Pipeline, Reckoning
 from footsense.core.scan_by_scan import ScanByScan
@@ -19,8 +23,14 @@ from footsense.core.tare import TareLimits
 from footsense.drivers.scan_plan import ORDERS
 from footsense.errors import ModelError, RecordingError
 from footsense.frames import ELEMENTS
+from footsense.inference.foot_pack import FootPack
 from footsense.inference.network import Network
+from footsense.ports import Estimator
 from footsense.recording.replay import Replay
+
+#: Packs by leg.
+Packs = Mapping[str, FootPack]
+PerElement = Sequence[float] | NDArray[np.float64]
 
 #: Scans in which a step of the load has passed through all elements, and what was made of them.
 _SETTLED_SCANS = 4
@@ -36,13 +46,28 @@ def released(name: str) -> Path:
     return installed if installed.exists() else package.parent / "models" / FOOT_TYPE / name
 
 
-def load_network(config: Config) -> Network:
+def load_packs(config: Config) -> dict[str, FootPack]:
+    """Return the pack of every leg whose foot is named; none if the configuration names no packs.
+
+    Raises:
+        ModelError: One is missing, or cannot be used for that foot.
+    """
+    return packs_of(config, FOOT_TYPE)
+
+
+def load_network(config: Config, packs: Packs | None = None) -> Network:
     """Return the network that the configuration names, or the released one.
+
+    Args:
+        config: The robot.
+        packs: Those of its feet, which bring their network; None to read them.
 
     Raises:
         ModelError: There is none, or it is made for another foot.
     """
     path = Path(config.model) if config.model else released("network.onnx")
+    for pack in (load_packs(config) if packs is None else packs).values():
+        path = pack.network
     network = Network(path, n_rows=_n_rows(config))
     if network.card.foot_type != FOOT_TYPE:
         raise ModelError(
@@ -51,15 +76,32 @@ def load_network(config: Config) -> Network:
     return network
 
 
-def pipeline_for(config: Config, network: Network, flags: int) -> Pipeline:
-    """Return the pipeline of a robot whose frames carry these flags."""
+def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | None = None) -> Pipeline:
+    """Return the pipeline of a robot whose frames carry these flags.
+
+    Args:
+        config: The robot.
+        network: Its network.
+        flags: The flags.
+        packs: Those of its feet; None to read them.
+
+    Raises:
+        ModelError: A pack is missing, or cannot be used for its foot.
+    """
+    packs = load_packs(config) if packs is None else packs
+    feet = {leg: pack.parameters for leg, pack in packs.items()}
     calibration = network.card.calibration
-    stray_pf = _per_leg(config, dict(config.stray_pf.items()), 0.0)
-    # The design's capacitance knows of no stray; a foot's own reading, as the configuration has it, includes it.
-    expected_pf = _per_leg(config, dict(config.unloaded_pf.items()), np.nan)
+    # A leg has these from its foot's pack or from the configuration, never from both.
+    strays_pf: dict[str, PerElement] = dict(config.stray_pf.items())
+    strays_pf |= {leg: foot.stray_pf for leg, foot in feet.items()}
+    stray_pf = _per_leg(config, strays_pf, 0.0)
+    # The design's capacitance knows of no stray; a foot's own reading, as either has it, includes it.
+    readings_pf: dict[str, PerElement] = dict(config.unloaded_pf.items())
+    readings_pf |= {leg: foot.unloaded_pf for leg, foot in feet.items()}
+    expected_pf = _per_leg(config, readings_pf, np.nan)
     unloaded_pf = np.where(np.isnan(expected_pf), calibration.design.rest_pf, expected_pf - stray_pf)
     return Pipeline(
-        reckoning=_reckoning(config, network),
+        reckoning=_reckoning(config, network, [feet.get(leg) for leg in config.legs]),
         calibration=calibration,
         stray_pf=stray_pf,
         unloaded_pf=unloaded_pf,
@@ -75,6 +117,7 @@ def pipeline_for(config: Config, network: Network, flags: int) -> Pipeline:
         settled_ns=round(_SETTLED_SCANS * config.shortest_scan_ms * 1e6),
         flags=flags,
         ganged=_ganged(config, network) if config.scan.gang else None,
+        feet=[packs[leg].manifest.foot if leg in packs else "" for leg in config.legs],
     )
 
 
@@ -95,22 +138,28 @@ def _n_rows(config: Config) -> int:
     return len(config.legs) * (1 if config.publish == "element" else 2)
 
 
-def _reckoning(config: Config, network: Network) -> Reckoning:
+def _reckoning(config: Config, network: Network, feet: Sequence[FootParameters | None]) -> Reckoning:
     """Return what makes forces of closures: of whole scans, or of single elements."""
     calibration = network.card.calibration
+    estimator = _estimator(network, feet, _n_rows(config))
     if config.publish == "frame":
-        return ScanByScan(network, len(config.legs), calibration.moments, config.average_scans)
+        return ScanByScan(estimator, len(config.legs), calibration.moments, config.average_scans)
     rate = fdc1004.RATES[config.scan.rate_sps]
     # dC / C = -d(distance) / distance.
     distance_um = calibration.design.plate_distance_um(np.array([calibration.design.rest_pf]))[0]
     noise_rel = rate.noise_ff * 1e-3 / calibration.design.rest_pf * distance_um / calibration.design.gap_um
     order = ORDERS[config.order]
     return ElementByElement(
-        network, len(config.legs), calibration.moments, order, _step_ns(config), noise_rel
+        estimator, len(config.legs), calibration.moments, order, _step_ns(config), noise_rel
     )
 
 
-def _per_leg(config: Config, values: dict[str, tuple[float, ...]], default: float) -> NDArray[np.float64]:
+def _estimator(network: Network, feet: Sequence[FootParameters | None], n_rows: int) -> Estimator:
+    """Return what reads these feet: the network, for feet as made with what is their own."""
+    return CalibratedFeet(network, feet, n_rows) if any(foot is not None for foot in feet) else network
+
+
+def _per_leg(config: Config, values: Mapping[str, PerElement], default: float) -> NDArray[np.float64]:
     return np.array([values.get(leg, (default,) * ELEMENTS) for leg in config.legs])
 
 

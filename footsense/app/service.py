@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from footsense import __version__, loop
-from footsense.app.estimation import load_network, pipeline_for
+from footsense.app.estimation import Packs, load_network, load_packs, pipeline_for
+from footsense.app.packs import packs_entry
 from footsense.app.scanning import Scanning, is_simulated, scanning
 from footsense.clock import MonotonicClock, request_realtime, undisturbed, wall_time_iso
 from footsense.config import Can, Config
@@ -176,7 +177,8 @@ def service(
         if scene is not None and not is_simulated(config):
             # Simulated forces must not reach the controller of the robot whose wiring they borrow.
             config = msgspec.structs.replace(config, can=Can(interface="virtual"))
-        network = load_network(config)
+        packs = load_packs(config)
+        network = load_network(config, packs)
         # Before any chip is touched; the recorder's and the exporter's processes give up again what they inherit of it.
         flags = _flags(config, simulated=scene is not None)
         scan = stack.enter_context(scanning(config, scene))
@@ -212,7 +214,7 @@ def service(
 
             reference = stack.enter_context(sensor_of(bench, legs.index(bench.leg), scan))
         if record is not None:
-            header = _recording_header(config, scene, network, flags)
+            header = _recording_header(config, scene, network, flags, packs)
             header |= bench.header() if bench is not None else {}
             recorder = Recorder(record, legs, header, blocking=not real_time or bench is not None)
             observers.append(recorder)
@@ -223,7 +225,7 @@ def service(
             scanning=scan,
             source=source,
             network=network,
-            pipeline=pipeline_for(config, network, flags),
+            pipeline=pipeline_for(config, network, flags, packs),
             sink=sink,
             observers=observers,
             recorder=recorder,
@@ -255,7 +257,9 @@ def _flags(config: Config, *, simulated: bool) -> Flag:
     return Flag.DEGRADED_TIMING if refusals else Flag(0)
 
 
-def _recording_header(config: Config, scene: Scene | None, network: Network, flags: Flag) -> dict[str, str]:
+def _recording_header(
+    config: Config, scene: Scene | None, network: Network, flags: Flag, packs: Packs
+) -> dict[str, str]:
     return {
         "footsense": __version__,
         "started": wall_time_iso(),
@@ -265,5 +269,6 @@ def _recording_header(config: Config, scene: Scene | None, network: Network, fla
         "model_sha256": network.sha256,
         "foot_type": network.card.foot_type,
         "feet": ",".join(f"{leg}={foot}" for leg, foot in config.feet.items()),
+        **packs_entry(packs),
         **this_machine(),
     }

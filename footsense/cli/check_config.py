@@ -1,11 +1,15 @@
 """`footsense check-config FILE`: what a configuration means, before a robot walks by it."""
 
+from collections.abc import Mapping
+from datetime import datetime
 from pathlib import Path
 
 import click
 
 from footsense import app
+from footsense.clock import wall_time_iso
 from footsense.config import Bus, Config, load_config
+from footsense.inference.foot_pack import FootPack
 from footsense.inference.network import Network
 
 
@@ -14,15 +18,17 @@ from footsense.inference.network import Network
 def check_config(file: Path) -> None:
     """Say what the configuration FILE means, or which key is wrong and what would be right."""
     config = load_config(file)
-    network = app.load_network(config)
-    for line in _summary(config, network):
+    packs = app.load_packs(config)
+    network = app.load_network(config, packs)
+    for line in _summary(config, network, packs):
         click.echo(line)
     for warning in config.warnings:
         click.echo(f"warning: {warning}", err=True)
 
 
-def _summary(config: Config, network: Network) -> list[str]:
+def _summary(config: Config, network: Network, packs: Mapping[str, FootPack]) -> list[str]:
     realtime, metrics = config.realtime, config.metrics
+    model = "that of the packs" if packs else config.model
     cpu = "" if realtime is None or realtime.cpu is None else f" on processor {realtime.cpu}"
     gang = ", column by column in the air" if config.scan.gang else ""
     return [
@@ -30,13 +36,14 @@ def _summary(config: Config, network: Network) -> list[str]:
         f"scan: {_scan(config)}{gang}",
         f"forces: {_forces(config)}",
         *(_bus_line(bus, config) for bus in config.buses),
+        *(_pack_line(leg, pack) for leg, pack in packs.items()),
         f"tare: over {config.tare.window_frames} scans",
         f"  quiet below {config.tare.noise_limit_ff:g} fF of noise",
         f"  unloaded within {config.tare.unloaded_limit_rel:.1%} of what the free foot reads",
         f"zero: {'follows the foot in the air' if config.zero.track else 'stands still between tares'}",
         f"contact from {config.contact.touch_n:g} N",
         f"stale after {config.stale_after_ms:g} ms",
-        f"network: {config.model or 'the released one'}, {network.sha256[:12]}, for {network.card.foot_type}",
+        f"network: {model or 'the released one'}, {network.sha256[:12]}, for {network.card.foot_type}",
         f"CAN: {config.can.interface} {config.can.channel}, {config.can.bitrate // 1000} kbit/s",
         f"metrics: {f'http://{metrics.address}:{metrics.port}/metrics' if metrics else 'none'}",
         f"real time: {f'SCHED_FIFO {realtime.priority}{cpu}' if realtime else 'not asked for'}",
@@ -48,6 +55,19 @@ def _scan(config: Config) -> str:
     if serial is None:
         return f"{config.scan.rate_sps} conversions/s in {config.order} order"
     return f"{serial.rate_hz:g}/s by the microcontroller at {serial.device}, {serial.baud} bit/s"
+
+
+def _pack_line(leg: str, pack: FootPack) -> str:
+    manifest = pack.manifest
+    age = datetime.fromisoformat(wall_time_iso()) - datetime.fromisoformat(manifest.made)
+    line = f"{leg}: {manifest.foot}, calibrated {manifest.made[:10]}, {age.days} days ago, {manifest.n_pokes} pokes"
+    if manifest.held_out is None:
+        return f"{line}, errors not known"
+    errors, before = manifest.held_out.calibrated, manifest.held_out.design_only
+    return (
+        f"{line}, {errors.direction_deg:.1f} deg and {errors.magnitude_gf:.1f} gf on those held out "
+        f"({before.direction_deg:.1f} deg and {before.magnitude_gf:.1f} gf without the pack)"
+    )
 
 
 def _forces(config: Config) -> str:

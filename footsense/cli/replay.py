@@ -4,6 +4,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import click
+import msgspec
 
 from footsense import app
 from footsense.clock import MonotonicClock
@@ -63,7 +64,13 @@ class Comparison:
     help="Write what was sent on CAN: .log (candump), .asc or .blf.",
 )
 @click.option("--realtime", is_flag=True, help="Play at the speed of the recording.")
-def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool) -> None:
+@click.option(
+    "--packs",
+    "folder",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Where the packs of the recorded feet are; without it where they were on the robot.",
+)
+def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, folder: Path | None) -> None:
     """Run the recorded scans of FILE through the pipeline again and publish the forces.
 
     The recording brings its configuration; its scans meet the same code as those of a robot.
@@ -78,11 +85,15 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool) -> 
     clock = ReplayClock(source)
     config = app.recorded_config(recording)
     _require_same_legs(file, recording, config)
-    network = app.load_network(config)
+    if folder is not None and config.packs is not None:
+        config = msgspec.structs.replace(config, packs=str(folder))
+    packs = app.load_packs(config)
+    network = app.load_network(config, packs)
     comparison = Comparison(file, recording) if check else None
     if comparison:
         _require_same_network(file, recording, network)
-    pipeline = app.pipeline_for(config, network, app.recorded_flags(recording))
+    _judge_packs(file, app.packs_difference(recording.header, packs), comparison)
+    pipeline = app.pipeline_for(config, network, app.recorded_flags(recording), packs)
     n_frames = 0
     with ExitStack() as stack:
         sink = stack.enter_context(app.can_sink(config, clock, can_log, real_time=realtime))
@@ -122,6 +133,19 @@ def _require_same_network(file: Path, recording: Replay, network: Network) -> No
             f"{file}: recorded with network {then[:12]}, "
             f"here is {network.sha256[:12]}; only the same network can give the same forces"
         )
+
+
+def _judge_packs(file: Path, difference: str | None, comparison: Comparison | None) -> None:
+    """Say if the forces are not made with the packs that were recorded.
+
+    Raises:
+        ModelError: And they are to be compared.
+    """
+    if difference is None:
+        return
+    if comparison:
+        raise ModelError(f"{file}: {difference}")
+    click.echo(f"warning: {file}: {difference}", err=True)
 
 
 def _require_whole(file: Path, source: ReplaySource, comparison: Comparison | None) -> None:

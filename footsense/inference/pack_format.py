@@ -76,7 +76,7 @@ class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     foot: FootId
     foot_type: Annotated[str, Meta(min_length=1)]
     footsense: str
-    made: str
+    made: Annotated[str, Meta(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ$")]
     n_pokes: Annotated[int, Meta(ge=1)]
     n_sessions: Annotated[int, Meta(ge=1)]
     held_out: HeldOut | None

@@ -76,10 +76,10 @@ def record(path: Path, foot: str = "foot-0007", n: int = 24, *, reference: bool 
     return path
 
 
-def true_parameters() -> FootParameters:
-    """Return what a perfect calibration of that foot would find."""
+def true_parameters(number: int = 0) -> FootParameters:
+    """Return what a perfect calibration of the foot on a leg would find, by the leg's number."""
     response = FootResponse.load(released("response.npz"))
-    made = fabricate(response, MADE.tolerances, MADE.seed, MADE.first)
+    made = fabricate(response, MADE.tolerances, MADE.seed, MADE.first + number)
     return FootParameters(
         stray_pf=made.stray_pf,
         unloaded_pf=Foot(response, made).rest_pf,

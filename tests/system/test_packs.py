@@ -1,0 +1,147 @@
+"""The daemon with packs: feet as they were made give the forces that they feel, and another foot gives none."""
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from footsense import app
+from footsense.cli.check_config import check_config
+from footsense.cli.replay import replay
+from footsense.config import Bus, Can, Config
+from footsense.config.schema import Leg
+from footsense.errors import ModelError
+from footsense.frames import Cycle, State
+from footsense.inference.seal import seal
+from footsense.sim.scene import Constant, Scene
+from tests.system.bench import MADE, true_parameters
+from tests.unit.packs import pack
+
+FORCE_N = (0.3, -0.2, 0.7)
+
+#: Two feet from the same workshop, pressed alike.
+SCENE = Scene(description="pressed", load=Constant(force_n=FORCE_N), lead_in_s=0.6, fabrication=MADE)
+UNTIL_NS = 900_000_000
+
+
+def config(feet: Path, **mounted: str) -> Config:
+    return Config(
+        buses=(Bus(device="sim", legs={"lf": 0, "rf": 1}),),
+        can=Can(interface="virtual"),
+        feet=msgspec.convert(mounted, dict[Leg, str]),
+        packs=str(feet),
+    )
+
+
+def workshop(feet: Path) -> None:
+    """Write the packs of both feet, as a perfect calibration would."""
+    pack(feet, "foot-0007", parameters=true_parameters(0))
+    pack(feet, "foot-0008", parameters=true_parameters(1))
+
+
+class Last:
+    """An observer that keeps the last cycle, and what tares came to."""
+
+    cycle: Cycle
+
+    def __init__(self) -> None:
+        self.reasons: list[str] = []
+
+    def observe(self, cycle: Cycle) -> None:
+        self.cycle = cycle
+        self.reasons += [outcome.reason for outcome in cycle.outcomes]
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+def run(robot: Config, record: Path | None = None) -> Last:
+    """Run until both feet have been pressed for a while."""
+    last = Last()
+    with app.service(robot, SCENE, record=record, real_time=False) as service:
+        clock = service.scanning.clock
+        service.observers.append(last)
+        service.run(lambda: clock.now_ns() >= UNTIL_NS)
+    return last
+
+
+def test_feet_with_packs_say_what_they_feel(tmp_path: Path) -> None:
+    """Whole scan or single elements: both legs valid, and within the sum of what pack and network may leave."""
+    workshop(tmp_path)
+    robot = config(tmp_path, lf="foot-0007", rf="foot-0008")
+    for publish in ("frame", "element"):
+        forces = run(msgspec.structs.replace(robot, publish=publish)).cycle.forces
+        assert forces.state.tolist() == [State.VALID, State.VALID]
+        assert np.abs(forces.force_n - FORCE_N).max() < 0.02
+    without = msgspec.structs.replace(
+        robot, packs=None, tare=msgspec.structs.replace(robot.tare, unloaded_limit_rel=1.0)
+    )
+    assert np.abs(run(without).cycle.forces.force_n - FORCE_N).max() > 0.05
+
+
+def test_another_foot_is_found_by_its_fingerprint(tmp_path: Path) -> None:
+    """Feet that were swapped give no force: what they read unloaded is not what the packs of their legs say."""
+    workshop(tmp_path)
+    last = run(config(tmp_path, lf="foot-0008", rf="foot-0007"))
+    assert last.cycle.forces.state.tolist() == [State.NO_BASELINE, State.NO_BASELINE]
+    assert np.isnan(last.cycle.forces.force_n).all()
+    assert last.reasons[0].startswith("the foot is not unloaded, or another than foot-0008: element ")
+
+
+def test_packs_that_cannot_be_used(tmp_path: Path) -> None:
+    """A foot without a pack, one of another foot, and two that were fitted on different networks."""
+    workshop(tmp_path)
+    with pytest.raises(ModelError, match="foot-0009: no such foot pack"):
+        app.load_packs(config(tmp_path, lf="foot-0009"))
+    (tmp_path / "foot-0007").rename(tmp_path / "foot-0009")
+    with pytest.raises(ModelError, match="foot-0009: the pack of foot-0007, not of foot-0009"):
+        app.load_packs(config(tmp_path, lf="foot-0009"))
+    other = tmp_path / "other.onnx"
+    other.write_bytes(seal(app.released("network.onnx").read_bytes()[:-86] + b"\x72\x04\x0a\x00\x12\x00"))
+    pack(tmp_path, "foot-0010", network=other)
+    with pytest.raises(ModelError, match=r"foot-0010: fitted on network .* a robot has one network"):
+        app.load_packs(config(tmp_path, lf="foot-0008", rf="foot-0010"))
+
+
+def test_a_leg_without_a_named_foot_is_told_of(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """It goes on as before, by the design."""
+    workshop(tmp_path)
+    assert list(app.load_packs(config(tmp_path, rf="foot-0008"))) == ["rf"]
+    assert "lf: no foot is named under feet" in caplog.text
+
+
+def test_check_config_lists_the_packs(tmp_path: Path) -> None:
+    """Which foot, since when, on how many pokes, and how good."""
+    workshop(tmp_path / "feet")
+    file = tmp_path / "robot.yaml"
+    file.write_text(
+        "buses: [{device: sim, legs: {lf: 0, rf: 1}}]\ncan: {interface: virtual}\n"
+        "feet: {lf: foot-0007, rf: foot-0008}\npacks: feet\n"
+    )
+    said = CliRunner().invoke(check_config, [str(file)]).output
+    assert "lf: foot-0007, calibrated 2026-03-01, " in said
+    assert "362 pokes, 1.5 deg and 1.8 gf on those held out (15.9 deg and 18.7 gf without the pack)" in said
+    assert "network: that of the packs" in said
+
+
+def test_a_recording_knows_its_packs(tmp_path: Path) -> None:
+    """Replayed with the same packs it gives the same forces; with others it says so, or refuses to compare."""
+    feet, walk = tmp_path / "feet", tmp_path / "walk.mcap"
+    workshop(feet)
+    run(config(feet, lf="foot-0007", rf="foot-0008"), record=walk)
+    result = CliRunner().invoke(replay, [str(walk), "--check"])
+    assert "scans equal bit for bit" in result.output, result.exception
+    elsewhere = tmp_path / "elsewhere"
+    feet.rename(elsewhere)
+    result = CliRunner().invoke(replay, [str(walk), "--check"])
+    assert "foot-0007: no such foot pack" in str(result.exception)
+    result = CliRunner().invoke(replay, [str(walk), "--check", "--packs", str(elsewhere)])
+    assert "scans equal bit for bit" in result.output, result.exception
+    pack(tmp_path / "new", "foot-0007", parameters=true_parameters(0), n_pokes=20)
+    pack(tmp_path / "new", "foot-0008", parameters=true_parameters(1))
+    result = CliRunner().invoke(replay, [str(walk), "--check", "--packs", str(tmp_path / "new")])
+    assert "lf was recorded with the pack " in str(result.exception)
+    result = CliRunner().invoke(replay, [str(walk), "--packs", str(tmp_path / "new")])
+    assert (result.exit_code, "warning: " in result.stderr) == (0, True)
