@@ -35,6 +35,7 @@ _COMMANDS = {
         "footsense.cli.evaluate:evaluate",
         "Compare a foot's forces with the reference of a bench.",
     ),
+    "probe": ("footsense.cli.probe:probe", "Say what is on the buses, and what is wrong with it."),
     "bench": ("footsense.cli.bench:bench", "Measure scan, cycle and start beside their limits."),
     "soak": (
         "footsense.cli.soak:soak",

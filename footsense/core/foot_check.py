@@ -12,27 +12,32 @@ from numpy.typing import NDArray
 from footsense.core import quality
 from footsense.frames import ELEMENTS, Cause, Reading
 
-__all__ = ["Finding", "FootScans", "findings"]
+__all__ = ["CHIP_READINGS", "Finding", "FootScans", "findings"]
 
 _ELEMENTS = np.arange(ELEMENTS)
 _ROW, _COLUMN = _ELEMENTS // 3, _ELEMENTS % 3
 
 #: What a leg's readings say of its chips, and what to check; the gravest first.
 _CHIPS = {
-    Reading.NOT_READY: (
-        Cause.NEVER_FINISHES,
-        "its converter does not finish its conversions",
-        "its 3.3 V supply",
-    ),
     Reading.MISCONFIGURED: (
         Cause.SETTINGS_LOST,
         "a chip does not hold what it is told",
-        "the supply of row switch and converter, and the switch's RESET pin",
+        "the supply of its chips and the switches' RESET pin; or a loose contact",
+    ),
+    Reading.EXCITATION: (
+        Cause.CANNOT_EXCITE,
+        "its converter cannot drive the rows",
+        "a row line that is shorted or leaks to ground",
     ),
     Reading.GARBLED: (
         Cause.GARBLED,
         "its answers are such as no healthy chip gives",
         "pull-ups, cable length and ground of this leg",
+    ),
+    Reading.NOT_READY: (
+        Cause.NEVER_FINISHES,
+        "its converter does not finish its conversions",
+        "its 3.3 V supply",
     ),
     Reading.HELD_UP: (
         Cause.HELD_UP,
@@ -40,6 +45,10 @@ _CHIPS = {
         "what else loads this computer or this bus",
     ),
 }
+
+
+#: Readings that say nothing of the foot.
+CHIP_READINGS = (*_CHIPS, Reading.NO_ANSWER)
 
 
 class FootScans(NamedTuple):
@@ -71,6 +80,12 @@ class FootScans(NamedTuple):
         worst: NDArray[np.uint8] = self.reading.max(axis=0)
         return worst
 
+    @property
+    def is_intermittent(self) -> bool:
+        """Whether the chips did as they were told in some of the scans and not in others."""
+        spoilt = np.isin(self.reading, CHIP_READINGS).any(axis=1)
+        return bool(spoilt.any() and not spoilt.all())
+
 
 class Finding(NamedTuple):
     """Something that is wrong with a foot.
@@ -80,12 +95,14 @@ class Finding(NamedTuple):
         elements: Flat indices of the elements that it concerns.
         what: What it is, in words.
         check: What to look at.
+        is_fit: Whether the readings can be those of a sound foot, only of another one than was expected.
     """
 
     cause: Cause
     elements: tuple[int, ...]
     what: str
     check: str
+    is_fit: bool = False
 
 
 def findings(
@@ -120,8 +137,8 @@ def findings(
             return (Finding(cause, tuple(range(ELEMENTS)), what, check),)
     mean_pf = scans.mean_pf - stray_pf
     over = scans.worst == Reading.OVER_RANGE
-    opened = mean_pf < quality.OPEN_REL * unloaded_pf
-    broken = [*_shorted(over), *_opened(opened, over)]
+    opened = (mean_pf < quality.OPEN_REL * unloaded_pf) | (scans.worst == Reading.UNDER_RANGE)
+    broken = [*_over_range(over, opened), *_opened(opened, over)]
     wrong = opened | over
     # A row that floats adds to the others what it still has to ground.
     mean_pf = mean_pf - quality.floating_pf(scans.mean_pf[None], opened[None])[0]
@@ -129,26 +146,34 @@ def findings(
     if loud.any():
         broken.append(_loud(loud, scans.noise_ff, noise_limit_ff))
     off_rel = mean_pf / unloaded_pf - 1.0
-    off = ~wrong & (np.abs(off_rel) > unloaded_limit_rel)
+    off = ~(wrong | loud) & (np.abs(off_rel) > unloaded_limit_rel)
     if off.any():
         broken.append(_off(off, off_rel, unloaded_limit_rel))
     return tuple(broken)
 
 
-def _shorted(over: NDArray[np.bool_]) -> list[Finding]:
+def _over_range(over: NDArray[np.bool_], opened: NDArray[np.bool_]) -> list[Finding]:
     """Tell of elements over the converter's range: a whole column of them has its line at ground."""
     found = []
     for column in range(3):
-        elements = np.flatnonzero(over & (column == _COLUMN))
+        of_column = column == _COLUMN
+        elements = np.flatnonzero(over & of_column)
         if len(elements) == 3:
             what = f"the line of column {column} is shorted to ground"
             check = "the plug, then the trace of that column"
             found.append(Finding(Cause.ELEMENT_SHORTED, _plain(elements), what, check))
             continue
         for element in _plain(elements):
-            what = f"element {element} is shorted; with it the rest of column {column} cannot be read"
-            check = f"whether the electrodes of row {element // 3}, column {column} touch"
-            found.append(Finding(Cause.ELEMENT_SHORTED, (element,), what, check))
+            # A short to the shield's driver leaves nothing of the rest of its column.
+            if (over | opened)[of_column].all():
+                what = f"element {element} is shorted; with it the rest of column {column} cannot be read"
+                check = f"whether the electrodes of row {element // 3}, column {column} touch"
+                found.append(Finding(Cause.ELEMENT_SHORTED, (element,), what, check))
+            else:
+                what = f"element {element} reads more than the converter can: its gap is shut"
+                found.append(
+                    Finding(Cause.GAP_SHUT, (element,), what, "water in the gap, and what presses the foot")
+                )
     return found
 
 
@@ -158,7 +183,8 @@ def _opened(opened: NDArray[np.bool_], over: NDArray[np.bool_]) -> list[Finding]
         what, check = "none of its elements is connected", "whether the foot is plugged in"
         return [Finding(Cause.ELEMENT_OPEN, _plain(_ELEMENTS), what, check)]
     # A shorted element takes the others of its column along.
-    left = opened & ~np.isin(_COLUMN, _COLUMN[over])
+    taken = [bool((opened | over)[column::3].all() and over[column::3].any()) for column in range(3)]
+    left = opened & ~np.array(taken)[_COLUMN]
     found = []
     for name, cause, number_of, end in (
         ("row", Cause.ROW_OPEN, _ROW, "the row switch"),
@@ -194,6 +220,7 @@ def _off(off: NDArray[np.bool_], off_rel: NDArray[np.float64], limit_rel: float)
         f"element {worst} reads {off_rel[worst]:+.1%} from what the free foot is expected to; "
         f"a tare is refused above {limit_rel:.1%}",
         "that nothing presses the foot; then put its readings below into the configuration as unloaded_pf",
+        is_fit=True,
     )
 
 
