@@ -1,19 +1,19 @@
 """The composition root: the only place that knows which backend stands behind which port.
 
+foot_types   name  -> files            of the feet that the robot has
 scanning     buses -> scanner          real adapters, or a simulated robot in a scene
 estimation   card  -> pipeline         the network, and what it was made for
 service      all of it, opened in order and closed in the opposite one
 """
 
 from footsense.app.estimation import (
-    FOOT_TYPE,
     load_network,
     load_packs,
     pipeline_for,
     recorded_config,
     recorded_flags,
-    released,
 )
+from footsense.app.foot_types import FOOT_TYPE, artefact, foot_type_of, released
 from footsense.app.packs import packs_difference
 from footsense.app.scanning import Scanning, is_simulated, scanning, simulated_robot
 from footsense.app.service import Service, can_sink, service
@@ -22,7 +22,9 @@ __all__ = [
     "FOOT_TYPE",
     "Scanning",
     "Service",
+    "artefact",
     "can_sink",
+    "foot_type_of",
     "is_simulated",
     "load_network",
     "load_packs",

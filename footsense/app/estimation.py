@@ -7,8 +7,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-import footsense
 from firmware_interface import fdc1004
+from footsense.app.foot_types import artefact, foot_type_of, require_foot_type
 from footsense.app.packs import packs_of
 from footsense.config import Can, Config
 from footsense.core.calibrated import CalibratedFeet
@@ -20,8 +20,9 @@ from footsense.core.pipeline import Pipeline, Reckoning
 from footsense.core.scan_by_scan import ScanByScan
 from footsense.core.sensitivity import sensitivity
 from footsense.core.tare import TareLimits
+from footsense.drivers.ganged_scanner import CAPDAC
 from footsense.drivers.scan_plan import ORDERS
-from footsense.errors import ModelError, RecordingError
+from footsense.errors import ConfigError, RecordingError
 from footsense.frames import ELEMENTS
 from footsense.inference.foot_pack import FootPack
 from footsense.inference.network import Network
@@ -34,16 +35,7 @@ PerElement = Sequence[float] | NDArray[np.float64]
 
 #: Scans in which a step of the load has passed through all elements, and what was made of them.
 _SETTLED_SCANS = 4
-
-#: The foot that the released artefacts are for.
-FOOT_TYPE = "aoyagi-3x3"
-
-
-def released(name: str) -> Path:
-    """Return the path of a released artefact: inside the installed package, or beside it in a checkout."""
-    package = Path(footsense.__file__).parent
-    installed = package / "models" / FOOT_TYPE / name
-    return installed if installed.exists() else package.parent / "models" / FOOT_TYPE / name
+_ROWS = 3
 
 
 def load_packs(config: Config) -> dict[str, FootPack]:
@@ -52,11 +44,11 @@ def load_packs(config: Config) -> dict[str, FootPack]:
     Raises:
         ModelError: One is missing, or cannot be used for that foot.
     """
-    return packs_of(config, FOOT_TYPE)
+    return packs_of(config, foot_type_of(config))
 
 
 def load_network(config: Config, packs: Packs | None = None) -> Network:
-    """Return the network that the configuration names, or the released one.
+    """Return the network that the configuration names, or that of its foot type.
 
     Args:
         config: The robot.
@@ -65,14 +57,11 @@ def load_network(config: Config, packs: Packs | None = None) -> Network:
     Raises:
         ModelError: There is none, or it is made for another foot.
     """
-    path = Path(config.model) if config.model else released("network.onnx")
+    path = Path(config.model) if config.model else artefact(config, "network.onnx")
     for pack in (load_packs(config) if packs is None else packs).values():
         path = pack.network
     network = Network(path, n_rows=_n_rows(config))
-    if network.card.foot_type != FOOT_TYPE:
-        raise ModelError(
-            f"{path}: made for foot type {network.card.foot_type!r}, these feet are {FOOT_TYPE!r}"
-        )
+    require_foot_type(path, network.card.foot_type, config)
     return network
 
 
@@ -122,7 +111,20 @@ def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | No
 
 
 def _ganged(config: Config, network: Network) -> Ganged:
+    """Return what makes elements of column sums.
+
+    Raises:
+        ConfigError: The columns of these feet are beyond what the converter reads at once.
+    """
     calibration = network.card.calibration
+    design = calibration.design
+    most_pf = CAPDAC * fdc1004.CAPDAC_STEP_PF + fdc1004.capacitance_pf(fdc1004.CODE_MAX)
+    column_pf = _ROWS * float(design.capacitance_pf(np.array([0.5 * design.gap_um]))[0])
+    if column_pf > most_pf:
+        raise ConfigError(
+            f"scan.gang: a column of {foot_type_of(config)} has {column_pf:.1f} pF with its gaps half shut, "
+            f"{most_pf:.1f} pF can be read; use gang: false"
+        )
     unknown = unknown_rel(network, _n_rows(config), calibration.moments)
     scan_ns = ELEMENTS * _step_ns(config)
     return Ganged(len(config.legs), calibration.moments, calibration.design, scan_ns, unknown)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface.serial_frames import RECORD_BITS
-from footsense.app.estimation import released
+from footsense.app.foot_types import artefact, require_foot_type
 from footsense.backends.linux_gpio import LinuxResetLine
 from footsense.backends.linux_i2c import LinuxI2cBus
 from footsense.backends.serial_link import SerialLink
@@ -68,7 +68,7 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     """Return the robot of a scene, wired as configured.
 
     Raises:
-        ModelError: The response table of its feet is missing or unreadable.
+        ModelError: The response table of its feet is missing, unreadable, or of another foot type.
         ConfigError: Something is to break on a leg that the robot does not have.
     """
     for n, fault in enumerate(scene.faults):
@@ -96,7 +96,10 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     ]
     if config.serial is not None:  # its legs are on wires of its own, which nobody sees
         wiring = [Wiring(400_000, 0x71, {leg: place for place, leg in enumerate(config.legs)})]
-    return SimulatedRobot(scene, FootResponse.load(released("response.npz")), wiring)
+    table = artefact(config, "response.npz")
+    response = FootResponse.load(table)
+    require_foot_type(table, response.foot_type, config)
+    return SimulatedRobot(scene, response, wiring)
 
 
 class OpenBus(NamedTuple):

@@ -31,8 +31,10 @@ def _summary(config: Config, network: Network, packs: Mapping[str, FootPack]) ->
     model = "that of the packs" if packs else config.model
     cpu = "" if realtime is None or realtime.cpu is None else f" on processor {realtime.cpu}"
     gang = ", column by column in the air" if config.scan.gang else ""
+    design = network.card.calibration.design
     return [
         f"{len(config.legs)} legs on the board {config.board}",
+        f"feet: {config.foot_type}, {design.rest_pf:.2f} pF per element at rest, gaps of {design.gap_um:g} um",
         f"scan: {_scan(config)}{gang}",
         f"forces: {_forces(config)}",
         *(_bus_line(bus, config) for bus in config.buses),
@@ -43,7 +45,7 @@ def _summary(config: Config, network: Network, packs: Mapping[str, FootPack]) ->
         f"zero: {'follows the foot in the air' if config.zero.track else 'stands still between tares'}",
         f"contact from {config.contact.touch_n:g} N",
         f"stale after {config.stale_after_ms:g} ms",
-        f"network: {model or 'the released one'}, {network.sha256[:12]}, for {network.card.foot_type}",
+        f"network: {model or 'that of the foot type'}, {network.sha256[:12]}",
         f"CAN: {config.can.interface} {config.can.channel}, {config.can.bitrate // 1000} kbit/s",
         f"metrics: {f'http://{metrics.address}:{metrics.port}/metrics' if metrics else 'none'}",
         f"real time: {f'SCHED_FIFO {realtime.priority}{cpu}' if realtime else 'not asked for'}",

@@ -2,33 +2,64 @@
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+import msgspec
 
 from footsense import app
 from footsense.cli.lab_options import models_option, released_folder, require_writable, stopwatch_report
 from footsense.errors import FootsenseError
 
+if TYPE_CHECKING:
+    from footsense.lab.geometry import SoleDesign
+
 
 @click.command()
 @click.option(
-    "--output",
+    "--foot",
+    type=click.Path(path_type=Path),
+    help="Description of the foot, a YAML file; without it the shipped one's.",
+)
+@click.option(
+    "--out",
     type=click.Path(file_okay=False, path_type=Path),
-    help=f"Folder for the files; without it ./models/{app.FOOT_TYPE}.",
+    help="Folder in which the foot type's own folder is made; without it ./models, quick ones ./models-quick.",
 )
 @click.option("--quick", is_flag=True, help="Coarse mesh, short training: every step, no release.")
-def build(*, output: Path | None, quick: bool) -> None:
-    """Solve the foot, train the network, write both with their card, and print the error table."""
-    folder = output or Path("models") / (f"{app.FOOT_TYPE}-quick" if quick else app.FOOT_TYPE)
+def build(*, foot: Path | None, out: Path | None, quick: bool) -> None:
+    """Solve a foot, train its network, write both with their card, and print the error table."""
+    from footsense.lab.foot_file import FOOT_FILE, load_foot
+
+    description = foot or app.released(FOOT_FILE)
+    sole = load_foot(description)
+    folder = (out or Path("models-quick" if quick else "models")) / sole.foot_type
+    for known in (folder, app.released(FOOT_FILE, sole.foot_type).parent):
+        _require_no_other(known / FOOT_FILE, description, sole)
     require_writable(folder)
     from footsense.lab.build import FULL, QUICK
     from footsense.lab.build import build as build_models
     from footsense.lab.evaluate_models import as_markdown
 
     report = stopwatch_report()
-    built = build_models(folder, QUICK if quick else FULL, report)
+    built = build_models(description, folder, QUICK if quick else FULL, report)
     report(f"wrote {folder}; JAX and ONNX Runtime differ by at most {1000 * built.parity_n:.4f} mN")
     click.echo(as_markdown(built.table))
+
+
+def _require_no_other(known: Path, description: Path, sole: "SoleDesign") -> None:
+    """Check that a foot type's name is not that of another foot: their networks could not be told apart.
+
+    Raises:
+        FootsenseError: It is.
+    """
+    from footsense.lab.foot_file import load_foot
+
+    if known.exists() and msgspec.structs.replace(load_foot(known), about=sole.about) != sole:
+        raise FootsenseError(
+            f"{description}: foot_type: {known} describes another foot of the name {sole.foot_type}; "
+            "give this one a name of its own, or remove that folder"
+        )
 
 
 @click.command()

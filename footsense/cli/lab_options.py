@@ -13,12 +13,12 @@ from footsense.errors import FootsenseError
 models_option = click.option(
     "--models",
     type=click.Path(file_okay=False, path_type=Path),
-    help="Folder with network.onnx and response.npz; without it the released ones.",
+    help="Folder of a foot type, as `lab build` makes it; without it the shipped one's.",
 )
 
 
 def released_folder() -> Path:
-    """Return the folder of the released files."""
+    """Return the folder of the shipped foot."""
     return app.released("network.onnx").parent
 
 
@@ -33,7 +33,7 @@ def require_writable(folder: Path) -> None:
         tempfile.TemporaryDirectory(dir=folder).cleanup()
     except OSError as error:
         raise FootsenseError(
-            f"{folder}: cannot be written to: {error.strerror}; choose another --output"
+            f"{folder}: cannot be written to: {error.strerror}; choose another folder"
         ) from error
 
 

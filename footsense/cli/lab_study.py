@@ -61,14 +61,14 @@ def response(
     as_json_text: bool,
 ) -> None:
     """Print what one centred load does to the nine elements."""  # noqa: DOC501 - click shows this text
-    from footsense.lab.evaluate_models import RESPONSE_FILE
-    from footsense.lab.geometry import SoleDesign
+    from footsense.lab.evaluate_models import open_models
+    from footsense.lab.foot_file import FOOT_FILE, load_foot
     from footsense.lab.ladder.query import response_to
-    from footsense.sim.foot import FootResponse
 
-    table = FootResponse.load((models or released_folder()) / RESPONSE_FILE)
+    folder = models or released_folder()
+    table, _ = open_models(folder)
     try:
-        found = response_to(table, SoleDesign(), direction_deg, force_n, rung_name)
+        found = response_to(table, load_foot(folder / FOOT_FILE), direction_deg, force_n, rung_name)
     except ValueError as error:
         raise FootsenseError(str(error)) from error
     if as_json_text:
@@ -197,12 +197,13 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
     from footsense.cli.lab_faults import write_page_of_faults
     from footsense.lab.build import FULL, QUICK, build
     from footsense.lab.evaluate_models import NETWORK_FILE, RESPONSE_FILE
+    from footsense.lab.foot_file import FOOT_FILE
     from footsense.lab.report import is_made, make_report
     from footsense.lab.study.page import Workbench
 
     say, started_ns, build_s = stopwatch_report(), stopwatch_ns(), None
     if not (resume and all((folder / name).exists() for name in (NETWORK_FILE, RESPONSE_FILE))):
-        build(folder, QUICK if quick else FULL, say)
+        build(app.released(FOOT_FILE), folder, QUICK if quick else FULL, say)
         build_s = (stopwatch_ns() - started_ns) / 1e9
     bench = Workbench(models=folder, quick=quick, say=say)
     if not (resume and is_made("faults", pages, bench)):

@@ -59,11 +59,13 @@ def load_config(path: Path) -> Config:
         path: The file.
 
     Returns:
-        The configuration, with `model` and `packs` resolved against the directory of the file.
+        The configuration, with `model`, `packs` and the folder of `foot_type` resolved against the directory of
+        the file.
 
     Raises:
         ConfigError: The file is missing, is not such YAML, does not fit, or contradicts itself.
     """
     config = load(path, Config, check=first_contradiction)
-    paths = {"model": config.model, "packs": config.packs}
+    folder = config.foot_type if "/" in config.foot_type else None
+    paths = {"model": config.model, "packs": config.packs, "foot_type": folder}
     return replace(config, **{key: str(path.parent / value) for key, value in paths.items() if value})

@@ -258,7 +258,9 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         stray_pf: Capacitance beside each element that is not the foot's [pF], nine per leg; 0 where absent.
         unloaded_pf: What each element of a mounted foot reads while nothing presses it, stray included [pF], nine per
             leg; none given means the design's. A tare must come near it.
-        model: Network to use, relative to the file; None for the released one.
+        foot_type: Which type of foot is mounted: the name of a released one, or, with a slash, the folder that
+            `footsense lab build` made of another, relative to the file. The folder has the name of the type.
+        model: Network to use, relative to the file; None for that of the foot type.
         feet: Which foot is mounted on which leg.
         packs: Directory of the packs that feet were calibrated into, relative to the file; every foot in `feet` needs
             one there, and brings its stray_pf, unloaded_pf and network. None takes every foot for the designed one.
@@ -279,6 +281,13 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     max_age_ms: Annotated[int, Meta(ge=1, le=10_000)] | None = None
     stray_pf: dict[Leg, StrayPf] = {}
     unloaded_pf: dict[Leg, UnloadedPf] = {}
+    foot_type: Annotated[
+        str,
+        Meta(
+            pattern=r"^(.*/)?[a-z0-9][a-z0-9-]{0,39}$",
+            description="such as aoyagi-3x3, or ./models/my-foot for a folder",
+        ),
+    ] = "aoyagi-3x3"
     model: Annotated[str, Meta(min_length=1)] | None = None
     feet: dict[Leg, FootId] = {}
     packs: Annotated[str, Meta(min_length=1)] | None = None

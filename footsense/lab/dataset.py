@@ -14,21 +14,13 @@ from numpy.typing import NDArray
 from firmware_interface import fdc1004
 from footsense.core import force_errors
 from footsense.core.design import CapacitorDesign
+from footsense.errors import ModelError
+from footsense.lab.geometry import LoadRange
 from footsense.lab.response import SYMMETRIES, element_map
 from footsense.sim.fabricated import Deviations, Foot
 from footsense.sim.foot import FootResponse
 
 GRAM_FORCE_N = force_errors.GRAM_FORCE_N
-#: Largest force of the wide set [N].
-WIDE_MAX_N = 2.0
-#: Share of the wide set's centred loads; the others lean by up to the friction angle.
-WIDE_CENTRED_SHARE = 0.5
-#: Largest angle between force and contact normal [deg]: a friction coefficient of 0.7.
-FRICTION_ANGLE_DEG = 35.0
-#: How far the others lean, sideways and along [deg, rms each]: a level walk uses a friction coefficient of 0.2.
-TYPICAL_LEAN_DEG = 10.0
-#: Lowest elevation of force and of contact normal in the wide set [deg].
-WIDE_MIN_ELEVATION_DEG = 30.0
 #: Noise of one conversion and of the baseline [pF, rms], as the card's sigma is measured with.
 NOISE_PF, BASELINE_NOISE_PF = 0.5e-3, 0.2e-3
 #: Mean closure as if no gap could shut from which an element is beyond the converter's range for certain [1 of the
@@ -36,13 +28,15 @@ NOISE_PF, BASELINE_NOISE_PF = 0.5e-3, 0.2e-3
 HOPELESS_REL = 1.5
 #: What the converter can tell [pF]; beyond, the daemon says `saturated`.
 FULL_SCALE_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
-#: Loads that are turned into closures at once, for the sake of memory.
+#: LoadRange that are turned into closures at once, for the sake of memory.
 _AT_ONCE = 2048
+#: How often as many loads may be drawn as are wanted: a foot that saturates under 19 of 20 is not of use under them.
+_MOST_DRAWS = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cases:
-    """Loads and what the gaps do under them.
+    """LoadRange and what the gaps do under them.
 
     Attributes:
         force_n: Ground reaction on the foot [N], shape (n, 3).
@@ -121,36 +115,44 @@ def _cap(rng: np.random.Generator, n: int, lowest_deg: float) -> NDArray[np.floa
     return np.column_stack([flat * np.cos(azimuth), flat * np.sin(azimuth), z])
 
 
-def leaning_normals(rng: np.random.Generator, direction: NDArray[np.float64]) -> NDArray[np.float64]:
+def leaning_normals(
+    loads: LoadRange, rng: np.random.Generator, direction: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return contact normals that lean away from the force's direction, mostly little, never beyond friction."""
-    n = len(direction)
+    n, typical_deg = len(direction), loads.typical_lean_deg
     # A Rayleigh distribution cut off at the friction angle, by inversion.
-    within = -np.expm1(-0.5 * (FRICTION_ANGLE_DEG / TYPICAL_LEAN_DEG) ** 2)
-    angle = np.radians(TYPICAL_LEAN_DEG) * np.sqrt(-2.0 * np.log1p(-within * rng.uniform(size=n)))
-    angle[rng.uniform(size=n) < WIDE_CENTRED_SHARE] = 0.0
+    within = -np.expm1(-0.5 * (loads.friction_angle_deg / typical_deg) ** 2)
+    angle = np.radians(typical_deg) * np.sqrt(-2.0 * np.log1p(-within * rng.uniform(size=n)))
+    angle[rng.uniform(size=n) < loads.centred_share] = 0.0
     sideways = np.cross(direction, rng.normal(size=(n, 3)))
     sideways /= np.linalg.norm(sideways, axis=1, keepdims=True)
     normal: NDArray[np.float64] = np.cos(angle)[:, None] * direction + np.sin(angle)[:, None] * sideways
     return normal
 
 
-def wide(response: FootResponse, n: int, seed: int, deviations: Deviations | None = None) -> Cases:
+def wide(
+    response: FootResponse, loads: LoadRange, n: int, seed: int, deviations: Deviations | None = None
+) -> Cases:
     """Return n random loads within the converter's range.
 
-    Half of the magnitudes are uniform up to 2 N, half uniform in the logarithm from 10 mN, so that a light touch
-    is as well known as a firm step. Gaps may shut in part; loads that drive an element beyond the converter's full
+    Half of the magnitudes are uniform up to the largest, half uniform in the logarithm from a light touch, so that
+    that is as well known as a firm step. Gaps may shut in part; loads that drive an element beyond the converter's full
     scale are drawn again: the daemon calls them saturated.
+
+    Raises:
+        ModelError: The converter can tell hardly any of the loads.
     """
     rng = np.random.default_rng(seed)
     foot = Foot(response, deviations)
-    lowest_z = np.sin(np.radians(WIDE_MIN_ELEVATION_DEG))
+    lowest_z = np.sin(np.radians(loads.min_elevation_deg))
     forces, closures, found = [], [], 0
-    while found < n:
-        direction = _cap(rng, n, WIDE_MIN_ELEVATION_DEG)
-        normal = leaning_normals(rng, direction)
+    for _ in range(_MOST_DRAWS):
+        direction = _cap(rng, n, loads.min_elevation_deg)
+        normal = leaning_normals(loads, rng, direction)
         even = rng.uniform(size=n) < 0.5
+        even_n = rng.uniform(0.0, loads.max_n, n)
         magnitude = np.where(
-            even, rng.uniform(0.0, WIDE_MAX_N, n), np.exp(rng.uniform(np.log(0.01), np.log(WIDE_MAX_N), n))
+            even, even_n, np.exp(rng.uniform(np.log(loads.lightest_n), np.log(loads.max_n), n))
         )
         reached = np.flatnonzero(normal[:, 2] >= lowest_z)
         reached = reached[_may_be_told(foot, normal[reached], (direction * magnitude[:, None])[reached])]
@@ -160,7 +162,12 @@ def wide(response: FootResponse, n: int, seed: int, deviations: Deviations | Non
         forces.append(force[in_range])
         closures.append(closure[in_range])
         found += int(in_range.sum())
-    return Cases(np.concatenate(forces)[:n], np.concatenate(closures)[:n])
+        if found >= n:
+            return Cases(np.concatenate(forces)[:n], np.concatenate(closures)[:n])
+    raise ModelError(
+        f"{response.foot_type}: of loads up to {loads.max_n:g} N the converter can tell "
+        f"{found / (_MOST_DRAWS * n):.1%}; lower loads.max_n, or make the foot stiffer or its gap thicker"
+    )
 
 
 def _may_be_told(foot: Foot, normal: NDArray[np.float64], force_n: NDArray[np.float64]) -> NDArray[np.bool_]:

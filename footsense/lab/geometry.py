@@ -1,21 +1,33 @@
-"""The sole sensor of the paper as numbers: one frozen description that mesh, material and read-out share.
+"""A foot type as numbers: one frozen description that mesh, material, read-out and training share.
 
-Lengths in mm and stresses in MPa inside the lab, so that forces are in N; closures leave it in um.
-Not given by the paper and decided here: the cavities have the size of the electrodes, so that the spacer is four
-crossing bars of 1 mm, open to the edge of the sheet; the air in the cavities does not resist (it is vented).
+The numbers of each foot stand in its `foot.yaml` alone, which `foot_file` reads. Lengths in mm and stresses in MPa
+inside the lab, so that forces are in N; closures leave it in um. Decided here for every foot: the cavities have the
+size of the electrodes, so that the spacer is four crossing bars, open to the edge of the sheet; the air in the cavities
+does not resist (it is vented).
 
 Source:
     Aoyagi et al., sections III A (materials), III C and F (array), IV and Fig. 13 (layers).
 """
 
-import math
-from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta, Struct
 
 from footsense.core.design import CapacitorDesign
 
+#: Lowest contact normal that a foot's response table answers for [deg].
+MIN_ELEVATION_DEG = 25.0
+#: Rim of the disc that the table is fitted on [deg]: below the lowest contact by more than the largest patch.
+FIT_ELEVATION_DEG = 12.0
 
-@dataclass(frozen=True, slots=True)
-class Material:
+_Length = Annotated[float, Meta(gt=0.0, le=200.0, description="a length in mm")]
+_Layer = Annotated[float, Meta(ge=0.1, le=2000.0, description="a thickness in um")]
+_Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+_Lean = Annotated[float, Meta(ge=1.0, le=60.0, description="an angle in degrees")]
+
+
+class Material(Struct, frozen=True, forbid_unknown_fields=True):
     """An isotropic linear elastic material.
 
     Attributes:
@@ -23,8 +35,8 @@ class Material:
         poisson: Poisson's ratio nu [1].
     """
 
-    youngs_mpa: float
-    poisson: float
+    youngs_mpa: Annotated[float, Meta(ge=0.01, le=1e6, description="Young's modulus in MPa")]
+    poisson: Annotated[float, Meta(gt=0.0, lt=0.5, description="rubber has 0.49")]
 
     @property
     def shear_mpa(self) -> float:
@@ -47,12 +59,47 @@ class Material:
         return self.youngs_mpa / (1.0 - self.poisson**2)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SoleDesign:
+class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What a foot's network is trained for: the loads of the wide set.
+
+    Attributes:
+        max_n: Largest force [N].
+        friction_angle_deg: Largest angle between force and contact normal [deg].
+        typical_lean_deg: How far leaning loads lean, sideways and along [deg, rms each].
+        min_elevation_deg: Lowest elevation of force and of contact normal [deg].
+        centred_share: Share of the loads that do not lean [1].
+    """
+
+    max_n: Annotated[float, Meta(gt=0.0, le=30.0, description="a force on CAN ends at 32 N")]
+    friction_angle_deg: _Lean
+    typical_lean_deg: _Lean
+    min_elevation_deg: Annotated[
+        float, Meta(ge=MIN_ELEVATION_DEG, le=80.0, description="the response table begins at 25 deg")
+    ]
+    centred_share: _Share
+
+    @property
+    def lightest_n(self) -> float:
+        """Lightest touch that is taught on purpose [N]."""
+        return 0.005 * self.max_n
+
+    @property
+    def floor_n(self) -> float:
+        """Force below which training counts errors absolutely [N]."""
+        return 0.15 * self.max_n
+
+    @property
+    def judged_from_n(self) -> float:
+        """Force from which errors are tabled [N]: the converter's noise alone hides the direction of less."""
+        return 0.1 * self.max_n
+
+
+class SoleDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The foot: two hemispheres, two plates of PDMS, and a spacer with nine cavities between the plates.
 
     Attributes:
-        foot_type: Name under which table and network are released.
+        foot_type: Name under which table and network are built, and of their folder.
+        about: What foot that is, as its model card begins.
         ball_radius_mm: Radius of both hemispheres [mm].
         sheet_mm: Side of the square sheet [mm].
         plate_mm: Thickness of each of the two plates that carry the electrodes [mm].
@@ -62,36 +109,27 @@ class SoleDesign:
         gap_um: Air gap at rest [um].
         film_um: Film below the gap [um].
         film_eps_r: Relative permittivity of the film [1].
-        rubber: Butadiene rubber of the ball.
-        pdms: Silicone of the sheet.
+        rubber: Of the ball.
+        pdms: Of the sheet.
+        loads: What the network is trained for.
     """
 
-    foot_type: str = "aoyagi-3x3"
-    ball_radius_mm: float = 10.0
-    sheet_mm: float = 14.0
-    plate_mm: float = 0.5
-    spacer_mm: float = 0.037
-    pitch_mm: float = 5.0
-    electrode_mm: float = 4.0
-    gap_um: float = 20.0
-    film_um: float = 17.0
-    film_eps_r: float = 2.7
-    rubber: Material = field(default_factory=lambda: Material(5.2, 0.49))
-    pdms: Material = field(default_factory=lambda: Material(3.0, 0.40))
-
-    def __post_init__(self) -> None:
-        """Check that the parts fit.
-
-        Raises:
-            ValueError: The array is larger than the sheet, or the sheet than the hemispheres' flat faces.
-        """
-        array_mm = 2.0 * self.pitch_mm + self.electrode_mm
-        if not (self.electrode_mm < self.pitch_mm and array_mm <= self.sheet_mm):
-            raise ValueError(f"an array of {array_mm:g} mm does not fit on a sheet of {self.sheet_mm:g} mm")
-        if self.sheet_mm >= math.sqrt(2.0) * self.ball_radius_mm:
-            raise ValueError(
-                f"a sheet of {self.sheet_mm:g} mm overhangs a ball of {self.ball_radius_mm:g} mm radius"
-            )
+    foot_type: Annotated[
+        str, Meta(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$", description="small letters, digits and hyphens")
+    ]
+    about: Annotated[str, Meta(min_length=1, max_length=80)]
+    ball_radius_mm: _Length
+    sheet_mm: _Length
+    plate_mm: Annotated[float, Meta(ge=0.01, le=20.0, description="a thickness in mm")]
+    spacer_mm: Annotated[float, Meta(ge=0.002, le=2.0, description="a thickness in mm")]
+    pitch_mm: _Length
+    electrode_mm: _Length
+    gap_um: _Layer
+    film_um: _Layer
+    film_eps_r: Annotated[float, Meta(ge=1.0, le=100.0, description="that of air is 1")]
+    rubber: Material
+    pdms: Material
+    loads: LoadRange
 
     @property
     def capacitor(self) -> CapacitorDesign:
@@ -107,3 +145,8 @@ class SoleDesign:
     def centres_mm(self) -> list[tuple[float, float]]:
         """Centre (x, y) of each element [mm], flat index 3 i + j: row 0 most forward, column 0 leftmost."""
         return [((1 - i) * self.pitch_mm, (1 - j) * self.pitch_mm) for i in range(3) for j in range(3)]
+
+    def patch_deg(self, force_n: float) -> float:
+        """Return how far a contact patch reaches around the ball under a force along its normal [deg], by Hertz."""
+        radius_mm = np.cbrt(0.75 * force_n * self.ball_radius_mm / self.rubber.hertz_mpa)
+        return float(np.degrees(radius_mm / self.ball_radius_mm))

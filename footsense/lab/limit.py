@@ -31,12 +31,12 @@ from footsense.lab.dataset import (
     FULL_SCALE_PF,
     GRAM_FORCE_N,
     NOISE_PF,
-    WIDE_MIN_ELEVATION_DEG,
     directions,
     leaning_normals,
     measured_closure_rel,
     sensed_closure_um,
 )
+from footsense.lab.geometry import LoadRange
 from footsense.sim.fabricated import Foot
 from footsense.sim.foot import FootResponse
 
@@ -210,8 +210,8 @@ class Rung:
 
     Attributes:
         magnitude_gf: The magnitude [gf].
-        n: Loads.
-        n_saturated: Loads beyond the converter's range, left out.
+        n: LoadRange.
+        n_saturated: LoadRange beyond the converter's range, left out.
         network: What the read-out does.
         leaning: The bound with five unknowns.
         centred: The bound with three unknowns; None where the loads lean.
@@ -263,15 +263,15 @@ def verification_directions() -> Vector:
     return directions(azimuth.ravel(), elevation.ravel())
 
 
-def leaning_contacts(rng: np.random.Generator, n: int) -> tuple[Vector, Vector]:
+def leaning_contacts(loads: LoadRange, rng: np.random.Generator, n: int) -> tuple[Vector, Vector]:
     """Return contact normals and directions of force, shapes (m, 3), m <= n: those of n whose contact is in reach.
 
     Both are drawn as those of the wide set.
     """
-    lowest = np.sin(np.radians(WIDE_MIN_ELEVATION_DEG))
+    lowest = np.sin(np.radians(loads.min_elevation_deg))
     elevation = np.degrees(np.arcsin(rng.uniform(lowest, 1.0, n)))
     direction = directions(rng.uniform(0.0, 360.0, n), elevation)
-    normal = leaning_normals(rng, direction)
+    normal = leaning_normals(loads, rng, direction)
     reached = normal[:, 2] >= lowest
     return normal[reached], direction[reached]
 
@@ -330,6 +330,7 @@ def _rung(
 
 def crb_ratio(
     response: FootResponse,
+    loads: LoadRange,
     force_of: Callable[[Vector], Vector],
     *,
     draws: int = 64,
@@ -340,6 +341,7 @@ def crb_ratio(
 
     Args:
         response: The foot.
+        loads: What its network was trained for, for the leaning loads.
         force_of: The read-out: forces [N], shape (n, 3), of noisy closures over the gap, shape (n, 9).
         draws: Draws of the noise per load.
         magnitudes_gf: Magnitudes [gf].
@@ -347,7 +349,7 @@ def crb_ratio(
     """
     foot, rng = Foot(response), np.random.default_rng(seed)
     direction = verification_directions()
-    sets = ((direction, direction), leaning_contacts(rng, LEANING_LOADS))
+    sets = ((direction, direction), leaning_contacts(loads, rng, LEANING_LOADS))
     centred, leaning = (
         tuple(_rung(foot, force_of, contacts, gf, draws, rng) for gf in magnitudes_gf) for contacts in sets
     )

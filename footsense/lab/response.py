@@ -7,7 +7,7 @@ Four steps, each with its error stated in the table's provenance:
 2. The classes are added up to the response of single cells, the class that is not solved being a transpose.
 3. Symmetry: the quarter's mesh does not know that x and y are alike, so the table and its transpose are averaged. How
    far they differed is the mesh's asymmetry, a measure of its error.
-4. G2: the mean of G0 over a Hertz patch of 1 mm by quadrature on the sphere, minus G0, over 1 mm^2. For a Hertz
+4. G2: the mean of G0 over a Hertz patch by quadrature on the sphere, minus G0, over 1 mm^2. For a Hertz
    pressure the mean of a smooth w is w + (a^2/10) lap w + O(a^4 / R^4), so one radius gives all.
 """
 
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from footsense.lab.fem.adjoint import ClassField, class_field
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
 from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, SoleDesign
 from footsense.sim.foot import FootResponse, n_products, series_basis
 from footsense.sim.gaps import CELLS_PER_SIDE
 from footsense.sim.symmetry import HALF_SIDE, SIDE, product_powers
@@ -30,12 +30,8 @@ Vector = NDArray[np.float64]
 
 #: Total degree of the series. Higher ones fit the mesh's noise; see `interpolation_rel` in the provenance.
 DEGREE = 12
-#: Rim of the fitted disc [deg]: below the lowest contact by more than the largest patch (1.3 mm is 7.5 deg).
-FIT_ELEVATION_DEG = 12.0
-#: Lowest contact normal that the table answers for [deg].
-MIN_ELEVATION_DEG = 25.0
-#: Radius of the patch that G2 is got from [mm]: that of 0.9 N.
-PATCH_MM = 1.0
+#: Radius of the patch that G2 is got from, over the ball's [1]: that of 0.9 N on the shipped foot.
+PATCH_REL = 0.1
 #: Decimals that are kept of the table [um/N]: a parallel solve differs from run to run by 1e-9, and two builds are to
 #: give the same bytes. What is cut off is below 0.1 nm per newton.
 DECIMALS = 6
@@ -230,7 +226,8 @@ def tabulate(
     basis = series_basis(normal, DEGREE, FIT_ELEVATION_DEG)
     flat = point.reshape(len(point), -1)
     on_disc = basis @ flat
-    growth = (patch_mean(flat, normal, PATCH_MM, sole) - on_disc) / PATCH_MM**2
+    patch_mm = PATCH_REL * sole.ball_radius_mm
+    growth = (patch_mean(flat, normal, patch_mm, sole) - on_disc) / patch_mm**2
     patch = np.linalg.lstsq(basis, growth, rcond=1e-10)[0].reshape(point.shape)
     shorter = series_basis(normal, DEGREE - 4, FIT_ELEVATION_DEG) @ lower.reshape(len(lower), -1)
     return FootResponse(

@@ -26,8 +26,8 @@ Vector = NDArray[np.float64]
 _PROFILE_MIN_DEG = 38.0
 #: Rounds of Newton's method; six bring 1 um to 1e-6 um with gaps shut.
 _ROUNDS = 8
-#: Largest step of a round, and the step of the differences [um].
-_LARGEST_UM, _STEP_UM = 4.0, 1e-3
+#: Largest step of a round over the gap [1], and the step of the differences [um].
+_LARGEST_REL, _STEP_UM = 0.2, 1e-3
 #: What capacitance may remain unexplained [pF]: a thousandth of the converter's noise.
 _TOLERANCE_PF = 1e-6
 
@@ -63,7 +63,7 @@ class Unbending:
             ArithmeticError: A capacitance is beyond what any load gives.
         """
         asked_pf = self.response.design.capacitance_pf(closure_um)
-        mean = closure_um.copy()
+        mean, largest_um = closure_um.copy(), _LARGEST_REL * self.response.design.gap_um
         for _ in range(_ROUNDS):
             found = self.capacitance_pf(mean)
             if np.abs(asked_pf - found).max(initial=0.0) < _TOLERANCE_PF:
@@ -71,7 +71,7 @@ class Unbending:
             moved = [self.capacitance_pf(mean + _STEP_UM * unit) for unit in np.eye(9)]
             slope = (np.stack(moved, axis=2) - found[:, :, None]) / _STEP_UM
             step = np.linalg.solve(slope, (asked_pf - found)[:, :, None])[:, :, 0]
-            mean += np.clip(step, -_LARGEST_UM, _LARGEST_UM)
+            mean += np.clip(step, -largest_um, largest_um)
         left = np.abs(asked_pf - self.capacitance_pf(mean)).max()
         if left < _TOLERANCE_PF:
             return mean

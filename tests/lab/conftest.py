@@ -19,10 +19,10 @@ def mesh() -> Any:
     import ngsolve
 
     from footsense.lab.fem.mesh import COARSE, build_mesh
-    from footsense.lab.geometry import SoleDesign
+    from tests.lab.released import SOLE
 
     ngsolve.SetNumThreads(1)  # a second thread that waits for a busy processor costs more than it gains
-    return build_mesh(SoleDesign(), COARSE)
+    return build_mesh(SOLE, COARSE)
 
 
 @pytest.fixture(scope="session")
@@ -30,9 +30,9 @@ def quarters(mesh: Any) -> "dict[Parity, Quarter]":
     """Return the factorised symmetry classes of the coarse foot."""
     from footsense.lab.fem.mesh import COARSE
     from footsense.lab.fem.quarter import SOLVED, Quarter
-    from footsense.lab.geometry import SoleDesign
+    from tests.lab.released import SOLE
 
-    return {parity: Quarter(SoleDesign(), COARSE, parity, mesh) for parity in SOLVED}
+    return {parity: Quarter(SOLE, COARSE, parity, mesh) for parity in SOLVED}
 
 
 @pytest.fixture(scope="session")
@@ -47,7 +47,7 @@ def fields(quarters: "dict[Parity, Quarter]") -> "dict[Parity, ClassField]":
 def response(fields: "dict[Parity, ClassField]") -> "FootResponse":
     """Return the coarse foot's response table."""
     from footsense.lab.fem.mesh import COARSE
-    from footsense.lab.geometry import SoleDesign
     from footsense.lab.response import tabulate
+    from tests.lab.released import SOLE
 
-    return tabulate(SoleDesign(), COARSE, fields, {})
+    return tabulate(SOLE, COARSE, fields, {})

@@ -1,17 +1,18 @@
 """The elements against elasticity that is known: exact where they can be, of full order where they cannot."""
 
-from dataclasses import replace
 from typing import Any
 
 import ngsolve as ng
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from footsense.errors import ModelError
 from footsense.lab.fem.known import HalfSpace, block_errors
 from footsense.lab.fem.mesh import COARSE, build_mesh
 from footsense.lab.fem.quarter import Parity, Quarter
 from footsense.lab.geometry import Material, SoleDesign
+from tests.lab.released import SOLE
 
 pytestmark = pytest.mark.lab
 
@@ -72,10 +73,10 @@ def test_far_below_the_patch_is_a_point(half_space: HalfSpace) -> None:
 @pytest.mark.parametrize(
     "sole",
     [
-        replace(SoleDesign(), plate_mm=1e-5),
-        replace(SoleDesign(), plate_mm=-0.5),
-        replace(SoleDesign(), electrode_mm=0.0),
-        replace(SoleDesign(), spacer_mm=0.0),
+        replace(SOLE, plate_mm=1e-5),
+        replace(SOLE, plate_mm=-0.5),
+        replace(SOLE, electrode_mm=0.0),
+        replace(SOLE, spacer_mm=0.0),
     ],
     ids=["thin", "inside-out", "no-electrode", "no-spacer"],
 )
@@ -98,10 +99,10 @@ def test_a_foot_that_cannot_be_meshed_says_so(sole: SoleDesign) -> None:
 def test_a_material_that_is_none_is_refused(rubber: Material) -> None:
     """No stiffness, a negative one, none at all, or a volume that cannot change: a ModelError before any work."""
     with pytest.raises(ModelError, match="rubber needs"):
-        Quarter(replace(SoleDesign(), rubber=rubber), COARSE, Parity(1, 1))
+        Quarter(replace(SOLE, rubber=rubber), COARSE, Parity(1, 1))
 
 
 def test_a_foot_that_nothing_holds_is_singular(mesh: Any) -> None:
     """A spacer without stiffness leaves the lower half afloat: a ModelError, not a displacement of 1e15 mm."""
     with pytest.raises(ModelError, match="singular"):
-        Quarter(replace(SoleDesign(), spacer_mm=1e30), COARSE, Parity(1, 1), mesh)
+        Quarter(replace(SOLE, spacer_mm=1e30), COARSE, Parity(1, 1), mesh)

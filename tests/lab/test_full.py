@@ -1,10 +1,11 @@
 """The full solve against Hertz, statics, and the cheaper models that it must come down to."""
 
-from dataclasses import replace
+import dataclasses
 
 import ngsolve as ng
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from netgen import occ
 
 from footsense.lab.full import foot, newton
@@ -16,11 +17,11 @@ from footsense.lab.full.mesh import Fineness, build_mesh
 from footsense.lab.full.newton import ConvergenceError, Equilibrium
 from footsense.lab.full.plane import PlaneFloor
 from footsense.lab.full.readout import cell_means, sampled_closure_um
-from footsense.lab.geometry import Material, SoleDesign
+from footsense.lab.geometry import Material
+from tests.lab.released import SOLE
 
 pytestmark = pytest.mark.lab
 
-SOLE = SoleDesign()
 COARSE = Fineness(ball_mm=4.5, plate_mm=2.5, bar_mm=2.0, patch_rel=0.5)
 UP = np.array([0.0, 0.0, 1.0])
 #: A contact behind the middle: the normal tilts forward, the force stays upright.
@@ -36,7 +37,7 @@ def test_a_light_load_is_hertz_on_the_linear_foot() -> None:
     that grows with a/R = 0.04. The linear foot knows that compliance; its approach is met more closely.
     """
     force = 5.0 * GRAM_FORCE_N * UP
-    fine = replace(COARSE, patch_rel=0.3)
+    fine = dataclasses.replace(COARSE, patch_rel=0.3)
     solved = FullFoot(SOLE, fineness=fine).solve(UP, force)
     linear = FullFoot(SOLE, fineness=fine, finite_strain=False, floor="hertz", gaps="open").solve(UP, force)
     a_mm = np.cbrt(0.75 * force[2] * SOLE.ball_radius_mm / SOLE.rubber.hertz_mpa)
@@ -128,7 +129,7 @@ def test_rubber_near_incompressible_does_not_lock() -> None:
     """From nu = 0.49 to 0.4999 closures change by what elasticity asks: 2 % more volume stiffness, no more."""
     sums = []
     for poisson in (0.49, 0.4999):
-        sole = replace(SOLE, rubber=Material(5.2, poisson))
+        sole = replace(SOLE, rubber=replace(SOLE.rubber, poisson=poisson))
         solved = FullFoot(sole, fineness=COARSE, floor="hertz", gaps="open").solve(UP, 0.2 * UP)
         sums.append(solved.closure_um.sum())
     assert abs(sums[1] / sums[0] - 1.0) < 0.05

@@ -1,23 +1,21 @@
 """The rungs against each other, against statics, and the table against a solve per load."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from footsense.lab.fem.forward import ForwardFoot
 from footsense.lab.fem.mesh import COARSE
-from footsense.lab.geometry import SoleDesign
 from footsense.lab.ladder.half_space import HalfSpace, lattice_opening_mm
 from footsense.lab.ladder.query import response_to
 from footsense.lab.ladder.rungs import NAMES, Contact, Linear, rung
 from footsense.sim.fabricated import Foot
 from footsense.sim.foot import FootResponse
+from tests.lab.released import RELEASED, SOLE
 
 pytestmark = pytest.mark.lab
 
-SOLE = SoleDesign()
 #: An inclined contact that the force leans away from: no symmetry left.
 NORMAL = np.array([[np.sin(0.4) * np.cos(0.3), np.sin(0.4) * np.sin(0.3), np.cos(0.4)]])
 FORCE = np.array([[0.3, -0.2, 0.9]])
@@ -26,7 +24,7 @@ FORCE = np.array([[0.3, -0.2, 0.9]])
 @pytest.fixture(scope="module")
 def released() -> FootResponse:
     """Return the released table."""
-    return FootResponse.load(Path(__file__).parents[2] / "models" / "aoyagi-3x3" / "response.npz")
+    return FootResponse.load(RELEASED / "response.npz")
 
 
 def test_a_solve_per_load_finds_what_the_table_says(released: FootResponse) -> None:

@@ -1,7 +1,5 @@
 """The bound is what a maximum-likelihood fit really shows, whatever the step of its differences."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -18,18 +16,17 @@ from footsense.lab.limit import (
 from footsense.lab.study.limit import maximum_likelihood
 from footsense.sim.fabricated import Foot
 from footsense.sim.foot import FootResponse
-
-RESPONSE = Path(__file__).parents[2] / "models" / "aoyagi-3x3" / "response.npz"
+from tests.lab.released import RELEASED, SOLE
 
 
 @pytest.fixture(scope="module")
 def foot() -> Foot:
     """Return the released foot as designed."""
-    return Foot(FootResponse.load(RESPONSE))
+    return Foot(FootResponse.load(RELEASED / "response.npz"))
 
 
 def test_the_step_of_the_differences_does_not_matter(foot: Foot) -> None:
-    normal, direction = leaning_contacts(np.random.default_rng(3), 60)
+    normal, direction = leaning_contacts(SOLE.loads, np.random.default_rng(3), 60)
     # Below the force at which gaps shut: a cell that shuts within a step is a kink, not an error of the difference.
     force = 30.0 * GRAM_FORCE_N * direction
     fine, middle, coarse = (
@@ -96,7 +93,7 @@ def test_a_read_out_of_known_scatter_has_the_ratio_of_its_scatter(foot: Foot) ->
         turned: np.ndarray = np.cos(np.radians(1.0)) * force + np.sin(np.radians(1.0)) * sideways
         return np.resize(turned, (len(closure_rel), 3))
 
-    ratio = crb_ratio(foot.response, never_sure, draws=2, magnitudes_gf=(100.0,))
+    ratio = crb_ratio(foot.response, SOLE.loads, never_sure, draws=2, magnitudes_gf=(100.0,))
     (rung,) = ratio.centred
     assert rung.network.direction_rms_deg == pytest.approx(1.0)
     assert ratio.worst == pytest.approx(1.0 / rung.leaning.direction_rms_deg)

@@ -1,7 +1,5 @@
 """The committed files: as good as they claim, and honest about where nine closures cannot decide."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -13,10 +11,9 @@ from footsense.lab.evaluate_models import evaluate_models, open_models
 from footsense.lab.study.limit import twins_of
 from footsense.lab.train import MASKS
 from footsense.sim.fabricated import Foot
+from tests.lab.released import RELEASED, SOLE
 
 pytestmark = pytest.mark.lab
-
-RELEASED = Path(__file__).parents[2] / "models" / "aoyagi-3x3"
 
 
 def test_the_release_is_ten_times_better_than_the_paper() -> None:
@@ -30,6 +27,10 @@ def test_the_release_is_ten_times_better_than_the_paper() -> None:
     assert network.card["errors"]["paper_network"]["direction_deg"] == pytest.approx(
         row.direction_deg, rel=0.01
     )
+    # The gap closure reads out linearly with less than half the error of the capacitance change.
+    dc, elastance = table["paper_linear_dc"], table["paper_linear_elastance"]
+    assert elastance.direction_deg < 0.5 * dc.direction_deg
+    assert elastance.magnitude_gf < 0.5 * dc.magnitude_gf
 
 
 @pytest.mark.parametrize(
@@ -38,7 +39,7 @@ def test_the_release_is_ten_times_better_than_the_paper() -> None:
 def test_sigma_is_honest_whatever_is_missing(mask: NDArray[np.bool_]) -> None:
     """Held-out loads with the converter's noise: nine errors in ten are within two sigma, and sigma is not idle."""
     response, network = open_models(RELEASED)
-    cases = wide(response, 3000, 11)
+    cases = wide(response, SOLE.loads, 3000, 11)
     measured = measured_closure_rel(response.design, cases.closure_um, np.random.default_rng(11))
     missing = np.broadcast_to(mask, measured.shape)
     filling = Filling(np.array(network.card["moments"]))

@@ -11,21 +11,21 @@ from footsense.lab.fem.block import COARSE_BLOCK
 from footsense.lab.fem.film import FilmDesign, FilmQuarter, upright_closure_um
 from footsense.lab.fem.mesh import COARSE, build_mesh
 from footsense.lab.fem.quarter import Parity
-from footsense.lab.geometry import Material, SoleDesign
-from footsense.lab.response import DEGREE, FIT_ELEVATION_DEG
+from footsense.lab.geometry import FIT_ELEVATION_DEG, Material
+from footsense.lab.response import DEGREE
 from footsense.lab.study.beyond import normal_to
 from footsense.lab.study.sensors import SENSORS, Sensor, patterns, protocol, sensor_series
 from footsense.sim.foot import series_basis
+from tests.lab.released import SOLE
 
 pytestmark = pytest.mark.lab
 
-SOLE = SoleDesign()
 FILM_SIZE = replace(COARSE, layers=0)
 
 
 def test_a_cut_through_the_block_carries_the_whole_load() -> None:
     """Elements that cover all of the block feel -f_z together, and a pattern turns with its load."""
-    tiles = Sensor("tiles", 3, 14.0 / 3.0, 14.0 / 3.0)
+    tiles = Sensor("tiles", 3, SOLE.sheet_mm / 3.0, SOLE.sheet_mm / 3.0)
     series = sensor_series(SOLE, [tiles], COARSE_BLOCK)["tiles"]
     normal = np.array([[0.3, 0.2, np.sqrt(0.87)], [0.0, 0.0, 1.0]])
     per_force = np.tensordot(series_basis(normal, DEGREE, FIT_ELEVATION_DEG), series, 1).sum(axis=(1, 2))
@@ -47,7 +47,7 @@ def test_elements_lie_on_the_block() -> None:
 @pytest.mark.parametrize("poisson", [0.49, 0.4999])
 def test_a_film_150_times_softer_than_its_plates_solves(poisson: float) -> None:
     """Finite, symmetric, in balance: what the film carries is a quarter's share of a load of one newton."""
-    film = FilmDesign(gel=Material(0.020, poisson))
+    film = FilmDesign(film_mm=SOLE.spacer_mm, gel=Material(0.020, poisson))
     quarter = FilmQuarter(SOLE, FILM_SIZE, Parity(1, 1), build_mesh(SOLE, FILM_SIZE), film)
     area_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("curved_ground"), quarter.mesh)
     load = quarter.traction_load(ng.CF((0.0, 0.0, 0.25 / area_mm2)))
@@ -65,7 +65,7 @@ def test_a_film_150_times_softer_than_its_plates_solves(poisson: float) -> None:
 
 def test_the_film_does_not_lock() -> None:
     """A confined layer under rigid plates closes by t f / (M A); that the plates bend may change it by a tenth."""
-    film = FilmDesign(gel=Material(0.020, 0.49))
+    film = FilmDesign(film_mm=SOLE.spacer_mm, gel=Material(0.020, 0.49))
     rigid_um = 1000.0 * film.film_mm / (film.gel.confined_mpa * SOLE.sheet_mm**2)
     assert upright_closure_um(SOLE, FILM_SIZE, [film])[0] == pytest.approx(rigid_um, rel=0.1)
 

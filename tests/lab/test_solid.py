@@ -1,11 +1,12 @@
 """The foot against statics, energy, reciprocity and symmetry, which hold on any mesh, and against harder materials."""
 
-from dataclasses import replace
+import dataclasses
 from typing import Any
 
 import ngsolve as ng
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from footsense.lab.dataset import directions
@@ -13,10 +14,11 @@ from footsense.lab.fem.adjoint import UM_PER_MM, ClassField
 from footsense.lab.fem.centred import centred_closures
 from footsense.lab.fem.mesh import MeshSize, quarter_cells
 from footsense.lab.fem.quarter import Parity, Quarter
-from footsense.lab.geometry import Material, SoleDesign
+from footsense.lab.geometry import Material
 from footsense.lab.response import SYMMETRIES, element_map, patch_mean
 from footsense.sim.foot import FootResponse
 from footsense.sim.gaps import CELLS
+from tests.lab.released import SOLE
 
 pytestmark = pytest.mark.lab
 
@@ -182,7 +184,7 @@ def test_one_patch_gives_all_patches(response: FootResponse) -> None:
     force = 2.0 * normal[0]
     radius_mm = float(response.patch_radius_mm(normal[0], force))
     flat = response.series[0].reshape(len(response.series[0]), -1)
-    whole = force @ patch_mean(flat, normal, radius_mm, SoleDesign())[0].reshape(3, -1)
+    whole = force @ patch_mean(flat, normal, radius_mm, SOLE)[0].reshape(3, -1)
     tabled = response.free_closure_um(normal[0], force)
     np.testing.assert_allclose(tabled, whole, rtol=0.0, atol=2e-4 * np.abs(whole).max())
 
@@ -191,9 +193,11 @@ def test_rubber_near_incompressible_does_not_lock() -> None:
     """What a mesh loses does not depend on nu: quadratic against cubic elements at 0.45 and at 0.4999."""
     lost = []
     for poisson in (0.45, 0.4999):
-        sole = replace(SoleDesign(), rubber=Material(5.2, poisson))
+        sole = replace(SOLE, rubber=replace(SOLE.rubber, poisson=poisson))
         low, high = (
-            centred_closures(sole, replace(PLAIN, order=order), (90.0,), patch_mm=1.0).closure_um.sum()
+            centred_closures(
+                sole, dataclasses.replace(PLAIN, order=order), (90.0,), patch_mm=1.0
+            ).closure_um.sum()
             for order in (2, 3)
         )
         lost.append(1.0 - low / high)
@@ -204,21 +208,24 @@ def test_rubber_near_incompressible_does_not_lock() -> None:
 @pytest.mark.parametrize("softer", [150.0, 1.0 / 150.0], ids=["soft", "stiff"])
 def test_a_sheet_of_another_stiffness_is_solved_as_exactly(softer: float) -> None:
     """PDMS 1/150 and 150 times as stiff as it is, around 37 um in 20 mm: rounding stays at 1e-8."""
-    sheet = Material(SoleDesign().pdms.youngs_mpa / softer, SoleDesign().pdms.poisson)
-    quarter = Quarter(replace(SoleDesign(), pdms=sheet), PLAIN, Parity(1, 1))
+    sheet = Material(SOLE.pdms.youngs_mpa / softer, SOLE.pdms.poisson)
+    quarter = Quarter(replace(SOLE, pdms=sheet), PLAIN, Parity(1, 1))
     load = quarter.traction_load(ng.CF((0.0, 0.0, 1.0 / 50.0 / np.pi)))
     moved = quarter.solve(load)
     assert quarter.residual_rel(load, moved) < 1e-8
-    usual = Quarter(SoleDesign(), PLAIN, Parity(1, 1), quarter.mesh)
+    usual = Quarter(SOLE, PLAIN, Parity(1, 1), quarter.mesh)
     closures = [
         element_closures(q, q.solve(q.traction_load(ng.CF((0, 0, 0.0064)))))[0] for q in (quarter, usual)
     ]
     assert (closures[0] > closures[1]) == (softer > 1.0)
 
 
-def test_a_sheet_that_does_not_fit_is_refused() -> None:
-    """Geometry that cannot be meshed says so before the mesher does."""
-    with pytest.raises(ValueError, match="does not fit"):
-        SoleDesign(sheet_mm=13.0)
-    with pytest.raises(ValueError, match="overhangs"):
-        SoleDesign(sheet_mm=15.0)
+def test_a_foot_twice_as_large_is_twice_as_stiff() -> None:
+    """Similar solids under one force close by 1 / size, whatever the mesh: it is in proportion too."""
+    lengths = ("ball_radius_mm", "sheet_mm", "plate_mm", "spacer_mm", "pitch_mm", "electrode_mm")
+    twice = replace(SOLE, **{name: 2.0 * getattr(SOLE, name) for name in lengths})
+    one, two = (
+        centred_closures(sole, PLAIN, (50.0,), patch_mm=0.1 * sole.ball_radius_mm).closure_um
+        for sole in (SOLE, twice)
+    )
+    np.testing.assert_allclose(2.0 * two, one, rtol=1e-6)

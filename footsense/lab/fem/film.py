@@ -35,13 +35,13 @@ class FilmDesign:
     """The film and the capacitors in it.
 
     Attributes:
-        gel: Gelled polyurethane; the paper gives E = 20 kPa, Poisson's ratio is a choice.
         film_mm: Thickness, that of the spacer [mm].
+        gel: Gelled polyurethane; the paper gives E = 20 kPa, Poisson's ratio is a choice.
         eps_r: Relative permittivity of the gel [1], a choice: capacitance and sensitivity are proportional to it.
     """
 
+    film_mm: float
     gel: Material = field(default_factory=lambda: Material(0.020, 0.49))
-    film_mm: float = 0.037
     eps_r: float = 5.0
 
     @property

@@ -7,7 +7,7 @@ and contact pressure live, and the mesh follows them.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import ngsolve as ng
@@ -22,11 +22,15 @@ from footsense.sim.gaps import CELLS_PER_SIDE
 _NEAR_MM = 1e-3
 #: Nothing of a foot may be thinner [mm]: faces closer than `_NEAR_MM` could not be told apart.
 _THINNEST_MM = _NEAR_MM
+#: Radius of the ball and width of the bars that a `MeshSize` is stated for [mm].
+_BALL_MM, _BAR_MM = 10.0, 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeshSize:
     """How fine the mesh is: largest edge lengths [mm], layers, order.
+
+    Lengths are those in a ball of 10 mm with bars of 1 mm; in another foot they are in proportion.
 
     Attributes:
         ball_mm: In the hemispheres.
@@ -47,6 +51,17 @@ class MeshSize:
     layers: int = 1
     layer_rel: float = 0.08
     order: int = 3
+
+    def in_foot(self, sole: SoleDesign) -> "MeshSize":
+        """Return the lengths in a foot: by the radius of its ball and the width of its bars."""
+        ball_rel = sole.ball_radius_mm / _BALL_MM
+        return replace(
+            self,
+            ball_mm=self.ball_mm * ball_rel,
+            plate_mm=self.plate_mm * ball_rel,
+            surface_mm=self.surface_mm * ball_rel,
+            bar_mm=self.bar_mm * (sole.pitch_mm - sole.electrode_mm) / _BAR_MM,
+        )
 
 
 #: What the released table is made with.
@@ -179,7 +194,7 @@ def build_mesh(sole: SoleDesign, size: MeshSize) -> Any:
     thinnest_mm = min(sole.plate_mm, sole.spacer_mm, sole.electrode_mm, sole.ball_radius_mm)
     if not thinnest_mm > _THINNEST_MM:  # NaN is refused too
         raise ModelError(f"no part of a foot is thinner than {_THINNEST_MM:g} mm, got {sole}")
-    step = sole.electrode_mm / CELLS_PER_SIDE
+    size, step = size.in_foot(sole), sole.electrode_mm / CELLS_PER_SIDE
     solids = [*_half(sole, "ground", -1.0, size), *_half(sole, "leg", 1.0, size)]
     shape = occ.Glue([*solids, *(_cell_face(cell, step) for cell in quarter_cells(sole))])
     _name_faces(shape, size)

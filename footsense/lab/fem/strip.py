@@ -2,7 +2,7 @@
 
 One pitch of the array repeats sideways. The middle plane of the spacer is a mirror, so only plate and rubber above it
 are solved: over the cavity nothing holds the plate, over the bar either the law t_n = M [u_n] / t of `quarter`, or
-half of the 37 um meshed as PDMS that may bulge into the cavity.
+half of the spacer meshed as PDMS that may bulge into the cavity.
 """
 
 from typing import Any
@@ -13,8 +13,6 @@ from netgen import occ
 from footsense.lab.fem.quarter import elastic
 from footsense.lab.geometry import SoleDesign
 
-#: Rubber above the plate [mm]: one pitch, beyond which a row of bars presses like a plane.
-_RUBBER_MM = 5.0
 #: Layers of thin elements around the corner of the bar, thickness of each over the next, order of the displacement.
 _LAYERS, _LAYER_REL, _ORDER = 4, 0.15, 5
 
@@ -29,7 +27,8 @@ def _rectangle(x_mm: tuple[float, float], z_mm: tuple[float, float], name: str) 
 def _mesh(sole: SoleDesign, *, solid: bool) -> Any:
     """Return half a pitch: x from mid-cavity to mid-bar, z up from the plate's lower face."""
     border, end = sole.electrode_mm / 2.0, sole.pitch_mm / 2.0
-    plate, top = sole.plate_mm, sole.plate_mm + _RUBBER_MM
+    # One pitch of rubber above the plate: beyond it a row of bars presses like a plane.
+    plate, top = sole.plate_mm, sole.plate_mm + sole.pitch_mm
     half = sole.spacer_mm / 2.0
     parts = [
         _rectangle((0.0, border), (0.0, plate), "pdms"),

@@ -9,7 +9,6 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from footsense.lab.dataset import (
-    FRICTION_ANGLE_DEG,
     FULL_SCALE_PF,
     GRAM_FORCE_N,
     directions,
@@ -96,7 +95,9 @@ class _Judge:
         self.readouts: dict[str, Readout] = {
             "shipped network": lambda closure_um: network.force_n(closure_um / gap_um),
             "linear, taught centred loads": elastance_readout(paper_training(self.response)),
-            "linear, taught leaning loads": elastance_readout(wide(self.response, n_wide, SEED)),
+            "linear, taught leaning loads": elastance_readout(
+                wide(self.response, bench.sole.loads, n_wide, SEED)
+            ),
         }
 
     def measured_um(self, free_um: Vector) -> tuple[Vector, NDArray[np.bool_]]:
@@ -239,7 +240,8 @@ def page(bench: Workbench) -> Page:
     lean_rows = [[*row, f"{part:.0%}"] for row, part in zip(_rows(LEANS_DEG, "g", lean), within, strict=True)]
     names = [f"{name}: deg mean (p95), gf" for name in judge.readouts]
     network, centred, leaning_too = judge.readouts
-    taught = LEANS_DEG.index(FRICTION_ANGLE_DEG)
+    taught = int(np.argmin(np.abs(np.array(LEANS_DEG) - bench.sole.loads.friction_angle_deg)))
+    friction_deg = LEANS_DEG[taught]
     level, leant = lean[0], lean[taught]
     arm_mm = bench.response.ball_radius_mm * np.sin(np.radians(LEANS_DEG[1]))
     alone, half, equal = shared[0], shared[SHARES.index(DISTANCE_SHARE)], shared[-1]
@@ -264,12 +266,12 @@ The contact normal leans from the force, as it does with friction or on a slope.
   inclination: {level[centred].direction_deg:.2f} deg of error without lean, {lean[1][centred].direction_deg:.0f} deg at
   {LEANS_DEG[1]:g} deg of lean. The paper's protocol does not show this, as all of its loads are centred.
 - Taught leaning loads, a linear read-out has {level[leaning_too].direction_deg:.1f} deg without lean and
-  {leant[leaning_too].direction_deg:.1f} deg at {FRICTION_ANGLE_DEG:g} deg, where the shipped network, taught the same
+  {leant[leaning_too].direction_deg:.1f} deg at {friction_deg:g} deg, where the shipped network, taught the same
   kind of loads, has {level[network].direction_deg:.2f} and {leant[network].direction_deg:.2f} deg. Beyond
-  {FRICTION_ANGLE_DEG:g} deg the network was taught nothing.
+  {friction_deg:g} deg the network was taught nothing.
 - A leaning force has a moment about the sheet, which shuts gaps on one side: of {PAPER_GF:g} gf, the converter's full
   scale leaves {within[LEANS_DEG.index(15.0)]:.0%} of the loads at a lean of 15 deg and {within[taught]:.0%} at
-  {FRICTION_ANGLE_DEG:g} deg. Range, not the read-out, is what a leaning force asks for first.
+  {friction_deg:g} deg. Range, not the read-out, is what a leaning force asks for first.
 
 ### A second load beside the floor's
 

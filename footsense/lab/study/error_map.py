@@ -14,7 +14,6 @@ from footsense.lab.dataset import (
     BASELINE_NOISE_PF,
     GRAM_FORCE_N,
     NOISE_PF,
-    WIDE_MIN_ELEVATION_DEG,
     Cases,
     directions,
     measured_closure_rel,
@@ -119,15 +118,15 @@ def _read(bench: Workbench, cases: Cases, draws: int) -> _Errors:
     return _Errors(np.stack(direction), np.stack(magnitude))
 
 
-def _draw_map(axes: Axes, grid: tuple[Vector, Vector], error_deg: Vector) -> ContourSet:
+def _draw_map(axes: Axes, grid: tuple[Vector, Vector], error_deg: Vector, lowest_deg: float) -> ContourSet:
     """Draw the error with its iso-lines and the paper's circles; return what the colour bar needs."""
     filled = axes.contourf(
         *grid, error_deg, levels=_LEVELS_DEG, norm=BoundaryNorm(_LEVELS_DEG, 256), extend="max"
     )
     lines = axes.contour(*grid, error_deg, levels=_LEVELS_DEG[1:], colors="k", linewidths=0.4)
     for part in (filled, lines):
-        part.set_clip_path(Circle((0.0, 0.0), _rim(WIDE_MIN_ELEVATION_DEG), transform=axes.transData))
-    for elevation_deg in (WIDE_MIN_ELEVATION_DEG, 50.0, 70.0):
+        part.set_clip_path(Circle((0.0, 0.0), _rim(lowest_deg), transform=axes.transData))
+    for elevation_deg in (lowest_deg, 50.0, 70.0):
         axes.plot(*_circle(0.0, 90.0, 90.0 - elevation_deg), color="w", lw=0.8, ls=":")
         right, up = _touch(directions(np.array([-160.0]), np.array([elevation_deg]))[0])
         axes.text(
@@ -139,12 +138,12 @@ def _draw_map(axes: Axes, grid: tuple[Vector, Vector], error_deg: Vector) -> Con
     return filled
 
 
-def _map_figure(grid: tuple[Vector, Vector], maps: dict[str, Vector]) -> Figure:
+def _map_figure(grid: tuple[Vector, Vector], maps: dict[str, Vector], lowest_deg: float) -> Figure:
     """Return the maps side by side, on one scale."""
     figure = Figure(figsize=(8.6, 4.7), layout="constrained")
     row = figure.subplots(1, len(maps))
     for axes, (name, error_deg) in zip(row, maps.items(), strict=True):
-        filled = _draw_map(axes, grid, error_deg)
+        filled = _draw_map(axes, grid, error_deg, lowest_deg)
         axes.set_title(f"{name}\nforward", fontsize=10)
     row[0].set_ylabel("right")
     row[-1].yaxis.set_label_position("right")
@@ -202,14 +201,15 @@ def page(bench: Workbench) -> Page:
         ["the paper, simulation", f"{PAPER_DIRECTION_DEG}", f"{PAPER_MAGNITUDE_GF}"],
         ["the paper, experiment", f"{_EXPERIMENT_DEG}", f"{_EXPERIMENT_GF}"],
     ]
-    taught = normal[..., 2] >= np.sin(np.radians(WIDE_MIN_ELEVATION_DEG))
+    lowest_deg = bench.sole.loads.min_elevation_deg
+    taught = normal[..., 2] >= np.sin(np.radians(lowest_deg))
     exact = np.where(taught, maps["without noise"], np.nan)
     worst = normal.reshape(-1, 3)[np.nanargmax(exact)]
     body = f"""
 {"**Quick run: a coarser map, fewer draws of the noise.**" if bench.quick else ""}
 
 Where on the ball is the shipped network wrong? Centred loads of {_MAGNITUDE_GF:g} gf from all directions down to an
-elevation of {WIDE_MIN_ELEVATION_DEG:g} deg, drawn where the ground touches the ball, seen from below (stereographic, so
+elevation of {lowest_deg:g} deg, drawn where the ground touches the ball, seen from below (stereographic, so
 that circles stay circles). Noise is {1e3 * NOISE_PF:g} fF per conversion and {1e3 * BASELINE_NOISE_PF:g} fF of the
 baseline; the map shows the mean over {draws} draws. The red circles are the paper's mean errors, drawn to scale around
 a contact as in its Fig. 19.
@@ -233,7 +233,7 @@ the designed foot, so they stand beside its simulation.
         name="error-map",
         title="Where the network errs",
         body=body,
-        figures={_MAP: _map_figure((right, up), maps), _HISTOGRAM: _histogram_figure(read)},
+        figures={_MAP: _map_figure((right, up), maps, lowest_deg), _HISTOGRAM: _histogram_figure(read)},
         values={
             "quick": bench.quick,
             "noise_draws": draws,

@@ -108,7 +108,7 @@ def gap_sole(bench: Workbench) -> Sole:
 
 def film_sole(bench: Workbench, film: FilmDesign) -> Sole:
     """Return the design with the film, solved."""
-    sole = SoleDesign()
+    sole = bench.sole
     response = film_response(sole, QUICK_FILM_SIZE if bench.quick else FILM_SIZE, film)
     capacitor = film.capacitor(sole)
 
@@ -192,10 +192,12 @@ def _figure(soles: list[Sole]) -> Figure:
     return figure
 
 
-def _confinement(poissons: tuple[float, ...], film: FilmDesign) -> tuple[list[list[str]], list[float]]:
+def _confinement(
+    sole: SoleDesign, poissons: tuple[float, ...], film: FilmDesign
+) -> tuple[list[list[str]], list[float]]:
     """Return a row for each Poisson's ratio, and the closures under an upright force [um/N]."""
     films = [replace(film, gel=Material(film.gel.youngs_mpa, poisson)) for poisson in poissons]
-    closures = upright_closure_um(SoleDesign(), QUICK_FILM_SIZE, films)
+    closures = upright_closure_um(sole, QUICK_FILM_SIZE, films)
     rows = [
         [f"{nu:g}", f"{1e3 * other.gel.confined_mpa:.0f}", f"{other.relief_mm:.3f}", f"{closure:.3f}"]
         for nu, other, closure in zip(poissons, films, closures, strict=True)
@@ -205,7 +207,8 @@ def _confinement(poissons: tuple[float, ...], film: FilmDesign) -> tuple[list[li
 
 def page(bench: Workbench) -> Page:
     """Return the page."""
-    film, quick, sole = FilmDesign(), bench.quick, SoleDesign()
+    quick, sole = bench.quick, bench.sole
+    film = FilmDesign(film_mm=sole.spacer_mm)
     soles = [gap_sole(bench), film_sole(bench, film)]
     bench.say("film: the foot with the film is solved")
     training_n = paper_training(bench.response).force_n
@@ -213,7 +216,7 @@ def page(bench: Workbench) -> Page:
     gap, gel = (judged(one, training_n, asked_n, quick=quick) for one in soles)
     bench.say("film: both designs are judged")
     poissons = QUICK_POISSONS if quick else POISSONS
-    confined, closures = _confinement(poissons, film)
+    confined, closures = _confinement(sole, poissons, film)
     slide_um = 1e3 * film.film_mm / (film.gel.shear_mpa * sole.sheet_mm**2)
     soft_kpa, thick_um = 1e3 * film.gel.youngs_mpa, 1e3 * film.film_mm
     gap_rest, gel_rest = (one.capacitor.rest_pf for one in soles)

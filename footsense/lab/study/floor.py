@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from footsense.lab.dataset import GRAM_FORCE_N
 from footsense.lab.full.foot import FullFoot, FullSolution
 from footsense.lab.full.mesh import Fineness
-from footsense.lab.geometry import SoleDesign
 from footsense.lab.study.page import Page, Workbench, table
 
 _FIGURE = "floor.png"
@@ -91,10 +90,10 @@ def page(bench: Workbench) -> Page:
     found: dict[str, list[float]] = {name: [] for name in _WITHOUT}
     rows, radii = [], []
     for load in loads:
-        full = load.solve(FullFoot(SoleDesign(), fineness=fineness))
+        full = load.solve(FullFoot(bench.sole, fineness=fineness))
         for name, options in _WITHOUT.items():
             found[name].append(
-                _difference_rel(load.solve(FullFoot(SoleDesign(), fineness=fineness, **options)), full)
+                _difference_rel(load.solve(FullFoot(bench.sole, fineness=fineness, **options)), full)
             )
         hertz_mm = bench.response.patch_radius_mm(
             _upward(load.normal_deg), load.magnitude_gf * GRAM_FORCE_N * _upward(load.force_deg)

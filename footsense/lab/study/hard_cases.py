@@ -1,18 +1,22 @@
 """Study `hard-cases`: what happens at the limits, each case with what is expected of it and what was measured."""
 
+import dataclasses
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import partial
 
+import msgspec
 import ngsolve as ng
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from footsense.errors import ModelError
+from footsense.errors import ConfigError, ModelError
 from footsense.lab.dataset import GRAM_FORCE_N, directions
 from footsense.lab.fem.centred import centred_closures
 from footsense.lab.fem.mesh import COARSE, MeshSize, build_mesh
 from footsense.lab.fem.quarter import Parity, Quarter
+from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import Material, SoleDesign
 from footsense.lab.study.hard_inputs import network_cases, pipeline_cases
 from footsense.lab.study.page import Page, Workbench, table
@@ -103,7 +107,7 @@ def _rim(response: FootResponse) -> Iterator[Case]:
     below = directions(np.array(0.0), np.array(response.min_elevation_deg - 1.0))
     yield _refused("contact below the table", ValueError, lambda: response.closure_um(below, below))
     yield _refused("NaN in a normal", ValueError, lambda: response.closure_um(np.full(3, np.nan), _UP[0]))
-    gaps_um = np.full(3, 20.0)
+    gaps_um = np.full(3, response.design.gap_um)
     yield _refused("NaN in a closure", ValueError, lambda: touch(np.full(3, np.nan), gaps_um, np.eye(3)))
     yield _refused(
         "indefinite compliance", ArithmeticError, lambda: touch(1.5 * gaps_um, gaps_um, -np.eye(3))
@@ -112,26 +116,25 @@ def _rim(response: FootResponse) -> Iterator[Case]:
     yield Case("NaN in a force", "no number", str(silent[0, 0]), bool(np.isnan(silent).all()))
 
 
-def _designs() -> Iterator[Case]:
+def _designs(sole: SoleDesign) -> Iterator[Case]:
     """Yield feet that cannot be, which takes no solve."""
-    sole = SoleDesign()
     yield _refused("plate of 10 nm", ModelError, lambda: build_mesh(replace(sole, plate_mm=1e-5), COARSE))
-    yield _refused("sheet wider than the ball", ValueError, lambda: SoleDesign(sheet_mm=15.0))
+    wide = msgspec.json.encode(replace(sole, sheet_mm=1.5 * sole.ball_radius_mm))
+    yield _refused("sheet wider than the ball", ConfigError, lambda: load_foot(wide))
     for poisson in (0.5, 0.0):
-        other = replace(sole, rubber=Material(5.2, poisson))
+        other = replace(sole, rubber=replace(sole.rubber, poisson=poisson))
         yield _refused(
             f"rubber of nu = {poisson:g}", ModelError, partial(Quarter, other, _PLAIN, Parity(1, 1))
         )
 
 
-def _solids() -> Iterator[Case]:
+def _solids(sole: SoleDesign) -> Iterator[Case]:
     """Yield hard materials, each solved."""
-    sole = SoleDesign()
     lost = []
     for poisson in (0.49, 0.499, 0.4999):
-        rubber = replace(sole, rubber=Material(5.2, poisson))
+        rubber = replace(sole, rubber=replace(sole.rubber, poisson=poisson))
         low, high = (
-            centred_closures(rubber, replace(_PLAIN, order=order), (90.0,)).closure_um.sum()
+            centred_closures(rubber, dataclasses.replace(_PLAIN, order=order), (90.0,)).closure_um.sum()
             for order in (2, 3)
         )
         lost.append(100.0 * (1.0 - float(low / high)))
@@ -143,7 +146,7 @@ def _solids() -> Iterator[Case]:
     )
     soft = replace(sole, pdms=Material(sole.rubber.youngs_mpa / 150.0, sole.pdms.poisson))
     for name, foot in (
-        ("37 um spacer in a ball of 20 mm", sole),
+        (f"{1000.0 * sole.spacer_mm:g} um spacer in a ball of {2.0 * sole.ball_radius_mm:g} mm", sole),
         ("sheet 1/150 as stiff as the rubber", soft),
     ):
         quarter = Quarter(foot, _PLAIN, Parity(1, 1))
@@ -158,8 +161,13 @@ def page(bench: Workbench) -> Page:
     """Try every case; the quick form leaves out those that need a finite element solve."""
     response = bench.response
     groups: dict[str, list[Case]] = {
-        "The foot under load": [*_light(response), *_shutting(response), *_rim(response), *_designs()],
-        "The solid": [] if bench.quick else list(_solids()),
+        "The foot under load": [
+            *_light(response),
+            *_shutting(response),
+            *_rim(response),
+            *_designs(bench.sole),
+        ],
+        "The solid": [] if bench.quick else list(_solids(bench.sole)),
         "The network": [Case(*row) for row in network_cases(bench)],
         "The daemon": [Case(*row) for row in pipeline_cases(bench)],
     }

@@ -1,17 +1,17 @@
 """The ladder: what each model of the foot costs, and what it loses."""
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from timeit import default_timer
 from typing import Any
 
 import ngsolve as ng
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from footsense.lab.fem.forward import ForwardFoot
 from footsense.lab.fem.mesh import COARSE, MeshSize
-from footsense.lab.geometry import SoleDesign
 from footsense.lab.ladder.answer import Answer
 from footsense.lab.ladder.compare import (
     Distance,
@@ -58,7 +58,7 @@ def _climb(bench: Workbench, names: tuple[str, ...], loads: Loads) -> _Climbed:
     answers, seconds = {}, {}
     for name in names:
         answers[name], taken_s = timed(
-            rung(name, bench.response, SoleDesign()), loads, repeats=1 if name == "full" else 3
+            rung(name, bench.response, bench.sole), loads, repeats=1 if name == "full" else 3
         )
         seconds[name] = taken_s / len(loads)
         bench.say(f"ladder: {name}, {len(loads)} loads in {taken_s:.2g} s")
@@ -101,7 +101,7 @@ def _forward(bench: Workbench, loads: Loads) -> ForwardAgainstTable:
     """Solve some loads one by one, on the mesh that the table is of; quick: on a coarse one."""
     size = COARSE if bench.quick else MeshSize(**bench.response.provenance["mesh"])
     start = default_timer()
-    foot = ForwardFoot(SoleDesign(), size)
+    foot = ForwardFoot(bench.sole, size)
     factorise_s = default_timer() - start
     bench.say(f"ladder: three classes factorised in {factorise_s:.1f} s")
     n = _FORWARD_CASES_QUICK if bench.quick else _FORWARD_CASES
@@ -138,7 +138,7 @@ the table answers {found.ratio:.0f} times as fast. Its {_ADJOINT_SOLVES} adjoint
 
 def _half_space_text(bench: Workbench, loads: Loads, contact: Answer) -> str:
     """Return the part on the formula."""
-    sole = SoleDesign()
+    sole = bench.sole
     alone = HalfSpace(sole, balanced=False)
     answers = {
         "half-space": HalfSpace(sole),
@@ -148,7 +148,9 @@ def _half_space_text(bench: Workbench, loads: Loads, contact: Answer) -> str:
     apart = _distances(
         bench, {name: one.answer(loads.normal, loads.force_n) for name, one in answers.items()}, contact
     )
-    area_mm2 = np.outer([4.5, 5.0, 4.5], [4.5, 5.0, 4.5]).ravel()
+    edge_mm = (sole.sheet_mm - sole.pitch_mm) / 2.0
+    side_mm = [edge_mm, sole.pitch_mm, edge_mm]
+    area_mm2 = np.outer(side_mm, side_mm).ravel()
     carried = (alone.pressure_mpa(loads.normal, loads.force_n) @ area_mm2) / loads.force_n[:, 2]
     return f"""
 ### The formula
@@ -170,7 +172,7 @@ def _full_text(
 ) -> tuple[str, dict[str, Any]]:
     """Return the part on the full solve, and its numbers."""
     one = mirrored_loads(_FULL_CASES[:1])
-    reduced, taken_s = timed(Full(SoleDesign(), reduced=True), one)
+    reduced, taken_s = timed(Full(bench.sole, reduced=True), one)
     bench.say(f"ladder: full without finite strain and floor, in {taken_s:.1f} s")
     first = Answer(full.answers["full"].closure_um[:1], full.answers["full"].capacitance_pf[:1])
     contact = Answer(full.answers["contact"].closure_um[:1], full.answers["contact"].capacitance_pf[:1])

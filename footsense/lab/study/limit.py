@@ -12,7 +12,6 @@ from footsense.lab.dataset import (
     BASELINE_NOISE_PF,
     GRAM_FORCE_N,
     NOISE_PF,
-    WIDE_CENTRED_SHARE,
     directions,
     measured_closure_rel,
     sensed_closure_um,
@@ -300,9 +299,14 @@ def page(bench: Workbench) -> Page:
     quick = bench.quick
     foot = Foot(bench.response)
     magnitudes, draws = ((20.0, 50.0, 100.0), 8) if quick else (MAGNITUDES_GF, 64)
-    ratio = crb_ratio(bench.response, bench.network.force_n, draws=draws, magnitudes_gf=magnitudes)
+    ratio = crb_ratio(
+        bench.response, bench.sole.loads, bench.network.force_n, draws=draws, magnitudes_gf=magnitudes
+    )
     bench.say(f"limit: the network is at {ratio.worst:.2f} of the bound in its worst bin")
-    straight, leaning = verification_directions(), leaning_contacts(np.random.default_rng(3), 600)
+    straight, leaning = (
+        verification_directions(),
+        leaning_contacts(bench.sole.loads, np.random.default_rng(3), 600),
+    )
     tried = [("centred", (straight, straight), gf) for gf in (TWIN_GF[:1] if quick else TWIN_GF)]
     tried += [] if quick else [("leaning", leaning, gf) for gf in TWIN_GF[:2]]
     fitted = {f"{what}, {gf:g}": refined(bench, where, gf, 1 if quick else 4) for what, where, gf in tried}
@@ -334,8 +338,8 @@ of the normal). The 180 directions are the paper's verification directions, cent
 ### The network over the bound
 
 A network that has to be right on leaning contacts cannot know that a load is centred, so the five-unknown bound is its
-bound; {WIDE_CENTRED_SHARE:.0%} of the loads that it learnt from were centred, though, so nothing forbids a ratio a
-little below one.
+bound; {bench.sole.loads.centred_share:.0%} of the loads that it learnt from were centred, though, so nothing forbids a
+ratio a little below one.
 Both are rms over all loads and noise of a bin, which counts every bad place and the network's own error; *typical load*
 is the median over the loads of the ratio load by load, which shows what is left when a few bad places are not counted.
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from footsense.lab.dataset import Cases, measured_closure_rel, paper_verification, wide
 from footsense.lab.evaluate import Errors, errors
-from footsense.lab.evaluate_models import WIDE_TABLE_MIN_N
 from footsense.lab.export import onnx_model
 from footsense.lab.network import Weights
 from footsense.lab.study.page import Page, Workbench, table
@@ -74,7 +73,7 @@ def run_us(models: list[bytes]) -> list[float]:
 
 def learn_sizes(bench: Workbench, channels: Sequence[int], cases: int, steps: int) -> list[Weights]:
     """Return networks with so many channels each, taught by the same steps on the same random loads."""
-    learnt = wide(bench.response, cases, LEARNT_SEED)
+    learnt = wide(bench.response, bench.sole.loads, cases, LEARNT_SEED)
     trained = []
     for c in channels:
         trained.append(train(learnt, bench.response.design, Protocol(channels=c, steps=steps, batch=BATCH)))
@@ -122,10 +121,10 @@ def _beside(other: Result, chosen: Result) -> str:
 
 def page(bench: Workbench) -> Page:
     """Return the page."""
-    quick, response = bench.quick, bench.response
+    quick, response, loads = bench.quick, bench.response, bench.sole.loads
     channels, steps, n = (QUICK_CHANNELS, QUICK_STEPS, QUICK_CASES) if quick else (CHANNELS, STEPS, CASES)
-    held_out = wide(response, n // 4, ASKED_SEED)
-    felt = np.linalg.norm(held_out.force_n, axis=1) >= WIDE_TABLE_MIN_N
+    held_out = wide(response, loads, n // 4, ASKED_SEED)
+    felt = np.linalg.norm(held_out.force_n, axis=1) >= loads.judged_from_n
     asked = Cases(held_out.force_n[felt], held_out.closure_um[felt])
     paper = paper_verification(response)
     rng = np.random.default_rng(ASKED_SEED)
@@ -164,7 +163,7 @@ def page(bench: Workbench) -> Page:
 
 The same foot, the same {n} random loads, the same {steps} steps of {BATCH} cases (the shipped network learns
 much longer; what counts here is the comparison): how much does each size err, and how long does it take? Errors are
-mean / p95 with the converter's noise, on {len(asked.force_n)} held-out loads from {WIDE_TABLE_MIN_N:g} N and on the
+mean / p95 with the converter's noise, on {len(asked.force_n)} held-out loads from {loads.judged_from_n:g} N and on the
 paper's 180. Time is one row through ONNX Runtime on one thread, the fastest of {TIMINGS} timings of {RUNS} runs.
 A mean above its p95 is the work of a few directions near the diagonals (page `limit`).
 

@@ -15,6 +15,8 @@ from matplotlib.figure import Figure
 
 from footsense.lab.evaluate_models import open_models
 from footsense.lab.export import OnnxNetwork
+from footsense.lab.foot_file import FOOT_FILE, load_foot
+from footsense.lab.geometry import SoleDesign
 from footsense.sim.foot import FootResponse
 
 
@@ -23,7 +25,7 @@ class Workbench:
     """What the studies work on.
 
     Attributes:
-        models: Folder with the response table and the network.
+        models: Folder of a foot type: its description, response table and network.
         quick: Whether to answer in seconds, with coarse steps and few seeds; such a page says so.
         say: Told what has just been done, one line each.
     """
@@ -35,6 +37,11 @@ class Workbench:
     @cached_property
     def _released(self) -> tuple[FootResponse, OnnxNetwork]:
         return open_models(self.models)
+
+    @cached_property
+    def sole(self) -> SoleDesign:
+        """The foot as it is described."""
+        return load_foot(self.models / FOOT_FILE)
 
     @property
     def response(self) -> FootResponse:

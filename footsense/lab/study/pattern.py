@@ -3,7 +3,6 @@
 import numpy as np
 
 from footsense.lab.dataset import GRAM_FORCE_N, directions
-from footsense.lab.geometry import SoleDesign
 from footsense.lab.ladder.drawing import pattern_tiles
 from footsense.lab.ladder.rungs import NAMES, rung
 from footsense.lab.study.page import Page, Workbench, table
@@ -20,7 +19,7 @@ def page(bench: Workbench) -> Page:
     design = bench.response.design
     change_pf = {}
     for name in NAMES[:3]:
-        answer = rung(name, bench.response, SoleDesign()).answer(normal, force_n)
+        answer = rung(name, bench.response, bench.sole).answer(normal, force_n)
         change_pf[name] = (answer.capacitance_pf[0] - design.rest_pf).reshape(3, 3)
         bench.say(f"pattern: {name} has answered")
     rows = []

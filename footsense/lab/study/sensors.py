@@ -229,7 +229,7 @@ def _findings(results: dict[str, tuple[Spread, Spread]]) -> str:
 
 def page(bench: Workbench) -> Page:
     """Return the page."""
-    sole, quick = SoleDesign(), bench.quick
+    sole, quick = bench.sole, bench.quick
     sensors = [sensor for sensor in SENSORS if not quick or sensor.name in QUICK_NAMES]
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)
     series = sensor_series(sole, sensors, COARSE_BLOCK if quick else BLOCK_SIZE)

@@ -78,14 +78,14 @@ def _masked(
 
 def _feet(bench: Workbench, n_feet: int) -> dict[str, dict[str, list[float]]]:
     """Return the coverage over batches of feet that differ from the design."""
-    response = bench.response
+    response, loads = bench.response, bench.sole.loads
     n_loads = 100 if bench.quick else N_LOADS
     found = {}
     for name, tolerances in FEET.items():
         parts = []
         for number in range(n_feet):
             own = fabricate(response, tolerances, _FEET_SEED, number)
-            cases = wide(response, n_loads, 1000 + number, own)
+            cases = wide(response, loads, n_loads, 1000 + number, own)
             rng = np.random.default_rng((number, _FEET_SEED))
             closure_rel = measured_closure_rel(response.design, cases.closure_um, rng)
             parts.append((cases.force_n, *bench.network.estimate(closure_rel)))
@@ -147,8 +147,9 @@ def page(bench: Workbench) -> Page:
     quick = "A quick form with few cases.\n\n" if bench.quick else ""
     body = f"""{quick}{weights} weights, symmetric under the square by construction. `paper_*`: the paper's 180
 verification cases (100 gf, centred), without noise, gap contact on; `_362`: trained on the paper's 362 cases
-alone, fed with unbent closures or with elastance. `wide_*`: held-out random loads from {bench.sole.loads.judged_from_n:g} N,
-leaning contacts, the converter's noise. The paper's figures are those of its simulation (III F).
+alone, fed with unbent closures or with elastance. `wide_*`: held-out random loads from
+{bench.sole.loads.judged_from_n:g} N, leaning contacts, the
+converter's noise. The paper's figures are those of its simulation (III F).
 
 {as_markdown(errors_by_row)}
 

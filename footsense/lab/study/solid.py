@@ -51,10 +51,10 @@ class _Run:
     processor_s: float
 
 
-def _run(name: str, size: MeshSize, elevation_deg: tuple[float, ...]) -> _Run:
+def _run(sole: SoleDesign, name: str, size: MeshSize, elevation_deg: tuple[float, ...]) -> _Run:
     """Solve a mesh and time it."""
     before = os.times()
-    found = centred_closures(SoleDesign(), size, elevation_deg)
+    found = centred_closures(sole, size, elevation_deg)
     after = os.times()
     processor_s = after.user + after.system - before.user - before.system
     return _Run(name, size, found, after.elapsed - before.elapsed, processor_s)
@@ -105,9 +105,9 @@ def _figure(runs: Sequence[_Run], errors: Sequence[Sequence[float]]) -> Figure:
     return figure
 
 
-def _floor(response: FootResponse) -> tuple[str, float]:
+def _floor(sole: SoleDesign, response: FootResponse) -> tuple[str, float]:
     """Return what a rigid floor costs: radius and closures at 1 N, and the largest change of a closure [1]."""
-    rubber = SoleDesign().rubber
+    rubber = sole.rubber
     both_mpa = 1.0 / (1.0 / rubber.hertz_mpa + 1.0 / CEMENT.hertz_mpa)
     up = np.array([0.0, 0.0, 1.0])
     rows, closures = [], []
@@ -119,9 +119,8 @@ def _floor(response: FootResponse) -> tuple[str, float]:
     return text, float(np.abs(closures[1] / closures[0] - 1.0).max())
 
 
-def _fringe() -> tuple[str, dict[str, float]]:
+def _fringe(sole: SoleDesign) -> tuple[str, dict[str, float]]:
     """Return what the plate formula leaves out at three closures, and the figures of the text."""
-    sole = SoleDesign()
     capacitor, rows = sole.capacitor, []
     rest_pf, plate_pf = element_pf(sole)
     stray_pf = rest_pf - plate_pf
@@ -174,11 +173,11 @@ def page(bench: Workbench) -> Page:
     names = ["quadratic, no layers", "COARSE"] if bench.quick else list(_MESHES)
     runs: list[_Run] = []
     for name in names:
-        runs.append(_run(name, _MESHES[name], (90.0,) if bench.quick else both))
+        runs.append(_run(bench.sole, name, _MESHES[name], (90.0,) if bench.quick else both))
         bench.say(f"{name}: {runs[-1].found.unknowns} unknowns, {runs[-1].processor_s:.1f} s")
     best = list(runs[-1].found.closure_um)
     if not bench.quick:
-        runs.append(_run("FINEST", FINEST, (90.0,)))
+        runs.append(_run(bench.sole, "FINEST", FINEST, (90.0,)))
         bench.say(f"FINEST: {runs[-1].found.unknowns} unknowns, {runs[-1].processor_s:.1f} s")
         best[0] = runs[-1].found.closure_um[0]
     convergence, errors = _convergence(runs, best)
@@ -191,10 +190,10 @@ def page(bench: Workbench) -> Page:
         f"{100.0 * _COUNTED_REL:g} % of the largest; the target is 1 %."
     )
     speed, seconds = _speed(bench)
-    floor, floor_rel = _floor(bench.response)
-    law_um, solid_um = (strip_closure_um(SoleDesign(), solid=solid) for solid in (False, True))
+    floor, floor_rel = _floor(bench.sole, bench.response)
+    law_um, solid_um = (strip_closure_um(bench.sole, solid=solid) for solid in (False, True))
     spacer_rel = law_um / solid_um - 1.0
-    fringe, fringe_values = _fringe()
+    fringe, fringe_values = _fringe(bench.sole)
     spread_um, cell_rel = _cells(bench.response)
     stated = bench.response.provenance
     own = [
@@ -222,7 +221,7 @@ Closures under centred loads of 1 N, free gaps. {judged}
 
 Closures change by at most {100.0 * floor_rel:.1e} %.
 
-### The 37 um spacer as a law
+### The spacer of {1000.0 * bench.sole.spacer_mm:g} um as a law
 
 In a cross-section in plane strain, one pitch wide, a cavity under uniform pressure closes by {law_um:.4f} um with the
 spacer as a law and by {solid_um:.4f} um with the spacer meshed as PDMS that may bulge: {100.0 * spacer_rel:+.3f} %.
@@ -263,7 +262,7 @@ def _speed(bench: Workbench) -> tuple[str, dict[str, float]]:
     """Return what the response and 542 cases take: the table, and seconds of wall by step."""
     marks = [os.times()]
     if not bench.quick:
-        make_response(SoleDesign(), SHIPPED, bench.say)
+        make_response(bench.sole, SHIPPED, bench.say)
     marks.append(os.times())
     n = len(paper_training(bench.response).force_n) + len(paper_verification(bench.response).force_n)
     marks.append(os.times())

@@ -1,0 +1,53 @@
+"""Which type of foot a robot has, and where its network and response table are."""
+
+from pathlib import Path
+
+import footsense
+from footsense.config import DEFAULT, Config
+from footsense.errors import ModelError
+
+#: The foot that is meant where none is named.
+FOOT_TYPE = DEFAULT.foot_type
+
+
+def released(name: str, foot_type: str = FOOT_TYPE) -> Path:
+    """Return the path of a released artefact: inside the installed package, or beside it in a checkout."""
+    package = Path(footsense.__file__).parent
+    installed = package / "models" / foot_type / name
+    return installed if installed.exists() else package.parent / "models" / foot_type / name
+
+
+def foot_type_of(config: Config) -> str:
+    """Return the name of the foot type that a configuration is for: its folder has the same."""
+    return Path(config.foot_type).name
+
+
+def artefact(config: Config, name: str) -> Path:
+    """Return the path of an artefact of the configured foot type.
+
+    Raises:
+        ModelError: There is no such foot type.
+    """
+    if "/" not in config.foot_type:
+        path = released(name, config.foot_type)
+        remedy = f"a folder of your own is written with a slash, such as ./{config.foot_type}"
+    else:
+        path, remedy = Path(config.foot_type) / name, "`footsense lab build --foot` makes one"
+    if not path.parent.is_dir():
+        raise ModelError(f"foot_type: no foot type {config.foot_type}: {path.parent} is no folder; {remedy}")
+    return path
+
+
+def require_foot_type(path: Path, found: str, config: Config) -> None:
+    """Check that a network or response table is of the configured foot type.
+
+    Args:
+        path: The file.
+        found: The foot type that it is for.
+        config: The robot.
+
+    Raises:
+        ModelError: It is for another one.
+    """
+    if found != foot_type_of(config):
+        raise ModelError(f"{path}: made for foot type {found!r}, these feet are {foot_type_of(config)!r}")

@@ -1,0 +1,97 @@
+"""A foot's description: what cannot be is refused by its line and path, with what would be right."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+from click.testing import CliRunner
+from msgspec.structs import replace
+
+from footsense.cli.lab import lab
+from footsense.errors import ConfigError, FootsenseError
+from footsense.lab.fem.mesh import COARSE
+from footsense.lab.foot_file import FOOT_FILE, load_foot
+from tests.lab.released import RELEASED, SOLE
+
+pytestmark = pytest.mark.lab
+
+TEXT = (RELEASED / FOOT_FILE).read_text()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        (
+            "pitch_mm: 5",
+            "pitch_mm: 4",
+            "line 10: electrode_mm: electrodes of 4 mm overlap at a pitch of 4 mm",
+        ),
+        (
+            "sheet_mm: 14",
+            "sheet_mm: 13",
+            "line 6: sheet_mm: an array of 14 mm does not fit .* use at least 14",
+        ),
+        (
+            "sheet_mm: 14",
+            "sheet_mm: 15",
+            "line 6: sheet_mm: the corners .* overhang a ball .* less than 14.14",
+        ),
+        ("gap_um: 20", "gap_um: 40", "line 11: gap_um: a gap of 40 um is thicker than the spacer of 37 um"),
+        ("spacer_mm: 0.037", "spacer_mm: 0.05", "line 8: spacer_mm: .* which fill 37 um; use at most 0.037"),
+        ("max_n: 2.0", "max_n: 20", "line 20: loads.max_n: 20 N flatten 16 deg .* use at most 10.6"),
+        (
+            "gap_um: 20",
+            "gap_um: 20 um",
+            "line 11: gap_um: expected a number from 0.1 to 2000.0, got the text",
+        ),
+        ("poisson: 0.49", "poisson: 0.5", "line 15: rubber.poisson: 0.5 is out of range; .*rubber has 0.49"),
+        ("pitch_mm: 5", "pitch_um: 5", "line 9: pitch_um: unknown key, did you mean pitch_mm"),
+        (
+            "foot_type: aoyagi-3x3",
+            "foot_type: Aoyagi 3x3",
+            "line 2: foot_type: .*small letters, digits and hyphens",
+        ),
+        (
+            "min_elevation_deg: 30",
+            "min_elevation_deg: 20",
+            "loads.min_elevation_deg: 20 .*table begins at 25 deg",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(old: str, new: str, line: str) -> None:
+    """One line: where, what is wrong, what would be right."""
+    assert old in TEXT
+    with pytest.raises(ConfigError, match=line):
+        load_foot(TEXT.replace(old, new).encode())
+
+
+@pytest.mark.parametrize(
+    ("sizes", "said"),
+    [
+        ((10, 14, 5, 1.3), r"an element has 0\.57 pF at rest, too little to be told .* at least 1 pF"),
+        (
+            (30, 40, 10, 8),
+            r"an element has 34\.8 pF with its gap half shut, the converter reads up to 16\.0 pF",
+        ),
+    ],
+)
+def test_electrodes_that_the_converter_cannot_read_are_refused(sizes: tuple[float, ...], said: str) -> None:
+    """Too little to be told from an open line, and too much to be pressed: ball, sheet, pitch, electrode [mm]."""
+    names = ("ball_radius_mm", "sheet_mm", "pitch_mm", "electrode_mm")
+    sole = replace(SOLE, **dict(zip(names, sizes, strict=True)))
+    with pytest.raises(ConfigError, match=f"electrode_mm: {said}"):
+        load_foot(msgspec.json.encode(sole))
+
+
+def test_the_shipped_foot_is_meshed_by_the_stated_lengths() -> None:
+    """Lengths of a mesh are those in the shipped foot, to the bit: its table must not change."""
+    assert COARSE.in_foot(SOLE) == COARSE
+
+
+def test_another_foot_of_a_known_name_is_refused(tmp_path: Path) -> None:
+    """Two networks of one name could not be told apart: told before the solve."""
+    path = tmp_path / "mine.yaml"
+    path.write_text(TEXT.replace("pitch_mm: 5", "pitch_mm: 4.9"))
+    result = CliRunner().invoke(lab, ["build", "--foot", str(path), "--out", str(tmp_path)])
+    assert isinstance(result.exception, FootsenseError)
+    assert "describes another foot of the name aoyagi-3x3; give this one a name of" in str(result.exception)
