@@ -220,8 +220,11 @@ def _time(
             cycle = ours.run(scan, now_ns)
             times.ours_ns.append(stopwatch_ns() - start_ns)
             outlets.drain()
-            done.append((scan, now_ns, baseline_pf, cycle))
-        for number, (scan, now_ns, baseline_pf, cycle) in enumerate(done, first):
+            # Nothing else of the cycle is kept: the service keeps none, and new memory is cold.
+            valid = cycle.forces.state == State.VALID
+            done.append((scan, now_ns, baseline_pf, cycle.forces.force_n[valid], valid))
+            del cycle
+        for number, (scan, now_ns, baseline_pf, ours_n, valid) in enumerate(done, first):
             if floor is None:
                 break
             codes = codes_of(scan)
@@ -231,8 +234,8 @@ def _time(
             times.floor_ns.append(stopwatch_ns() - start_ns)
             outlets.drain()
             if number >= WARM_UP:
-                _check_same(cycle, force_n)
-        for scan, now_ns, _, _ in done:
+                _check_same(scan, ours_n, force_n, valid)
+        for scan, now_ns, *_ in done:
             if naive is None:
                 break
             start_ns = stopwatch_ns()
@@ -242,19 +245,29 @@ def _time(
     return times
 
 
-def _check_same(cycle: Cycle, floor_n: NDArray[np.float64] | None) -> None:
+def _check_same(
+    scan: CapFrame,
+    ours_n: NDArray[np.float64],
+    floor_n: NDArray[np.float64] | None,
+    valid: NDArray[np.bool_],
+) -> None:
     """Check that the floor did the same work.
+
+    Args:
+        scan: What both were given.
+        ours_n: Our forces of the legs that are valid [N], shape (valid legs, 3).
+        floor_n: The floor's of all [N], shape (legs, 3); None if it gave none.
+        valid: Which legs are, shape (legs,).
 
     Raises:
         FootsenseError: It gives another force than we do, or none.
     """
     if floor_n is None:
         raise FootsenseError(
-            f"scan {cycle.scan.sequence}: the floor in C gives no force where every leg is healthy"
+            f"scan {scan.sequence}: the floor in C gives no force where every leg is healthy"
         )
-    valid = cycle.forces.state == State.VALID
-    difference_n = np.abs(cycle.forces.force_n - floor_n)[valid].max(initial=0.0)
+    difference_n = np.abs(ours_n - floor_n[valid]).max(initial=0.0)
     if not difference_n < _SAME_N:
         raise FootsenseError(
-            f"scan {cycle.scan.sequence}: the floor in C differs by {difference_n:.2g} N from ours"
+            f"scan {scan.sequence}: the floor in C differs by {difference_n:.2g} N from ours"
         )

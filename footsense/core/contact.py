@@ -66,27 +66,29 @@ class ContactLimits:
         return self.touch_n / 2
 
 
-def middle_mean(closure_rel: Vector) -> Vector:
-    """Return the mean closure of each leg without its largest and smallest, shape (legs,).
+def middle_mean(closure_rel: Vector) -> list[float]:
+    """Return the mean closure of each leg without its largest and smallest.
+
+    In plain numbers: for six legs, numpy's calls take twice as long.
 
     Args:
         closure_rel: Closures over the gap [1], shape (legs, 9), NaN where there is none.
 
     Returns:
-        Mean [1]; NaN for a leg with fewer than three closures.
+        Mean of each leg [1]; NaN for a leg with fewer than three closures.
 
     Example:
-        >>> middle_mean(np.array([[0.0, 1.0, 2.0, 9.0, np.nan]])).tolist()
+        >>> middle_mean(np.array([[0.0, 1.0, 2.0, 9.0, np.nan]]))
         [1.5]
     """
-    rising_rel = np.sort(closure_rel, axis=1)  # any NaN comes last
-    mean: Vector = np.add.reduce(rising_rel[:, 1:-1], axis=1) / (closure_rel.shape[1] - 2)
-    if math.isfinite(sum(rising_rel[:, -1].tolist())):
-        return mean
-    for leg, closures_rel in enumerate(rising_rel):
-        known = closures_rel[np.isfinite(closures_rel)]
-        mean[leg] = known[1:-1].mean() if len(known) > 2 else np.nan
-    return mean
+    means_rel = []
+    for closures_rel in closure_rel.tolist():
+        known = closures_rel
+        if not math.isfinite(sum(closures_rel)):
+            known = [closure for closure in closures_rel if math.isfinite(closure)]
+        known.sort()
+        means_rel.append(sum(known[1:-1]) / (len(known) - 2) if len(known) > 2 else math.nan)
+    return means_rel
 
 
 class Contact:

@@ -184,16 +184,17 @@ class Footing:
         if np.count_nonzero(missing):
             closure_rel = np.where(missing, np.nan, closure_rel)
             foreseen_rel = None if foreseen_rel is None else np.where(missing, np.nan, foreseen_rel)
-        loads_n = self._loads_n(closure_rel)
-        foreseen_n = self._nothing_foreseen if foreseen_rel is None else self._loads_n(foreseen_rel)
+        means_rel = middle_mean(closure_rel)
+        foreseen_rels = self._nothing_foreseen if foreseen_rel is None else middle_mean(foreseen_rel)
         newest_ns = np.maximum.reduce(t_ns, axis=1).tolist()
         if now_ns >= self._doubt_due_ns:
             self._doubt(now_ns)
         aloft, flags = [], []
-        loads = zip(loads_n, self._doubts_n, newest_ns, foreseen_n, strict=True)
-        for leg, (load_n, doubt_n, newest, ahead_n) in enumerate(loads):
+        n_per_rel = self._sensitivity.load_n
+        loads = zip(means_rel, self._doubts_n, newest_ns, foreseen_rels, strict=True)
+        for leg, (mean_rel, doubt_n, newest, ahead_rel) in enumerate(loads):
             zero, contact = self._zeros[leg], self._contacts[leg]
-            contact.observe(load_n, doubt_n, newest, now_ns, ahead_n)
+            contact.observe(mean_rel * n_per_rel, doubt_n, newest, now_ns, ahead_rel * n_per_rel)
             touching = contact.touching
             refused = _TARE_REFUSED if leg in self._refused else 0
             flags.append(_CONTACT | refused if touching else refused)
@@ -209,11 +210,6 @@ class Footing:
         self._follow(capacitance_pf, t_ns, missing)
         if flags != self._flags:
             self._flags, self.flags = flags, np.array(flags, np.uint8)
-
-    def _loads_n(self, closure_rel: Vector) -> list[float]:
-        """Return the load of each leg along it [N], NaN where that is not known."""
-        loads_n: list[float] = (middle_mean(closure_rel) * self._sensitivity.load_n).tolist()
-        return loads_n
 
     def _follow(self, capacitance_pf: Vector, t_ns: Stamps, missing: Mask) -> None:
         """Let the zeros of those follow that are in the air and whose turn it is; arguments as of `observe`."""
