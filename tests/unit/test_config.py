@@ -19,15 +19,17 @@ buses:
 can: {interface: socketcan}
 """
 
+MCU = "board: mcu\nserial: {device: sim}\ncan: {interface: virtual}\n"
+
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     return tmp_path / "robot.yaml"
 
 
-@pytest.mark.parametrize("name", ["footsense.yaml", "footsense-two-buses.yaml"])
+@pytest.mark.parametrize("name", ["footsense.yaml", "footsense-two-buses.yaml", "footsense-mcu.yaml"])
 def test_the_examples_are_right(name: str) -> None:
-    """Both example files hold all six legs and nothing to warn of."""
+    """The example files hold all six legs and nothing to warn of."""
     config = load_config(DEPLOY / name)
     assert config.legs == LEGS == DEFAULT.legs
     assert config.warnings == ()
@@ -104,6 +106,24 @@ def test_model_and_packs_are_found_beside_the_file(file: Path) -> None:
             ),
             "line 4: buses[0].mux.address: my PCA9685 answers at 0x70 too (ALLCALL)",
         ),
+        (
+            "board: mcu\ncan: {interface: virtual}",
+            "board: mcu needs the line to the microcontroller: serial: {device: ...}",
+        ),
+        (
+            ONE_BUS + "board: mcu\nserial: {device: sim}",
+            "line 1: buses: the board mcu has no I2C bus of ours; take buses away, or use another board",
+        ),
+        (
+            ONE_BUS + "serial: {device: sim}",
+            "line 5: serial: is for board: mcu; the board fdc1004 is read over",
+        ),
+        ("can: {interface: virtual}", "the board fdc1004 is read over I2C: name its buses, with their legs"),
+        (MCU + "scan: {rate_sps: 100}", "scan: the microcontroller scans by itself, at serial.rate_hz"),
+        (MCU + "publish: element", "publish: the microcontroller sends whole scans; use publish: frame"),
+        (MCU + "max_age_ms: 6", "max_age_ms: a scan takes 5 ms and more at 200 scans/s"),
+        (MCU.replace("sim", "sim, legs: [lf, rf, lf]"), "serial.legs[2]: lf is named twice"),
+        (MCU.replace("sim", "ttyACM0"), "serial.device"),
         (ONE_BUS + "feet: {lf: foot-0001, rf: foot-0001}", "feet.rf: foot-0001 is already mounted on lf"),
         (ONE_BUS + "packs: feet/", "packs: no foot is named that a pack could be for; name them under feet"),
         (
@@ -169,6 +189,15 @@ def test_a_multiplexer_at_0x70_is_warned_of(file: Path) -> None:
     file.write_text(ONE_BUS.replace("can:", "    mux: {address: 0x70}\ncan:"))
     (warning,) = load_config(file).warnings
     assert warning.startswith("buses[0].mux.address: 0x70 is also the ALLCALL address of PCA9685")
+
+
+def test_a_serial_port_that_may_change_its_name_is_warned_of(file: Path) -> None:
+    """So is CAN that stays in the process, as with I2C."""
+    file.write_text(MCU.replace("sim", "/dev/ttyACM0"))
+    assert [warning.partition(":")[0] for warning in load_config(file).warnings] == [
+        "serial.device",
+        "can.interface",
+    ]
 
 
 def test_check_config_explains_a_file() -> None:

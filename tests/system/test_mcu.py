@@ -1,0 +1,150 @@
+"""Feet that a microcontroller scans: from its records to forces in virtual time, and over a pseudo-terminal."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from firmware_interface.can_codes import USABLE
+from footsense import app
+from footsense.backends.serial_link import SerialLink
+from footsense.config import Can, Config, Serial
+from footsense.core.pipeline import Pipeline
+from footsense.drivers.record_source import RecordSource
+from footsense.errors import ConfigError
+from footsense.frames import LEGS, CapFrame, Cause, ForceFrame, Reading, State
+from footsense.sim.faults import ElementOpen, StuckSda
+from footsense.sim.mcu import SimulatedMcu, simulated_mcu
+from footsense.sim.robot import SimulatedRobot
+from footsense.sim.scene import Effects, MeasuredWalk, Ramp, Scene
+from footsense.sim.serial_line import LineFaults, SimulatedLine
+from tests.unit.pty_line import HurriedClock, Line
+
+MS, S = 1_000_000, 1_000_000_000
+MCU = Config(board="mcu", serial=Serial(device="sim"), can=Can(interface="virtual"))
+WALK = Scene(
+    description="",
+    load=MeasuredWalk(peak_force_n=1.0),
+    lead_in_s=0.5,
+    gait_table=True,
+    effects=Effects(converter_noise=True),
+)
+
+
+class Robot(NamedTuple):
+    """A simulated robot behind a line.
+
+    Attributes:
+        robot: Its feet and its time.
+        source: Its scans.
+        pipeline: What makes forces of them.
+    """
+
+    robot: SimulatedRobot
+    source: RecordSource
+    pipeline: Pipeline
+
+    def run(self, until_ns: int) -> Iterator[tuple[int, ForceFrame]]:
+        """Yield the forces of every frame until a time, with the time at which they are ready."""
+        while (now_ns := self.robot.clock.now_ns()) < until_ns:
+            frame: CapFrame = self.source.read()
+            now_ns = self.robot.clock.now_ns()
+            yield now_ns, self.pipeline.process(frame, now_ns)[0]
+
+
+def robot(scene: Scene, faults: LineFaults) -> Robot:
+    """Return a robot of a scene on a line that fails."""
+    simulated = app.simulated_robot(MCU, scene)
+    assert MCU.serial
+    rate_hz, baud = MCU.serial.rate_hz, MCU.serial.baud
+    line = SimulatedLine(
+        simulated_mcu(simulated, scene, rate_hz), simulated.clock, rate_hz=rate_hz, baud=baud, faults=faults
+    )
+    source = RecordSource(line, simulated.clock, LEGS, rate_hz=rate_hz)
+    return Robot(simulated, source, app.pipeline_for(MCU, app.load_network(MCU), 0))
+
+
+def test_a_walk_is_felt_as_it_is_and_through_a_line_that_fails() -> None:
+    """What a line loses costs a leg three scans; no force of what remains is wrong by it."""
+    feet = robot(
+        WALK, LineFaults(lost_rel=5e-5, garbled_rel=5e-5, resets_ns=[2 * S], unplugged_ns=[(3 * S, 3.1 * S)])
+    )
+    errors_n, ages_ns, usable = [], [], []
+    for now_ns, forces in feet.run(4 * S):
+        if now_ns < 0.6 * S:
+            continue
+        good = np.isin(forces.state, sorted(USABLE))
+        felt_n = np.stack([feet.robot.felt_n(int(t_ns))[leg] for leg, t_ns in enumerate(forces.t_ns)])
+        errors_n.append(np.where(good[:, None], forces.force_n - felt_n, 0.0))
+        ages_ns.append(forces.age_ns[good])
+        usable.append((now_ns, good))
+    assert np.abs(np.concatenate(errors_n)).max() < 0.2
+    assert np.sqrt(np.mean(np.square(errors_n))) < 0.02
+    assert np.percentile(np.concatenate(ages_ns), 99) < 12e6
+    apart = [good.mean() for now_ns, good in usable if not 3 * S <= now_ns < 3.2 * S]
+    assert np.mean(apart) > 0.97
+    out = [good for now_ns, good in usable if 3.04 * S < now_ns < 3.1 * S]
+    assert out
+    assert not np.any(out)
+    losses = feet.source.losses
+    assert losses["restarts"] == 6
+    assert losses["crc"] > 10
+    assert losses["length"] > 10
+
+
+def test_the_feet_and_their_lines_break_as_on_any_board() -> None:
+    """An open element degrades its leg; what strikes an I2C bus is refused with the scene's path."""
+    load = Ramp(force_n=(0.0, 0.1, 0.5), rise_s=0.5)
+    broken = Scene(
+        description="", load=load, lead_in_s=0.3, faults=(ElementOpen(at_s=0.5, leg="lm", element=4),)
+    )
+    feet = robot(broken, LineFaults())
+    *_, (_, forces) = feet.run(round(1.2 * S))
+    assert forces.state.tolist() == [State.VALID, State.DEGRADED, *[State.VALID] * 4]
+    assert forces.cause[1] == Cause.ELEMENT_OPEN
+    assert forces.force_n[:, 2] == pytest.approx([0.5] * 6, abs=0.05)
+    strange = Scene(description="", load=load, faults=(StuckSda(at_s=1.0, leg="lm"),))
+    with pytest.raises(ConfigError, match=r"scene: faults\[0\]: strikes chips or wires of an I2C bus"):
+        app.simulated_robot(MCU, strange)
+
+
+@contextmanager
+def plugged(path: Path) -> Iterator[Line]:
+    """Give a name to a pseudo-terminal, and take both away."""
+    line = Line(path)
+    try:
+        yield line
+    finally:
+        line.unplug()
+
+
+def test_over_a_real_terminal(tmp_path: Path) -> None:
+    """The port, the decoder and the clock together: every scan is a frame, out is out, and back is back."""
+    rest_pf = np.linspace(5.0, 5.8, 9)
+    mcu = SimulatedMcu(dict.fromkeys(LEGS, lambda _: rest_pf), step_us=500)
+    clock = HurriedClock()
+    with plugged(tmp_path / "usb-mcu") as line:
+        device = line.plug()
+        source = RecordSource(SerialLink(str(line.name), 921_600, clock), clock, LEGS, rate_hz=200.0)
+        stamps_ns = []
+        for _ in range(20):
+            clock.sleep_until_ns(clock.now_ns() + 5 * MS)
+            os.write(device, mcu.scan(clock.now_ns() - 4 * MS))
+            frame = source.read()
+            assert not frame.reading.any()
+            assert frame.capacitance_pf == pytest.approx(np.tile(rest_pf, (6, 1)))
+            assert 0 < frame.t_ns.max() <= clock.now_ns()
+            stamps_ns.append(frame.t_ns[0, 0])
+        assert (np.diff(stamps_ns) > 0).all()
+        line.unplug()
+        assert (source.read().reading == Reading.NO_ANSWER).all()
+        device = line.plug()
+        while (frame := source.read()).reading.any():
+            clock.sleep_until_ns(clock.now_ns() + 5 * MS)
+            os.write(device, mcu.scan(clock.now_ns() - 4 * MS))
+        assert frame.capacitance_pf == pytest.approx(np.tile(rest_pf, (6, 1)))
+        source.close()
