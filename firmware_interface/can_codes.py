@@ -111,6 +111,9 @@ class Cause(IntEnum):
     GAP_SHUT = 13  #: a gap is shut: more load than the foot can tell
     HELD_UP = 14  #: the loop or the bus was held up
     CANNOT_EXCITE = 15  #: the converter cannot drive the leg's rows: a short, or a leak to ground
+    CALIBRATION_STALE = (
+        16  #: its loads or its elements no longer fit together with the robot's; the force is as before
+    )
 
 
 class ZeroStatus(IntEnum):

@@ -107,6 +107,7 @@ def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | No
         flags=flags,
         ganged=_ganged(config, network) if config.scan.gang else None,
         feet=[packs[leg].manifest.foot if leg in packs else "" for leg in config.legs],
+        body_weight_n=config.body_weight_n,
     )
 
 

@@ -262,6 +262,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             `footsense lab build` made of another, relative to the file. The folder has the name of the type.
         model: Network to use, relative to the file; None for that of the foot type.
         feet: Which foot is mounted on which leg.
+        body_weight_n: What all legs carry together while the robot walks [N], to tell feet whose calibration no longer
+            holds; None compares their sum with what it was at first.
         packs: Directory of the packs that feet were calibrated into, relative to the file; every foot in `feet` needs
             one there, and brings its stray_pf, unloaded_pf and network. None takes every foot for the designed one.
         metrics: Where the counters are shown; None for nowhere.
@@ -290,6 +292,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ] = "aoyagi-3x3"
     model: Annotated[str, Meta(min_length=1)] | None = None
     feet: dict[Leg, FootId] = {}
+    body_weight_n: Annotated[float, Meta(gt=0.0, le=1000.0)] | None = None
     packs: Annotated[str, Meta(min_length=1)] | None = None
     metrics: Metrics | None = None
     realtime: Realtime | None = None

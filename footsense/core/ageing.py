@@ -62,6 +62,7 @@ class Ageing:
 
     Attributes:
         stale: Legs whose calibration is in doubt, shape (legs,); replaced, never changed.
+        in_doubt: Whether there are any.
         due_ns: When the forces are to be looked at again [ns].
     """
 
@@ -69,6 +70,7 @@ class Ageing:
         self._watches = n_legs >= _FEWEST_LEGS
         self._strides = _Strides(n_legs, body_weight_n)
         self.stale: Mask = np.zeros(n_legs, bool)
+        self.in_doubt = False
         self.due_ns = 0
         self._t_ns = self._since_ns = 0
         self._first_down = True
@@ -118,6 +120,7 @@ class Ageing:
         if min(load_n.min(), closed2.min(), *(n.min() for n in looks)) <= 0.0:
             return
         self.stale = self._strides.judge(load_n / (lasted_ns * 1e-9), np.sqrt(contradicted2 / closed2))
+        self.in_doubt = bool(self.stale.any())
 
 
 class _Strides:

@@ -99,6 +99,15 @@ class Consistency:
         """Trust all elements of these legs again, shape (legs,): they have a new foot, or a new zero."""
         self._remembered[legs] = self._doubted[legs] = self._stuck[legs] = False
 
+    def squares(self, closure_rel: Vector) -> tuple[Vector, Vector]:
+        """Return each leg's sum of squares of the residuals and of the closures [1], shape (legs,) each.
+
+        Args:
+            closure_rel: Closures over the gap [1], shape (legs, 9).
+        """
+        residual = closure_rel @ self._whole
+        return np.einsum("ij,ij->i", residual, residual), np.einsum("ij,ij->i", closure_rel, closure_rel)
+
     def judge(
         self, closure_rel: Vector, measured_rel: Vector, missing: Mask, t_ns: NDArray[np.int64]
     ) -> Judgement:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.core import quality
+from footsense.core.ageing import Ageing
 from footsense.core.consistency import Consistency, Judgement
 from footsense.core.contact import ContactLimits
 from footsense.core.design import CapacitorDesign
@@ -25,6 +26,7 @@ from footsense.core.tare import TareLimits
 from footsense.frames import (
     USABLE,
     CapFrame,
+    Cause,
     Command,
     CommandKind,
     Flag,
@@ -36,6 +38,8 @@ from footsense.frames import (
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+_CONTACT = np.uint8(Flag.CONTACT)
 
 #: Looked up by state: to search the few usable ones for each leg costs ten times as much.
 _USABLE = np.isin(np.arange(256), sorted(USABLE))
@@ -90,6 +94,7 @@ class Pipeline:
         ganged: What is known of the legs that are read column by column; None if none ever is.
         range_end_pf: What an element over the converter's range has at least [pF].
         feet: Name of the foot on each leg whose fingerprint `unloaded_pf` is; empty where it is any foot's.
+        body_weight_n: What all legs carry together [N]; None if that is not known.
     """
 
     def __init__(
@@ -109,6 +114,7 @@ class Pipeline:
         ganged: Ganged | None = None,
         range_end_pf: float = quality.RANGE_END_PF,
         feet: Sequence[str] = (),
+        body_weight_n: float | None = None,
     ) -> None:
         self._reckoning = reckoning
         self._calibration = calibration
@@ -125,6 +131,7 @@ class Pipeline:
             unloaded_pf, calibration.design, tare, contact, sensitivity, track=track_zero, feet=feet
         )
         self._consistency = Consistency(n_legs, calibration.moments, settled_ns)
+        self._ageing = Ageing(n_legs, body_weight_n)
         # Of a robot that is well; never written to.
         self._no_fault = np.zeros(n_legs, np.uint16)
         self._all_valid = np.full(n_legs, State.VALID, np.uint8)
@@ -215,6 +222,12 @@ class Pipeline:
             state = state.copy()
             state[usable & ~known] = State.OUT_OF_RANGE
             force_n[~known] = sigma_n[~known] = np.nan
+        if now_ns >= self._ageing.due_ns:
+            self._look_for_ageing(force_n, state, judged_rel, now_ns)
+        cause = verdict.cause
+        if self._ageing.in_doubt:
+            unexplained = self._ageing.stale & usable & (cause == Cause.NONE)
+            cause = np.where(unexplained, np.uint8(Cause.CALIBRATION_STALE), cause)
         return ForceFrame(
             sequence=scan.sequence,
             t_sent_ns=now_ns,
@@ -224,9 +237,19 @@ class Pipeline:
             state=state,
             fault_mask=verdict.fault_mask,
             flags=footing.flags | self._flags,
-            cause=verdict.cause,
+            cause=cause,
             zero=footing.zero,
         ), outcomes
+
+    def _look_for_ageing(
+        self, force_n: Vector, state: NDArray[np.uint8], judged_rel: Vector, now_ns: int
+    ) -> None:
+        """Let the forces of a frame tell whether the calibrations still hold; of legs in any trouble they do not."""
+        load_n = force_n[:, 2]
+        if state is not self._all_valid:
+            load_n = np.where(state == State.VALID, load_n, np.nan)
+        on_ground = self._footing.flags & _CONTACT != 0
+        self._ageing.look(load_n, on_ground, *self._consistency.squares(judged_rel), now_ns)
 
     def _verdict(
         self,

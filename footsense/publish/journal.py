@@ -55,7 +55,8 @@ class Journal:
             if (state_before, cause_before) != (state, cause):
                 before, now = State(state_before).name.lower(), State(state)
                 why = f" ({Cause(cause).name.lower()})" if cause else ""
-                level = logging.INFO if now in EXPECTED else logging.WARNING
+                # A leg may be valid, and something be wrong with it all the same.
+                level = logging.WARNING if cause or now not in EXPECTED else logging.INFO
                 self._line(leg, level, f"{before} -> {now.name.lower()}{why}")
 
     def _line(self, leg: int, level: int, text: str) -> None:
