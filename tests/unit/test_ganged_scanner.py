@@ -17,7 +17,7 @@ from footsense.sim.bus import SimulatedBus, SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.fdc1004_chip import SimulatedFdc1004
 from footsense.sim.line_switch import SimulatedLineSwitch
-from tests.unit.test_scanner import DISTINCT_PF, column_through, distinct
+from tests.contract.boards import DISTINCT_PF, column_through, distinct
 
 N_LEGS = 3
 #: Error of the CAPDAC's steps, and what it makes of a sum [pF].

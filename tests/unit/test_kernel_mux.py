@@ -21,7 +21,7 @@ from footsense.sim.clock import VirtualClock
 from footsense.sim.fdc1004_chip import SimulatedFdc1004
 from footsense.sim.kernel_mux import SimulatedKernelMuxLeg
 from footsense.sim.line_switch import SimulatedLineSwitch
-from tests.unit.test_scanner import DISTINCT_PF, Capacitance, column_through
+from tests.contract.boards import DISTINCT_PF, Capacitance, column_through
 
 CONVERSION_NS = 2_500_000
 

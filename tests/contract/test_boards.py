@@ -1,0 +1,261 @@
+"""What a scanner promises of its legs, asked of both boards over byte-level chips."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from footsense.drivers.scan_plan import ORDERS
+from footsense.errors import BusError, BusTimeoutError, NackError
+from footsense.frames import Reading
+from footsense.ports import Transaction
+from tests.contract.boards import AD7746, DISTINCT_PF, FDC1004, Board, Robot, distinct, only
+
+BOTH = (FDC1004, AD7746)
+both = pytest.mark.parametrize("board", BOTH, ids=lambda board: board.name)
+
+
+@pytest.mark.parametrize(
+    ("board", "rate_sps"), [(board, rate_sps) for board in BOTH for rate_sps in board.rates_sps]
+)
+@pytest.mark.parametrize("order", list(ORDERS))
+@pytest.mark.parametrize("n_buses", [1, 2])
+def test_every_element_lands_at_its_place(board: Board, rate_sps: int, order: str, n_buses: int) -> None:
+    """Each of nine different capacitances is read exactly, on all legs, in whatever order and at every rate."""
+    robot = Robot(distinct, board, order=order, rate_sps=rate_sps, n_buses=n_buses)
+    frame = robot.read(2)
+    assert (frame.reading == Reading.OK).all()
+    assert robot.is_right(frame).all()
+
+
+@both
+def test_stamps_are_the_middle_of_each_conversion(board: Board) -> None:
+    """A capacitance that counts time is read as the time of its stamp, for every element on its own."""
+    robot = Robot(lambda element, t_ns: 4.0 + t_ns * 2**-30, board)
+    frame = robot.read(2)
+    np.testing.assert_allclose(frame.capacitance_pf - 4.0, frame.t_ns * 2**-30, atol=2**-11)
+    steps = np.diff(np.sort(frame.t_ns[0]))
+    assert (steps > board.conversion_ns).all()
+    assert (steps < 1.2 * board.conversion_ns).all()
+
+
+@both
+@pytest.mark.parametrize("clock_error_rel", [-0.02, 0.02])
+def test_chips_at_the_end_of_their_tolerance_still_finish_in_time(
+    board: Board, clock_error_rel: float
+) -> None:
+    """The plan waits for the slowest chip that is allowed."""
+    frame = Robot(distinct, board, clock_error_rel=clock_error_rel).read(3)
+    assert (frame.reading == Reading.OK).all()
+
+
+@both
+def test_a_chip_slower_than_its_tolerance_gives_no_number(board: Board) -> None:
+    """A conversion that is still running is NOT_READY, never the value of the scan before."""
+    frame = Robot(distinct, board, clock_error_rel=0.08).read(2)
+    assert (frame.reading == Reading.NOT_READY).all()
+    assert np.isnan(frame.capacitance_pf).all()
+
+
+@both
+def test_an_absent_leg_costs_only_itself_and_comes_back(board: Board) -> None:
+    """Its elements are NO_ANSWER, all others read on at the same pace; when it answers again it is taken up."""
+    robot = Robot(distinct, board)
+    period_ns = robot.period_ns()
+    gone_ns = robot.clock.now_ns()
+    for chip in robot.chips(2):
+        chip.absent_ns = [(gone_ns, math.inf)]
+    others = np.delete(np.arange(6), 2)
+    for _ in range(12):
+        before_ns = robot.clock.now_ns()
+        frame = robot.read()
+        assert (frame.reading[2] == Reading.NO_ANSWER).any()
+        assert robot.is_right(frame)[others].all()
+        assert robot.clock.now_ns() - before_ns < 1.05 * period_ns
+    for chip in robot.chips(2):
+        chip.absent_ns = []
+    assert (robot.read(200).reading == Reading.OK).all()
+
+
+@both
+def test_a_stuck_converter_costs_only_itself(board: Board) -> None:
+    """Its elements are NOT_READY; the others keep every element and their pace, but for what a try takes."""
+    robot = Robot(distinct, board)
+    period_ns = robot.period_ns()
+    robot.converters[4].stuck_ns = [(robot.clock.now_ns(), math.inf)]
+    robot.read()
+    for _ in range(60):
+        before_ns = robot.clock.now_ns()
+        frame = robot.read()
+        assert (frame.reading[4] == Reading.NOT_READY).all()
+        assert robot.is_right(frame)[[0, 1, 2, 3, 5]].all()
+        assert robot.clock.now_ns() - before_ns < 1.05 * period_ns + board.probe_ns
+
+
+@both
+def test_a_leg_that_is_missing_at_start_is_looked_for_again(board: Board) -> None:
+    """The others start without it; once it is plugged in it takes part."""
+    robot = Robot(distinct, board)
+    robot.converters[0].absent_ns = [(0, math.inf)]
+    robot.scanner.start()
+    assert (robot.read(2).reading[0] == Reading.NO_ANSWER).any()
+    robot.converters[0].absent_ns = []
+    frame = robot.read(100)
+    assert (frame.reading == Reading.OK).all()
+    assert robot.is_right(frame).all()
+
+
+@both
+def test_readings_of_all_legs_belong_to_the_same_conversion(board: Board) -> None:
+    """A broadcast triggers all legs at once: their stamps are equal to the nanosecond."""
+    frame = Robot(distinct, board).read(2)
+    assert (frame.t_ns == frame.t_ns[0]).all()
+
+
+@pytest.mark.parametrize(
+    ("board", "order", "error"),
+    [
+        *((FDC1004, order, error) for order in ORDERS for error in (NackError("none"), BusError("garbled"))),
+        (AD7746, "lo_shu", NackError("none")),
+        (AD7746, "raster", BusError("garbled")),
+    ],
+    ids=lambda value: getattr(value, "name", str(value)),
+)
+def test_one_failed_transaction_never_makes_a_wrong_number(board: Board, order: str, error: BusError) -> None:
+    """Whichever transaction of a scan fails: every element that is OK then and later is its own capacitance."""
+    n_transactions = 160 if board is FDC1004 else 190
+    for n_failing in range(n_transactions):
+        robot = Robot(distinct, board, order=order)
+        robot.read(2)
+        robot.saboteurs[0].arm(only(n_failing, error))
+        for _ in range(4):
+            frame = robot.read()
+            robot.assert_honest(frame)
+        assert (frame.reading == Reading.OK).all()
+
+
+@both
+@pytest.mark.parametrize("after_rel", np.linspace(0.0, 1.1, 26))
+def test_a_converter_that_was_reset_is_noticed_and_set_up_again(board: Board, after_rel: float) -> None:
+    """After a dip of its supply it would read something else than it was told, and acknowledge everything."""
+    robot = Robot(distinct, board)
+    robot.read(2)
+    at_ns = robot.clock.now_ns() + round(after_rel * 9 * board.conversion_ns)
+    for chip in robot.chips(3):
+        chip.brown_outs_ns = [at_ns]
+    seen = set()
+    for _ in range(60):
+        frame = robot.read()
+        seen |= set(frame.reading[3].tolist())
+        robot.assert_honest(frame)
+        assert (frame.reading[[0, 1, 2, 4, 5]] == Reading.OK).all()
+    assert seen & {Reading.MISCONFIGURED, Reading.NOT_READY}
+    assert (frame.reading == Reading.OK).all()
+
+
+@pytest.mark.parametrize(
+    ("board", "switch"),
+    [(FDC1004, 0), (AD7746, 0), (AD7746, 1)],
+    ids=lambda value: getattr(value, "name", ""),
+)
+def test_a_deaf_line_switch_is_noticed(board: Board, switch: int) -> None:
+    """The others acknowledge for it and its converter converts: only its own read-back tells."""
+    robot = Robot(distinct, board)
+    robot.read(2)
+    robot.switches[1][switch].deaf_ns = [(robot.clock.now_ns(), math.inf)]
+    robot.read()
+    for _ in range(40):
+        frame = robot.read()
+        robot.assert_honest(frame)
+        assert not (frame.reading[1] == Reading.OK).all()
+        assert (frame.reading[[0, 2, 3, 4, 5]] == Reading.OK).all()
+
+
+@both
+def test_a_result_from_before_a_stall_is_not_used(board: Board) -> None:
+    """If the loop was held up, the conversion that had been running is done again."""
+    robot = Robot(distinct, board)
+    robot.read(2)
+    robot.clock.sleep_until_ns(robot.clock.now_ns() + 200_000_000)
+    frame = robot.read()
+    assert (frame.reading == Reading.OK).all()
+    assert np.ptp(frame.t_ns) < 9 * 1.1 * board.conversion_ns
+
+
+@both
+def test_a_result_from_before_a_stall_does_not_speak_for_the_conversion_after_it(board: Board) -> None:
+    """It is read away first: a conversion that then hangs is NOT_READY, whatever the register still holds."""
+    robot = Robot(distinct, board)
+    robot.read(2)
+    robot.clock.sleep_until_ns(robot.clock.now_ns() + 200_000_000)
+    now_ns = robot.clock.now_ns()
+    robot.converters[0].write(b"\x0c", now_ns)  # the conversion that had been running finishes
+    robot.converters[0].stuck_ns = [(now_ns, now_ns + 1.5 * board.conversion_ns)]
+    assert (robot.read().reading[0] == Reading.NOT_READY).all()
+
+
+TROUBLES = st.lists(
+    st.tuples(
+        st.integers(0, 1500),  # transaction at which it begins
+        st.integers(1, 200),  # transactions that it lasts
+        st.sampled_from([NackError("no acknowledge"), BusError("garbled"), BusTimeoutError("held low")]),
+    ),
+    max_size=6,
+)
+CHIP_FAULTS = st.lists(
+    st.tuples(st.sampled_from(["absent", "brown_out", "stuck"]), st.integers(0, 5), st.floats(2.0, 18.0)),
+    max_size=4,
+)
+
+
+@both
+@given(TROUBLES, CHIP_FAULTS, st.sampled_from(list(ORDERS)))
+@settings(max_examples=20)
+def test_whatever_fails_a_reading_is_right_or_missing(
+    board: Board,
+    troubles: list[tuple[int, int, BusError]],
+    chip_faults: list[tuple[str, int, float]],
+    order: str,
+) -> None:
+    """Random failures of bus and chips: no exception, no wrong number, and all is well some time after the last."""
+    robot = Robot(distinct, board, order=order)
+    robot.read(2)
+    scan_ns = 9 * board.conversion_ns
+
+    def fails(transaction: Transaction, n: int) -> BusError | None:
+        del transaction
+        return next((error for begin, length, error in troubles if begin <= n < begin + length), None)
+
+    robot.saboteurs[0].arm(fails)
+    for kind, leg, at_scans in chip_faults:
+        at_ns = robot.clock.now_ns() + round(at_scans * scan_ns)
+        if kind == "absent":
+            for chip in robot.chips(leg):
+                chip.absent_ns.append((at_ns, at_ns + 4 * scan_ns))
+        elif kind == "brown_out":
+            for chip in robot.chips(leg):
+                chip.brown_outs_ns.append(at_ns)
+        else:
+            robot.converters[leg].stuck_ns.append((at_ns, at_ns + 8 * scan_ns))
+    for _ in range(40):
+        robot.assert_honest(robot.read())
+    robot.saboteurs[0].arm(lambda transaction, n: None)
+    for _ in range(500):
+        frame = robot.read()
+        robot.assert_honest(frame)
+        if (frame.reading == Reading.OK).all():
+            return
+    pytest.fail("a leg has not come back")
+
+
+@pytest.mark.parametrize("kind", ["short", "open"])
+def test_codes_at_either_end_of_the_range_are_no_numbers(kind: str) -> None:
+    """What lies beyond 5.46 +- 4.1 pF is over or under the range; such an element has been read all the same."""
+    beyond_pf = 20.0 if kind == "short" else 0.1
+    robot = Robot(lambda element, t_ns: beyond_pf if element == 4 else float(DISTINCT_PF[element]), AD7746)
+    frame = robot.read(3)
+    assert (frame.reading[:, 4] == (Reading.OVER_RANGE if kind == "short" else Reading.UNDER_RANGE)).all()
+    assert (frame.t_ns > 0).all()
+    assert robot.is_right(frame)[:, [0, 8]].all()
