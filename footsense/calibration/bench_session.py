@@ -1,7 +1,7 @@
 """A recording from the bench, read as what it is for: one session of pokes of one foot."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from footsense.frames import Cycle
 from footsense.recording.pipe_format import Loss
 from footsense.recording.replay import Replay
 
-__all__ = ["BenchSession", "read_session"]
+__all__ = ["BenchSession", "read_session", "read_sessions"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,6 +53,36 @@ class BenchSession:
         if self.damage:
             found.append(f"{self.damage}; the {len(self.pokes)} pokes before that are used")
         return tuple(found)
+
+
+def read_sessions(paths: Sequence[Path], foot: str) -> list[BenchSession]:
+    """Return the sessions in recordings of one foot.
+
+    Args:
+        paths: The recordings, at least one.
+        foot: Which foot they have to be of.
+
+    Raises:
+        RecordingError: One is no recording.
+        CalibrationError: One is of another foot or foot type, has no reference, or is there twice.
+    """
+    sessions: list[BenchSession] = []
+    for path in paths:
+        session = read_session(path, foot)
+        for other in sessions:
+            if session.sha256 == other.sha256:
+                raise CalibrationError(f"{path}: the same recording as {other.path}; name each one once")
+            if path.name == other.path.name:
+                raise CalibrationError(
+                    f"{path}: has the name of {other.path}, by which the pack lists it; rename one"
+                )
+            if session.foot_type != other.foot_type:
+                raise CalibrationError(
+                    f"{path}: of foot type {session.foot_type!r}, {other.path} is of {other.foot_type!r}; "
+                    "a foot has one type"
+                )
+        sessions.append(session)
+    return sessions
 
 
 def read_session(path: Path, foot: str) -> BenchSession:
@@ -96,7 +126,9 @@ def read_session(path: Path, foot: str) -> BenchSession:
 
 
 def _mounted(header: dict[str, str]) -> dict[str, str]:
-    """Return the leg of each foot that a recording names."""
+    """Return the leg of each foot that a recording names: the one on the bench, or those of a robot."""
+    if "foot" in header and header.get("leg") in header["legs"].split(","):
+        return {header["foot"]: header["leg"]}
     pairs = [entry.partition("=") for entry in header.get("feet", "").split(",") if entry]
     return {foot: leg for leg, _, foot in pairs if leg in header["legs"].split(",")}
 

@@ -7,14 +7,13 @@ from typing import Any
 
 import click
 
-from footsense import app
-from footsense.calibration.bench_session import BenchSession, read_session
+from footsense.calibration.bench_session import BenchSession, read_sessions
 from footsense.calibration.calibrate import Design
 from footsense.calibration.pack_writer import PackContent, check_pack_target, write_pack
 from footsense.calibration.sessions import CalibratedFoot, calibrate_sessions
+from footsense.cli.bench_options import foot_files, foot_type_option
 from footsense.clock import stopwatch_ns, wall_time_iso
 from footsense.core.force_errors import Errors
-from footsense.errors import CalibrationError, ConfigError
 from footsense.inference.foot_pack import FootPack
 from footsense.inference.network import Network
 from footsense.sim.foot import FootResponse
@@ -30,10 +29,7 @@ from footsense.sim.foot import FootResponse
     show_default=True,
     help="Folder of all packs; this foot's gets its name in it.",
 )
-@click.option(
-    "--foot-type",
-    help="Folder with network.onnx and response.npz of the foot's type; without it, the released one.",
-)
+@foot_type_option
 @click.option("--hold-out", help="Session that tells how good the pack is; without it, the last of several.")
 @click.option("--replace", is_flag=True, help="Take the place of a pack that is there; that one is kept.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -41,7 +37,7 @@ def calibrate(
     recordings: tuple[Path, ...],
     foot: str,
     feet: Path,
-    foot_type: str | None,
+    foot_type_folder: Path | None,
     hold_out: str | None,
     *,
     replace: bool,
@@ -53,37 +49,15 @@ def calibrate(
     """
     began_ns = stopwatch_ns()
     check_pack_target(feet / foot, replace=replace)
-    sessions = [read_session(path, foot) for path in recordings]
+    sessions = read_sessions(recordings, foot)
     for line in (line for session in sessions for line in session.warnings):
         click.echo(f"warning: {line}", err=True)
-    design, network = _design(sessions, foot_type)
+    files = foot_files(sessions[0].foot_type, foot_type_folder)
+    design = Design(FootResponse.load(files.response), partial(Network, files.network), files.calibration)
     found = calibrate_sessions(design, sessions, hold_out)
-    pack = write_pack(feet, _content(foot, network, sessions, found), replace=replace)
+    pack = write_pack(feet, _content(foot, files.network, sessions, found), replace=replace)
     figures = _figures(pack, found, (stopwatch_ns() - began_ns) * 1e-9)
     click.echo(json.dumps(figures, indent=2) if as_json else _text(pack, found, figures))
-
-
-def _design(sessions: list[BenchSession], foot_type: str | None) -> tuple[Design, Path]:
-    """Return what is known of the feet's type, and the file of its network.
-
-    Raises:
-        CalibrationError: The recordings are of several.
-        ConfigError: The folder of the type is none.
-    """
-    types = {session.foot_type for session in sessions}
-    if len(types) != 1:
-        raise CalibrationError(
-            f"recordings of several foot types: {', '.join(sorted(types))}; give those of one"
-        )
-    folder = Path(foot_type) if foot_type else app.released("network.onnx", types.pop()).parent
-    network = folder / "network.onnx"
-    if not network.is_file():
-        raise ConfigError(
-            f"{folder}: no foot type: there is no network.onnx in it; --foot-type names the folder that "
-            "`footsense lab build --foot` made"
-        )
-    response = FootResponse.load(folder / "response.npz")
-    return Design(response, partial(Network, network), Network(network, 1).card.calibration), network
 
 
 def _content(foot: str, network: Path, sessions: list[BenchSession], found: CalibratedFoot) -> PackContent:

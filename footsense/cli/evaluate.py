@@ -8,12 +8,12 @@ from typing import Any
 
 import click
 
-from footsense import app
-from footsense.calibration.bench_session import BenchSession, read_session
+from footsense.calibration.bench_session import BenchSession, read_sessions
 from footsense.calibration.evaluation import BANDS, Evaluation
 from footsense.calibration.evaluation import evaluate as evaluate_sessions
+from footsense.cli.bench_options import foot_files, foot_type_option
 from footsense.core.force_errors import GRAM_FORCE_N, Errors
-from footsense.errors import CalibrationError, ConfigError
+from footsense.errors import ConfigError
 from footsense.inference.foot_pack import FootPack, read_pack
 from footsense.inference.network import Network
 
@@ -34,19 +34,28 @@ DESIGN_ONLY, CALIBRATED = "network alone", "with its pack"
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder for a page with figures: error map, patterns, histograms (needs matplotlib).",
 )
+@foot_type_option
 @click.option("--json", "as_json_text", is_flag=True, help="Print JSON.")
 def evaluate(
-    recordings: tuple[Path, ...], foot: str, folder: Path | None, out: Path | None, *, as_json_text: bool
+    recordings: tuple[Path, ...],
+    foot: str,
+    folder: Path | None,
+    out: Path | None,
+    foot_type_folder: Path | None,
+    *,
+    as_json_text: bool,
 ) -> None:
     """Compare the forces of a foot with the reference of the bench, pack by pack and load by load."""
     if out is not None:
         _require_figures(out)
-    sessions = [read_session(path, foot) for path in recordings]
-    foot_type = _one_foot_type(sessions)
+    sessions = read_sessions(recordings, foot)
+    foot_type = sessions[0].foot_type
+    files = foot_files(foot_type, foot_type_folder)
     pack = _pack(folder, foot, foot_type)
-    path = pack.network if pack is not None else app.released("network.onnx")
-    calibration = Network(path, 1).card.calibration
-    parameters = pack.parameters if pack is not None else None
+    path, calibration, parameters = files.network, files.calibration, None
+    if pack is not None:
+        path, calibration = pack.network, Network(pack.network, 1).card.calibration
+        parameters = pack.parameters
     found = evaluate_sessions(sessions, lambda n_rows: Network(path, n_rows), calibration, parameters)
     warnings = [line for session in sessions for line in session.warnings] + _fitted_on(sessions, pack)
     for line in warnings:
@@ -55,7 +64,7 @@ def evaluate(
     if out is not None:
         from footsense.cli.evaluate_page import write_page
 
-        page = write_page(out, figures, warnings, found, parameters, app.released("response.npz"))
+        page = write_page(out, figures, warnings, found, parameters, files.response)
         click.echo(f"wrote {page}", err=True)
     click.echo(json.dumps(figures, indent=2) if as_json_text else as_text(figures))
 
@@ -138,26 +147,6 @@ def as_text(figures: dict[str, Any]) -> str:
         for row in table
     ]
     return "\n".join([headline(figures), *lines])
-
-
-def _one_foot_type(sessions: Sequence[BenchSession]) -> str:
-    """Return the type of the foot.
-
-    Raises:
-        CalibrationError: The recordings do not agree on it, or name one session twice.
-    """
-    first = sessions[0]
-    for session in sessions:
-        if session.foot_type != first.foot_type:
-            raise CalibrationError(
-                f"{session.path}: of foot type {session.foot_type!r}, {first.path} is of {first.foot_type!r}; "
-                "a foot has one type"
-            )
-    hashes = [session.sha256 for session in sessions]
-    for session in sessions:
-        if hashes.count(session.sha256) > 1:
-            raise CalibrationError(f"{session.path}: given twice; name each recording once")
-    return first.foot_type
 
 
 def _pack(folder: Path | None, foot: str, foot_type: str) -> FootPack | None:

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from footsense.cli.evaluate import evaluate
-from footsense.errors import CalibrationError, FootsenseError, ModelError, RecordingError
+from footsense.errors import CalibrationError, ConfigError, FootsenseError, ModelError, RecordingError
 from footsense.inference.pack_format import Manifest
 from tests.system.bench import record, true_parameters
 from tests.unit.packs import pack
@@ -92,7 +92,10 @@ def test_what_cannot_be_evaluated(bench: Path, tmp_path: Path) -> None:
     """One line each, with what would be right."""
     session = bench / "session.mcap"
     assert "a recording of foot-0007, not of foot-0008" in refusal(session, "--foot", "foot-0008")
-    assert "given twice" in refusal(session, session, "--foot", "foot-0007")
+    assert "the same recording as" in refusal(session, session, "--foot", "foot-0007")
+    assert "there is no network.onnx in it; --foot-type names" in refusal(
+        session, "--foot", "foot-0007", "--foot-type", tmp_path, kind=ConfigError
+    )
     assert "no such foot pack" in refusal(
         session, "--foot", "foot-0007", "--pack", tmp_path / "feet", kind=ModelError
     )
