@@ -19,19 +19,19 @@ def readme(
     quick: bool,
 ) -> str:
     """Return the model card for people."""
-    where = response.provenance
-    wide, weights = card["training"]["wide"], card["training"]["weights"]
-    loads = sole.loads
+    where, loads, weights = response.provenance, sole.loads, card["training"]["weights"]
+    span, lean = f"{loads.judged_from_n:g} to {loads.max_n:g} N", f"{loads.typical_lean_deg:g} deg"
+    radius = f"{sole.ball_radius_mm:g} mm radius"
+    noise = f"{1000 * card['training']['wide']['noise_pf']:g} fF"
     asymmetry, residual, cut_off = (
         f"{100 * where[key]:.4f} %" for key in ("mesh_asymmetry_rel", "fit_residual_rel", "interpolation_rel")
     )
     warning = "**A quick build: coarse mesh, short training. It shows the way, and is no release.**\n\n"
     return f"""# {response.foot_type}
 
-{warning if quick else ""}{sole.about}: nine capacitors between two rubber hemispheres of
-{sole.ball_radius_mm:g} mm radius.
-`{FOOT_FILE}` describes it; everything else here is made from that by one command, in the folder above this one, and
-nothing is edited by hand:
+{warning if quick else ""}{sole.about}: nine capacitors between two rubber hemispheres of {radius}.
+`{FOOT_FILE}` describes it; everything else is made from that by one command, in the folder above this one, and nothing
+is edited by hand:
 
     footsense lab build --foot {sole.foot_type}/{FOOT_FILE} --out .{" --quick" if quick else ""}
 
@@ -42,10 +42,9 @@ nothing is edited by hand:
 | `response.npz` | the simulator's foot: contact normals above {response.min_elevation_deg:g} deg |
 
 `paper_*`: the paper's 180 verification cases (100 gf, centred), no noise; read-outs fitted to the paper's 362 training
-cases, but for `paper_network`, the released one. `wide_*`: {HELD_OUT_CASES} held-out random loads of
-{loads.judged_from_n:g} to {loads.max_n:g} N, contact normals leaning from the force by {loads.typical_lean_deg:g} deg
-rms sideways and along, {loads.friction_angle_deg:g} deg at most, gaps shutting in part, converter
-noise of {1000 * wide["noise_pf"]:g} fF.
+cases, but for `paper_network`, the one beside this page. `wide_*`: {HELD_OUT_CASES} held-out random loads of {span},
+contact normals leaning from the force by {lean} rms sideways and along, {loads.friction_angle_deg:g} deg at most,
+gaps shutting in part, converter noise of {noise}.
 
 {as_markdown(table)}
 

@@ -226,7 +226,7 @@ def test_the_card_for_people_says_how_to_build_it(built: Built, folder: Path) ->
     del built
     text = (folder / "README.md").read_text()
     assert f"footsense lab build --foot {SOLE.foot_type}/foot.yaml --out . --quick" in text
-    assert "A larger soft foot: nine capacitors between two rubber hemispheres of\n14 mm" in text
+    assert "A larger soft foot: nine capacitors between two rubber hemispheres of 14 mm radius.\n" in text
     assert (folder / "foot.yaml").read_bytes() == FOOT.read_bytes()
 
 

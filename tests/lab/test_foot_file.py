@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from footsense.cli.lab import lab
 from footsense.errors import ConfigError, FootsenseError
-from footsense.lab.fem.mesh import COARSE
+from footsense.lab.fem.mesh import COARSE, SHIPPED
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from tests.lab.released import RELEASED, SOLE
 
@@ -85,7 +85,8 @@ def test_electrodes_that_the_converter_cannot_read_are_refused(sizes: tuple[floa
 
 def test_the_shipped_foot_is_meshed_by_the_stated_lengths() -> None:
     """Lengths of a mesh are those in the shipped foot, to the bit: its table must not change."""
-    assert COARSE.in_foot(SOLE) == COARSE
+    for size in (COARSE, SHIPPED):
+        assert size.in_foot(SOLE) == size
 
 
 def test_another_foot_of_a_known_name_is_refused(tmp_path: Path) -> None:
