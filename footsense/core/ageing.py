@@ -44,13 +44,14 @@ LOAD_SLACK, LOAD_LIMIT = 0.07, 1.5
 SUM_SLACK, SUM_LIMIT = 0.12, 0.8
 ELEMENTS_SLACK, ELEMENTS_LIMIT = 0.4, 2.0
 
-#: How often the forces are looked at: finer than a stance needs, rarer than single elements come.
-LOOK_NS = 20_000_000
+#: How often the forces are looked at: a stance has ten times as long.
+LOOK_NS = 40_000_000
 #: After so long without a look, nothing is known of what was between.
 _GAP_NS = 200_000_000
 _SHORTEST_NS, _LONGEST_NS = 200_000_000, 5_000_000_000
 #: With fewer legs, none is common: a bench is no walk.
 _FEWEST_LEGS = 4
+_NEVER_NS = 1 << 62
 
 
 class Ageing:
@@ -71,55 +72,52 @@ class Ageing:
         self._strides = _Strides(n_legs, body_weight_n)
         self.stale: Mask = np.zeros(n_legs, bool)
         self.in_doubt = False
-        self.due_ns = 0
+        self.due_ns = 0 if self._watches else _NEVER_NS
         self._t_ns = self._since_ns = 0
         self._first_down = True
-        self._sums = np.zeros(
-            (5, n_legs)
-        )  # impulse [N s], residual2, closure2 [1], looks on the ground, in the air
+        # Of this stride so far.
+        self._impulse_ns = np.zeros(n_legs)
+        self._squares = np.zeros((n_legs, 2))
+        self._n_down = np.zeros(n_legs)
+        self._n_looks = 0
 
-    def look(self, load_n: Vector, on_ground: Mask, residual2: Vector, closure2: Vector, now_ns: int) -> None:
+    def look(self, load_n: Vector, on_ground: Mask, squares: Vector, now_ns: int) -> None:
         """Take note of the forces of a frame, and judge the stride if one ends with it.
 
         Args:
             load_n: Force along the leg [N], shape (legs,), NaN where it is not known: such a stride is not judged.
             on_ground: Whether the foot touches, shape (legs,).
-            residual2: Sum of the squares of what the elements contradict each other [1], shape (legs,).
-            closure2: The same of their closures [1].
+            squares: Sum of the squares of what the elements contradict each other, and of their closures [1], shape
+                (legs, 2); in the air both are next to nothing.
             now_ns: The time now [ns].
-
-        Timing:
-            Some ten microseconds, and as many at the end of a stride; nothing that grows.
         """
         passed_ns = now_ns - self._t_ns
         self._t_ns, self.due_ns = now_ns, now_ns + LOOK_NS
-        if not self._watches:
-            return
         first_down = bool(on_ground[0])
         if first_down and not self._first_down:
             self._end(now_ns)
         self._first_down = first_down
         if passed_ns > _GAP_NS:
-            self._sums[0] = np.nan
+            self._impulse_ns[:] = np.nan
             return
-        sums = self._sums
-        sums[0] += load_n * (passed_ns * 1e-9)
-        sums[1] += on_ground * residual2
-        sums[2] += on_ground * closure2
-        sums[3] += on_ground
-        sums[4] += ~on_ground
+        self._impulse_ns += load_n * passed_ns
+        self._squares += squares
+        self._n_down += on_ground
+        self._n_looks += 1
 
     def _end(self, now_ns: int) -> None:
         """Judge the stride that ends now, if it was one of a walk in which every force was known."""
         lasted_ns, self._since_ns = now_ns - self._since_ns, now_ns
-        sums, self._sums = self._sums, np.zeros_like(self._sums)
-        load_n, contradicted2, closed2, *looks = sums
-        if not _SHORTEST_NS <= lasted_ns <= _LONGEST_NS or not np.isfinite(sums).all():
-            return
+        load_n, (contradicted2, closed2) = self._impulse_ns / lasted_ns, self._squares.T.copy()
         # A leg that never left the ground, or never touched it, does not walk.
-        if min(load_n.min(), closed2.min(), *(n.min() for n in looks)) <= 0.0:
+        walked = self._n_down.min() > 0 and self._n_down.max() < self._n_looks
+        self._impulse_ns[:], self._squares[:], self._n_down[:], self._n_looks = 0.0, 0.0, 0.0, 0
+        if not (walked and _SHORTEST_NS <= lasted_ns <= _LONGEST_NS):
             return
-        self.stale = self._strides.judge(load_n / (lasted_ns * 1e-9), np.sqrt(contradicted2 / closed2))
+        # A NaN is no load above 0 either.
+        if not (load_n.min() > 0.0 and closed2.min() > 0.0):
+            return
+        self.stale = self._strides.judge(load_n, np.sqrt(contradicted2 / closed2))
         self.in_doubt = bool(self.stale.any())
 
 

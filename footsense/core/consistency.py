@@ -40,6 +40,7 @@ FORGIVES_REL = 4
 #: An element that moves less than this share of what the others predict is stuck [1].
 STUCK_REL = 0.3
 
+_SUMS_OF_BOTH = np.kron(np.eye(2), np.ones((ELEMENTS, 1)))
 _SINGLE, _LINES = slice(1, 1 + ELEMENTS), slice(1 + ELEMENTS, None)
 _N_KEPT = (~KNOWN_MISSING).sum(axis=1)
 
@@ -78,6 +79,7 @@ class Consistency:
         shape = (n_legs, ELEMENTS)
         self._without = np.stack([self._residual_matrix(missing) for missing in KNOWN_MISSING])
         self._whole = np.ascontiguousarray(self._without[0].T)
+        self._residual_and_itself = np.hstack([self._whole, np.eye(ELEMENTS)])
         self._no_doubt = np.zeros(n_legs)
         self._trusted = True  # nobody is doubted or remembered
         self._doubted = np.zeros(shape, bool)
@@ -99,14 +101,15 @@ class Consistency:
         """Trust all elements of these legs again, shape (legs,): they have a new foot, or a new zero."""
         self._remembered[legs] = self._doubted[legs] = self._stuck[legs] = False
 
-    def squares(self, closure_rel: Vector) -> tuple[Vector, Vector]:
-        """Return each leg's sum of squares of the residuals and of the closures [1], shape (legs,) each.
+    def squares(self, closure_rel: Vector) -> Vector:
+        """Return each leg's sum of squares of the residuals and of the closures [1], shape (legs, 2).
 
         Args:
             closure_rel: Closures over the gap [1], shape (legs, 9).
         """
-        residual = closure_rel @ self._whole
-        return np.einsum("ij,ij->i", residual, residual), np.einsum("ij,ij->i", closure_rel, closure_rel)
+        both = closure_rel @ self._residual_and_itself
+        squares: Vector = both * both @ _SUMS_OF_BOTH
+        return squares
 
     def judge(
         self, closure_rel: Vector, measured_rel: Vector, missing: Mask, t_ns: NDArray[np.int64]

@@ -249,7 +249,7 @@ class Pipeline:
         if state is not self._all_valid:
             load_n = np.where(state == State.VALID, load_n, np.nan)
         on_ground = self._footing.flags & _CONTACT != 0
-        self._ageing.look(load_n, on_ground, *self._consistency.squares(judged_rel), now_ns)
+        self._ageing.look(load_n, on_ground, self._consistency.squares(judged_rel), now_ns)
 
     def _verdict(
         self,

@@ -19,7 +19,7 @@ from footsense.core.ageing import (
     blamed_rel,
 )
 
-PERIOD_NS = 600_000_000
+PERIOD_NS = 800_000_000
 LOOKS = PERIOD_NS // LOOK_NS
 TRIPOD = np.array([0, 1, 0, 1, 0, 1])
 USUAL_N = np.array([0.5, 0.4, 0.5, 0.45, 0.55, 0.5])
@@ -43,9 +43,8 @@ class Walking:
             phase = (look / LOOKS + TRIPOD / 2) % 1.0
             down = phase < 0.6
             load_n = np.where(down, loads_n / 0.6, 0.0)
-            self.ageing.look(
-                load_n, down, np.where(down, contradiction2, 0.0), np.where(down, 1.0, 0.0), self._t_ns
-            )
+            squares = np.where(down, (contradiction2, np.ones(6)), 0.0).T
+            self.ageing.look(load_n, down, squares, self._t_ns)
             self._t_ns += LOOK_NS
         return np.flatnonzero(self.ageing.stale).tolist()
 
@@ -140,10 +139,11 @@ def test_strides_without_every_force_are_not_judged() -> None:
     wrong = one_leg(0, 1.5)
     wrong[3] = math.nan
     assert all(walking.stride(wrong) == [] for _ in range(30))
-    bench = Ageing(1)
-    for n in range(1000):
-        bench.look(np.ones(1), np.array([n // 50 % 2 == 0]), np.zeros(1), np.ones(1), n * LOOK_NS)
-    assert not bench.stale.any()
+
+
+def test_a_bench_is_no_walk() -> None:
+    """One foot that is poked again and again has nothing to be compared with, and costs nothing."""
+    assert Ageing(1).due_ns > 10**18
 
 
 def test_walks_that_scatter_by_a_tenth_raise_no_false_alarm() -> None:
