@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
+from footsense.core.force_errors import direction_errors_deg, magnitude_errors_gf
+from footsense.lab.ball import circle, rim, touch
 from footsense.lab.dataset import (
     BASELINE_NOISE_PF,
     GRAM_FORCE_N,
@@ -39,48 +41,21 @@ _POINTS, _POINTS_QUICK = 91, 41
 _DRAWS, _DRAWS_QUICK = 40, 8
 _SEED = 19
 #: Where the paper's circles are drawn, azimuth and elevation [deg].
-_CIRCLES_AT = (0.0, 60.0)
-
-
-def _touch(normal: Vector) -> tuple[Vector, Vector]:
-    """Return the place of a contact on the map, right and up: the ball seen from below, forward up, left to the right.
-
-    Stereographic, so that circles on the ball are circles.
-
-    Args:
-        normal: Inward unit normals, shape (..., 3).
-    """
-    plane = -normal[..., :2] / (1.0 + normal[..., 2:])
-    return plane[..., 1], plane[..., 0]
-
-
-def _rim(elevation_deg: float) -> float:
-    """Return the radius of a circle of elevation on the map."""
-    return float(np.tan(np.radians(90.0 - elevation_deg) / 2.0))
+_CIRCLES_AT_DEG = (0.0, 60.0)
 
 
 def _disc(points: int) -> tuple[Vector, Vector]:
     """Return right and up of a grid that covers the map and a little more, shapes (points, points)."""
-    radius = _rim(_LOWEST_DEG)
+    radius = rim(_LOWEST_DEG)
     along = np.linspace(-radius, radius, points)
     right, up = np.meshgrid(along, along)
     return right, up
 
 
 def _normals(right: Vector, up: Vector) -> Vector:
-    """Return the inward normals of places on the map: the inverse of `_touch`."""
+    """Return the inward normals of places on the map: the inverse of `ball.touch`."""
     squared = right**2 + up**2
     return np.stack([-2.0 * up, -2.0 * right, 1.0 - squared], axis=-1) / (1.0 + squared)[..., None]
-
-
-def _circle(azimuth_deg: float, elevation_deg: float, radius_deg: float) -> tuple[Vector, Vector]:
-    """Return right and up of the circle of all directions at an angle [deg] from one."""
-    (middle,) = directions(np.array([azimuth_deg]), np.array([elevation_deg]))
-    (first,) = directions(np.array([azimuth_deg]), np.array([elevation_deg - 90.0]))
-    turn = np.linspace(0.0, 2.0 * np.pi, 181)[:, None]
-    sideways = np.cos(turn) * first + np.sin(turn) * np.cross(middle, first)
-    radius = np.radians(radius_deg)
-    return _touch(np.cos(radius) * middle + np.sin(radius) * sideways)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,16 +80,14 @@ def _read(bench: Workbench, cases: Cases, draws: int) -> _Errors:
         draws: Of the converter's noise; 0 for one reading without.
     """
     design, rng = bench.response.design, np.random.default_rng(_SEED)
-    size_n = np.linalg.norm(cases.force_n, axis=1)
     direction, magnitude = [], []
     for _ in range(max(draws, 1)):
         closure_rel = cases.closure_um / design.gap_um
         if draws:
             closure_rel = measured_closure_rel(design, cases.closure_um, rng)
         read_n = bench.network.force_n(closure_rel)
-        sine_n2 = np.linalg.norm(np.cross(cases.force_n, read_n), axis=1)
-        direction.append(np.degrees(np.arctan2(sine_n2, (cases.force_n * read_n).sum(axis=1))))
-        magnitude.append(np.abs(np.linalg.norm(read_n, axis=1) - size_n) / GRAM_FORCE_N)
+        direction.append(direction_errors_deg(cases.force_n, read_n))
+        magnitude.append(magnitude_errors_gf(cases.force_n, read_n))
     return _Errors(np.stack(direction), np.stack(magnitude))
 
 
@@ -125,15 +98,16 @@ def _draw_map(axes: Axes, grid: tuple[Vector, Vector], error_deg: Vector, lowest
     )
     lines = axes.contour(*grid, error_deg, levels=_LEVELS_DEG[1:], colors="k", linewidths=0.4)
     for part in (filled, lines):
-        part.set_clip_path(Circle((0.0, 0.0), _rim(lowest_deg), transform=axes.transData))
+        part.set_clip_path(Circle((0.0, 0.0), rim(lowest_deg), transform=axes.transData))
     for elevation_deg in (lowest_deg, 50.0, 70.0):
-        axes.plot(*_circle(0.0, 90.0, 90.0 - elevation_deg), color="w", lw=0.8, ls=":")
-        right, up = _touch(directions(np.array([-160.0]), np.array([elevation_deg]))[0])
+        axes.plot(*circle(np.array([0.0, 0.0, 1.0]), 90.0 - elevation_deg), color="w", lw=0.8, ls=":")
+        right, up = touch(directions(np.array([-160.0]), np.array([elevation_deg]))[0])
         axes.text(
             float(right), float(up), f"{elevation_deg:g} deg", fontsize=8, color="w", ha="center", va="top"
         )
+    (middle,) = directions(*np.array(_CIRCLES_AT_DEG)[:, None])
     for radius_deg, style in ((PAPER_DIRECTION_DEG, "-"), (_EXPERIMENT_DEG, "--")):
-        axes.plot(*_circle(*_CIRCLES_AT, radius_deg), "r" + style, lw=1.8, label=f"{radius_deg} deg")
+        axes.plot(*circle(middle, radius_deg), "r" + style, lw=1.8, label=f"{radius_deg} deg")
     axes.set(aspect="equal", xticks=[], yticks=[], frame_on=False, xlabel="rear")
     return filled
 
