@@ -75,7 +75,8 @@ class FootParameters:
             raise ValueError("unloaded_pf: has to be above stray_pf at every element")
         if not self.stiffness_rel > -1.0:
             raise ValueError(f"stiffness_rel: has to be above -1, got {self.stiffness_rel:g}")
-        if not np.allclose(self.mount @ self.mount.T, np.eye(_AXES), atol=1e-6):
+        mirrored = np.linalg.det(self.mount) < 0.0
+        if mirrored or not np.allclose(self.mount @ self.mount.T, np.eye(_AXES), atol=1e-6):
             raise ValueError("mount: is no rotation")
         if not (self.error_rel >= 0.0 and self.error_n.min() >= 0.0):
             raise ValueError("error_n, error_rel: are standard deviations, not below 0")
