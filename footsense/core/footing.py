@@ -223,8 +223,10 @@ class Footing:
                 # What is missing only because it has no zero gets one.
                 disbelieved = missing[leg] & np.isfinite(zero.zero_pf)
                 moved |= zero.follow(np.where(disbelieved, np.nan, capacitance_pf[leg]), t_ns[leg])
-        if moved or [zero.status for zero in self._zeros] != self._statuses:
+        if moved:
             self._gather()
+        elif [zero.status for zero in self._zeros] != self._statuses:
+            self._tell_statuses()
 
     def mark_untared(self, state: NDArray[np.uint8]) -> None:
         """Write TARING or NO_BASELINE over the state of every leg without a baseline."""
@@ -245,15 +247,18 @@ class Footing:
     def _gather(self) -> None:
         """Put together what the legs' zeros are now."""
         self._doubt_due_ns = 0
-        self.baseline_pf = np.stack([zero.zero_pf for zero in self._zeros])
-        offsets_pf = [zero.offset_pf for zero in self._zeros]
-        self._statuses = [zero.status for zero in self._zeros]
-        self.zero = Zero(
-            status=np.array(self._statuses, np.uint8),
-            mean_pf=np.array([mean_pf for mean_pf, _ in offsets_pf]),
-            worst_pf=np.array([worst_pf for _, worst_pf in offsets_pf]),
-            moved_ns=np.array([zero.moved_ns for zero in self._zeros], np.int64),
+        self.baseline_pf = np.array([zero.zero_pf for zero in self._zeros])
+        offset_pf = np.array([zero.offset_pf for zero in self._zeros])
+        self._moved = (
+            *(offset_pf[:, 0].copy(), offset_pf[:, 1].copy()),
+            np.array([zero.moved_ns for zero in self._zeros], np.int64),
         )
+        self._tell_statuses()
+
+    def _tell_statuses(self) -> None:
+        """Tell what the legs' zeros do now; where they are has been gathered."""
+        self._statuses = [zero.status for zero in self._zeros]
+        self.zero = Zero(np.array(self._statuses, np.uint8), *self._moved)
 
     def _those(self, legs: Collection[int]) -> Mask:
         return np.array([leg in legs for leg in self._legs])

@@ -137,17 +137,18 @@ class LegZero:
             self._adopt((capacitance_pf + before_pf) / 2, step_pf2)
         moved_pf = self.zero_pf - self._tared_pf
         moved_pf = moved_pf[np.isfinite(moved_pf)]
-        self.offset_pf = (float(moved_pf.mean()), float(moved_pf[np.abs(moved_pf).argmax()]))
+        mean_pf = float(np.add.reduce(moved_pf)) / len(moved_pf)
+        self.offset_pf = (mean_pf, float(moved_pf[np.abs(moved_pf).argmax()]))
         return True
 
     def _move(self, reading_pf: Vector, known: NDArray[np.bool_], t_ns: int) -> None:
         passed_s = max(t_ns - self._at_ns, 0) * 1e-9
         reach_pf = FASTEST_PF_PER_S * passed_s
-        anchor_pf = self._anchor_pf + np.clip(self.zero_pf - self._anchor_pf, -reach_pf, reach_pf)
+        anchor_pf = self._anchor_pf + _within(self.zero_pf - self._anchor_pf, -reach_pf, reach_pf)
         variance_pf2 = self._variance_pf2 + DRIFT_PF2_PER_S * passed_s
         gain = variance_pf2 / (variance_pf2 + _READING_PF2)
         off_pf = reading_pf - self.zero_pf
-        wanted_pf = np.clip(self.zero_pf + gain * off_pf, anchor_pf - MARGIN_PF, anchor_pf + MARGIN_PF)
+        wanted_pf = _within(self.zero_pf + gain * off_pf, anchor_pf - MARGIN_PF, anchor_pf + MARGIN_PF)
         farther_pf = np.abs(wanted_pf - self._unloaded_pf)
         beyond = (farther_pf > self._farthest_pf) & (farther_pf > np.abs(self.zero_pf - self._unloaded_pf))
         if beyond.any():
@@ -172,3 +173,8 @@ class LegZero:
         self.zero_pf = np.where(adopted, reading_pf, self.zero_pf)
         self._tared_pf = np.where(adopted, reading_pf, self._tared_pf)
         self._anchor_pf = np.where(adopted, reading_pf, self._anchor_pf)
+
+
+def _within(values: Vector, low: Vector | float, high: Vector | float) -> Vector:
+    """Return values between two limits; `np.clip` takes three times as long for so few."""
+    return np.minimum(np.maximum(values, low), high)

@@ -5,13 +5,12 @@ Histograms and counts of scans change with every cycle. What others count, and t
 copied ten times a second: nobody looks more often.
 """
 
+import math
 from array import array
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
-
-import numpy as np
 
 from firmware_interface.can_codes import phase_of
 from footsense.frames import CommandKind, Cycle, Flag, ForceFrame, Result, State
@@ -158,8 +157,9 @@ class Metrics:
         self._show("footsense_zero_status", zero.status.tolist())
         self._show("footsense_zero_mean_offset_farads", (zero.mean_pf * _FARADS_PER_PF).tolist())
         self._show("footsense_zero_worst_offset_farads", (zero.worst_pf * _FARADS_PER_PF).tolist())
-        age_s = np.where(zero.moved_ns > 0, (forces.t_sent_ns - zero.moved_ns) * 1e-9, np.nan)
-        self._show("footsense_zero_age_seconds", age_s.tolist())
+        now_ns = forces.t_sent_ns
+        ages_s = [(now_ns - t_ns) * 1e-9 if t_ns > 0 else math.nan for t_ns in zero.moved_ns.tolist()]
+        self._show("footsense_zero_age_seconds", ages_s)
         if self._wakeups:
             histograms = [wakeups.lateness for wakeups in self._wakeups]
             self._show(
