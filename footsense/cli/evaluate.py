@@ -45,7 +45,7 @@ def evaluate(
     *,
     as_json_text: bool,
 ) -> None:
-    """Compare the forces of a foot with the reference of the bench, pack by pack and load by load."""
+    """Compare a foot's forces with the reference of the bench, by its network alone and by its pack."""
     if out is not None:
         _require_figures(out)
     sessions = read_sessions(recordings, foot)
