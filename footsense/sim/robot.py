@@ -91,6 +91,8 @@ class SimulatedLeg:
         self.chips = failing_chips(
             converter, switches, on_chips, np.random.default_rng((scene.seed, number, 1))
         )
+        softening = effects.softening
+        self._softening = softening if softening is not None and softening.leg == leg else None
         self._warming = (
             WarmingFoot(effects.warming, np.random.default_rng((scene.seed, number, 2)))
             if effects.warming
@@ -100,6 +102,8 @@ class SimulatedLeg:
     def _elements_pf(self, t_ns: int) -> NDArray[np.float64]:
         """Return the capacitance of the foot's elements at a time [pF], shape (9,), stray not included."""
         softness = 1.0 if self._warming is None else self._warming.softness(t_ns)
+        if self._softening is not None:
+            softness *= self._softening.softness(t_ns)
         if self._table is not None and isinstance(self._load, Walk):
             element_pf = self._table.capacitance_pf(self._load.phase(self._leg, t_ns), softness)
         else:
@@ -143,7 +147,11 @@ def _gait_tables(scene: Scene, load: Load, feet: dict[str, Foot]) -> dict[str, G
     if not isinstance(load, Walk):
         return {}
     warming = scene.effects.warming
-    softness = (1.0, 1.0 if warming is None else softness_at(warming.kelvin))
+    warmed = 1.0 if warming is None else softness_at(warming.kelvin)
+    softening = scene.effects.softening
+    softened = 1.0 if softening is None else 1.0 + softening.softer_rel
+    bounds = (1.0, warmed, softened, warmed * softened)
+    softness = (min(bounds), max(bounds))
     one_of = {(foot, load.reaction[leg]): leg for leg, foot in feet.items()}
     tables = {which: GaitTable(which[0], load, leg, softness) for which, leg in one_of.items()}
     return {leg: tables[foot, load.reaction[leg]] for leg, foot in feet.items()}

@@ -16,7 +16,7 @@ from footsense.errors import ConfigError
 from footsense.frames import LEGS
 from footsense.sim import load
 from footsense.sim.fabrication import FootTolerances
-from footsense.sim.faults import Fault
+from footsense.sim.faults import Fault, Leg
 from footsense.sim.poking import Pokes as PokingStick
 from footsense.sim.poking import paper_presses
 
@@ -189,6 +189,26 @@ class Warming(_Part, frozen=True):
         return self.kelvin * min(max((t_ns / _NS_PER_S - self.from_s) / self.over_s, 0.0), 1.0)
 
 
+class Softening(_Part, frozen=True):
+    """One foot that becomes softer than the others, evenly: rubber that ages, or a sheet that comes off.
+
+    Attributes:
+        leg: Which.
+        from_s: When it begins [s].
+        over_s: How long it takes [s].
+        softer_rel: By how much its closures are larger in the end, under the same load [1]; below 0 it hardens.
+    """
+
+    leg: Leg
+    from_s: Annotated[float, Meta(ge=0.0)]
+    over_s: Annotated[float, Meta(gt=0.0)]
+    softer_rel: Annotated[float, Meta(ge=-0.5, le=0.5)]
+
+    def softness(self, t_ns: int) -> float:
+        """Return its closures over those that it had at the beginning, under the same load [1]."""
+        return 1.0 + self.softer_rel * min(max((t_ns / _NS_PER_S - self.from_s) / self.over_s, 0.0), 1.0)
+
+
 class Effects(_Part, frozen=True):
     """What is not ideal.
 
@@ -199,6 +219,7 @@ class Effects(_Part, frozen=True):
         gap_contact: Whether a gap that shuts carries load; else its closure is only limited.
         rubber: Whether the feet creep and show hysteresis (`sim/rubber.py`).
         warming: How the temperature changes; None for not at all.
+        softening: How one foot ages; None for not at all.
         adapter_timeout_ms: How long an I2C adapter waits for a line that is held; those that cannot be told wait
             1000 [ms].
     """
@@ -209,6 +230,7 @@ class Effects(_Part, frozen=True):
     gap_contact: bool = False
     rubber: bool = False
     warming: Warming | None = None
+    softening: Softening | None = None
     adapter_timeout_ms: Annotated[float, Meta(ge=10.0, le=10_000.0)] = 20.0
 
 
