@@ -30,6 +30,10 @@ _COMMANDS = {
     "replay": ("footsense.cli.replay:replay", "Run a recording through the pipeline again, or check it."),
     "recover": ("footsense.cli.recover:recover", "Rewrite a recording that was cut short."),
     "check-config": ("footsense.cli.check_config:check_config", "Say what a configuration file means."),
+    "record": (
+        "footsense.cli.record:record",
+        "Record presses of a foot on the bench beside a force sensor.",
+    ),
     "calibrate": ("footsense.cli.calibrate:calibrate", "Make a foot's pack of its recordings on a bench."),
     "evaluate": (
         "footsense.cli.evaluate:evaluate",

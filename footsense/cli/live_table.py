@@ -53,7 +53,7 @@ class LiveTable:
         self._legs = legs
         self._title = title
         self._felt_n = felt_n
-        self._blocks = _BLOCKS if _can_show("".join(_BLOCKS), console.encoding) else _PLAIN
+        self._blocks = _BLOCKS if can_show("".join(_BLOCKS), console.encoding) else _PLAIN
         self._drawn_ns = -_PERIOD_NS
         self._start_ns: int | None = None
         self._live = Live(console=console, auto_refresh=False)
@@ -109,7 +109,8 @@ class LiveTable:
         return Group(head, Text(), table)
 
 
-def _can_show(text: str, encoding: str) -> bool:
+def can_show(text: str, encoding: str) -> bool:
+    """Tell whether a terminal of this encoding knows all characters of a text."""
     try:
         text.encode(encoding)
     except (UnicodeEncodeError, LookupError):

@@ -1,0 +1,88 @@
+"""What holds a session's reference against its foot, and the practice session of a simulated bench."""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.backends.reference_mounting import NEWTON_PER, Mounting
+from footsense.calibration.evaluation import read_pokes
+from footsense.calibration.guide import Guide, Judge
+from footsense.calibration.plausibility import implausible
+from footsense.calibration.pokes import Poke
+from footsense.config.bench import Bench
+from footsense.inference.network import Network
+from footsense.sim.poking import paper_presses
+from footsense.sim.scene import Effects, Fabrication, Pokes, Scene
+
+__all__ = ["guide_of", "practice_scene"]
+
+Vector = NDArray[np.float64]
+
+
+def guide_of(bench: Bench, row: int, wanted: int, network: Network) -> Guide:
+    """Return what guides a session.
+
+    Args:
+        bench: Its force sensor.
+        row: Row of the leg in the frames.
+        wanted: How many pokes make a set.
+        network: That of the design: its forces tell whether those of the sensor may be right.
+    """
+    return Guide(row, wanted, _estimate_of(network), _judge_of(bench))
+
+
+def _estimate_of(network: Network) -> Callable[[Poke], Vector]:
+    one = _OneRow(network)
+
+    def estimate(poke: Poke) -> Vector:
+        force_n: Vector = read_pokes([poke], one, network.card.calibration, None).force_n[0]
+        return force_n
+
+    return estimate
+
+
+class _OneRow:
+    """A network for all legs, asked for one foot: every row is given the same."""
+
+    def __init__(self, network: Network) -> None:
+        self._network = network
+
+    def estimate(self, closure_rel: Vector, missing: NDArray[np.bool_]) -> tuple[Vector, Vector]:
+        force_n, sigma_n = self._network.estimate(closure_rel, missing)
+        return force_n[:1], sigma_n[:1]
+
+
+def _judge_of(bench: Bench) -> Judge:
+    straight = {"x": "x", "y": "y", "z": "z"}
+    to_sensor = Mounting(straight, bench.mount_deg, "N", 1.0, (1.0, 1.0, 1.0)).apply(np.eye(3))[0]
+    axes = (bench.axes.x, bench.axes.y, bench.axes.z)
+    return partial(implausible, newton_per=NEWTON_PER, units=bench.units, axes=axes, to_sensor=to_sensor)
+
+
+def practice_scene(foot: str, row: int) -> Scene:
+    """Return a bench on which a foot that is made as badly as the paper's is pressed 362 times, in a mixed order.
+
+    Args:
+        foot: Its identity: another foot is another specimen.
+        row: Row of the leg that it is on.
+    """
+    presses = paper_presses("training")
+    presses = presses[np.random.default_rng(0).permutation(len(presses))]
+    number = int(foot.rpartition("-")[2])
+    return Scene(
+        description=f"{foot} on the bench, pressed as in the paper.",
+        load=Pokes(presses=tuple((float(x), float(y), float(z)) for x, y, z in presses), lean_deg=1.0),
+        lead_in_s=1.5,
+        host_cost_us=40.0,
+        effects=Effects(converter_noise=True, converter_clock_rel=0.02, gap_contact=True, rubber=True),
+        fabrication=Fabrication(
+            first=max(number - row, 0),
+            gap_um=2.0,
+            film_um=1.0,
+            stray_pf=0.33,
+            stiffness_rel=0.2,
+            mount_deg=3.0,
+        ),
+    )
