@@ -212,6 +212,10 @@ class BusScanner:
             self._n_scans += 1
             self._note()
             probe_due(self._trunk, self._legs, self._plan.board, running.step.select, self._clock)
+            if not running.legs:
+                # Nobody converts: who was found meanwhile begins with a conversion of its own, not with what is left of
+                # a wait for none.
+                self._running = None
 
     def stop(self) -> None:
         """Disconnect every leg from the trunk."""

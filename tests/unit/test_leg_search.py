@@ -155,3 +155,13 @@ def test_whatever_breaks_a_reading_is_right_or_missing_and_all_come_back(
     while (scan.reading != Reading.OK).any():
         assert robot.clock.now_ns() < (WORKS_AGAIN_S + 20.0) * 1e9
         scan = robot.scanner.scan()
+
+
+def test_legs_that_are_found_together_begin_with_a_whole_conversion() -> None:
+    """The search of all legs outlasts a wait for none; what follows is never two readings at one time."""
+    robot = Robot([faults.StuckTrunk(at_s=0.1, until_s=0.3)])
+    looks_ns = []
+    while robot.clock.now_ns() < 1_500_000_000:
+        robot.scanner.step()
+        looks_ns.append(robot.clock.now_ns())
+    assert min(np.diff(looks_ns)) > 2_000_000
