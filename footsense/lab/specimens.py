@@ -125,7 +125,7 @@ def _taught(design: CapacitorDesign, cases: Cases, rng: np.random.Generator, epo
     return Lesson(design, cases).teach([start_layers(rng, (9, *HIDDEN, 3))], epochs)[0]
 
 
-def _as_designed_um(design: CapacitorDesign, change_pf: Vector) -> Vector:
+def as_designed_um(design: CapacitorDesign, change_pf: Vector) -> Vector:
     """Return the closures [um] by which an element as designed would change its capacitance as much [pF].
 
     Read-outs of capacitance changes take closures and the design. Given these, they see the very changes of the foot.
@@ -163,7 +163,7 @@ def judge(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
     asked = measure(foot, own.mount, shop.verification_n, job.tolerances, rng)
     closure_rel = asked.closure_um / design.gap_um
     shipped_n = shop.network.force_n(closure_rel)
-    changed_um = _as_designed_um(design, asked.change_pf)
+    changed_um = as_designed_um(design, asked.change_pf)
     estimates = {
         "network": shipped_n,
         "plain": shop.plain(changed_um),
@@ -173,7 +173,7 @@ def judge(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
         "reference": asked.true_n,
     }
     if job.taught:
-        cases = Cases(taught.force_n, _as_designed_um(design, taught.change_pf))
+        cases = Cases(taught.force_n, as_designed_um(design, taught.change_pf))
         estimates["own_network"] = _taught(design, cases, np.random.default_rng((seed, job.foot, 2)), epochs)(
             changed_um
         )
