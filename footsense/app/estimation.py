@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface import fdc1004
+from footsense.app.contact_limits import closure_rel_per_pf, contact_limits
 from footsense.app.foot_types import artefact, foot_type_of, require_foot_type
 from footsense.app.packs import packs_of
 from footsense.config import Can, Config
+from footsense.core import quality
 from footsense.core.calibrated import CalibratedFeet
-from footsense.core.contact import ContactLimits
 from footsense.core.element_by_element import ElementByElement
 from footsense.core.foot_parameters import FootParameters
 from footsense.core.ganged import Ganged, unknown_rel
@@ -21,7 +22,7 @@ from footsense.core.scan_by_scan import ScanByScan
 from footsense.core.sensitivity import sensitivity
 from footsense.core.tare import TareLimits
 from footsense.drivers.ganged_scanner import CAPDAC
-from footsense.drivers.scan_plan import ORDERS
+from footsense.drivers.scan_plan import BOARDS, ORDERS
 from footsense.errors import ConfigError, RecordingError
 from footsense.frames import ELEMENTS
 from footsense.inference.foot_pack import FootPack
@@ -76,6 +77,7 @@ def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | No
 
     Raises:
         ModelError: A pack is missing, or cannot be used for its foot.
+        ConfigError: What is configured cannot be told with these feet.
     """
     packs = load_packs(config) if packs is None else packs
     feet = {leg: pack.parameters for leg, pack in packs.items()}
@@ -89,18 +91,19 @@ def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | No
     readings_pf |= {leg: foot.unloaded_pf for leg, foot in feet.items()}
     expected_pf = _per_leg(config, readings_pf, np.nan)
     unloaded_pf = np.where(np.isnan(expected_pf), calibration.design.rest_pf, expected_pf - stray_pf)
+    worth = sensitivity(network, _n_rows(config), calibration.moments)
     return Pipeline(
         reckoning=_reckoning(config, network, [feet.get(leg) for leg in config.legs]),
         calibration=calibration,
         stray_pf=stray_pf,
         unloaded_pf=unloaded_pf,
-        sensitivity=sensitivity(network, _n_rows(config), calibration.moments),
+        sensitivity=worth,
         tare=TareLimits(
             window_frames=config.tare.window_frames,
             noise_limit_ff=config.tare.noise_limit_ff,
             unloaded_limit_rel=config.tare.unloaded_limit_rel,
         ),
-        contact=ContactLimits(touch_n=config.contact.touch_n),
+        contact=contact_limits(config, calibration.design, worth),
         track_zero=config.zero.track,
         max_age_ns=round(config.stale_after_ms * 1e6),
         settled_ns=round(_SETTLED_SCANS * config.shortest_scan_ms * 1e6),
@@ -108,6 +111,7 @@ def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | No
         ganged=_ganged(config, network) if config.scan.gang else None,
         feet=[packs[leg].manifest.foot if leg in packs else "" for leg in config.legs],
         body_weight_n=config.body_weight_n,
+        range_end_pf=BOARDS[config.board].range_end_pf if config.board in BOARDS else quality.RANGE_END_PF,
     )
 
 
@@ -133,7 +137,7 @@ def _ganged(config: Config, network: Network) -> Ganged:
 
 def _step_ns(config: Config) -> int:
     """Return the time from one element to the next [ns]: a slow chip, its start, and now and then a row."""
-    return round(fdc1004.RATES[config.scan.rate_sps].conversion_ns * (1 + 1 / 12))
+    return round(config.rate.conversion_ns * (1 + 1 / 12))
 
 
 def _n_rows(config: Config) -> int:
@@ -147,10 +151,7 @@ def _reckoning(config: Config, network: Network, feet: Sequence[FootParameters |
     estimator = _estimator(network, feet, _n_rows(config))
     if config.publish == "frame":
         return ScanByScan(estimator, len(config.legs), calibration.moments, config.average_scans)
-    rate = fdc1004.RATES[config.scan.rate_sps]
-    # dC / C = -d(distance) / distance.
-    distance_um = calibration.design.plate_distance_um(np.array([calibration.design.rest_pf]))[0]
-    noise_rel = rate.noise_ff * 1e-3 / calibration.design.rest_pf * distance_um / calibration.design.gap_um
+    noise_rel = config.rate.noise_ff * 1e-3 * closure_rel_per_pf(calibration.design)
     order = ORDERS[config.order]
     return ElementByElement(
         estimator, len(config.legs), calibration.moments, order, _step_ns(config), noise_rel

@@ -8,13 +8,13 @@ import numpy as np
 from footsense.app.estimation import load_network
 from footsense.app.probe_complaints import bus_complaints, leg_complaints
 from footsense.app.probed import Adapter, BusReport, Complaint, LegReport, Probed
-from footsense.app.scanning import open_buses, scanning, simulated_robot
+from footsense.app.scanning import open_buses, plan_for, scanning, simulated_robot
 from footsense.backends.linux_i2c import LinuxI2cBus, adapters, kernel_drivers
 from footsense.config import Config
 from footsense.core.foot_check import Finding, FootScans, findings
 from footsense.drivers.address_census import take_census
 from footsense.drivers.bus_probe import look_at_adapters, look_at_bus
-from footsense.drivers.scan_plan import ScanPlan, scan_plan
+from footsense.drivers.scan_plan import ScanPlan
 from footsense.drivers.trunk import Trunk
 from footsense.errors import ConfigError, HardwareError
 from footsense.frames import ELEMENTS, Reading
@@ -73,7 +73,7 @@ def probe(config: Config, scene: Scene | None) -> Probed:
     """
     if config.board == "mcu":
         raise ConfigError("board: mcu has no I2C bus on this computer; probe is for the boards that have")
-    plan = scan_plan(config.order, config.scan.rate_sps)
+    plan = plan_for(config)
     buses = tuple(_buses_seen(config, scene, plan))
     complaints = [complaint for report in buses for complaint in bus_complaints(report, plan)]
     scanned = None

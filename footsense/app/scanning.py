@@ -22,7 +22,7 @@ from footsense.drivers.ganged_scanner import GangedBusScanner
 from footsense.drivers.kernel_mux_scanner import KernelMuxScanner
 from footsense.drivers.record_source import RecordSource
 from footsense.drivers.robot_scanner import LegsScanner, RobotScanner
-from footsense.drivers.scan_plan import scan_plan
+from footsense.drivers.scan_plan import ScanPlan, scan_plan
 from footsense.errors import ConfigError
 from footsense.ports import Clock, I2cBus, ResetLine, SerialPort
 from footsense.sim.faults import OnChips, OnWires
@@ -43,7 +43,7 @@ class Scanning:
     """Where scans come from.
 
     Attributes:
-        source: The scanner, started.
+        source: The scanner, started. A `RobotScanner` also has the `temperature_c` of each leg.
         clock: The time that its stamps are in.
         response_sha256: Hash of the response table that the simulated feet follow, None on a real robot.
         felt_n: What every foot feels at a time, None on a real robot.
@@ -91,6 +91,7 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
             bus.mux.address,
             bus.channels or {leg: channel for channel, leg in enumerate(bus.legs)},
             kernel_mux=bool(bus.adapters),
+            board=config.board,
         )
         for bus in config.buses
     ]
@@ -100,6 +101,11 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     response = FootResponse.load(table)
     require_foot_type(table, response.foot_type, config)
     return SimulatedRobot(scene, response, wiring)
+
+
+def plan_for(config: Config) -> ScanPlan:
+    """Return what is done on each bus of a robot that is read over I2C."""
+    return scan_plan(config.order, config.rate_sps, config.board)
 
 
 class OpenBus(NamedTuple):
@@ -215,7 +221,7 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
             yield _from_mcu(config.serial, robot, scene, stack)
             return
         buses = open_buses(config, robot, stack)
-        plan = scan_plan(config.order, config.scan.rate_sps)
+        plan = plan_for(config)
         scanners: list[LegsScanner] = []
         for bus, its_clock, trunk, adapters, reset_line in buses:
             if trunk is None:

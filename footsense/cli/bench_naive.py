@@ -20,7 +20,6 @@ import firmware_interface
 from firmware_interface import crc8, tca9548a
 from footsense import app
 from footsense.config import Bus, Config
-from footsense.drivers.fdc1004 import READ_CONF
 from footsense.drivers.scan_plan import scan_plan
 from footsense.frames import CapFrame, Flag, ForceFrame, State
 from footsense.ports import Clock, I2cBus, Transaction
@@ -30,7 +29,7 @@ __all__ = ["NaiveCycle", "naive_cycle", "sequential_scan"]
 
 def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
     """Scan every element of every leg of the first bus, one after the other."""
-    plan = scan_plan("raster", config.scan.rate_sps)
+    plan = scan_plan("raster", config.rate_sps, config.board)
     for channel in config.buses[0].channels.values():
         for step in plan.steps:
             bus.transfer(Transaction(config.buses[0].mux.address, bytes((tca9548a.select((channel,)),))))
@@ -38,9 +37,8 @@ def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
                 bus.transfer(write)
             bus.transfer(step.trigger)
             clock.sleep_until_ns(clock.now_ns() + plan.wait_ns)
-            bus.transfer(READ_CONF)
-            for read in step.read:
-                bus.transfer(read)
+            for ask in (*([step.done.ask] if step.done else []), *step.read):
+                bus.transfer(ask)
 
 
 @contextmanager

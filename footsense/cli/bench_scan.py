@@ -8,7 +8,7 @@ import itertools
 import numpy as np
 from msgspec.structs import replace
 
-from firmware_interface import fdc1004
+from firmware_interface import schedule
 from firmware_interface.schedule import scan_limits
 from footsense import app
 from footsense.cli.bench_naive import sequential_scan
@@ -40,12 +40,17 @@ _KERNEL_MUX = replace(
         ),
     ),
 )
-_CONFIGURATIONS = {"one_bus": DEFAULT, "two_buses": _TWO_BUSES, "kernel_mux": _KERNEL_MUX}
+_CONFIGURATIONS = {
+    "one_bus": DEFAULT,
+    "two_buses": _TWO_BUSES,
+    "kernel_mux": _KERNEL_MUX,
+    "ad7746": replace(DEFAULT, board="ad7746"),
+}
 
 
 def conversion_limit_ms() -> float:
-    """Return the time of nine conversions, which no scan can beat [ms]."""
-    return DEFAULT.scan.shortest_ms
+    """Return the time of nine conversions of the default board, which no scan can beat [ms]."""
+    return DEFAULT.shortest_scan_ms
 
 
 def scan_figures() -> dict[str, dict[str, float | None]]:
@@ -57,7 +62,7 @@ def scan_figures() -> dict[str, dict[str, float | None]]:
 
 
 def _scan(config: Config, host_cost_us: int) -> dict[str, float | None]:
-    """Return the scan period of six legs at 400 kHz, over its limits, and that of the naive loop."""
+    """Return the scan period of six legs at 400 kHz, over the limits of its board, and that of the naive loop."""
     scene = replace(load_scene("hanging"), host_cost_us=float(host_cost_us))
     with app.scanning(config, scene) as scanning:
         scanning.source.read()
@@ -70,7 +75,7 @@ def _scan(config: Config, host_cost_us: int) -> dict[str, float | None]:
     return {
         "period_ms": period_ns * 1e-6,
         "rate_hz": 1e9 / period_ns,
-        "over_limit": period_ns * 1e-6 / conversion_limit_ms(),
+        "over_limit": period_ns * 1e-6 / config.shortest_scan_ms,
         "over_best": period_ns / max(_best_ns(config, bus, host_cost_us) for bus in config.buses),
         "naive_period_ms": naive_ns * 1e-6 if naive_ns else None,
         "naive_over_ours": naive_ns / period_ns if naive_ns else None,
@@ -87,10 +92,11 @@ def _best_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
     """Return the shortest scan that this bus allows, whatever program drives it."""
     return scan_limits(
         n_legs=len(bus.legs),
-        conversion_ns=fdc1004.RATES[config.scan.rate_sps].conversion_ns,
+        conversion_ns=config.rate.conversion_ns,
         rate_hz=bus.rate_hz,
         host_cost_ns=host_cost_us * 1e3,
         kernel_mux=bool(bus.adapters),
+        traffic=schedule.AD7746 if config.board == "ad7746" else schedule.FDC1004,
     ).scan_ns
 
 

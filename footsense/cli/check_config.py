@@ -20,6 +20,7 @@ def check_config(file: Path) -> None:
     config = load_config(file)
     packs = app.load_packs(config)
     network = app.load_network(config, packs)
+    app.pipeline_for(config, network, 0, packs)  # refuses what these feet cannot tell, as a run would
     for line in _summary(config, network, packs):
         click.echo(line)
     for warning in config.warnings:
@@ -55,7 +56,7 @@ def _summary(config: Config, network: Network, packs: Mapping[str, FootPack]) ->
 def _scan(config: Config) -> str:
     serial = config.serial
     if serial is None:
-        return f"{config.scan.rate_sps} conversions/s in {config.order} order"
+        return f"{config.rate_sps} conversions/s in {config.order} order"
     return f"{serial.rate_hz:g}/s by the microcontroller at {serial.device}, {serial.baud} bit/s"
 
 

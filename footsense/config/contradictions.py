@@ -1,16 +1,13 @@
 """Settings that are each right and together wrong: the path in the file, and what would be right."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from ipaddress import IPv4Address, ip_address
 
-from firmware_interface import adg715, fdc1004
+from footsense.config.boards import BOARDS
 from footsense.config.schema import PCA9685_ALLCALL, Bus, Config, Scan
 from footsense.strict_yaml import Problem
 
 __all__ = ["first_contradiction"]
-
-#: Addresses that each leg occupies while its channel is connected to the trunk.
-_LEG_DEVICES = {fdc1004.ADDRESS: "FDC1004", adg715.ADDRESS: "ADG715"}
 
 #: `Force` and `Quality`.
 _FRAMES_PER_LEG = 2
@@ -26,20 +23,18 @@ def first_contradiction(config: Config) -> Problem | None:
 
 
 def _contradictions(config: Config) -> Iterator[Problem]:
-    if config.board == "ad7746":
-        yield Problem(("board",), f"the board {config.board} is not supported yet; use fdc1004")
     yield from _mcu(config)
+    yield from _rate(config)
     yield from _between_buses(config)
     for i, bus in enumerate(config.buses):
         yield from _channels(bus, i)
-        yield from _addresses(bus, i)
+        # What each leg occupies while its channel is connected to the trunk.
+        yield from _addresses(bus, i, BOARDS[config.board].leg_devices)
     # The oldest element is a whole scan old when the forces go out, and a scan takes a tenth longer than its limit.
     scans = "a scan takes" if config.average_scans == 1 else f"{config.average_scans} scans take"
     shortest_ms = config.shortest_scan_ms
     if config.stale_after_ms < (config.average_scans + 0.25) * shortest_ms:
-        pace = (
-            f"{config.scan.rate_sps} S/s" if config.serial is None else f"{config.serial.rate_hz:g} scans/s"
-        )
+        pace = f"{config.rate_sps} S/s" if config.serial is None else f"{config.serial.rate_hz:g} scans/s"
         yield Problem(
             ("max_age_ms",),
             f"{scans} {shortest_ms * config.average_scans:g} ms and more at {pace}: "
@@ -89,10 +84,21 @@ def _mcu(config: Config) -> Iterator[Problem]:
             yield Problem(("serial", "legs", n), f"{leg} is named twice")
 
 
+def _rate(config: Config) -> Iterator[Problem]:
+    if config.board in BOARDS and config.rate_sps not in BOARDS[config.board].rates:
+        rates = ", ".join(map(str, sorted(BOARDS[config.board].rates)))
+        yield Problem(
+            ("scan", "rate_sps"),
+            f"{config.rate_sps} is no rate of the board {config.board}; use one of {rates}",
+        )
+
+
 def _gang(config: Config) -> Iterator[Problem]:
     if not config.scan.gang:
         return
     path = ("scan", "gang")
+    if config.board != "fdc1004":
+        yield Problem(path, f"is for board: fdc1004; the board {config.board} reads no columns at once")
     if config.publish != "element":
         yield Problem(path, "a whole scan has no conversion to spare; use publish: element, or gang: false")
     if not config.zero.track:
@@ -167,7 +173,7 @@ def _channels(bus: Bus, i: int) -> Iterator[Problem]:
         leg_on[channel] = leg
 
 
-def _addresses(bus: Bus, i: int) -> Iterator[Problem]:
+def _addresses(bus: Bus, i: int, leg_devices: Mapping[int, str]) -> Iterator[Problem]:
     name_at: dict[int, str] = {}
     for k, device in enumerate(bus.other_devices):
         path = ("buses", i, "other_devices", k)
@@ -177,10 +183,10 @@ def _addresses(bus: Bus, i: int) -> Iterator[Problem]:
                 f"{device.name} answers at 0x70 too (ALLCALL): every channel switch would reach the servos; "
                 "strap the TCA9548A to 0x71 to 0x77",
             )
-        if device.address in _LEG_DEVICES:
+        if device.address in leg_devices:
             yield Problem(
                 (*path, "address"),
-                f"{device.name} answers at {device.address:#04x}, as does the {_LEG_DEVICES[device.address]} "
+                f"{device.name} answers at {device.address:#04x}, as does the {leg_devices[device.address]} "
                 "of every leg; move it to another address or another bus",
             )
         if device.address == bus.mux.address:
@@ -200,7 +206,7 @@ def _addresses(bus: Bus, i: int) -> Iterator[Problem]:
 
 def _can_load(config: Config) -> Iterator[Problem]:
     # Forces after every conversion are nine times as many as after every scan.
-    per_s = config.scan.rate_sps if config.publish == "element" else 1e3 / config.shortest_scan_ms
+    per_s = config.rate_sps if config.publish == "element" else 1e3 / config.shortest_scan_ms
     bits_per_s = len(config.legs) * _FRAMES_PER_LEG * _LONGEST_FRAME_BITS * per_s
     if config.can.interface == "socketcan" and bits_per_s > _CAN_SHARE * config.can.bitrate:
         yield Problem(

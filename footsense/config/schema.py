@@ -3,12 +3,14 @@
 Paths and remedies of what contradicts itself are in `footsense.config.contradictions`.
 """
 
+from collections.abc import Mapping
 from ipaddress import ip_address
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from firmware_interface import fdc1004, tca9548a
+from firmware_interface import ad7746, fdc1004, tca9548a
+from footsense.config.boards import BOARDS
 from footsense.frames import ELEMENTS, LEGS
 
 __all__ = [
@@ -139,7 +141,8 @@ class Scan(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How the elements are read.
 
     Attributes:
-        rate_sps: Conversions per second of one converter; slower is quieter.
+        rate_sps: Conversions per second of one converter, slower is quieter: 100, 200 or 400 with board `fdc1004`; 9,
+            11, 13, 16, 26, 50, 84 or 91 with board `ad7746`. None: the board's fastest.
         order: Order of the elements: `lo_shu` keeps opposite ones at the same mean time, `raster` switches half as many
             rows; brought to one time, they err alike. None: lo_shu, or raster where the kernel drives the multiplexer.
         gang: Whether a foot in the air is read column by column, all its rows at once, to feel the ground at the first
@@ -147,14 +150,9 @@ class Scan(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             FDC1004's +-15 pF but for its CAPDAC, whose offset, drift and noise no data sheet bounds.
     """
 
-    rate_sps: Literal[100, 200, 400] = 400
+    rate_sps: Literal[9, 11, 13, 16, 26, 50, 84, 91, 100, 200, 400] | None = None
     order: Literal["lo_shu", "raster"] | None = None
     gang: bool = False
-
-    @property
-    def shortest_ms(self) -> float:
-        """Return the time of nine conversions [ms], which no scan can beat."""
-        return ELEMENTS * fdc1004.RATES[self.rate_sps].conversion_ns * 1e-6
 
 
 class Tare(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -307,7 +305,24 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     @property
     def shortest_scan_ms(self) -> float:
         """Return the time that a scan takes at least [ms]: its conversions, or the microcontroller's pace."""
-        return self.scan.shortest_ms if self.serial is None else 1e3 / self.serial.rate_hz
+        if self.serial is not None:
+            return 1e3 / self.serial.rate_hz
+        return ELEMENTS * self.rate.conversion_ns * 1e-6
+
+    @property
+    def rate_sps(self) -> int:
+        """Return the conversions per second of one converter."""
+        return self.scan.rate_sps or max(self._rates)
+
+    @property
+    def rate(self) -> fdc1004.Rate | ad7746.Rate:
+        """Return time and noise of a conversion."""
+        return self._rates[self.rate_sps]
+
+    @property
+    def _rates(self) -> Mapping[int, fdc1004.Rate | ad7746.Rate]:
+        # What converters a microcontroller has is not known here; those of the default board are taken.
+        return BOARDS.get(self.board, BOARDS["fdc1004"]).rates
 
     @property
     def order(self) -> Literal["lo_shu", "raster"]:

@@ -3,9 +3,9 @@
 Every conversion is a single one into one data register. It is read, status first, in one burst that the chip does not
 change under the reader; a status without new data is told from the result before, which is not there twice.
 
-One element at rest has more than the +-4.1 pF that are in range, so the CAPDAC takes the same 33 steps off every
+One element at rest has more than the +-4.1 pF that are in range, so the CAPDAC takes the same 40 steps off every
 element, always. What a step is differs between chips by a fifth. `configure` measures it with no line selected: 20
-steps off nothing must read as their capacitance. Registers: `firmware_interface/ad7746.py`.
+steps off nothing read as their capacitance. Registers: `firmware_interface/ad7746.py`.
 """
 
 from firmware_interface import ad7746 as chip
@@ -16,11 +16,13 @@ from footsense.errors import HardwareError, NackError, WrongChipError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
-#: Steps of the CAPDAC: 5.46 pF nominal, so that 1.4 to 9.5 pF are in range.
-CAPDAC = 33
+#: Steps of the CAPDAC: 6.6 pF nominal, so that 2.5 to 10.7 pF are in range; with the largest steps a chip may have,
+#: from 4.0 pF on, which is the least that an element has at rest, and with the smallest up to 9.3 pF.
+CAPDAC = 40
 #: Steps that are in range off nothing, with any chip: at most 4 pF.
 _KNOWN_CAPDAC = 20
-#: How far a chip's step may be off the nominal one [1]: 17 pF of full scale are guaranteed instead of 21 pF.
+#: How far a chip's step may be off the nominal one [1]: 17 pF of full scale are guaranteed instead of 21 pF, and as
+#: much more is taken for possible.
 _STEP_ERROR_REL = 0.22
 
 _NAN = float("nan")
@@ -184,6 +186,7 @@ BOARD = Board(
     afresh=(_settings(CAPDAC), READ_RESULT),
     # A chip that was reset, or still set to its temperature, would not convert either.
     setting_check=Check(read_registers(Register.CAP_SETUP, 3), bytes((chip.CAP_ENABLE, 0, chip.EXCITE_A))),
+    range_end_pf=CAPDAC * chip.CAPDAC_STEP_PF * (1 - _STEP_ERROR_REL) + chip.FULL_SCALE_PF,
     thermometer=Thermometer(
         start=(
             write_registers(Register.CAP_SETUP, 0, chip.TEMPERATURE_ENABLE),

@@ -89,6 +89,7 @@ class Board(NamedTuple):
             unless the reading is OK.
         afresh: Lets a converter of which nothing is known begin: its settings, and no result left to be read.
         setting_check: That it holds its settings, which a dip of its supply resets; asked once a scan.
+        range_end_pf: What an element over its range has at least [pF].
         thermometer: How it tells its temperature; None if it has no sensor.
         traffic: What its transactions are at least.
     """
@@ -100,5 +101,6 @@ class Board(NamedTuple):
     decode_result: Callable[[list[bytes]], tuple[Reading, float]]
     afresh: tuple[Transaction, ...]
     setting_check: Check
+    range_end_pf: float
     thermometer: Thermometer | None
     traffic: Traffic

@@ -169,6 +169,7 @@ BOARD = Board(
     decode_result=decode_result,
     afresh=ALL_RESULTS,
     setting_check=setting_check(),
+    range_end_pf=chip.capacitance_pf(chip.CODE_MAX),
     thermometer=None,
     traffic=schedule.FDC1004,
 )

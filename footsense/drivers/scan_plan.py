@@ -14,7 +14,7 @@ column, so that a converter with a measurement slot for each column reads from o
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from footsense.drivers import ad7746, fdc1004
 from footsense.drivers.board import Board, Check, Done, switch_check
@@ -74,7 +74,7 @@ class ScanPlan(NamedTuple):
     wait_ns: int
 
 
-def scan_plan(order: str, rate_sps: int, board: Literal["fdc1004", "ad7746"] = "fdc1004") -> ScanPlan:
+def scan_plan(order: str, rate_sps: int, board: str = "fdc1004") -> ScanPlan:
     """Return the plan for a board.
 
     Args:

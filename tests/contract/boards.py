@@ -1,7 +1,7 @@
 """Legs of either board with given capacitances, the buses that they are on, and the scanner that reads them."""
 
 from collections.abc import Callable
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,7 @@ class Board(NamedTuple):
         probe_ns: What a try of a leg that does not finish its conversions costs the others [ns].
     """
 
-    name: Literal["fdc1004", "ad7746"]
+    name: str
     rates_sps: tuple[int, ...]
     conversion_ns: int
     exact_pf: float

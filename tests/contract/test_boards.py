@@ -252,7 +252,7 @@ def test_whatever_fails_a_reading_is_right_or_missing(
 
 @pytest.mark.parametrize("kind", ["short", "open"])
 def test_codes_at_either_end_of_the_range_are_no_numbers(kind: str) -> None:
-    """What lies beyond 5.46 +- 4.1 pF is over or under the range; such an element has been read all the same."""
+    """What lies beyond 6.6 +- 4.1 pF is over or under the range; such an element has been read all the same."""
     beyond_pf = 20.0 if kind == "short" else 0.1
     robot = Robot(lambda element, t_ns: beyond_pf if element == 4 else float(DISTINCT_PF[element]), AD7746)
     frame = robot.read(3)

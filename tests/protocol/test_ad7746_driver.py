@@ -73,14 +73,14 @@ def configured(
 
 
 def test_what_the_capdac_takes_off_is_measured() -> None:
-    """20 steps off nothing read as -3.072 pF: 33 steps are 5.0688 pF. That is what the chip is left with."""
+    """20 steps off nothing read as -3.072 pF: 40 steps are 6.144 pF. That is what the chip is left with."""
     zero, below = b"\x00\x80\x00\x00", b"\x00\x20\x00\x00"
     status_read = b"\x07"
     reading, offset_pf = configured(
-        zero, status_read + zero[1:], below, status_read + below[1:], then=((settings(33), b""),)
+        zero, status_read + zero[1:], below, status_read + below[1:], then=((settings(40), b""),)
     )
     assert reading is Reading.OK
-    assert offset_pf == pytest.approx(33 * 3.072 / 20, abs=1e-12)
+    assert offset_pf == pytest.approx(6.144, abs=1e-12)
 
 
 def test_a_bit_that_a_wire_flipped_is_not_kept() -> None:
@@ -88,7 +88,7 @@ def test_a_bit_that_a_wire_flipped_is_not_kept() -> None:
     zero = b"\x00\x80\x00\x00"
     assert configured(zero, b"\x07\x80\x40\x00")[0] is Reading.GARBLED
     far = b"\x00\x30\x00\x00"  # 20 steps of 128 fF
-    assert configured(zero, zero, far, far, then=((settings(33), b""),))[0] is Reading.GARBLED
+    assert configured(zero, zero, far, far, then=((settings(40), b""),))[0] is Reading.GARBLED
 
 
 def test_a_chip_of_no_use_says_why() -> None:

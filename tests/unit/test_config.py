@@ -39,12 +39,8 @@ def test_the_commented_values_are_the_defaults(file: Path) -> None:
     """What the example calls a default is what an absent key means."""
     file.write_text(ONE_BUS)
     short, long = load_config(file), load_config(DEPLOY / "footsense.yaml")
-    assert (short.board, short.scan, short.tare, short.max_age_ms) == (
-        long.board,
-        long.scan,
-        long.tare,
-        long.max_age_ms,
-    )
+    assert (short.board, short.tare, short.max_age_ms) == (long.board, long.tare, long.max_age_ms)
+    assert (short.rate_sps, short.order, short.scan.gang) == (long.rate_sps, long.order, long.scan.gang)
     assert (short.publish, short.average_scans) == (long.publish, long.average_scans)
     assert (short.zero, short.contact) == (long.zero, long.contact)
     assert (short.buses[0].mux, short.buses[0].rate_hz) == (long.buses[0].mux, long.buses[0].rate_hz)
@@ -63,7 +59,18 @@ def test_model_and_packs_are_found_beside_the_file(file: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "wanted"),
     [
-        (ONE_BUS + "board: ad7746", "line 5: board: the board ad7746 is not supported yet; use fdc1004"),
+        (
+            ONE_BUS + "board: ad7746\nscan: {rate_sps: 400}",
+            "line 6: scan.rate_sps: 400 is no rate of the board ad7746; use one of 9, 11, 13, 16, 26, 50, 84, 91",
+        ),
+        (
+            ONE_BUS + "scan: {rate_sps: 91}",
+            "line 5: scan.rate_sps: 91 is no rate of the board fdc1004; use one of 100, 200, 400",
+        ),
+        (
+            ONE_BUS + "board: ad7746\npublish: element\nscan: {gang: true}",
+            "line 7: scan.gang: is for board: fdc1004; the board ad7746 reads no columns at once",
+        ),
         (
             ONE_BUS.replace("rf: 1", "rf: 0"),
             "line 3: buses[0].legs.rf: channel 0 is already that of lf; free",

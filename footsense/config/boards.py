@@ -1,0 +1,32 @@
+"""What a configuration has to know of the boards that are read over I2C."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from firmware_interface import ad7746, adg715, fdc1004
+
+__all__ = ["BOARDS", "BoardFacts"]
+
+
+class BoardFacts(NamedTuple):
+    """One kind of electronics.
+
+    Attributes:
+        rates: Time and noise of a conversion, by conversions per second.
+        leg_devices: What answers on a leg's segment, by its 7-bit address.
+    """
+
+    rates: Mapping[int, fdc1004.Rate | ad7746.Rate]
+    leg_devices: Mapping[int, str]
+
+
+BOARDS: Mapping[str, BoardFacts] = MappingProxyType(
+    {
+        "fdc1004": BoardFacts(fdc1004.RATES, {fdc1004.ADDRESS: "FDC1004", adg715.ADDRESS: "ADG715"}),
+        "ad7746": BoardFacts(
+            ad7746.RATES,
+            {ad7746.ADDRESS: "AD7746", adg715.ADDRESS: "ADG715", adg715.COLUMN_ADDRESS: "second ADG715"},
+        ),
+    }
+)
