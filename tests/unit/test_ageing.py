@@ -69,10 +69,10 @@ def one_leg(leg: int, value: float, others: float = 1.0) -> Vector:
 
 @pytest.mark.parametrize("reads_rel", [1.15, 0.85])
 def test_a_foot_whose_stiffness_has_changed_is_named(reads_rel: float) -> None:
-    """15 % more or less than before are found in the 19 strides of the table, and on that leg alone."""
+    """15 % more or less than before are found in the 10 strides of the table, and on that leg alone."""
     walking = Walking()
     walking.learn()
-    assert walking.until_found(one_leg(4, reads_rel)) <= 19 + 1
+    assert walking.until_found(one_leg(4, reads_rel)) <= 10 + 1
     assert walking.stride(one_leg(4, reads_rel)) == [4]
     n_back = next(n for n in range(1, 40) if not walking.stride())
     assert n_back == math.ceil(LOAD_LIMIT / LOAD_SLACK) + 1
@@ -147,7 +147,7 @@ def test_a_bench_is_no_walk() -> None:
 
 
 def test_walks_that_scatter_by_a_tenth_raise_no_false_alarm() -> None:
-    """Five thousand strides, each load drawn anew: the table promises one alarm of a leg in twenty million."""
+    """Five thousand strides, each load drawn anew: the table promises one alarm of a leg in thirty million."""
     rng = np.random.default_rng(5)
     usual_n = USUAL_N * (1 + 0.1 * rng.standard_normal((LEARNT_STRIDES, 6))).mean(axis=0)
     sums = np.zeros((2, 6))
@@ -156,13 +156,13 @@ def test_walks_that_scatter_by_a_tenth_raise_no_false_alarm() -> None:
         change = blamed_rel(load_n, usual_n)
         sums = np.maximum(sums + np.stack([change, -change]) - LOAD_SLACK, 0.0)
         worst = max(worst, float(sums.max()))
-    assert worst < LOAD_LIMIT / 2
+    assert worst < 0.75 * LOAD_LIMIT
 
 
 @pytest.mark.parametrize(
     ("slack", "limit", "scatter", "strides"),
     [
-        (LOAD_SLACK, LOAD_LIMIT, 0.1, 2e7),
+        (LOAD_SLACK, LOAD_LIMIT, 0.06, 3e7),
         (SUM_SLACK, SUM_LIMIT, 0.1, 4e7),
         (ELEMENTS_SLACK, ELEMENTS_LIMIT, 0.3, 1e7),
     ],
