@@ -37,6 +37,7 @@ class CanLeg:
         quality_head: The same of its Quality.
         heartbeat_due_ns: When its next heartbeat is due [ns].
         zero_due_ns: When its next zero is due [ns].
+        due_ns: The earlier one of both.
         degraded_timing: Whether its heartbeats say so.
         reported: State, element mask and cause that the last fault report told.
     """
@@ -50,6 +51,7 @@ class CanLeg:
         self._zero_counter = 0
         self.heartbeat_due_ns = now_ns + int(phase_rel * _HEARTBEAT_PERIOD_NS)
         self.zero_due_ns = now_ns + int(phase_rel * _ZERO_PERIOD_NS)
+        self.due_ns = self.heartbeat_due_ns
         self.degraded_timing = False
         # As if stopped until now: the first state is a change, and a consumer that was here before learns it.
         self.reported = (int(State.STOPPED), 0, int(Cause.NONE))
@@ -72,11 +74,13 @@ class CanLeg:
     def next_heartbeat(self, state: int, now_ns: int) -> bytes:
         """Return the heartbeat that is due, of a leg in this state."""
         self.heartbeat_due_ns = _next_due(self.heartbeat_due_ns, _HEARTBEAT_PERIOD_NS, now_ns)
+        self.due_ns = min(self.heartbeat_due_ns, self.zero_due_ns)
         return self.heartbeat(_NMT_OF_STATE.get(state, NmtState.OPERATIONAL))
 
     def next_zero(self, frame: ForceFrame) -> bytes:
         """Return the zero that is due."""
         self.zero_due_ns = _next_due(self.zero_due_ns, _ZERO_PERIOD_NS, frame.t_sent_ns)
+        self.due_ns = min(self.heartbeat_due_ns, self.zero_due_ns)
         status, mean_pf, worst_pf, moved_ns = (column[self._row].item() for column in frame.zero)
         age_ns = frame.t_sent_ns - moved_ns if moved_ns else None
         data = can_zero.encode_zero(self.node, self._zero_counter, status, mean_pf, worst_pf, age_ns)

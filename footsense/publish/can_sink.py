@@ -193,10 +193,12 @@ class CanSink:
         now_ns = frame.t_sent_ns
         due: list[bytes] = []
         for row, leg in enumerate(self._legs):
+            if now_ns < leg.due_ns:
+                continue
             if now_ns >= leg.heartbeat_due_ns and len(due) < room:
                 leg.degraded_timing = bool(int(frame.flags[row]) & _DEGRADED_TIMING)
                 due.append(leg.next_heartbeat(states[row], now_ns))
             if now_ns >= leg.zero_due_ns and len(due) < room:
                 due.append(leg.next_zero(frame))
-        self._due_ns = min(min(leg.heartbeat_due_ns, leg.zero_due_ns) for leg in self._legs)
+        self._due_ns = min(leg.due_ns for leg in self._legs)
         return due

@@ -66,13 +66,14 @@ class SocketWire:
         self._socket = channel
         self._close = close or channel.close
         self._fd = channel.fileno()
-        self._frames = ctypes.create_string_buffer(MAX_FRAMES * FRAME_BYTES)
-        self._address = ctypes.addressof(self._frames)
+        self._frames = bytearray(MAX_FRAMES * FRAME_BYTES)
+        self._pinned = ctypes.c_char.from_buffer(self._frames)  # stays where it is while this lives
+        address = ctypes.addressof(self._pinned)
         self._vectors = (_IoVec * MAX_FRAMES)()
         self._headers = (_MMsgHdr * MAX_FRAMES)()
         # Addresses and not pointers: those are objects that refer to each other, and nothing collects them here.
         for n, (vector, header) in enumerate(zip(self._vectors, self._headers, strict=True)):
-            vector.base, vector.length = self._address + n * FRAME_BYTES, FRAME_BYTES
+            vector.base, vector.length = address + n * FRAME_BYTES, FRAME_BYTES
             header.header.iov, header.header.iov_count = ctypes.addressof(vector), 1
         self._first = ctypes.addressof(self._headers)
 
@@ -87,7 +88,7 @@ class SocketWire:
         """
         del t_ns
         n = min(len(frames) // FRAME_BYTES, MAX_FRAMES)
-        ctypes.memmove(self._address, frames, n * FRAME_BYTES)
+        self._frames[: n * FRAME_BYTES] = frames[: n * FRAME_BYTES]
         taken: int = _sendmmsg(self._fd, self._first, n, socket.MSG_DONTWAIT)
         if taken >= 0:
             return taken
