@@ -1,6 +1,7 @@
 """The floor of the cycle: `bench_floor.c`, compiled, loaded, and told the foot and the network of this robot."""
 
 import ctypes
+import math
 import shutil
 import subprocess
 from pathlib import Path
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from footsense import app
 from footsense.cli.onnx_weights import initializers
 from footsense.config import Config
+from footsense.core.consistency import LIMIT, LIMIT_REL
 from footsense.core.design import EPS0_PF_UM_PER_MM2
 from footsense.core.pipeline import Calibration
 from footsense.errors import FootsenseError
@@ -74,6 +76,8 @@ class Floor:
         library = _built(folder, len(weights["b1"]))
         design = calibration.design
         n = _LEGS * ELEMENTS
+        precision = np.linalg.inv(calibration.moments)
+        residual = precision / precision.diagonal()[:, None]
         foot = np.concatenate(
             [
                 [EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2, design.gap_um],
@@ -82,6 +86,7 @@ class Floor:
                 calibration.closure_rel_min,
                 calibration.closure_rel_max,
                 [config.stale_after_ms * 1e6],
+                *(residual.ravel(), [LIMIT, LIMIT_REL / math.sqrt(ELEMENTS)]),
             ]
         )
         flat = np.concatenate([part.ravel() for part in weights.values()]).astype(np.float32)
