@@ -43,7 +43,7 @@ class Scanning:
     """Where scans come from.
 
     Attributes:
-        source: The scanner, started. A `RobotScanner` also has the `temperature_c` of each leg.
+        source: The scanner, started; `source.temperature_c` is that of each leg's converter, NaN for none.
         clock: The time that its stamps are in.
         response_sha256: Hash of the response table that the simulated feet follow, None on a real robot.
         felt_n: What every foot feels at a time, None on a real robot.

@@ -184,8 +184,10 @@ BOARD = Board(
     configure=configure,
     decode_result=decode_result,
     afresh=(_settings(CAPDAC), READ_RESULT),
-    # A chip that was reset, or still set to its temperature, would not convert either.
-    setting_check=Check(read_registers(Register.CAP_SETUP, 3), bytes((chip.CAP_ENABLE, 0, chip.EXCITE_A))),
+    # A lost CAPDAC would read as another capacitance; a chip that has lost the rest does not convert.
+    setting_check=Check(
+        read_registers(Register.CAPDAC_A, 4), bytes((chip.capdac(CAPDAC), 0)) + chip.RESET_VALUES[-2:]
+    ),
     range_end_pf=CAPDAC * chip.CAPDAC_STEP_PF * (1 - _STEP_ERROR_REL) + chip.FULL_SCALE_PF,
     thermometer=Thermometer(
         start=(

@@ -25,6 +25,7 @@ __all__ = ["RecordSource"]
 _NS_PER_US = 1000
 _NS_PER_S = 1_000_000_000
 _PF_PER_AF = 1e-6
+_LO_SHU = int(RecordFlag.LO_SHU)  # a plain number: an enumeration's arithmetic costs a microsecond
 
 #: Silence of a leg after which it does not answer: three scans, but no less than an FTDI adapter keeps bytes back.
 _SILENT_SCANS, _LEAST_SILENT_NS = 3, 25_000_000
@@ -120,6 +121,11 @@ class RecordSource:
         self._port.close()
 
     @property
+    def temperature_c(self) -> NDArray[np.float64]:
+        """Return each leg's temperature [deg C], shape (legs,): NaN, records carry none."""
+        return np.full(len(self._rows), np.nan)
+
+    @property
     def losses(self) -> dict[str, int]:
         """What of the stream was not used, by kind, since the start."""
         return vars(self._decoder.losses) | {"unused": self.n_unused, "clock jumps": self._map.restarts}
@@ -203,7 +209,7 @@ def _readings(scan: _Scan) -> tuple[NDArray[np.int64], NDArray[np.float64], NDAr
     values_af = np.frombuffer(b"".join(record.values for record in records), "<i4").reshape(-1, ELEMENTS)
     after_us, step_us, order = np.array(
         [
-            (_difference_us(record.t_us, scan.t_us), record.step_us, record.flags & RecordFlag.LO_SHU)
+            (_difference_us(record.t_us, scan.t_us), record.step_us, record.flags & _LO_SHU)
             for record in records
         ]
     ).T

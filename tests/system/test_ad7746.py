@@ -1,0 +1,130 @@
+"""Board `ad7746` from end to end, byte for byte: it walks, tells its temperature, and says what is broken."""
+
+import msgspec
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from footsense.app.scanning import Scanning
+from footsense.app.service import service
+from footsense.config import DEFAULT
+from footsense.frames import USABLE, Cause, Cycle, State
+from footsense.sim import faults
+from footsense.sim.faults import Fault
+from footsense.sim.scene import Effects, Scene, Tripod, Unloaded, Warming
+
+ROBOT = msgspec.structs.replace(
+    DEFAULT,
+    board="ad7746",
+    buses=(msgspec.structs.replace(DEFAULT.buses[0], legs={"lf": 0, "lm": 1, "rm": 4}),),
+)
+#: Slow steps on soft ground: a scan is a tenth of a second.
+SLOW = Tripod(period_s=5.0, duty_rel=0.6, peak_force_n=0.4)
+REAL = Effects(converter_noise=True, converter_clock_rel=0.01)
+
+
+class Watch:
+    """Keeps every cycle, and the temperatures at its end [deg C]."""
+
+    def __init__(self, scanning: Scanning) -> None:
+        self.scanning = scanning
+        self.cycles: list[Cycle] = []
+        self.temperature_c: list[NDArray[np.float64]] = []
+
+    def observe(self, cycle: Cycle) -> None:
+        self.cycles.append(cycle)
+        self.temperature_c.append(self.scanning.source.temperature_c)
+
+    def close(self) -> None:
+        pass
+
+
+def watched(scene: Scene, until_s: float) -> Watch:
+    with service(ROBOT, scene, real_time=False) as running:
+        watch = Watch(running.scanning)
+        running.observers.append(watch)
+        running.run(lambda: running.scanning.clock.now_ns() > until_s * 1e9)
+    return watch
+
+
+def test_it_walks() -> None:
+    """Forces of all legs after the tare, no fault, ten a second, and right to a few hundredths of a newton."""
+    scene = Scene(description="A slow walk.", load=SLOW, host_cost_us=40, effects=REAL)
+    errors_n = []
+    with service(ROBOT, scene, real_time=False) as running:
+        watch = Watch(running.scanning)
+        running.observers.append(watch)
+        running.run(lambda: running.scanning.clock.now_ns() > 9e9)
+        felt_n = running.scanning.felt_n
+        assert felt_n is not None
+        for cycle in watch.cycles:
+            usable = np.isin(cycle.forces.state, sorted(USABLE))
+            errors_n.append((cycle.forces.force_n - felt_n(int(cycle.forces.t_ns.max())))[usable])
+    states = np.array([cycle.forces.state for cycle in watch.cycles[12:]])
+    assert (states == State.VALID).all()
+    assert np.sqrt(np.mean(np.concatenate(errors_n) ** 2)) < 0.03
+    assert 9.6 < len(watch.cycles) / 9.0 < 9.8
+
+
+def test_each_converter_tells_its_temperature_every_ten_seconds() -> None:
+    """To the 2 K of its data sheet, from the first scan on, and again when it has become warmer; scans go on."""
+    warming = Warming(from_s=1.0, over_s=5.0, kelvin=10.0)
+    scene = Scene(
+        description="It gets warm.", load=Unloaded(), effects=msgspec.structs.replace(REAL, warming=warming)
+    )
+    watch = watched(scene, 11.0)
+    first, last = watch.temperature_c[0], watch.temperature_c[-1]
+    assert (np.abs(first - 25.0) <= 2.0).all()
+    assert len(set(first.tolist())) == 3
+    np.testing.assert_allclose(last - first, 10.0, atol=1e-3)
+    assert (
+        sum((a != b).any() for a, b in zip(watch.temperature_c, watch.temperature_c[1:], strict=False)) == 1
+    )
+    assert all((cycle.forces.state == State.VALID).all() for cycle in watch.cycles[12:])
+    assert max(np.diff([cycle.forces.t_sent_ns for cycle in watch.cycles])) < 135_000_000
+
+
+@pytest.mark.parametrize(
+    ("fault", "state", "cause", "mask"),
+    [
+        (
+            faults.ElementOpen(at_s=2.0, leg="lm", element=4),
+            State.DEGRADED,
+            Cause.ELEMENT_OPEN,
+            0b000_010_000,
+        ),
+        (faults.BrokenRow(at_s=2.0, leg="lm", row=0), State.DEGRADED, Cause.ROW_OPEN, 0b000_000_111),
+        (faults.BrokenColumn(at_s=2.0, leg="lm", column=2), State.DEGRADED, Cause.COLUMN_OPEN, 0b100_100_100),
+        (
+            faults.ElementShorted(at_s=2.0, leg="lm", element=4),
+            State.CONVERTER_FAULT,
+            Cause.CANNOT_EXCITE,
+            None,
+        ),
+        (faults.StuckConverter(at_s=2.0, leg="lm"), State.CONVERTER_FAULT, Cause.NEVER_FINISHES, None),
+        (faults.DeafSwitch(at_s=2.0, leg="lm"), State.CONVERTER_FAULT, Cause.SETTINGS_LOST, None),
+        (faults.Absent(at_s=2.0, leg="lm"), State.ABSENT, Cause.NO_ANSWER, None),
+        (faults.WrongChip(at_s=2.0, leg="lm"), State.ABSENT, Cause.WRONG_CHIP, None),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, msgspec.Struct) else "",
+)
+def test_what_breaks_has_its_own_words(fault: Fault, state: State, cause: Cause, mask: int | None) -> None:
+    """The leg says what it is; no line that is open adds to another element; the other legs go on."""
+    scene = Scene(description="Something breaks.", load=Unloaded(), effects=REAL, faults=(fault,))
+    last = watched(scene, 4.0).cycles[-1].forces
+    assert (State(last.state[1]), Cause(last.cause[1])) == (state, cause)
+    assert mask is None or last.fault_mask[1] == mask
+    assert (last.state[[0, 2]] == State.VALID).all()
+    if state is State.DEGRADED:
+        assert np.abs(last.force_n[1]).max() < 0.02
+
+
+def test_a_dip_of_the_supply_passes() -> None:
+    """All settings are lost, the CAPDAC's too; the leg is set up afresh, and reads what it read."""
+    brown_out = faults.BrownOut(at_s=2.0, leg="lm")
+    scene = Scene(description="A dip.", load=Unloaded(), effects=REAL, faults=(brown_out,))
+    watch = watched(scene, 4.0)
+    assert any(cycle.forces.state[1] == State.CONVERTER_FAULT for cycle in watch.cycles)
+    assert (watch.cycles[-1].forces.state == State.VALID).all()
+    readings_pf = np.array([cycle.scan.capacitance_pf[1] for cycle in watch.cycles])
+    assert np.nanmax(readings_pf) - np.nanmin(readings_pf) < 0.02
