@@ -76,7 +76,7 @@ class Probed(NamedTuple):
         buses: Every bus.
         legs: Every leg, in the order of the configuration.
         complaints: What is wrong, the buses first.
-        floor_ns: Nine bare conversions [ns].
+        floor_ns: Nine bare conversions [ns]; 0 without a bus.
     """
 
     buses: tuple[BusReport, ...]
@@ -86,10 +86,10 @@ class Probed(NamedTuple):
 
     @property
     def scan_ns(self) -> int | None:
-        """Shortest scan that the slowest bus allows [ns]; None if not every bus could be timed."""
+        """Shortest scan that the slowest bus allows [ns]; None if not every bus could be timed, or there is none."""
         timings = [report.seen.timing for report in self.buses]
         known = [timing.limits.scan_ns for timing in timings if timing is not None]
-        return max(known) if len(known) == len(timings) else None
+        return max(known) if known and len(known) == len(timings) else None
 
 
 class Adapter(NamedTuple):

@@ -13,10 +13,10 @@ from footsense.backends.linux_i2c import LinuxI2cBus, adapters, kernel_drivers
 from footsense.config import Config
 from footsense.core.foot_check import Finding, FootScans, findings
 from footsense.drivers.address_census import take_census
-from footsense.drivers.bus_probe import look_at_adapters, look_at_bus
+from footsense.drivers.bus_probe import Place, look_at_adapters, look_at_bus
 from footsense.drivers.scan_plan import ScanPlan
 from footsense.drivers.trunk import Trunk
-from footsense.errors import ConfigError, HardwareError
+from footsense.errors import HardwareError
 from footsense.frames import ELEMENTS, Reading
 from footsense.sim.scene import Scene
 
@@ -67,24 +67,26 @@ def probe(config: Config, scene: Scene | None) -> Probed:
         scene: What it does if its buses are to be simulated; None for its real buses.
 
     Raises:
-        ConfigError: Its feet are on no I2C bus.
         HardwareError: An adapter is not there.
         ModelError: The network that tells what a foot reads, or a simulated foot's table, is missing.
     """
-    if config.board == "mcu":
-        raise ConfigError("board: mcu has no I2C bus on this computer; probe is for the boards that have")
-    plan = plan_for(config)
-    buses = tuple(_buses_seen(config, scene, plan))
-    complaints = [complaint for report in buses for complaint in bus_complaints(report, plan)]
+    buses: tuple[BusReport, ...] = ()
+    complaints: list[Complaint] = []
+    floor_ns = 0
+    if config.buses:  # a microcontroller's are its own
+        plan = plan_for(config)
+        buses = tuple(_buses_seen(config, scene, plan))
+        complaints += [complaint for report in buses for complaint in bus_complaints(report, plan)]
+        floor_ns = ELEMENTS * plan.conversion_ns
     scanned = None
     if all(report.seen.mux_answers for report in buses):
         try:
             scanned = _scanned(config, scene)
         except HardwareError as error:
-            complaints.append(Complaint("scan", str(error), "what is said of this bus and its legs"))
+            complaints.append(Complaint("scan", str(error), "this first: no foot was scanned"))
     legs = tuple(_legs_seen(config, buses, scanned))
     complaints += [complaint for leg in legs for complaint in leg_complaints(leg)]
-    return Probed(buses, legs, tuple(complaints), ELEMENTS * plan.conversion_ns)
+    return Probed(buses, legs, tuple(complaints), floor_ns)
 
 
 def _buses_seen(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterator[BusReport]:
@@ -124,17 +126,30 @@ def _legs_seen(
         What is known of each, in the order of the configuration.
     """
     rest_pf = load_network(config).card.calibration.design.rest_pf
-    number = 0
+    for number, (leg, device, where, place) in enumerate(_places(config, buses)):
+        scans = scanned[number] if scanned is not None else None
+        if scans is not None and np.isin(scans.reading, _SILENT).all():
+            scans = None
+        # What a loose contact spoils says nothing of the foot.
+        found = () if scans is None or scans.is_intermittent else _found(config, leg, scans, rest_pf)
+        yield LegReport(leg, device, where, place, scans, found)
+
+
+def _places(
+    config: Config, buses: tuple[BusReport, ...]
+) -> Iterator[tuple[str, str, int | str, Place | None]]:
+    """Tell where each leg is, in the order of the configuration.
+
+    Yields:
+        Its name, its bus or line, its channel or adapter there, and what answers.
+    """
     for report in buses:
-        for place_number, (leg, where) in enumerate(report.bus.legs.items()):
-            place = report.seen.places.get(where if isinstance(where, int) else place_number)
-            scans = scanned[number] if scanned is not None else None
-            if scans is not None and np.isin(scans.reading, _SILENT).all():
-                scans = None
-            # What a loose contact spoils says nothing of the foot.
-            found = () if scans is None or scans.is_intermittent else _found(config, leg, scans, rest_pf)
-            yield LegReport(leg, report.bus.device, where, place, scans, found)
-            number += 1
+        for number, (leg, where) in enumerate(report.bus.legs.items()):
+            place = report.seen.places.get(where if isinstance(where, int) else number)
+            yield leg, report.bus.device, where, place
+    if config.serial is not None:
+        for name in config.legs:
+            yield name, config.serial.device, "mcu", None
 
 
 def _found(config: Config, leg: str, scans: FootScans, rest_pf: float) -> tuple[Finding, ...]:

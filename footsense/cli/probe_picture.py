@@ -31,6 +31,11 @@ _MARKS = {
     Cause.COLUMN_OPEN: "open",
     Cause.ELEMENT_SHORTED: "short",
     Cause.GAP_SHUT: "shut",
+    Cause.CANNOT_EXCITE: "drive",
+    Cause.NEVER_FINISHES: "busy",
+    Cause.SETTINGS_LOST: "reset",
+    Cause.GARBLED: "garbled",
+    Cause.HELD_UP: "late",
 }
 
 
@@ -158,7 +163,8 @@ def _census(census: Census, claimed: object, names: dict[int, str]) -> Iterator[
 
 def _legs(legs: tuple[LegReport, ...]) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 1))
-    for name in ("leg", "bus", "at", "answering"):
+    several = len({report.device for report in legs}) > 1
+    for name in ("leg", *["bus"] * several, "at", "answering"):
         table.add_column(name, no_wrap=True)
     for name in ("C0 \\[pF]", "noise \\[fF]"):
         table.add_column(name, justify="right", no_wrap=True)
@@ -167,17 +173,17 @@ def _legs(legs: tuple[LegReport, ...]) -> Table:
         chips, foot = Text("-", "dim"), Text("not seen", "bold red")
         capacitance, noise = "-", "-"
         if report.place is not None:
-            answering = (f"{address:#04x} {_CHIPS.get(address, '?')}" for address in report.place.answering)
-            chips = Text(
-                ", ".join(answering) or "nobody", "" if report.place.outcome is Reading.OK else "bold red"
-            )
+            known = _CHIPS if report.place.outcome is Reading.OK else {}
+            answering = (known.get(address, f"{address:#04x} ?") for address in report.place.answering)
+            chips = Text(", ".join(answering) or "nobody", "" if known else "bold red")
         if report.scans is not None:
             sound = [element for element, (_, wrong) in enumerate(element_marks(report)) if not wrong]
             if sound:
                 mean_pf, noise_ff = report.scans.mean_pf[sound], report.scans.noise_ff[sound]
                 capacitance, noise = f"{mean_pf.min():.2f}..{mean_pf.max():.2f}", f"{noise_ff.max():.2f}"
             foot = Text("see below", "bold red") if report.found else Text("sound", "green")
-        table.add_row(report.leg, report.device, str(report.where), chips, capacitance, noise, foot)
+        bus = [report.device] * several
+        table.add_row(report.leg, *bus, str(report.where), chips, capacitance, noise, foot)
     return table
 
 

@@ -28,8 +28,8 @@ the slack:
 | the sum | change [1] | 0.12 | 0.8 | 0.1 | 4e7 strides, either way | all 20 % softer: 10 strides |
 | elements | logarithm of the ratio [1] | 0.4 | 2.0 | 0.3 | 1e7 strides of a leg | twice: 8 strides |
 
-Loads that scatter by a tenth, each for itself, make x scatter by 0.06, and hide a part of a change: of 15 % half is left
-then, which is found in 32 strides; where they scatter by 5 %, in 20.
+Loads that scatter by a tenth, each for itself, make x scatter by 0.06, and hide a part of a change: half of 15 % is
+left, which is found in 32 strides; where they scatter by 5 %, in 20.
 
 20 K change the stiffness by 8.8 %: all loads by -8.1 % or +9.6 %. No single leg is blamed for that, and the sum's slack
 lies above it. A foot that alone is as much warmer than the others is blamed: it does read that much too little.

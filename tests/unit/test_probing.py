@@ -15,7 +15,7 @@ from footsense.app.probing import probe
 from footsense.cli.probe_figure import draw
 from footsense.cli.probe_picture import probe_picture, unloaded_yaml
 from footsense.cli.probe_plain import plain
-from footsense.config import DEFAULT, Bus, Config, Mux, OtherDevice
+from footsense.config import DEFAULT, Bus, Config, Mux, OtherDevice, Serial
 from footsense.drivers.bus_probe import look_at_bus
 from footsense.drivers.scan_plan import scan_plan
 from footsense.drivers.trunk import Trunk
@@ -38,6 +38,12 @@ def probed(*broken: Fault, config: Config = DEFAULT) -> Probed:
     return probe(config, msgspec.structs.replace(HANGING, faults=broken))
 
 
+def shown(found: Probed) -> str:
+    console = Console(width=80, file=io.StringIO(), record=True)
+    console.print(probe_picture(found, "test"))
+    return console.export_text()
+
+
 def test_nothing_is_wrong_with_a_sound_robot() -> None:
     """Its readings are ready to be pasted, its limits are those of the bus, and the picture fits a terminal."""
     found = probed()
@@ -48,9 +54,7 @@ def test_nothing_is_wrong_with_a_sound_robot() -> None:
     assert figures["buses"][0]["rate_hz"] == pytest.approx(400_000, rel=1e-3)
     assert figures["scan_over_conversions"] == pytest.approx(1.065, abs=1e-3)
     assert 0.3 < figures["legs"]["rm"]["noise_ff"][4] < 0.7
-    console = Console(width=80, file=io.StringIO(), record=True)
-    console.print(probe_picture(found, "test"))
-    text = console.export_text()
+    text = shown(found)
     assert max(map(len, text.splitlines())) <= 80
     assert text.count("sound") == 6
 
@@ -80,6 +84,26 @@ def test_a_fault_on_one_leg_is_one_line_on_that_leg(broken: Fault, what: str, ch
     assert check in complaint.check
     assert [leg.leg for leg in found.legs if leg.unloaded_pf is None] == ["lm"]
     assert plain(found)["scan_ms"] is not None
+
+
+@pytest.mark.parametrize(
+    ("config", "scan_ms"),
+    [
+        (msgspec.structs.replace(DEFAULT, board="ad7746"), 102.1),
+        (msgspec.structs.replace(DEFAULT, board="mcu", buses=(), serial=Serial(device="sim")), None),
+    ],
+    ids=["ad7746", "mcu"],
+)
+def test_feet_of_other_boards_are_judged_alike(config: Config, scan_ms: float | None) -> None:
+    """By what they read; a microcontroller's buses are its own, and nothing is said of them."""
+    scene = msgspec.structs.replace(HANGING, faults=(faults.BrokenRow(at_s=0, leg="lm", row=1),))
+    found = probe(config, scene)
+    assert [(complaint.where, complaint.what) for complaint in found.complaints] == [
+        ("lm", "the line of row 1 is interrupted")
+    ]
+    assert [leg.leg for leg in found.legs if leg.unloaded_pf is None] == ["lm"]
+    assert plain(found)["scan_ms"] == (None if scan_ms is None else pytest.approx(scan_ms, abs=0.1))
+    assert "see below" in shown(found)
 
 
 def test_a_trunk_that_is_held_is_the_bus_s_fault_alone() -> None:
