@@ -15,6 +15,9 @@ from firmware_interface.serial_frames import (
 
 __all__ = ["Losses", "SerialDecoder"]
 
+#: A plain number: an enumeration's arithmetic costs as much as the crc.
+_STARTING = int(RecordFlag.STARTING)
+
 
 class Losses:
     """What a decoder has not passed on, by kind, since it began.
@@ -110,7 +113,7 @@ class SerialDecoder:
         if last is None:
             return True
         last_seq, last_flags = last
-        if flags & RecordFlag.STARTING and (not last_flags & RecordFlag.STARTING or seq < last_seq):
+        if flags & _STARTING and (not last_flags & _STARTING or seq < last_seq):
             self.losses.restarts += 1
             return True
         ahead = (seq - last_seq) & 0xFFFF

@@ -29,8 +29,8 @@ _LO_SHU = int(RecordFlag.LO_SHU)  # a plain number: an enumeration's arithmetic 
 
 #: Silence of a leg after which it does not answer: three scans, but no less than an FTDI adapter keeps bytes back.
 _SILENT_SCANS, _LEAST_SILENT_NS = 3, 25_000_000
-#: At most how often the journal hears of losses.
-_TELL_NS = 10 * _NS_PER_S
+#: At most how often the journal hears of losses, and how often it is looked for any.
+_TELL_NS, _LOOK_NS = 10 * _NS_PER_S, _NS_PER_S
 
 _NO_VALUE_ENDS = NO_VALUE + N_CODES
 _READING_OF_CODE = np.full(N_CODES, Reading.GARBLED, np.uint8)
@@ -138,7 +138,8 @@ class RecordSource:
                 self.n_unused += 1
                 continue
             self._heard_ns[row] = now_ns
-            self._expected |= {row}
+            if row not in self._expected:
+                self._expected |= {row}
             self._deadline_ns = now_ns + self._silent_ns
             scan = self._scan
             if scan is not None and (row in scan.records or not self._is_near(record.t_us, scan.t_us)):
@@ -195,7 +196,7 @@ class RecordSource:
                 ", ".join(f"{kind} {n}" for kind, n in new.items() if n),
             )
             self._told = self.losses
-            self._tell_at_ns = now_ns + _TELL_NS
+        self._tell_at_ns = now_ns + (_TELL_NS if any(new.values()) else _LOOK_NS)
 
 
 def _difference_us(t_us: int, other_us: int) -> int:
