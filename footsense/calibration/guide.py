@@ -98,10 +98,10 @@ class Guide:
         self.coverage.add(poke.force_n)
         self._reference_n.append(poke.force_n)
         self._estimate_n.append(self._estimate(poke))
-        azimuth_deg, elevation_deg = angles_deg(poke.force_n)
+        azimuth_deg, elevation_deg = map(round, angles_deg(poke.force_n))
         size_gf = np.linalg.norm(poke.force_n) / GRAM_FORCE_N
         self._news.append(
-            f"press {number}: {size_gf:.0f} gf from azimuth {azimuth_deg:.0f}, elevation {elevation_deg:.0f} deg"
+            f"press {number}: {size_gf:.0f} gf from azimuth {azimuth_deg % 360}, elevation {elevation_deg} deg"
         )
         doubts = self._judge(self.directions_n, np.array(self._estimate_n))
         # A figure that changes a little is not news.

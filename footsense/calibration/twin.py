@@ -25,6 +25,7 @@ Vector = NDArray[np.float64]
 STRAY, GAIN, GAP = slice(0, 9), slice(9, 18), slice(18, 27)
 STIFFNESS, MOUNT = slice(27, 28), slice(28, 31)
 N_PARAMETERS = 31
+KINDS = {"stray": STRAY, "gain": GAIN, "gap": GAP, "stiffness": STIFFNESS, "mount": MOUNT}
 
 #: Electrodes come no nearer than this [um]; the film is 6.3 um of air by design.
 _LEAST_DISTANCE_UM = 1.0
@@ -55,6 +56,11 @@ class FootTwin:
         self._unloaded_pf = unloaded_pf
         self._lowest = np.sin(np.radians(response.min_elevation_deg))
 
+    def gap_um(self, parameters: Vector) -> Vector:
+        """Return the gap of each element at rest [um], shape (9,)."""
+        gap_um: Vector = self._response.design.gap_um + parameters[GAP]
+        return gap_um
+
     def cells_um(self, parameters: Vector, load: Load) -> Vector:
         """Return the closure of each cell [um], shape (n, 324), at most its gap; of gaps, stiffness and mount alone."""
         response, mount = self._response, rotation(parameters[MOUNT])
@@ -62,7 +68,7 @@ class FootTwin:
         free_um = softness * response.free_closure_um(
             self._seen(load.normal @ mount.T), load.force_n @ mount.T
         )
-        gap_um = np.repeat(response.design.gap_um + parameters[GAP], gaps.CELLS)
+        gap_um = np.repeat(self.gap_um(parameters), gaps.CELLS)
         shut = np.flatnonzero((free_um > gap_um).any(axis=1))
         compliance = softness * response.compliance_um_per_n if len(shut) else np.empty(0)
         for one in shut:

@@ -4,7 +4,7 @@ import importlib.util
 
 import click
 
-from footsense.cli import lab_faults, lab_models, lab_study
+from footsense.cli import lab_experiment, lab_faults, lab_models, lab_study
 from footsense.errors import FootsenseError
 
 #: What only the workshop's install has.
@@ -42,6 +42,7 @@ for _command in (
     lab_study.tradeoff,
     lab_study.tolerance,
     lab_faults.faults,
+    lab_experiment.experiment,
     lab_study.report,
 ):
     lab.add_command(_command)

@@ -3,7 +3,7 @@
 Every foot is reproducible by itself, from its number, a seed and the tolerances.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,12 @@ def fabricate(response: FootResponse, tolerances: FootTolerances, seed: int, foo
     )
 
 
+def mounted(own: Deviations, remount_deg: float, seed: int, foot: int, mounting: int) -> Deviations:
+    """Return a foot that was put on once more: turned by another small angle of that root mean square [deg]."""
+    random = np.random.default_rng((seed, foot, mounting, 7))
+    return replace(own, mount=_turned(random, remount_deg) @ own.mount)
+
+
 def rotation(turn_rad: Vector) -> Vector:
     """Return the rotation about an axis by its length, shape (3, 3), of a vector [rad], shape (3,) (Rodrigues).
 
@@ -85,7 +91,11 @@ def _drawn(rng: np.random.Generator, rms: float, n: int, least: float) -> Vector
 def _mount(rng: np.random.Generator, rms_deg: float, most_deg: float) -> Vector:
     """Return a rotation about any axis, shape (3, 3), tilting the leg by at most `most_deg` or drawn again."""
     while True:
-        # The angle's square is the sum of three squares.
-        mount = rotation(np.radians(rms_deg) / np.sqrt(3.0) * rng.normal(size=3))
+        mount = _turned(rng, rms_deg)
         if mount[2, 2] >= np.cos(np.radians(most_deg)):
             return mount
+
+
+def _turned(rng: np.random.Generator, rms_deg: float) -> Vector:
+    """Return a rotation about any axis, shape (3, 3); its angle's square is the sum of three squares."""
+    return rotation(np.radians(rms_deg) / np.sqrt(3.0) * rng.normal(size=3))

@@ -110,6 +110,8 @@ class FootResponse:
     sha256: str = ""
     series: NDArray[np.float64] = field(init=False)
     compliance_um_per_n: NDArray[np.float64] = field(init=False)
+    #: The last single contact and its closures per newton: a stick presses a foot for thousands of looks.
+    _last: list[Any] = field(init=False, default_factory=lambda: [b"", None])
 
     def __post_init__(self) -> None:
         """Check the shapes and unfold the quarter.
@@ -223,6 +225,8 @@ class FootResponse:
                 f"the response reaches down to an elevation of {self.min_elevation_deg:g} deg of the contact "
                 f"normal (its z at least {lowest:.4f}), got z = {normal[..., 2].min():.4f}"
             )
+        if len(normal) == 1 and normal.ndim == 2:
+            return self._of_one_contact(normal, force_n)
         basis = series_basis(normal, self.degree, self.fit_elevation_deg)
         radius_squared = self.patch_radius_mm(normal, force_n)[..., None] ** 2
         # One product for the point force and what the patch adds: the series are long, the basis is short.
@@ -230,6 +234,19 @@ class FootResponse:
         shape = (*basis.shape[:-1], 3, ALL_CELLS)
         unit_n = (weighted @ self.series.reshape(-1, 3 * ALL_CELLS)).reshape(shape)
         closure: NDArray[np.float64] = (force_n[..., None, :] @ unit_n)[..., 0, :]
+        return closure
+
+    def _of_one_contact(
+        self, normal: NDArray[np.float64], force_n: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the same for one contact, shape (1, 324); where it stays, only the force is new."""
+        where = normal.tobytes()
+        if self._last[0] != where:
+            basis = series_basis(normal, self.degree, self.fit_elevation_deg)[0]
+            self._last[:] = where, basis @ self.series.reshape(2, len(basis), -1)
+        point, patch = self._last[1].reshape(2, 3, ALL_CELLS)
+        radius_squared = self.patch_radius_mm(normal, force_n)[0] ** 2
+        closure: NDArray[np.float64] = force_n @ (point + radius_squared * patch)
         return closure
 
     def closure_um(self, normal: NDArray[np.float64], force_n: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from footsense.sim.clock import JoinedClock, VirtualClock
 from footsense.sim.damage import Damage
 from footsense.sim.electronics import Wired, electronics
 from footsense.sim.fabricated import Foot
-from footsense.sim.fabrication import fabricate
+from footsense.sim.fabrication import fabricate, mounted
 from footsense.sim.faults import OnChips, OnFoot, OnWires, StuckSda
 from footsense.sim.foot import FootResponse
 from footsense.sim.gait_table import GaitTable
@@ -134,12 +134,12 @@ def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str
     made, contact = scene.fabrication, scene.effects.gap_contact
     if made is None:
         return dict.fromkeys(legs, Foot(response, contact=contact))
-    return {
-        leg: Foot(
-            response, fabricate(response, made.tolerances, made.seed, made.first + number), contact=contact
-        )
-        for number, leg in enumerate(legs)
-    }
+    feet = {}
+    for number, leg in enumerate(legs, made.first):
+        own = fabricate(response, made.tolerances, made.seed, number)
+        own = mounted(own, made.remount_deg, made.seed, number, made.mounting)
+        feet[leg] = Foot(response, own, contact=contact)
+    return feet
 
 
 def _gait_tables(scene: Scene, load: Load, feet: dict[str, Foot]) -> dict[str, GaitTable]:

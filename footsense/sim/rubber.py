@@ -27,6 +27,8 @@ CREEP_TIME_S = np.array([0.1, 1.0, 10.0])
 PLAY_REL = np.array([0.05, 0.05, 0.05])
 PLAY_N = np.array([0.02, 0.06, 0.12])
 
+_AT_ONCE_REL = 1.0 - PLAY_REL.sum()
+
 #: A load below this is none [N].
 _NOTHING_N = 1e-6
 
@@ -53,11 +55,9 @@ class RememberingRubber:
             self._crept_n = force_n + kept * (self._crept_n - force_n)
         self._t_ns = t_ns
         behind_n = force_n - self._played_n
-        distance_n = np.linalg.norm(behind_n, axis=1)
+        distance_n = np.sqrt((behind_n * behind_n).sum(axis=1))
         moved = np.maximum(distance_n - PLAY_N, 0.0) / np.maximum(distance_n, _NOTHING_N)
         self._played_n += moved[:, None] * behind_n
-        if np.abs(force_n).max() > _NOTHING_N:  # what remains of a load stays where that was
+        if force_n @ force_n > _NOTHING_N**2:  # what remains of a load stays where that was
             self._normal = normal
-        return self._normal, (
-            (1.0 - PLAY_REL.sum()) * force_n + PLAY_REL @ self._played_n + CREEP_REL @ self._crept_n
-        )
+        return self._normal, (_AT_ONCE_REL * force_n + PLAY_REL @ self._played_n + CREEP_REL @ self._crept_n)

@@ -149,6 +149,8 @@ class Fabrication(_Part, frozen=True):
         stray_pf: Of the stray of each element [pF].
         stiffness_rel: Of the stiffness of the whole foot [1].
         mount_deg: Angle by which a foot is turned on its leg [deg].
+        remount_deg: Angle by which it is turned besides each time that it is put on [deg].
+        mounting: Which time that is.
     """
 
     seed: Annotated[int, Meta(ge=0)] = 1
@@ -158,6 +160,8 @@ class Fabrication(_Part, frozen=True):
     stray_pf: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.0
     stiffness_rel: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.0
     mount_deg: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.0
+    remount_deg: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
+    mounting: Annotated[int, Meta(ge=0)] = 0
 
     @property
     def tolerances(self) -> FootTolerances:
