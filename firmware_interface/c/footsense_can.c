@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-enum { LAST_STATE = FOOTSENSE_STARTING, LAST_CAUSE = 14, LAST_ZERO_STATUS = 5, LAST_RESULT = 5 };
+enum { LAST_STATE = FOOTSENSE_STARTING, LAST_CAUSE = 16, LAST_ZERO_STATUS = 5, LAST_RESULT = 5 };
 
 /* The word that a command spells out beside its kind, so that no stray frame is one. */
 static const uint8_t words[4][4] = {

@@ -45,6 +45,7 @@ def _summary(config: Config, network: Network, packs: Mapping[str, FootPack]) ->
         f"  unloaded within {config.tare.unloaded_limit_rel:.1%} of what the free foot reads",
         f"zero: {'follows the foot in the air' if config.zero.track else 'stands still between tares'}",
         f"contact from {config.contact.touch_n:g} N",
+        f"all legs carry {_weight(config)}",
         f"stale after {config.stale_after_ms:g} ms",
         f"network: {model or 'that of the foot type'}, {network.sha256[:12]}",
         f"CAN: {config.can.interface} {config.can.channel}, {config.can.bitrate // 1000} kbit/s",
@@ -71,6 +72,12 @@ def _pack_line(leg: str, pack: FootPack) -> str:
         f"{line}, {errors.direction_deg:.1f} deg and {errors.magnitude_gf:.1f} gf on those held out "
         f"({before.direction_deg:.1f} deg and {before.magnitude_gf:.1f} gf without the pack)"
     )
+
+
+def _weight(config: Config) -> str:
+    if config.body_weight_n is None:
+        return "what they do at first (body_weight_n is not given)"
+    return f"{config.body_weight_n:g} N together"
 
 
 def _forces(config: Config) -> str:
