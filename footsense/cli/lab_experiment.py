@@ -182,7 +182,7 @@ the foot really felt.
 
 ![](experiment.png)
 
-- Of 362 presses {learnt:.0f} count on average: on soft feet the heavier ones go beyond the range of the converter. Of the
+- Of 362 presses {learnt:.0f} count on average: on soft feet the heavier ones go beyond the converter's range. Of the
   180, {unread:.1f} are beyond what some way can read, and are left out for all.
 - From a recording to a foot's parameters: {took["mean"]:.1f} ± {took["spread"]:.1f} s.
 {notes}
