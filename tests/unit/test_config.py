@@ -27,7 +27,9 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "robot.yaml"
 
 
-@pytest.mark.parametrize("name", ["footsense.yaml", "footsense-two-buses.yaml", "footsense-mcu.yaml"])
+@pytest.mark.parametrize(
+    "name", ["footsense.yaml", "footsense-two-buses.yaml", "footsense-mcu.yaml", "footsense-ad7746.yaml"]
+)
 def test_the_examples_are_right(name: str) -> None:
     """The example files hold all six legs and nothing to warn of."""
     config = load_config(DEPLOY / name)
