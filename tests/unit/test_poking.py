@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.app.estimation import released
+from footsense.app import released
 from footsense.errors import ConfigError
 from footsense.sim.foot import FootResponse
 from footsense.sim.poking import Pokes, paper_presses
