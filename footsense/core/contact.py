@@ -103,6 +103,7 @@ class Contact:
 
     def __init__(self, limits: ContactLimits) -> None:
         self.limits = limits
+        self._touch_n, self._lift_n = limits.touch_n, limits.lift_n
         self._carried_n = 0.0
         self.doubt_n = 0.0
         self.begin_anew(0)
@@ -132,7 +133,6 @@ class Contact:
             foreseen_n: The same load as predicted from the newest reading, which shows a touchdown before most elements
                 have been read again [N]; NaN without a prediction.
         """
-        limits = self.limits
         self.load_n = load_n
         if not math.isfinite(load_n):
             if now_ns - self._t_ns > _BELIEVED_NS:
@@ -144,7 +144,7 @@ class Contact:
         floor_n = self._floor_n
         above_n = load_n - floor_n
         if self.touching:
-            lift_n = limits.lift_n
+            lift_n = self._lift_n
             # Against a floor below the zero a foot might never be free: the zero is in the air too.
             fell = load_n < _FALLEN_REL * self._recent_n and load_n - max(floor_n, 0.0) < lift_n + doubt_n
             # What was foreseen is held: the elements that show it have yet to be read.
@@ -156,9 +156,9 @@ class Contact:
                 self._floor_n = max(load_n, -zero_doubt_n)
                 self._highest_before_n = self._highest_n = self._floor_n
                 self._watched_ns = t_ns
-        elif above_n > limits.touch_n:
+        elif above_n > self._touch_n:
             self.touching = True
-        elif foreseen_n - floor_n > limits.touch_n and t_ns - self._lifted_ns > _RINGS_NS:
+        elif foreseen_n - floor_n > self._touch_n and t_ns - self._lifted_ns > _RINGS_NS:
             self.touching = True
             self._foreseen_ns = t_ns
         else:
@@ -167,7 +167,7 @@ class Contact:
                 self._highest_n, self._watched_ns = load_n, t_ns
             self._highest_n = max(self._highest_n, load_n)
             highest_n = max(self._highest_n, self._highest_before_n)
-            self._floor_n = min(highest_n, floor_n + limits.floor_n_per_s * passed_s)
+            self._floor_n = min(highest_n, floor_n + self.limits.floor_n_per_s * passed_s)
         pressed_n = max(load_n, 0.0)
         self._recent_n += (pressed_n - self._recent_n) * (passed_s / (_RECENT_S + passed_s))
         self._carried_n += (pressed_n - self._carried_n) * (passed_s / (_CARRIED_S + passed_s))
@@ -175,17 +175,16 @@ class Contact:
     @property
     def aloft(self) -> bool:
         """Whether the swing is confirmed: off the ground for a while, and not about to touch."""
-        limits = self.limits
         return (
             not self.touching
-            and self.load_n - self._floor_n < limits.lift_n / 2
-            and (self._t_ns - self._lifted_ns) * 1e-9 >= limits.confirmed_s
+            and self.load_n - self._floor_n < self._lift_n / 2
+            and (self._t_ns - self._lifted_ns) * 1e-9 >= self.limits.confirmed_s
         )
 
     @property
     def explained(self) -> bool:
         """Whether drift and creep could explain the whole load; False where that is not known."""
-        return abs(self.load_n) <= self.limits.lift_n + self.doubt_n
+        return abs(self.load_n) <= self._lift_n + self.doubt_n
 
     def refusal(self, kind: CommandKind) -> str | None:
         """Return why a command may not be obeyed now, or None if it may."""
