@@ -20,6 +20,7 @@ from footsense.lab import dataset
 from footsense.lab.dataset import Cases, paper_training, wide
 from footsense.lab.evaluate import Errors, Readout
 from footsense.lab.evaluate_models import (
+    ALONE,
     HELD_OUT_CASES,
     HELD_OUT_SEED,
     NETWORK_FILE,
@@ -105,17 +106,22 @@ def _readout(weights: Weights, gap_um: float) -> Readout:
     return lambda closure_um: predict(weights, closure_um / gap_um)[0]
 
 
-def _alone(response: FootResponse, protocol: Protocol) -> dict[str, Readout]:
-    """Return read-outs trained on the paper's 362 cases alone: fed with unbent closures, and by elastance."""
+def _alone(response: FootResponse, protocol: Protocol, report: Callable[[str], None]) -> dict[str, Readout]:
+    """Return read-outs trained on the paper's 362 cases alone: by elastance, and fed with unbent closures.
+
+    A foot whose gaps the paper's loads shut for good has no unbent closures, and not that read-out.
+    """
     training, gap_um = paper_training(response), response.design.gap_um
-    law = unbending(response)
-    unbent = train(Cases(training.force_n, law.mean_um(training.closure_um)), response.design, protocol)
     plain = train(training, response.design, protocol)
-    read_unbent = _readout(unbent, gap_um)
-    return {
-        "paper_network_362": lambda closure_um: read_unbent(law.mean_um(closure_um)),
-        "paper_network_362_elastance": _readout(plain, gap_um),
-    }
+    alone = {f"{ALONE}_elastance": _readout(plain, gap_um)}
+    law = unbending(response)
+    try:
+        unbent_um = law.mean_um(training.closure_um)
+    except ArithmeticError as error:
+        report(f"no {ALONE}: the paper's loads are too large for this foot: {error}")
+        return alone
+    read_unbent = _readout(train(Cases(training.force_n, unbent_um), response.design, protocol), gap_um)
+    return {ALONE: lambda closure_um: read_unbent(law.mean_um(closure_um)), **alone}
 
 
 def _signal(name: str, unit: str, order: str, meaning: str) -> dict[str, str]:
@@ -205,8 +211,8 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
         response = FootResponse.load(Path(scratch) / RESPONSE_FILE)
         design, loads = response.design, sole.loads
         recipe = replace(recipe, shipped=replace(recipe.shipped, floor_n=loads.floor_n))
-        alone = _alone(response, recipe.only_362)
-        report("trained on the paper's 362 cases, by elastance and unbent")
+        alone = _alone(response, recipe.only_362, report)
+        report(f"trained on the paper's 362 cases: {', '.join(alone)}")
         cases = wide(response, loads, recipe.wide_cases, TRAINING_SEED)
         report(f"{recipe.wide_cases} wide cases, gaps in contact")
         closure_rel = cases.closure_um / design.gap_um

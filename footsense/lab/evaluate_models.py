@@ -146,14 +146,14 @@ def as_json(table: dict[str, Errors], beside: dict[str, float] | None = None) ->
         table: Of `evaluate_models`.
         beside: Figures that are not of the table, such as `crb_ratio`.
     """
-    shipped, alone = table["paper_network"], table["paper_network_362"]
+    shipped, alone = table["paper_network"], table.get(ALONE)
     linear = table["paper_linear_elastance"]
     return {
         **(beside or {}),
         "direction_deg": shipped.direction_deg,
         "magnitude_gf": shipped.magnitude_gf,
-        "direction_deg_362": alone.direction_deg,
-        "magnitude_gf_362": alone.magnitude_gf,
+        "direction_deg_362": alone and alone.direction_deg,
+        "magnitude_gf_362": alone and alone.magnitude_gf,
         "linear_direction_deg": linear.direction_deg,
         "linear_magnitude_gf": linear.magnitude_gf,
         "paper_direction_deg": PAPER_DIRECTION_DEG,

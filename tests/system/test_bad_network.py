@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,7 @@ FITTING: dict[str, Any] = {
     "electrode_area_mm2": 16.0,
     "closure_rel_min": [0.0] * 9,
     "closure_rel_max": [1.0] * 9,
-    "moments": np.eye(9).tolist(),
+    "moments": (np.eye(9) + 1.0).tolist(),
     "response_sha256": "",
 }
 BOTH_IN, BOTH_OUT = ("closure_rel", "missing"), ("force_n", "sigma_n")
@@ -101,6 +102,28 @@ def test_a_network_that_fits_is_taken(tmp_path: Path) -> None:
     config = robot(tmp_path, more="model: network.onnx\n")
     result = footsense("check-config", config)
     assert (result.returncode, result.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("foot", "weight", "more", "line"),
+    [
+        ({}, 1e3, "", r"contact\.touch_n: 0\.03 N are lost in the noise of these feet; use at least"),
+        (
+            {"electrode_area_mm2": 30.0},
+            0.0,
+            "publish: element\nscan: {gang: true}\n",
+            r"scan\.gang: a column of aoyagi-3x3 has 48\.9 pF .* 31\.6 pF can be read; use gang: false",
+        ),
+    ],
+    ids=["stiff", "large electrodes"],
+)
+def test_what_these_feet_cannot_tell_is_refused(
+    tmp_path: Path, foot: dict[str, Any], weight: float, more: str, line: str
+) -> None:
+    """A contact that a stiff foot does not show, and columns beyond the converter: told by check-config already."""
+    network_file(tmp_path, card(**foot), weight=weight)
+    result = footsense("check-config", robot(tmp_path, more=f"model: network.onnx\n{more}"))
+    assert re.search(line, one_line_error(result, 2))
 
 
 def test_a_missing_network(tmp_path: Path) -> None:
