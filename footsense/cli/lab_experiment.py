@@ -32,7 +32,11 @@ _WAYS = ["design_only", *_CALIBRATED, "linear_per_foot", "scratch_per_foot"]
     "--feet", "n_feet", type=click.IntRange(min=1), help=f"How many; {_FEET}, {_QUICK_FEET} if quick."
 )
 @click.option(
-    "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Of all that is drawn."
+    "--seed",
+    type=click.IntRange(min=0),
+    default=Workshop().seed,
+    show_default=True,
+    help="Of all that is drawn.",
 )
 @click.option("--jobs", type=click.IntRange(min=1), help="Feet at a time; without it one for each processor.")
 @click.option("--foot-type", help="A foot type, or its folder as `lab build --foot` makes it.")
