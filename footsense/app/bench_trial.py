@@ -27,8 +27,8 @@ from footsense.sim.scene import Effects, Fabrication, Pokes, Scene, Unloaded
 Vector = NDArray[np.float64]
 
 #: Feet as badly made as the paper's: what was trained on the design alone is wrong on them by 15.9 deg and 18.7 gf. The
-#: stray makes the one, the stiffness the other. Twenty feet differ from twenty others by 1.6 deg and 2.3 gf (rms); those
-#: of this seed are much like the mean of 160.
+#: stray makes the one, the stiffness the other. Twenty feet differ from another twenty by 1.6 deg and 2.3 gf (rms);
+#: those of this seed are much like the mean of 160.
 YARDSTICK = FootTolerances(gap_um=2.0, film_um=1.0, stray_pf=0.34, stiffness_rel=0.2, mount_deg=3.0)
 _TYPICAL_SEED = 8
 
