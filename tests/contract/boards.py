@@ -87,6 +87,18 @@ def crossing_through(
     return seen
 
 
+def leg_chips(
+    board: Board, capacitance_pf: Capacitance, channel: int, clock_error_rel: float = 0.0
+) -> tuple[SimulatedFdc1004 | SimulatedAd7746, list[SimulatedLineSwitch]]:
+    """Return converter and line switches of a leg; the CAPDAC's steps are of a size that is each chip's own."""
+    rows, columns = SimulatedLineSwitch(), SimulatedLineSwitch(adg715.COLUMN_ADDRESS)
+    if board is FDC1004:
+        seen_pf = column_through(rows, capacitance_pf)
+        return SimulatedFdc1004(seen_pf, None, clock_error_rel), [rows]
+    seen = crossing_through(rows, columns, capacitance_pf)
+    return SimulatedAd7746(seen, None, clock_error_rel, 0.85 + 0.07 * channel), [rows, columns]
+
+
 class Saboteur:
     """A bus on which chosen transactions fail.
 
@@ -144,17 +156,7 @@ class Robot:
         for clock in clocks:
             legs = {}
             for channel in range(per_bus):
-                rows, columns = SimulatedLineSwitch(), SimulatedLineSwitch(adg715.COLUMN_ADDRESS)
-                converter: SimulatedFdc1004 | SimulatedAd7746
-                if board is FDC1004:
-                    switches = [rows]
-                    seen_pf = column_through(rows, capacitance_pf)
-                    converter = SimulatedFdc1004(seen_pf, None, clock_error_rel)
-                else:
-                    switches = [rows, columns]
-                    seen = crossing_through(rows, columns, capacitance_pf)
-                    gain_rel = 0.85 + 0.07 * channel  # each chip's own
-                    converter = SimulatedAd7746(seen, None, clock_error_rel, gain_rel)
+                converter, switches = leg_chips(board, capacitance_pf, channel, clock_error_rel)
                 self.converters.append(converter)
                 self.switches.append(switches)
                 legs[channel] = (converter, *switches)

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from firmware_interface import schedule
 from firmware_interface.schedule import scan_limits
 from footsense.drivers.kernel_mux_scanner import KernelMuxScanner
 from footsense.drivers.robot_scanner import RobotScanner
@@ -18,12 +19,10 @@ from footsense.frames import CapFrame, Reading
 from footsense.ports import Transaction
 from footsense.sim.bus import SimulatedBus, SimulatedMux
 from footsense.sim.clock import VirtualClock
-from footsense.sim.fdc1004_chip import SimulatedFdc1004
 from footsense.sim.kernel_mux import SimulatedKernelMuxLeg
-from footsense.sim.line_switch import SimulatedLineSwitch
-from tests.contract.boards import DISTINCT_PF, Capacitance, column_through
+from tests.contract.boards import AD7746, DISTINCT_PF, FDC1004, Board, Capacitance, leg_chips
 
-CONVERSION_NS = 2_500_000
+both = pytest.mark.parametrize("board", [FDC1004, AD7746], ids=lambda board: board.name)
 
 
 class FailingLeg(SimulatedKernelMuxLeg):
@@ -52,19 +51,19 @@ class Robot:
         capacitance_pf: Capacitance,
         host_cost_ns: int = 0,
         order: str = "lo_shu",
+        board: Board = FDC1004,
         *,
         element_wise: bool = False,
     ) -> None:
         self.clock = VirtualClock()
         mux = SimulatedMux(0x71)
-        switches = [SimulatedLineSwitch() for _ in range(6)]
-        self.converters = [
-            SimulatedFdc1004(column_through(switch, capacitance_pf), None) for switch in switches
-        ]
-        chips = dict(enumerate(zip(self.converters, switches, strict=True)))
+        legs = [leg_chips(board, capacitance_pf, channel) for channel in range(6)]
+        chips = {channel: (converter, *switches) for channel, (converter, switches) in enumerate(legs)}
         trunk = SimulatedBus(self.clock, 400_000, 0, mux, chips)
         self.legs = {f"{n}": FailingLeg(trunk, self.clock, mux, n, host_cost_ns) for n in range(6)}
-        self.bus = KernelMuxScanner(dict(self.legs), self.clock, scan_plan(order, 400))
+        self.bus = KernelMuxScanner(
+            dict(self.legs), self.clock, scan_plan(order, board.rates_sps[0], board.name)
+        )
         self.scanner = RobotScanner([self.bus], element_wise=element_wise)
         self.scanner.start()
 
@@ -78,28 +77,31 @@ def distinct(element: int, t_ns: int) -> float:
     return float(DISTINCT_PF[element])
 
 
+@both
 @pytest.mark.parametrize("order", ["lo_shu", "raster"])
 @pytest.mark.parametrize("element_wise", [False, True])
-def test_every_element_lands_at_its_place(order: str, *, element_wise: bool) -> None:
+def test_every_element_lands_at_its_place(board: Board, order: str, *, element_wise: bool) -> None:
     """Distinct capacitances come out where they belong, on every leg."""
-    frame = Robot(distinct, order=order, element_wise=element_wise).read(10)
+    frame = Robot(distinct, order=order, board=board, element_wise=element_wise).read(10)
     assert (frame.reading == Reading.OK).all()
     np.testing.assert_allclose(frame.capacitance_pf, np.tile(DISTINCT_PF, (6, 1)), atol=2**-11)
 
 
+@both
 @pytest.mark.parametrize("host_cost_us", [0, 40, 100])
-def test_the_period_is_near_the_best(host_cost_us: int) -> None:
+def test_the_period_is_near_the_best(board: Board, host_cost_us: int) -> None:
     """Row by row, within 3 % of what wires and host allow; the timing that is measured at start says so too."""
-    robot = Robot(distinct, host_cost_us * 1000, "raster")
+    robot = Robot(distinct, host_cost_us * 1000, "raster", board)
     robot.read(2)
     start_ns = robot.clock.now_ns()
     robot.read(18)
     limits = scan_limits(
         n_legs=6,
-        conversion_ns=CONVERSION_NS,
+        conversion_ns=board.conversion_ns,
         rate_hz=400_000,
         host_cost_ns=host_cost_us * 1000,
         kernel_mux=True,
+        traffic=schedule.FDC1004 if board is FDC1004 else schedule.AD7746,
     )
     assert (robot.clock.now_ns() - start_ns) / 18 < 1.03 * limits.scan_ns
     assert robot.bus.timing is not None
@@ -133,14 +135,28 @@ def test_an_absent_leg_costs_only_itself_and_comes_back() -> None:
     assert (frame.reading == Reading.OK).all()
 
 
-@settings(max_examples=60, deadline=None)
+def test_temperatures_are_told_leg_by_leg() -> None:
+    """From the first scan on; one that cannot be asked has none, and costs the others nothing."""
+    robot = Robot(distinct, board=AD7746)
+    robot.legs["2"].failing = {n: NackError("gone") for n in range(robot.legs["2"].n + 1, 999)}
+    frame = robot.read()
+    assert (np.isnan(robot.scanner.temperature_c) == [False, False, True, False, False, False]).all()
+    assert (np.delete(frame.reading, 2, axis=0) == Reading.OK).all()
+
+
+@both
+@settings(max_examples=40, deadline=None)
 @given(
     st.dictionaries(st.integers(40, 400), st.sampled_from(["nack", "timeout", "error"]), max_size=6),
     st.booleans(),
 )
-def test_whatever_fails_a_reading_is_right_or_missing(failing: dict[int, str], element_wise: bool) -> None:  # noqa: FBT001
+def test_whatever_fails_a_reading_is_right_or_missing(
+    board: Board,
+    failing: dict[int, str],
+    element_wise: bool,  # noqa: FBT001
+) -> None:
     """No failure of a transaction makes a wrong number, on its own leg or on another."""
-    robot = Robot(distinct, element_wise=element_wise)
+    robot = Robot(distinct, board=board, element_wise=element_wise)
     errors = {"nack": NackError("no"), "timeout": BusTimeoutError("stuck"), "error": BusError("arbitration")}
     robot.legs["3"].failing = {n: errors[kind] for n, kind in failing.items()}
     for _ in range(60 if element_wise else 12):
