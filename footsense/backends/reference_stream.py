@@ -70,7 +70,7 @@ class ReferenceStream:
         self._times.restart()
 
     def take(self, rows: Rows, n_bytes: int, now_ns: int, example: bytes) -> Reference:
-        """Return what has arrived as a reference.
+        """Return what has arrived as a reference; what waited in the line before the first look is left out.
 
         Args:
             rows: The records.
@@ -84,9 +84,11 @@ class ReferenceStream:
         t_ns = self._times.stamp(rows, now_ns)
         force_n, saturated = self._mounting.apply(rows.raw)
         saturated = saturated | rows.saturated
-        self._watch(len(t_ns), n_bytes, now_ns, example)
-        self._n_saturated += int(np.count_nonzero(saturated))
-        return Reference(t_ns, force_n, saturated)
+        # Nor has a clock that began with the run a time for what was taken before.
+        fresh = np.full(len(t_ns), self._heard_ns is not None) & (t_ns >= 0)
+        self._watch(int(np.count_nonzero(fresh)), n_bytes, now_ns, example)
+        self._n_saturated += int(np.count_nonzero(saturated[fresh]))
+        return Reference(t_ns[fresh], force_n[fresh], saturated[fresh])
 
     def figures(self, n_bad: int, n_opened: int) -> ReferenceFigures:
         """Return how it went so far."""

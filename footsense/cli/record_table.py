@@ -70,7 +70,7 @@ class RecordTable:
         foot_n = cycle.forces.force_n[self._row] if state in USABLE else np.full(3, np.nan)
         held = "pressed" if guide.pressed else "free"
         press = (
-            f"{wish.magnitude_gf:.0f} gf from azimuth {5 * round(wish.azimuth_deg / 5):.0f}, "
+            f"{wish.magnitude_gf:.0f} gf from azimuth {5 * round(wish.azimuth_deg / 5) % 360}, "
             f"elevation {5 * round(wish.elevation_deg / 5):.0f} deg"
         )
         return Group(
@@ -98,4 +98,4 @@ def _force(force_n: NDArray[np.float64]) -> str:
     components = " ".join(f"{value + 0.0:+7.3f}" for value in force_n.round(3))
     azimuth_deg, elevation_deg = angles_deg(force_n)
     size_gf = np.linalg.norm(force_n) / GRAM_FORCE_N
-    return f"{components} N  {size_gf:5.1f} gf  az {azimuth_deg:3.0f}  el {elevation_deg:2.0f}"
+    return f"{components} N  {size_gf:5.1f} gf  az {round(azimuth_deg) % 360:3d}  el {elevation_deg:2.0f}"

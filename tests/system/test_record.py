@@ -1,0 +1,177 @@
+"""A session on the bench: guided, recorded whole whatever goes wrong with its force sensor, and fit to calibrate by."""
+
+import contextlib
+import os
+import re
+import select
+import signal
+import subprocess
+import sys
+import tty
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from footsense.calibration.bench_session import read_session
+from footsense.clock import MonotonicClock
+from footsense.recording.replay import Replay
+from footsense.sim.reference_sensor import SimulatedSensor
+from footsense.sim.scene import load_scene
+from tests.system.command import TIMEOUT_S, footsense, one_line_error
+
+RING_N = [[0.25, 0.0, 0.43], [-0.125, 0.22, 0.43], [-0.125, -0.22, 0.43]]
+SIX = RING_N + [[2 * x, 2 * y, 2 * z] for x, y, z in RING_N]
+
+SENSOR = """
+sensor: {kind: simulated, linearity_rel: 0.0}
+axes: {x: -x, y: -y, z: -z}
+units: gf
+rated: [4000, 4000, 8000]
+latency_ms: 2.1
+"""
+
+
+def scene(folder: Path, presses: list[list[float]], hold_s: float = 0.6) -> Path:
+    """Write a scene of these presses."""
+    path = folder / "presses.yaml"
+    load = {"kind": "pokes", "presses": presses, "hold_s": hold_s}
+    text = {"description": "presses", "load": load, "effects": {"converter_noise": True, "gap_contact": True}}
+    path.write_bytes(msgspec.yaml.encode(text))
+    return path
+
+
+def bench(folder: Path, text: str = SENSOR) -> Path:
+    """Write a bench's file."""
+    path = folder / "bench.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_a_session_ends_with_a_set_that_is_enough(tmp_path: Path) -> None:
+    """Six presses make a set of five; their forces are those of the stick, and the recording replays bit for bit."""
+    out = tmp_path / "one.mcap"
+    done = footsense(
+        *("record", "--reference", bench(tmp_path), "--foot", "foot-0007", "--leg", "rm", "--pokes", "5"),
+        *("--scene", scene(tmp_path, SIX + SIX), "--session", "a", out),
+    )
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert re.fullmatch(r"press 2: 5[0-2] gf from azimuth 1(19|20|21), elevation (59|60|61) deg", lines[1])
+    assert lines[6].startswith(f"{out}: 6 of 5 pokes; directions covered: 100 % at 50 gf")
+    assert " 0 missing, 0 unreadable, 0 saturated" in lines[7]
+    assert (tmp_path / "one.png").exists()
+    header = Replay(out).header
+    assert (header["foot"], header["session"], header["leg"]) == ("foot-0007", "a", "rm")
+    assert msgspec.json.decode(header["reference"])["units"] == "gf"
+    session = read_session(out, "foot-0007")
+    error_n = np.array([poke.force_n for poke in session.pokes]) - SIX
+    assert np.abs(error_n).max() < 0.03
+    assert footsense("replay", "--check", out).returncode == 0
+
+
+def test_a_reference_that_contradicts_the_foot_is_doubted(tmp_path: Path) -> None:
+    """Wrong units and swapped axes are said as soon as they are known, and at the end; the recording is kept and whole."""
+    out = tmp_path / "one.mcap"
+    wrong = SENSOR.replace("units: gf", "units: kgf").replace("{x: -x, y: -y, z: -z}", "{x: y, y: -x, z: -z}")
+    done = footsense(
+        *("record", "--reference", bench(tmp_path, wrong), "--foot", "foot-0007"),
+        *("--scene", scene(tmp_path, SIX), out),
+    )
+    assert done.returncode == 7
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith(f"footsense: {out} is kept, but do not calibrate by it: ")
+    for words in (
+        "its readings seem to be in gf, and the bench's file says units: kgf",
+        "axes: {x: -x, y: -y, z: -z} would fit",
+    ):
+        assert words in done.stdout
+        assert words in last
+    assert len(list(Replay(out))) > 300
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "exit_code", "says"),
+    [
+        (SENSOR, ("--foot", "seven"), 2, "--foot seven: is no identity of a foot, such as foot-0007"),
+        (SENSOR.replace("gf", "kg"), ("--foot", "foot-0007"), 2, "did you mean kgf?"),
+        (
+            SENSOR.replace(
+                "kind: simulated, linearity_rel: 0.0",
+                "kind: serial, device: /dev/none, rate_hz: 200, framing: {kind: lines, columns: [fx, fy, fz]}",
+            ),
+            ("--foot", "foot-0007"),
+            5,
+            "/dev/none: No such file or directory",
+        ),
+    ],
+)
+def test_what_cannot_begin_leaves_nothing_behind(
+    tmp_path: Path, text: str, options: tuple[str, ...], exit_code: int, says: str
+) -> None:
+    """One line, the right exit code, and no file."""
+    out = tmp_path / "one.mcap"
+    done = footsense("record", "--reference", bench(tmp_path, text), *options, out)
+    assert says in one_line_error(done, exit_code)
+    assert not list(tmp_path.glob("one*"))
+
+
+def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
+    """Presses are drawn as they happen; the sensor is unplugged, the recording goes on, and Ctrl-C leaves it whole."""
+    stick = load_scene(str(path := scene(tmp_path, SIX[:3], hold_s=0.9))).load.build(1_000_000_000)
+    began_ns: list[int] = []  # when the first picture was drawn: the simulated foot's time is about 0 then
+
+    def felt_n(t_ns: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+        return stick.contact("lf", t_ns - began_ns[0]).force_n if began_ns else np.zeros(3)
+
+    clock, sensor = MonotonicClock(), SimulatedSensor(felt_n, 1, 0.0)
+    line, its_end = os.openpty()
+    tty.setraw(its_end)
+    described = f"""kind: serial, device: {os.ttyname(its_end)}, rate_hz: 200, start: "S\\r\\n",
+      framing: {{kind: lines, columns: [time_us, fx, fy, fz]}}"""
+    file = bench(tmp_path, SENSOR.replace("kind: simulated, linearity_rel: 0.0", described))
+    terminal, screen = os.openpty()
+    options = ("--reference", file, "--foot", "foot-0007", "--scene", path, "--duration", TIMEOUT_S)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "footsense", "record", *map(str, options), str(tmp_path / "one.mcap")],
+        stdin=screen,
+        stdout=screen,
+        stderr=screen,
+        env={**os.environ, "TERM": "xterm", "COLUMNS": "100", "LINES": "40"},
+    )
+    os.close(screen)
+    drawn, asked = b"", b""
+    try:
+        while b"press 2:" not in drawn:
+            ready, _, _ = select.select([terminal, line], [], [], 0.004)
+            if terminal in ready:
+                drawn += os.read(terminal, 65536)
+                if not began_ns and b"so far" in drawn:
+                    began_ns.append(clock.now_ns())
+            if line in ready:
+                asked += os.read(line, 64)
+                sensor.start(clock.now_ns())
+            os.write(line, sensor.bytes_until(clock.now_ns()))
+        os.close(line)
+        while b": gone" not in drawn:
+            drawn += os.read(terminal, 65536)
+        process.send_signal(signal.SIGINT)
+        with contextlib.suppress(OSError):  # its end of the terminal is closed when it ends
+            while True:
+                drawn += os.read(terminal, 65536)
+        process.wait(TIMEOUT_S)
+    finally:
+        process.kill()
+        process.wait(TIMEOUT_S)
+        os.close(its_end)
+        os.close(terminal)
+    assert asked == b"S\r\n"
+    assert process.returncode == 0, drawn.decode()
+    for words in ("50 gf: ", "reference", "next", "not enough yet; next would be", "opened 1 times"):
+        assert words in drawn.decode()
+    session = read_session(tmp_path / "one.mcap", "foot-0007")
+    assert [poke.force_n for poke in session.pokes] == [
+        pytest.approx(force_n, abs=0.04) for force_n in SIX[:2]
+    ]
+    assert Replay(tmp_path / "one.mcap").header["session"] == "one"
