@@ -5,7 +5,7 @@
  * protected CAN frames and those that are due now and then to a socket, counters, and a record into a pipe. It is the
  * way of healthy legs: a leg that is not healthy ends the cycle, and the bench with it. Three things it does not do: its
  * zeros do not follow the feet but are those of the service, it does not say which foot is on the ground, and it does
- * not look for calibrations that age. That is arithmetic on a few hundred numbers, well below a microsecond in C.
+ * not look for calibrations that age. That is arithmetic on a few hundred numbers; no system call is missing.
  * Plain loops that a compiler turns into vector instructions; no library but the C library. Forces are checked against
  * the service's before anything is timed.
  *

@@ -69,7 +69,7 @@ class ContactLimits:
 def middle_mean(closure_rel: Vector) -> list[float]:
     """Return the mean closure of each leg without its largest and smallest.
 
-    In plain numbers: for six legs, numpy's calls take twice as long.
+    In plain numbers: for six legs, numpy's calls take longer.
 
     Args:
         closure_rel: Closures over the gap [1], shape (legs, 9), NaN where there is none.

@@ -22,7 +22,7 @@ Stamps = NDArray[np.int64]
 
 #: Farthest that an element is moved, in its own scan periods. Even steps need 0.44; more means that the scan stalled.
 _FARTHEST_REL = np.array(0.75)
-#: As an array, like the former: numpy takes half as long with them as with numbers of Python's.
+#: As an array, like the former: numpy has to make arrays of Python's numbers each time.
 _ONE_NS = np.array(1)
 
 
