@@ -140,4 +140,6 @@ def _recorded(path: Path, bench: Bench) -> Reference:
     blocks = [cycle.reference for cycle in Replay(path) if cycle.reference is not None]
     if not any(len(block.t_ns) for block in blocks):
         raise RecordingError(f"{path}: holds no reference; a recording of `footsense record` does")
-    return Reference(*(np.concatenate(parts) for parts in zip(*blocks, strict=True)))
+    t_ns, force_n, saturated = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+    order = np.argsort(t_ns, kind="stable")
+    return Reference(t_ns[order], force_n[order], saturated[order])

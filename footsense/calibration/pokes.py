@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.calibration.holds import Poke, Press, WhyNot, weigh
-from footsense.frames import Cycle, Reference
+from footsense.frames import Cycle, Reading, Reference
 
 __all__ = ["Poke", "PokeFinder", "WhyNot", "find_pokes"]
 
@@ -52,10 +52,6 @@ class PokeFinder:
 
     Args:
         row: Row of the leg in the frames.
-
-    Attributes:
-        pressed: Whether the foot is pressed now.
-        zero_n: Force of the reference at rest [N], shape (3,); NaN as long as it is not known.
     """
 
     def __init__(self, row: int) -> None:
@@ -71,12 +67,20 @@ class PokeFinder:
         self._let_go_ns = 0
         self._peak_rel = 0.0
         self._seen_until_ns = 0
-        self.zero_n = np.full(3, np.nan)
 
     @property
     def pressed(self) -> bool:
         """Tell whether the foot is pressed now."""
         return self._phase is _Phase.PRESSED
+
+    @property
+    def zero_n(self) -> Vector:
+        """Return the force of the reference at rest [N], shape (3,); NaN as long as it is not known."""
+        total_n, n = self._zero()
+        if self._phase is _Phase.REST:
+            now_n, n_now = self._rested(self._before_ns)
+            total_n, n = total_n + now_n, n + n_now
+        return total_n / n if n else np.full(3, np.nan)
 
     def take(self, cycle: Cycle) -> Poke | None:
         """Take note of a cycle; return the poke that it brings to its end, if one."""
@@ -91,8 +95,10 @@ class PokeFinder:
         if (stamps.all() and int(stamps.min()) <= self._seen_until_ns) or t_ns <= self._seen_until_ns:
             return None
         self._seen_until_ns = max(int(stamps.max()), t_ns)
-        self._scans.append((t_ns, scan.capacitance_pf[row], scan.reading[row], cycle.forces.force_n[row]))
-        return self._step(t_ns, scan.capacitance_pf[row])
+        # The sum of a column that was read at once is no element.
+        capacitance_pf = np.where(scan.reading[row] == Reading.OK, scan.capacitance_pf[row], np.nan)
+        self._scans.append((t_ns, capacitance_pf, scan.reading[row], cycle.forces.force_n[row]))
+        return self._step(t_ns, capacitance_pf)
 
     def finish(self) -> Poke | None:
         """Return what the end of the recording leaves: a press that was let go a moment before, or was not."""
@@ -120,7 +126,6 @@ class PokeFinder:
             self._before_ns = before_ns
             self._rest_pf = _mean(np.array(rested)) if len(rested) >= _LEAST_REST else None
             self._forget_until(before_ns[0])
-            self._note_zero()
         if not self._agrees(self._change_rel(capacitance_pf) > _PRESSED_REL):
             return
         self._begin()
@@ -129,6 +134,8 @@ class PokeFinder:
         self._phase = _Phase.PRESSED
         self._pressed_ns = self._scans[-_AGREED][0]
         self._peak_rel = 0.0
+        while self._zeros and self._zeros[0][0] < self._before_ns[0] - _ZERO_NS:
+            self._zeros.popleft()
         total_n, n = self._rested(self._before_ns)
         if n:
             self._zeros.append((self._before_ns[1], total_n, n))
@@ -179,13 +186,6 @@ class PokeFinder:
         change_rel = capacitance_pf / self._rest_pf - 1
         there = ~np.isnan(change_rel)
         return float(change_rel[there].mean()) if there.any() else np.nan
-
-    def _note_zero(self) -> None:
-        while self._zeros and self._zeros[0][0] < self._before_ns[0] - _ZERO_NS:
-            self._zeros.popleft()
-        total_n, n = self._zero()
-        now_n, n_now = self._rested(self._before_ns)
-        self.zero_n = (total_n + now_n) / (n + n_now) if n + n_now else np.full(3, np.nan)
 
     def _zero(self) -> tuple[Vector, int]:
         """Return the sum and the number of the reference's samples in the rests before the last presses."""

@@ -153,7 +153,12 @@ def _mounted(config: Config, leg: str, foot: str) -> Config:
     # A foot that is not calibrated yet has no pack, and may be far from the designed one, which is no reason to refuse
     # its tare.
     plain = msgspec.to_builtins(config)
-    changed = {"feet": feet, "packs": None, "tare": plain["tare"] | {"unloaded_limit_rel": _AS_MADE_REL}}
+    changed = {
+        "feet": feet,
+        "packs": None,
+        "tare": plain["tare"] | {"unloaded_limit_rel": _AS_MADE_REL},
+        "scan": plain["scan"] | {"gang": False},  # a column's sum is of no use to a calibration
+    }
     try:
         return msgspec.convert(plain | changed, Config)
     except msgspec.ValidationError:
