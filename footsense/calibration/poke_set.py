@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.holds import Poke
+from footsense.calibration.press import Poke
 
 Vector = NDArray[np.float64]
 

@@ -12,8 +12,10 @@ from enum import Enum, auto
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.holds import Poke, Press, WhyNot, weigh
-from footsense.frames import Cycle, Reading, Reference
+from footsense.calibration.holds import weigh
+from footsense.calibration.press import Poke, Press, WhyNot
+from footsense.calibration.reference_log import ReferenceLog
+from footsense.frames import Cycle, Reading
 
 __all__ = ["Poke", "PokeFinder", "WhyNot", "find_pokes"]
 
@@ -57,7 +59,7 @@ class PokeFinder:
     def __init__(self, row: int) -> None:
         self._row = row
         self._scans: deque[tuple[int, Vector, NDArray[np.uint8], Vector]] = deque()
-        self._samples: deque[Reference] = deque()
+        self._reference = ReferenceLog()
         self._zeros: deque[tuple[int, Vector, int]] = deque()
         self._phase = _Phase.REST
         self._agreed = 0
@@ -78,15 +80,13 @@ class PokeFinder:
         """Return the force of the reference at rest [N], shape (3,); NaN as long as it is not known."""
         total_n, n = self._zero()
         if self._phase is _Phase.REST:
-            now_n, n_now = self._rested(self._before_ns)
+            now_n, n_now = self._reference.sum_within(self._before_ns)
             total_n, n = total_n + now_n, n + n_now
         return total_n / n if n else np.full(3, np.nan)
 
     def take(self, cycle: Cycle) -> Poke | None:
         """Take note of a cycle; return the poke that it brings to its end, if one."""
-        reference = cycle.reference
-        if reference is not None and len(reference.t_ns):
-            self._samples.append(reference)
+        self._reference.add(cycle.reference)
         scan, row = cycle.scan, self._row
         stamps = scan.t_ns[row]
         # Where forces go out after every conversion, most of a scan is that of before; a scan without any stamp has
@@ -136,7 +136,7 @@ class PokeFinder:
         self._peak_rel = 0.0
         while self._zeros and self._zeros[0][0] < self._before_ns[0] - _ZERO_NS:
             self._zeros.popleft()
-        total_n, n = self._rested(self._before_ns)
+        total_n, n = self._reference.sum_within(self._before_ns)
         if n:
             self._zeros.append((self._before_ns[1], total_n, n))
 
@@ -192,16 +192,6 @@ class PokeFinder:
         total_n = sum((total_n for _, total_n, _ in self._zeros), np.zeros(3))
         return total_n, sum(n for _, _, n in self._zeros)
 
-    def _rested(self, span_ns: tuple[int, int]) -> tuple[Vector, int]:
-        """Return the sum and the number of the reference's samples in a time."""
-        total_n, n = np.zeros(3), 0
-        for block in self._samples:
-            if int(block.t_ns[-1]) >= span_ns[0] and int(block.t_ns[0]) <= span_ns[1]:
-                inside = (block.t_ns >= span_ns[0]) & (block.t_ns <= span_ns[1])
-                total_n += block.force_n[inside].sum(axis=0)
-                n += int(inside.sum())
-        return total_n, n
-
     def _rest(self, since_ns: int) -> None:
         """Wait for the next press; what was before is of no use any more."""
         self._phase = _Phase.REST
@@ -211,8 +201,7 @@ class PokeFinder:
     def _forget_until(self, t_ns: int) -> None:
         while self._scans and self._scans[0][0] < t_ns:
             self._scans.popleft()
-        while self._samples and int(self._samples[0].t_ns[-1]) < t_ns:
-            self._samples.popleft()
+        self._reference.forget_until(t_ns)
 
     def _poke(self, after_ns: tuple[int, int] | None) -> Poke:
         return weigh(self._press(after_ns))
@@ -225,19 +214,13 @@ class PokeFinder:
 
     def _press(self, after_ns: tuple[int, int] | None) -> Press:
         t_ns, capacitance_pf, reading, estimate_n = zip(*self._scans, strict=True)
-        # A map of the sensor's clock that was put right may have turned two samples round.
-        sample_ns = np.concatenate([np.zeros(0, np.int64), *(block.t_ns for block in self._samples)])
-        order = np.argsort(sample_ns, kind="stable")
-        force_n = np.concatenate([np.zeros((0, 3)), *(block.force_n for block in self._samples)])
-        saturated = np.concatenate([np.zeros(0, np.bool_), *(block.saturated for block in self._samples)])
+        reference = self._reference.all()
         return Press(
             np.array(t_ns, np.int64),
             np.array(capacitance_pf),
             np.array(reading),
             np.array(estimate_n),
-            sample_ns[order],
-            force_n[order],
-            saturated[order],
+            *reference,
             self._before_ns,
             (self._pressed_ns, self._let_go_ns),
             after_ns,

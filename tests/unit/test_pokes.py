@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from footsense.calibration.holds import WhyNot
+from footsense.calibration.press import WhyNot
 from footsense.calibration.pokes import find_pokes
 from footsense.frames import Reading
 from tests.unit.feet import DESIGN
