@@ -62,6 +62,7 @@ def cycles(
     missing: Callable[[float], bool] = lambda _: False,
     reading: Callable[[float], Reading] = lambda _: Reading.OK,
     said_n: Callable[[Vector], Vector] = lambda force_n: force_n,
+    scan_ns: int = SCAN_NS,
 ) -> Iterator[Cycle]:
     """Yield the cycles of one leg that is pressed so.
 
@@ -73,18 +74,19 @@ def cycles(
         missing: When its samples do not arrive.
         reading: How element 4 answers.
         said_n: What the sensor makes of a force.
+        scan_ns: How long a scan takes.
     """
     random = np.random.default_rng(5)
     t_sample_ns = 1_000_000_000
-    for number in range(int(until_s * 1e9 / SCAN_NS)):
-        t_ns = 1_000_000_000 + (number + 1) * SCAN_NS
+    for number in range(int(until_s * 1e9 / scan_ns)):
+        t_ns = 1_000_000_000 + (number + 1) * scan_ns
         t_s = t_ns * 1e-9 - 1.0
-        closure_um = force_n(t_s - 0.0122) @ CLOSURE_REL * DESIGN.gap_um
+        closure_um = force_n(t_s - 0.5e-9 * scan_ns) @ CLOSURE_REL * DESIGN.gap_um
         capacitance_pf = DESIGN.capacitance_pf(closure_um) + drift_pf_per_s * t_s
         capacitance_pf += random.normal(0.0, NOISE_FF * 1e-3, 9)
         answers = np.zeros((1, 9), np.uint8)
         answers[0, 4] = reading(t_s)
-        stamps = t_ns - SCAN_NS + np.arange(1, 10) * (SCAN_NS // 9)
+        stamps = t_ns - scan_ns + np.arange(1, 10) * (scan_ns // 9)
         scan = CapFrame(number, stamps[None], np.where(answers > 0, np.nan, capacitance_pf[None]), answers)
         samples = []
         while t_sample_ns <= t_ns:
@@ -92,7 +94,7 @@ def cycles(
                 noisy_n = said_n(force_n(sample_s)) + ZERO_N + random.normal(0.0, SAMPLE_NOISE_N)
                 samples.append((t_sample_ns, noisy_n, saturated(sample_s)))
             t_sample_ns += SAMPLE_NS
-        yield Cycle(scan, (), _forces(number, t_ns, force_n(t_s - 0.0122)), (), _reference(samples))
+        yield Cycle(scan, (), _forces(number, t_ns, force_n(t_s - 0.5e-9 * scan_ns)), (), _reference(samples))
 
 
 def _reference(samples: list[tuple[int, Vector, bool]]) -> Reference:

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from footsense.calibration.press import WhyNot
 from footsense.calibration.pokes import find_pokes
+from footsense.calibration.press import WhyNot
 from footsense.frames import Reading
 from tests.unit.feet import DESIGN
 from tests.unit.presses import CLOSURE_REL, SAMPLE_NOISE_N, Hold, cycles, direction, felt
@@ -67,6 +67,16 @@ def test_pressed_again_at_once_is_two_pokes() -> None:
     assert [poke.why_not for poke in pokes] == [None, None]
     assert np.isnan(pokes[0].shift_pf).all()
     assert pokes[1].rest_pf == pytest.approx(pokes[0].rest_pf, abs=1e-3)
+
+
+def test_a_slow_converter_is_enough() -> None:
+    """Ten scans a second find presses that are held for a second."""
+    holds = [ONE._replace(at_s=1.5 + 2.0 * k, held_s=1.0) for k in range(3)]
+    pokes = find_pokes(cycles(felt(*holds), 8.0, scan_ns=99_000_000), 0)
+    assert [poke.why_not for poke in pokes] == [None] * 3
+    assert np.array([poke.force_n - ONE.force_n for poke in pokes]) == pytest.approx(
+        np.zeros((3, 3)), abs=0.03
+    )
 
 
 def test_presses_in_a_row_each_have_their_own_zero() -> None:
