@@ -52,7 +52,7 @@ def gapped(walk: Path, tmp_path: Path) -> Path:
 
 
 def commands() -> Iterator[tuple[str, ...]]:
-    for name in ("run", "replay", "recover", "check-config", "probe", "bench", "lab"):
+    for name in ("run", "replay", "record", "recover", "check-config", "probe", "bench", "lab"):
         yield (name,)
     for name in ("build", "evaluate", "compare"):
         yield ("lab", name)
