@@ -104,7 +104,8 @@ class PokeFinder:
         """Return what the end of the recording leaves: a press that was let go a moment before, or was not."""
         if self._phase is _Phase.REST or not self._scans:
             return None
-        if self._phase is _Phase.LET_GO:
+        phase, self._phase = self._phase, _Phase.REST
+        if phase is _Phase.LET_GO:
             return self._poke(None)
         self._let_go_ns = self._scans[-1][0]
         return self._without(WhyNot.NOT_LET_GO, "the recording ends in it")
