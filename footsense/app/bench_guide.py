@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,28 +62,26 @@ def _judge_of(bench: Bench) -> Judge:
     return partial(implausible, newton_per=NEWTON_PER, units=bench.units, axes=axes, to_sensor=to_sensor)
 
 
-def practice_scene(foot: str, row: int) -> Scene:
+def practice_scene(foot: str, row: int, session: str) -> Scene:
     """Return a bench on which a foot that is made as badly as the paper's is pressed 362 times, in a mixed order.
 
     Args:
         foot: Its identity: another foot is another specimen.
         row: Row of the leg that it is on.
+        session: Name of the mounting: in another one the foot sits a little differently, and is pressed otherwise.
     """
+    mounting = crc32(session.encode()) & 0xFFFF
     presses = paper_presses("training")
-    presses = presses[np.random.default_rng(0).permutation(len(presses))]
+    presses = presses[np.random.default_rng(mounting).permutation(len(presses))]
     number = int(foot.rpartition("-")[2])
     return Scene(
         description=f"{foot} on the bench, pressed as in the paper.",
-        load=Pokes(presses=tuple((float(x), float(y), float(z)) for x, y, z in presses), lean_deg=1.0),
+        load=Pokes(
+            presses=tuple((float(x), float(y), float(z)) for x, y, z in presses), lean_deg=1.0, seed=mounting
+        ),
         lead_in_s=1.5,
+        seed=mounting,
         host_cost_us=40.0,
         effects=Effects(converter_noise=True, converter_clock_rel=0.02, gap_contact=True, rubber=True),
-        fabrication=Fabrication(
-            first=max(number - row, 0),
-            gap_um=2.0,
-            film_um=1.0,
-            stray_pf=0.33,
-            stiffness_rel=0.2,
-            mount_deg=3.0,
-        ),
+        fabrication=Fabrication.as_badly_made(seed=1, first=max(number - row, 0), mounting=mounting),
     )

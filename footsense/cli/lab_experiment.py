@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from footsense.app.bench_trial import YARDSTICK, Workshop
+from footsense.app.bench_trial import Workshop
 from footsense.app.experiment import ALL, FEW, FootJudged, design_of, run_experiment
 from footsense.cli.lab_options import require_writable, stopwatch_report
 from footsense.errors import FootsenseError
+from footsense.sim.fabrication import AS_BADLY_MADE
 
 if TYPE_CHECKING:
     from footsense.lab.study.page import Page
@@ -81,7 +82,7 @@ def experiment(
     values = figures(judged) | {
         "seed": seed,
         "foot_type": workshop.foot_type,
-        "yardstick": asdict(YARDSTICK),
+        "yardstick": asdict(AS_BADLY_MADE),
         "quick": quick,
         "every": every,
     }

@@ -83,11 +83,12 @@ def record(
     bench = load_bench(bench_file)
     config = _mounted(load_config(config_file) if config_file else _simulated(leg), leg, foot)
     row = config.legs.index(leg)
-    scene = _scene(config, scene_name, foot, row)
+    session = session or out.stem
+    scene = _scene(config, scene_name, foot, row, session)
     console = Console()
     live = console.is_terminal
     paced = _paced(bench, scene, realtime, live=live)
-    run = BenchRun(bench=bench, leg=leg, foot=foot, session=session or out.stem)
+    run = BenchRun(bench=bench, leg=leg, foot=foot, session=session)
     stop = StopRequest()
     with ExitStack() as stack:
         service = stack.enter_context(
@@ -165,10 +166,10 @@ def _mounted(config: Config, leg: str, foot: str) -> Config:
         raise ConfigError(f"--foot {foot}: is no identity of a foot, such as foot-0007") from None
 
 
-def _scene(config: Config, name: str | None, foot: str, row: int) -> Scene | None:
+def _scene(config: Config, name: str | None, foot: str, row: int, session: str) -> Scene | None:
     if name is not None:
         return load_scene(name)
-    return practice_scene(foot, row) if app.is_simulated(config) else None
+    return practice_scene(foot, row, session) if app.is_simulated(config) else None
 
 
 def _paced(bench: Bench, scene: Scene | None, realtime: bool | None, *, live: bool) -> bool:  # noqa: FBT001

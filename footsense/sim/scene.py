@@ -15,7 +15,7 @@ from footsense import strict_yaml
 from footsense.errors import ConfigError
 from footsense.frames import LEGS
 from footsense.sim import load
-from footsense.sim.fabrication import FootTolerances
+from footsense.sim.fabrication import AS_BADLY_MADE, REMOUNT_DEG, FootTolerances
 from footsense.sim.faults import Fault, Leg
 from footsense.sim.poking import Pokes as PokingStick
 from footsense.sim.poking import paper_presses
@@ -162,6 +162,12 @@ class Fabrication(_Part, frozen=True):
     mount_deg: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.0
     remount_deg: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
     mounting: Annotated[int, Meta(ge=0)] = 0
+
+    @classmethod
+    def as_badly_made(cls, *, seed: int, first: int, mounting: int) -> "Fabrication":
+        """Return feet of the paper's quality, put on once more."""
+        rms = {name: getattr(AS_BADLY_MADE, name) for name in FootTolerances.__dataclass_fields__}
+        return cls(seed=seed, first=first, mounting=mounting, remount_deg=REMOUNT_DEG, **rms)
 
     @property
     def tolerances(self) -> FootTolerances:
