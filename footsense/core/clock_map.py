@@ -51,6 +51,7 @@ class ClockMap:
         self._points: deque[_Point] = deque()
         self._least: _Point | None = None  # of the slot that is not over yet
         self._origin: _Point = (0, 0)  # the line goes through it
+        self._lowered_ns = 0  # by how much, since the line was laid
         self._slot_ends_ns = 0
         self._late_since_ns: int | None = None
         self._last: tuple[int, int] | None = None  # foreign time and what it was mapped to
@@ -95,7 +96,8 @@ class ClockMap:
         elif self._late_since_ns is None:
             self._late_since_ns = t_arrival_ns
         stood_still = self._late_since_ns is not None and t_arrival_ns - self._late_since_ns > _LATE_NS
-        return stood_still or late_ns < -_JUMP_NS or since_ns < -_DISORDER_NS
+        # A backlog that is being read takes the line down little by little, and its slope with it.
+        return stood_still or late_ns - self._lowered_ns < -_JUMP_NS or since_ns < -_DISORDER_NS
 
     def _restart(self, point: _Point, t_arrival_ns: int) -> None:
         """Know nothing but one point."""
@@ -105,11 +107,13 @@ class ClockMap:
         self._points.clear()
         self._least = self._origin = point
         self._late_since_ns = None
+        self._lowered_ns = 0
         self._slot_ends_ns = t_arrival_ns + _SLOT_NS
 
     def _take(self, point: _Point, late_ns: int, t_arrival_ns: int) -> None:
         """Hold the line against one point more, and begin a new slot when its time has come."""
         if late_ns < 0:
+            self._lowered_ns -= late_ns
             self._origin, late_ns = point, 0
         if self._least is None or late_ns < self._least[1] - self._line_ns(self._least[0]):
             self._least = point
@@ -124,6 +128,7 @@ class ClockMap:
 
     def _fit(self) -> None:
         """Lay the line under all points."""
+        self._lowered_ns = 0
         points = sorted(self._points)
         if points[-1][0] - points[0][0] >= _LEAST_SPAN_NS:
             slope_rel = _slope_under(points)

@@ -94,12 +94,19 @@ class RecordSource:
         self._last_t_us: int | None = None  # of the scan that went out last
         self._heard_ns: dict[int, int] = {}
         self._expected: frozenset[int] = frozenset(self._rows.values())
-        self._deadline_ns = clock.now_ns() + self._silent_ns
+        self._listens = False
+        self._deadline_ns = 0
         self._told: dict[str, int] = {}
         self._tell_at_ns = 0
 
     def read(self) -> CapFrame:
         """Wait for the next scan and return it; without any, a frame that says so, again and again."""
+        if not self._listens:
+            self._listens = True
+            while self._port.read():  # how long this has waited nobody knows
+                pass
+            self._decoder.begin_anew()
+            self._deadline_ns = self._clock.now_ns() + self._silent_ns
         while not self._frames:
             self._port.wait_until_ns(self._deadline_ns)
             data = self._port.read()

@@ -66,6 +66,21 @@ def test_a_jump_is_followed_at_once(jump_s: float) -> None:
     assert errors[400:].max() < 1.0
 
 
+def test_a_backlog_at_the_start_leaves_no_trace() -> None:
+    """Two seconds' worth that is read within a moment: right as soon as it is read, and no jump."""
+    stream = Stream()
+    backlog_ns = 2_000 * MS
+    while backlog_ns > 0:
+        stream.foreign_ns += PERIOD_NS
+        backlog_ns -= PERIOD_NS - MS // 10
+        stream.now_ns += MS // 10
+        stream.clock.map(stream.foreign_ns, stream.now_ns)
+    errors = np.array(stream.run(3.0)) * 1e-6
+    assert np.abs(errors[200:] - errors[-1]).max() < 1.0
+    assert abs(stream.clock.drift_rel) < 1e-3
+    assert stream.clock.restarts == 0
+
+
 def test_what_waited_on_its_way_is_old() -> None:
     """A second's backlog does not pass for fresh, however late it comes."""
     stream = Stream()

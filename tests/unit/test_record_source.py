@@ -190,7 +190,10 @@ def test_codes_become_readings_and_strangers_are_counted() -> None:
     port = Script(clock)
     source = RecordSource(port, clock, ("rm",), rate_hz=RATE_HZ)
     values = [NO_VALUE + code for code in (0, 1, 2, 3, 4, 6, 7, 15)] + [-1_000_000]
-    port.due = [(MS, line(3, 1) + line(5, 1, values))]
+    port.due = [
+        (0, line(5, 0)),
+        (MS, line(3, 1) + line(5, 1, values)),
+    ]  # the first came before anybody listened
     frame = source.read()
     assert frame.reading[0].tolist() == [7, 1, 2, 3, 4, 6, 7, 7, 0]
     assert np.isnan(frame.capacitance_pf[0, :8]).all()
