@@ -1,15 +1,18 @@
-# make run    a six-legged robot walks in simulation; its foot forces, live
-# make test   format, lint, types, import contracts, tests: exactly what CI runs
-# Both make their own .venv; only Python 3.11+, make and git are needed.
+# make run       a six-legged robot walks in simulation; its foot forces, live
+# make install   the same without the walk: `. .venv/bin/activate`, then footsense
+# make test      format, lint, types, import contracts, tests: exactly what CI runs
+# All make their own .venv; only Python 3.11+, make and git are needed.
 
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: run test format golden clean
+.PHONY: run install test format golden clean
 
 run: $(VENV)/robot.stamp
 	$(BIN)/footsense run --duration 10
+
+install: $(VENV)/robot.stamp
 
 test: $(VENV)/dev.stamp
 	$(BIN)/ruff format --check .
