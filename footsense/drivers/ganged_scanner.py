@@ -79,14 +79,16 @@ class GangedBusScanner(BusScanner):
 
     def _change_sides(self) -> None:
         """Set up the legs that were left out of the trigger, all that go the same way at once."""
+        running = self._running
+        if running is None:  # nobody converted: all begin anew, and full
+            self._changing = self._changed = ()
+            return
         changing, self._changing = self._changing, ()
         self._changed = tuple(leg for leg in changing if leg.in_scan and leg.outcome is Reading.OK)
         ganging = tuple(leg for leg in self._changed if leg not in self._ganged)
         freed = tuple(leg for leg in self._changed if leg in self._ganged)
         # Until it has worked, a leg counts as ganged: whoever restores it then restores everything.
         self._ganged |= frozenset(ganging)
-        running = self._running
-        assert running is not None
         self._set_up(ganging, _ALL_ROWS, _COLUMNS_AT_ONCE)
         self._ask_all(ganging, _ROWS_CHECK)
         self._ask_all(ganging, _SETTING_CHECK)
