@@ -29,6 +29,8 @@ _LO_SHU = int(RecordFlag.LO_SHU)  # a plain number: an enumeration's arithmetic 
 
 #: Silence of a leg after which it does not answer: three scans, but no less than an FTDI adapter keeps bytes back.
 _SILENT_SCANS, _LEAST_SILENT_NS = 3, 25_000_000
+#: How long it takes to empty the buffers between a port that was opened and whoever begins to read it.
+_BACKLOG_NS = 50_000_000
 #: At most how often the journal hears of losses, and how often it is looked for any.
 _TELL_NS, _LOOK_NS = 10 * _NS_PER_S, _NS_PER_S
 
@@ -102,11 +104,7 @@ class RecordSource:
     def read(self) -> CapFrame:
         """Wait for the next scan and return it; without any, a frame that says so, again and again."""
         if not self._listens:
-            self._listens = True
-            while self._port.read():  # how long this has waited nobody knows
-                pass
-            self._decoder.begin_anew()
-            self._deadline_ns = self._clock.now_ns() + self._silent_ns
+            self._begin()
         while not self._frames:
             self._port.wait_until_ns(self._deadline_ns)
             data = self._port.read()
@@ -122,6 +120,16 @@ class RecordSource:
             if now_ns >= self._tell_at_ns:
                 self._tell(now_ns)
         return self._frames.popleft()
+
+    def _begin(self) -> None:
+        """Drop what has waited in buffers since the port was opened: how long, nobody knows."""
+        until_ns = self._clock.now_ns() + _BACKLOG_NS
+        while self._clock.now_ns() < until_ns:
+            self._port.wait_until_ns(until_ns)
+            self._port.read()
+        self._decoder.begin_anew()
+        self._deadline_ns = until_ns + self._silent_ns
+        self._listens = True
 
     def close(self) -> None:
         """Release the line."""
