@@ -130,6 +130,7 @@ def test_over_a_real_terminal(tmp_path: Path) -> None:
     with plugged(tmp_path / "usb-mcu") as line:
         device = line.plug()
         source = RecordSource(SerialLink(str(line.name), 921_600, clock), clock, LEGS, rate_hz=200.0)
+        assert (source.read().reading == Reading.NO_ANSWER).all()
         stamps_ns = []
         for _ in range(20):
             clock.sleep_until_ns(clock.now_ns() + 5 * MS)
