@@ -122,9 +122,10 @@ def walk_stretch(stretch: Stretch) -> Walked:
         element=stretch.publish == "element",
         bitrate=config.can.bitrate,
     )
-    whole = _Course(config, msgspec.structs.replace(scene, faults=(_QUIET,)), rules)
-    whole.walk(_LEAD_IN_S + _CALIBRATION_STEPS * gait_period_s)
     ends_s = 3600.0 * stretch.hours
+    calm_s = _LEAD_IN_S + _CALIBRATION_STEPS * gait_period_s
+    whole = _Course(config, _calm(scene, calm_s / ends_s), rules)
+    whole.walk(calm_s)
     rng = np.random.default_rng(stretch.seed)
     # All that breaks has been mended and is well again at the end.
     begins_s = min(_WARM_S, 0.1 * ends_s)
@@ -194,6 +195,20 @@ class _Course:
             running.run(lambda: clock.now_ns() >= until_s * _NS_PER_S)
             self.resident_mib = (warm_mib, resident_mib())
         self.period_s = until_s / self.seen.n_cycles
+
+
+def _calm(scene: Scene, share: float) -> Scene:
+    """Return the same walk with nothing breaking, for a share of its time: it gets warm as much sooner.
+
+    A foot that is warmer reads less than it feels, which no sigma knows: that is to be in what others are compared with.
+    """
+    warming = scene.effects.warming
+    if warming is not None:
+        warming = msgspec.structs.replace(
+            warming, from_s=share * warming.from_s, over_s=share * warming.over_s
+        )
+    effects = msgspec.structs.replace(scene.effects, warming=warming)
+    return msgspec.structs.replace(scene, faults=(_QUIET,), effects=effects)
 
 
 def _walk(stretch: Stretch) -> tuple[Config, Scene, float]:
