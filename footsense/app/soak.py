@@ -200,7 +200,7 @@ class _Course:
 def _calm(scene: Scene, share: float) -> Scene:
     """Return the same walk with nothing breaking, for a share of its time: it gets warm as much sooner.
 
-    A foot that is warmer reads less than it feels, which no sigma knows: that is to be in what others are compared with.
+    A foot that is warmer reads less than it feels, which no sigma knows: what others are compared with has to have it.
     """
     warming = scene.effects.warming
     if warming is not None:
