@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from footsense.lab.study.page import Page
 
 #: Feet of a full run, and of a quick one with one of so many presses.
-_FEET, _QUICK_FEET, _QUICK_EVERY = 20, 2, 10
+_FEET, _QUICK_FEET, _QUICK_EVERY = 20, 2, 7
 #: Epochs that a network without physics learns in a quick run.
 _QUICK_EPOCHS = 500
 
@@ -41,7 +41,7 @@ _WAYS = ["design_only", *_CALIBRATED, "linear_per_foot", "scratch_per_foot"]
 )
 @click.option("--jobs", type=click.IntRange(min=1), help="Feet at a time; without it one for each processor.")
 @click.option("--foot-type", help="A foot type, or its folder as `lab build --foot` makes it.")
-@click.option("--quick", is_flag=True, help="Two feet and a tenth of the presses, in a minute.")
+@click.option("--quick", is_flag=True, help="Two feet and a seventh of the presses, in a minute.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, and nothing else.")
 @click.option(
     "--output",
