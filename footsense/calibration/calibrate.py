@@ -83,9 +83,9 @@ def calibrate(design: Design, pokes: PokeSet) -> Calibrated:
     physical = _parameters(design, found, pokes)
     designed_n = _designed_n(design, physical, pokes)
     within = np.isfinite(designed_n).all(axis=1)
-    if within.sum() < LEAST_POKES:
+    if not within.any():
         raise CalibrationError(
-            f"{within.sum()} of {len(pokes)} pokes lie within what the network was taught; press less hard"
+            f"none of {len(pokes)} pokes lies within what the network was taught; press less hard"
         )
     force_n = pokes.force_n[within]
     layer = learn(designed_n[within], designed_n[within] @ physical.force_matrix.T, force_n)
