@@ -184,7 +184,10 @@ def service(
         scan = stack.enter_context(scanning(config, scene))
         if scan.response_sha256 not in {None, network.card.response_sha256}:
             _log.warning("the network was trained on another response table than the simulated feet follow")
-        observers: list[Observer] = [Journal(legs), Supervision(SystemdNotifier(), legs)]
+        observers: list[Observer] = [
+            Journal(legs, on_bench=bench is not None),
+            Supervision(SystemdNotifier(), legs),
+        ]
         source: FrameSource = scan.source
         wakeups = scan.wakeups
         if scene is not None and real_time:

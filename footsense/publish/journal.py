@@ -10,6 +10,9 @@ from footsense.frames import EXPECTED, Cause, CommandKind, Cycle, Result, State
 
 _log = logging.getLogger(__name__)
 
+#: What a foot that is not calibrated yet goes through all the time while it is pressed.
+_NO_NEWS_ON_A_BENCH = frozenset({State.VALID, State.DEGRADED, State.SATURATED, State.OUT_OF_RANGE})
+
 _LINES_PER_MINUTE = 10
 _MINUTE_NS = 60_000_000_000
 
@@ -19,10 +22,12 @@ class Journal:
 
     Args:
         legs: Names of the legs in the order of the frames' rows.
+        on_bench: Whether a foot is being measured that contradicts its design, which is no news.
     """
 
-    def __init__(self, legs: tuple[str, ...]) -> None:
+    def __init__(self, legs: tuple[str, ...], *, on_bench: bool = False) -> None:
         self._legs = legs
+        self._no_news = _NO_NEWS_ON_A_BENCH if on_bench else frozenset[State]()
         # What a leg begins with; to get there is no news.
         self._seen = (bytes([State.STARTING] * len(legs)), bytes(len(legs)))
         self._lines = [0] * len(legs)
@@ -52,7 +57,7 @@ class Journal:
         """Log every leg whose state, or what lies behind it, is another than before."""
         rows = zip(self._legs, *self._seen, states, causes, strict=True)
         for leg, (_, state_before, cause_before, state, cause) in enumerate(rows):
-            if (state_before, cause_before) != (state, cause):
+            if (state_before, cause_before) != (state, cause) and state not in self._no_news:
                 before, now = State(state_before).name.lower(), State(state)
                 why = f" ({Cause(cause).name.lower()})" if cause else ""
                 # A leg may be valid, and something be wrong with it all the same.

@@ -52,6 +52,17 @@ def test_a_change_of_state_or_cause_is_one_line(caplog: pytest.LogCaptureFixture
     ]
 
 
+def test_a_foot_on_a_bench_contradicts_its_design_in_silence(caplog: pytest.LogCaptureFixture) -> None:
+    """That its elements do not fit is why it is there; that it does not answer is told."""
+    caplog.set_level(logging.INFO)
+    journal = Journal(LEGS, on_bench=True)
+    journal.observe(at(0.0, State.VALID))
+    journal.observe(at(0.1, State.DEGRADED, Cause.ELEMENT_DRIFTS))
+    assert not lines(caplog)
+    journal.observe(at(0.2, State.ABSENT, Cause.NO_ANSWER))
+    assert lines(caplog) == ["WARNING leg lm: degraded -> absent (no_answer)"]
+
+
 def test_a_leg_that_flickers_fills_no_journal(caplog: pytest.LogCaptureFixture) -> None:
     """Ten lines a minute, and then how many there would have been."""
     journal = Journal(LEGS)
