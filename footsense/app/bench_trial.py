@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.app.bench import BenchRun
+from footsense.app.foot_types import FOOT_TYPE
 from footsense.app.scanning import scanning
 from footsense.app.service import service
 from footsense.calibration.bench_session import BenchSession, read_session
@@ -53,7 +54,7 @@ class Workshop(NamedTuple):
     """
 
     seed: int = _TYPICAL_SEED
-    foot_type: str = "aoyagi-3x3"
+    foot_type: str = FOOT_TYPE
 
 
 class Trial(NamedTuple):
