@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.backends.reference_mounting import Mounting
-from footsense.backends.reference_rows import TIMES
+from footsense.backends.reference_rows import TIMES, most
 from footsense.backends.reference_stream import ReferenceFigures
 from footsense.errors import SensorError
 from footsense.frames import Reference
@@ -77,10 +77,12 @@ def read_csv(path: Path, mounting: Mounting, latency_ns: int) -> Reference:
 
 
 def _sample(path: Path, line: int, row: dict[str, str], time: str) -> NDArray[np.float64]:
+    columns = (time, "fx", "fy", "fz")
     try:
-        values = np.array([row[name] for name in (time, "fx", "fy", "fz")], dtype=np.float64)
+        values = np.array([row[column] for column in columns], dtype=np.float64)
     except (TypeError, ValueError):
         values = np.full(4, np.nan)
-    if not np.isfinite(values).all():
-        raise SensorError(f"{path}, line {line}: is not four numbers")
+    # A NaN fails every comparison.
+    if not (np.abs(values) <= [most(column) for column in columns]).all():
+        raise SensorError(f"{path}, line {line}: is not four numbers that a sensor may say")
     return values

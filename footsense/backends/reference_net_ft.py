@@ -87,13 +87,13 @@ class NetFtReference:
         for packet in packets:
             if len(packet) % _RECORD.itemsize:
                 self._n_bad, self._bad = self._n_bad + 1, packet[:40]
-        records = np.frombuffer(b"".join(good), _RECORD)
-        if self._asked_ns is None or (not len(records) and now_ns - self._asked_ns > _ASK_AGAIN_NS):
+        rows = self._rows(np.frombuffer(b"".join(good), _RECORD))
+        # Records that all come late are of a sensor that counts anew: somebody else has asked it to.
+        if self._asked_ns is None or (not len(rows.raw) and now_ns - self._asked_ns > _ASK_AGAIN_NS):
             self._ask()
             self._asked_ns = now_ns
-        elif len(records):
+        elif len(rows.raw):
             self._asked_ns = now_ns
-        rows = self._rows(records)
         return self._stream.take(rows, sum(map(len, packets)), now_ns, self._bad)
 
     def figures(self) -> ReferenceFigures:

@@ -4,7 +4,7 @@ Both resynchronise by themselves: what is not a record is skipped and counted, a
 """
 
 import binascii
-import math
+import re
 import struct
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
@@ -12,7 +12,17 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CHECKSUMS", "COLUMNS", "BinaryDecoder", "Decoder", "LineDecoder", "Rows", "integer_bits"]
+__all__ = [
+    "CHECKSUMS",
+    "COLUMNS",
+    "TIMES",
+    "BinaryDecoder",
+    "Decoder",
+    "LineDecoder",
+    "Rows",
+    "integer_bits",
+    "most",
+]
 
 #: Columns that mean something, and the length of a unit of time [ns] of those that are one; others are called "-".
 TIMES = {"time_s": 1_000_000_000, "time_ms": 1_000_000, "time_us": 1_000}
@@ -20,6 +30,10 @@ COLUMNS = (*TIMES, "sequence", "fx", "fy", "fz", "saturated")
 
 #: Longest line or record [bytes]; what is longer is none.
 _LONGEST = 1024
+
+#: What no sensor says, and bytes that were garbled may: a century and more [ns], a number of 35 bits, a force whose
+#: square is none. Beyond it a record is none, else one would put all times or zeros wrong.
+_MOST_NS, _MOST_NUMBER, _MOST_FORCE = 4e18, 3e10, 1e12
 
 #: Checksums of a binary record: over all between the sync bytes and itself, little-endian.
 CHECKSUMS: dict[str, tuple[int, Callable[[bytes], int]]] = {
@@ -77,8 +91,13 @@ class _Columns:
         self._sequence = names.index("sequence") if "sequence" in names else None
         self._saturated = names.index("saturated") if "saturated" in names else None
         self.used = [index for index, name in enumerate(names) if name != "-"]
+        self._most = [(index, most(names[index])) for index in self.used]
         self._wraps = wraps
         self._whole: dict[int, int] = {}
+
+    def may_be(self, record: Sequence[float]) -> bool:
+        """Tell whether a sensor may have said this; NaN it may not."""
+        return all(abs(record[index]) <= most_there for index, most_there in self._most)
 
     def rows(self, records: list[list[float]]) -> Rows:
         values = np.array(records, dtype=np.float64).reshape(-1, self.n)
@@ -156,7 +175,7 @@ class LineDecoder:
                 record[index] = float(fields[index])
         except ValueError:
             return None
-        return record if all(map(math.isfinite, record)) else None
+        return record if self._columns.may_be(record) else None
 
     def _note(self, line: bytes) -> None:
         self.n_bad += 1
@@ -233,7 +252,7 @@ class BinaryDecoder:
         if self._check(body) != int.from_bytes(record[n_end : self._length], "little"):
             return None
         values = [float(value) for value in self._values.unpack(body)]
-        return values if all(map(math.isfinite, values)) else None
+        return values if self._columns.may_be(values) else None
 
     def _skip(self, data: bytes | bytearray) -> None:
         self._skipped += data[: _LONGEST - len(self._skipped)]
@@ -243,6 +262,13 @@ class BinaryDecoder:
             self.n_bad += 1
             self.last_bad = self._skipped[:60]
         self._skipped, self._begun = b"", True
+
+
+def most(column: str) -> float:
+    """Return the largest value that a sensor may say in a column, in that column's unit."""
+    if column in TIMES:
+        return _MOST_NS / TIMES[column]
+    return _MOST_NUMBER if column == "sequence" else _MOST_FORCE
 
 
 def integer_bits(layout: str) -> list[int | None]:
@@ -256,28 +282,13 @@ def integer_bits(layout: str) -> list[int | None]:
         [32, 16, 16, 16, None]
     """
     size = struct.Struct(layout).size  # checks it
-    order, codes = (layout[0], layout[1:]) if layout[:1] in tuple("<>=!@") else ("@", layout)
-    bits: list[int | None] = []
-    count = ""
-    for code in codes.replace(" ", ""):
-        if code.isdigit():
-            count += code
-            continue
+    if size > _LONGEST:
+        raise struct.error(f"{size} bytes are no record, at most {_LONGEST} are")
+    order, counted = (layout[0], layout[1:]) if layout[:1] in tuple("<>=!@") else ("@", layout)
+    codes = re.sub(r"(\d*)(\D)", lambda found: found[2] * int(found[1] or 1), counted.replace(" ", ""))
+    for code in codes:
         if code not in "bBhHiIlLqQfd":
             raise struct.error(f"{code!r} is no number")
-        bits += [None if code in "fd" else 8 * struct.calcsize(order + code)] * int(count or 1)
-        count = ""
-    if not bits or size != sum(struct.calcsize(order + code) for code in _spelt_out(codes)):
+    if not codes or size != sum(struct.calcsize(order + code) for code in codes):
         raise struct.error("gaps between the values; begin with < or >")
-    return bits
-
-
-def _spelt_out(codes: str) -> str:
-    """Return codes with their counts written out."""
-    out, count = "", ""
-    for code in codes.replace(" ", ""):
-        if code.isdigit():
-            count += code
-        else:
-            out, count = out + code * int(count or 1), ""
-    return out
+    return [None if code in "fd" else 8 * struct.calcsize(order + code) for code in codes]

@@ -263,6 +263,29 @@ def test_a_net_ft_stream_is_asked_for_and_read() -> None:
         assert sensor.recv(64) == rdt_request(0)
 
 
+def test_a_net_ft_that_counts_anew_is_asked_again() -> None:
+    """Whatever made its numbers go back, no sample is missing for longer than a second."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sensor:
+        sensor.bind(("127.0.0.1", 0))
+        sensor.settimeout(5.0)
+        mounting = Mounting(AGAINST, (0.0, 0.0, 0.0), "N", 1e-6, (100, 100, 100))
+        reference = NetFtReference(
+            "127.0.0.1",
+            sensor.getsockname()[1],
+            ReferenceStream("net", mounting, SampleTimes(10.0, 0)),
+        )
+        reference.read(0)
+        _, address = sensor.recvfrom(64)
+        said = []
+        for tenth, number in enumerate([900, 901, *range(1, 20)]):
+            sensor.sendto(struct.pack(">III6i", number, 0, 0, *[0] * 6), address)
+            said.append(len(reference.read(100_000_000 * (tenth + 1)).t_ns))
+        assert said[:3] == [1, 1, 0]
+        assert said[-6:] == [1] * 6
+        assert sensor.recvfrom(64)[0] == rdt_request(2)
+        reference.close()
+
+
 def test_a_file_is_played_from_the_first_scan_on(tmp_path: Path) -> None:
     """Each sample once, when its time has come, with the axes and units of the bench."""
     path = tmp_path / "log.csv"

@@ -1,0 +1,227 @@
+"""What a bench is made of: bytes of its sensors, files that describe or replace them, and the packs that come of it."""
+
+import hashlib
+import json
+import socket
+import struct
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from firmware_interface.serial_frames import FRAME_BYTES, Record, encode_record, pack_values, stuff
+from footsense.app import FOOT_TYPE
+from footsense.backends.reference_file import read_csv
+from footsense.backends.reference_mounting import Mounting
+from footsense.backends.reference_net_ft import NetFtReference
+from footsense.backends.reference_rows import BinaryDecoder, Decoder, LineDecoder
+from footsense.backends.reference_stream import ReferenceStream
+from footsense.backends.reference_times import SampleTimes
+from footsense.calibration.pack_writer import write_pack
+from footsense.config.bench import load_bench
+from footsense.drivers.record_source import RecordSource
+from footsense.frames import Reading, Reference
+from footsense.inference.foot_pack import read_pack
+from footsense.inference.pack_format import MANIFEST, PARAMETERS, Manifest
+from footsense.sim.clock import VirtualClock
+from tests.fuzz.outcome import TRIED, refusal
+from tests.fuzz.test_texts import anything, texts
+from tests.unit.packs import content
+
+SYNC = b"\xaa"
+MOUNTING = Mounting({"x": "x", "y": "y", "z": "z"}, (0.0, 0.0, 0.0), "gf", 1.0, (100, 100, 100))
+LINES = [
+    ("time_s", "fx", "fy", "fz"),
+    ("time_us", "-", "fx", "fy", "fz"),
+    ("sequence", "fx", "fy", "fz", "saturated"),
+]
+LAYOUTS = ["<Qhhh", "<dfff", "<qddd", "<bhhh", "<Ihhh"]
+
+numbers = st.sampled_from(
+    ["0", "1", "-7.5", "1e300", "-1e308", "9" * 400, "9e18", "1e10", "nan", "inf", "", "\x00", "1_0", "0x1"]
+)
+
+
+def stream() -> ReferenceStream:
+    return ReferenceStream("sensor", MOUNTING, SampleTimes(200.0, 0))
+
+
+def played(decoder: Decoder, pieces: list[bytes]) -> None:
+    """Play bytes to a decoder, look by look: what comes of them are numbers, or it is refused in a line."""
+    sensor = stream()
+
+    def play() -> None:
+        for number, piece in enumerate(pieces):
+            rows = decoder.feed(piece)
+            sane(sensor.take(rows, len(piece), (number + 1) * 25_000_000, decoder.last_bad))
+
+    refusal(play)
+
+
+def sane(said: Reference) -> None:
+    assert np.isfinite(said.force_n).all()
+    assert len(said.t_ns) == len(said.force_n) == len(said.saturated)
+
+
+@given(st.data(), st.sampled_from(LINES))
+@TRIED
+def test_any_lines(data: st.DataObject, columns: tuple[str, ...]) -> None:
+    """Numbers of any size at the place of any other."""
+    line = st.lists(numbers, min_size=len(columns), max_size=len(columns)).map(",".join)
+    lines = data.draw(
+        st.lists(line.map(lambda text: text.encode() + b"\n") | st.binary(max_size=30), max_size=20)
+    )
+    played(LineDecoder(columns, ","), lines)
+
+
+@given(st.data(), st.sampled_from(LAYOUTS), st.sampled_from(["none", "sum8", "crc16"]))
+@TRIED
+def test_any_binary_records(data: st.DataObject, layout: str, checksum: str) -> None:
+    """Records of right length with anything in them, and what is none between them."""
+    size = struct.calcsize(layout)
+    body = st.binary(min_size=size, max_size=size) | st.sampled_from([bytes(size), b"\xff" * size])
+    pieces = data.draw(st.lists(body.map(lambda data: SYNC + data) | st.binary(max_size=20), max_size=20))
+    name = "sequence" if layout == "<qddd" else "time_ms"
+    played(BinaryDecoder((name, "fx", "fy", "fz"), layout, SYNC, checksum), pieces)
+
+
+@given(st.lists(st.binary(max_size=120) | st.binary(min_size=36, max_size=36), max_size=8))
+@TRIED
+def test_any_packets(packets: list[bytes]) -> None:
+    """A stranger at the sensor's address."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sensor:
+        sensor.bind(("127.0.0.1", 0))
+        reference = NetFtReference("127.0.0.1", sensor.getsockname()[1], stream())
+
+        def play() -> None:
+            reference.read(1)
+            _, address = sensor.recvfrom(64)
+            for number, packet in enumerate(packets):
+                sensor.sendto(packet, address)
+                sane(reference.read((number + 1) * 25_000_000))
+
+        refusal(play)
+        reference.close()
+
+
+@given(st.lists(st.lists(numbers, min_size=4, max_size=4), max_size=4))
+@TRIED
+def test_any_recorded_sensor(tmp_path: Path, lines: list[list[str]]) -> None:
+    """A file of numbers of any size."""
+    path = tmp_path / "sensor.csv"
+    path.write_text("time_s,fx,fy,fz\n" + "".join(",".join(line) + "\n" for line in lines))
+    refusal(lambda: sane(read_csv(path, MOUNTING, 0)))
+
+
+BENCH = (Path(__file__).parents[2] / "deploy/bench.yaml").read_text()
+
+
+@given(data=st.data(), text=texts)
+@TRIED
+def test_any_bench(tmp_path: Path, data: st.DataObject, text: str) -> None:
+    """Any text inside the description of a bench."""
+    at = data.draw(st.integers(0, len(BENCH)))
+    cut = data.draw(st.integers(at, min(at + 80, len(BENCH))))
+    path = tmp_path / "bench.yaml"
+    path.write_bytes((BENCH[:at] + text + BENCH[cut:]).encode(errors="surrogatepass"))
+    refusal(lambda: load_bench(path))
+
+
+class _Line:
+    """A line that hands over pieces, one a look."""
+
+    opened = 1
+
+    def __init__(self, clock: VirtualClock, pieces: list[bytes]) -> None:
+        self._clock, self._pieces = clock, pieces
+
+    def read(self) -> bytes:
+        return self._pieces.pop(0) if self._pieces and self._clock.now_ns() > 10**9 else b""
+
+    def wait_until_ns(self, t_ns: int) -> None:
+        self._clock.sleep_until_ns(min(t_ns, self._clock.now_ns() + 2_000_000))
+
+    def write(self, data: bytes) -> None: ...
+
+    def close(self) -> None: ...
+
+
+whole_records = st.builds(
+    Record,
+    leg=st.integers(1, 6),
+    seq=st.integers(0, 2**16 - 1),
+    flags=st.integers(0, 3),
+    step_us=st.integers(0, 2**16 - 1),
+    t_us=st.integers(0, 2**32 - 1),
+    values=st.lists(st.integers(-(2**31), 2**31 - 1), min_size=9, max_size=9).map(pack_values),
+).map(encode_record)
+
+
+@given(
+    st.lists(
+        whole_records | st.binary(max_size=FRAME_BYTES).map(lambda data: stuff(data) + b"\0"), max_size=30
+    )
+)
+@TRIED
+def test_any_records(pieces: list[bytes]) -> None:
+    """Whole records in any order, with any times and values, and frames that are none: every frame says what it is."""
+    clock = VirtualClock()
+    source = RecordSource(_Line(clock, [bytes(1), *pieces]), clock, ("lf", "rr"), rate_hz=200.0)
+    clock.sleep_until_ns(10**9)
+    for _ in range(40):
+        frame = source.read()
+        read = (frame.reading == Reading.OK) | (frame.reading == Reading.OVER_RANGE)
+        assert np.isnan(frame.capacitance_pf[frame.reading != Reading.OK]).all()
+        assert np.isfinite(frame.capacitance_pf[frame.reading == Reading.OK]).all()
+        assert (frame.t_ns[~read] == 0).all()
+        assert frame.t_ns.max() <= clock.now_ns() + 9 * 65_535_000 + 10_000_000
+
+
+@pytest.fixture(scope="module")
+def pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a pack that is right."""
+    return write_pack(tmp_path_factory.mktemp("feet"), content()).folder
+
+
+def forged(pack: Path, name: str, changed: bytes) -> None:
+    """Put a file into a pack, and all its hashes right."""
+    (pack / name).write_bytes(changed)
+    manifest = msgspec.json.decode((pack / MANIFEST).read_bytes(), type=Manifest)
+    files = {**manifest.files, name: hashlib.sha256(changed).hexdigest()}
+    manifest = msgspec.structs.replace(manifest, files=files)
+    manifest = msgspec.structs.replace(manifest, sha256=manifest.own_sha256)
+    (pack / MANIFEST).write_bytes(msgspec.json.encode(manifest))
+
+
+@given(data=st.data(), value=anything, text=texts)
+@settings(TRIED, max_examples=20)
+def test_any_pack(pack: Path, data: st.DataObject, value: object, text: str) -> None:
+    """Parameters and manifests that say anything; parameters even with hashes that are right."""
+    files = {name: (pack / name).read_bytes() for name in (PARAMETERS, MANIFEST)}
+    said = json.loads(files[PARAMETERS])
+    key = data.draw(st.sampled_from(sorted(said)))
+    number = data.draw(st.sampled_from(["1e999", "-1e308", "NaN", "1e400", "0", "-1"]))
+    for changed in (
+        json.dumps({**said, key: value}),
+        json.dumps({**said, key: "?"}).replace('"?"', number),
+        json.dumps({**said, key: "?"}).replace('"?"', f"[{', '.join([number] * 9)}]"),
+        text,
+    ):
+        forged(pack, PARAMETERS, changed.encode(errors="surrogatepass"))
+
+        def read() -> None:
+            found = read_pack(pack, FOOT_TYPE).parameters
+            assert np.isfinite(found.force_matrix).all()
+            assert np.isfinite([found.error_rel, *found.error_n, *found.gain_rel]).all()
+
+        refusal(read)
+    (pack / PARAMETERS).write_bytes(files[PARAMETERS])
+    said = json.loads(files[MANIFEST])
+    key = data.draw(st.sampled_from(sorted(said)))
+    for changed in (json.dumps({**said, key: value}), text):
+        (pack / MANIFEST).write_bytes(changed.encode(errors="surrogatepass"))
+        refusal(lambda: read_pack(pack, FOOT_TYPE))
+    (pack / MANIFEST).write_bytes(files[MANIFEST])
