@@ -1,6 +1,7 @@
 """From configuration to pipeline: which network, and what its card says about these feet."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -15,9 +16,8 @@ from footsense.config import Can, Config
 from footsense.core import quality
 from footsense.core.calibrated import CalibratedFeet
 from footsense.core.element_by_element import ElementByElement
-from footsense.core.foot_parameters import FootParameters
 from footsense.core.ganged import Ganged, unknown_rel
-from footsense.core.pipeline import Pipeline, Reckoning
+from footsense.core.pipeline import Calibration, Pipeline, Reckoning
 from footsense.core.scan_by_scan import ScanByScan
 from footsense.core.sensitivity import sensitivity
 from footsense.core.tare import TareLimits
@@ -92,8 +92,9 @@ def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | No
     expected_pf = _per_leg(config, readings_pf, np.nan)
     unloaded_pf = np.where(np.isnan(expected_pf), calibration.design.rest_pf, expected_pf - stray_pf)
     worth = sensitivity(network, _n_rows(config), calibration.moments)
+    estimator, warm = _estimator(config, network, packs)
     return Pipeline(
-        reckoning=_reckoning(config, network, [feet.get(leg) for leg in config.legs]),
+        reckoning=_reckoning(config, calibration, estimator),
         calibration=calibration,
         stray_pf=stray_pf,
         unloaded_pf=unloaded_pf,
@@ -109,8 +110,11 @@ def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | No
         settled_ns=round(_SETTLED_SCANS * config.shortest_scan_ms * 1e6),
         flags=flags,
         ganged=_ganged(config, network) if config.scan.gang else None,
+        gap_um=_per_leg(config, {leg: foot.gap_um for leg, foot in feet.items()}, calibration.design.gap_um),
+        gain_rel=_per_leg(config, {leg: foot.gain_rel for leg, foot in feet.items()}, 1.0),
         feet=[packs[leg].manifest.foot if leg in packs else "" for leg in config.legs],
         body_weight_n=config.body_weight_n,
+        warm=warm,
         range_end_pf=BOARDS[config.board].range_end_pf if config.board in BOARDS else quality.RANGE_END_PF,
     )
 
@@ -145,10 +149,8 @@ def _n_rows(config: Config) -> int:
     return len(config.legs) * (1 if config.publish == "element" else 2)
 
 
-def _reckoning(config: Config, network: Network, feet: Sequence[FootParameters | None]) -> Reckoning:
+def _reckoning(config: Config, calibration: Calibration, estimator: Estimator) -> Reckoning:
     """Return what makes forces of closures: of whole scans, or of single elements."""
-    calibration = network.card.calibration
-    estimator = _estimator(network, feet, _n_rows(config))
     if config.publish == "frame":
         return ScanByScan(estimator, len(config.legs), calibration.moments, config.average_scans)
     noise_rel = config.rate.noise_ff * 1e-3 * closure_rel_per_pf(calibration.design)
@@ -158,9 +160,21 @@ def _reckoning(config: Config, network: Network, feet: Sequence[FootParameters |
     )
 
 
-def _estimator(network: Network, feet: Sequence[FootParameters | None], n_rows: int) -> Estimator:
-    """Return what reads these feet: the network, for feet as made with what is their own."""
-    return CalibratedFeet(network, feet, n_rows) if any(foot is not None for foot in feet) else network
+def _estimator(
+    config: Config, network: Network, packs: Packs
+) -> tuple[Estimator, Callable[[NDArray[np.float64]], None] | None]:
+    """Return what reads these feet, and who there is told how warm they are: for feet without packs nobody."""
+    if not packs:
+        return network, None
+    mounted = [packs.get(leg) for leg in config.legs]
+    feet = CalibratedFeet(
+        network, [None if pack is None else pack.parameters for pack in mounted], _n_rows(config)
+    )
+    warm = partial(
+        feet.warm, calibrated_at=[None if pack is None else pack.calibrated_at for pack in mounted]
+    )
+    warm(np.full(len(mounted), np.nan))
+    return feet, warm
 
 
 def _per_leg(config: Config, values: Mapping[str, PerElement], default: float) -> NDArray[np.float64]:

@@ -11,7 +11,6 @@ from footsense.calibration.fit import Fit, fit
 from footsense.calibration.foreseen import Foreseen, foresee, require_known
 from footsense.calibration.poke_set import PokeSet
 from footsense.calibration.twin import GAIN, GAP, MOUNT, STIFFNESS, STRAY, FootTwin
-from footsense.core.calibrated import CalibratedFeet
 from footsense.core.foot_parameters import FootParameters
 from footsense.core.pipeline import Calibration
 from footsense.errors import CalibrationError
@@ -119,14 +118,12 @@ def _designed_n(design: Design, foot: FootParameters, pokes: PokeSet) -> Vector:
     )
     closure_rel = closure_um / capacitors.gap_um / foot.gain_rel
     taught: NDArray[np.bool_] = np.asarray(
-        ((closure_rel >= card.closure_rel_min) & (closure_rel <= card.closure_rel_max)).all(axis=1)
+        ((closure_rel >= card.closure_rel_min) & (closure_rel <= card.most_rel(foot.gap_um))).all(axis=1)
     )
-    estimator = CalibratedFeet(design.network(len(pokes)), [None], len(pokes))
-    force_n, _ = estimator.estimate(
+    force_n, _ = design.network(len(pokes)).estimate(
         np.where(taught[:, None], closure_rel, 0.0), np.zeros((len(pokes), ELEMENTS), bool)
     )
-    force_n[~taught] = np.nan
-    return force_n
+    return np.where(taught[:, None], force_n, np.nan)
 
 
 def _outlier(error_rel: Vector) -> float:

@@ -16,7 +16,6 @@ from footsense.core.calibrated import CalibratedFeet
 from footsense.core.foot_parameters import FootParameters
 from footsense.core.force_errors import GRAM_FORCE_N, Errors, errors
 from footsense.core.pipeline import Calibration
-from footsense.core.quality import SHUT_REL
 from footsense.errors import CalibrationError
 from footsense.frames import ELEMENTS
 from footsense.ports import Estimator
@@ -108,18 +107,18 @@ def read_pokes(
     pressed_pf = np.array([poke.capacitance_pf for poke in pokes]) - stray_pf
     rest_pf = np.array([poke.rest_pf for poke in pokes]) - stray_pf
     design = calibration.design
-    closure_rel = design.closure_um(pressed_pf, rest_pf) / design.gap_um
-    most_rel = np.minimum(calibration.closure_rel_max, SHUT_REL)
+    gain_rel = np.ones(ELEMENTS) if foot is None else foot.gain_rel
+    closure_rel = design.closure_um(pressed_pf, rest_pf) / design.gap_um / gain_rel
+    gap_um = np.full(ELEMENTS, design.gap_um) if foot is None else foot.gap_um
     # A NaN fails every comparison.
-    inside = (closure_rel >= calibration.closure_rel_min) & (closure_rel <= most_rel)
+    inside = (closure_rel >= calibration.closure_rel_min) & (closure_rel <= calibration.most_rel(gap_um))
     taught: NDArray[np.bool_] = np.asarray(inside.all(axis=1))
     estimator = CalibratedFeet(network, [foot], len(pokes))
     force_n, sigma_n = estimator.estimate(
         np.where(taught[:, None], closure_rel, 0.0), np.zeros(closure_rel.shape, bool)
     )
     force_n[~taught] = sigma_n[~taught] = np.nan
-    gain_rel = np.ones(ELEMENTS) if foot is None else foot.gain_rel
-    return Read(closure_rel / gain_rel, force_n, sigma_n)
+    return Read(closure_rel, force_n, sigma_n)
 
 
 def evaluate(

@@ -5,7 +5,7 @@ whole scan or the newest element and a prediction of the others, is a `Reckoning
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
@@ -61,6 +61,19 @@ class Calibration:
     closure_rel_max: Vector
     moments: Vector
 
+    def shut_rel(self, gap_um: Vector) -> Vector:
+        """Return the closure over the design's gap above which an element is shut [1], shape as given.
+
+        Args:
+            gap_um: Its own air gap [um], shape (..., 9).
+        """
+        shut_rel: Vector = quality.SHUT_REL * (gap_um / self.design.gap_um)
+        return shut_rel
+
+    def most_rel(self, gap_um: Vector) -> Vector:
+        """Return the largest closure that is read: not shut, and trained; arguments as of `shut_rel`."""
+        return np.minimum(self.closure_rel_max, self.shut_rel(gap_um))
+
 
 class Reckoning(Protocol):
     """How readings that were taken one after the other become forces of one time: `ScanByScan`, `ElementByElement`."""
@@ -93,8 +106,13 @@ class Pipeline:
         flags: Flags that every frame carries.
         ganged: What is known of the legs that are read column by column; None if none ever is.
         range_end_pf: What an element over the converter's range has at least [pF].
+        gap_um: Air gap of each element [um], shape (legs, 9); None for the design's.
+        gain_rel: Closure of each element by the design's electrodes, of its real closure [1], shape (legs, 9); None for
+            1. What all parts of the pipeline see are real closures, over the design's gap.
         feet: Name of the foot on each leg whose fingerprint `unloaded_pf` is; empty where it is any foot's.
         body_weight_n: What all legs carry together [N]; None if that is not known.
+        warm: Is told the temperature of each leg's foot [degC], shape (legs,), NaN where nothing measures it; None if
+            that is of no use.
     """
 
     def __init__(
@@ -113,20 +131,24 @@ class Pipeline:
         flags: int = 0,
         ganged: Ganged | None = None,
         range_end_pf: float = quality.RANGE_END_PF,
+        gap_um: Vector | None = None,
+        gain_rel: Vector | None = None,
         feet: Sequence[str] = (),
         body_weight_n: float | None = None,
+        warm: Callable[[Vector], None] | None = None,
     ) -> None:
         self._reckoning = reckoning
         self._calibration = calibration
         self._stray_pf = stray_pf
         self._max_age_ns = max_age_ns
         self._flags = np.uint8(flags)
-        # A capacitor of the electrodes' area with the gap between them: over a capacitance, its distance over the gap.
-        self._gap_pf = np.array(
-            calibration.design.plate_distance_um(np.ones(1))[0] / calibration.design.gap_um
-        )
-        self._ganged = ganged
         n_legs = len(stray_pf)
+        # A capacitor of the electrodes' area with the gap between them: over a capacitance, its distance over the gap.
+        designed_pf = calibration.design.plate_distance_um(np.ones(1)) / calibration.design.gap_um
+        self._gain_rel = np.ones_like(stray_pf) if gain_rel is None else gain_rel
+        self._gap_pf = designed_pf / self._gain_rel
+        self._ganged = ganged
+        self._warm = warm
         self._footing = Footing(
             unloaded_pf, calibration.design, tare, contact, sensitivity, track=track_zero, feet=feet
         )
@@ -143,8 +165,10 @@ class Pipeline:
         self._any_stopped = False
         # Beyond either, an element is shut or out of range.
         self._least_rel = calibration.closure_rel_min
-        self._most_rel = np.minimum(calibration.closure_rel_max, quality.SHUT_REL)
-        self._at_rest = _AtRest(self._footing.baseline_pf, calibration.design)
+        own_um = np.full_like(stray_pf, calibration.design.gap_um) if gap_um is None else gap_um
+        self._shut_rel = calibration.shut_rel(own_um)
+        self._most_rel = calibration.most_rel(own_um)
+        self._at_rest = _AtRest(self._footing.baseline_pf, calibration.design, self._gain_rel)
 
     @property
     def baseline_pf(self) -> Vector:
@@ -167,6 +191,11 @@ class Pipeline:
         self._any_stopped = bool(self._stopped.any())
         return Outcome(command, Result.DONE, f"{command.kind.name.lower()} obeyed")
 
+    def warm(self, temperature_c: Vector) -> None:
+        """Take note of the temperature of each leg's foot [degC], shape (legs,), NaN where nothing measures it."""
+        if self._warm is not None:
+            self._warm(temperature_c)
+
     # A code of zero divides by zero; what comes of it is judged like any other reading.
     @np.errstate(divide="ignore", invalid="ignore", over="ignore")
     def process(self, scan: CapFrame, now_ns: int) -> tuple[ForceFrame, tuple[Outcome, ...]]:
@@ -186,7 +215,7 @@ class Pipeline:
         seen = self._readings.look(scan, self._consistency.remembered, footing.baseline_pf)
         outcomes = footing.tare(seen.settled_pf, scan.reading, scan.t_ns, seen.lacking, now_ns)
         if footing.baseline_pf is not self._at_rest.baseline_pf:
-            self._at_rest = _AtRest(footing.baseline_pf, calibration.design)
+            self._at_rest = _AtRest(footing.baseline_pf, calibration.design, self._gain_rel)
             self._consistency.forget(self._at_rest.untared_legs)
         rest_rel = self._at_rest.distance_rel
         missing = seen.lacking
@@ -288,7 +317,7 @@ class Pipeline:
         shorted = seen.over_range & (missing | remembered)
         faulty = seen.opened | self._at_rest.untared | remembered | (judgement.missing & ~missing)
         missing = judgement.missing
-        shut = judged_rel > quality.SHUT_REL
+        shut = judged_rel > self._shut_rel
         read_ns = moment.oldest_ns
         state[missing.any(axis=1) | (judgement.doubt_rel > 0.0)] = State.DEGRADED
         state[(outside & ~missing).any(axis=1)] = State.OUT_OF_RANGE
@@ -342,6 +371,7 @@ class _AtRest:
     Args:
         baseline_pf: Unloaded capacitances without stray [pF], shape (legs, 9), NaN where there is none.
         design: The capacitors.
+        gain_rel: Closure of each element by the design's electrodes, of its real closure [1], shape (legs, 9).
 
     Attributes:
         baseline_pf: As given.
@@ -351,9 +381,9 @@ class _AtRest:
         whole: Whether there are none of those.
     """
 
-    def __init__(self, baseline_pf: Vector, design: CapacitorDesign) -> None:
+    def __init__(self, baseline_pf: Vector, design: CapacitorDesign, gain_rel: Vector) -> None:
         self.baseline_pf = baseline_pf
-        self.distance_rel = design.plate_distance_um(baseline_pf) / design.gap_um
+        self.distance_rel = design.plate_distance_um(baseline_pf) / design.gap_um / gain_rel
         untared: Mask = np.isnan(baseline_pf)
         whole_legs: Mask = np.asarray(untared.all(axis=1))
         self.untared_legs = whole_legs

@@ -8,11 +8,57 @@ the elastance, so that the gap at rest drops out.
 """
 
 import math
+from typing import NamedTuple
 
-__all__ = ["STIFFNESS_PER_K", "force_gain", "unknown_temperature_rel"]
+__all__ = [
+    "COLDEST_C",
+    "STIFFNESS_PER_K",
+    "WARMEST_C",
+    "CalibratedAt",
+    "effect",
+    "force_gain",
+    "unknown_temperature_rel",
+]
 
 #: Growth of the stiffness of PDMS [1/K].
 STIFFNESS_PER_K = 4.4e-3
+#: What a converter measures [degC].
+COLDEST_C, WARMEST_C = -40.0, 125.0
+#: How far a foot that nothing measures may be from the temperature of its bench [K]: 12 to 32 degC about the 22 of a
+#: workshop, an unheated hall and a summer's day.
+_RANGE_K = 10.0
+
+
+class CalibratedAt(NamedTuple):
+    """At what temperature a foot was on the bench.
+
+    Attributes:
+        temperature_c: That [degC]; None if nothing there measured it.
+        stiffness_per_k: Growth of its stiffness, over that at `temperature_c` [1/K].
+    """
+
+    temperature_c: float | None
+    stiffness_per_k: float = STIFFNESS_PER_K
+
+
+def effect(temperature_c: float, then: CalibratedAt | None) -> tuple[float, float]:
+    """Return by what the force of a foot is to be multiplied, and the share of it that remains unknown [1].
+
+    Where either temperature is not known, or is none that a converter measures, nothing is corrected.
+
+    Args:
+        temperature_c: Temperature of the foot now [degC], NaN where nothing measures it.
+        then: That of the bench; None for a foot that was never on one, which is read as its design.
+
+    Example:
+        >>> effect(23.0, CalibratedAt(23.0)), effect(23.0, CalibratedAt(None))[0]
+        ((1.0, 0.0), 1.0)
+    """
+    if then is None:
+        return 1.0, 0.0
+    if then.temperature_c is not None and COLDEST_C <= temperature_c <= WARMEST_C:
+        return force_gain(temperature_c, then.temperature_c, then.stiffness_per_k), 0.0
+    return 1.0, unknown_temperature_rel(_RANGE_K, then.stiffness_per_k)
 
 
 def force_gain(
@@ -34,8 +80,10 @@ def force_gain(
         (1.088, 1.0)
     """
     for name, value_c in (("temperature_c", temperature_c), ("calibrated_at_c", calibrated_at_c)):
-        if not -40.0 <= value_c <= 125.0:
-            raise ValueError(f"{name} is {value_c:g}, a converter measures -40 to 125 degC")
+        if not COLDEST_C <= value_c <= WARMEST_C:
+            raise ValueError(
+                f"{name} is {value_c:g}, a converter measures {COLDEST_C:g} to {WARMEST_C:g} degC"
+            )
     gain = 1.0 + stiffness_per_k * (temperature_c - calibrated_at_c)
     if not gain > 0.0:
         raise ValueError(

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from footsense.core.foot_parameters import FootParameters
+from footsense.core.temperature import STIFFNESS_PER_K, CalibratedAt
 from footsense.errors import ModelError
 from footsense.inference.pack_format import (
     FILES,
@@ -40,8 +41,7 @@ class FootPack:
         parameters: How the foot differs from its design.
         network: File of the network that they were fitted on.
         network_sha256: Hash of that file without its seal.
-        temperature_c: At which the foot was on the bench [degC]; None if nothing there measured it.
-        stiffness_per_k: By how much the foot grows stiffer with each kelvin [1/K]; None if nobody measured it.
+        calibrated_at: At which temperature the foot was on the bench.
     """
 
     folder: Path
@@ -49,8 +49,7 @@ class FootPack:
     parameters: FootParameters
     network: Path
     network_sha256: str
-    temperature_c: float | None
-    stiffness_per_k: float | None
+    calibrated_at: CalibratedAt
 
 
 def read_pack(folder: Path, foot_type: str, foot: str | None = None) -> FootPack:
@@ -103,8 +102,10 @@ def read_pack(folder: Path, foot_type: str, foot: str | None = None) -> FootPack
         parameters=_parameters(folder / PARAMETERS, found),
         network=folder / NETWORK,
         network_sha256=network_sha256,
-        temperature_c=found.temperature_c,
-        stiffness_per_k=found.stiffness_per_k,
+        calibrated_at=CalibratedAt(
+            found.temperature_c,
+            STIFFNESS_PER_K if found.stiffness_per_k is None else found.stiffness_per_k,
+        ),
     )
 
 

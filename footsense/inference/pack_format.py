@@ -19,6 +19,7 @@ from msgspec import Meta
 
 from footsense.core.foot_parameters import FEATURES
 from footsense.core.force_errors import Errors
+from footsense.core.temperature import COLDEST_C, WARMEST_C
 
 FORMAT = 1
 
@@ -116,5 +117,6 @@ class Parameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     correction: Annotated[Rows, Meta(max_length=3)]
     error_n: Three
     error_rel: float
-    temperature_c: Annotated[float, Meta(ge=-60.0, le=150.0)] | None
-    stiffness_per_k: Annotated[float, Meta(gt=-0.1, lt=0.1)] | None
+    temperature_c: Annotated[float, Meta(ge=COLDEST_C, le=WARMEST_C)] | None
+    # More would leave no stiffness at the other end of what a converter measures.
+    stiffness_per_k: Annotated[float, Meta(ge=-0.006, le=0.006)] | None

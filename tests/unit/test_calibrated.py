@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from footsense.core.calibrated import CalibratedFeet
 from footsense.core.foot_parameters import FEATURES, FootParameters, features
+from footsense.core.temperature import CalibratedAt, unknown_temperature_rel
 
 Vector = NDArray[np.float64]
 _NONE = np.zeros((2, 9), bool)
@@ -41,22 +42,39 @@ def test_a_foot_as_designed_is_read_as_the_network_says() -> None:
 
 
 def test_each_row_gets_its_own_foot() -> None:
-    """Stiffness, mount, gains and corrections belong to a leg; its second row is the same foot again."""
+    """Stiffness, mount and corrections belong to a leg; its second row is the same foot again."""
     quarter = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     correction = np.zeros((3, FEATURES))
     correction[2, 2] = 0.1  # a tenth more of z
     feet = [
-        _foot(stiffness_rel=0.5, mount=quarter, gain_rel=np.full(9, 2.0)),
+        _foot(stiffness_rel=0.5, mount=quarter),
         _foot(correction=correction, error_rel=0.1),
     ]
     closures = np.zeros((4, 9))
     closures[:, [5, 7, 4]] = [0.2, 0.4, 0.6]
     force_n, sigma_n = CalibratedFeet(_Linear(), feet, 4).estimate(closures, np.zeros((4, 9), bool))
-    np.testing.assert_allclose(force_n[0], 1.5 * quarter.T @ [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(force_n[0], 1.5 * quarter.T @ [0.2, 0.4, 0.6])
     np.testing.assert_allclose(force_n[1], [0.2, 0.4, 0.66])
     np.testing.assert_array_equal(force_n[2:], force_n[:2])
     np.testing.assert_allclose(sigma_n[0], 1.5 * np.array([0.02, 0.01, 0.03]))
     np.testing.assert_allclose(sigma_n[1], np.hypot([0.01, 0.02, 0.03], 0.1 * np.linalg.norm(force_n[1])))
+
+
+def test_a_temperature_scales_what_it_is_known_for() -> None:
+    """10 K more stiffen a foot by 4.4 %; not known, they widen another's sigma; a designed foot is left alone."""
+    correction = np.zeros((3, FEATURES))
+    correction[2, 2] = 0.1
+    feet = [_foot(correction=correction, error_rel=0.01), _foot(error_rel=0.01), None]
+    closures, none = np.full((6, 9), 0.3), np.zeros((6, 9), bool)
+    read = CalibratedFeet(_Linear(), feet, 6)
+    on_bench_n, bench_sigma_n = read.estimate(closures, none)
+    read.warm(np.array([33.0, np.nan, np.nan]), [CalibratedAt(23.0), CalibratedAt(23.0), None])
+    force_n, sigma_n = read.estimate(closures, none)
+    np.testing.assert_allclose(force_n, on_bench_n * np.tile([1.044, 1.0, 1.0], 2)[:, None])
+    np.testing.assert_allclose(sigma_n[[0, 3]], 1.044 * bench_sigma_n[[0, 3]])
+    unknown_n = unknown_temperature_rel(10.0) * np.linalg.norm(force_n[[1, 4]], axis=1, keepdims=True)
+    np.testing.assert_allclose(sigma_n[[1, 4]], np.hypot(bench_sigma_n[[1, 4]], unknown_n))
+    np.testing.assert_array_equal(sigma_n[[2, 5]], bench_sigma_n[[2, 5]])
 
 
 @given(st.floats(0.01, 10.0), st.integers(0, 1000))

@@ -31,7 +31,8 @@ def _read(pokes: PokeSet, foot: FootParameters | None) -> Vector:
     card = design().card
     closure_um = card.design.closure_um(pokes.capacitance_pf - stray_pf, pokes.rest_pf - stray_pf)
     feet = CalibratedFeet(design().network(len(pokes)), [foot], len(pokes))
-    return feet.estimate(closure_um / card.design.gap_um, np.zeros((len(pokes), 9), bool))[0]
+    gain_rel = np.ones(9) if foot is None else foot.gain_rel
+    return feet.estimate(closure_um / card.design.gap_um / gain_rel, np.zeros((len(pokes), 9), bool))[0]
 
 
 @pytest.mark.parametrize("number", range(3))

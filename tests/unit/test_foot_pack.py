@@ -14,6 +14,7 @@ import pytest
 
 from footsense.app import FOOT_TYPE, released
 from footsense.calibration.pack_writer import write_pack
+from footsense.core.temperature import STIFFNESS_PER_K, CalibratedAt
 from footsense.errors import CalibrationError, FootsenseError, ModelError
 from footsense.inference.foot_pack import read_pack
 from footsense.inference.pack_format import Manifest
@@ -60,7 +61,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert again.manifest == written.manifest
     assert again.manifest.held_out == content().held_out
     assert again.network_sha256 == hashlib.sha256(released("network.onnx").read_bytes()[:-86]).hexdigest()
-    assert (again.temperature_c, again.stiffness_per_k) == (23.5, None)
+    assert again.calibrated_at == CalibratedAt(23.5, STIFFNESS_PER_K)
     assert {entry.name for entry in feet.iterdir()} == {"foot-0007"}, "nothing is left beside it"
     assert (feet / "foot-0007").stat().st_mode & 0o777 == 0o755, "the service is another user"
     card = (feet / "foot-0007" / "card.md").read_text()
