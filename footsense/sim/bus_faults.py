@@ -7,6 +7,7 @@ trunk, as its data sheet says (TCA9548A, 8.4.1). Each transaction costs the adap
 A transaction that loses arbitration is begun again by the kernel as often as the adapter's `retries` say.
 """
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -15,7 +16,8 @@ from footsense.errors import BusError, BusTimeoutError
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.bus import SimulatedMux
 from footsense.sim.clock import VirtualClock
-from footsense.sim.faults import ArbitrationLost, MuxLost, OnWires, Span, StuckSda, StuckTrunk, during
+from footsense.sim.faults import ArbitrationLost, MuxLost, OnWires, StuckSda, StuckTrunk
+from footsense.sim.schedule import Schedule
 
 #: What `footsense/backends/linux_i2c.py` asks the kernel for.
 KERNEL_RETRIES = 1
@@ -54,20 +56,9 @@ class FailingBus:
         self._timeout_ns = timeout_ns
         self._host_cost_ns = host_cost_ns
         self._rng = rng
-        self._trunk_held: list[Span] = []
-        self._leg_holds: list[tuple[int, Span]] = []
-        self._contended: list[tuple[Span, float]] = []
-        self._forgets_ns: list[int] = []
-        for fault in faults:
-            match fault:
-                case StuckSda(leg=leg, span_ns=span_ns):
-                    self._leg_holds.append((1 << channels[leg], span_ns))
-                case StuckTrunk(span_ns=span_ns):
-                    self._trunk_held.append(span_ns)
-                case ArbitrationLost(span_ns=span_ns, rate_rel=rate_rel):
-                    self._contended.append((span_ns, rate_rel))
-                case MuxLost(at_ns=at_ns):
-                    self._forgets_ns.append(at_ns)
+        self._channels = dict(channels)
+        self._faults = Schedule((fault.span_ns, fault) for fault in faults if not isinstance(fault, MuxLost))
+        self._forgets_ns = deque(sorted(fault.at_ns for fault in faults if isinstance(fault, MuxLost)))
 
     def transfer(self, transaction: Transaction) -> bytes:
         """Do one transaction, if the wires let it through.
@@ -77,14 +68,17 @@ class FailingBus:
             BusError: Arbitration was lost more often than the kernel begins again.
         """
         t_ns = self._clock.now_ns()
-        while self._forgets_ns and min(self._forgets_ns) <= t_ns:
-            self._forgets_ns.remove(min(self._forgets_ns))
+        while self._forgets_ns and self._forgets_ns[0] <= t_ns:
+            self._forgets_ns.popleft()
             self._mux.control = 0
-        if self._is_held(t_ns):
+        acting = self._faults.at(t_ns)
+        if not acting:
+            return self._bus.transfer(transaction)
+        if any(self._holds(fault) for fault in acting):
             self._clock.advance_ns(self._host_cost_ns + self._timeout_ns)
             raise BusTimeoutError("timeout, SDA or SCL is held low")
         for _ in range(1 + KERNEL_RETRIES):
-            if not self._loses(t_ns):
+            if not any(self._wins(fault) for fault in acting):
                 return self._bus.transfer(transaction)
             self._clock.advance_ns(self._host_cost_ns + _LOST_AFTER_NS)
         raise BusError("arbitration lost: another master is on this bus")
@@ -93,12 +87,12 @@ class FailingBus:
         """Close the bus."""
         self._bus.close()
 
-    def _is_held(self, t_ns: int) -> bool:
-        return during(self._trunk_held, t_ns) or any(
-            self._mux.control & channel and during([span_ns], t_ns) for channel, span_ns in self._leg_holds
-        )
+    def _holds(self, fault: OnWires) -> bool:
+        """Tell whether a fault that acts holds a line of the bus."""
+        if isinstance(fault, StuckSda):
+            return bool(self._mux.control >> self._channels[fault.leg] & 1)
+        return isinstance(fault, StuckTrunk)
 
-    def _loses(self, t_ns: int) -> bool:
-        return any(
-            during([span_ns], t_ns) and self._rng.random() < rate_rel for span_ns, rate_rel in self._contended
-        )
+    def _wins(self, fault: OnWires) -> bool:
+        """Tell whether a fault that acts wins an arbitration this time."""
+        return isinstance(fault, ArbitrationLost) and self._rng.random() < fault.rate_rel

@@ -21,6 +21,7 @@ from footsense.sim.faults import (
 )
 from footsense.sim.fdc1004_chip import SimulatedFdc1004
 from footsense.sim.line_switch import SimulatedLineSwitch
+from footsense.sim.schedule import Schedule
 
 _When = TypeVar("_When")
 
@@ -90,6 +91,24 @@ class _Eeprom:
         return bytes(self._memory[(self._pointer + k) % 256] for k in range(n))
 
 
+class _Failing:
+    """A chip, or what stands in front of it, while something does: on a long script of faults that is rare."""
+
+    def __init__(self, chip: SimulatedChip, front: SimulatedChip, spans_ns: Sequence[Span]) -> None:
+        self.address = chip.address
+        self._chip, self._front = chip, front
+        self._acting = Schedule((span_ns, front) for span_ns in spans_ns)
+
+    def acknowledges(self, t_ns: int) -> bool:
+        return (self._front if self._acting.at(t_ns) else self._chip).acknowledges(t_ns)
+
+    def write(self, data: bytes, t_ns: int) -> None:
+        (self._front if self._acting.at(t_ns) else self._chip).write(data, t_ns)
+
+    def read(self, n: int, t_ns: int) -> bytes:
+        return (self._front if self._acting.at(t_ns) else self._chip).read(n, t_ns)
+
+
 def _note(when: _When, *lists: list[_When]) -> None:
     for each in lists:
         each.append(when)
@@ -109,7 +128,8 @@ def failing_chips(
         faults: What breaks on this leg.
         rng: Of what happens at random.
     """
-    chips: tuple[SimulatedChip, ...] = (converter, *switches)
+    whole: tuple[SimulatedChip, ...] = (converter, *switches)
+    chips = whole
     for fault in faults:
         match fault:
             case Absent():
@@ -126,4 +146,7 @@ def failing_chips(
                 chips = tuple(_Loose(chip, span_ns, rate_rel, rng) for chip in chips)
             case Garbled(rate_rel=rate_rel, span_ns=span_ns):
                 chips = tuple(_Noisy(chip, span_ns, rate_rel, rng) for chip in chips)
-    return chips
+    spans_ns = [fault.span_ns for fault in faults if isinstance(fault, WrongChip | NackAtRandom | Garbled)]
+    if not spans_ns:
+        return whole
+    return tuple(_Failing(chip, front, spans_ns) for chip, front in zip(whole, chips, strict=True))

@@ -13,10 +13,11 @@ selected, that is beyond any range; the row alone, the excitation is shorted; th
 nothing. Not simulated: what couples through two floating lines at once.
 """
 
+import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.sim.fabricated import Foot
 from footsense.sim.faults import (
@@ -30,6 +31,7 @@ from footsense.sim.faults import (
     OnFoot,
 )
 from footsense.sim.line_switch import FLOATING_ROW_PF, LineStates
+from footsense.sim.schedule import Schedule
 
 #: What is left of an element without its electrode, or of a column without its line: a piece of trace [pF].
 OPEN_PF = 0.1
@@ -38,8 +40,6 @@ SHORT_PF = 1e6
 
 _COLUMNS = 3
 _ROWS = 3
-
-Vector = NDArray[np.float64]
 
 
 def pin_capacitance_pf(
@@ -107,6 +107,15 @@ def mutual_capacitance_pf(
     return (SHORT_PF if over else total_pf), to_ground
 
 
+class _Drift(NamedTuple):
+    """An element that drifts from a time [ns] until another."""
+
+    element: int
+    rate_ff_per_s: float
+    from_ns: float
+    until_ns: float
+
+
 class Damage:
     """All that breaks in one foot and on its lines.
 
@@ -116,41 +125,48 @@ class Damage:
     """
 
     def __init__(self, faults: Sequence[OnFoot], foot: Foot) -> None:
-        self._faults = tuple(faults)
-        self._foot = foot
+        self._on_lines = Schedule(
+            (fault.span_ns, fault)
+            for fault in faults
+            if isinstance(fault, BrokenColumn | BrokenRow | ElementShorted)
+        )
+        # What has drifted stays where it was.
+        self._on_elements = Schedule(
+            ((fault.at_ns, math.inf), _Drift(fault.element, fault.rate_ff_per_s, *fault.span_ns))
+            if isinstance(fault, ElementDrifts)
+            else (fault.span_ns, fault)
+            for fault in faults
+            if isinstance(fault, ElementDrifts | ElementStuck | ElementOpen | GapShut)
+        )
         design = foot.response.design
         self._shut_pf = float(design.capacitance_pf(np.full(1, design.gap_um))[0])
         self._held_pf: dict[ElementStuck, float] = {}
 
-    def elements_pf(self, element_pf: Vector, t_ns: int) -> Vector:
-        """Return what the elements have at a time, shape (9,), of what they would have if they were whole [pF]."""
+    def elements_pf(self, element_pf: list[float], t_ns: int) -> list[float]:
+        """Return what the elements have at a time, nine, of what they would have if they were whole [pF]."""
+        acting = self._on_elements.at(t_ns)
+        if not acting:
+            return element_pf
         element_pf = element_pf.copy()
-        for fault in self._faults:
-            if fault.at_ns > t_ns:
-                continue
-            over = t_ns >= fault.span_ns[1]
+        for fault in acting:
+            whole_pf = element_pf[fault.element]
             match fault:
-                case ElementDrifts():
-                    span_s = (min(t_ns, fault.span_ns[1]) - fault.at_ns) * 1e-9
-                    drifted_pf = element_pf[fault.element] + fault.rate_ff_per_s * span_s * 1e-3
-                    element_pf[fault.element] = max(drifted_pf, OPEN_PF)
-                case ElementStuck() if not over:
-                    held_pf = self._held_pf.setdefault(fault, float(element_pf[fault.element]))
-                    element_pf[fault.element] = held_pf
-                case ElementOpen() if not over:
-                    element_pf[fault.element] = OPEN_PF
-                case GapShut() if not over:
-                    element_pf[fault.element] = self._shut_pf
-                case _:
-                    pass
+                case _Drift(_, rate_ff_per_s, from_ns, until_ns):
+                    span_s = (min(t_ns, until_ns) - from_ns) * 1e-9
+                    pf = max(whole_pf + rate_ff_per_s * span_s * 1e-3, OPEN_PF)
+                case ElementStuck():
+                    pf = self._held_pf.setdefault(fault, whole_pf)
+                case ElementOpen():
+                    pf = OPEN_PF
+                case GapShut():
+                    pf = self._shut_pf
+            element_pf[fault.element] = pf
         return element_pf
 
-    def seen_pf(self, cin: int, column_pf: Vector, states: LineStates, t_ns: int) -> float:
-        """Return what pin `cin` sees of its column, shape (3,), through the row lines as they are at a time [pF]."""
+    def seen_pf(self, cin: int, column_pf: list[float], states: LineStates, t_ns: int) -> float:
+        """Return what pin `cin` sees of its column, three elements, through the row lines as they are [pF]."""
         broken_rows = shorted_rows = 0
-        for fault in self._faults:
-            if not fault.span_ns[0] <= t_ns < fault.span_ns[1]:
-                continue
+        for fault in self._on_lines.at(t_ns):
             match fault:
                 case BrokenColumn(column=column) if column == cin:
                     return OPEN_PF
@@ -160,17 +176,15 @@ class Damage:
                     shorted_rows |= 1 << element // _COLUMNS
                 case _:
                     pass
-        return pin_capacitance_pf(column_pf.tolist(), states, broken_rows, shorted_rows)
+        return pin_capacitance_pf(column_pf, states, broken_rows, shorted_rows)
 
     def sensed(
-        self, element_pf: Vector, rows: LineStates, columns: LineStates, t_ns: int
+        self, element_pf: list[float], rows: LineStates, columns: LineStates, t_ns: int
     ) -> tuple[float, bool]:
         """Return what the input of a board with excited rows sees at a time, as `mutual_capacitance_pf` does."""
         broken_rows = broken_columns = 0
         shorted: list[int] = []
-        for fault in self._faults:
-            if not fault.span_ns[0] <= t_ns < fault.span_ns[1]:
-                continue
+        for fault in self._on_lines.at(t_ns):
             match fault:
                 case BrokenColumn(column=column):
                     broken_columns |= 1 << column
@@ -178,6 +192,4 @@ class Damage:
                     broken_rows |= 1 << row
                 case ElementShorted(element=element):
                     shorted.append(element)
-                case _:
-                    pass
-        return mutual_capacitance_pf(element_pf.tolist(), rows, columns, broken_rows, broken_columns, shorted)
+        return mutual_capacitance_pf(element_pf, rows, columns, broken_rows, broken_columns, shorted)

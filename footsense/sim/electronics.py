@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_interface import adg715
 from footsense.sim.ad7746_chip import CAPDAC_GAIN_REL, TEMPERATURE_ERROR_K, SimulatedAd7746
@@ -25,11 +24,11 @@ class Wired(NamedTuple):
     """What the electronics are wired to.
 
     Attributes:
-        elements_pf: Capacitance of its elements at a time [ns], shape (9,), stray not included [pF].
+        elements_pf: Capacitance of its elements at a time [ns], nine, stray not included [pF].
         damage: What breaks in it; None for nothing.
     """
 
-    elements_pf: Callable[[int], NDArray[np.float64]]
+    elements_pf: Callable[[int], list[float]]
     damage: Damage | None
 
 
@@ -99,13 +98,13 @@ class _ColumnPins:
         """
         t_middle_ns = (t_start_ns + t_end_ns) // 2
         elements_pf, damage = self._foot
-        column_pf = elements_pf(t_middle_ns)[cin::_COLUMNS] + self._stray_pf
+        column_pf = [pf + self._stray_pf for pf in elements_pf(t_middle_ns)[cin::_COLUMNS]]
         total_pf = 0.0
         for share, states in self._rows.between(t_start_ns, t_end_ns):
             if damage is not None:
                 total_pf += share * damage.seen_pf(cin, column_pf, states, t_middle_ns)
             else:
-                total_pf += share * pin_capacitance_pf(column_pf.tolist(), states)
+                total_pf += share * pin_capacitance_pf(column_pf, states)
         return total_pf
 
 
@@ -127,7 +126,7 @@ class _Crossings:
             if damage is not None:
                 pf, to_ground = damage.sensed(element_pf, rows, columns, t_middle_ns)
             else:
-                pf, to_ground = mutual_capacitance_pf(element_pf.tolist(), rows, columns)
+                pf, to_ground = mutual_capacitance_pf(element_pf, rows, columns)
             total_pf += share * pf
             shorted |= to_ground
         return total_pf, shorted

@@ -29,7 +29,10 @@ Span = tuple[float, float]
 
 def during(spans: list[Span], t_ns: float) -> bool:
     """Tell whether a time lies in one of the spans."""
-    return bool(spans) and any(from_ns <= t_ns < until_ns for from_ns, until_ns in spans)
+    for from_ns, until_ns in spans:  # noqa: SIM110 - `any` costs three times as much, and every transaction asks
+        if from_ns <= t_ns < until_ns:
+            return True
+    return False
 
 
 def _tag(name: str) -> str:

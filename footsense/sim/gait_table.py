@@ -7,12 +7,9 @@ rubber, which is a second axis. Between the points they are interpolated linearl
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.sim.fabricated import Foot
 from footsense.sim.load import Walk
-
-Vector = NDArray[np.float64]
 
 #: Time between two points of a table [ns]: 0.03 fF, where no gap shuts.
 STEP_NS = 250_000
@@ -30,11 +27,11 @@ class GaitTable:
         softness: Bounds of what the closures may be of those that the foot had at the beginning [1].
 
     Attributes:
-        rest_pf: Capacitance of each element in the air [pF], shape (9,).
+        rest_pf: Capacitance of each element in the air [pF], nine.
     """
 
     def __init__(self, foot: Foot, walk: Walk, leg: str, softness: tuple[float, float] = (1.0, 1.0)) -> None:
-        self.rest_pf = foot.rest_pf
+        self.rest_pf: list[float] = foot.rest_pf.tolist()
         self._n_steps = math.ceil(walk.duty_rel * walk.period_ns / STEP_NS)
         self._per_phase = self._n_steps / walk.duty_rel
         # The last point belongs to the stance: at its end a foot may still carry.
@@ -46,12 +43,13 @@ class GaitTable:
         levels = np.linspace(low, high, 1 + math.ceil((high - low) / _SOFTNESS_STEP))
         self._low = low
         self._per_softness = (len(levels) - 1) / (high - low) if high > low else 0.0
-        self._last: tuple[float, float] | None = None  # three legs are converted at the same moment
-        self._last_pf = self.rest_pf
-        self._tables = [foot.capacitance_pf(normal, softness * force_n) for softness in levels.tolist()]
+        # Rows of floats: arithmetic with nine numbers is faster without arrays.
+        self._tables: list[list[list[float]]] = [
+            foot.capacitance_pf(normal, softness * force_n).tolist() for softness in levels.tolist()
+        ]
 
-    def capacitance_pf(self, phase: float | None, softness: float = 1.0) -> Vector:
-        """Return what each element has [pF], shape (9,).
+    def capacitance_pf(self, phase: float | None, softness: float = 1.0) -> list[float]:
+        """Return what each element has [pF], nine.
 
         Args:
             phase: Where the leg is in its gait cycle, within the stance; None in the air.
@@ -59,23 +57,20 @@ class GaitTable:
         """
         if phase is None:
             return self.rest_pf
-        if self._last != (phase, softness):
-            self._last, self._last_pf = (phase, softness), self._interpolated(phase, softness)
-        return self._last_pf
-
-    def _interpolated(self, phase: float, softness: float) -> Vector:
         level = (softness - self._low) * self._per_softness
         below = min(int(level), len(self._tables) - 1)
         lower_pf = self._at(self._tables[below], phase)
         part = level - below
         if part <= 0.0:
             return lower_pf
-        interpolated: Vector = lower_pf + part * (self._at(self._tables[below + 1], phase) - lower_pf)
-        return interpolated
+        return _between(lower_pf, self._at(self._tables[below + 1], phase), part)
 
-    def _at(self, table: Vector, phase: float) -> Vector:
+    def _at(self, table: list[list[float]], phase: float) -> list[float]:
         place = phase * self._per_phase
         step = min(int(place), self._n_steps - 1)
-        before_pf = table[step]
-        value: Vector = before_pf + (place - step) * (table[step + 1] - before_pf)
-        return value
+        return _between(table[step], table[step + 1], place - step)
+
+
+def _between(from_pf: list[float], to_pf: list[float], part: float) -> list[float]:
+    """Return the values of which some part of the way is behind them."""
+    return [a_pf + part * (b_pf - a_pf) for a_pf, b_pf in zip(from_pf, to_pf, strict=True)]

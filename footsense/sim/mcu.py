@@ -149,9 +149,9 @@ def _reading(foot: Wired, stray_pf: float) -> Elements:
     """Return what electronics without a fault of their own read of a foot, each row in turn."""
 
     def elements_pf(t_ns: int) -> NDArray[np.float64]:
-        element_pf = foot.elements_pf(t_ns) + stray_pf
+        element_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)]
         if foot.damage is None:
-            return element_pf
+            return np.array(element_pf)
         seen_pf = [
             foot.damage.seen_pf(column, element_pf[column::_COLUMNS], states, t_ns)
             for states in _ALONE

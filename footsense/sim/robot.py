@@ -80,7 +80,7 @@ class SimulatedLeg:
         self._foot = foot
         self._rubber = RememberingRubber() if effects.rubber else None
         self._pressed: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
-        self._pressed_pf = foot.rest_pf
+        self._pressed_pf: list[float] = foot.rest_pf.tolist()
         # What breaks draws from elsewhere, so that the same converters make the same noise.
         own = [fault for fault in scene.faults if getattr(fault, "leg", None) == leg]
         on_chips = [fault for fault in own if isinstance(fault, OnChips)]
@@ -99,8 +99,8 @@ class SimulatedLeg:
             else None
         )
 
-    def _elements_pf(self, t_ns: int) -> NDArray[np.float64]:
-        """Return the capacitance of the foot's elements at a time [pF], shape (9,), stray not included."""
+    def _elements_pf(self, t_ns: int) -> list[float]:
+        """Return the capacitance of the foot's elements at a time [pF], nine, stray not included."""
         softness = 1.0 if self._warming is None else self._warming.softness(t_ns)
         if self._softening is not None:
             softness *= self._softening.softness(t_ns)
@@ -114,18 +114,19 @@ class SimulatedLeg:
             # A solid that is stiffer yields as if it were loaded less.
             element_pf = self._solid_pf(normal, force_n if softness == 1.0 else force_n * softness)
         if self._warming is not None:
-            element_pf = element_pf + self._warming.drift_pf(t_ns)
+            drift_pf = self._warming.drift_pf(t_ns)
+            element_pf = [pf + by_pf for pf, by_pf in zip(element_pf, drift_pf, strict=True)]
         if self._damage is not None:
             element_pf = self._damage.elements_pf(element_pf, t_ns)
         return element_pf
 
-    def _solid_pf(self, normal: NDArray[np.float64], force_n: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the capacitances of a load [pF], shape (9,); a load that stands still is computed once."""
+    def _solid_pf(self, normal: NDArray[np.float64], force_n: NDArray[np.float64]) -> list[float]:
+        """Return the capacitances of a load [pF], nine; a load that stands still is computed once."""
         if self._pressed is None or not (
             np.array_equal(force_n, self._pressed[1]) and np.array_equal(normal, self._pressed[0])
         ):
             self._pressed = normal, force_n
-            self._pressed_pf = self._foot.capacitance_pf(normal[None], force_n[None])[0]
+            self._pressed_pf = self._foot.capacitance_pf(normal[None], force_n[None])[0].tolist()
         return self._pressed_pf
 
 

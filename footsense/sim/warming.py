@@ -1,7 +1,6 @@
 """What a change of temperature does to a foot: every zero drifts a little differently, and the rubber stiffens."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.frames import ELEMENTS
 from footsense.sim.scene import Warming
@@ -30,11 +29,12 @@ class WarmingFoot:
     def __init__(self, warming: Warming, rng: np.random.Generator) -> None:
         self._warming = warming
         spread_rel = DRIFT_SPREAD_REL * rng.standard_normal(ELEMENTS)
-        self._pf_per_k = DRIFT_PF_PER_K * (1.0 + spread_rel)
+        self._pf_per_k: list[float] = (DRIFT_PF_PER_K * (1.0 + spread_rel)).tolist()
 
-    def drift_pf(self, t_ns: int) -> NDArray[np.float64]:
-        """Return what the elements have drifted by [pF], shape (9,)."""
-        return self._pf_per_k * self._warming.kelvin_at(t_ns)
+    def drift_pf(self, t_ns: int) -> list[float]:
+        """Return what the elements have drifted by [pF], nine."""
+        kelvin = self._warming.kelvin_at(t_ns)
+        return [pf_per_k * kelvin for pf_per_k in self._pf_per_k]
 
     def softness(self, t_ns: int) -> float:
         """Return the closures of the foot over those that it had at the beginning, under the same load [1]."""
