@@ -198,6 +198,8 @@ class Cycle(NamedTuple):
         forces: What was published.
         outcomes: Commands that came to an end in this turn.
         reference: What a bench's force sensor said, None where there is none.
+        temperature_c: Of each leg's converter from this cycle on [degC], shape (legs,), NaN for none; None as long as
+            it is what it was, and where none has a sensor.
     """
 
     scan: CapFrame
@@ -205,3 +207,4 @@ class Cycle(NamedTuple):
     forces: ForceFrame
     outcomes: tuple[Outcome, ...]
     reference: Reference | None = None
+    temperature_c: NDArray[np.float64] | None = None

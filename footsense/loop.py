@@ -23,6 +23,7 @@ def run(
     clock: Clock,
     stop: Callable[[], bool],
     reference: ReferenceSensor | None = None,
+    temperature_c: Callable[[], NDArray[np.float64]] | None = None,
 ) -> None:
     """Run until the source ends or `stop` says so; the caller closes what it opened.
 
@@ -34,7 +35,10 @@ def run(
         clock: The time that the scans' stamps are in.
         stop: Asked once a cycle.
         reference: The force sensor of a bench, on a bench.
+        temperature_c: Asked once a cycle what each leg's converter said last of its temperature [degC], shape (legs,);
+            None where none has a sensor.
     """
+    told_c: NDArray[np.float64] | None = None
     # A recording has been read already, as its legs were ganged then.
     ganging = source if isinstance(source, GangingSource) and pipeline.to_gang is not None else None
     while not stop():
@@ -42,7 +46,12 @@ def run(
         if scan is None:
             return
         felt = None if reference is None else reference.read(clock.now_ns())
-        step(scan, tuple(sink.commands()), pipeline, sink, observers, clock, felt)
+        new_c = None
+        if temperature_c is not None:
+            now_c = temperature_c()
+            if told_c is None or not np.array_equal(now_c, told_c, equal_nan=True):
+                told_c = new_c = now_c
+        step(scan, tuple(sink.commands()), pipeline, sink, observers, clock, felt, new_c)
         if ganging is not None and (legs := pipeline.to_gang) is not None:
             ganging.gang(legs)
 
@@ -55,12 +64,15 @@ def step(
     observers: Sequence[Observer],
     clock: Clock,
     reference: Reference | None = None,
+    temperature_c: NDArray[np.float64] | None = None,
 ) -> Cycle:
-    """Do all that follows from one scan and the commands before it, and return it."""
+    """Do all that follows from one scan and what came before it, and return it."""
+    if temperature_c is not None:
+        pipeline.warm(temperature_c)
     at_once = [outcome for command in commands if (outcome := pipeline.obey(command)) is not None]
     forces, ended = pipeline.process(scan, clock.now_ns())
     sink.publish(forces)
-    cycle = Cycle(scan, commands, forces, (*at_once, *ended), reference)
+    cycle = Cycle(scan, commands, forces, (*at_once, *ended), reference, temperature_c)
     for outcome in cycle.outcomes:
         sink.answer(outcome)
     for observer in observers:

@@ -48,6 +48,7 @@ class Scanning:
         response_sha256: Hash of the response table that the simulated feet follow, None on a real robot.
         felt_n: What every foot feels at a time, None on a real robot.
         wakeups: What became of the deadlines on each bus; none in virtual time.
+        has_thermometers: Whether the converters have temperature sensors.
     """
 
     source: RobotScanner | RecordSource
@@ -55,6 +56,7 @@ class Scanning:
     response_sha256: str | None
     felt_n: Callable[[int], NDArray[np.float64]] | None
     wakeups: tuple[Wakeups, ...] = ()
+    has_thermometers: bool = False
 
 
 def is_simulated(config: Config) -> bool:
@@ -234,8 +236,9 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
         source.start()
         for bus, started in zip(config.buses, scanners, strict=True):
             _tell(bus, started.timing)
+        warm = plan.board.thermometer is not None
         if robot is None:
             clocks = [own.clock for own in buses if isinstance(own.clock, MonotonicClock)]
-            yield Scanning(source, MonotonicClock(), None, None, tuple(own.wakeups for own in clocks))
+            yield Scanning(source, MonotonicClock(), None, None, tuple(own.wakeups for own in clocks), warm)
         else:
-            yield Scanning(source, robot.clock, robot.response_sha256, robot.felt_n)
+            yield Scanning(source, robot.clock, robot.response_sha256, robot.felt_n, (), warm)

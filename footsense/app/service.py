@@ -118,15 +118,17 @@ class Service:
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Run until `stop` says so."""
+        scanning = self.scanning
         with undisturbed():
             loop.run(
                 self.source,
                 self.pipeline,
                 self.sink,
                 self.observers,
-                self.scanning.clock,
+                scanning.clock,
                 stop,
                 self.reference,
+                (lambda: scanning.source.temperature_c) if scanning.has_thermometers else None,
             )
 
     def figures(self) -> dict[str, object]:

@@ -102,9 +102,9 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
             recorded = source.cycle
             assert recorded is not None
             commands = (*source.commands(), *sink.commands())
-            forces = step(scan, commands, pipeline, sink, (), clock).forces
+            made = step(scan, commands, pipeline, sink, (), clock, temperature_c=recorded.temperature_c)
             if comparison and not source.lost:
-                comparison.take(recorded.forces, forces)
+                comparison.take(recorded.forces, made.forces)
             n_frames += 1
     click.echo(str(comparison) if comparison else f"{n_frames} scans replayed")
     _require_whole(file, source, comparison)

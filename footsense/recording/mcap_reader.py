@@ -162,6 +162,7 @@ class _Assembly:
         self._commands: list[Command] = []
         self._outcomes: list[Outcome] = []
         self._samples: list[bytes] = []
+        self._warmth: dict[str, Any] | None = None
         self._on_bench = False
         self._n_cycles = 0
         self._t_first_ns = 0
@@ -189,6 +190,8 @@ class _Assembly:
                 self._commands.append(messages.decode_command(event, self._legs))
             case messages.EVENT, "outcome":
                 self._outcomes.append(messages.decode_outcome(event, self._legs))
+            case messages.EVENT, "temperature":
+                self._warmth = event
             case messages.REFERENCE, None:
                 self._samples.append(message.data)
             case messages.SCAN, None:
@@ -204,9 +207,13 @@ class _Assembly:
             raise ValueError("a scan is missing")
         # A bench's recording has the topic, and every cycle of it a reference, without samples too.
         reference = decode_reference(self._samples) if self._on_bench else None
-        cycle = Cycle(self._scan, tuple(self._commands), forces, tuple(self._outcomes), reference)
+        temperature_c = messages.decode_temperature(self._warmth, self._legs) if self._warmth else None
+        cycle = Cycle(
+            self._scan, tuple(self._commands), forces, tuple(self._outcomes), reference, temperature_c
+        )
         numbered = Numbered(self._expected, cycle)
-        self._scan, self._commands, self._outcomes, self._samples = None, [], [], []
+        self._scan, self._warmth = None, None
+        self._commands, self._outcomes, self._samples = [], [], []
         self._expected += 1
         self._t_first_ns = forces.t_sent_ns if self._n_cycles == 0 else self._t_first_ns
         self._t_last_ns = forces.t_sent_ns

@@ -76,12 +76,14 @@ class McapFile:
 
     def add_cycle(self, numbered: Numbered) -> None:
         """Write one cycle."""
-        counter, (scan, commands, forces, outcomes, reference) = numbered
+        counter, (scan, commands, forces, outcomes, reference, temperature_c) = numbered
         t_ns = forces.t_sent_ns
         for command in commands:
             self._add(messages.EVENT, counter, t_ns, messages.command_event(command, self._legs))
         for outcome in outcomes:
             self._add(messages.EVENT, counter, t_ns, messages.outcome_event(outcome, self._legs))
+        if temperature_c is not None:
+            self._add(messages.EVENT, counter, t_ns, messages.temperature_event(temperature_c, self._legs))
         if reference is not None:
             self._add_reference(counter, reference)
         self._add(messages.SCAN, counter, t_ns, messages.encode_scan(scan, self._legs))

@@ -43,6 +43,7 @@ __all__ = [
     "decode_force",
     "decode_outcome",
     "decode_scan",
+    "decode_temperature",
     "dump",
     "encode_force",
     "encode_scan",
@@ -50,6 +51,7 @@ __all__ = [
     "loss_event",
     "outcome_event",
     "schemas",
+    "temperature_event",
     "whole",
     "wholes",
 ]
@@ -205,6 +207,18 @@ def loss_event(n_cycles: int) -> bytes:
     return json.dumps({"event": "loss", "n_cycles": n_cycles}).encode()
 
 
+def temperature_event(temperature_c: NDArray[np.float64], legs: Sequence[str]) -> bytes:
+    """Return the event of converters that have become warmer or colder."""
+    return dump(
+        {"event": "temperature", "temperature_c": dict(zip(legs, temperature_c.tolist(), strict=True))}
+    )
+
+
+def decode_temperature(event: Mapping[str, Any], legs: Sequence[str]) -> NDArray[np.float64]:
+    """Return the temperatures of a temperature event [degC], shape (legs,)."""
+    return floats([event["temperature_c"][leg] for leg in legs], (len(legs),))
+
+
 def decode_command(event: Mapping[str, Any], legs: Sequence[str]) -> Command:
     """Return the command of a command or outcome event."""
     return Command(CommandKind[event["command"]], legs.index(event["leg"]))
@@ -250,6 +264,10 @@ def schemas(legs: Sequence[str]) -> dict[str, bytes]:
     topics = {
         SCAN: record(sequence=whole, **dict.fromkeys(legs, scan)),
         FORCE: record(sequence=whole, t_sent_ns=whole, **dict.fromkeys(legs, force)),
-        EVENT: record(event=text, command=text, leg=text, result=text, reason=text, n_cycles=whole),
+        EVENT: record(
+            **dict.fromkeys(("event", "command", "leg", "result", "reason"), text),
+            n_cycles=whole,
+            temperature_c=record(**dict.fromkeys(legs, number)),
+        ),
     }
     return {topic: json.dumps(schema).encode() for topic, schema in topics.items()}

@@ -1,9 +1,11 @@
 """Cycles as bytes on the pipe between the loop and the writer: fixed-size, so that packing is copying.
 
-    head    length u32 | commands u16 | outcomes u16 | kind u64        16 bytes, every record
+    head    length u32 | commands u16 | outcomes u16 | kind u32 | extras u32        16 bytes, every record
     header  head, JSON                                                 once, first
-    cycle   head, counter u64, arrays of both frames, commands, outcomes; on a bench, the samples of its reference
+    cycle   head, counter u64, arrays of both frames, commands, outcomes, extras
     loss    head, counter u64, t_ns i64, n_cycles u64                  before the cycle that got through
+
+Extras are what few cycles have: on a bench the samples of its reference, and the legs' temperatures, f64 each.
 
 The length counts the whole record. All little-endian. The counter numbers the cycles that were observed.
 """
@@ -11,7 +13,7 @@ The length counts the whole record. All little-endian. The counter numbers the c
 import json
 import struct
 from collections.abc import Mapping
-from enum import IntEnum
+from enum import STRICT, IntEnum, IntFlag
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +26,7 @@ __all__ = [
     "HEAD",
     "LOSS",
     "OUTCOME",
+    "Extra",
     "Kind",
     "Loss",
     "Numbered",
@@ -33,9 +36,9 @@ __all__ = [
     "pack_loss",
 ]
 
-HEAD = struct.Struct("<IHHQ")
-_CYCLE_HEAD = struct.Struct("<IHHQQqqq")
-LOSS = struct.Struct("<IHHQQqQ")
+HEAD = struct.Struct("<IHHII")
+_CYCLE_HEAD = struct.Struct("<IHHIIQqqq")
+LOSS = struct.Struct("<IHHIIQqQ")
 COMMAND = struct.Struct("<BB")
 OUTCOME = struct.Struct("<BBBH")
 _MAX_REASON = 65_535
@@ -47,7 +50,13 @@ class Kind(IntEnum):
     HEADER = 0
     CYCLE = 1
     LOSS = 2
-    BENCH_CYCLE = 3  #: a cycle with the samples of a reference behind it, even if there are none
+
+
+class Extra(IntFlag, boundary=STRICT):
+    """What stands behind a cycle, in this order."""
+
+    REFERENCE = 1  #: the samples of a reference, even if there are none
+    TEMPERATURE = 2
 
 
 class Numbered(NamedTuple):
@@ -105,7 +114,7 @@ def cycle_type(n_legs: int) -> np.dtype[np.void]:
 
 def pack_cycle(counter: int, cycle: Cycle) -> bytes:
     """Return one cycle as bytes: the arrays of its frames behind each other, as `cycle_type` has them."""
-    scan, commands, forces, outcomes, reference = cycle
+    scan, commands, forces, outcomes, reference, temperature_c = cycle
     zero = forces.zero
     arrays = (
         *(scan.t_ns, scan.capacitance_pf),
@@ -116,14 +125,17 @@ def pack_cycle(counter: int, cycle: Cycle) -> bytes:
     parts = [array.tobytes() for array in arrays]
     if commands or outcomes:
         parts.append(_pack_tail(commands, outcomes))
-    kind = Kind.CYCLE
+    extras = 0
     if reference is not None:
-        kind = Kind.BENCH_CYCLE
+        extras |= Extra.REFERENCE
         parts.append(pack_reference(reference))
+    if temperature_c is not None:
+        extras |= Extra.TEMPERATURE
+        parts.append(temperature_c.astype("<f8").tobytes())
     body = b"".join(parts)
     head = _CYCLE_HEAD.pack(
         _CYCLE_HEAD.size + len(body),
-        *(len(commands), len(outcomes), kind, counter),
+        *(len(commands), len(outcomes), Kind.CYCLE, extras, counter),
         *(scan.sequence, forces.sequence, forces.t_sent_ns),
     )
     return head + body
@@ -140,9 +152,9 @@ def _pack_tail(commands: tuple[Command, ...], outcomes: tuple[Outcome, ...]) -> 
 def pack_header(header: Mapping[str, str]) -> bytes:
     """Return the header as the first record."""
     data = json.dumps(dict(header)).encode()
-    return HEAD.pack(HEAD.size + len(data), 0, 0, Kind.HEADER) + data
+    return HEAD.pack(HEAD.size + len(data), 0, 0, Kind.HEADER, 0) + data
 
 
 def pack_loss(loss: Loss) -> bytes:
     """Return the record that says that cycles are missing here."""
-    return LOSS.pack(LOSS.size, 0, 0, Kind.LOSS, loss.counter, loss.t_ns, loss.n_cycles)
+    return LOSS.pack(LOSS.size, 0, 0, Kind.LOSS, 0, loss.counter, loss.t_ns, loss.n_cycles)

@@ -26,7 +26,17 @@ from footsense.frames import (
     Zero,
     ZeroStatus,
 )
-from footsense.recording.pipe_format import COMMAND, HEAD, LOSS, OUTCOME, Kind, Loss, Numbered, cycle_type
+from footsense.recording.pipe_format import (
+    COMMAND,
+    HEAD,
+    LOSS,
+    OUTCOME,
+    Extra,
+    Kind,
+    Loss,
+    Numbered,
+    cycle_type,
+)
 from footsense.recording.pipe_reference import unpack_reference
 
 __all__ = ["unpack"]
@@ -59,18 +69,17 @@ def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | N
     """
     try:
         while record := _next_record(buffer):
-            _, n_commands, n_outcomes, kind = HEAD.unpack_from(record)
+            _, n_commands, n_outcomes, kind, extras = HEAD.unpack_from(record)
             match Kind(kind):
                 case Kind.HEADER:
                     header = json.loads(record[HEAD.size :])
                     n_legs = len(header["legs"].split(","))
                     yield header
                 case Kind.LOSS:
-                    counter, t_ns, n_cycles = LOSS.unpack(record)[4:]
+                    counter, t_ns, n_cycles = LOSS.unpack(record)[5:]
                     yield Loss(counter, _time(t_ns), n_cycles)
-                case Kind.CYCLE | Kind.BENCH_CYCLE as which:
-                    on_bench = which is Kind.BENCH_CYCLE
-                    yield _unpack_cycle(record, n_legs or 0, n_commands, n_outcomes, on_bench=on_bench)
+                case Kind.CYCLE:
+                    yield _unpack_cycle(record, n_legs or 0, n_commands, n_outcomes, Extra(extras))
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError, struct.error) as error:
         raise RecordingError(f"the cycles of the loop arrive damaged ({error})") from None
 
@@ -96,9 +105,7 @@ def _next_record(buffer: bytearray) -> bytes:
     return record
 
 
-def _unpack_cycle(
-    record: bytes, n_legs: int, n_commands: int, n_outcomes: int, *, on_bench: bool
-) -> Numbered:
+def _unpack_cycle(record: bytes, n_legs: int, n_commands: int, n_outcomes: int, extras: Extra) -> Numbered:
     if n_legs == 0:
         raise ValueError("no header before the first cycle")
     kind = cycle_type(n_legs)
@@ -135,11 +142,15 @@ def _unpack_cycle(
         outcomes.append(Outcome(_command(which, leg, n_legs), Result(result), reason))
         at += length
     reference: Reference | None = None
-    if on_bench:
+    if Extra.REFERENCE in extras:
         reference, at = unpack_reference(record, at)
+    warm = n_legs if Extra.TEMPERATURE in extras else 0
+    temperature_c = np.frombuffer(record, "<f8", warm, at) if warm else None
+    at += 8 * warm
     if at != len(record):
         raise ValueError(f"a cycle of {len(record)} bytes instead of {at}")
-    return Numbered(int(entry["counter"]), Cycle(scan, tuple(commands), forces, tuple(outcomes), reference))
+    cycle = Cycle(scan, tuple(commands), forces, tuple(outcomes), reference, temperature_c)
+    return Numbered(int(entry["counter"]), cycle)
 
 
 def _time(t_ns: int) -> int:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import zstandard
 from hypothesis import given
@@ -116,11 +117,12 @@ def test_forged_messages(file: Path, data: st.DataObject) -> None:
     """One value of a good scan, force, sample or event replaced by any other, then a whole message."""
     good: list[tuple[str, Any]] = [
         ("/event", json.loads(messages.command_event(cycle(3).commands[0], LEGS))),
+        ("/event", json.loads(messages.temperature_event(np.full(len(LEGS), 23.5), LEGS))),
         ("/reference", json.loads(_SAMPLE)),
         ("/scan", json.loads(messages.encode_scan(CYCLES[0].scan, LEGS))),
         ("/force", json.loads(messages.encode_force(CYCLES[0].forces, LEGS))),
     ]
-    which, value = data.draw(st.integers(0, 3)), data.draw(anything)
+    which, value = data.draw(st.integers(0, len(good) - 1)), data.draw(anything)
     topic, message = good[which]
     inner = data.draw(st.sampled_from([None, *message]))
     if inner is None:

@@ -15,14 +15,15 @@ from footsense.recording.writer import PipeWriter
 from tests.fuzz.outcome import TRIED, refusal
 from tests.unit.cycles import LEGS, TARE, cycle, same
 
-SHOWN = cycle(3, outcomes=(Outcome(TARE, Result.LOADED, "0.2 pF"),), n_samples=2)
+SHOWN = cycle(3, outcomes=(Outcome(TARE, Result.LOADED, "0.2 pF"),), n_samples=2, warm=True)
 HEADER = pack_header({"legs": ",".join(LEGS)})
 STREAM = HEADER + pack_cycle(0, SHOWN) + pack_loss(Loss(3, 5, 2))
 heads = st.builds(
-    struct.Struct("<IHHQ").pack,
+    struct.Struct("<IHHII").pack,
     st.sampled_from([0, 1, 15, 16, 40, 1486, 2**24, 2**32 - 1]),
     st.integers(0, 3) | st.just(65_535),
     st.integers(0, 3) | st.just(65_535),
+    st.integers(0, 4),
     st.integers(0, 4),
 )
 
@@ -59,7 +60,7 @@ def write(stream: bytes, fd: int) -> None:
 def test_any_header(header: object) -> None:
     """Whatever JSON stands in its place."""
     data = json.dumps(header).encode()
-    record = struct.pack("<IHHQ", 16 + len(data), 0, 0, 0) + data
+    record = struct.pack("<IHHII", 16 + len(data), 0, 0, 0, 0) + data
     refusal(lambda: list(unpack(bytearray(record), None)), RecordingError)
 
 

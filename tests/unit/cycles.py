@@ -40,6 +40,7 @@ def cycle(
     outcomes: tuple[Outcome, ...] = (),
     n_legs: int = 6,
     n_samples: int | None = None,
+    warm: bool = False,
 ) -> Cycle:
     """Return a cycle of random bits, awkward floats among them."""
     rng = np.random.default_rng([seed, number])
@@ -81,7 +82,8 @@ def cycle(
             rng.integers(0, 2, n_samples).astype(np.bool_),
         )
     )
-    return Cycle(scan, commands, forces, outcomes, reference)
+    temperature_c = rng.choice([np.nan, -40.0, 0.1, 1 / 3, 125.0], n_legs) if warm else None
+    return Cycle(scan, commands, forces, outcomes, reference, temperature_c)
 
 
 def same(a: Cycle, b: Cycle) -> bool:
@@ -97,7 +99,14 @@ def same(a: Cycle, b: Cycle) -> bool:
         and compare(a.forces, b.forces, exact=True, legs=legs) is None
         and (a.commands, a.outcomes) == (b.commands, b.outcomes)
         and _same_reference(a.reference, b.reference)
+        and _same_temperature(a.temperature_c, b.temperature_c)
     )
+
+
+def _same_temperature(a: NDArray[np.float64] | None, b: NDArray[np.float64] | None) -> bool:
+    if a is None or b is None:
+        return a is b
+    return np.array_equal(a, b, equal_nan=True)
 
 
 def _same_reference(a: Reference | None, b: Reference | None) -> bool:

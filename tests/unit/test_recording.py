@@ -47,7 +47,7 @@ def test_the_pipe_keeps_every_bit(
 ) -> None:
     """Cycles come out of the pipe as they went in, in whatever pieces they arrive."""
     shown = [
-        cycle(number, seed, outcomes=tuple(outcomes), n_legs=n_legs, n_samples=n_samples)
+        cycle(number, seed, outcomes=tuple(outcomes), n_legs=n_legs, n_samples=n_samples, warm=number == 1)
         for number in range(3)
     ]
     header = {"legs": ",".join(LEGS[:n_legs])}
@@ -72,7 +72,10 @@ def test_the_file_keeps_every_bit(
     scratch: Path, seed: int, outcomes: list[Outcome], n_samples: int | None
 ) -> None:
     """Floats of any value, NaN, infinities and -0.0, and reasons in any script come out of the file again."""
-    shown = [cycle(number, seed, outcomes=tuple(outcomes), n_samples=n_samples) for number in range(5)]
+    shown = [
+        cycle(number, seed, outcomes=tuple(outcomes), n_samples=n_samples, warm=number % 3 == 1)
+        for number in range(5)
+    ]
     read, damage = read_until_damage(write(scratch, shown))
     assert damage is None
     assert all(same(a, b) for a, b in zip(shown, read, strict=True))
