@@ -58,21 +58,26 @@ def _spoils(press: Press, before: _Rest, hold_ns: tuple[int, int]) -> Iterator[t
     """Yield what keeps a press from counting, the cause before what it entails."""
     reading = press.reading[_within(press.t_ns, press.pressed_ns)]
     over, silent = reading == Reading.OVER_RANGE, (reading != Reading.OK).mean(axis=0) > 1 - _PRESENT_REL
+    # Nor is anything known of one that was not read at rest, or in the hold.
+    held_pf = press.capacitance_pf[_within(press.t_ns, hold_ns)]
+    silent |= np.isnan(before.capacitance_pf) | (len(held_pf) > 0) & np.isnan(held_pf).all(axis=0)
     if over.any():
         words = f"element {_elements(over.any(axis=0))} at the end of the converter's range"
         yield WhyNot.OVER_RANGE, words
     if silent.any():
         yield WhyNot.NOT_READ, f"element {_elements(silent)} did not answer"
     if before.n_samples == 0:
-        yield WhyNot.REFERENCE_MISSING, "no sample of the reference just before it"
+        yield (
+            WhyNot.REFERENCE_MISSING,
+            "no sample of the reference just before it that is no end of its range",
+        )
     hold_s, lasted_s = _seconds(hold_ns), _seconds(press.pressed_ns)
     held = hold_s >= HOLD_S
     samples = _within(press.sample_ns, hold_ns if held else press.pressed_ns)
     if press.saturated[samples].any():
         most_n = np.abs(press.force_n[samples]).max()
         yield WhyNot.REFERENCE_SATURATED, f"an axis stands at its end, {most_n:.1f} N"
-    period_s = max(float(np.median(np.diff(press.sample_ns))) / _NS_PER_S, 1e-6)
-    expected = round((hold_s if held else lasted_s) / period_s)
+    expected = round((hold_s if held else lasted_s) * _NS_PER_S / _sample_period_ns(press))
     if samples.sum() < _PRESENT_REL * expected:
         words = f"{samples.sum()} of about {expected} samples are there"
         yield WhyNot.REFERENCE_MISSING, words
@@ -87,7 +92,7 @@ def _held(press: Press, hold_ns: tuple[int, int], before: _Rest, after: _Rest | 
     middle_ns = (hold_ns[0] + hold_ns[1]) // 2
     rest_pf, zero_sum_n, zero_samples = before.capacitance_pf, press.zero_sum_n, press.zero_samples
     shift_pf = np.full(ELEMENTS, np.nan)
-    if after is not None and after.n_samples:
+    if after is not None and after.n_samples and not np.isnan(after.capacitance_pf).any():
         share = (middle_ns - before.t_ns) / (after.t_ns - before.t_ns)
         shift_pf = after.capacitance_pf - before.capacitance_pf
         rest_pf = rest_pf + share * shift_pf
@@ -117,10 +122,10 @@ def _held(press: Press, hold_ns: tuple[int, int], before: _Rest, after: _Rest | 
 def _longest_hold(press: Press, before: _Rest) -> tuple[int, int]:
     """Return from and until when nothing moved for longest [ns]; a moment if something always did."""
     t_ns = press.t_ns[pressed := _within(press.t_ns, press.pressed_ns)]
-    force_n = _beside(press, t_ns)
+    force_n = _beside(press, t_ns) - before.force_n
     change_pf = press.capacitance_pf[pressed] - before.capacitance_pf
     # A mean of some samples has less noise than each.
-    n_beside = max(2 * _BESIDE_NS / max(float(np.median(np.diff(press.sample_ns))), 1.0), 1.0)
+    n_beside = max(2 * _BESIDE_NS / _sample_period_ns(press), 1.0)
     noise_n = _NOISE_RANGE * before.noise_n / np.sqrt(n_beside)
     noise_pf = _NOISE_RANGE * before.noise_pf
     best, first = (0, 0), 0
@@ -156,10 +161,17 @@ def _beside(press: Press, t_ns: NDArray[np.int64]) -> Vector:
     return np.where(n > 0, (total_n[last] - total_n[first]) / np.maximum(n, 1), np.nan)
 
 
+def _sample_period_ns(press: Press) -> float:
+    """Return the time between two samples of the reference [ns]; a second where there are not two."""
+    if len(press.sample_ns) < 2:
+        return float(_NS_PER_S)
+    return max(float(np.median(np.diff(press.sample_ns))), 1.0)
+
+
 def _rest(press: Press, span_ns: tuple[int, int]) -> _Rest:
     rested = _within(press.t_ns, span_ns)
     scans = press.capacitance_pf[rested]
-    samples = press.force_n[_within(press.sample_ns, span_ns)]
+    samples = press.force_n[_within(press.sample_ns, span_ns) & ~press.saturated]
     n = len(samples)
     nothing = np.full(3, np.nan)
     return _Rest(

@@ -27,11 +27,11 @@ class ReferenceLog:
             self._pieces.popleft()
 
     def sum_within(self, span_ns: tuple[int, int]) -> tuple[NDArray[np.float64], int]:
-        """Return the sum of the forces in a time [N], shape (3,), and how many these are."""
+        """Return the sum of the forces in a time [N], shape (3,), and how many these are; none at an axis' end is."""
         total_n, n = np.zeros(3), 0
         for piece in self._pieces:
             if int(piece.t_ns[-1]) >= span_ns[0] and int(piece.t_ns[0]) <= span_ns[1]:
-                inside = (piece.t_ns >= span_ns[0]) & (piece.t_ns <= span_ns[1])
+                inside = (piece.t_ns >= span_ns[0]) & (piece.t_ns <= span_ns[1]) & ~piece.saturated
                 total_n += piece.force_n[inside].sum(axis=0)
                 n += int(inside.sum())
         return total_n, n

@@ -4,12 +4,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from footsense.calibration.pokes import find_pokes
 from footsense.calibration.press import WhyNot
 from footsense.frames import Reading
 from tests.unit.feet import DESIGN
 from tests.unit.presses import CLOSURE_REL, SAMPLE_NOISE_N, Hold, cycles, direction, felt
+
+Vector = NDArray[np.float64]
 
 ONE = Hold(1.5, 1.2, tuple(direction(40.0, 60.0)))
 
@@ -46,6 +49,9 @@ def test_pokes_are_what_was_pressed() -> None:
         (ONE, {"missing": lambda t_s: int(t_s * 200) % 5 == 0 and t_s > 1.6}, WhyNot.REFERENCE_MISSING),
         (ONE, {"reading": lambda t_s: Reading.OVER_RANGE if t_s > 2.0 else Reading.OK}, WhyNot.OVER_RANGE),
         (ONE, {"reading": lambda _: Reading.NO_ANSWER}, WhyNot.NOT_READ),
+        (ONE, {"reading": lambda t_s: Reading.NO_ANSWER if t_s < 1.49 else Reading.OK}, WhyNot.NOT_READ),
+        (ONE, {"missing": lambda t_s: not 1.2 <= t_s < 1.204}, WhyNot.REFERENCE_MISSING),
+        (ONE, {"missing": lambda t_s: not 1.2 <= t_s < 1.208}, WhyNot.REFERENCE_MISSING),
     ],
 )
 def test_what_does_not_count_has_a_reason(hold: Hold, more: dict[str, Any], why: WhyNot) -> None:
@@ -54,6 +60,40 @@ def test_what_does_not_count_has_a_reason(hold: Hold, more: dict[str, Any], why:
     assert [poke.why_not for poke in pokes] == [why]
     assert pokes[0].words
     assert why is WhyNot.TOO_LIGHT or np.isnan(pokes[0].force_n).all()
+
+
+def test_an_element_that_is_silent_afterwards_leaves_the_rest_before() -> None:
+    """Nothing is known of the drift then."""
+    (poke,) = find_pokes(
+        cycles(felt(ONE), 5.5, reading=lambda t_s: Reading.NO_ANSWER if t_s > 3.1 else Reading.OK), 0
+    )
+    assert poke.why_not is None
+    assert np.isfinite(poke.rest_pf).all()
+    assert np.isnan(poke.shift_pf).all()
+
+
+def test_what_the_sensor_says_at_its_end_is_no_zero() -> None:
+    """Samples of 40 N in the rest, said to be its end, move no force."""
+
+    def said_n(force_n: Vector) -> Vector:
+        return force_n if force_n.any() else force_n + 40.0
+
+    def saturated(t_s: float) -> bool:
+        return 0.5 < t_s < 0.9 or t_s > 3.3
+
+    def at_its_end(t_s: float) -> Vector:
+        return felt(ONE)(t_s) + (1e-9 if not saturated(t_s) else 0.0)
+
+    (poke,) = find_pokes(cycles(at_its_end, 5.5, said_n=said_n, saturated=saturated), 0)
+    assert poke.why_not is None
+    assert poke.force_n == pytest.approx(ONE.force_n, abs=0.03)
+
+
+def test_a_zero_far_off_makes_no_slip_steady() -> None:
+    """What a hold may move by is a share of the force, not of where the sensor's zero stands."""
+    slips = Hold(1.5, 0.05, ONE.force_n, rise_s=1.2)
+    pokes = find_pokes(cycles(felt(slips), 5.5, said_n=lambda force_n: force_n + 40.0), 0)
+    assert [poke.why_not for poke in pokes] == [WhyNot.SLIPPED]
 
 
 def test_a_foot_that_hangs_is_not_poked() -> None:
