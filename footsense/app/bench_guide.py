@@ -1,16 +1,14 @@
 """What holds a session's reference against its foot, and the practice session of a simulated bench."""
 
 from collections.abc import Callable
-from functools import partial
 from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.backends.reference_mounting import NEWTON_PER, Mounting
+from footsense.calibration.belief import judge_of
 from footsense.calibration.evaluation import read_pokes
-from footsense.calibration.guide import Guide, Judge
-from footsense.calibration.plausibility import implausible
+from footsense.calibration.guide import Guide
 from footsense.calibration.pokes import Poke
 from footsense.config.bench import Bench
 from footsense.inference.network import Network
@@ -31,7 +29,7 @@ def guide_of(bench: Bench, row: int, wanted: int, network: Network) -> Guide:
         wanted: How many pokes make a set.
         network: That of the design: its forces tell whether those of the sensor may be right.
     """
-    return Guide(row, wanted, _estimate_of(network), _judge_of(bench))
+    return Guide(row, wanted, _estimate_of(network), judge_of(bench))
 
 
 def _estimate_of(network: Network) -> Callable[[Poke], Vector]:
@@ -53,13 +51,6 @@ class _OneRow:
     def estimate(self, closure_rel: Vector, missing: NDArray[np.bool_]) -> tuple[Vector, Vector]:
         force_n, sigma_n = self._network.estimate(closure_rel, missing)
         return force_n[:1], sigma_n[:1]
-
-
-def _judge_of(bench: Bench) -> Judge:
-    straight = {"x": "x", "y": "y", "z": "z"}
-    to_sensor = Mounting(straight, bench.mount_deg, "N", 1.0, (1.0, 1.0, 1.0)).apply(np.eye(3))[0]
-    axes = (bench.axes.x, bench.axes.y, bench.axes.z)
-    return partial(implausible, newton_per=NEWTON_PER, units=bench.units, axes=axes, to_sensor=to_sensor)
 
 
 def practice_scene(foot: str, row: int, session: str) -> Scene:

@@ -1,12 +1,17 @@
 """A recording from the bench, read as what it is for: one session of pokes of one foot."""
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import fmean
+
+import msgspec
 
 from footsense.calibration.pack_writer import file_sha256
 from footsense.calibration.pokes import Poke, PokeFinder, WhyNot
+from footsense.config.bench import Bench
 from footsense.errors import CalibrationError, RecordingError
 from footsense.frames import Cycle
 from footsense.recording.pipe_format import Loss
@@ -25,6 +30,8 @@ class BenchSession:
         name: The session's name; the file's where it was given none.
         foot: The foot, such as `foot-0007`.
         foot_type: Its type.
+        bench: What the recording says of its reference; None if nothing that this version reads.
+        temperature_c: Mean temperature of the foot's converter [degC]; None if it has no sensor.
         pokes: Those that count, in their order.
         refused: How many do not count, by reason.
         n_lost: Cycles that the recorder could not keep.
@@ -36,6 +43,8 @@ class BenchSession:
     name: str
     foot: str
     foot_type: str
+    bench: Bench | None
+    temperature_c: float | None
     pokes: tuple[Poke, ...]
     refused: Counter[WhyNot]
     n_lost: int
@@ -48,6 +57,8 @@ class BenchSession:
         if self.refused:
             n, why = self.refused.total(), ", ".join(f"{n} {why}" for why, n in self.refused.most_common())
             found.append(f"{self.path}: {n} of {n + len(self.pokes)} pokes do not count: {why}")
+        if self.bench is None:
+            found.append(f"{self.path}: does not describe its bench; nobody can tell its units and axes")
         if self.n_lost:
             found.append(f"{self.path}: {self.n_lost} cycles were lost when it was recorded")
         if self.damage:
@@ -104,7 +115,7 @@ def read_session(path: Path, foot: str) -> BenchSession:
             "`footsense record --foot` names the one on the bench"
         )
     row = recording.legs.index(leg_of[foot])
-    cycles = _Cycles(recording)
+    cycles = _Cycles(recording, row)
     finder = PokeFinder(row)
     found = [finder.take(cycle) for cycle in cycles]
     pokes = [poke for poke in (*found, finder.finish()) if poke is not None]
@@ -118,6 +129,8 @@ def read_session(path: Path, foot: str) -> BenchSession:
         name=recording.header.get("session") or path.stem,
         foot=foot,
         foot_type=recording.header.get("foot_type", ""),
+        bench=_bench(recording.header),
+        temperature_c=cycles.temperature_c,
         pokes=tuple(poke for poke in pokes if poke.why_not is None),
         refused=Counter(poke.why_not for poke in pokes if poke.why_not is not None),
         n_lost=cycles.n_lost,
@@ -133,16 +146,36 @@ def _mounted(header: dict[str, str]) -> dict[str, str]:
     return {foot: leg for leg, _, foot in pairs if leg in header["legs"].split(",")}
 
 
-class _Cycles:
-    """The cycles of a recording from its first sample of a reference up to its end or damage, counted."""
+def _bench(header: dict[str, str]) -> Bench | None:
+    try:
+        return msgspec.json.decode(header["reference"], type=Bench)
+    except (KeyError, msgspec.DecodeError):
+        return None
 
-    def __init__(self, recording: Replay) -> None:
+
+class _Cycles:
+    """The cycles of a recording from its first sample of a reference up to its end or damage, counted.
+
+    Args:
+        recording: Which.
+        row: Row of the leg whose temperature is of interest.
+    """
+
+    def __init__(self, recording: Replay, row: int) -> None:
         self._recording = recording
+        self._row = row
+        self._temperatures_c: list[float] = []
         self.n_samples = 0
         self.n_lost = 0
         self.damage = ""
 
+    @property
+    def temperature_c(self) -> float | None:
+        """Mean of what the leg's converter told [degC]; None if that was nothing."""
+        return fmean(self._temperatures_c) if self._temperatures_c else None
+
     def __iter__(self) -> Iterator[Cycle]:
+        now_c = math.nan
         try:
             for entry in self._recording.entries():
                 if isinstance(entry, Loss):
@@ -150,7 +183,11 @@ class _Cycles:
                     continue
                 if entry.cycle.reference is not None:
                     self.n_samples += len(entry.cycle.reference.t_ns)
+                if entry.cycle.temperature_c is not None:
+                    now_c = float(entry.cycle.temperature_c[self._row])
                 if self.n_samples:
+                    if math.isfinite(now_c):
+                        self._temperatures_c.append(now_c)
                     yield entry.cycle
         except RecordingError as error:
             self.damage = str(error)

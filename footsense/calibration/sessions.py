@@ -5,11 +5,13 @@ off and put on again differs from itself; else of every fifth poke. The paramete
 """
 
 from collections.abc import Sequence
+from statistics import fmean
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.calibration.belief import require_belief
 from footsense.calibration.bench_session import BenchSession
 from footsense.calibration.calibrate import LEAST_POKES, Calibrated, Design, calibrate
 from footsense.calibration.evaluation import read_pokes
@@ -35,11 +37,13 @@ class CalibratedFoot(NamedTuple):
         calibrated: By all pokes.
         n_pokes: How many those are.
         held_out: How good a calibration without some of them is on those; None where there were too few to keep any.
+        temperature_c: At which it was on the bench, the mean over its pokes [degC]; None if a session does not tell.
     """
 
     calibrated: Calibrated
     n_pokes: int
     held_out: HeldOut | None
+    temperature_c: float | None
 
 
 def calibrate_sessions(
@@ -53,9 +57,11 @@ def calibrate_sessions(
         hold_out: Name of the session that tells how good it is; None for the last of several.
 
     Raises:
-        CalibrationError: The sessions are of different feet, there is no such session, or as `calibrate`.
+        CalibrationError: The sessions are of different feet, a foot contradicts its reference, there is no such
+            session, or as `calibrate`.
     """
     require_one_foot(sessions)
+    require_belief(design, sessions)
     pokes = [poke for session in sessions for poke in session.pokes]
     calibrated = calibrate(design, PokeSet.of(pokes))
     kept, protocol = _kept(sessions, hold_out)
@@ -67,7 +73,15 @@ def calibrate_sessions(
         judged = [poke for poke, out in zip(pokes, kept, strict=True) if out]
         before, after = compare(design, judged, without.parameters)
         held_out = HeldOut(protocol=protocol, design_only=before, calibrated=after)
-    return CalibratedFoot(calibrated, len(pokes), held_out)
+    return CalibratedFoot(calibrated, len(pokes), held_out, _temperature_c(sessions))
+
+
+def _temperature_c(sessions: Sequence[BenchSession]) -> float | None:
+    told = [session.temperature_c for session in sessions]
+    known = [temperature_c for temperature_c in told if temperature_c is not None]
+    if len(known) < len(told):
+        return None
+    return fmean(known, [len(session.pokes) for session in sessions])
 
 
 def compare(design: Design, pokes: Sequence[Poke], foot: FootParameters) -> tuple[Errors, Errors]:

@@ -71,6 +71,7 @@ def _content(foot: str, network: Path, sessions: list[BenchSession], found: Cali
         n_sessions=len(sessions),
         held_out=found.held_out,
         recordings={session.path.name: session.sha256 for session in sessions},
+        temperature_c=found.temperature_c,
     )
 
 
@@ -82,6 +83,7 @@ def _figures(pack: FootPack, found: CalibratedFoot, took_s: float) -> dict[str, 
         "sha256": pack.manifest.sha256,
         "n_pokes": found.n_pokes,
         "took_s": round(took_s, 2),
+        "temperature_c": found.temperature_c,
         "stiffness_rel": parameters.stiffness_rel,
         "stray_pf": parameters.stray_pf.tolist(),
         "gap_um": parameters.gap_um.tolist(),
@@ -107,8 +109,10 @@ def _text(pack: FootPack, found: CalibratedFoot, figures: dict[str, Any]) -> str
     own, foreseen, held_out = pack.parameters, found.calibrated.foreseen, pack.manifest.held_out
     strays = f"stray {own.stray_pf.min():+.3f} to {own.stray_pf.max():+.3f} pF"
     gaps = f"gaps {own.gap_um.min():.1f} to {own.gap_um.max():.1f} um"
+    warmth = "" if found.temperature_c is None else f" at {found.temperature_c:.1f} degC"
+    made = f"{found.n_pokes} pokes in {pack.manifest.n_sessions} sessions{warmth}"
     lines = [
-        f"{pack.folder}: {found.n_pokes} pokes in {pack.manifest.n_sessions} sessions, {figures['took_s']:.1f} s",
+        f"{pack.folder}: {made}, {figures['took_s']:.1f} s",
         f"  stiffness {1.0 + own.stiffness_rel:.3f} of the design's, {strays}, {gaps}",
         f"  known well enough for {foreseen.direction_deg:.2f} deg and {foreseen.magnitude_rel:.1%} of a force",
     ]

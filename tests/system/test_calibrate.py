@@ -1,0 +1,120 @@
+"""`footsense calibrate` on a simulated bench: what it takes from a recording beside the pokes, and what it refuses."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from numpy.typing import NDArray
+
+from footsense import app
+from footsense.app.bench import BenchRun
+from footsense.backends.reference_mounting import NEWTON_PER
+from footsense.cli.calibrate import calibrate
+from footsense.config import Bus, Can, Config, Tare
+from footsense.config.bench import Axes, Bench, Simulated
+from footsense.errors import CalibrationError
+from footsense.frames import Cycle
+from footsense.inference.foot_pack import read_pack
+from footsense.recording.mcap_writer import McapFile
+from footsense.recording.pipe_format import Numbered
+from footsense.recording.replay import Replay
+from footsense.recording.writer import FdStream
+from footsense.sim.scene import Pokes, Scene
+from tests.system.bench import MADE, presses
+
+BENCH = Bench(
+    sensor=Simulated(seed=1, linearity_rel=0.0),
+    axes=Axes(x="-x", y="-y", z="-z"),
+    units="gf",
+    rated=(4000.0, 4000.0, 8000.0),
+    latency_ms=2.1,
+)
+#: A board with thermometers, and a foot that is not like its design yet.
+CONFIG = Config(
+    buses=(Bus(device="sim", legs={"lf": 0}),),
+    can=Can(interface="virtual"),
+    board="ad7746",
+    feet={"lf": "foot-0007"},
+    tare=Tare(unloaded_limit_rel=0.5),
+)
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of a session of 24 presses, most of which count."""
+    path = tmp_path_factory.mktemp("bench") / "session.mcap"
+    # The board's range ends below a shut gap.
+    light = tuple((0.5 * x, 0.5 * y, 0.5 * z) for x, y, z in presses(24))
+    load = Pokes(presses=light, rise_s=0.1, hold_s=0.7, rest_s=0.8)
+    scene = Scene(description="a bench", load=load, lead_in_s=2.0, fabrication=MADE)
+    end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 500_000_000
+    run = BenchRun(bench=BENCH, leg="lf", foot="foot-0007", session="one")
+    with app.service(CONFIG, scene, record=path, real_time=False, bench=run) as service:
+        clock = service.scanning.clock
+        service.run(lambda: clock.now_ns() >= end_ns)
+    return path
+
+
+def rewritten(session: Path, path: Path, change: Callable[[Cycle], Cycle], bench: Bench = BENCH) -> Path:
+    """Write the session with changed cycles, and another bench's file in its header."""
+    recording = Replay(session)
+    with path.open("wb") as file:
+        described = msgspec.json.encode(bench).decode()
+        header = {**recording.header, "reference": described, "session": path.stem}
+        copy = McapFile(FdStream(file.fileno()), header)
+        for number, cycle in enumerate(recording):
+            copy.add_cycle(Numbered(number, change(cycle)))
+        copy.finish()
+    return path
+
+
+def turned(matrix: NDArray[np.float64]) -> Callable[[Cycle], Cycle]:
+    """Return what turns the forces of the reference."""
+
+    def turn(cycle: Cycle) -> Cycle:
+        assert cycle.reference is not None
+        force_n = cycle.reference.force_n @ matrix.T
+        return cycle._replace(reference=cycle.reference._replace(force_n=force_n))
+
+    return turn
+
+
+def invoke(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(calibrate, [*map(str, arguments), "--foot", "foot-0007"])
+
+
+def test_a_pack_knows_at_what_temperature_it_was_made(session: Path, tmp_path: Path) -> None:
+    """The mean of what the converter told; nothing as soon as one session does not tell."""
+    done = invoke(session, "--feet", tmp_path)
+    assert done.exit_code == 0, done.exception
+    told = [cycle.temperature_c for cycle in Replay(session) if cycle.temperature_c is not None]
+    pack = read_pack(tmp_path / "foot-0007", "aoyagi-3x3")
+    assert pack.calibrated_at.temperature_c == pytest.approx(told[0][0])
+    assert f" pokes in 1 sessions at {told[0][0]:.1f} degC" in done.stdout
+    untold = rewritten(session, tmp_path / "untold.mcap", lambda cycle: cycle._replace(temperature_c=None))
+    done = invoke(session, untold, "--feet", tmp_path / "both")
+    assert done.exit_code == 0, done.exception
+    assert read_pack(tmp_path / "both" / "foot-0007", "aoyagi-3x3").calibrated_at.temperature_c is None
+
+
+def test_a_reference_that_contradicts_the_foot_is_refused(session: Path, tmp_path: Path) -> None:
+    """Newtons taken for kgf, and swapped axes: the line says which would fit, and no pack is made."""
+    kgf = msgspec.structs.replace(BENCH, units="kgf")
+    too_much = turned(NEWTON_PER["kgf"] / NEWTON_PER["N"] * np.eye(3))
+    heavy = rewritten(session, tmp_path / "heavy.mcap", too_much, kgf)
+    y_for_x = msgspec.structs.replace(BENCH, axes=Axes(x="-y", y="-x", z="z"))
+    swap = turned(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))
+    swapped = rewritten(session, tmp_path / "swapped.mcap", swap, y_for_x)
+    for path, words in (
+        (heavy, "its readings seem to be in N, and the bench's file says units: kgf"),
+        (swapped, "axes: {x: -x, y: -y, z: -z} would fit"),
+    ):
+        error = invoke(path, "--feet", tmp_path / "feet").exception
+        assert isinstance(error, CalibrationError)
+        assert str(error).startswith(f"{path}: the reference ")
+        assert words in str(error)
+        assert "\n" not in str(error)
+    assert not list((tmp_path / "feet").iterdir())
