@@ -1,5 +1,6 @@
 """A press is found, weighed against the reference, and refused with the reason where it does not count."""
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from footsense.calibration.pokes import find_pokes
 from footsense.calibration.press import WhyNot
 from footsense.frames import Reading
 from tests.unit.feet import DESIGN
-from tests.unit.presses import CLOSURE_REL, SAMPLE_NOISE_N, Hold, cycles, direction, felt
+from tests.unit.presses import CLOSURE_REL, SAMPLE_NOISE_N, SAMPLE_NS, Hold, cycles, direction, felt
 
 Vector = NDArray[np.float64]
 
@@ -91,8 +92,13 @@ def test_what_the_sensor_says_at_its_end_is_no_zero() -> None:
 
 def test_a_zero_far_off_makes_no_slip_steady() -> None:
     """What a hold may move by is a share of the force, not of where the sensor's zero stands."""
-    slips = Hold(1.5, 0.05, ONE.force_n, rise_s=1.2)
-    pokes = find_pokes(cycles(felt(slips), 5.5, said_n=lambda force_n: force_n + 40.0), 0)
+    sample = itertools.count()
+
+    def said_n(force_n: Vector) -> Vector:
+        t_s = next(sample) * SAMPLE_NS * 1e-9
+        return force_n * (1.0 + 0.3 * (t_s - 2.0)) + 40.0
+
+    pokes = find_pokes(cycles(felt(ONE), 5.5, said_n=said_n), 0)
     assert [poke.why_not for poke in pokes] == [WhyNot.SLIPPED]
 
 
