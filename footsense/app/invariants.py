@@ -5,6 +5,7 @@ with a bus is allowed to cost its legs time, and what is wrong with CAN to cost 
 `allowances.py`.
 """
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -15,14 +16,14 @@ from numpy.typing import NDArray
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, decode_quality
 from firmware_interface.socketcan import split_frames
 from footsense.app.allowances import Rules, Spans, excused_s, gap_costs_s
-from footsense.frames import USABLE, Cycle, State
+from footsense.frames import USABLE, Cycle, ForceFrame, State
 from footsense.sim.can_faults import CanFault
 from footsense.sim.faults import Fault
 
 __all__ = ["Invariants", "Lost"]
 
 _NS_PER_S = 1_000_000_000
-_USABLE = np.array(sorted(USABLE), np.uint8)
+_USABLE = frozenset(int(state) for state in USABLE)
 #: Sigmas that an error may have.
 _SIGMAS = 5.0
 #: Violations that are kept; the others are counted.
@@ -107,25 +108,27 @@ class Invariants:
         t_s = frame.t_sent_ns / _NS_PER_S
         self.n_cycles += 1
         self._check_pace(frame.sequence, frame.t_sent_ns, t_s)
-        usable = np.isin(frame.state, _USABLE)
-        numbers = np.isfinite(frame.force_n).all(axis=1) & np.isfinite(frame.sigma_n).all(axis=1)
-        some = np.isfinite(frame.force_n).any(axis=1)
-        wrong = (numbers != usable) | (some != usable)
-        for leg in np.flatnonzero(wrong).tolist():
-            self._lose(
-                "a number if and only if the state allows one", t_s, leg, f"{State(frame.state[leg]).name}"
-            )
-        old = usable & (frame.age_ns > rules.max_age_s * _NS_PER_S)
-        for leg in np.flatnonzero(old).tolist():
-            self._lose("no force above its age limit", t_s, leg, f"{frame.age_ns[leg] / 1e6:.1f} ms")
-        for leg, (state, is_usable) in enumerate(zip(frame.state.tolist(), usable.tolist(), strict=True)):
-            self.n_states[state] += 1
+        states: list[int] = frame.state.tolist()
+        force_n: list[list[float]] = frame.force_n.tolist()
+        sigma_n: list[list[float]] = frame.sigma_n.tolist()
+        self.n_states.update(states)
+        usable = [state in _USABLE for state in states]
+        for leg, is_usable in enumerate(usable):
+            some = any(map(math.isfinite, force_n[leg]))
+            numbers = all(map(math.isfinite, force_n[leg])) and all(map(math.isfinite, sigma_n[leg]))
+            if not numbers == some == is_usable:
+                what = State(states[leg]).name
+                self._lose("a number if and only if the state allows one", t_s, leg, what)
+        for leg, t_ns in enumerate(frame.t_ns.tolist()):
+            age_ns = frame.t_sent_ns - t_ns
+            if usable[leg] and age_ns > rules.max_age_s * _NS_PER_S:
+                self._lose("no force above its age limit", t_s, leg, f"{age_ns / 1e6:.1f} ms")
+        for leg, (state, is_usable) in enumerate(zip(states, usable, strict=True)):
             if is_usable or t_s < rules.from_s or self._excused[leg].hold(t_s):
                 self._good_s[leg] = t_s
             elif t_s - self._good_s[leg] > self._on_time_s + self._allowed_s(self._good_s[leg], t_s):
                 self._lose("the other legs go on", t_s, leg, f"{State(state).name}, cause {frame.cause[leg]}")
-        if usable.any():
-            self._check_errors(cycle, usable)
+        self._check_errors(frame, [leg for leg in range(len(usable)) if usable[leg]], force_n, sigma_n)
 
     def hear(self, t_ns: int, handed_ns: int, frame: bytes) -> None:
         """Check what reached the other nodes on CAN."""
@@ -176,24 +179,22 @@ class Invariants:
             if begins_s <= until_s and from_s <= ends_s
         )
 
-    def _check_errors(self, cycle: Cycle, usable: NDArray[np.bool_]) -> None:
-        frame = cycle.forces
-        times = frame.t_ns[usable].tolist()
-        moments = {frame.t_sent_ns} if self._rules.element else set(times)
-        felt_n = {t_ns: self._felt_n(t_ns) for t_ns in moments}
-        legs = np.flatnonzero(usable)
-        true_n = (
-            felt_n[frame.t_sent_ns][usable]
-            if self._rules.element
-            else np.stack([felt_n[t_ns][leg] for t_ns, leg in zip(times, legs.tolist(), strict=True)])
-        )
-        beyond = np.abs(frame.force_n[usable] - true_n) > _SIGMAS * frame.sigma_n[usable]
-        self.n_checked += len(legs)
-        self.n_beyond += beyond.sum(axis=0)
+    def _check_errors(
+        self, frame: ForceFrame, usable: Sequence[int], force_n: list[list[float]], sigma_n: list[list[float]]
+    ) -> None:
+        """Count the errors of the legs that have a force."""
+        sent_ns = frame.t_sent_ns
+        as_of_ns = {leg: sent_ns if self._rules.element else int(frame.t_ns[leg]) for leg in usable}
+        felt_n = {t_ns: self._felt_n(t_ns).tolist() for t_ns in set(as_of_ns.values())}
+        self.n_checked += len(usable)
+        for leg, t_ns in as_of_ns.items():
+            for axis, true_n in enumerate(felt_n[t_ns][leg]):
+                if abs(force_n[leg][axis] - true_n) > _SIGMAS * sigma_n[leg][axis]:
+                    self.n_beyond[axis] += 1
 
     def _check_age_on_wire(self, can_id: int, data: bytes, wait_ns: int, t_s: float) -> None:
         quality = decode_quality(can_id, data)
-        if quality.age_ns is None or np.isnan(quality.sigma_n[0]):
+        if quality.age_ns is None or math.isnan(quality.sigma_n[0]):
             return  # no force goes with it
         age_ns = quality.age_ns + wait_ns
         if age_ns > (self._rules.max_age_s + self._longest_wait_s) * _NS_PER_S:

@@ -84,6 +84,7 @@ class SimulatedBus:
         self._host_cost_ns = host_cost_ns
         self._mux = mux
         self._legs = {channel: tuple(chips) for channel, chips in legs.items()}
+        # Every transaction asks for both.
         self._connected: dict[tuple[int, int], tuple[SimulatedChip, ...]] = {}
         self._lasts_ns: dict[tuple[int, int], int] = {}
 
@@ -95,40 +96,44 @@ class SimulatedBus:
         """
         address, data, n_read = transaction
         t_start_ns = self._clock.now_ns() + self._host_cost_ns
-        chips = [chip for chip in self._at(address) if chip.acknowledges(t_start_ns)]
+        connected = self._connected.get((self._mux.control, address))
+        if connected is None:
+            connected = self._connect(address)
+        chips = [chip for chip in connected if chip.acknowledges(t_start_ns)]
         if not chips:
             self._clock.sleep_until_ns(t_start_ns + wire_time_ns(nack_bits(), self._rate_hz))
             raise NackError(f"no acknowledge from {address:#04x}")
-        t_end_ns = t_start_ns + self._wire_time_ns(len(data), n_read)
-        self._clock.sleep_until_ns(t_end_ns)
+        lasts_ns = self._lasts_ns.get((len(data), n_read))
+        if lasts_ns is None:
+            lasts_ns = self._wire_time_ns(len(data), n_read)
+        t_end_ns = t_start_ns + lasts_ns
+        self._clock.advance_ns(self._host_cost_ns + lasts_ns)
         if data:
             for chip in chips:
                 chip.write(data, t_end_ns)
         if n_read == 0:
             return b""
         answer = chips[0].read(n_read, t_end_ns)
-        for chip in chips[1:]:
-            answer = bytes(a & b for a, b in zip(answer, chip.read(n_read, t_end_ns), strict=True))
+        if len(chips) > 1:
+            for chip in chips[1:]:
+                answer = bytes(a & b for a, b in zip(answer, chip.read(n_read, t_end_ns), strict=True))
         return answer
 
     def close(self) -> None:
         """Nothing is held."""
 
     def _wire_time_ns(self, n_written: int, n_read: int) -> int:
-        key = (n_written, n_read)
-        if key not in self._lasts_ns:
-            self._lasts_ns[key] = wire_time_ns(transaction_bits(n_written, n_read), self._rate_hz)
-        return self._lasts_ns[key]
+        """Return how long a transaction lasts, and keep it [ns]."""
+        lasts_ns = wire_time_ns(transaction_bits(n_written, n_read), self._rate_hz)
+        return self._lasts_ns.setdefault((n_written, n_read), lasts_ns)
 
-    def _at(self, address: int) -> tuple[SimulatedChip, ...]:
-        """Return every chip at `address` that is electrically on the trunk now."""
-        key = (self._mux.control, address)
-        if key not in self._connected:
-            behind = [
-                chip
-                for channel in range(tca9548a.CHANNELS)
-                if self._mux.control >> channel & 1
-                for chip in self._legs.get(channel, ())
-            ]
-            self._connected[key] = tuple(chip for chip in (self._mux, *behind) if chip.address == address)
-        return self._connected[key]
+    def _connect(self, address: int) -> tuple[SimulatedChip, ...]:
+        """Return every chip at `address` that is electrically on the trunk now, and keep them."""
+        behind = [
+            chip
+            for channel in range(tca9548a.CHANNELS)
+            if self._mux.control >> channel & 1
+            for chip in self._legs.get(channel, ())
+        ]
+        connected = tuple(chip for chip in (self._mux, *behind) if chip.address == address)
+        return self._connected.setdefault((self._mux.control, address), connected)

@@ -147,7 +147,7 @@ class CanController:
 
     def begin(self, t_ns: int) -> None:
         """Fill the mailboxes from the queue, and put a frame onto the wire if that is free."""
-        while self.running and len(self._queue) and len(self._mailboxes) < self._settings.mailboxes:
+        while len(self._mailboxes) < self._settings.mailboxes and self.running and len(self._queue):
             self._mailboxes.append(self._queue.take())
         if self._passing is not None:
             return
@@ -188,7 +188,8 @@ class CanController:
 
     def _deliver(self, t_ns: int) -> None:
         frame = self._mailboxes.popleft()
-        self._count_errors(-1)
+        if self._error_count:
+            self._count_errors(-1)
         if frame.ours:
             self.n_delivered += 1
             if self.hear is not None:

@@ -78,7 +78,9 @@ class SimulatedCan:
         self._faults = tuple(faults)
         self._senders = [_Sender(fault) for fault in faults if isinstance(fault, CanTraffic | CanQueueFull)]
         edges = {fault.at_ns for fault in faults} | {fault.until_ns for fault in faults}
-        self._edges = deque(sorted(edge for edge in edges if edge < math.inf))
+        # The first is the next to come.
+        self._edges = deque([*sorted(edge for edge in edges if edge < math.inf), math.inf])
+        self._others_ns = self._others_due_ns()
         self._sockets: list[_Socket] = []
         self._t_ns = 0
         self.up = self.present = True
@@ -119,30 +121,32 @@ class SimulatedCan:
     def advance(self) -> None:
         """Let everything happen that happens up to now."""
         now_ns = self._clock.now_ns()
-        while True:
-            t_ns = min(
-                self._edges[0] if self._edges else math.inf,
-                self.controller.due_ns,
-                self.queue.look_ns,
-                *(sender.due_ns for sender in self._senders),
-            )
-            if t_ns > now_ns:
-                break
+        while (t_ns := self._due_ns()) <= now_ns:
             self._t_ns = max(self._t_ns, math.ceil(t_ns))
             self._happen(self._t_ns)
         self._t_ns = max(self._t_ns, now_ns)
 
+    def _due_ns(self) -> float:
+        """Return when something happens next [ns]."""
+        return min(self._edges[0], self.controller.due_ns, self.queue.look_ns, self._others_ns)
+
+    def _others_due_ns(self) -> float:
+        """Return when another node or program sends next [ns]."""
+        return min((sender.due_ns for sender in self._senders), default=math.inf)
+
     def _happen(self, t_ns: int) -> None:
         """Do what is due at `t_ns`."""
-        while self._edges and self._edges[0] <= t_ns:
+        while self._edges[0] <= t_ns:
             self._edges.popleft()
             self._turn(t_ns)
         self.controller.happen(t_ns)
         if self.queue.look_ns <= t_ns:
             self.queue.look(t_ns)
-        for sender in self._senders:
-            if sender.due_ns <= t_ns:
-                self._other_sends(sender, t_ns)
+        if self._others_ns <= t_ns:
+            for sender in self._senders:
+                if sender.due_ns <= t_ns:
+                    self._other_sends(sender, t_ns)
+            self._others_ns = self._others_due_ns()
         self.controller.begin(t_ns)
 
     def _turn(self, t_ns: int) -> None:

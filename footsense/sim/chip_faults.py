@@ -24,6 +24,8 @@ from footsense.sim.line_switch import SimulatedLineSwitch
 from footsense.sim.schedule import Schedule
 
 _When = TypeVar("_When")
+#: Longer than any transaction [ns].
+_TRANSACTION_NS = 1_000_000_000
 
 
 class _Loose:
@@ -92,21 +94,26 @@ class _Eeprom:
 
 
 class _Failing:
-    """A chip, or what stands in front of it, while something does: on a long script of faults that is rare."""
+    """A chip, or what stands in front of it while something acts on the leg: on a long script of faults that is rare.
+
+    What stands in front looks at the time by itself and may stand there too early: so once a transaction is enough.
+    """
 
     def __init__(self, chip: SimulatedChip, front: SimulatedChip, spans_ns: Sequence[Span]) -> None:
         self.address = chip.address
         self._chip, self._front = chip, front
-        self._acting = Schedule((span_ns, front) for span_ns in spans_ns)
+        self._fails = Schedule(
+            ((from_ns - _TRANSACTION_NS, until_ns), True) for from_ns, until_ns in spans_ns
+        )
+        self._now = chip
+        self.write, self.read = chip.write, chip.read
 
     def acknowledges(self, t_ns: int) -> bool:
-        return (self._front if self._acting.at(t_ns) else self._chip).acknowledges(t_ns)
-
-    def write(self, data: bytes, t_ns: int) -> None:
-        (self._front if self._acting.at(t_ns) else self._chip).write(data, t_ns)
-
-    def read(self, n: int, t_ns: int) -> bytes:
-        return (self._front if self._acting.at(t_ns) else self._chip).read(n, t_ns)
+        now = self._front if self._fails.at(t_ns) else self._chip
+        if now is not self._now:
+            self._now = now
+            self.write, self.read = now.write, now.read
+        return now.acknowledges(t_ns)
 
 
 def _note(when: _When, *lists: list[_When]) -> None:

@@ -10,7 +10,10 @@ It shares only register addresses with the driver. Behaviours kept (data sheet s
 Not simulated: REPEAT, offset and gain calibration, supply dependence, noise and temperature of the CAPDAC.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import cache
+from itertools import repeat
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,13 +27,49 @@ CAPDAC_ERROR_REL = 0.02
 CAPDAC_JUMP_PF = 1.4
 _JUMP_BIT = 8
 
+#: Random numbers are drawn so many at a time, which is the same sequence as one by one.
+_DRAWN = 64
+
 _RATE_OF_CODE = {rate.code: rate for rate in chip.RATES.values()}
 _FDC_CONF = int(chip.Register.FDC_CONF)
 _MEAS1_MSB, _MEAS4_LSB = int(chip.Register.MEAS1_MSB), int(chip.Register.MEAS4_LSB)
 _CONF_MEAS1, _GAIN_CAL_CIN4 = int(chip.Register.CONF_MEAS1), int(chip.Register.GAIN_CAL_CIN4)
+_RESET, _DONE = chip.CONF_RESET.encode(1), chip.CONF_DONE.encode(0xF)
 
 #: Mean capacitance [pF] that a CIN pin (0..3) saw to ground between two times [ns].
 CinCapacitance = Callable[[int, int, int], float]
+
+
+class _Conversion(NamedTuple):
+    """What a word in FDC_CONF starts: measurement, nominal time, noise."""
+
+    slot: int
+    lasts_ns: int
+    noise_pf: float
+
+
+@cache
+def _conversion(word: int) -> _Conversion | None:
+    """Return what a word in FDC_CONF starts; None for nothing."""
+    triggers = chip.CONF_TRIGGERS.decode(word)
+    one_shot = triggers.bit_count() == 1 and not chip.CONF_REPEAT.decode(word)
+    rate = _RATE_OF_CODE.get(chip.CONF_RATE.decode(word))
+    if not one_shot or rate is None:
+        return None
+    return _Conversion(chip.SLOTS - triggers.bit_length(), rate.conversion_ns, rate.noise_ff * 1e-3)
+
+
+@cache
+def _measured(config: int) -> tuple[int, int]:
+    """Return which pin a word in CONF_MEASn measures, and how many steps of the CAPDAC it takes off."""
+    takes_off = chip.CONF_CHB.decode(config) == chip.CHB_CAPDAC
+    return chip.CONF_CHA.decode(config), chip.CONF_CAPDAC.decode(config) if takes_off else 0
+
+
+def _white(noise: np.random.Generator) -> Iterator[float]:
+    """Yield noise of standard deviation 1."""
+    while True:
+        yield from noise.standard_normal(_DRAWN).tolist()
 
 
 class SimulatedFdc1004:
@@ -61,7 +100,7 @@ class SimulatedFdc1004:
         self.stuck_ns: list[Span] = []
         self.brown_outs_ns: list[float] = []
         self._cin_capacitance_pf = cin_capacitance_pf
-        self._noise = noise
+        self._noise = repeat(0.0) if noise is None else _white(noise)
         self._clock_factor = 1.0 + clock_error_rel
         self._capdac_step_pf = chip.CAPDAC_STEP_PF * (1.0 + capdac_error_rel)
         self._pointer = 0
@@ -78,7 +117,7 @@ class SimulatedFdc1004:
 
     def write(self, data: bytes, t_ns: int) -> None:
         """Take a register pointer and, if two bytes follow, the register's new value."""
-        if self._running is not None and t_ns >= self._running[2]:
+        if self._running is not None and t_ns >= self._ends_ns:
             self._finish(self._running)
         self._pointer = data[0]
         if len(data) < 3:
@@ -91,7 +130,7 @@ class SimulatedFdc1004:
 
     def read(self, n: int, t_ns: int) -> bytes:
         """Return the register at the pointer; further bytes are ones, as nobody drives the line."""
-        if self._running is not None and t_ns >= self._running[2]:
+        if self._running is not None and t_ns >= self._ends_ns:
             self._finish(self._running)
         word = self._register(self._pointer).to_bytes(2, "big")
         return word if n == len(word) else word[:n] + b"\xff" * (n - 2)
@@ -101,42 +140,36 @@ class SimulatedFdc1004:
         self._results = [chip.CODE_MAX] * chip.SLOTS
         self._conf = 0
         self._done = 0
-        self._running: tuple[int, int, int] | None = None  # slot, start, end
+        self._running: _Conversion | None = None
+        self._started_ns = self._ends_ns = 0
 
     def _configure(self, word: int, t_ns: int) -> None:
-        if chip.CONF_RESET.decode(word):
+        if word & _RESET:
             self._reset()
             return
         # DONE is read-only.
-        self._conf = word & ~chip.CONF_DONE.encode(0xF)
-        self._running = None
-        triggers = chip.CONF_TRIGGERS.decode(word)
-        one_shot = triggers.bit_count() == 1 and not chip.CONF_REPEAT.decode(word)
-        rate = _RATE_OF_CODE.get(chip.CONF_RATE.decode(word))
-        if not one_shot or rate is None:
+        self._conf = word & ~_DONE
+        self._running = conversion = _conversion(word)
+        if conversion is None:
             return
-        slot = chip.SLOTS - triggers.bit_length()
-        self._results[slot] = chip.CODE_MAX
-        self._running = (slot, t_ns, t_ns + round(rate.conversion_ns * self._clock_factor))
+        self._results[conversion.slot] = chip.CODE_MAX
+        self._started_ns = t_ns
+        self._ends_ns = t_ns + round(conversion.lasts_ns * self._clock_factor)
 
-    def _finish(self, running: tuple[int, int, int]) -> None:
+    def _finish(self, conversion: _Conversion) -> None:
         """Let a conversion that is over by now set its result."""
-        slot, t_start_ns, t_end_ns = running
-        if during(self.stuck_ns, t_end_ns):
+        if during(self.stuck_ns, self._ends_ns):
             return
         self._running = None
-        self._results[slot] = self._convert(slot, t_start_ns, t_end_ns)
-        self._done |= chip.slot_bit(slot)
+        self._results[conversion.slot] = self._convert(conversion)
+        self._done |= chip.slot_bit(conversion.slot)
 
-    def _convert(self, slot: int, t_start_ns: int, t_end_ns: int) -> int:
-        config = self._registers[_CONF_MEAS1 + slot]
-        capacitance_pf = self._cin_capacitance_pf(chip.CONF_CHA.decode(config), t_start_ns, t_end_ns)
-        if chip.CONF_CHB.decode(config) == chip.CHB_CAPDAC:
-            capdac = chip.CONF_CAPDAC.decode(config)
+    def _convert(self, conversion: _Conversion) -> int:
+        cin, capdac = _measured(self._registers[_CONF_MEAS1 + conversion.slot])
+        capacitance_pf = self._cin_capacitance_pf(cin, self._started_ns, self._ends_ns)
+        if capdac:
             capacitance_pf -= capdac * self._capdac_step_pf + (CAPDAC_JUMP_PF if capdac & _JUMP_BIT else 0.0)
-        if self._noise is not None:
-            noise_ff = _RATE_OF_CODE[chip.CONF_RATE.decode(self._conf)].noise_ff
-            capacitance_pf += noise_ff * 1e-3 * self._noise.standard_normal()
+        capacitance_pf += conversion.noise_pf * next(self._noise)
         return min(max(round(capacitance_pf * chip.CODES_PER_PF), chip.CODE_MIN), chip.CODE_MAX)
 
     def _register(self, address: int) -> int:

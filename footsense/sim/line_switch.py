@@ -67,10 +67,11 @@ class SimulatedLineSwitch:
         shares = []
         until_ns = t_to_ns
         for states in reversed(self._history):
-            since_ns = max(states.since_ns, t_from_ns)
+            since_ns = states.since_ns
+            if since_ns <= t_from_ns:
+                shares.append(((until_ns - t_from_ns) / (t_to_ns - t_from_ns), states))
+                break
             if since_ns < until_ns:
                 shares.append(((until_ns - since_ns) / (t_to_ns - t_from_ns), states))
                 until_ns = since_ns
-            if until_ns <= t_from_ns:
-                break
         return shares

@@ -116,11 +116,17 @@ class Walk:
         self._pitch_rad = math.radians(pitch_deg)
         self._from_ns = from_ns
         self._stands_ns = tuple(stands_ns)
+        self._touch: tuple[Reaction, float, Contact] | None = None  # three legs touch the ground alike
 
     def contact(self, leg: str, t_ns: int) -> Contact:
         """Return the leg's contact; the second tripod steps half a cycle after the first."""
         phase = self.phase(leg, t_ns)
-        return IN_THE_AIR if phase is None else self.contact_at(leg, phase)
+        if phase is None:
+            return IN_THE_AIR
+        reaction = self.reaction[leg]
+        if self._touch is None or self._touch[:2] != (reaction, phase):
+            self._touch = reaction, phase, self.contact_at(leg, phase)
+        return self._touch[2]
 
     def phase(self, leg: str, t_ns: int) -> float | None:
         """Return where a leg is in its gait cycle, 0 at touchdown, in [0, 1); None in the air."""
