@@ -96,7 +96,7 @@ def test_a_zero_far_off_makes_no_slip_steady() -> None:
 
     def said_n(force_n: Vector) -> Vector:
         t_s = next(sample) * SAMPLE_NS * 1e-9
-        return force_n * (1.0 + 0.3 * (t_s - 2.0)) + 40.0
+        return force_n * (t_s - 1.0) + 40.0
 
     pokes = find_pokes(cycles(felt(ONE), 5.5, said_n=said_n), 0)
     assert [poke.why_not for poke in pokes] == [WhyNot.SLIPPED]
