@@ -23,6 +23,8 @@ Vector = NDArray[np.float64]
 
 #: Fewer do not even tell the strays, whatever was known before.
 LEAST_POKES = 5
+#: Median distance of the pokes' nine readings from the twin's [standard deviations] beyond which it is none of them.
+_STRANGE = 12.0
 #: A foot this much softer or stiffer than designed was not made of that rubber.
 _STIFFNESS_FROM, _STIFFNESS_TO = 0.25, 4.0
 
@@ -76,6 +78,12 @@ def calibrate(design: Design, pokes: PokeSet) -> Calibrated:
         raise CalibrationError(
             f"the foot would be {stiffness:.2f} times as stiff as designed; check the reference's unit "
             "(1 kgf is 9.81 N), its axes, and that the foot is of this type"
+        )
+    strange = float(np.median(found.distance))
+    if strange > _STRANGE:
+        raise CalibrationError(
+            f"half of the pokes are {strange:.0f} standard deviations or more from any foot of this type, about 3 are "
+            "usual; check the reference's axes, and that the foot is of this type and whole"
         )
     foreseen = foresee(twin, found)
     require_known(foreseen, len(pokes))

@@ -56,6 +56,10 @@ _TURN_RAD, _PUSH_REL = 2e-3, 1e-3
 #: Mahalanobis distance of nine readings from which a poke counts less: the 99th percentile of chi with 9 degrees.
 _FITS_WITHIN = 4.65
 _MOST_STEPS, _WON_REL = 25, 1e-5
+#: The step before which the shape of the noise is found again, as of parameters that are nearly right.
+_SHAPED_ANEW = 3
+#: How many light pokes there have to be for a beginning, and how many are taken.
+_FEWEST_TO_BEGIN, _MOST_TO_BEGIN = 15, 40
 _MOST_DAMPING = 1e8
 
 
@@ -82,17 +86,31 @@ class Fit(NamedTuple):
 def fit(twin: FootTwin, pokes: PokeSet) -> Fit:
     """Fit a twin to pokes.
 
+    Where there are enough, light ones from all sides come first: under them no gap shuts, and the way is straight.
+
     Args:
         twin: Of the foot, at its readings at rest.
         pokes: At least one.
     """
+    begin = unchanged()
+    size_n = np.linalg.norm(pokes.force_n, axis=1)
+    light = pokes.some(size_n <= np.median(size_n))
+    if len(light) >= _FEWEST_TO_BEGIN:
+        begin = _descend(twin, light.some(light.spread()[:_MOST_TO_BEGIN]), begin).parameters
+    state = _descend(twin, pokes, begin)
+    slopes = state.slopes()
+    covariance = np.asarray(np.linalg.inv(slopes.T @ slopes), dtype=np.float64)
+    return Fit(state.parameters, covariance, state.distance)
+
+
+def _descend(twin: FootTwin, pokes: PokeSet, parameters: Vector) -> "_State":
+    """Return the nearest parameters that explain the pokes best."""
     load, read_pf = Load.centred(pokes.force_n), pokes.undrifted_pf
-    parameters = unchanged()
     whiten = _whitening(twin, parameters, load, pokes)
     state = _State(twin, load, read_pf, whiten, parameters)
     damping = 1e-3
     for number in range(_MOST_STEPS):
-        if number == 3:  # the shape of the noise, as of parameters that are nearly right
+        if number == _SHAPED_ANEW:
             whiten = _whitening(twin, state.parameters, load, pokes)
             state = _State(twin, load, read_pf, whiten, state.parameters)
         slopes = state.slopes()
@@ -107,11 +125,9 @@ def fit(twin: FootTwin, pokes: PokeSet) -> Fit:
             break
         won = 1.0 - tried.cost / state.cost
         state, damping = tried, max(damping / 10.0, 1e-9)
-        if won < _WON_REL and number > 3:
+        if won < _WON_REL and number > _SHAPED_ANEW:
             break
-    slopes = state.slopes()
-    covariance = np.asarray(np.linalg.inv(slopes.T @ slopes), dtype=np.float64)
-    return Fit(state.parameters, covariance, state.distance)
+    return state
 
 
 class _State:
