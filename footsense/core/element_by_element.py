@@ -57,6 +57,7 @@ class ElementByElement:
         self._fresh_from_ns = np.zeros(n_legs, np.int64)
         self._whole: Mask = np.zeros(n_legs, bool)
         self._running = np.zeros(n_legs, bool)
+        self._legs = np.arange(n_legs)
         self._variance_n2 = self._force_variance(moments, n_legs)
         self._sets = np.zeros(n_legs, np.intp)
         self._next = order[0]
@@ -116,7 +117,7 @@ class ElementByElement:
         filled = self._filling.fill(np.where(usable[:, None], closure_rel, 0.0), missing)
         force_n, sigma_n = self._estimator.estimate(filled, missing)
         speed, newest = self._prediction.speed()
-        moving_n2 = speed[:, None] * self._variance_n2[self._sets, newest]
+        moving_n2 = speed[:, None] * self._variance_n2[self._legs, self._sets, newest]
         return force_n, np.sqrt(sigma_n * sigma_n + moving_n2)
 
     def _take(self, values: Vector, t_ns: Stamps, new: Mask) -> None:
@@ -129,28 +130,23 @@ class ElementByElement:
             new[at] = False
 
     def _force_variance(self, moments: Vector, n_legs: int) -> Vector:
-        """Return the variance of the force that the filter's covariance makes [N2], shape (sets, 9, 3), at speed 1."""
+        """Return the variance of the force that the filter's covariance makes, at speed 1.
+
+        Returns:
+            That [N2], shape (legs, sets, 9, 3): each leg may have a foot of its own.
+        """
         axes, directions = np.linalg.eigh(moments)
         stance_rel = np.abs(directions[:, axes.argmax()])
         stance_rel *= _STANCE_REL / stance_rel.max()
         shifts = np.concatenate((np.eye(ELEMENTS), -np.eye(ELEMENTS))) * _DIFFERENCE_REL
-        forces_n = np.concatenate(
-            [
-                self._estimator.estimate(rows, np.zeros(rows.shape, bool))[0]
-                for rows in _in_rows(stance_rel + shifts, n_legs)
-            ]
-        )[: len(shifts)]
-        sensitivity = ((forces_n[:ELEMENTS] - forces_n[ELEMENTS:]) / (2 * _DIFFERENCE_REL)).T
+        whole = np.zeros((n_legs, ELEMENTS), bool)
+        forces_n = np.array(
+            [self._estimator.estimate(np.tile(row, (n_legs, 1)), whole)[0] for row in stance_rel + shifts]
+        )
+        sensitivity = (forces_n[:ELEMENTS] - forces_n[ELEMENTS:]).transpose(1, 2, 0) / (2 * _DIFFERENCE_REL)
         covariance = self._prediction.position_covariance
-        variance_n2 = np.empty((len(KNOWN_MISSING), ELEMENTS, 3))
+        variance_n2 = np.empty((n_legs, len(KNOWN_MISSING), ELEMENTS, 3))
         for number, missing in enumerate(KNOWN_MISSING):
             filled = sensitivity @ self._filling.matrix(missing)
-            variance_n2[number] = np.einsum("ai,eij,aj->ea", filled, covariance[number], filled)
+            variance_n2[:, number] = np.einsum("lai,eij,laj->lea", filled, covariance[number], filled)
         return _JUMPS_REL**2 * variance_n2
-
-
-def _in_rows(values: Vector, n_rows: int) -> list[Vector]:
-    """Return values in blocks of `n_rows`, the last one filled up with zeros."""
-    padded = np.zeros((-(-len(values) // n_rows) * n_rows, values.shape[1]))
-    padded[: len(values)] = values
-    return list(padded.reshape(-1, n_rows, values.shape[1]))
