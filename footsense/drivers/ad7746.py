@@ -169,10 +169,17 @@ def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
     return Reading.OK, chip.capacitance_pf(code)
 
 
-def decode_temperature(answer: bytes) -> float:
-    """Return the temperature in a burst of STATUS to VT_DATA [deg C]; NaN if there is no new one, or none at all."""
+def decode_temperature(answer: bytes, again: bytes) -> float:
+    """Return the temperature in a burst of STATUS to VT_DATA [deg C]; NaN if there is no new one, or none at all.
+
+    It holds for ten seconds, so it has to have come twice: a bit that a wire flipped would scale all forces meanwhile.
+    """
     status, code = answer[0], int.from_bytes(answer[4:7], "big")
-    if status & (chip.STATUS_NEVER_SET | chip.NOT_RDYVT) or code in {0, chip.CODE_MAX}:
+    if (
+        status & (chip.STATUS_NEVER_SET | chip.NOT_RDYVT)
+        or code in {0, chip.CODE_MAX}
+        or answer[4:] != again[4:]
+    ):
         return _NAN
     return chip.temperature_c(code)
 

@@ -66,13 +66,13 @@ class Thermometer(NamedTuple):
         start: Starts the conversion of the temperature.
         wait_ns: Time after which also the slowest chip has finished [ns].
         read: Reads it from one leg.
-        decode: What the answer says [deg C]; NaN if that is none.
+        decode: What two answers in a row say [deg C], the second of which is not new any more; NaN if that is none.
     """
 
     start: tuple[Transaction, ...]
     wait_ns: int
     read: Transaction
-    decode: Callable[[bytes], float]
+    decode: Callable[[bytes, bytes], float]
 
 
 class Board(NamedTuple):

@@ -166,7 +166,8 @@ class BusScanner:
             self._clock.sleep_until_ns(self._clock.now_ns() + thermometer.wait_ns)
             for leg in legs:
                 self._trunk.connect((leg.channel,))
-                leg.temperature_c = thermometer.decode(self._trunk.bus.transfer(thermometer.read))
+                answers = [self._trunk.bus.transfer(thermometer.read) for _ in range(2)]
+                leg.temperature_c = thermometer.decode(*answers)
         except (
             BusError
         ) as error:  # whoever fails here fails in the scan too; the others are asked again later

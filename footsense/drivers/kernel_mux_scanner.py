@@ -97,8 +97,9 @@ class KernelMuxScanner:
                 self._ask(row, write)
         self._clock.sleep_until_ns(self._clock.now_ns() + thermometer.wait_ns)
         for row in asked:
-            if answer := self._ask(row, thermometer.read):
-                self._legs[row].temperature_c = thermometer.decode(answer)
+            answer, again = self._ask(row, thermometer.read), self._ask(row, thermometer.read)
+            if answer and again:
+                self._legs[row].temperature_c = thermometer.decode(answer, again)
 
     def _ask(self, row: int, transaction: Transaction) -> bytes:
         """Return what a leg answers; nothing if it is given up for not answering."""

@@ -155,8 +155,11 @@ def test_results_are_offset_binary_behind_their_status(
     ],
 )
 def test_a_temperature_has_all_its_24_bits(answer: bytes, expected_c: float) -> None:
-    """1/2048 deg C each, the lowest byte its own; without RDYVT there is none."""
-    np.testing.assert_equal(ad7746.decode_temperature(answer), expected_c)
+    """1/2048 deg C each, the lowest byte its own; without RDYVT, or another the second time, there is none."""
+    again = b"\x07" + answer[1:]
+    np.testing.assert_equal(ad7746.decode_temperature(answer, again), expected_c)
+    flipped = again[:4] + bytes([again[4] ^ 1]) + again[5:]
+    np.testing.assert_equal(ad7746.decode_temperature(answer, flipped), NAN)
 
 
 def test_the_temperature_is_given_its_own_time() -> None:
