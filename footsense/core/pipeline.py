@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from footsense.core import quality
 from footsense.core.ageing import Ageing
+from footsense.core.at_rest import AtRest
 from footsense.core.consistency import Consistency, Judgement
 from footsense.core.contact import ContactLimits
 from footsense.core.design import CapacitorDesign
@@ -168,7 +169,7 @@ class Pipeline:
         own_um = np.full_like(stray_pf, calibration.design.gap_um) if gap_um is None else gap_um
         self._shut_rel = calibration.shut_rel(own_um)
         self._most_rel = calibration.most_rel(own_um)
-        self._at_rest = _AtRest(self._footing.baseline_pf, calibration.design, self._gain_rel)
+        self._at_rest = AtRest(self._footing.baseline_pf, calibration.design, self._gain_rel)
 
     @property
     def baseline_pf(self) -> Vector:
@@ -215,7 +216,7 @@ class Pipeline:
         seen = self._readings.look(scan, self._consistency.remembered, footing.baseline_pf)
         outcomes = footing.tare(seen.settled_pf, scan.reading, scan.t_ns, seen.lacking, now_ns)
         if footing.baseline_pf is not self._at_rest.baseline_pf:
-            self._at_rest = _AtRest(footing.baseline_pf, calibration.design, self._gain_rel)
+            self._at_rest = AtRest(footing.baseline_pf, calibration.design, self._gain_rel)
             self._consistency.forget(self._at_rest.untared_legs)
         rest_rel = self._at_rest.distance_rel
         missing = seen.lacking
@@ -363,29 +364,3 @@ class _Verdict(NamedTuple):
     cause: NDArray[np.uint8]
     t_ns: NDArray[np.int64]
     inside: bool
-
-
-class _AtRest:
-    """What follows from the baselines; they change seldom.
-
-    Args:
-        baseline_pf: Unloaded capacitances without stray [pF], shape (legs, 9), NaN where there is none.
-        design: The capacitors.
-        gain_rel: Closure of each element by the design's electrodes, of its real closure [1], shape (legs, 9).
-
-    Attributes:
-        baseline_pf: As given.
-        distance_rel: Distances over the gap [1], shape (legs, 9).
-        untared_legs: Legs without any, shape (legs,).
-        untared: Elements without one on legs that have others, shape (legs, 9).
-        whole: Whether there are none of those.
-    """
-
-    def __init__(self, baseline_pf: Vector, design: CapacitorDesign, gain_rel: Vector) -> None:
-        self.baseline_pf = baseline_pf
-        self.distance_rel = design.plate_distance_um(baseline_pf) / design.gap_um / gain_rel
-        untared: Mask = np.isnan(baseline_pf)
-        whole_legs: Mask = np.asarray(untared.all(axis=1))
-        self.untared_legs = whole_legs
-        self.untared: Mask = np.logical_and(untared, ~whole_legs[:, None])
-        self.whole = not self.untared.any()

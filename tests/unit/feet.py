@@ -35,7 +35,8 @@ class SumOfClosures:
         return force_n, SIGMA_N * (1 + missing.sum(axis=1, keepdims=True))
 
 
-def pipeline(n_legs: int = 2, stray_pf: float = 0.0) -> Pipeline:
+def pipeline(n_legs: int = 2, stray_pf: float = 0.0, **own: NDArray[np.float64]) -> Pipeline:
+    """Return one of feet as designed; `own` says otherwise of their `gap_um` and `gain_rel`."""
     return Pipeline(
         ScanByScan(SumOfClosures(), n_legs, ALIKE),
         Calibration(
@@ -52,14 +53,16 @@ def pipeline(n_legs: int = 2, stray_pf: float = 0.0) -> Pipeline:
         max_age_ns=MAX_AGE_NS,
         settled_ns=MAX_AGE_NS,
         flags=Flag.SIMULATED,
+        gap_um=own.get("gap_um"),
+        gain_rel=own.get("gain_rel"),
     )
 
 
 class Feet:
     """Makes scans of feet whose closures are given, and feeds them to a pipeline."""
 
-    def __init__(self, n_legs: int = 2, stray_pf: float = 0.0) -> None:
-        self.pipeline = pipeline(n_legs, stray_pf)
+    def __init__(self, n_legs: int = 2, stray_pf: float = 0.0, **own: NDArray[np.float64]) -> None:
+        self.pipeline = pipeline(n_legs, stray_pf, **own)
         self.n_legs = n_legs
         self.stray_pf = stray_pf
         self.sequence = 0

@@ -10,7 +10,7 @@ from footsense.core.design import CapacitorDesign
 from footsense.core.sensitivity import Sensitivity
 from footsense.core.zero import DRIFT_PF2_PER_S
 from footsense.frames import USABLE, Command, CommandKind, Flag, Reading, Result, State
-from tests.unit.feet import MAX_AGE_NS, SCAN_NS, SIGMA_N, WINDOW, Feet, SumOfClosures
+from tests.unit.feet import DESIGN, MAX_AGE_NS, SCAN_NS, SIGMA_N, WINDOW, Feet, SumOfClosures
 
 
 def test_before_the_first_tare_there_is_no_force() -> None:
@@ -175,6 +175,28 @@ def test_sigma_knows_of_motion() -> None:
         scan.t_ns[:] += np.arange(9) * SCAN_NS // 9
         in_motion = feet.feed(scan)
     assert (in_motion.sigma_n[0] > 0.02).all()
+
+
+@pytest.mark.parametrize(
+    ("closure_um", "states"),
+    [
+        (11.0, [State.VALID, State.VALID, State.VALID]),
+        (12.0, [State.SATURATED, State.VALID, State.VALID]),
+        (15.6, [State.SATURATED, State.VALID, State.VALID]),
+        (16.4, [State.SATURATED, State.OUT_OF_RANGE, State.VALID]),
+        (23.0, [State.SATURATED, State.SATURATED, State.OUT_OF_RANGE]),
+    ],
+)
+def test_a_foot_s_own_gap_says_when_it_is_shut(closure_um: float, states: list[State]) -> None:
+    """A narrow one shuts early, a wide one is read as far as the network was taught; a gain is taken off before."""
+    gap_um = np.repeat([[12.0], [24.0], [24.0]], 9, axis=1)
+    gain_rel = np.repeat([[1.0], [1.0], [1.25]], 9, axis=1)
+    feet = Feet(3, gap_um=gap_um, gain_rel=gain_rel).tared()
+    forces = feet.feed(feet.scan(closure_um))
+    assert forces.state.tolist() == states
+    valid = forces.state == State.VALID
+    real_rel = closure_um / DESIGN.gap_um / gain_rel[valid, 0]
+    np.testing.assert_allclose(forces.force_n[valid, 2], 9.0 * real_rel)
 
 
 @pytest.mark.parametrize("what", ["force", "sigma"])
