@@ -108,8 +108,8 @@ def judge_foot(workshop: Workshop, number: int, *, scratch: Scratch | None, ever
         return _judged(design_of(workshop.foot_type), trial, learning, began_ns, scratch)
 
 
-def design_of(foot_type: str) -> Design:
-    """Return what is known of a type of feet.
+def models_of(foot_type: str) -> Path:
+    """Return the folder of a type of feet.
 
     Raises:
         ModelError: There is no such type.
@@ -117,9 +117,18 @@ def design_of(foot_type: str) -> Design:
     config = Config(
         buses=(Bus(device="sim", legs={"lf": 0}),), can=Can(interface="virtual"), foot_type=foot_type
     )
-    path = artefact(config, "network.onnx")
-    network = lru_cache(maxsize=8)(partial(Network, path))
-    response = FootResponse.load(artefact(config, "response.npz"))
+    return artefact(config, "network.onnx").parent
+
+
+def design_of(foot_type: str) -> Design:
+    """Return what is known of a type of feet.
+
+    Raises:
+        ModelError: There is no such type.
+    """
+    folder = models_of(foot_type)
+    network = lru_cache(maxsize=8)(partial(Network, folder / "network.onnx"))
+    response = FootResponse.load(folder / "response.npz")
     return Design(response, network, network(1).card.calibration)
 
 

@@ -11,13 +11,15 @@ import click
 import numpy as np
 
 from footsense.app.bench_trial import Workshop
-from footsense.app.experiment import ALL, FEW, FootJudged, design_of, run_experiment
+from footsense.app.experiment import ALL, FEW, FootJudged, models_of, run_experiment
 from footsense.cli.lab_options import require_writable, stopwatch_report
 from footsense.errors import FootsenseError
 from footsense.sim.fabrication import AS_BADLY_MADE
 
 if TYPE_CHECKING:
-    from footsense.lab.study.page import Page
+    from collections.abc import Callable
+
+    from footsense.lab.study.page import Page, Workbench
 
 #: Feet of a full run, and of a quick one with one of so many presses.
 _FEET, _QUICK_FEET, _QUICK_EVERY = 20, 2, 7
@@ -65,32 +67,40 @@ def experiment(
     """
     folder = output or Path("docs") / ("report-quick" if quick else "report")
     require_writable(folder)
+    from footsense.lab.report import bind, timed_page
+    from footsense.lab.study.page import Workbench
+
+    workshop = Workshop(seed=seed, foot_type=foot_type or Workshop().foot_type)
+    say: Callable[[str], None] = (lambda _: None) if as_json else stopwatch_report()
+    bench = Workbench(models=models_of(workshop.foot_type), quick=quick, say=say)
+    n_feet = n_feet or (_QUICK_FEET if quick else _FEET)
+    page = timed_page(lambda bench: page_of(bench, workshop, n_feet, jobs or os.cpu_count() or 1), bench)
+    page.write(folder)
+    if foot_type is None:
+        bind(folder, bench)
+    click.echo(json.dumps(page.values, indent=2) if as_json else page.markdown)
+    say(f"wrote {folder / page.name}.md")
+
+
+def page_of(bench: "Workbench", workshop: Workshop, n_feet: int, jobs: int) -> "Page":
+    """Make, poke and judge feet, and return the page of the report."""
     from footsense.lab.paper_way import EPOCHS
     from footsense.lab.scratch import from_scratch
 
-    workshop = Workshop(seed=seed, foot_type=foot_type or Workshop().foot_type)
-    design = design_of(workshop.foot_type).card.design
-    scratch = partial(from_scratch, design, epochs=_QUICK_EPOCHS if quick else EPOCHS)
-    numbers = range(n_feet or (_QUICK_FEET if quick else _FEET))
-    say = (lambda _: None) if as_json else stopwatch_report()
+    every = _QUICK_EVERY if bench.quick else 1
+    scratch = partial(from_scratch, bench.response.design, epochs=_QUICK_EPOCHS if bench.quick else EPOCHS)
     judged: list[FootJudged] = []
-    every = _QUICK_EVERY if quick else 1
-    for one in run_experiment(workshop, numbers, scratch, jobs=jobs or os.cpu_count() or 1, every=every):
+    for one in run_experiment(workshop, range(n_feet), scratch, jobs=jobs, every=every):
         judged.append(one)
-        say(_line(one))
+        bench.say(_line(one))
     judged.sort(key=lambda one: one.foot)
-    values = figures(judged) | {
-        "seed": seed,
+    told = {
+        "seed": workshop.seed,
         "foot_type": workshop.foot_type,
-        "yardstick": asdict(AS_BADLY_MADE),
-        "quick": quick,
+        "made": asdict(AS_BADLY_MADE),
         "every": every,
     }
-    page = page_of(judged, values)
-    page.write(folder)
-    click.echo(json.dumps(values, indent=2) if as_json else page.markdown)
-    if not as_json:
-        click.echo(f"wrote {folder / page.name}.md")
+    return _page(judged, figures(judged) | told)
 
 
 def figures(judged: list[FootJudged]) -> dict[str, Any]:
@@ -136,8 +146,13 @@ def _line(one: FootJudged) -> str:
     )
 
 
-def page_of(judged: list[FootJudged], values: dict[str, Any]) -> "Page":
-    """Return the page of the report."""
+def _page(judged: list[FootJudged], values: dict[str, Any]) -> "Page":
+    """Return the page of the report.
+
+    Args:
+        judged: The feet.
+        values: As of `figures`, and what the run was told.
+    """
     from footsense.cli.lab_experiment_figure import few_shot
     from footsense.lab.study.page import Page, table
 
@@ -156,13 +171,13 @@ def page_of(judged: list[FootJudged], values: dict[str, Any]) -> "Page":
     columns = ("direction_deg", "magnitude_gf", "felt_direction_deg", "felt_magnitude_gf")
     rows = [[names[way], *(cell(way, what) for what in columns), str(values[way]["feet"])] for way in ways]
     header = ["read by", "deg", "gf", "deg, felt", "gf, felt", "feet"]
-    own = values["yardstick"]
+    own = values["made"]
     made = (
-        f"{own['gap_um']:g} um of each gap, {own['film_um']:g} um of each film, {own['stray_pf']:g} pF of\n"
-        f"stray beside each element that nobody knows of, {own['stiffness_rel']:.0%} of the stiffness and "
+        f"{own['gap_um']:g} um of each gap, {own['film_um']:g} um of each film, {own['stray_pf']:g} pF of stray beside "
+        f"each element that nobody knows of,\n{own['stiffness_rel']:.0%} of the stiffness and "
         f"{own['mount_deg']:g} deg of the mount"
     )
-    quick = f"**Quick: one of {values['every']} presses.** " if values["quick"] else ""
+    quick = f"**Quick: one of {values['every']} presses.** " if (values["every"] > 1) else ""
     learnt, unread = values["pokes_learnt"]["mean"], values["pokes_unread"]["mean"]
     took = values["calibrate_s"]
     refused = [
@@ -171,8 +186,8 @@ def page_of(judged: list[FootJudged], values: dict[str, Any]) -> "Page":
     notes = "\n".join(f"- {line}" for line in refused)
     body = f"""
 {quick}The paper's network came to 2.4 deg / 5.3 gf in simulation, and to 15.9 deg / 18.7 gf on the foot that was made
-(section V C). Here {values["feet"]} feet are drawn that are as badly made, with rms deviations of {made}.
-Their rubber creeps and lags, gaps shut, converters are noisy and off in their clocks. These levels are
+(section V C). Here {values["feet"]} feet are drawn that are as badly made, with rms deviations of
+{made}. Their rubber creeps and lags, gaps shut, converters are noisy and off in their clocks. These levels are
 chosen so that the network of the design, which knows nothing of the foot, is as wrong as the paper's was: that is the
 yardstick.
 
@@ -195,7 +210,7 @@ the foot really felt.
     return Page(
         name="experiment",
         title="The experiment, on feet that were never made",
-        command="experiment" + (" --quick" if values["quick"] else ""),
+        command="experiment" + (" --quick" if (values["every"] > 1) else ""),
         body=body,
         figures={"experiment.png": few_shot(judged)},
         values=values,

@@ -45,7 +45,7 @@ STUDIES = (
     "hard-cases",
 )
 #: Pages about the daemon, which the lab does not know: their commands make them.
-OTHERS = ("faults",)
+OTHERS = ("faults", "experiment")
 README, BUILD = "README.md", "build.json"
 
 
