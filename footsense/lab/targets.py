@@ -43,6 +43,11 @@ def _worst_solid(values: Mapping[str, Any]) -> float | None:
     return None if worst is None else 100.0 * max(abs(float(part)) for part in worst if part is not None)
 
 
+def _of_feet(way: str, figure: str) -> Callable[[Mapping[str, Any]], float]:
+    """Return what picks the mean over feet of one way to read them."""
+    return lambda values: float(values[way][figure]["mean"])
+
+
 TARGETS = (
     Target(
         "shipped network, direction, mean [deg]",
@@ -90,6 +95,23 @@ TARGETS = (
         50.0,
         lambda values: values["forward"]["ratio"],
         at_least=True,
+    ),
+    *(
+        Target(
+            f"feet as badly made as the paper's, {words}, {what} [{unit}]",
+            "experiment",
+            wanted,
+            _of_feet(way, key),
+            paper=paper,
+        )
+        for way, words, wanted_deg, wanted_gf in (
+            ("calibrated_362", "all pokes", 1.6, 1.9),
+            ("calibrated_20", "20 pokes", 3.0, 4.0),
+        )
+        for what, unit, key, wanted, paper in (
+            ("direction", "deg", "direction_deg", wanted_deg, "15.9"),
+            ("magnitude", "gf", "magnitude_gf", wanted_gf, "18.7"),
+        )
     ),
     Target("all of this from nothing [min]", "report", 60.0, lambda values: values["minutes"]),
 )
