@@ -53,6 +53,8 @@ _STEP = np.concatenate(
     [np.full(ELEMENTS, 0.01), np.full(ELEMENTS, 1e-3), np.full(ELEMENTS, 0.02), [0.005], np.full(3, 2e-3)]
 )
 _TURN_RAD, _PUSH_REL = 2e-3, 1e-3
+#: A cell as near to its gap is shut [um].
+_SHUT_WITHIN_UM = 1e-6
 #: Mahalanobis distance of nine readings from which a poke counts less: the 99th percentile of chi with 9 degrees.
 _FITS_WITHIN = 4.65
 _MOST_STEPS, _WON_REL = 25, 1e-5
@@ -96,15 +98,18 @@ def fit(twin: FootTwin, pokes: PokeSet) -> Fit:
     size_n = np.linalg.norm(pokes.force_n, axis=1)
     light = pokes.some(size_n <= np.median(size_n))
     if len(light) >= _FEWEST_TO_BEGIN:
-        begin = _descend(twin, light.some(light.spread()[:_MOST_TO_BEGIN]), begin).parameters
-    state = _descend(twin, pokes, begin)
-    slopes = state.slopes()
+        begin = _descend(twin, light.some(light.spread()[:_MOST_TO_BEGIN]), begin, lends=True).parameters
+    # A gap that shuts in the foot and not yet in the twin has no slope, and never would shut. So each is lent that of
+    # all gaps together on the way; in the end it has its own, and one that never shuts is as designed.
+    lent = _descend(twin, pokes, begin, lends=True)
+    state = _descend(twin, pokes, lent.parameters, lends=False)
+    slopes = state.slopes(lends=False)
     covariance = np.asarray(np.linalg.inv(slopes.T @ slopes), dtype=np.float64)
     return Fit(state.parameters, covariance, state.distance)
 
 
-def _descend(twin: FootTwin, pokes: PokeSet, parameters: Vector) -> "_State":
-    """Return the nearest parameters that explain the pokes best."""
+def _descend(twin: FootTwin, pokes: PokeSet, parameters: Vector, *, lends: bool) -> "_State":
+    """Return the nearest parameters that explain the pokes best; `lends` as of `_State.slopes`."""
     load, read_pf = Load.centred(pokes.force_n), pokes.undrifted_pf
     whiten = _whitening(twin, parameters, load, pokes)
     state = _State(twin, load, read_pf, whiten, parameters)
@@ -113,7 +118,7 @@ def _descend(twin: FootTwin, pokes: PokeSet, parameters: Vector) -> "_State":
         if number == _SHAPED_ANEW:
             whiten = _whitening(twin, state.parameters, load, pokes)
             state = _State(twin, load, read_pf, whiten, state.parameters)
-        slopes = state.slopes()
+        slopes = state.slopes(lends=lends)
         curvature, gradient = slopes.T @ slopes, slopes.T @ state.residual
         while damping < _MOST_DAMPING:
             step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), -gradient)
@@ -151,15 +156,16 @@ class _State:
         white: Vector = np.einsum("nij,nj->ni", self._whiten, difference_pf)
         return white
 
-    def slopes(self) -> Vector:
-        """Return how the residual changes with each parameter, shape (rows, N_PARAMETERS)."""
+    def slopes(self, *, lends: bool) -> Vector:
+        """Return how the residual changes with each parameter, shape (rows, N_PARAMETERS).
+
+        Args:
+            lends: Whether each gap is taken to do to its own element what all gaps together do to it, which is
+                something as soon as one shuts nearby; else what it does to all, which is nothing but where it shuts.
+        """
         n = len(self._model_pf)
         columns = np.zeros((n * ELEMENTS, N_PARAMETERS))
-        for kind in (
-            STRAY,
-            GAIN,
-            GAP,
-        ):  # an element's own moves its own reading; the gap's share of others is small
+        for kind in (STRAY, GAIN, GAP) if lends else (STRAY, GAIN):
             moved = self.parameters.copy()
             moved[kind] += _STEP[kind]
             cells_um = self._twin.cells_um(moved, self._load) if kind is GAP else self._cells_um
@@ -168,12 +174,27 @@ class _State:
                 alone = np.zeros((n, ELEMENTS))
                 alone[:, element] = slope[:, element]
                 columns[:, kind.start + element] = (self._weight * self._whitened(alone)).ravel()
+        for element in () if lends else range(ELEMENTS):
+            columns[:, GAP.start + element] = (self._weight * self._whitened(self._by_gap(element))).ravel()
         for number in (*range(N_PARAMETERS)[STIFFNESS], *range(N_PARAMETERS)[MOUNT]):
             moved = self.parameters.copy()
             moved[number] += _STEP[number]
             slope = (self._twin.capacitance_pf(moved, self._load) - self._model_pf) / _STEP[number]
             columns[:, number] = (self._weight * self._whitened(slope)).ravel()
         return np.concatenate([columns, np.diag(1.0 / PRIOR)])
+
+    def _by_gap(self, element: int) -> Vector:
+        """Return how the readings change with one gap [pF/um], shape (n, 9): not at all but where it shuts."""
+        slope = np.zeros_like(self._model_pf)
+        cells_um = self._cells_um.reshape(len(slope), ELEMENTS, -1)[:, element]
+        shut = (cells_um >= self._twin.gap_um(self.parameters)[element] - _SHUT_WITHIN_UM).any(axis=1)
+        if shut.any():
+            number = GAP.start + element
+            moved = self.parameters.copy()
+            moved[number] += _STEP[number]
+            cells_um = self._twin.cells_um(moved, Load(self._load.normal[shut], self._load.force_n[shut]))
+            slope[shut] = (self._twin.reading_pf(moved, cells_um) - self._model_pf[shut]) / _STEP[number]
+        return slope
 
 
 def _whitening(twin: FootTwin, parameters: Vector, load: Load, pokes: PokeSet) -> Vector:

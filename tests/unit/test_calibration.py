@@ -23,6 +23,7 @@ from tests.unit.bench_pokes import design, made, poked
 Vector = NDArray[np.float64]
 
 _TRAINING, _JUDGED = paper_presses("training"), paper_presses("verification")[::4]
+_LIGHT = 0.3 * _TRAINING[::12]
 
 
 def _read(pokes: PokeSet, foot: FootParameters | None) -> Vector:
@@ -146,3 +147,23 @@ def test_firm_pokes_that_shut_gaps_lead_nowhere_else(number: int) -> None:
     found = calibrate(design(), poked(made(number), _TRAINING, np.random.default_rng(number))).found
     assert np.median(found.distance) < 5.0
     assert np.abs(found.parameters[STRAY] - made(number).stray_pf).max() < 0.35
+
+
+def test_a_gap_that_never_shuts_is_as_designed_and_said_to_be_untold() -> None:
+    """Pokes of 50 gf shut none: they tell nothing of any gap, and what is not told is not moved."""
+    found = fit(FootTwin(design().response, poked(made(1), _LIGHT).unloaded_pf), poked(made(1), _LIGHT))
+    np.testing.assert_allclose(found.parameters[GAP], 0.0, atol=1e-6)
+    assert (found.told_rel[GAP] < 0.01).all()
+
+
+def test_no_gap_is_told_but_by_pokes_that_shut_it() -> None:
+    """One that a neighbour's shutting had moved would let a shut gap pass for an open one on the robot."""
+    own = made(0)
+    pokes = poked(own, _TRAINING[::6], np.random.default_rng(0))
+    twin = FootTwin(design().response, pokes.unloaded_pf)
+    found = fit(twin, pokes)
+    cells_um = twin.cells_um(found.parameters, Load.centred(pokes.force_n)).reshape(len(pokes), 9, -1)
+    shuts = (cells_um >= twin.gap_um(found.parameters)[:, None] - 1e-6).any(axis=(0, 2))
+    assert not shuts.all()
+    np.testing.assert_allclose(found.parameters[GAP][~shuts], 0.0, atol=1.0)
+    assert (found.told_rel[GAP][~shuts] < 0.01).all()
