@@ -134,15 +134,16 @@ def _kept(sessions: Sequence[BenchSession], hold_out: str | None) -> tuple[NDArr
     Raises:
         CalibrationError: The session that is to be kept is not one of several.
     """
-    names = [session.name for session in sessions]
-    if hold_out is None and len(sessions) > 1:
+    # One mounting may have more than one recording.
+    names = list(dict.fromkeys(session.name for session in sessions))
+    if hold_out is None and len(names) > 1:
         hold_out = names[-1]
     if hold_out is None:
-        n = len(sessions[0].pokes)
-        kept = np.zeros(n, bool)
-        kept[PokeSet.of(sessions[0].pokes).spread()[_KEPT_OF - 1 :: _KEPT_OF]] = True
+        pokes = PokeSet.of([poke for session in sessions for poke in session.pokes])
+        kept = np.zeros(len(pokes), bool)
+        kept[pokes.spread()[_KEPT_OF - 1 :: _KEPT_OF]] = True
         return kept, f"every {_KEPT_OF}th poke of the one session; another session would tell more"
-    if names.count(hold_out) != 1 or len(names) == 1:
+    if hold_out not in names or len(names) == 1:
         raise CalibrationError(
             f"--hold-out {hold_out}: has to be one of several sessions, here are {', '.join(names)}"
         )

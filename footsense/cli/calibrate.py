@@ -68,7 +68,7 @@ def _content(foot: str, network: Path, sessions: list[BenchSession], found: Cali
         network=network,
         made=wall_time_iso(),
         n_pokes=found.n_pokes,
-        n_sessions=len(sessions),
+        n_sessions=len({session.name for session in sessions}),
         held_out=found.held_out,
         recordings={session.path.name: session.sha256 for session in sessions},
         temperature_c=found.temperature_c,
