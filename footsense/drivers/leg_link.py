@@ -92,7 +92,8 @@ class LegLink:
 
     def note_scan(self, readings: NDArray[np.uint8], now_ns: int) -> None:
         """Count scans with a reading that is missing; after too many, leave the leg out for a while."""
-        missing = [reading for reading in _WORDS if (readings == reading).any()]
+        present = set(readings.tolist())
+        missing = [reading for reading in _WORDS if reading in present]
         if not missing:
             self._misses = 0
             self._pause_ns = _FIRST_PAUSE_NS
