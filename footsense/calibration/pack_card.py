@@ -18,7 +18,6 @@ def card_text(manifest: Manifest, parameters: Parameters) -> str:
         parameters: How the foot differs from its design.
     """
     recordings = "\n".join(f"| {name} | `{sha256}` |" for name, sha256 in manifest.recordings.items())
-    unexplained = ", ".join(f"{1e3 * value:.1f}" for value in parameters.error_n)
     strayed = "stray capacitance, bench wiring included [pF]"
     return f"""# {manifest.foot}
 
@@ -40,8 +39,8 @@ robot takes these files as they are, or not at all: whatever is edited here by h
 {_grid("gain of the closure [1]", parameters.gain_rel, 3)}
 
 Stiffness {parameters.stiffness_rel:+.1%}; mounted {_turned_deg(parameters):.1f} deg off; largest term of the
-correction {np.abs(parameters.correction).max():.3f}. What the pokes left unexplained: {unexplained} mN
-along x, y, z without load, and {parameters.error_rel:.1%} of the force.
+correction {np.abs(parameters.correction).max():.3f}. What the pokes left unexplained: {parameters.error_rel:.1%} of
+the force.
 
 ## Made of
 

@@ -147,7 +147,6 @@ def _write_files(draft: Path, content: PackContent) -> None:
         stiffness_rel=own.stiffness_rel,
         mount=own.mount.tolist(),
         correction=own.correction.tolist(),
-        error_n=own.error_n.tolist(),
         error_rel=own.error_rel,
         temperature_c=content.temperature_c,
         stiffness_per_k=content.stiffness_per_k,

@@ -38,7 +38,6 @@ class CalibratedFeet:
             [np.zeros((3, FEATURES)) if foot is None else foot.correction for foot in feet], (times, 1, 1)
         )
         self._corrected = bool(self._bench_correction.any())
-        self._error_n = np.tile([np.zeros(3) if foot is None else foot.error_n for foot in feet], (times, 1))
         self._bench_error_rel = np.tile([0.0 if foot is None else foot.error_rel for foot in feet], times)
         self._times = times
         self._read_with(np.ones(len(feet)), np.zeros(len(feet)))
@@ -70,5 +69,5 @@ class CalibratedFeet:
         if self._corrected:
             force_n += np.einsum("rij,rj->ri", self._correction, features(designed_n))
         own_variance = np.einsum("rij,rj->ri", self._matrix**2, designed_sigma_n**2)
-        left_n = np.hypot(self._error_n, self._error_rel * np.linalg.norm(force_n, axis=1, keepdims=True))
+        left_n = self._error_rel * np.linalg.norm(force_n, axis=1, keepdims=True)
         return force_n, np.sqrt(own_variance + left_n**2)

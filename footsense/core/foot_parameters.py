@@ -35,8 +35,7 @@ class FootParameters:
         stiffness_rel: Stiffness of the whole foot over the design's, less one [1].
         mount: Rotation from the leg's frame to the foot's, shape (3, 3).
         correction: C above, shape (3, FEATURES); zero for none.
-        error_n: Standard deviation of what the pokes leave unexplained, of each component at no load [N], shape (3,).
-        error_rel: The same, relative to the force [1].
+        error_rel: Standard deviation of what the pokes leave unexplained, of the force [1].
     """
 
     stray_pf: Vector
@@ -46,7 +45,6 @@ class FootParameters:
     stiffness_rel: float = 0.0
     mount: Vector = field(default_factory=lambda: np.eye(_AXES))
     correction: Vector = field(default_factory=lambda: np.zeros((_AXES, FEATURES)))
-    error_n: Vector = field(default_factory=lambda: np.zeros(_AXES))
     error_rel: float = 0.0
 
     def __post_init__(self) -> None:
@@ -62,7 +60,6 @@ class FootParameters:
             "gain_rel": (ELEMENTS,),
             "mount": (_AXES, _AXES),
             "correction": (_AXES, FEATURES),
-            "error_n": (_AXES,),
         }
         for name, shape in shapes.items():
             value = getattr(self, name)
@@ -78,8 +75,8 @@ class FootParameters:
         mirrored = np.linalg.det(self.mount) < 0.0
         if mirrored or not np.allclose(self.mount @ self.mount.T, np.eye(_AXES), atol=1e-6):
             raise ValueError("mount: is no rotation")
-        if not (self.error_rel >= 0.0 and self.error_n.min() >= 0.0):
-            raise ValueError("error_n, error_rel: are standard deviations, not below 0")
+        if not self.error_rel >= 0.0:
+            raise ValueError(f"error_rel: is a standard deviation, not below 0, got {self.error_rel:g}")
 
     @property
     def force_matrix(self) -> Vector:

@@ -163,7 +163,6 @@ def _parameters(path: Path, found: Parameters) -> FootParameters:
             stiffness_rel=found.stiffness_rel,
             mount=np.array(found.mount),
             correction=np.array(found.correction),
-            error_n=np.array(found.error_n),
             error_rel=found.error_rel,
         )
     except ValueError as error:

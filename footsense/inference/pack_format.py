@@ -115,7 +115,6 @@ class Parameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     stiffness_rel: float
     mount: Annotated[list[Three], Meta(min_length=3, max_length=3)]
     correction: Annotated[Rows, Meta(max_length=3)]
-    error_n: Three
     error_rel: float
     temperature_c: Annotated[float, Meta(ge=COLDEST_C, le=WARMEST_C)] | None
     # More would leave no stiffness at the other end of what a converter measures.

@@ -33,7 +33,6 @@ def parameters(**given: Any) -> FootParameters:
         "stiffness_rel": 0.07,
         "mount": mount,
         "correction": correction,
-        "error_n": np.array([0.004, 0.005, 0.01]),
         "error_rel": 0.02,
     }
     return FootParameters(**{**values, **given})
