@@ -61,7 +61,9 @@ def test_pages_about_another_network_are_left_out(bench: Workbench, tmp_path: Pa
 def test_the_released_report_has_every_target_and_says_why_one_is_missed() -> None:
     """The committed pages hold all numbers that the table on top is made of."""
     pages = Path(__file__).parents[2] / "docs" / "report"
-    values = {name: json.loads((pages / f"{name}.json").read_text(encoding="utf-8")) for name in STUDIES + OTHERS}
+    values = {
+        name: json.loads((pages / f"{name}.json").read_text(encoding="utf-8")) for name in STUDIES + OTHERS
+    }
     text = targets({**values, "report": {"minutes": 1.0}})
     assert "not measured" not in text
     assert "at 150 gf that makes" in text

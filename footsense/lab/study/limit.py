@@ -297,16 +297,11 @@ def _twin_rows(twins: dict[float, tuple[Vector, Vector]]) -> list[list[str]]:
 def page(bench: Workbench) -> Page:
     """Return the page."""
     quick = bench.quick
-    foot = Foot(bench.response)
+    foot, loads = Foot(bench.response), bench.sole.loads
     magnitudes, draws = ((20.0, 50.0, 100.0), 8) if quick else (MAGNITUDES_GF, 64)
-    ratio = crb_ratio(
-        bench.response, bench.sole.loads, bench.network.force_n, draws=draws, magnitudes_gf=magnitudes
-    )
+    ratio = crb_ratio(bench.response, loads, bench.network.force_n, draws=draws, magnitudes_gf=magnitudes)
     bench.say(f"limit: the network is at {ratio.worst:.2f} of the bound in its worst bin")
-    straight, leaning = (
-        verification_directions(),
-        leaning_contacts(bench.sole.loads, np.random.default_rng(3), 600),
-    )
+    straight, leaning = verification_directions(), leaning_contacts(loads, np.random.default_rng(3), 600)
     tried = [("centred", (straight, straight), gf) for gf in (TWIN_GF[:1] if quick else TWIN_GF)]
     tried += [] if quick else [("leaning", leaning, gf) for gf in TWIN_GF[:2]]
     fitted = {f"{what}, {gf:g}": refined(bench, where, gf, 1 if quick else 4) for what, where, gf in tried}
