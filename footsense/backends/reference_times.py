@@ -80,30 +80,33 @@ class SampleTimes:
         else:
             theirs = [round((self._count + 1 + k) * self._period_ns) for k in range(n)]
             self._count += n
-        jumps = self._map.restarts
+        # What has waited is older than the newest by the sensor's own time; only the newest has just arrived.
+        waited = [arrival_ns - (theirs[-1] - t_ns) for t_ns in theirs]
         if self._last is None or self._begins:
-            # What has waited is older than the newest by the sensor's own time; only the newest has just arrived.
-            self._begins = False
             self._map.map(theirs[-1], arrival_ns)
-            ours = [arrival_ns - (theirs[-1] - t_ns) for t_ns in theirs]
-            jumps = -1
+            ours, begun = waited, [True] + [False] * (n - 1)
+            self._begins = False
         else:
-            ours = [self._map.map(t_ns, arrival_ns) for t_ns in theirs]
-        self._count_missing(theirs, ours, went_on=self._map.restarts == jumps)
+            ours, begun = [], []
+            for t_ns in theirs:
+                jumps = self._map.restarts
+                ours.append(self._map.map(t_ns, arrival_ns))
+                begun.append(self._map.restarts != jumps)
+        self._count_missing(theirs, ours, waited, begun)
         self._last = theirs[-1], ours[-1]
         if rows.t_ns is None and rows.sequence is None:
             self._keep_count(arrival_ns - ours[-1])
         return np.array(ours, np.int64) - self._latency_ns
 
-    def _count_missing(self, theirs: list[int], ours: list[int], *, went_on: bool) -> None:
+    def _count_missing(
+        self, theirs: list[int], ours: list[int], waited: list[int], begun: list[bool]
+    ) -> None:
         """Count the gaps in the sensor's own time; over a jump or a new beginning, in ours."""
-        before = self._last if went_on else None
-        for t_theirs_ns, t_ours_ns in zip(theirs, ours, strict=True):
+        before = self._last
+        for t_theirs_ns, t_ours_ns, t_waited_ns, begins in zip(theirs, ours, waited, begun, strict=True):
             if before is not None:
-                since_ns = t_theirs_ns - before[0]
-            else:
-                since_ns = t_ours_ns - self._last[1] if self._last is not None else 0
-            self.n_missing += max(round(since_ns / self._period_ns) - 1, 0)
+                since_ns = t_waited_ns - before[1] if begins else t_theirs_ns - before[0]
+                self.n_missing += max(round(since_ns / self._period_ns) - 1, 0)
             before = t_theirs_ns, t_ours_ns
 
     def _keep_count(self, late_ns: int) -> None:

@@ -41,7 +41,8 @@ class ClockMap:
     after a second if it stood still, since until then what came late may as well have waited on its way, and is old.
 
     Attributes:
-        restarts: How often the clock has jumped; what is corrected within the first half second is not counted.
+        restarts: How often the clock has jumped. Within the first half second, when bytes of before may still come out
+            of buffers, only what no buffer does is counted: a leap ahead by half a second more than has passed here.
         drift_rel: By how much this machine's clock runs faster than the foreign one [1], -0.01 to 0.01; 0 at first.
     """
 
@@ -55,6 +56,7 @@ class ClockMap:
         self._slot_ends_ns = 0
         self._late_since_ns: int | None = None
         self._last: tuple[int, int] | None = None  # foreign time and what it was mapped to
+        self._arrived_ns = 0  # when that was
 
     @property
     def residual_ns(self) -> int:
@@ -76,14 +78,16 @@ class ClockMap:
         point = (t_foreign_ns, t_arrival_ns - t_foreign_ns)
         late_ns = point[1] - self._line_ns(t_foreign_ns)
         since_ns = 0 if self._last is None else t_foreign_ns - self._last[0]
+        waited_ns = t_arrival_ns - self._arrived_ns
         if self._last is None or self._has_jumped(since_ns, late_ns, t_arrival_ns):
-            self._restart(point, t_arrival_ns)
+            self._restart(point, t_arrival_ns, leapt=since_ns - waited_ns > _LEAST_SPAN_NS)
             mapped_ns = t_arrival_ns
         else:
             slowest_ns = self._last[1] + (since_ns // 2 if since_ns > 0 else since_ns)
             mapped_ns = min(max(t_arrival_ns - max(late_ns, 0), slowest_ns), t_arrival_ns)
             self._take(point, late_ns, t_arrival_ns)
         self._last = t_foreign_ns, mapped_ns
+        self._arrived_ns = t_arrival_ns
         return mapped_ns
 
     def _line_ns(self, t_foreign_ns: int) -> int:
@@ -99,9 +103,10 @@ class ClockMap:
         # A backlog that is being read takes the line down little by little, and its slope with it.
         return stood_still or late_ns - self._lowered_ns < -_JUMP_NS or since_ns < -_DISORDER_NS
 
-    def _restart(self, point: _Point, t_arrival_ns: int) -> None:
+    def _restart(self, point: _Point, t_arrival_ns: int, *, leapt: bool) -> None:
         """Know nothing but one point."""
-        if self._points and self._points[-1][0] - self._points[0][0] >= _LEAST_SPAN_NS:
+        is_known = self._points and self._points[-1][0] - self._points[0][0] >= _LEAST_SPAN_NS
+        if is_known or leapt:
             self.restarts += 1
         self.drift_rel = 0.0
         self._points.clear()

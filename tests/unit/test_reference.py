@@ -176,18 +176,20 @@ def test_a_sensor_that_is_unplugged_is_missed_and_comes_back(
     assert -1e6 < true_ns < 1.2 * PERIOD_NS
 
 
-def test_a_clock_that_jumps_is_followed_anew(caplog: pytest.LogCaptureFixture) -> None:
-    """The times go on in ours, no sample is taken for missing, and it is said."""
+@pytest.mark.parametrize("jumps_at", [20, 22, 700], ids=["at once", "between two looks", "later"])
+def test_a_clock_that_jumps_is_followed_anew(jumps_at: int, caplog: pytest.LogCaptureFixture) -> None:
+    """The times go on in ours, no sample is taken for missing, and it is said, however early the clock jumps."""
     times = SampleTimes(200.0, 0)
     stream = stream_of(times)
     none = np.zeros(1, np.bool_)
     mapped = []
     stream.take(Rows(np.zeros(0, np.int64), None, np.zeros((0, 3)), none[:0]), 0, 10**12 - 1, b"")
-    for k in range(1200):
-        now_ns = 10**12 + k * PERIOD_NS
-        theirs_ns = now_ns - 10**11 + (7_000_000_000 if k >= 700 else 0)
-        rows = Rows(np.array([theirs_ns]), None, np.zeros((1, 3)), none)
-        mapped.append(int(stream.take(rows, 20, now_ns, b"").t_ns[0]) - now_ns)
+    for k in range(0, 1200, 4):
+        taken_ns = 10**12 + PERIOD_NS * np.arange(k, k + 4)
+        theirs_ns = taken_ns - 10**11 + np.where(np.arange(k, k + 4) >= jumps_at, 7_000_000_000, 0)
+        now_ns = int(taken_ns[-1])
+        said = stream.take(Rows(theirs_ns, None, np.zeros((4, 3)), np.zeros(4, np.bool_)), 80, now_ns, b"")
+        mapped.append(int(said.t_ns[-1]) - now_ns)
     assert max(map(abs, mapped)) < 1_000_000
     assert stream.figures(0, 1)[:2] == (1200, 0)
     assert times.n_jumps == 1
