@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.serial_decoder import SerialDecoder
-from firmware_interface.serial_frames import N_CODES, NO_VALUE, NoValue, Record, RecordFlag
+from firmware_interface.serial_frames import (
+    N_CODES,
+    NO_VALUE,
+    NoValue,
+    Record,
+    RecordFlag,
+    pack_values,
+)
 from footsense.core.clock_map import ClockMap
 from footsense.drivers.scan_plan import ORDERS
 from footsense.frames import ELEMENTS, CapFrame, Reading
@@ -31,12 +38,15 @@ _LO_SHU = int(RecordFlag.LO_SHU)  # a plain number: an enumeration's arithmetic 
 _SILENT_SCANS, _LEAST_SILENT_NS = 3, 25_000_000
 #: How long it takes to empty the buffers between a port that was opened and whoever begins to read it.
 _BACKLOG_NS = 50_000_000
+#: A step whose conversions last for more scans than this is none: the next scan would have begun.
+_LONGEST_SCANS = 1.5
 #: At most how often the journal hears of losses, and how often it is looked for any.
 _TELL_NS, _LOOK_NS = 10 * _NS_PER_S, _NS_PER_S
 
 _NO_VALUE_ENDS = NO_VALUE + N_CODES
 _READING_OF_CODE = np.full(N_CODES, Reading.GARBLED, np.uint8)
 _READING_OF_CODE[list(NoValue)] = list(NoValue)
+_GARBLED = pack_values([NO_VALUE + Reading.GARBLED] * ELEMENTS)
 
 #: Place of each element in the scan, by the flag that tells the order, shape (2, 9).
 _PLACES = np.array([np.argsort(ORDERS[order]) for order in ("raster", "lo_shu")])
@@ -84,6 +94,7 @@ class RecordSource:
         self._clock = clock
         self._rows = {NODE_IDS[leg]: row for row, leg in enumerate(legs)}
         self._half_scan_us = round(0.5e6 / rate_hz)
+        self._longest_step_us = _LONGEST_SCANS * 1e6 / rate_hz / (ELEMENTS - 1)
         self._silent_ns = max(round(_SILENT_SCANS * _NS_PER_S / rate_hz), _LEAST_SILENT_NS)
         self._wire_ns = wire_ns
         self._decoder = SerialDecoder()
@@ -147,7 +158,8 @@ class RecordSource:
 
     def _take(self, data: bytes, now_ns: int) -> None:
         """Sort what has arrived into scans."""
-        for record in self._decoder.feed(data):
+        for sent in self._decoder.feed(data):
+            record = sent
             row = self._rows.get(record.leg)
             if row is None:
                 self.n_unused += 1
@@ -156,6 +168,8 @@ class RecordSource:
             if row not in self._expected:
                 self._expected |= {row}
             self._deadline_ns = now_ns + self._silent_ns
+            if record.step_us > self._longest_step_us:
+                record = sent._replace(step_us=0, values=_GARBLED)
             scan = self._scan
             if scan is not None and (row in scan.records or not self._is_near(record.t_us, scan.t_us)):
                 self._emit(now_ns)
@@ -194,7 +208,7 @@ class RecordSource:
         reading[list(speaking)] = Reading.HELD_UP
         if self._scan is not None:
             rows = list(self._scan.records)
-            t_ns[rows], capacitance_pf[rows], reading[rows] = _readings(self._scan)
+            t_ns[rows], capacitance_pf[rows], reading[rows] = _readings(self._scan, now_ns)
             self._last_t_us, self._scan = self._scan.t_us, None
             if not speaking <= set(rows):
                 self.late_ticks += 1
@@ -219,8 +233,11 @@ def _difference_us(t_us: int, other_us: int) -> int:
     return (t_us - other_us + (1 << 31)) % (1 << 32) - (1 << 31)
 
 
-def _readings(scan: _Scan) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.uint8]]:
-    """Return stamps [ns], capacitances [pF] and readings of the legs of a scan, shape (records, 9) each."""
+def _readings(scan: _Scan, now_ns: int) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.uint8]]:
+    """Return stamps [ns], capacitances [pF] and readings of the legs of a scan, shape (records, 9) each.
+
+    A record whose steps would not be over by now is garbled: what it says of its times is wrong.
+    """
     records = scan.records.values()
     values_af = np.frombuffer(b"".join(record.values for record in records), "<i4").reshape(-1, ELEMENTS)
     after_us, step_us, order = np.array(
@@ -229,12 +246,15 @@ def _readings(scan: _Scan) -> tuple[NDArray[np.int64], NDArray[np.float64], NDAr
             for record in records
         ]
     ).T
+    ahead = scan.t_ns + _NS_PER_US * (ELEMENTS - 1) * step_us > now_ns
     t_ns = scan.t_ns + _NS_PER_US * (after_us[:, None] + step_us[:, None] * _PLACES[order])
     capacitance_pf = values_af * _PF_PER_AF
     reading = np.zeros(values_af.shape, np.uint8)
     without = values_af < _NO_VALUE_ENDS
-    if without.any():
+    if without.any() or ahead.any():
         reading[without] = _READING_OF_CODE[values_af[without] - NO_VALUE]
+        reading[ahead] = Reading.GARBLED
+        without |= ahead[:, None]
         capacitance_pf[without] = np.nan
         t_ns[without & (reading != Reading.OVER_RANGE)] = 0
     return t_ns, capacitance_pf, reading

@@ -151,10 +151,10 @@ class Script:
     def close(self) -> None: ...
 
 
-def line(leg: int, scan: int, values: list[int] | None = None) -> bytes:
+def line(leg: int, scan: int, values: list[int] | None = None, step_us: int = 0) -> bytes:
     """Return a leg's record of a scan at 200 Hz."""
     packed = pack_values(values or [5_000_000] * 9)
-    return encode_record(Record(leg, scan & 0xFFFF, 0, 0, 5000 * scan, packed))
+    return encode_record(Record(leg, scan & 0xFFFF, 0, step_us, 5000 * scan, packed))
 
 
 def test_a_leg_that_stops_delays_the_others_no_longer_than_it_is_waited_for() -> None:
@@ -199,3 +199,26 @@ def test_codes_become_readings_and_strangers_are_counted() -> None:
     assert frame.capacitance_pf[0, 8] == pytest.approx(-1.0)
     assert (frame.t_ns[0] > 0).tolist() == [False, False, False, True, False, False, False, False, True]
     assert source.losses["unused"] == 1
+
+
+@pytest.mark.parametrize(("first", "faulty_us"), [(1, 700), (1, 60_000), (2, 60_000)])
+def test_steps_that_would_end_in_the_future_are_garbled(first: int, faulty_us: int) -> None:
+    """The leg has no reading then, and the stamps of the other are not moved by it, whichever record comes first."""
+    clock = VirtualClock()
+    port = Script(clock)
+    source = RecordSource(port, clock, ("lf", "lm"), rate_hz=RATE_HZ)
+    steps_us = {n: faulty_us if n == 15 else 0 for n in range(1, 40)}
+    port.due = [
+        (
+            (n + 10) * PERIOD_NS + MS,
+            b"".join(line(leg, n, step_us=steps_us[n] if leg == 2 else 0) for leg in (first, 3 - first)),
+        )
+        for n in range(1, 40)
+    ]
+    while clock.now_ns() < 49 * PERIOD_NS:
+        frame = source.read()
+        scan = (clock.now_ns() - MS) // PERIOD_NS - 10
+        assert (frame.t_ns <= clock.now_ns()).all()
+        assert not frame.reading[0].any()
+        assert frame.t_ns[0].tolist() == [(scan + 10) * PERIOD_NS + MS] * 9
+        assert (frame.reading[1] == (Reading.GARBLED if scan == 15 else Reading.OK)).all()
