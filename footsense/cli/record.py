@@ -245,5 +245,8 @@ def _draw(out: Path, guide: Guide, title: str) -> None:
         click.echo("no picture of the coverage: matplotlib is not installed; pip install 'footsense[lab]'")
         return
     picture = out.with_suffix(".png")
+    if picture.exists():
+        click.echo(f"{picture}: exists and is not overwritten; what is covered is not drawn")
+        return
     draw_coverage(picture, guide.coverage, guide.directions_n, title)
     click.echo(f"{picture}: what is covered")

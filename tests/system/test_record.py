@@ -117,6 +117,23 @@ def test_what_cannot_begin_leaves_nothing_behind(
     assert not list(tmp_path.glob("one*"))
 
 
+def test_a_picture_that_is_there_stays(tmp_path: Path) -> None:
+    """It is said that it is not overwritten, and the session is recorded all the same."""
+    (tmp_path / "one.png").write_bytes(b"mine")
+    out = tmp_path / "one.mcap"
+    done = footsense(
+        *("record", "--reference", bench(tmp_path), "--foot", "foot-0007", "--duration", "1"),
+        *("--scene", scene(tmp_path, SIX), out),
+    )
+    assert done.returncode == 0, done.stderr
+    assert (
+        f"{tmp_path / 'one.png'}: exists and is not overwritten; what is covered is not drawn\n"
+        in done.stdout
+    )
+    assert (tmp_path / "one.png").read_bytes() == b"mine"
+    assert Replay(out).header["session"] == "one"
+
+
 def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
     """Presses are drawn as they happen; the sensor is unplugged, the recording goes on, and Ctrl-C leaves it whole."""
     stick = load_scene(str(path := scene(tmp_path, SIX[:3], hold_s=0.9))).load.build(1_000_000_000)
