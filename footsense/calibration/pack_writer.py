@@ -25,6 +25,7 @@ from footsense.inference.pack_format import (
     MANIFEST,
     NETWORK,
     PARAMETERS,
+    FootId,
     HeldOut,
     Manifest,
     Parameters,
@@ -79,20 +80,25 @@ def file_sha256(path: Path) -> str:
 
 
 def check_pack_target(folder: Path, *, replace: bool) -> None:
-    """Check that a pack may be written to `folder`; to be called before the work is done.
+    """Check that a pack may be written to `folder`; to be called before the work is done. Nothing is made yet.
 
     Raises:
-        CalibrationError: One is there, and it was not asked to replace it; or nothing can be written there.
+        CalibrationError: Its name is not that of a foot; one is there, and it was not asked to replace it; or nothing
+            can be written there.
     """
+    try:
+        msgspec.convert(folder.name, FootId)
+    except msgspec.ValidationError:
+        raise CalibrationError(f"{folder.name}: is no identity of a foot, such as foot-0007") from None
     if folder.exists() and not replace:
         raise CalibrationError(
             f"{folder}: exists and is not overwritten; with --replace the old one is kept as {_kept(folder).name}"
         )
+    there = next(parent for parent in folder.parents if parent.exists())
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.").cleanup()
+        tempfile.TemporaryDirectory(dir=there, prefix=f".{folder.name}.").cleanup()
     except OSError as error:
-        raise CalibrationError(f"{folder.parent}: cannot be written to: {error.strerror}") from None
+        raise CalibrationError(f"{there}: cannot be written to: {error.strerror}") from None
 
 
 def write_pack(feet: Path, content: PackContent, *, replace: bool = False) -> FootPack:
@@ -110,6 +116,7 @@ def write_pack(feet: Path, content: PackContent, *, replace: bool = False) -> Fo
     folder = feet / content.foot
     check_pack_target(folder, replace=replace)
     try:
+        feet.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(dir=feet, prefix=f".{content.foot}."))
         try:
             _write_files(draft, content)

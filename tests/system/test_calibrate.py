@@ -117,4 +117,4 @@ def test_a_reference_that_contradicts_the_foot_is_refused(session: Path, tmp_pat
         assert str(error).startswith(f"{path}: the reference ")
         assert words in str(error)
         assert "\n" not in str(error)
-    assert not list((tmp_path / "feet").iterdir())
+    assert not (tmp_path / "feet").exists()

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from footsense.app import FOOT_TYPE, released
-from footsense.calibration.pack_writer import write_pack
+from footsense.calibration.pack_writer import check_pack_target, write_pack
 from footsense.core.temperature import STIFFNESS_PER_K, CalibratedAt
 from footsense.errors import CalibrationError, FootsenseError, ModelError
 from footsense.inference.foot_pack import read_pack
@@ -150,6 +150,14 @@ def test_a_pack_is_never_overwritten(tmp_path: Path) -> None:
         write_pack(tmp_path, content(n_pokes=n_pokes), replace=True)
     kept = [read_pack(tmp_path / name, FOOT_TYPE) for name in ("foot-0007", "foot-0007.1", "foot-0007.2")]
     assert [one.manifest.n_pokes for one in kept] == [50, 362, 20]
+
+
+def test_a_name_that_is_none_is_refused_first(tmp_path: Path) -> None:
+    """One line, and no folder; nor does a check of a right name leave one."""
+    with pytest.raises(CalibrationError, match=r"^seven: is no identity of a foot, such as foot-0007$"):
+        write_pack(tmp_path / "feet", content("seven"))
+    check_pack_target(tmp_path / "feet" / "foot-0007", replace=False)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
