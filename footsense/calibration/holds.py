@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.calibration.press import Poke, Press, WhyNot
+from footsense.calibration.steadiness import longest_steady
 from footsense.frames import ELEMENTS, Reading
 
 __all__ = ["weigh"]
@@ -128,28 +129,14 @@ def _longest_hold(press: Press, before: _Rest) -> tuple[int, int]:
     n_beside = max(2 * _BESIDE_NS / _sample_period_ns(press), 1.0)
     noise_n = _NOISE_RANGE * before.noise_n / np.sqrt(n_beside)
     noise_pf = _NOISE_RANGE * before.noise_pf
-    best, first = (0, 0), 0
-    for last in range(len(t_ns)):
-        span = slice(first, last + 1)
-        while first < last and not _is_steady(force_n[span], change_pf[span], noise_n, noise_pf):
-            first += 1
-            span = slice(first, last + 1)
-        if t_ns[last] - t_ns[first] > t_ns[best[1]] - t_ns[best[0]]:
-            best = first, last
+    limit_n = _FORCE_REL * np.linalg.norm(force_n, axis=1, keepdims=True) + noise_n
+    largest_pf = np.fmax.reduce(np.abs(change_pf), axis=1, keepdims=True)
+    limit_pf = _CAPACITANCE_REL * largest_pf + noise_pf
+    best = longest_steady(t_ns, force_n, change_pf, limit_n, limit_pf)
     # The first and the last of it may be the ends of moves that were not over.
     begin_ns, end_ns = int(t_ns[best[0]]), int(t_ns[best[1]])
     edge_ns = min(_BESIDE_NS, max((end_ns - begin_ns - _HOLD_NS) // 2, 0))
     return begin_ns + edge_ns, end_ns - edge_ns
-
-
-def _is_steady(force_n: Vector, change_pf: Vector, noise_n: Vector, noise_pf: Vector) -> bool:
-    """Tell whether force and capacitance stand still, but for noise; NaN among the forces does not."""
-    limit_n = _FORCE_REL * np.linalg.norm(force_n[-1]) + noise_n
-    if not (np.ptp(force_n, axis=0) <= limit_n).all():
-        return False
-    limit_pf = _CAPACITANCE_REL * np.fmax.reduce(np.abs(change_pf[-1])) + noise_pf
-    moved_pf = np.fmax.reduce(change_pf, axis=0) - np.fmin.reduce(change_pf, axis=0)
-    return not (moved_pf > limit_pf).any()
 
 
 def _beside(press: Press, t_ns: NDArray[np.int64]) -> Vector:

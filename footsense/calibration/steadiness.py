@@ -1,0 +1,62 @@
+"""The longest time in which nothing moved: force and capacitances of a press, each within a range of its own.
+
+A range counts from the last scan of a span, and only grows with the span. So the first scan of the longest span that
+ends at a scan never moves back from one scan to the next, and running extremes find it in one pass.
+"""
+
+import math
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["longest_steady"]
+
+Vector = NDArray[np.float64]
+
+
+def longest_steady(
+    t_ns: NDArray[np.int64], force_n: Vector, change_pf: Vector, limit_n: Vector, limit_pf: Vector
+) -> tuple[int, int]:
+    """Return the first and the last scan of the longest span in which nothing moves; one scan if something always does.
+
+    Args:
+        t_ns: Time of each scan [ns], shape (scans,), at least one.
+        force_n: Force of the reference about each [N], shape (scans, 3); where it is NaN, nothing is steady.
+        change_pf: Change of each element [pF], shape (scans, 9); NaN where it was not read, which hinders nothing.
+        limit_n: Largest range of the force in a span that ends at each scan [N], shape (scans, 3).
+        limit_pf: The same of the elements [pF], shape (scans, 9); NaN for no limit.
+    """
+    scans = np.arange(len(t_ns))
+    unknown = np.isnan(force_n).any(axis=1)
+    first = np.minimum(np.maximum.accumulate(np.where(unknown, scans + 1, 0)), scans)
+    values, limits = np.hstack([force_n, change_pf]), np.hstack([limit_n, limit_pf])
+    for value, limit in zip(values.T, limits.T, strict=True):
+        first = np.maximum(first, _steady_since(value.tolist(), limit.tolist()))
+    last = int(np.argmax(t_ns - t_ns[first]))
+    return int(first[last]), last
+
+
+def _steady_since(values: list[float], limits: list[float]) -> list[int]:
+    """Return for each scan since which one the range of the values has been within its limit; NaN is passed over.
+
+    Example:
+        >>> _steady_since([0.0, 1.0, 5.0, 5.5], [1.0, 1.0, 1.0, 1.0])
+        [0, 0, 2, 2]
+    """
+    # Each value that may yet be the largest, or the smallest, of what follows; the first one is.
+    largest, smallest = deque[tuple[int, float]](), deque[tuple[int, float]]()
+    first, since = 0, []
+    for scan, (value, limit) in enumerate(zip(values, limits, strict=True)):
+        if not math.isnan(value):
+            while largest and largest[-1][1] <= value:
+                largest.pop()
+            while smallest and smallest[-1][1] >= value:
+                smallest.pop()
+            largest.append((scan, value))
+            smallest.append((scan, value))
+        while largest and largest[0][1] - smallest[0][1] > limit:
+            older = largest if largest[0][0] < smallest[0][0] else smallest
+            first = older.popleft()[0] + 1
+        since.append(first)
+    return since
