@@ -37,6 +37,7 @@ class RecordTable:
         self._row = row
         self._title = title
         self._glyphs = GLYPHS if can_show("".join(GLYPHS), console.encoding) else PLAIN_GLYPHS
+        self._began_ns: int | None = None
         self._drawn_ns = -_PERIOD_NS
         self._news: list[str] = []
         self._n_drawn = -1
@@ -50,16 +51,18 @@ class RecordTable:
     def observe(self, cycle: Cycle) -> None:
         """Redraw if it is time to."""
         t_ns = cycle.forces.t_sent_ns
+        if self._began_ns is None:
+            self._began_ns = t_ns
         if t_ns - self._drawn_ns >= _PERIOD_NS:
             self._drawn_ns = t_ns
-            self._live.update(self._render(cycle), refresh=True)
+            self._live.update(self._render(cycle, (t_ns - self._began_ns) * 1e-9), refresh=True)
 
     def close(self) -> None:
         """Leave the last picture on the screen."""
         self._live.stop()
         logging.getLogger().handlers = self._journal
 
-    def _render(self, cycle: Cycle) -> Group:
+    def _render(self, cycle: Cycle, lasts_s: float) -> Group:
         guide = self._guide
         self._news = [*self._news, *guide.news()][-_LINES:]
         wish = guide.coverage.next
@@ -74,7 +77,7 @@ class RecordTable:
             f"elevation {5 * round(wish.elevation_deg / 5):.0f} deg"
         )
         return Group(
-            Text.assemble(("footsense record  ", "bold"), self._title),
+            Text.assemble(("footsense record  ", "bold"), f"{self._title}, {lasts_s:.1f} s"),
             Text(),
             *self._discs,
             Text(),
