@@ -9,6 +9,7 @@ from statistics import fmean
 
 import msgspec
 
+from footsense.calibration.lag import lag_words
 from footsense.calibration.pack_writer import file_sha256
 from footsense.calibration.pokes import Poke, PokeFinder, WhyNot
 from footsense.config.bench import Bench
@@ -57,6 +58,8 @@ class BenchSession:
         if self.refused:
             n, why = self.refused.total(), ", ".join(f"{n} {why}" for why, n in self.refused.most_common())
             found.append(f"{self.path}: {n} of {n + len(self.pokes)} pokes do not count: {why}")
+        if lag := lag_words([poke.lag_s for poke in self.pokes]):
+            found.append(f"{self.path}: {lag}")
         if self.bench is None:
             found.append(f"{self.path}: does not describe its bench; nobody can tell its units and axes")
         if self.n_lost:

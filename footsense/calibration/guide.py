@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.calibration.coverage import Coverage, angles_deg
+from footsense.calibration.lag import lag_words
 from footsense.calibration.pokes import Poke, PokeFinder, WhyNot
 from footsense.core.force_errors import GRAM_FORCE_N
 from footsense.frames import Cycle
@@ -45,6 +46,8 @@ class Guide:
         self._reference_n: list[Vector] = []
         self._estimate_n: list[Vector] = []
         self._shown: deque[tuple[int, Vector]] = deque()
+        self._lags_s: list[float] = []
+        self._lag_told = False
         self._news: list[str] = []
         self.coverage = Coverage(wanted)
         self.refused: Counter[WhyNot] = Counter()
@@ -103,6 +106,10 @@ class Guide:
         self._news.append(
             f"press {number}: {size_gf:.0f} gf from azimuth {azimuth_deg % 360}, elevation {elevation_deg} deg"
         )
+        self._lags_s.append(poke.lag_s)
+        if not self._lag_told and (words := lag_words(self._lags_s)):
+            self._lag_told = True
+            self._news.append(f"warning: {words}")
         doubts = self._judge(self.directions_n, np.array(self._estimate_n))
         # A figure that changes a little is not news.
         if [doubt.partition(":")[2] for doubt in doubts] != [

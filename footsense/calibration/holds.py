@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.calibration.lag import lag_s
 from footsense.calibration.press import Poke, Press, WhyNot
 from footsense.calibration.steadiness import longest_steady
 from footsense.frames import ELEMENTS, Reading
@@ -99,7 +100,8 @@ def _held(press: Press, hold_ns: tuple[int, int], before: _Rest, after: _Rest | 
         rest_pf = rest_pf + share * shift_pf
         zero_sum_n = zero_sum_n + after.n_samples * after.force_n
         zero_samples += after.n_samples
-    force_n = press.force_n[samples].mean(axis=0) - zero_sum_n / zero_samples
+    zero_n = zero_sum_n / zero_samples
+    force_n = press.force_n[samples].mean(axis=0) - zero_n
     poke = Poke(
         t_ns=middle_ns,
         hold_s=_seconds(hold_ns),
@@ -117,7 +119,7 @@ def _held(press: Press, hold_ns: tuple[int, int], before: _Rest, after: _Rest | 
     if magnitude_n < LEAST_FORCE_N:
         words = f"the reference felt {magnitude_n:.3f} N, at least {LEAST_FORCE_N:g} N are needed"
         return poke._replace(why_not=WhyNot.TOO_LIGHT, words=words)
-    return poke
+    return poke._replace(lag_s=lag_s(press, hold_ns, rest_pf, zero_n, force_n))
 
 
 def _longest_hold(press: Press, before: _Rest) -> tuple[int, int]:

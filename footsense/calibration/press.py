@@ -1,5 +1,6 @@
 """A press of a foot as arrays, and the poke that is made of it."""
 
+import math
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -43,6 +44,7 @@ class Poke(NamedTuple):
         saturated: Whether an axis of the reference stood at its end.
         why_not: Why it does not count; None if it does.
         words: The same with the numbers that decided it.
+        lag_s: By how much the reference was later than the capacitances [s]; NaN if that cannot be told.
     """
 
     t_ns: int
@@ -58,6 +60,7 @@ class Poke(NamedTuple):
     saturated: bool
     why_not: WhyNot | None = None
     words: str = ""
+    lag_s: float = math.nan
 
 
 class Press(NamedTuple):

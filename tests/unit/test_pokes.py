@@ -1,17 +1,19 @@
 """A press is found, weighed against the reference, and refused with the reason where it does not count."""
 
 import itertools
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from footsense.calibration.lag import lag_words
 from footsense.calibration.pokes import find_pokes
 from footsense.calibration.press import WhyNot
 from footsense.frames import Reading
 from tests.unit.feet import DESIGN
-from tests.unit.presses import CLOSURE_REL, SAMPLE_NOISE_N, SAMPLE_NS, Hold, cycles, direction, felt
+from tests.unit.presses import CLOSURE_REL, SAMPLE_NOISE_N, SAMPLE_NS, SCAN_NS, Hold, cycles, direction, felt
 
 Vector = NDArray[np.float64]
 
@@ -134,3 +136,30 @@ def test_presses_in_a_row_each_have_their_own_zero() -> None:
     assert moved_pf == pytest.approx(0.02 * 1.2 * np.arange(8), abs=1e-3)
     error_n = np.array([poke.force_n - ONE.force_n for poke in pokes])
     assert np.sqrt((error_n[2:] ** 2).mean(axis=0)) == pytest.approx(np.zeros(3), abs=0.012)
+
+
+@pytest.mark.parametrize(
+    ("late_s", "says"),
+    [
+        (0.0, ""),
+        (0.1, "100 ms behind the foot: latency_ms in the bench's file is too small by that"),
+        (-0.1, "100 ms ahead of the foot: latency_ms in the bench's file is too large by that"),
+    ],
+)
+@pytest.mark.parametrize("scan_ns", [SCAN_NS, 99_000_000])
+def test_a_reference_of_another_time_is_told(late_s: float, says: str, scan_ns: int) -> None:
+    """The median over presses, fast and slow ones, is right to 15 ms."""
+    holds = [
+        Hold(1.5 + 2.0 * k, 0.8, tuple(0.6 * direction(70.0 * k, 60.0)), rise_s=0.3 if k % 2 else 0.1)
+        for k in range(6)
+    ]
+    late = [
+        cycle._replace(reference=cycle.reference._replace(t_ns=cycle.reference.t_ns + round(late_s * 1e9)))
+        for cycle in cycles(felt(*holds), 14.0, scan_ns=scan_ns)
+        if cycle.reference is not None
+    ]
+    lags_s = [poke.lag_s for poke in find_pokes(late, 0) if poke.why_not is None]
+    assert len(lags_s) == 6
+    assert np.median(lags_s) == pytest.approx(late_s, abs=0.015)
+    words = lag_words(lags_s)
+    assert re.sub("(8|9|10|11)[0-9] ms", "100 ms", words).endswith(says) if says else not words
