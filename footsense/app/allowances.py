@@ -13,12 +13,12 @@ __all__ = ["Rules", "Spans", "excused_s", "gap_costs_s"]
 #: Longest pause after which a leg is tried again [s], and one that held a line of the bus; what a try takes beyond,
 #: and in how many steps it is tared after it.
 _PAUSE_S, _HOLDER_PAUSE_S, _TRY_S, _STEPS = 4.0, 16.0, 1.0, 3.0
-#: Time without a force that an adapter's timeouts cost, and reading what they broke off anew: for each leg that holds
-#: the bus [s], and in all where the trunk itself is held [s].
-_HOLDER_COSTS_S, _TRUNK_COSTS_S = 0.085, 0.45
-#: What it costs a leg that the same transaction lost twice [s]: that scan, and two more until its elements can be
-#: brought to one time again.
-_ARBITRATION_COSTS_S = 0.08
+#: Time without a force that an adapter's timeouts cost, for each leg that holds the bus, and beyond a scan that is read
+#: anew where that takes longer [s]; and in all where the trunk itself is held [s].
+_HOLDER_COSTS_S, _TIMEOUTS_COST_S, _TRUNK_COSTS_S = 0.085, 0.06, 0.45
+#: What it costs a leg that the same transaction lost twice [s], or in scans: that one, and two more until its elements
+#: can be brought to one time again.
+_ARBITRATION_COSTS_S, _ARBITRATION_COSTS_SCANS = 0.08, 3.3
 
 
 class Rules(NamedTuple):
@@ -95,14 +95,21 @@ def _later_s(rules: Rules, t_s: float, walking_s: float) -> float:
     return later_s
 
 
-def gap_costs_s(script: Sequence[Fault]) -> list[tuple[float, float, float]]:
-    """Return from when until when a bus that is held may cost how much time [s], in the order of their ends."""
+def gap_costs_s(script: Sequence[Fault], period_s: float) -> list[tuple[float, float, float]]:
+    """Return from when until when a bus that is held may cost how much time [s], in the order of their ends.
+
+    Args:
+        script: What breaks.
+        period_s: From one frame to the next if all is well [s].
+    """
+    holder_s = max(_HOLDER_COSTS_S, _TIMEOUTS_COST_S + period_s)
+    arbitration_s = max(_ARBITRATION_COSTS_S, _ARBITRATION_COSTS_SCANS * period_s)
     costs = []
     for fault in script:
         if isinstance(fault, StuckSda | StuckTrunk):
             until_s = fault.until_s if fault.until_s is not None else np.inf
-            cost_s = _HOLDER_COSTS_S if isinstance(fault, StuckSda) else _TRUNK_COSTS_S
+            cost_s = holder_s if isinstance(fault, StuckSda) else _TRUNK_COSTS_S
             costs.append((fault.at_s, until_s + _HOLDER_PAUSE_S + _TRY_S, cost_s))
         elif isinstance(fault, ArbitrationLost):
-            costs.append((fault.at_s, (fault.until_s or np.inf) + _ARBITRATION_COSTS_S, _ARBITRATION_COSTS_S))
+            costs.append((fault.at_s, (fault.until_s or np.inf) + arbitration_s, arbitration_s))
     return sorted(costs, key=lambda cost: cost[1])

@@ -89,7 +89,7 @@ class Invariants:
             for fault in script
             if isinstance(fault, CanFault) and fault.until_s is not None
         ]
-        self._gap_costs_s = gap_costs_s(script)
+        self._gap_costs_s = gap_costs_s(script, rules.period_s)
         self._good_s = [0.0] * len(rules.legs)  # when each leg last had a force, or an excuse
         self._last: tuple[int, int] | None = None  # sequence, t_sent_ns
         self._counters: dict[int, tuple[int, int]] = {}  # by node: counter, t_ns
