@@ -134,17 +134,17 @@ def test_kilograms_force_taken_for_newtons_are_found_out() -> None:
 
 def test_pokes_of_no_foot_of_the_type_are_refused() -> None:
     """Elements wired in another order fit no parameters."""
-    pokes = poked(made(1), _TRAINING[::6])
+    pokes = poked(made(1), _TRAINING[::15])
     order = np.random.default_rng(1).permutation(9)
     mixed = replace(pokes, capacitance_pf=pokes.capacitance_pf[:, order], rest_pf=pokes.rest_pf[:, order])
     with pytest.raises(CalibrationError, match=r"any foot of this type|as stiff as designed"):
         calibrate(design(), mixed)
 
 
-@pytest.mark.parametrize("number", [0, 2, 9])
+@pytest.mark.parametrize("number", [2, 9])
 def test_firm_pokes_that_shut_gaps_lead_nowhere_else(number: int) -> None:
-    """All 362 at once end where the light ones point: nothing is far from the twin."""
-    found = calibrate(design(), poked(made(number), _TRAINING, np.random.default_rng(number))).found
+    """All at once end where the light ones point: nothing is far from the twin."""
+    found = calibrate(design(), poked(made(number), _TRAINING[::2], np.random.default_rng(number))).found
     assert np.median(found.distance) < 5.0
     assert np.abs(found.parameters[STRAY] - made(number).stray_pf).max() < 0.35
 
