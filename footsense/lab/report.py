@@ -17,12 +17,12 @@ from pathlib import Path
 from timeit import default_timer
 
 from footsense.errors import FootsenseError
-from footsense.inference.seal import unsealed_sha256
-from footsense.lab.evaluate_models import NETWORK_FILE
-from footsense.lab.study.page import Page, Workbench
+from footsense.foot.checksum_trailer import unsealed_sha256
+from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
+from footsense.lab.studies.page import Page, Workbench
 from footsense.lab.targets import targets
 
-#: The studies in the order of the report; module `footsense.lab.study.<name with _>`.
+#: The studies in the order of the report; module `footsense.lab.studies.<name with _>`.
 STUDIES = (
     "shipped",
     "sensors",
@@ -61,7 +61,7 @@ def make_page(name: str, bench: Workbench) -> Page:
     """
     if name not in STUDIES:
         raise FootsenseError(f"no study {name!r}: there are {', '.join(STUDIES)}")
-    return timed_page(import_module(f"footsense.lab.study.{name.replace('-', '_')}").page, bench)
+    return timed_page(import_module(f"footsense.lab.studies.{name.replace('-', '_')}").page, bench)
 
 
 def timed_page(study: Callable[[Workbench], Page], bench: Workbench) -> Page:

@@ -8,7 +8,7 @@ import pytest
 
 from footsense.errors import FootsenseError
 from footsense.lab.report import OTHERS, STUDIES, bind, is_made, make_page
-from footsense.lab.study.page import Page, Workbench
+from footsense.lab.studies.page import Page, Workbench
 from footsense.lab.targets import targets
 
 pytestmark = pytest.mark.lab
