@@ -22,28 +22,28 @@ from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
 from footsense.lab.studies.page import Page, Workbench
 from footsense.lab.targets import targets
 
-#: The studies in the order of the report; module `footsense.lab.studies.<name with _>`.
-STUDIES = (
-    "shipped",
-    "sensors",
-    "paper-way",
-    "hidden-layers",
-    "rprop-speed",
-    "pattern",
-    "error-map",
-    "beyond",
-    "film",
-    "tolerance",
-    "solid",
-    "floor",
-    "ladder",
-    "limit",
-    "network-size",
-    "history",
-    "tradeoff",
-    "touchdown",
-    "hard-cases",
-)
+#: The studies in the order of the report, each with its module below `footsense.lab.studies`.
+STUDIES = {
+    "shipped": "accuracy.released",
+    "sensors": "accuracy.sensors",
+    "paper-way": "networks.paper_procedure",
+    "hidden-layers": "networks.hidden_layers",
+    "rprop-speed": "networks.rprop_speed",
+    "pattern": "mechanics.pattern",
+    "error-map": "accuracy.error_map",
+    "beyond": "mechanics.beyond",
+    "film": "mechanics.film",
+    "tolerance": "accuracy.tolerance",
+    "solid": "mechanics.solid",
+    "floor": "mechanics.floor",
+    "ladder": "mechanics.fidelity",
+    "limit": "accuracy.cramer_rao",
+    "network-size": "networks.network_size",
+    "history": "networks.history",
+    "tradeoff": "latency.tradeoff",
+    "touchdown": "latency.touchdown",
+    "hard-cases": "accuracy.hard_cases",
+}
 #: Pages about the daemon, which the lab does not know: their commands make them.
 OTHERS = ("faults", "experiment")
 README, BUILD = "README.md", "build.json"
@@ -61,7 +61,7 @@ def make_page(name: str, bench: Workbench) -> Page:
     """
     if name not in STUDIES:
         raise FootsenseError(f"no study {name!r}: there are {', '.join(STUDIES)}")
-    return timed_page(import_module(f"footsense.lab.studies.{name.replace('-', '_')}").page, bench)
+    return timed_page(import_module(f"footsense.lab.studies.{STUDIES[name]}").page, bench)
 
 
 def timed_page(study: Callable[[Workbench], Page], bench: Workbench) -> Page:

@@ -125,7 +125,7 @@ def test_any_bench(tmp_path: Path, data: st.DataObject, text: str) -> None:
     """Any text inside the description of a bench."""
     at = data.draw(st.integers(0, len(BENCH)))
     cut = data.draw(st.integers(at, min(at + 80, len(BENCH))))
-    path = tmp_path / "bench.yaml"
+    path = tmp_path / "test-stand.yaml"
     path.write_bytes((BENCH[:at] + text + BENCH[cut:]).encode(errors="surrogatepass"))
     refusal(lambda: load_bench(path))
 

@@ -45,7 +45,7 @@ def scene(folder: Path, presses: list[list[float]], hold_s: float = 0.6) -> Path
 
 def bench(folder: Path, text: str = SENSOR) -> Path:
     """Write a bench's file."""
-    path = folder / "bench.yaml"
+    path = folder / "test-stand.yaml"
     path.write_text(text)
     return path
 

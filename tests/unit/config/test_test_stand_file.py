@@ -25,8 +25,8 @@ axes: {x: -x, y: -y, z: -z}
 
 def test_the_files_that_come_with_footsense_are_right() -> None:
     """Both load; the simulated one is for the simulated sensor."""
-    assert isinstance(load_bench(DEPLOY / "bench.yaml").sensor, Serial)
-    assert isinstance(load_bench(DEPLOY / "bench-simulated.yaml").sensor, Simulated)
+    assert isinstance(load_bench(DEPLOY / "test-stand.yaml").sensor, Serial)
+    assert isinstance(load_bench(DEPLOY / "test-stand-simulated.yaml").sensor, Simulated)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_the_files_that_come_with_footsense_are_right() -> None:
 )
 def test_what_is_wrong_is_one_line(tmp_path: Path, right: str, wrong: str, says: str) -> None:
     """With the place and what would be right."""
-    path = tmp_path / "bench.yaml"
+    path = tmp_path / "test-stand.yaml"
     assert right in SERIAL
     path.write_text(SERIAL.replace(right, wrong))
     with pytest.raises(ConfigError) as raised:

@@ -112,7 +112,7 @@ def test_a_full_disk_does_not_stop_the_loop(tmp_path: Path) -> None:
     """A writer that cannot write leaves the loop running; it is said once, and at the end what is missing."""
     limit = f"import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (60000, 60000))\n{RECORD_ON_A_FULL_DISK}"
     done = subprocess.run(
-        [sys.executable, "-c", limit, str(tmp_path / "walk.mcap"), str(Path(__file__).parent)],
+        [sys.executable, "-c", limit, str(tmp_path / "walk.mcap"), str(Path(__file__).parents[3])],
         capture_output=True,
         text=True,
         check=False,
@@ -136,7 +136,7 @@ def test_a_killed_daemon_leaves_a_finished_recording(tmp_path: Path) -> None:
     # The orphaned writer becomes a child of this process, so that its end can be waited for.
     assert ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1) == 0
     daemon = subprocess.Popen(
-        [sys.executable, "-c", RECORD_AND_DIE, str(path), str(Path(__file__).parent)],
+        [sys.executable, "-c", RECORD_AND_DIE, str(path), str(Path(__file__).parents[3])],
         stdout=subprocess.PIPE,
         text=True,
     )
@@ -148,11 +148,11 @@ def test_a_killed_daemon_leaves_a_finished_recording(tmp_path: Path) -> None:
     assert len(list(Replay(path))) == 300
 
 
-#: A daemon that observes 300 cycles; argv: the file, the directory of this test.
+#: A daemon that observes 300 cycles; argv: the file, the top of the checkout.
 RECORD = """
 import os, pathlib, signal, sys
 sys.path.insert(0, sys.argv[2])
-from cycles import LEGS, cycle
+from tests.support.cycles import LEGS, cycle
 from footsense.errors import RecordingError
 from footsense.recording.recorder import Recorder
 recorder = Recorder(pathlib.Path(sys.argv[1]), LEGS, {}, blocking=True)
