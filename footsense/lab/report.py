@@ -137,8 +137,8 @@ def bind(folder: Path, bench: Workbench) -> Path:
         folder: Where the pages are.
         bench: Tells the network; pages about another one, or of the other form, are left out and named.
     """
-    made = [name for name in STUDIES + OTHERS if is_made(name, folder, bench)]
-    left_out = [name for name in STUDIES + OTHERS if name not in made]
+    made = [name for name in (*STUDIES, *OTHERS) if is_made(name, folder, bench)]
+    left_out = [name for name in (*STUDIES, *OTHERS) if name not in made]
     values = {name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in made}
     pages = [(folder / f"{name}.md").read_text(encoding="utf-8").strip() for name in made]
     titles = [page.partition("\n")[0].removeprefix("## ") for page in pages]
