@@ -173,6 +173,21 @@ def test_a_deaf_line_switch_is_noticed(board: Board, switch: int) -> None:
         assert (frame.reading[[0, 2, 3, 4, 5]] == Reading.OK).all()
 
 
+@pytest.mark.parametrize("rate_sps", AD7746.rates_sps)
+@pytest.mark.parametrize("element_wise", [False, True])
+def test_a_temperature_costs_no_reading_and_is_no_stall(rate_sps: int, element_wise: bool) -> None:  # noqa: FBT001
+    """Every ten seconds, at every rate: each element stays right, and nothing counts as late."""
+    robot = Robot(distinct, AD7746, rate_sps=rate_sps, element_wise=element_wise)
+    robot.read(9)
+    until_ns = robot.clock.now_ns() + 25_000_000_000
+    while robot.clock.now_ns() < until_ns:
+        frame = robot.read()
+        assert (frame.reading == Reading.OK).all()
+        assert robot.is_right(frame).all()
+    assert np.isfinite(robot.scanner.temperature_c).all()
+    assert [bus.late_ticks for bus in robot.buses] == [0]
+
+
 @both
 def test_a_result_from_before_a_stall_is_not_used(board: Board) -> None:
     """If the loop was held up, the conversion that had been running is done again."""

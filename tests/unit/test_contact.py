@@ -23,10 +23,14 @@ class Leg:
         self.contact.begin_anew(self.t_ns)
 
     def carry(self, load_n: float, n_frames: int = 1, doubt_n: float = 0.0) -> bool:
+        """Return whether the foot is in contact after these frames; it has to be the same after each of them."""
+        touching = set()
         for _ in range(n_frames):
             self.t_ns += 25 * MS
             self.contact.observe(load_n, doubt_n, self.t_ns, self.t_ns)
-        return self.contact.touching
+            touching.add(self.contact.touching)
+        [same] = touching
+        return same
 
     def foresee(self, foreseen_n: float, load_n: float = 0.0, after_ms: float = 2.7) -> bool:
         """Read one element more, of which a prediction makes a load before the others show it."""

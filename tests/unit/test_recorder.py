@@ -53,6 +53,18 @@ def test_an_existing_file_is_not_overwritten(tmp_path: Path) -> None:
             Recorder(tmp_path / name, LEGS, {}, blocking=True)
 
 
+def test_a_file_that_appears_during_the_recording_is_not_overwritten(tmp_path: Path) -> None:
+    """It stays as it is, the recording stays under its name in the making, and the end says why."""
+    path = tmp_path / "walk.mcap"
+    recorder = Recorder(path, LEGS, {}, blocking=True)
+    recorder.observe(cycle(0))
+    path.write_text("somebody else's")
+    with pytest.raises(RecordingError, match="it appeared in the meantime and is not overwritten"):
+        recorder.close()
+    assert path.read_text() == "somebody else's"
+    assert len(list(Replay(partial_path(path)))) == 1
+
+
 @pytest.mark.parametrize("name", ["walk.txt", "-", "walk", "walk.mcap.partial"])
 def test_a_recording_ends_in_mcap(tmp_path: Path, name: str) -> None:
     """Another suffix is a mistake, `-` among them; no file is made."""
