@@ -74,7 +74,12 @@ STREAMS: tuple[tuple[str, bytes, list[int], dict[str, int]], ...] = (
         [7, 7, 8],
         {"restarts": 1},
     ),
-    ("no zero for long, twice", (_line(0) + bytes([7]) * 300 + b"\0") * 2 + _line(1), [0, 1], {"overflow": 600, "repeated": 1}),
+    (
+        "no zero for long, twice",
+        (_line(0) + bytes([7]) * 300 + b"\0") * 2 + _line(1),
+        [0, 1],
+        {"overflow": 600, "repeated": 1},
+    ),
 )
 
 

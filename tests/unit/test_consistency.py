@@ -73,7 +73,9 @@ def test_a_line_that_is_wrong_is_left_out(line: NDArray[np.bool_]) -> None:
     np.testing.assert_array_equal(Leg().judge(closure_rel).missing[0], line)
 
 
-@pytest.mark.parametrize(("unread", "wrong", "line"), [(0, 1, (0, 1, 2)), (4, 7, (1, 4, 7)), (8, 6, (6, 7, 8))])
+@pytest.mark.parametrize(
+    ("unread", "wrong", "line"), [(0, 1, (0, 1, 2)), (4, 7, (1, 4, 7)), (8, 6, (6, 7, 8))]
+)
 def test_a_wrong_element_beside_one_that_cannot_be_read_takes_their_line(
     unread: int, wrong: int, line: tuple[int, ...]
 ) -> None:
@@ -153,6 +155,29 @@ def test_an_element_that_is_wrong_again_is_left_out_again_for_as_long() -> None:
         scans = TRUSTED_AFTER_NS // SCAN_NS
         missing = [bool(leg.judge(pressed()).missing[0, 0]) for _ in range(scans)]
         assert missing == [True] * (scans - 1) + [False]
+    beside = pressed()
+    for n in range(40):
+        beside = pressed((1.0 + 0.5 * np.sin(n / 3), 0.0, 0.0))
+        beside[0] -= 0.5
+        judgement = leg.judge(beside)
+    assert judgement.drifting[0, 0]
+    assert not judgement.stuck.any()
+
+
+def test_one_scan_that_disagrees_takes_back_four_that_agreed() -> None:
+    """Eleven of twelve scans, one that contradicts, and five more until the element is trusted."""
+    leg = Leg()
+    stuck = pressed()
+    stuck[0] = 0.0
+    for _ in range(10):
+        leg.judge(stuck)
+    for _ in range(200):
+        leg.judge(np.zeros(9))
+    for _ in range(TRUSTED_AFTER_NS // SCAN_NS - 1):
+        leg.judge(pressed())
+    leg.judge(stuck)
+    missing = [bool(leg.judge(pressed()).missing[0, 0]) for _ in range(5)]
+    assert missing == [True] * 4 + [False]
 
 
 def test_a_drift_that_a_load_hides_is_not_trusted() -> None:

@@ -78,6 +78,16 @@ def test_a_glitch_downwards_makes_no_contact() -> None:
     assert not leg.carry(0.0, 20)
 
 
+def test_a_glitch_right_after_a_lift_off_makes_no_contact() -> None:
+    """How low the load was before the stance says nothing of the swing after it."""
+    leg = Leg()
+    leg.carry(-0.02, 20)
+    leg.carry(1.0, 20)
+    assert not leg.carry(-0.005, doubt_n=0.01)
+    assert not leg.carry(-0.3)
+    assert not leg.carry(0.02, 20)
+
+
 def test_a_lift_off_that_swings_below_nothing_is_followed_by_no_contact() -> None:
     """A parabola through the end of a stance: the reading after it lies far above it, and is nothing all the same."""
     leg = Leg()

@@ -96,6 +96,13 @@ def test_a_leg_is_left_out_after_three_bad_scans_in_a_row_and_not_after_three() 
     assert 5 <= np.any(bad, axis=1).sum() <= 10
 
 
+def test_a_mux_that_forgets_its_selection_costs_no_reading() -> None:
+    """Whenever in a scan it happens: what fails is connected anew before it is tried again."""
+    for n in range(40):
+        robot = Robot([faults.MuxLost(at_s=0.5 + n * 0.6e-3)])
+        assert all((scan.reading == Reading.OK).all() for scan in robot.scan_until(0.6))
+
+
 def test_two_legs_that_hold_the_bus_are_both_found() -> None:
     """One after the other."""
     robot = Robot([faults.StuckSda(at_s=0.5, leg=leg) for leg in ("lf", "lr")])

@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -106,6 +107,27 @@ def test_a_full_pipe_loses_cycles_and_says_so(tmp_path: Path) -> None:
     numbered = [entry for entry in entries if isinstance(entry, Numbered)]
     assert [entry.counter for entry in numbered] == [*range(100 - lost), 100]
     assert all(same(entry.cycle, cycle(entry.counter)) for entry in numbered)
+
+
+def test_a_writer_never_counts_a_cycle_that_a_crash_would_lose(tmp_path: Path) -> None:
+    """After each cycle: what is counted can be read back, and no more than one that can is not counted."""
+    read_end, write_end = os.pipe()
+    pipe = CyclePipe(write_end, LEGS, {}, blocking=False)
+    path = tmp_path / "walk.mcap.partial"
+    seen = set()
+    with path.open("wb") as file:
+        writer = PipeWriter(file.fileno())
+        for number in range(500):
+            one = cycle(number)
+            pipe.send(one._replace(forces=replace(one.forces, t_sent_ns=1_000 + number)))
+            writer.feed(os.read(read_end, 1 << 20))
+            if writer.n_cycles not in seen:
+                seen.add(writer.n_cycles)
+                read, _ = read_until_damage(path)
+                assert writer.n_cycles <= len(read) <= writer.n_cycles + 1
+    pipe.close(0.0)
+    os.close(read_end)
+    assert len(seen) > 2
 
 
 @pytest.mark.parametrize("blocking", [True, False])
