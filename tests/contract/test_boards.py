@@ -180,11 +180,13 @@ def test_a_temperature_costs_no_reading_and_is_no_stall(rate_sps: int, element_w
     """Every ten seconds, at every rate: each element stays right, and nothing counts as late."""
     robot = Robot(distinct, AD7746, rate_sps=rate_sps, element_wise=element_wise)
     robot.read(9)
+    thermometer = scan_plan("lo_shu", rate_sps, "ad7746").board.thermometer
+    assert thermometer is not None
     n_asked = 0
 
     def count(transaction: Transaction, n: int) -> None:
         nonlocal n_asked
-        n_asked += transaction == scan_plan("lo_shu", rate_sps, "ad7746").board.thermometer.start[0]
+        n_asked += transaction == thermometer.start[0]
 
     robot.saboteurs[0].arm(count)
     until_ns = robot.clock.now_ns() + 25_000_000_000

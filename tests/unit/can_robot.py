@@ -64,7 +64,7 @@ class Robot:
             legs=legs,
             clock=self.clock,
             log_file=log_file,
-            connect=wire and (lambda: wire),
+            connect=None if wire is None else lambda: wire,
         )
         self.legs = legs
         self.heard()

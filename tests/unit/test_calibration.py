@@ -72,7 +72,7 @@ def test_exact_pokes_tell_the_foot() -> None:
 def test_errors_as_large_as_supposed_lie_as_far_as_supposed() -> None:
     """Creep and unexplained changes make the median squared distance that of chi squared with 9 degrees of freedom.
 
-    A little less, as the stick did not lean: without creep among the supposed errors it would be 12.4, without lean 8.6.
+    A little less, as the stick did not lean: left out of the supposed errors, creep makes it 12.4 and lean 8.6.
     """
     rng = np.random.default_rng(4)
     pokes = poked(made(1), _TRAINING[::4], rng, lean_deg=0.0, rubber_rel=0.015)
