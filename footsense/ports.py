@@ -1,6 +1,6 @@
 """The seams of the daemon, one to three methods each.
 
-Behind every port stands either hardware or its simulation, chosen once in `footsense.app`; code above a port
+Behind every port stands either hardware or its simulation, chosen once in `footsense.daemon`; code above a port
 cannot tell which.
 """
 

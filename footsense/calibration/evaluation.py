@@ -10,13 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.bench_session import BenchSession
-from footsense.calibration.pokes import Poke
-from footsense.core.calibrated import CalibratedFeet
-from footsense.core.foot_parameters import FootParameters
-from footsense.core.force_errors import GRAM_FORCE_N, Errors, errors
-from footsense.core.pipeline import Calibration
+from footsense.calibration.loads.detection import Poke
+from footsense.calibration.session.recorded_session import BenchSession
 from footsense.errors import CalibrationError
+from footsense.estimation.calibrated_feet import CalibratedFeet
+from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
+from footsense.foot.network_card import TrainedInputs
+from footsense.foot.parameters import FootParameters
 from footsense.frames import ELEMENTS
 from footsense.ports import Estimator
 
@@ -93,7 +93,7 @@ class Evaluation(NamedTuple):
 
 
 def read_pokes(
-    pokes: Sequence[Poke], network: Estimator, calibration: Calibration, foot: FootParameters | None
+    pokes: Sequence[Poke], network: Estimator, calibration: TrainedInputs, foot: FootParameters | None
 ) -> Read:
     """Return what a robot would make of pokes.
 
@@ -124,7 +124,7 @@ def read_pokes(
 def evaluate(
     sessions: Sequence[BenchSession],
     network: Callable[[int], Estimator],
-    calibration: Calibration,
+    calibration: TrainedInputs,
     foot: FootParameters | None,
 ) -> Evaluation:
     """Return what the network alone and a foot's pack make of its pokes.

@@ -15,37 +15,37 @@ import click
 
 import footsense
 from footsense.errors import FootsenseError
-from footsense.publish.log_lines import LogLines
+from footsense.telemetry.log_lines import LogLines
 
 #: Exit code of a command that Ctrl-C ended, as shells have it: 128 + SIGINT. `run` ends well, with 0.
 _INTERRUPTED = 130
 
 #: Where each command is, and its line in the help, so that help imports none of them.
 _COMMANDS = {
-    "run": ("footsense.cli.run:run", "Read the feet, estimate their forces, publish them on CAN."),
+    "run": ("footsense.cli.run.command:run", "Read the feet, estimate their forces, publish them on CAN."),
     "monitor": (
-        "footsense.cli.monitor:monitor",
+        "footsense.cli.monitor.command:monitor",
         "Show the legs on CAN, as a consumer of their forces sees them.",
     ),
     "replay": ("footsense.cli.replay:replay", "Run a recording through the pipeline again, or check it."),
     "recover": ("footsense.cli.recover:recover", "Rewrite a recording that was cut short."),
     "check-config": ("footsense.cli.check_config:check_config", "Say what a configuration file means."),
     "record": (
-        "footsense.cli.record:record",
+        "footsense.cli.record.command:record",
         "Record presses of a foot on the bench beside a force sensor.",
     ),
     "calibrate": ("footsense.cli.calibrate:calibrate", "Make a foot's pack of its recordings on a bench."),
     "evaluate": (
-        "footsense.cli.evaluate:evaluate",
+        "footsense.cli.evaluate.command:evaluate",
         "Compare a foot's forces with the reference of a bench.",
     ),
-    "probe": ("footsense.cli.probe:probe", "Say what is on the buses, and what is wrong with it."),
-    "bench": ("footsense.cli.bench:bench", "Measure scan, cycle and start beside their limits."),
+    "probe": ("footsense.cli.probe.command:probe", "Say what is on the buses, and what is wrong with it."),
+    "bench": ("footsense.cli.benchmark:bench", "Measure scan, cycle and start beside their limits."),
     "soak": (
         "footsense.cli.soak:soak",
         "Walk for a virtual day while things break, and count what must not be.",
     ),
-    "lab": ("footsense.cli.lab:lab", "From rubber to network (needs footsense[lab])."),
+    "lab": ("footsense.cli.lab.group:lab", "From rubber to network (needs footsense[lab])."),
 }
 
 

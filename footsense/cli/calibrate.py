@@ -7,16 +7,16 @@ from typing import Any
 
 import click
 
-from footsense.calibration.bench_session import BenchSession, read_sessions
-from footsense.calibration.calibrate import Design
-from footsense.calibration.pack_writer import PackContent, check_pack_target, write_pack
-from footsense.calibration.sessions import CalibratedFoot, calibrate_sessions
-from footsense.cli.bench_options import foot_files, foot_type_option
+from footsense.calibration.fit.calibrate import Design
+from footsense.calibration.fit.sessions import CalibratedFoot, calibrate_sessions
+from footsense.calibration.session.recorded_session import BenchSession, read_sessions
+from footsense.calibration.writer import PackContent, check_pack_target, write_pack
+from footsense.cli.test_stand_options import foot_files, foot_type_option
 from footsense.clock import stopwatch_ns, wall_time_iso
-from footsense.core.force_errors import Errors
-from footsense.inference.foot_pack import FootPack
-from footsense.inference.network import Network
-from footsense.sim.foot import FootResponse
+from footsense.estimation.network import Network
+from footsense.foot.calibration_reader import FootPack
+from footsense.foot.force_errors import Errors
+from footsense.foot.response_table import FootResponse
 
 
 @click.command()

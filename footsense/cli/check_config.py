@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from footsense import app
+from footsense import daemon
 from footsense.clock import wall_time_iso
 from footsense.config import Bus, Config, load_config
-from footsense.inference.foot_pack import FootPack
-from footsense.inference.network import Network
+from footsense.estimation.network import Network
+from footsense.foot.calibration_reader import FootPack
 
 
 @click.command("check-config")
@@ -18,9 +18,9 @@ from footsense.inference.network import Network
 def check_config(file: Path) -> None:
     """Say what the configuration FILE means, or which key is wrong and what would be right."""
     config = load_config(file)
-    packs = app.load_packs(config)
-    network = app.load_network(config, packs)
-    app.pipeline_for(config, network, 0, packs)  # refuses what these feet cannot tell, as a run would
+    packs = daemon.load_packs(config)
+    network = daemon.load_network(config, packs)
+    daemon.pipeline_for(config, network, 0, packs)  # refuses what these feet cannot tell, as a run would
     for line in _summary(config, network, packs):
         click.echo(line)
     for warning in config.warnings:

@@ -6,14 +6,14 @@ from pathlib import Path
 import click
 import msgspec
 
-from footsense import app
+from footsense import daemon
+from footsense.can.frame_log import check_log_target
 from footsense.clock import MonotonicClock
 from footsense.config import Config
+from footsense.daemon.loop import Paced, step
 from footsense.errors import FootsenseError, ModelError, RecordingError
+from footsense.estimation.network import Network
 from footsense.frames import ForceFrame
-from footsense.inference.network import Network
-from footsense.loop import Paced, step
-from footsense.publish.can_log import check_log_target
 from footsense.recording.compare import compare, same_machine
 from footsense.recording.machine import this_machine
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
@@ -83,20 +83,20 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
     recording = Replay(file)
     source = ReplaySource(recording)
     clock = ReplayClock(source)
-    config = app.recorded_config(recording)
+    config = daemon.recorded_config(recording)
     _require_same_legs(file, recording, config)
     if folder is not None and config.packs is not None:
         config = msgspec.structs.replace(config, packs=str(folder))
-    packs = app.load_packs(config)
-    network = app.load_network(config, packs)
+    packs = daemon.load_packs(config)
+    network = daemon.load_network(config, packs)
     comparison = Comparison(file, recording) if check else None
     if comparison:
         _require_same_network(file, recording, network)
-    _judge_packs(file, app.packs_difference(recording.header, packs), comparison)
-    pipeline = app.pipeline_for(config, network, app.recorded_flags(recording), packs)
+    _judge_packs(file, daemon.packs_difference(recording.header, packs), comparison)
+    pipeline = daemon.pipeline_for(config, network, daemon.recorded_flags(recording), packs)
     n_frames = 0
     with ExitStack() as stack:
-        sink = stack.enter_context(app.can_sink(config, clock, can_log, real_time=realtime))
+        sink = stack.enter_context(daemon.can_sink(config, clock, can_log, real_time=realtime))
         frames = Paced(source, clock, MonotonicClock()) if realtime else source
         while (scan := frames.read()) is not None:
             recorded = source.cycle

@@ -9,9 +9,9 @@ from pathlib import Path
 import click
 import msgspec
 
-from footsense.app.day import Stretch, day
-from footsense.app.soak import Walked, walk_day, walk_stretch
 from footsense.clock import stopwatch_ns
+from footsense.validation.soak import Walked, walk_day, walk_stretch
+from footsense.validation.soak_stretches import Stretch, day
 
 
 @click.command()

@@ -1,6 +1,6 @@
 """The daemon's configuration: what `--config FILE` may say, and what the built-in simulation is.
 
-`footsense.app` reads the objects once and hands on plain values: nothing below it imports this package.
+`footsense.daemon` reads the objects once and hands on plain values: nothing below it imports this package.
 """
 
 from pathlib import Path

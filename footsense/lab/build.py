@@ -13,13 +13,12 @@ import msgspec
 import ngsolve as ng
 import numpy as np
 
-from footsense.core.filling import Filling
-from footsense.inference.card import FORMAT, INPUT_ORDER, INPUT_UNIT, OUTPUT_ORDER, OUTPUT_UNIT
-from footsense.inference.seal import seal
-from footsense.lab import dataset
-from footsense.lab.dataset import Cases, paper_training, wide
-from footsense.lab.evaluate import Errors, Readout
-from footsense.lab.evaluate_models import (
+from footsense.estimation.faults.imputation import Filling
+from footsense.foot.checksum_trailer import seal
+from footsense.foot.network_card import FORMAT, INPUT_ORDER, INPUT_UNIT, OUTPUT_ORDER, OUTPUT_UNIT
+from footsense.foot.response_table import FootResponse
+from footsense.lab.evaluation.evaluate import Errors, Readout
+from footsense.lab.evaluation.evaluate_models import (
     ALONE,
     HELD_OUT_CASES,
     HELD_OUT_SEED,
@@ -28,16 +27,17 @@ from footsense.lab.evaluate_models import (
     error_table,
     evaluate_models,
 )
-from footsense.lab.export import OnnxNetwork, library_versions, onnx_model
 from footsense.lab.fem.mesh import COARSE, SHIPPED, MeshSize
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import LoadRange
 from footsense.lab.model_card import readme
-from footsense.lab.network import Weights
 from footsense.lab.response import make_response
-from footsense.lab.train import MASKS, Protocol, moments, predict, train
-from footsense.lab.unbending import unbending
-from footsense.sim.foot import FootResponse
+from footsense.lab.training import load_cases
+from footsense.lab.training.export import OnnxNetwork, library_versions, onnx_model
+from footsense.lab.training.forward_inversion import unbending
+from footsense.lab.training.load_cases import Cases, paper_training, wide
+from footsense.lab.training.network import Weights
+from footsense.lab.training.train import MASKS, Protocol, moments, predict, train
 
 #: Seed of the wide training set.
 TRAINING_SEED = 1
@@ -159,9 +159,9 @@ def _card(
                 "cases": recipe.wide_cases,
                 "seed": TRAINING_SEED,
                 **msgspec.structs.asdict(loads),
-                "full_scale_pf": dataset.FULL_SCALE_PF,
-                "noise_pf": dataset.NOISE_PF,
-                "baseline_noise_pf": dataset.BASELINE_NOISE_PF,
+                "full_scale_pf": load_cases.FULL_SCALE_PF,
+                "noise_pf": load_cases.NOISE_PF,
+                "baseline_noise_pf": load_cases.BASELINE_NOISE_PF,
             },
             "held_out": {"cases": HELD_OUT_CASES, "seed": HELD_OUT_SEED},
             "shipped": recipe.shipped.card(),

@@ -14,7 +14,7 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta, Struct
 
-from footsense.core.design import CapacitorDesign
+from footsense.foot.capacitor import CapacitorDesign
 
 #: Lowest contact normal that a foot's response table answers for [deg].
 MIN_ELEVATION_DEG = 25.0

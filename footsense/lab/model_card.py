@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from footsense.lab.evaluate import Errors
-from footsense.lab.evaluate_models import HELD_OUT_CASES, as_markdown
+from footsense.foot.response_table import FootResponse
+from footsense.lab.evaluation.evaluate import Errors
+from footsense.lab.evaluation.evaluate_models import HELD_OUT_CASES, as_markdown
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.geometry import SoleDesign
-from footsense.sim.foot import FootResponse
 
 
 def readme(

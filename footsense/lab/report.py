@@ -17,33 +17,33 @@ from pathlib import Path
 from timeit import default_timer
 
 from footsense.errors import FootsenseError
-from footsense.inference.seal import unsealed_sha256
-from footsense.lab.evaluate_models import NETWORK_FILE
-from footsense.lab.study.page import Page, Workbench
+from footsense.foot.checksum_trailer import unsealed_sha256
+from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
+from footsense.lab.studies.page import Page, Workbench
 from footsense.lab.targets import targets
 
-#: The studies in the order of the report; module `footsense.lab.study.<name with _>`.
-STUDIES = (
-    "shipped",
-    "sensors",
-    "paper-way",
-    "hidden-layers",
-    "rprop-speed",
-    "pattern",
-    "error-map",
-    "beyond",
-    "film",
-    "tolerance",
-    "solid",
-    "floor",
-    "ladder",
-    "limit",
-    "network-size",
-    "history",
-    "tradeoff",
-    "touchdown",
-    "hard-cases",
-)
+#: The studies in the order of the report, each with its module below `footsense.lab.studies`.
+STUDIES = {
+    "shipped": "accuracy.released",
+    "sensors": "accuracy.sensors",
+    "paper-way": "networks.paper_procedure",
+    "hidden-layers": "networks.hidden_layers",
+    "rprop-speed": "networks.rprop_speed",
+    "pattern": "mechanics.pattern",
+    "error-map": "accuracy.error_map",
+    "beyond": "mechanics.beyond",
+    "film": "mechanics.film",
+    "tolerance": "accuracy.tolerance",
+    "solid": "mechanics.solid",
+    "floor": "mechanics.floor",
+    "ladder": "mechanics.fidelity",
+    "limit": "accuracy.cramer_rao",
+    "network-size": "networks.network_size",
+    "history": "networks.history",
+    "tradeoff": "latency.tradeoff",
+    "touchdown": "latency.touchdown",
+    "hard-cases": "accuracy.hard_cases",
+}
 #: Pages about the daemon, which the lab does not know: their commands make them.
 OTHERS = ("faults", "experiment")
 README, BUILD = "README.md", "build.json"
@@ -61,7 +61,7 @@ def make_page(name: str, bench: Workbench) -> Page:
     """
     if name not in STUDIES:
         raise FootsenseError(f"no study {name!r}: there are {', '.join(STUDIES)}")
-    return timed_page(import_module(f"footsense.lab.study.{name.replace('-', '_')}").page, bench)
+    return timed_page(import_module(f"footsense.lab.studies.{STUDIES[name]}").page, bench)
 
 
 def timed_page(study: Callable[[Workbench], Page], bench: Workbench) -> Page:
@@ -137,8 +137,8 @@ def bind(folder: Path, bench: Workbench) -> Path:
         folder: Where the pages are.
         bench: Tells the network; pages about another one, or of the other form, are left out and named.
     """
-    made = [name for name in STUDIES + OTHERS if is_made(name, folder, bench)]
-    left_out = [name for name in STUDIES + OTHERS if name not in made]
+    made = [name for name in (*STUDIES, *OTHERS) if is_made(name, folder, bench)]
+    left_out = [name for name in (*STUDIES, *OTHERS) if name not in made]
     values = {name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in made}
     pages = [(folder / f"{name}.md").read_text(encoding="utf-8").strip() for name in made]
     titles = [page.partition("\n")[0].removeprefix("## ") for page in pages]

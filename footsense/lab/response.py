@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.foot.gap_contact import CELLS_PER_SIDE
+from footsense.foot.response_table import FootResponse, n_products, series_basis
+from footsense.foot.symmetry import HALF_SIDE, SIDE, product_powers
 from footsense.lab.fem.adjoint import ClassField, class_field
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
 from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
 from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, SoleDesign
-from footsense.sim.foot import FootResponse, n_products, series_basis
-from footsense.sim.gaps import CELLS_PER_SIDE
-from footsense.sim.symmetry import HALF_SIDE, SIDE, product_powers
 
 Vector = NDArray[np.float64]
 

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from footsense.lab.compare import DIRECTION_DEG, MAGNITUDE_GF
-from footsense.lab.study.page import table
+from footsense.lab.evaluation.compare import DIRECTION_DEG, MAGNITUDE_GF
+from footsense.lab.studies.page import table
 
 #: What the studies measured, by study.
 Values = Mapping[str, Mapping[str, Any]]

@@ -10,22 +10,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.sim.bus import SimulatedBus, SimulatedMux
-from footsense.sim.bus_faults import FailingBus
-from footsense.sim.chip_faults import failing_chips
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
+from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
+from footsense.sim.bus.kernel_mux import SimulatedKernelMuxLeg
+from footsense.sim.chips.electronics import Wired, electronics
 from footsense.sim.clock import JoinedClock, VirtualClock
-from footsense.sim.damage import Damage
-from footsense.sim.electronics import Wired, electronics
-from footsense.sim.fabricated import Foot
-from footsense.sim.fabrication import fabricate, mounted
-from footsense.sim.faults import OnChips, OnFoot, OnWires, StuckSda
-from footsense.sim.foot import FootResponse
-from footsense.sim.gait_table import GaitTable
-from footsense.sim.kernel_mux import SimulatedKernelMuxLeg
-from footsense.sim.load import Load, Walk
-from footsense.sim.rubber import RememberingRubber
+from footsense.sim.faults.bus_faults import FailingBus
+from footsense.sim.faults.chip_faults import failing_chips
+from footsense.sim.faults.damage import Damage
+from footsense.sim.faults.scene_faults import OnChips, OnFoot, OnWires, StuckSda
+from footsense.sim.foot.fabrication import fabricate, mounted
+from footsense.sim.foot.viscoelastic import RememberingRubber
+from footsense.sim.foot.warming import WarmingFoot, softness_at
+from footsense.sim.loads.gait_table import GaitTable
+from footsense.sim.loads.ground_load import Load, Walk
 from footsense.sim.scene import Scene
-from footsense.sim.warming import WarmingFoot, softness_at
 
 
 class Wiring(NamedTuple):

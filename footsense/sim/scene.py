@@ -14,11 +14,11 @@ from msgspec import Meta
 from footsense import strict_yaml
 from footsense.errors import ConfigError
 from footsense.frames import LEGS
-from footsense.sim import load
-from footsense.sim.fabrication import AS_BADLY_MADE, REMOUNT_DEG, FootTolerances
-from footsense.sim.faults import Fault, Leg
-from footsense.sim.poking import Pokes as PokingStick
-from footsense.sim.poking import paper_presses
+from footsense.sim.faults.scene_faults import Fault, Leg
+from footsense.sim.foot.fabrication import AS_BADLY_MADE, REMOUNT_DEG, FootTolerances
+from footsense.sim.loads import ground_load
+from footsense.sim.test_stand.calibration_loads import Pokes as PokingStick
+from footsense.sim.test_stand.calibration_loads import paper_presses
 
 _NS_PER_S = 1_000_000_000
 #: Lowest elevation of a contact [deg].
@@ -36,10 +36,10 @@ class _Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 class Unloaded(_Part, frozen=True, tag="unloaded", tag_field="kind"):
     """All feet in the air."""
 
-    def build(self, from_ns: int) -> load.Load:
+    def build(self, from_ns: int) -> ground_load.Load:
         """Return the load."""
         del from_ns
-        return load.Unloaded()
+        return ground_load.Unloaded()
 
 
 class Constant(_Part, frozen=True, tag="constant", tag_field="kind"):
@@ -47,9 +47,9 @@ class Constant(_Part, frozen=True, tag="constant", tag_field="kind"):
 
     force_n: _Pressing
 
-    def build(self, from_ns: int) -> load.Load:
+    def build(self, from_ns: int) -> ground_load.Load:
         """Return the load."""
-        return load.Ramp(self.force_n, from_ns)
+        return ground_load.Ramp(self.force_n, from_ns)
 
 
 class Ramp(_Part, frozen=True, tag="ramp", tag_field="kind"):
@@ -58,9 +58,9 @@ class Ramp(_Part, frozen=True, tag="ramp", tag_field="kind"):
     force_n: _Pressing
     rise_s: Annotated[float, Meta(gt=0.0, le=60.0)]
 
-    def build(self, from_ns: int) -> load.Load:
+    def build(self, from_ns: int) -> ground_load.Load:
         """Return the load."""
-        return load.Ramp(self.force_n, from_ns, round(self.rise_s * _NS_PER_S))
+        return ground_load.Ramp(self.force_n, from_ns, round(self.rise_s * _NS_PER_S))
 
 
 class Stand(_Part, frozen=True):
@@ -80,10 +80,10 @@ class Tripod(_Part, frozen=True, tag="tripod", tag_field="kind"):
     pitch_deg: Pitch = 0.0
     stands: tuple[Stand, ...] = ()
 
-    def build(self, from_ns: int) -> load.Walk:
+    def build(self, from_ns: int) -> ground_load.Walk:
         """Return the load."""
-        reaction = load.smooth_step(self.duty_rel, self.peak_force_n, self.friction_rel)
-        return load.Walk(
+        reaction = ground_load.smooth_step(self.duty_rel, self.peak_force_n, self.friction_rel)
+        return ground_load.Walk(
             dict.fromkeys(LEGS, reaction),
             period_ns=round(self.period_s * _NS_PER_S),
             duty_rel=self.duty_rel,
@@ -101,9 +101,9 @@ class MeasuredWalk(_Part, frozen=True, tag="measured_walk", tag_field="kind"):
     peak_force_n: Force
     pitch_deg: Pitch = 0.0
 
-    def build(self, from_ns: int) -> load.Load:
+    def build(self, from_ns: int) -> ground_load.Load:
         """Return the load."""
-        return load.measured_walk(self.peak_force_n, self.pitch_deg, from_ns)
+        return ground_load.measured_walk(self.peak_force_n, self.pitch_deg, from_ns)
 
 
 class Pokes(_Part, frozen=True, tag="pokes", tag_field="kind"):
@@ -227,7 +227,7 @@ class Effects(_Part, frozen=True):
         converter_clock_rel: Largest deviation of a converter's clock; each chip draws its own [1].
         stray_pf: Capacitance to ground in parallel with every element [pF].
         gap_contact: Whether a gap that shuts carries load; else its closure is only limited.
-        rubber: Whether the feet creep and show hysteresis (`sim/rubber.py`).
+        rubber: Whether the feet creep and show hysteresis (`sim/foot/viscoelastic.py`).
         warming: How the temperature changes; None for not at all.
         softening: How one foot ages; None for not at all.
         adapter_timeout_ms: How long an I2C adapter waits for a line that is held; those that cannot be told wait

@@ -7,18 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface import adg715
-from footsense.drivers.board import CONVERTED
-from footsense.drivers.bus_scanner import BusScanner
-from footsense.drivers.robot_scanner import RobotScanner
-from footsense.drivers.scan_plan import scan_plan
+from footsense.acquisition.boards.board import CONVERTED
+from footsense.acquisition.bus_scanner import BusScanner
+from footsense.acquisition.robot_scanner import RobotScanner
+from footsense.acquisition.scan_plan import scan_plan
 from footsense.errors import BusError, BusTimeoutError
 from footsense.frames import CapFrame, Reading
 from footsense.ports import Transaction
-from footsense.sim.ad7746_chip import Seen, SimulatedAd7746
-from footsense.sim.bus import SimulatedBus, SimulatedMux
+from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
+from footsense.sim.chips.ad7746 import Seen, SimulatedAd7746
+from footsense.sim.chips.fdc1004 import CinCapacitance, SimulatedFdc1004
+from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.clock import JoinedClock, VirtualClock
-from footsense.sim.fdc1004_chip import CinCapacitance, SimulatedFdc1004
-from footsense.sim.line_switch import SimulatedLineSwitch
 
 TIMEOUT_NS = 20_000_000
 #: A different capacitance for every element, so that a swap shows [pF].

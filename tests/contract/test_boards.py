@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from footsense.drivers.scan_plan import ORDERS, scan_plan
+from footsense.acquisition.scan_plan import ORDERS, scan_plan
 from footsense.errors import BusError, BusTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import Transaction

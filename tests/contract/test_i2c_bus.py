@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 import smbus2
 
-from footsense.backends.linux_i2c import LinuxI2cBus, adapters, kernel_drivers, shorten_timeout
+from footsense.acquisition.linux_i2c import LinuxI2cBus, adapters, kernel_drivers, shorten_timeout
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
 from footsense.ports import I2cBus, Transaction
-from footsense.sim.bus import SimulatedBus, SimulatedMux
+from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
 from footsense.sim.clock import VirtualClock
 
 MUX = 0x71

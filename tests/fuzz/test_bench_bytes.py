@@ -13,23 +13,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_interface.serial_frames import FRAME_BYTES, Record, encode_record, pack_values, stuff
-from footsense.app import FOOT_TYPE
-from footsense.backends.reference_file import read_csv
-from footsense.backends.reference_mounting import Mounting
-from footsense.backends.reference_net_ft import NetFtReference
-from footsense.backends.reference_rows import BinaryDecoder, Decoder, LineDecoder
-from footsense.backends.reference_stream import ReferenceStream
-from footsense.backends.reference_times import SampleTimes
-from footsense.calibration.pack_writer import write_pack
-from footsense.config.bench import load_bench
-from footsense.drivers.record_source import RecordSource
+from footsense.acquisition.mcu_source import RecordSource
+from footsense.calibration.writer import write_pack
+from footsense.config.test_stand import load_bench
+from footsense.daemon import FOOT_TYPE
+from footsense.foot.calibration_format import MANIFEST, PARAMETERS, Manifest
+from footsense.foot.calibration_reader import read_pack
 from footsense.frames import Reading, Reference
-from footsense.inference.foot_pack import read_pack
-from footsense.inference.pack_format import MANIFEST, PARAMETERS, Manifest
+from footsense.reference.mounting import Mounting
+from footsense.reference.net_ft import NetFtReference
+from footsense.reference.record_decoder import BinaryDecoder, Decoder, LineDecoder
+from footsense.reference.recorded_file import read_csv
+from footsense.reference.sample_stream import ReferenceStream
+from footsense.reference.sample_times import SampleTimes
 from footsense.sim.clock import VirtualClock
 from tests.fuzz.outcome import TRIED, refusal
 from tests.fuzz.test_texts import anything, texts
-from tests.unit.packs import content
+from tests.support.calibrations import content
 
 SYNC = b"\xaa"
 MOUNTING = Mounting({"x": "x", "y": "y", "z": "z"}, (0.0, 0.0, 0.0), "gf", 1.0, (100, 100, 100))
@@ -116,7 +116,7 @@ def test_any_recorded_sensor(tmp_path: Path, lines: list[list[str]]) -> None:
     refusal(lambda: sane(read_csv(path, MOUNTING, 0)))
 
 
-BENCH = (Path(__file__).parents[2] / "deploy/bench.yaml").read_text()
+BENCH = (Path(__file__).parents[2] / "deploy/test-stand.yaml").read_text()
 
 
 @given(data=st.data(), text=texts)
@@ -125,7 +125,7 @@ def test_any_bench(tmp_path: Path, data: st.DataObject, text: str) -> None:
     """Any text inside the description of a bench."""
     at = data.draw(st.integers(0, len(BENCH)))
     cut = data.draw(st.integers(at, min(at + 80, len(BENCH))))
-    path = tmp_path / "bench.yaml"
+    path = tmp_path / "test-stand.yaml"
     path.write_bytes((BENCH[:at] + text + BENCH[cut:]).encode(errors="surrogatepass"))
     refusal(lambda: load_bench(path))
 

@@ -20,7 +20,7 @@ from footsense.recording.mcap_writer import HEADER_CRC, METADATA, PROFILE, heade
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay
 from tests.fuzz.outcome import TRIED, refusal
-from tests.unit.cycles import LEGS, cycle, read_until_damage, same, write
+from tests.support.cycles import LEGS, cycle, read_until_damage, same, write
 
 CYCLES = [cycle(number, n_samples=2) for number in range(12)]
 HEADER = {"legs": ",".join(LEGS)}

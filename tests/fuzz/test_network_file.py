@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from onnx import ModelProto, TensorProto, helper
 
-from footsense.app import released
+from footsense.daemon import released
 from footsense.errors import ModelError
-from footsense.inference.card import read_card
-from footsense.inference.network import Network
-from footsense.inference.seal import seal
+from footsense.estimation.network import Network
+from footsense.foot.checksum_trailer import seal
+from footsense.foot.network_card import read_card
 from tests.fuzz.outcome import TRIED, refusal
 
 WHOLE = released("network.onnx").read_bytes()
@@ -43,7 +43,7 @@ def test_no_damage_is_taken(tmp_path: Path, data: st.DataObject) -> None:
 LIMITED = """
 import pathlib, resource, sys
 from footsense.errors import ModelError
-from footsense.inference.network import Network
+from footsense.estimation.network import Network
 size = 4096 * int(pathlib.Path("/proc/self/statm").read_text().split()[0])
 resource.setrlimit(resource.RLIMIT_AS, (size + (1 << 30),) * 2)
 resource.setrlimit(resource.RLIMIT_CPU, (60, 60))

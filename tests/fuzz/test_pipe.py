@@ -13,7 +13,7 @@ from footsense.recording.pipe_format import Loss, Numbered, pack_cycle, pack_hea
 from footsense.recording.pipe_unpack import unpack
 from footsense.recording.writer import PipeWriter
 from tests.fuzz.outcome import TRIED, refusal
-from tests.unit.cycles import LEGS, TARE, cycle, same
+from tests.support.cycles import LEGS, TARE, cycle, same
 
 SHOWN = cycle(3, outcomes=(Outcome(TARE, Result.LOADED, "0.2 pF"),), n_samples=2, warm=True)
 HEADER = pack_header({"legs": ",".join(LEGS)})

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.app import recorded_config, recorded_flags
 from footsense.config import DEFAULT, load_config
-from footsense.publish.shared_counters import Family, SharedCounters, read_counters
+from footsense.daemon import recorded_config, recorded_flags
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream
 from footsense.sim.scene import load_scene
+from footsense.telemetry.shared_counters import Family, SharedCounters, read_counters
 from tests.fuzz.outcome import TRIED, refusal
 
 ROBOT = "buses: [{device: sim, legs: {lf: 0, rf: 1}}]\ncan: {interface: virtual}\n"

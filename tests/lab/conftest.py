@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
+    from footsense.foot.response_table import FootResponse
     from footsense.lab.fem.adjoint import ClassField
     from footsense.lab.fem.quarter import Parity, Quarter
-    from footsense.sim.foot import FootResponse
 
 collect_ignore_glob = [] if importlib.util.find_spec("ngsolve") else ["test_*.py"]
 

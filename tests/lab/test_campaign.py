@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from footsense.errors import FootsenseError
-from footsense.lab.campaign import Figures, Job, Tolerances, Work, in_turn, run_campaign
-from footsense.lab.cluster import on_cluster
-from footsense.lab.dataset import paper_verification
-from footsense.lab.evaluate_models import open_models
-from footsense.lab.specimens import judge, measure
-from footsense.lab.study.page import Workbench
-from footsense.lab.study.tolerance import ON_DESIGN, ON_FOOT, campaign_page
-from footsense.lab.sweeps import BENCHES, FEET, FULL, QUICK, Results
-from footsense.sim.fabricated import Foot
-from footsense.sim.fabrication import LEAST_REL, fabricate
-from footsense.sim.foot import FootResponse
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
+from footsense.lab.evaluation.evaluate_models import open_models
+from footsense.lab.monte_carlo.campaign import Figures, Job, Tolerances, Work, in_turn, run_campaign
+from footsense.lab.monte_carlo.cluster import on_cluster
+from footsense.lab.monte_carlo.specimens import judge, measure
+from footsense.lab.monte_carlo.sweeps import BENCHES, FEET, FULL, QUICK, Results
+from footsense.lab.studies.accuracy.tolerance import ON_DESIGN, ON_FOOT, campaign_page
+from footsense.lab.studies.page import Workbench
+from footsense.lab.training.load_cases import paper_verification
+from footsense.sim.foot.fabrication import LEAST_REL, fabricate
 
 pytestmark = pytest.mark.lab
 

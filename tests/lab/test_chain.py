@@ -13,26 +13,26 @@ import onnx
 import pytest
 from click.testing import CliRunner
 
-from footsense.app import load_network, service
-from footsense.cli.lab import lab
+from footsense.cli.lab.group import lab
 from footsense.config import DEFAULT, load_config
-from footsense.core.filling import Filling
-from footsense.core.score import Score
+from footsense.daemon import load_network, service
 from footsense.errors import FootsenseError, ModelError
-from footsense.inference.card import METADATA_KEY, read_card
-from footsense.inference.network import Network
-from footsense.lab import dataset
+from footsense.estimation.faults.imputation import Filling
+from footsense.estimation.network import Network
+from footsense.foot.network_card import METADATA_KEY, read_card
+from footsense.foot.response_table import FootResponse
 from footsense.lab.build import PARITY_REL, QUICK, Built, build
-from footsense.lab.compare import compare
-from footsense.lab.evaluate import coverage, errors
-from footsense.lab.evaluate_models import open_models
-from footsense.lab.export import OnnxNetwork, onnx_model
+from footsense.lab.evaluation.compare import compare
+from footsense.lab.evaluation.evaluate import coverage, errors
+from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.foot_file import load_foot
-from footsense.lab.network import N_SYMMETRIES, SEEN, Weights
 from footsense.lab.response import SYMMETRIES, element_map
-from footsense.lab.train import MASKS, predict
-from footsense.sim.foot import FootResponse
+from footsense.lab.training import load_cases
+from footsense.lab.training.export import OnnxNetwork, onnx_model
+from footsense.lab.training.network import N_SYMMETRIES, SEEN, Weights
+from footsense.lab.training.train import MASKS, predict
 from footsense.sim.scene import load_scene
+from footsense.telemetry.run_statistics import Score
 from tests.lab.released import RELEASED
 from tests.lab.released import SOLE as SHIPPED
 
@@ -57,21 +57,21 @@ def built(folder: Path) -> Built:
 
 def test_the_papers_sets_have_the_papers_sizes(response: FootResponse) -> None:
     """362 training and 180 verification cases, elevations from 40 deg, forces 50, 150 and 100 gf."""
-    training, verification = dataset.paper_training(response), dataset.paper_verification(response)
+    training, verification = load_cases.paper_training(response), load_cases.paper_verification(response)
     assert (len(training.force_n), len(verification.force_n)) == (362, 180)
-    size_gf = np.linalg.norm(training.force_n, axis=1) / dataset.GRAM_FORCE_N
+    size_gf = np.linalg.norm(training.force_n, axis=1) / load_cases.GRAM_FORCE_N
     np.testing.assert_allclose(np.unique(size_gf.round(9)), [50.0, 150.0])
-    elevation = np.degrees(np.arcsin(training.force_n[:, 2] / (size_gf * dataset.GRAM_FORCE_N)))
+    elevation = np.degrees(np.arcsin(training.force_n[:, 2] / (size_gf * load_cases.GRAM_FORCE_N)))
     assert elevation.min() == pytest.approx(40.0)
     apart = training.force_n[:181, None] / 50.0 - verification.force_n[None] / 100.0
-    assert np.linalg.norm(apart, axis=2).min() > 0.03 * dataset.GRAM_FORCE_N
+    assert np.linalg.norm(apart, axis=2).min() > 0.03 * load_cases.GRAM_FORCE_N
 
 
 def test_symmetric_copies_are_loads_of_the_same_foot(response: FootResponse) -> None:
     """Each copy of (force, closures) is what the foot does under the copied force, to the table's rounding."""
-    force = dataset.wide(response, SHIPPED.loads, 1, 7).force_n
+    force = load_cases.wide(response, SHIPPED.loads, 1, 7).force_n
     normal = force / np.linalg.norm(force)
-    copies = dataset.Cases(force, response.closure_um(normal, force)).with_symmetric_copies()
+    copies = load_cases.Cases(force, response.closure_um(normal, force)).with_symmetric_copies()
     assert len(np.unique(copies.force_n.round(6), axis=0)) == 8
     again = response.closure_um(copies.force_n / np.linalg.norm(force), copies.force_n)
     np.testing.assert_allclose(again, copies.closure_um, atol=1e-4)
@@ -86,12 +86,12 @@ def test_element_map_turns_the_array() -> None:
 
 def test_the_wide_set_stays_inside_its_promise(response: FootResponse) -> None:
     """Within the converter's range, at most 2 N, light touches present, the same for the same seed."""
-    cases = dataset.wide(response, SHIPPED.loads, 2000, 5)
+    cases = load_cases.wide(response, SHIPPED.loads, 2000, 5)
     size = np.linalg.norm(cases.force_n, axis=1)
     assert size.max() <= SHIPPED.loads.max_n
     assert np.mean(size < 0.05) > 0.05
-    assert response.design.capacitance_pf(cases.closure_um).max() < dataset.FULL_SCALE_PF
-    assert (dataset.wide(response, SHIPPED.loads, 2000, 5).force_n == cases.force_n).all()
+    assert response.design.capacitance_pf(cases.closure_um).max() < load_cases.FULL_SCALE_PF
+    assert (load_cases.wide(response, SHIPPED.loads, 2000, 5).force_n == cases.force_n).all()
 
 
 def test_errors_are_those_of_hand_computation() -> None:
@@ -99,7 +99,7 @@ def test_errors_are_those_of_hand_computation() -> None:
     truth = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     row = errors(truth, np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.1]]))
     assert row.direction_deg == pytest.approx(45.0)
-    assert row.magnitude_gf == pytest.approx(0.1 / dataset.GRAM_FORCE_N / 2.0)
+    assert row.magnitude_gf == pytest.approx(0.1 / load_cases.GRAM_FORCE_N / 2.0)
 
 
 def test_coverage_of_a_true_sigma_is_that_of_a_gaussian() -> None:
@@ -201,8 +201,8 @@ def test_sigma_is_honest_with_and_without_all_elements(built: Built, folder: Pat
     """Loads and noise that training never saw: errors within two sigma in most cases, and more of it with less seen."""
     del built
     response, network = open_models(folder)
-    cases = dataset.wide(response, SOLE.loads, 4000, 9)
-    measured = dataset.measured_closure_rel(response.design, cases.closure_um, np.random.default_rng(9))
+    cases = load_cases.wide(response, SOLE.loads, 4000, 9)
+    measured = load_cases.measured_closure_rel(response.design, cases.closure_um, np.random.default_rng(9))
     filling = Filling(np.array(network.card["moments"]))
     means = []
     for mask in (np.zeros(9, bool), np.arange(9) == 4, np.arange(9) < 3):
@@ -330,7 +330,7 @@ def test_a_bad_network_is_one_clear_error(tmp_path: Path, content: bytes | None)
 
 def test_without_the_extra_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     """A robot's install has no workshop: the command says so and names the extra."""
-    monkeypatch.setattr("footsense.cli.lab.importlib.util.find_spec", lambda _: None)
+    monkeypatch.setattr("footsense.cli.lab.group.importlib.util.find_spec", lambda _: None)
     result = CliRunner().invoke(lab, ["evaluate"])
     assert isinstance(result.exception, FootsenseError)
     assert "pip install 'footsense[lab]', or in a checkout" in str(result.exception)

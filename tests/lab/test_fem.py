@@ -8,7 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from footsense.errors import ModelError
-from footsense.lab.fem.known import HalfSpace, block_errors
+from footsense.lab.fem.analytic_benchmarks import HalfSpace, block_errors
 from footsense.lab.fem.mesh import COARSE, build_mesh
 from footsense.lab.fem.quarter import Parity, Quarter
 from footsense.lab.geometry import Material, SoleDesign

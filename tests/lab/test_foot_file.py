@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 from msgspec.structs import replace
 
-from footsense.cli.lab import lab
+from footsense.cli.lab.group import lab
 from footsense.errors import ConfigError, FootsenseError
 from footsense.lab.fem.mesh import COARSE, SHIPPED
 from footsense.lab.foot_file import FOOT_FILE, load_foot

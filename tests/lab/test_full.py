@@ -8,15 +8,15 @@ import pytest
 from msgspec.structs import replace
 from netgen import occ
 
-from footsense.lab.full import foot, newton
-from footsense.lab.full.body import Body
-from footsense.lab.full.case import LoadCase
-from footsense.lab.full.foot import FullFoot
-from footsense.lab.full.material import mixed_work, plain_work
-from footsense.lab.full.mesh import Fineness, build_mesh
-from footsense.lab.full.newton import ConvergenceError, Equilibrium
-from footsense.lab.full.plane import PlaneFloor
-from footsense.lab.full.readout import cell_means, sampled_closure_um
+from footsense.lab.contact import equilibrium, full_solve
+from footsense.lab.contact.body import Body
+from footsense.lab.contact.equilibrium import ConvergenceError, Equilibrium
+from footsense.lab.contact.full_solve import FullFoot
+from footsense.lab.contact.load_case import LoadCase
+from footsense.lab.contact.material import mixed_work, plain_work
+from footsense.lab.contact.mesh import Fineness, build_mesh
+from footsense.lab.contact.plane_floor import PlaneFloor
+from footsense.lab.contact.readout import cell_means, sampled_closure_um
 from footsense.lab.geometry import Material
 from tests.lab.released import SOLE
 
@@ -146,7 +146,7 @@ def test_half_and_whole_foot_agree() -> None:
 
 def test_a_load_that_does_not_converge_is_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
     """The error names the load and the residual."""
-    monkeypatch.setattr(newton, "MOST_STEPS", 0)
-    monkeypatch.setattr(foot, "MOST_HALVINGS", 0)
+    monkeypatch.setattr(equilibrium, "MOST_STEPS", 0)
+    monkeypatch.setattr(full_solve, "MOST_HALVINGS", 0)
     with pytest.raises(ConvergenceError, match=r"at 100% of the load: residual .* after 0 Newton steps"):
         FullFoot(SOLE, fineness=COARSE).solve(UP, UP)

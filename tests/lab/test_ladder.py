@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
 from footsense.lab.fem.forward import ForwardFoot
 from footsense.lab.fem.mesh import COARSE
-from footsense.lab.ladder.half_space import HalfSpace, lattice_opening_mm
-from footsense.lab.ladder.query import response_to
-from footsense.lab.ladder.rungs import NAMES, Contact, Linear, rung
-from footsense.sim.fabricated import Foot
-from footsense.sim.foot import FootResponse
+from footsense.lab.fidelity.half_space import HalfSpace, lattice_opening_mm
+from footsense.lab.fidelity.levels import NAMES, Contact, Linear, rung
+from footsense.lab.fidelity.query import response_to
 from tests.lab.released import RELEASED, SOLE
 
 pytestmark = pytest.mark.lab

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
 from footsense.lab.creep import Kelvin, crept_closure, uncrept_closure
-from footsense.lab.dataset import GRAM_FORCE_N, directions, measured_closure_rel, sensed_closure_um
-from footsense.lab.limit import (
+from footsense.lab.evaluation.cramer_rao import (
     Bound,
     Unknowns,
     crb_ratio,
@@ -13,9 +14,13 @@ from footsense.lab.limit import (
     leaning_contacts,
     verification_directions,
 )
-from footsense.lab.study.limit import maximum_likelihood
-from footsense.sim.fabricated import Foot
-from footsense.sim.foot import FootResponse
+from footsense.lab.studies.accuracy.cramer_rao import maximum_likelihood
+from footsense.lab.training.load_cases import (
+    GRAM_FORCE_N,
+    directions,
+    measured_closure_rel,
+    sensed_closure_um,
+)
 from tests.lab.released import RELEASED, SOLE
 
 

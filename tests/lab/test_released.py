@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.core.filling import Filling
-from footsense.lab.dataset import measured_closure_rel, wide
-from footsense.lab.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, coverage
-from footsense.lab.evaluate_models import evaluate_models, open_models
-from footsense.lab.study.limit import twins_of
-from footsense.lab.train import MASKS
-from footsense.sim.fabricated import Foot
+from footsense.estimation.faults.imputation import Filling
+from footsense.foot.specimen import Foot
+from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, coverage
+from footsense.lab.evaluation.evaluate_models import evaluate_models, open_models
+from footsense.lab.studies.accuracy.cramer_rao import twins_of
+from footsense.lab.training.load_cases import measured_closure_rel, wide
+from footsense.lab.training.train import MASKS
 from tests.lab.released import RELEASED, SOLE
 
 pytestmark = pytest.mark.lab

@@ -8,7 +8,7 @@ import pytest
 
 from footsense.errors import FootsenseError
 from footsense.lab.report import OTHERS, STUDIES, bind, is_made, make_page
-from footsense.lab.study.page import Page, Workbench
+from footsense.lab.studies.page import Page, Workbench
 from footsense.lab.targets import targets
 
 pytestmark = pytest.mark.lab
@@ -62,7 +62,7 @@ def test_the_released_report_has_every_target_and_says_why_one_is_missed() -> No
     """The committed pages hold all numbers that the table on top is made of."""
     pages = Path(__file__).parents[2] / "docs" / "report"
     values = {
-        name: json.loads((pages / f"{name}.json").read_text(encoding="utf-8")) for name in STUDIES + OTHERS
+        name: json.loads((pages / f"{name}.json").read_text(encoding="utf-8")) for name in (*STUDIES, *OTHERS)
     }
     text = targets({**values, "report": {"minutes": 1.0}})
     assert "not measured" not in text

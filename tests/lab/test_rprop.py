@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.core.design import CapacitorDesign
-from footsense.lab.dataset import Cases
-from footsense.lab.descent import descent_start, descent_step
-from footsense.lab.mlp import forward, learn, loss, stack, start_layers, unstack
-from footsense.lab.paper_way import Feed, Lesson
-from footsense.lab.rprop import (
+from footsense.foot.capacitor import CapacitorDesign
+from footsense.lab.training.gradient_descent import descent_start, descent_step
+from footsense.lab.training.load_cases import Cases
+from footsense.lab.training.mlp import forward, learn, loss, stack, start_layers, unstack
+from footsense.lab.training.paper_procedure import Feed, Lesson
+from footsense.lab.training.rprop import (
     FIRST_STEP,
     GROW,
     LARGEST_STEP,

@@ -7,15 +7,15 @@ import ngsolve as ng
 import numpy as np
 import pytest
 
+from footsense.foot.response_table import series_basis
 from footsense.lab.fem.block import COARSE_BLOCK
 from footsense.lab.fem.film import FilmDesign, FilmQuarter, upright_closure_um
 from footsense.lab.fem.mesh import COARSE, build_mesh
 from footsense.lab.fem.quarter import Parity
 from footsense.lab.geometry import FIT_ELEVATION_DEG, Material
 from footsense.lab.response import DEGREE
-from footsense.lab.study.beyond import normal_to
-from footsense.lab.study.sensors import SENSORS, Sensor, patterns, protocol, sensor_series
-from footsense.sim.foot import series_basis
+from footsense.lab.studies.accuracy.sensors import SENSORS, Sensor, patterns, protocol, sensor_series
+from footsense.lab.studies.mechanics.beyond import normal_to
 from tests.lab.released import SOLE
 
 pytestmark = pytest.mark.lab

@@ -7,20 +7,28 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.core.design import CapacitorDesign
-from footsense.core.pipeline import Calibration
-from footsense.lab.evaluate_models import open_models
-from footsense.lab.study.tradeoff_chain import ORDERS, Published, Readings, along, convert, felt_by, pace
-from footsense.lab.study.tradeoff_errors import Truth, judge, settled_ms
-from footsense.sim.fabricated import Foot
-from footsense.sim.load import Ramp
+from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.network_card import TrainedInputs
+from footsense.foot.specimen import Foot
+from footsense.lab.evaluation.evaluate_models import open_models
+from footsense.lab.studies.latency.tradeoff_chain import (
+    ORDERS,
+    Published,
+    Readings,
+    along,
+    convert,
+    felt_by,
+    pace,
+)
+from footsense.lab.studies.latency.tradeoff_errors import Truth, judge, settled_ms
+from footsense.sim.loads.ground_load import Ramp
 from tests.system.command import run_json
 
 pytestmark = pytest.mark.lab
 
 RELEASED = Path(__file__).parents[2] / "models" / "aoyagi-3x3"
 MS = 1_000_000
-ANY = Calibration(
+ANY = TrainedInputs(
     design=CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0),
     closure_rel_min=np.full(9, -np.inf),
     closure_rel_max=np.full(9, np.inf),

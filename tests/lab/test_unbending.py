@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from footsense.lab.dataset import GRAM_FORCE_N, directions, sensed_closure_um
-from footsense.lab.unbending import unbending
-from footsense.sim.fabricated import Foot
-from footsense.sim.foot import FootResponse
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
+from footsense.lab.training.forward_inversion import unbending
+from footsense.lab.training.load_cases import GRAM_FORCE_N, directions, sensed_closure_um
 
 pytestmark = pytest.mark.lab
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from footsense.drivers import ad7746
-from footsense.drivers.scan_plan import scan_plan
+from footsense.acquisition.boards import ad7746
+from footsense.acquisition.scan_plan import scan_plan
 from footsense.errors import HardwareError, NackError, WrongChipError
 from footsense.frames import Reading
 from footsense.ports import Transaction

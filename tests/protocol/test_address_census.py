@@ -2,7 +2,7 @@
 
 import pytest
 
-from footsense.drivers.address_census import take_census
+from footsense.acquisition.probe.address_scan import take_census
 from footsense.errors import BusError, BusTimeoutError, NackError
 from footsense.ports import Transaction
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from footsense.backends.linux_gpio import LinuxResetLine, request
+from footsense.acquisition.gpio import LinuxResetLine, request
 from footsense.errors import HardwareError
 
 

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense import app, loop
-from footsense.app import released
+from footsense import daemon
 from footsense.config import Bus, Can, Config
-from footsense.core.foot_parameters import FootParameters
+from footsense.daemon import loop, released
+from footsense.foot.parameters import FootParameters
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
 from footsense.frames import Reference
-from footsense.sim.fabricated import Foot
-from footsense.sim.fabrication import fabricate
-from footsense.sim.foot import FootResponse
+from footsense.sim.foot.fabrication import fabricate
 from footsense.sim.scene import Fabrication, Pokes, Scene
 
 _SAMPLE_NS = 5_000_000
@@ -61,7 +61,7 @@ def record(path: Path, foot: str = "foot-0007", n: int = 24, *, reference: bool 
     load = Pokes(presses=presses(n), rise_s=0.1, hold_s=0.4, rest_s=0.6)
     scene = Scene(description="a bench", load=load, fabrication=MADE)
     end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 200_000_000
-    with app.service(config, scene, record=path, real_time=False) as service:
+    with daemon.service(config, scene, record=path, real_time=False) as service:
         felt_n, clock = service.scanning.felt_n, service.scanning.clock
         assert felt_n is not None
         loop.run(

@@ -6,12 +6,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from footsense.app.scanning import Scanning
-from footsense.app.service import service
 from footsense.config import DEFAULT
+from footsense.daemon.acquisition import Scanning
+from footsense.daemon.service import service
 from footsense.frames import USABLE, Cause, Cycle, State
-from footsense.sim import faults
-from footsense.sim.faults import Fault
+from footsense.sim.faults import scene_faults
+from footsense.sim.faults.scene_faults import Fault
 from footsense.sim.scene import Effects, Scene, Tripod, Unloaded, Warming
 
 ROBOT = msgspec.structs.replace(
@@ -87,23 +87,28 @@ def test_each_converter_tells_its_temperature_every_ten_seconds() -> None:
     ("fault", "state", "cause", "mask"),
     [
         (
-            faults.ElementOpen(at_s=2.0, leg="lm", element=4),
+            scene_faults.ElementOpen(at_s=2.0, leg="lm", element=4),
             State.DEGRADED,
             Cause.ELEMENT_OPEN,
             0b000_010_000,
         ),
-        (faults.BrokenRow(at_s=2.0, leg="lm", row=0), State.DEGRADED, Cause.ROW_OPEN, 0b000_000_111),
-        (faults.BrokenColumn(at_s=2.0, leg="lm", column=2), State.DEGRADED, Cause.COLUMN_OPEN, 0b100_100_100),
+        (scene_faults.BrokenRow(at_s=2.0, leg="lm", row=0), State.DEGRADED, Cause.ROW_OPEN, 0b000_000_111),
         (
-            faults.ElementShorted(at_s=2.0, leg="lm", element=4),
+            scene_faults.BrokenColumn(at_s=2.0, leg="lm", column=2),
+            State.DEGRADED,
+            Cause.COLUMN_OPEN,
+            0b100_100_100,
+        ),
+        (
+            scene_faults.ElementShorted(at_s=2.0, leg="lm", element=4),
             State.CONVERTER_FAULT,
             Cause.CANNOT_EXCITE,
             None,
         ),
-        (faults.StuckConverter(at_s=2.0, leg="lm"), State.CONVERTER_FAULT, Cause.NEVER_FINISHES, None),
-        (faults.DeafSwitch(at_s=2.0, leg="lm"), State.CONVERTER_FAULT, Cause.SETTINGS_LOST, None),
-        (faults.Absent(at_s=2.0, leg="lm"), State.ABSENT, Cause.NO_ANSWER, None),
-        (faults.WrongChip(at_s=2.0, leg="lm"), State.ABSENT, Cause.WRONG_CHIP, None),
+        (scene_faults.StuckConverter(at_s=2.0, leg="lm"), State.CONVERTER_FAULT, Cause.NEVER_FINISHES, None),
+        (scene_faults.DeafSwitch(at_s=2.0, leg="lm"), State.CONVERTER_FAULT, Cause.SETTINGS_LOST, None),
+        (scene_faults.Absent(at_s=2.0, leg="lm"), State.ABSENT, Cause.NO_ANSWER, None),
+        (scene_faults.WrongChip(at_s=2.0, leg="lm"), State.ABSENT, Cause.WRONG_CHIP, None),
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, msgspec.Struct) else "",
 )
@@ -120,7 +125,7 @@ def test_what_breaks_has_its_own_words(fault: Fault, state: State, cause: Cause,
 
 def test_a_dip_of_the_supply_passes() -> None:
     """All settings are lost, the CAPDAC's too; the leg is set up afresh, and reads what it read."""
-    brown_out = faults.BrownOut(at_s=2.0, leg="lm")
+    brown_out = scene_faults.BrownOut(at_s=2.0, leg="lm")
     scene = Scene(description="A dip.", load=Unloaded(), effects=REAL, faults=(brown_out,))
     watch = watched(scene, 4.0)
     assert any(cycle.forces.state[1] == State.CONVERTER_FAULT for cycle in watch.cycles)

@@ -13,11 +13,11 @@ import onnx
 import pytest
 from onnx import TensorProto, helper
 
-from footsense.app.estimation import load_network
 from footsense.config import DEFAULT
+from footsense.daemon.estimation import load_network
 from footsense.errors import ModelError
-from footsense.inference.card import INPUT_ORDER, OUTPUT_ORDER
-from footsense.inference.seal import seal
+from footsense.foot.checksum_trailer import seal
+from footsense.foot.network_card import INPUT_ORDER, OUTPUT_ORDER
 from tests.system.command import footsense, one_line_error, robot
 
 NINE_INPUTS, THREE_NEWTONS = {"unit": "1", "order": INPUT_ORDER}, {"unit": "N", "order": OUTPUT_ORDER}

@@ -9,19 +9,19 @@ import pytest
 from click.testing import CliRunner, Result
 from numpy.typing import NDArray
 
-from footsense import app
-from footsense.app.bench import BenchRun
-from footsense.backends.reference_mounting import NEWTON_PER
+from footsense import daemon
 from footsense.cli.calibrate import calibrate
 from footsense.config import Bus, Can, Config, Tare
-from footsense.config.bench import Axes, Bench, Simulated
+from footsense.config.test_stand import Axes, Bench, Simulated
+from footsense.daemon.test_stand import BenchRun
 from footsense.errors import CalibrationError
+from footsense.foot.calibration_reader import read_pack
 from footsense.frames import Cycle
-from footsense.inference.foot_pack import read_pack
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.pipe_format import Numbered
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream
+from footsense.reference.mounting import NEWTON_PER
 from footsense.sim.scene import Pokes, Scene
 from tests.system.bench import MADE, presses
 
@@ -52,7 +52,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scene = Scene(description="a bench", load=load, lead_in_s=2.0, fabrication=MADE)
     end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 500_000_000
     run = BenchRun(bench=BENCH, leg="lf", foot="foot-0007", session="one")
-    with app.service(CONFIG, scene, record=path, real_time=False, bench=run) as service:
+    with daemon.service(CONFIG, scene, record=path, real_time=False, bench=run) as service:
         clock = service.scanning.clock
         service.run(lambda: clock.now_ns() >= end_ns)
     return path

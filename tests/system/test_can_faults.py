@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from footsense.app.can_trial import can_trial
 from footsense.errors import ConfigError
-from footsense.sim.can_faults import CanBusOff, CanDown, CanFault, CanNoAck
+from footsense.sim.faults.can_faults import CanBusOff, CanDown, CanFault, CanNoAck
 from footsense.sim.scene import load_scene
+from footsense.validation.can_trial import can_trial
 
 
 @pytest.mark.parametrize(

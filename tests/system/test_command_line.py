@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from footsense import app
+from footsense import daemon
 from footsense.cli import main
 from footsense.config import DEFAULT
 from footsense.errors import HardwareError
@@ -146,7 +146,7 @@ def test_a_lost_log_does_not_hide_what_came_before(tmp_path: Path) -> None:
     """The first error is the one that is told, whatever the end of the log adds to it."""
     log = tmp_path / "a.log"
     log.symlink_to("/dev/full")
-    with pytest.raises(HardwareError, match="the bus is gone"), app.can_sink(DEFAULT, VirtualClock(), log):
+    with pytest.raises(HardwareError, match="the bus is gone"), daemon.can_sink(DEFAULT, VirtualClock(), log):
         raise HardwareError("the bus is gone")
 
 

@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from footsense.cli.evaluate import evaluate
+from footsense.cli.evaluate.command import evaluate
 from footsense.errors import CalibrationError, ConfigError, FootsenseError, ModelError, RecordingError
-from footsense.inference.pack_format import Manifest
+from footsense.foot.calibration_format import Manifest
+from tests.support.calibrations import pack
 from tests.system.bench import record, true_parameters
-from tests.unit.packs import pack
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_the_page(bench: Path, tmp_path: Path) -> None:
 
 def test_a_pack_is_not_judged_by_what_it_was_made_of(bench: Path, tmp_path: Path) -> None:
     """Not without saying so; the hashes of the recordings tell, whatever they are called."""
-    from footsense.calibration.pack_writer import file_sha256
+    from footsense.calibration.writer import file_sha256
 
     shutil.copy(bench / "session.mcap", tmp_path / "renamed.mcap")
     made_of_it = pack(tmp_path, recordings={"session.mcap": file_sha256(bench / "session.mcap")})

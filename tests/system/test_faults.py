@@ -15,15 +15,15 @@ import pytest
 from prometheus_client import CollectorRegistry
 
 import firmware_interface
-from footsense import app
-from footsense.app.fault_trial import BREAKS_AT_S, LEG, PASSES_AT_S, WALK, Figures, Walk, figures, walk
+from footsense import daemon
 from footsense.config import DEFAULT, Mux
 from footsense.frames import USABLE, Cause, State
-from footsense.publish.exporter import SharedCollector
-from footsense.publish.metrics import Metrics
-from footsense.publish.shared_counters import read_counters
-from footsense.sim import faults
-from footsense.sim.faults import Fault
+from footsense.sim.faults import scene_faults
+from footsense.sim.faults.scene_faults import Fault
+from footsense.telemetry.exporter import SharedCollector
+from footsense.telemetry.metrics import Metrics
+from footsense.telemetry.shared_counters import read_counters
+from footsense.validation.fault_trial import BREAKS_AT_S, LEG, PASSES_AT_S, WALK, Figures, Walk, figures, walk
 
 DBC = Path(firmware_interface.__file__).parent / "footsense.dbc"
 
@@ -56,35 +56,39 @@ PROBED_S, TARED_S = 0.5, 1.2
 TRUSTED_S = 1.0
 
 ON_CHIPS: dict[Fault, Expected] = {
-    faults.Absent(**PASSING): Expected(State.ABSENT, Cause.NO_ANSWER, ALL, SCANS_S, TARED_S),
-    faults.StuckConverter(**PASSING): Expected(
+    scene_faults.Absent(**PASSING): Expected(State.ABSENT, Cause.NO_ANSWER, ALL, SCANS_S, TARED_S),
+    scene_faults.StuckConverter(**PASSING): Expected(
         State.CONVERTER_FAULT, Cause.NEVER_FINISHES, ALL, SCANS_S, PROBED_S
     ),
-    faults.WrongChip(**PASSING): Expected(State.ABSENT, Cause.WRONG_CHIP, ALL, SCANS_S, TARED_S),
-    faults.BrownOut(**ON_LEG): Expected(State.CONVERTER_FAULT, Cause.SETTINGS_LOST, ALL, SCANS_S, PROBED_S),
-    faults.DeafSwitch(**PASSING): Expected(
+    scene_faults.WrongChip(**PASSING): Expected(State.ABSENT, Cause.WRONG_CHIP, ALL, SCANS_S, TARED_S),
+    scene_faults.BrownOut(**ON_LEG): Expected(
+        State.CONVERTER_FAULT, Cause.SETTINGS_LOST, ALL, SCANS_S, PROBED_S
+    ),
+    scene_faults.DeafSwitch(**PASSING): Expected(
         State.CONVERTER_FAULT, Cause.SETTINGS_LOST, ALL, SCANS_S, PROBED_S
     ),
 }
 ON_FOOT: dict[Fault, Expected] = {
-    faults.ElementOpen(element=4, **PASSING): Expected(
+    scene_faults.ElementOpen(element=4, **PASSING): Expected(
         State.DEGRADED, Cause.ELEMENT_OPEN, 0b000_010_000, SCANS_S, 0.1
     ),
-    faults.ElementShorted(element=0, **PASSING): Expected(
+    scene_faults.ElementShorted(element=0, **PASSING): Expected(
         State.DEGRADED, Cause.ELEMENT_SHORTED, 0b001_001_001, SCANS_S, 0.1
     ),
     # It stays as it was in the middle of the stance: that shows when the others let go.
-    faults.ElementStuck(element=0, **PASSING): Expected(
+    scene_faults.ElementStuck(element=0, **PASSING): Expected(
         State.DEGRADED, Cause.ELEMENT_STUCK, 0b000_000_001, 0.3, TRUSTED_S
     ),
-    faults.ElementDrifts(element=0, rate_ff_per_s=500.0, **ON_LEG): Expected(
+    scene_faults.ElementDrifts(element=0, rate_ff_per_s=500.0, **ON_LEG): Expected(
         State.DEGRADED, Cause.ELEMENT_DRIFTS, 0b000_000_001, 0.5, None
     ),
-    faults.GapShut(element=5, **PASSING): Expected(
+    scene_faults.GapShut(element=5, **PASSING): Expected(
         State.DEGRADED, Cause.ELEMENT_SHORTED, 0b000_100_000, SCANS_S, TRUSTED_S
     ),
-    faults.BrokenRow(row=1, **PASSING): Expected(State.DEGRADED, Cause.ROW_OPEN, 0b000_111_000, SCANS_S, 0.1),
-    faults.BrokenColumn(column=1, **PASSING): Expected(
+    scene_faults.BrokenRow(row=1, **PASSING): Expected(
+        State.DEGRADED, Cause.ROW_OPEN, 0b000_111_000, SCANS_S, 0.1
+    ),
+    scene_faults.BrokenColumn(column=1, **PASSING): Expected(
         State.DEGRADED, Cause.COLUMN_OPEN, 0b010_010_010, SCANS_S, 0.1
     ),
 }
@@ -135,7 +139,9 @@ def test_a_fault_is_named_passes_and_touches_no_other_leg(
 
 def test_two_broken_rows_are_more_than_can_be_estimated(whole: Walk) -> None:
     """No force, and the mask names all six."""
-    broken = walk(faults.BrokenRow(row=0, **ON_LEG), faults.BrokenRow(row=2, **ON_LEG), config=ROBOT)
+    broken = walk(
+        scene_faults.BrokenRow(row=0, **ON_LEG), scene_faults.BrokenRow(row=2, **ON_LEG), config=ROBOT
+    )
     seen = figures(broken, whole, BREAKS_AT_S, None)
     assert (seen.state, seen.cause, seen.fault_mask) == (State.ELEMENT_FAULT, Cause.ROW_OPEN, 0b111_000_111)
     assert touches_no_other_leg(broken, whole)
@@ -143,7 +149,7 @@ def test_two_broken_rows_are_more_than_can_be_estimated(whole: Walk) -> None:
 
 def test_what_is_left_of_a_foot_is_worth_having(whole: Walk) -> None:
     """Without a row the force is off by less than a tenth of the load, and its sigma is larger."""
-    broken = walk(faults.BrokenRow(row=1, **ON_LEG), config=ROBOT)
+    broken = walk(scene_faults.BrokenRow(row=1, **ON_LEG), config=ROBOT)
     row = whole.legs.index(LEG)
     late = broken.t_sent_ns > (BREAKS_AT_S + 0.15) * 1e9
     error_n = (broken.force_n - broken.felt_n)[late, row]
@@ -155,7 +161,7 @@ def test_what_is_left_of_a_foot_is_worth_having(whole: Walk) -> None:
 
 def test_a_leg_that_holds_the_bus_costs_the_others_three_frames(whole: Walk) -> None:
     """Two timeouts of 20 ms, what was being read, and a scan; one more timeout at each later try; it is tared anew."""
-    broken, seen = trial(faults.StuckSda(**PASSING), whole)
+    broken, seen = trial(scene_faults.StuckSda(**PASSING), whole)
     assert (seen.state, seen.cause) == (State.ABSENT, Cause.LINE_HELD)
     assert seen.recovered_after_s is not None
     assert seen.recovered_after_s < TARED_S
@@ -168,7 +174,7 @@ def test_a_leg_that_holds_the_bus_costs_the_others_three_frames(whole: Walk) -> 
 def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(whole: Walk) -> None:
     """Nothing else disconnects it; every leg says why, and all come back when it lets go."""
     bus = msgspec.structs.replace(ROBOT.buses[0], mux=Mux())
-    broken = walk(faults.StuckSda(**PASSING), config=msgspec.structs.replace(ROBOT, buses=(bus,)))
+    broken = walk(scene_faults.StuckSda(**PASSING), config=msgspec.structs.replace(ROBOT, buses=(bus,)))
     held = (broken.t_sent_ns > (BREAKS_AT_S + 0.1) * 1e9) & (broken.t_sent_ns < PASSES_AT_S * 1e9)
     assert (broken.state[held] == State.ABSENT).all()
     assert (broken.cause[held] == Cause.LINE_HELD).all()
@@ -178,7 +184,7 @@ def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(wh
 
 def test_a_trunk_that_is_held_low_stops_all_and_all_come_back(whole: Walk) -> None:
     """The RESET pin is of no help there; the next try that gets through brings every leg back at once."""
-    broken = walk(faults.StuckTrunk(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + 0.1), config=ROBOT)
+    broken = walk(scene_faults.StuckTrunk(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + 0.1), config=ROBOT)
     seen = figures(broken, whole, BREAKS_AT_S, BREAKS_AT_S + 0.1)
     assert seen.worst_gap_s < 0.45
     assert (broken.state[-1] == State.VALID).all()
@@ -186,7 +192,7 @@ def test_a_trunk_that_is_held_low_stops_all_and_all_come_back(whole: Walk) -> No
 
 @pytest.mark.parametrize(
     "fault",
-    [faults.MuxLost(at_s=BREAKS_AT_S), faults.ArbitrationLost(at_s=BREAKS_AT_S, rate_rel=0.02)],
+    [scene_faults.MuxLost(at_s=BREAKS_AT_S), scene_faults.ArbitrationLost(at_s=BREAKS_AT_S, rate_rel=0.02)],
     ids=lambda fault: type(fault).__name__,
 )
 def test_what_a_second_try_mends_is_never_seen(fault: Fault, whole: Walk) -> None:
@@ -198,7 +204,7 @@ def test_what_a_second_try_mends_is_never_seen(fault: Fault, whole: Walk) -> Non
 
 @pytest.mark.parametrize(
     "fault",
-    [faults.NackAtRandom(rate_rel=0.05, **PASSING), faults.Garbled(rate_rel=0.2, **PASSING)],
+    [scene_faults.NackAtRandom(rate_rel=0.05, **PASSING), scene_faults.Garbled(rate_rel=0.2, **PASSING)],
     ids=lambda fault: type(fault).__name__,
 )
 def test_what_fails_now_and_then_makes_no_error_without_its_sigma(fault: Fault, whole: Walk) -> None:
@@ -215,9 +221,9 @@ def test_what_fails_now_and_then_makes_no_error_without_its_sigma(fault: Fault, 
 
 def test_can_and_metrics_show_it(tmp_path: Path) -> None:
     """The last force frame, the fault report with its cause and elements, and the counters."""
-    scene = msgspec.structs.replace(WALK, faults=(faults.BrokenRow(row=1, **ON_LEG),))
+    scene = msgspec.structs.replace(WALK, faults=(scene_faults.BrokenRow(row=1, **ON_LEG),))
     log = tmp_path / "can.log"
-    with app.service(ROBOT, scene, real_time=False, can_log=log) as service:
+    with daemon.service(ROBOT, scene, real_time=False, can_log=log) as service:
         clock = service.scanning.clock
         metrics = Metrics(service.legs, service.sink.stats, directory=tmp_path)
         service.observers.append(metrics)

@@ -5,8 +5,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from footsense.app.service import service
 from footsense.config import DEFAULT, Config
+from footsense.daemon.service import service
 from footsense.frames import Cycle, Flag, Reading, State
 from footsense.sim.scene import Effects, Scene, Tripod
 from tests.system.command import footsense

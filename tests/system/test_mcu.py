@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 
 from firmware_interface.can_codes import USABLE
-from footsense import app
-from footsense.backends.serial_link import SerialLink
+from footsense import daemon
+from footsense.acquisition.mcu_source import RecordSource
+from footsense.acquisition.serial_port import SerialLink
 from footsense.config import Can, Config, Serial
-from footsense.core.pipeline import Pipeline
-from footsense.drivers.record_source import RecordSource
 from footsense.errors import ConfigError
+from footsense.estimation.pipeline import Pipeline
 from footsense.frames import LEGS, CapFrame, Cause, ForceFrame, Reading, State
-from footsense.sim.faults import ElementOpen, StuckSda
-from footsense.sim.mcu import SimulatedMcu, simulated_mcu
+from footsense.sim.bus.serial_line import LineFaults, SimulatedLine
+from footsense.sim.chips.mcu import SimulatedMcu, simulated_mcu
+from footsense.sim.faults.scene_faults import ElementOpen, StuckSda
 from footsense.sim.robot import SimulatedRobot
 from footsense.sim.scene import Effects, MeasuredWalk, Ramp, Scene
-from footsense.sim.serial_line import LineFaults, SimulatedLine
-from tests.unit.pty_line import HurriedClock, Line
+from tests.support.pty_line import HurriedClock, Line
 
 MS, S = 1_000_000, 1_000_000_000
 MCU = Config(board="mcu", serial=Serial(device="sim"), can=Can(interface="virtual"))
@@ -58,14 +58,14 @@ class Robot(NamedTuple):
 
 def robot(scene: Scene, faults: LineFaults) -> Robot:
     """Return a robot of a scene on a line that fails."""
-    simulated = app.simulated_robot(MCU, scene)
+    simulated = daemon.simulated_robot(MCU, scene)
     assert MCU.serial
     rate_hz, baud = MCU.serial.rate_hz, MCU.serial.baud
     line = SimulatedLine(
         simulated_mcu(simulated, scene, rate_hz), simulated.clock, rate_hz=rate_hz, baud=baud, faults=faults
     )
     source = RecordSource(line, simulated.clock, LEGS, rate_hz=rate_hz)
-    return Robot(simulated, source, app.pipeline_for(MCU, app.load_network(MCU), 0))
+    return Robot(simulated, source, daemon.pipeline_for(MCU, daemon.load_network(MCU), 0))
 
 
 def test_a_walk_is_felt_as_it_is_and_through_a_line_that_fails() -> None:
@@ -109,7 +109,7 @@ def test_the_feet_and_their_lines_break_as_on_any_board() -> None:
     assert forces.force_n[:, 2] == pytest.approx([0.5] * 6, abs=0.05)
     strange = Scene(description="", load=load, faults=(StuckSda(at_s=1.0, leg="lm"),))
     with pytest.raises(ConfigError, match=r"scene: faults\[0\]: strikes chips or wires of an I2C bus"):
-        app.simulated_robot(MCU, strange)
+        daemon.simulated_robot(MCU, strange)
 
 
 @contextmanager

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from footsense import app
+from footsense import daemon
 from footsense.cli.check_config import check_config
 from footsense.cli.replay import replay
 from footsense.config import Bus, Can, Config
 from footsense.config.schema import Leg
 from footsense.errors import ModelError
+from footsense.foot.checksum_trailer import seal
 from footsense.frames import Cycle, State
-from footsense.inference.seal import seal
 from footsense.sim.scene import Constant, Scene
+from tests.support.calibrations import pack
 from tests.system.bench import MADE, true_parameters
-from tests.unit.packs import pack
 
 FORCE_N = (0.3, -0.2, 0.7)
 
@@ -60,7 +60,7 @@ class Last:
 def run(robot: Config, record: Path | None = None) -> Last:
     """Run until both feet have been pressed for a while."""
     last = Last()
-    with app.service(robot, SCENE, record=record, real_time=False) as service:
+    with daemon.service(robot, SCENE, record=record, real_time=False) as service:
         clock = service.scanning.clock
         service.observers.append(last)
         service.run(lambda: clock.now_ns() >= UNTIL_NS)
@@ -98,21 +98,21 @@ def test_packs_that_cannot_be_used(tmp_path: Path) -> None:
     """A foot without a pack, one of another foot, and two that were fitted on different networks."""
     workshop(tmp_path)
     with pytest.raises(ModelError, match="foot-0009: no such foot pack"):
-        app.load_packs(config(tmp_path, lf="foot-0009"))
+        daemon.load_packs(config(tmp_path, lf="foot-0009"))
     (tmp_path / "foot-0007").rename(tmp_path / "foot-0009")
     with pytest.raises(ModelError, match="foot-0009: the pack of foot-0007, not of foot-0009"):
-        app.load_packs(config(tmp_path, lf="foot-0009"))
+        daemon.load_packs(config(tmp_path, lf="foot-0009"))
     other = tmp_path / "other.onnx"
-    other.write_bytes(seal(app.released("network.onnx").read_bytes()[:-86] + b"\x72\x04\x0a\x00\x12\x00"))
+    other.write_bytes(seal(daemon.released("network.onnx").read_bytes()[:-86] + b"\x72\x04\x0a\x00\x12\x00"))
     pack(tmp_path, "foot-0010", network=other)
     with pytest.raises(ModelError, match=r"foot-0010: fitted on network .* a robot has one network"):
-        app.load_packs(config(tmp_path, lf="foot-0008", rf="foot-0010"))
+        daemon.load_packs(config(tmp_path, lf="foot-0008", rf="foot-0010"))
 
 
 def test_a_leg_without_a_named_foot_is_told_of(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """It goes on as before, by the design."""
     workshop(tmp_path)
-    assert list(app.load_packs(config(tmp_path, rf="foot-0008"))) == ["rf"]
+    assert list(daemon.load_packs(config(tmp_path, rf="foot-0008"))) == ["rf"]
     assert "lf: no foot is named under feet" in caplog.text
 
 

@@ -11,16 +11,16 @@ from pathlib import Path
 import can
 
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID
-from footsense.app import released
+from footsense.daemon import released
 from footsense.recording.recorder import partial_path
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay
+from tests.support.cycles import read_until_damage
 from tests.system.command import footsense, robot
 from tests.system.daemon import SIGN_OF_LIFE_S, Daemon, running
 from tests.system.test_service import free_port
-from tests.unit.cycles import read_until_damage
 
-WRITER, EXPORTER = "footsense.recording.writer", "footsense.publish.exporter"
+WRITER, EXPORTER = "footsense.recording.writer", "footsense.telemetry.exporter"
 
 
 def recorded_s(path: Path) -> float:

@@ -8,11 +8,11 @@ import gc
 import sys
 from pathlib import Path
 
-from footsense import app
+from footsense import daemon
 from footsense.clock import resident_mib
 from footsense.config import load_config
-from footsense.core.score import Score
 from footsense.sim.scene import load_scene
+from footsense.telemetry.run_statistics import Score
 from tests.system.command import robot
 from tests.system.test_service import free_port
 
@@ -25,7 +25,7 @@ def test_nothing_grows_with_the_cycles(tmp_path: Path) -> None:
     """Recorded, counted, logged and sent, a cycle leaves no object, no memory and no garbage behind."""
     config = load_config(robot(tmp_path, more=f"metrics: {{port: {free_port()}}}\n"))
     record = tmp_path / "walk.mcap"
-    with app.service(config, load_scene("hanging"), real_time=False, record=record) as service:
+    with daemon.service(config, load_scene("hanging"), real_time=False, record=record) as service:
         service.observers.append(Score(service.legs, service.scanning.felt_n))
 
         def run(n_cycles: int) -> None:

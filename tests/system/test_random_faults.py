@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from footsense import app
-from footsense.app.allowances import Rules
-from footsense.app.invariants import Invariants
-from footsense.app.random_faults import GRADES_REL, IDS, ON_CAN, ON_ROBOT, fault_of
+from footsense import daemon
 from footsense.config import DEFAULT, Config
 from footsense.frames import USABLE, Cycle
-from footsense.sim.can_faults import CanTraffic
-from footsense.sim.faults import Fault, Leg
+from footsense.sim.faults.can_faults import CanTraffic
+from footsense.sim.faults.scene_faults import Fault, Leg
 from footsense.sim.scene import Effects, Scene, Tripod
+from footsense.validation.invariants import Invariants
+from footsense.validation.random_faults import GRADES_REL, IDS, ON_CAN, ON_ROBOT, fault_of
+from footsense.validation.tolerances import Rules
 
 #: Half of the legs in half of the time: one steps while the other two carry.
 LEGS = ("lf", "lm", "rm")
@@ -103,7 +103,7 @@ def walk(publish: str, script: list[Fault]) -> Invariants:
         bitrate=config.can.bitrate,
     )
     scene = msgspec.structs.replace(SCENE, faults=tuple(script))
-    with app.service(config, scene, real_time=False) as service:
+    with daemon.service(config, scene, real_time=False) as service:
         clock = service.scanning.clock
         assert service.scanning.felt_n is not None
         assert service.can is not None

@@ -14,12 +14,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from footsense.app import FOOT_TYPE
-from footsense.calibration.bench_session import read_session
-from footsense.inference.foot_pack import read_pack
+from footsense.calibration.session.recorded_session import read_session
+from footsense.daemon import FOOT_TYPE
+from footsense.foot.calibration_reader import read_pack
 from footsense.recording.replay import Replay
-from footsense.sim.reference_sensor import SimulatedSensor
 from footsense.sim.scene import load_scene
+from footsense.sim.test_stand.reference_sensor import SimulatedSensor
 from tests.system.command import TIMEOUT_S, footsense, one_line_error
 
 RING_N = [[0.25, 0.0, 0.43], [-0.125, 0.22, 0.43], [-0.125, -0.22, 0.43]]
@@ -45,7 +45,7 @@ def scene(folder: Path, presses: list[list[float]], hold_s: float = 0.6) -> Path
 
 def bench(folder: Path, text: str = SENSOR) -> Path:
     """Write a bench's file."""
-    path = folder / "bench.yaml"
+    path = folder / "test-stand.yaml"
     path.write_text(text)
     return path
 

@@ -5,18 +5,18 @@ from pathlib import Path
 import numpy as np
 from click.testing import CliRunner
 
-from footsense import app
+from footsense import daemon
 from footsense.cli.replay import replay
 from footsense.config import Bus, Can, Config
-from footsense.core.temperature import unknown_temperature_rel
+from footsense.foot.temperature import unknown_temperature_rel
 from footsense.frames import Cycle, State
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.pipe_format import Numbered
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream
 from footsense.sim.scene import Constant, Effects, Scene, Warming
+from tests.support.calibrations import pack
 from tests.system.bench import MADE, true_parameters
-from tests.unit.packs import pack
 
 FORCE_N = (0.2, -0.1, 0.5)
 ROOM_C, KELVIN = 25.0, 20.0
@@ -54,7 +54,7 @@ def walked(feet: Path, effects: Effects, until_s: float, record: Path | None = N
         effects=effects,
     )
     seen: list[Cycle] = []
-    with app.service(robot(feet), scene, record=record, real_time=False) as service:
+    with daemon.service(robot(feet), scene, record=record, real_time=False) as service:
         clock = service.scanning.clock
         service.observers.append(Seen(seen))
         service.run(lambda: clock.now_ns() >= until_s * 1e9)

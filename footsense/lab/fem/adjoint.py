@@ -18,9 +18,9 @@ import ngsolve as ng
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.lab.fem.mesh import quarter_cells
 from footsense.lab.fem.quarter import Parity, Quarter
-from footsense.sim.gaps import CELLS_PER_SIDE
 
 #: 1000 um in a mm: closures leave the solid here.
 UM_PER_MM = 1000.0

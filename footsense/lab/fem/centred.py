@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.lab.fem.adjoint import sampled_field
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
 from footsense.lab.fem.quarter import Parity, Quarter
 from footsense.lab.geometry import SoleDesign
 from footsense.lab.response import fit_class, patch_mean
-from footsense.sim.gaps import CELLS_PER_SIDE
 
 #: Elements of which a part lies in the quarter: corner, the one on the x axis, the one on the y axis, middle.
 _PARTLY = (0, 1, 3, 4)

@@ -21,13 +21,13 @@ from typing import Any
 import ngsolve as ng
 import numpy as np
 
-from footsense.core.design import CapacitorDesign
+from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.response_table import FootResponse
 from footsense.lab.fem.adjoint import UM_PER_MM, class_field
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
 from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
 from footsense.lab.geometry import Material, SoleDesign
 from footsense.lab.response import tabulate
-from footsense.sim.foot import FootResponse
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,12 +17,12 @@ import ngsolve as ng
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.foot.gap_contact import ALL_CELLS, CELLS_PER_SIDE, element_means
+from footsense.foot.symmetry import HALF_SIDE, flat_of_grid
 from footsense.lab.fem.adjoint import UM_PER_MM
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
 from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
 from footsense.lab.geometry import SoleDesign
-from footsense.sim.gaps import ALL_CELLS, CELLS_PER_SIDE, element_means
-from footsense.sim.symmetry import HALF_SIDE, flat_of_grid
 
 Vector = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import Any
 import ngsolve as ng
 from netgen import occ
 
-from footsense.core.design import EPS0_PF_UM_PER_MM2
+from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
 from footsense.lab.geometry import SoleDesign
 
 #: Where the field is cut off, beside and above the electrodes [mm]; doubling it moves the capacitance by 1e-3.

@@ -15,8 +15,8 @@ from netgen import occ
 from netgen.meshing import NgException
 
 from footsense.errors import ModelError
+from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.lab.geometry import SoleDesign
-from footsense.sim.gaps import CELLS_PER_SIDE
 
 #: Coordinates closer than this are equal [mm].
 _NEAR_MM = 1e-3

@@ -1,0 +1,209 @@
+"""The AD7746 as commands: what to send, and what the answer means.
+
+Every conversion is a single one into one data register. It is read, status first, in one burst that the chip does not
+change under the reader; a status without new data is told from the result before, which is not there twice.
+
+One element at rest has more than the +-4.1 pF that are in range, so the CAPDAC takes the same 40 steps off every
+element, always. What a step is differs between chips by a fifth. `configure` measures it with no line selected: 20
+steps off nothing read as their capacitance. Registers: `firmware_interface/ad7746.py`.
+"""
+
+from firmware_interface import ad7746 as chip
+from firmware_interface import adg715, schedule
+from firmware_interface.ad7746 import Register
+from footsense.acquisition.boards.board import Board, Check, Element, Thermometer
+from footsense.errors import HardwareError, NackError, WrongChipError
+from footsense.frames import Reading
+from footsense.ports import Clock, I2cBus, Transaction
+
+#: Steps of the CAPDAC: 6.6 pF nominal, so that 2.5 to 10.7 pF are in range; with the largest steps a chip may have,
+#: from 4.0 pF on, which is the least that an element has at rest, and with the smallest up to 9.3 pF.
+CAPDAC = 40
+#: Steps that are in range off nothing, with any chip: at most 4 pF.
+_KNOWN_CAPDAC = 20
+#: How far a chip's step may be off the nominal one [1]: 17 pF of full scale are guaranteed instead of 21 pF, and as
+#: much more is taken for possible.
+_STEP_ERROR_REL = 0.22
+
+_NAN = float("nan")
+
+
+def write_registers(register: int, *values: int) -> Transaction:
+    """Return the transaction that writes consecutive registers."""
+    return Transaction(chip.ADDRESS, bytes((register, *values)))
+
+
+def read_registers(register: int, n: int) -> Transaction:
+    """Return the transaction that reads `n` consecutive registers."""
+    return Transaction(chip.ADDRESS, bytes((register,)), n_read=n)
+
+
+#: Status and capacitance, in one burst.
+READ_RESULT = read_registers(Register.STATUS, 4)
+_READ_SETTINGS = read_registers(Register.CAP_SETUP, len(chip.RESET_VALUES))
+_RESET = Transaction(chip.ADDRESS, bytes((chip.RESET_COMMAND,)))
+#: Neither row nor column.
+_NO_LINES = tuple(Transaction(address, b"\x00") for address in (adg715.ADDRESS, adg715.COLUMN_ADDRESS))
+
+
+def _settings(capdac: int) -> Transaction:
+    """Return the write of all settings; the chip is idle after it."""
+    return write_registers(
+        Register.CAP_SETUP,
+        chip.CAP_ENABLE,
+        0,
+        chip.EXCITE_A,
+        chip.configuration(chip.MODE_IDLE),
+        chip.capdac(capdac),
+        0,
+    )
+
+
+def _trigger(rate_sps: int) -> Transaction:
+    mode = chip.configuration(chip.MODE_SINGLE, chip.RATES[rate_sps].code)
+    return write_registers(Register.CONFIGURATION, mode)
+
+
+def _wait_ns(conversion_ns: int) -> int:
+    return round(conversion_ns * (1 + chip.CLOCK_TOLERANCE_REL))
+
+
+def element(row: int, column: int, rate_sps: int) -> Element:
+    """Return what converting the element of a row and a column takes."""
+    return Element(
+        select=(
+            Transaction(adg715.ADDRESS, bytes((adg715.select_lines(1 << row),))),
+            Transaction(adg715.COLUMN_ADDRESS, bytes((adg715.select_lines(1 << column),))),
+        ),
+        trigger=_trigger(rate_sps),
+        done=None,
+        read=(READ_RESULT,),
+    )
+
+
+def identify(bus: I2cBus, clock: Clock) -> None:
+    """Reset the connected chip and make sure that it is an AD7746, which has no id but its reset values.
+
+    Args:
+        bus: Its bus.
+        clock: The time that the bus lives in: a chip that was reset does not answer for a moment.
+
+    Raises:
+        HardwareError: Nothing answers.
+        WrongChipError: Something else does; the text says what that usually means.
+        BusError: The transaction failed otherwise.
+    """
+    try:
+        bus.transfer(_RESET)
+        clock.sleep_until_ns(clock.now_ns() + chip.RESET_NS)
+        settings = bus.transfer(_READ_SETTINGS)
+    except NackError as error:
+        raise HardwareError(
+            f"no answer at {chip.ADDRESS:#04x}: broken wire, no supply, or another mux channel"
+        ) from error
+    if settings == chip.RESET_VALUES:
+        return
+    found = f"registers 0x07 to 0x0e at {chip.ADDRESS:#04x} are {settings.hex(' ')} after a reset"
+    wanted = f"an AD7746 says {chip.RESET_VALUES.hex(' ')}"
+    if set(settings) == {0xFF}:
+        why = "nobody drives the lines: check the chip's power and the wires"
+    elif set(settings) == {0x00}:
+        why = "SDA is held low: check for a short or a chip without power"
+    else:
+        why = "another chip has this address, such as an LM75, a TMP102, an ADS1115 or an ADG715 strapped to 0x48"
+    raise WrongChipError(f"{found}, {wanted}; {why}")
+
+
+def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
+    """Set the chip up and measure what its CAPDAC takes off, which leaves no line selected.
+
+    Args:
+        bus: Its bus, on which its leg is alone.
+        clock: The time that the bus lives in: two conversions are waited for.
+
+    Returns:
+        OK and what is taken off every result [pF]; or how the chip answered that cannot be used.
+
+    Raises:
+        BusError: A transaction failed.
+    """
+    for write in _NO_LINES:
+        bus.transfer(write)
+    levels_pf = []
+    for capdac in (0, _KNOWN_CAPDAC):
+        bus.transfer(_settings(capdac))
+        bus.transfer(_trigger(_FASTEST_SPS))
+        clock.sleep_until_ns(clock.now_ns() + _wait_ns(chip.RATES[_FASTEST_SPS].conversion_ns))
+        answer, again = bus.transfer(READ_RESULT), bus.transfer(READ_RESULT)
+        reading, level_pf = decode_result([answer])
+        if reading in {Reading.NOT_READY, Reading.EXCITATION}:
+            return reading, _NAN
+        # What is measured once and used for long is read twice: a bit that a wire flipped would stay.
+        if reading is not Reading.OK or answer[1:] != again[1:]:
+            return Reading.GARBLED, _NAN
+        levels_pf.append(level_pf)
+    bus.transfer(_settings(CAPDAC))
+    step_pf = (levels_pf[0] - levels_pf[1]) / _KNOWN_CAPDAC
+    if abs(step_pf / chip.CAPDAC_STEP_PF - 1) > _STEP_ERROR_REL:
+        return Reading.GARBLED, _NAN
+    return Reading.OK, CAPDAC * step_pf
+
+
+_FASTEST_SPS = max(chip.RATES)
+
+
+def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
+    """Return what the answer to READ_RESULT says, and the capacitance [pF], CAPDAC not included; NaN unless OK."""
+    status, code = answers[0][0], int.from_bytes(answers[0][1:4], "big")
+    # Only capacitance is converted here, so that RDY must say the same as RDYCAP.
+    if status & chip.STATUS_NEVER_SET or bool(status & chip.NOT_RDY) != bool(status & chip.NOT_RDYCAP):
+        return Reading.GARBLED, _NAN
+    if status & chip.EXCERR:
+        return Reading.EXCITATION, _NAN
+    if status & chip.NOT_RDYCAP:
+        return Reading.NOT_READY, _NAN
+    if code == chip.CODE_MAX:
+        return Reading.OVER_RANGE, _NAN
+    if code == 0:
+        return Reading.UNDER_RANGE, _NAN
+    return Reading.OK, chip.capacitance_pf(code)
+
+
+def decode_temperature(answer: bytes, again: bytes) -> float:
+    """Return the temperature in a burst of STATUS to VT_DATA [deg C]; NaN if there is no new one, or none at all.
+
+    It holds for ten seconds, so it has to have come twice: a bit that a wire flipped would scale all forces meanwhile.
+    """
+    status, code = answer[0], int.from_bytes(answer[4:7], "big")
+    if (
+        status & (chip.STATUS_NEVER_SET | chip.NOT_RDYVT)
+        or code in {0, chip.CODE_MAX}
+        or answer[4:] != again[4:]
+    ):
+        return _NAN
+    return chip.temperature_c(code)
+
+
+BOARD = Board(
+    conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
+    element=element,
+    identify=identify,
+    configure=configure,
+    decode_result=decode_result,
+    afresh=(_settings(CAPDAC), READ_RESULT),
+    # A lost CAPDAC would read as another capacitance; a chip that has lost the rest does not convert.
+    setting_check=Check(
+        read_registers(Register.CAPDAC_A, 4), bytes((chip.capdac(CAPDAC), 0)) + chip.RESET_VALUES[-2:]
+    ),
+    range_end_pf=CAPDAC * chip.CAPDAC_STEP_PF * (1 - _STEP_ERROR_REL) + chip.FULL_SCALE_PF,
+    thermometer=Thermometer(
+        start=(
+            write_registers(Register.CAP_SETUP, 0, chip.TEMPERATURE_ENABLE),
+            write_registers(Register.CONFIGURATION, chip.configuration(chip.MODE_SINGLE)),
+        ),
+        wait_ns=_wait_ns(chip.VT_CONVERSION_NS[0]),
+        read=read_registers(Register.STATUS, 7),
+        decode=decode_temperature,
+    ),
+    traffic=schedule.AD7746,
+)

@@ -1,0 +1,175 @@
+"""The FDC1004 as commands: what to send, and what the answer means.
+
+Ids are checked before anything else, because a chip that is not there often "answers": pull-ups read as ones, a line
+held low as zeros. Register meanings: `firmware_interface/fdc1004.py`.
+"""
+
+from functools import partial
+
+from firmware_interface import adg715, schedule
+from firmware_interface import fdc1004 as chip
+from footsense.acquisition.boards.board import Board, Check, Done, Element
+from footsense.errors import HardwareError, NackError, WrongChipError
+from footsense.frames import Reading
+from footsense.ports import Clock, I2cBus, Transaction
+
+COLUMNS = 3
+
+#: Bits of FDC_CONF that read as zero on a chip that is used as here (section 8.6.1.3).
+_NEVER_SET = 0x7300
+
+
+def write_register(register: int, word: int) -> Transaction:
+    """Return the transaction that writes one 16-bit register."""
+    return Transaction(chip.ADDRESS, bytes((register, word >> 8, word & 0xFF)))
+
+
+def read_register(register: int) -> Transaction:
+    """Return the transaction that reads one 16-bit register."""
+    return Transaction(chip.ADDRESS, bytes((register,)), n_read=2)
+
+
+READ_CONF = read_register(chip.Register.FDC_CONF)
+#: Reads that clear every DONE bit.
+ALL_RESULTS = tuple(read_register(chip.result_register(slot)) for slot in range(COLUMNS))
+_RESET = write_register(chip.Register.FDC_CONF, chip.CONF_RESET.encode(1))
+
+
+def element(row: int, column: int, rate_sps: int) -> Element:
+    """Return what converting the element of a row and a column takes: measurement slot `column` has CIN `column`."""
+    return Element(
+        select=(Transaction(adg715.ADDRESS, bytes((adg715.select_lines(1 << row),))),),
+        trigger=write_register(chip.Register.FDC_CONF, chip.trigger(rate_sps, column)),
+        done=Done(READ_CONF, partial(_says, slot=column)),
+        read=result_reads(column, rate_sps),
+    )
+
+
+def identify(bus: I2cBus, clock: Clock) -> None:
+    """Make sure that the connected chip is an FDC1004.
+
+    Args:
+        bus: Its bus.
+        clock: The time that the bus lives in; nothing is waited for here.
+
+    Raises:
+        HardwareError: Nothing answers.
+        WrongChipError: Something else does; the text says what that usually means.
+        BusError: The transaction failed otherwise.
+    """
+    del clock
+    try:
+        manufacturer = _read_word(bus, chip.Register.MANUFACTURER_ID)
+        device = _read_word(bus, chip.Register.DEVICE_ID)
+    except NackError as error:
+        raise HardwareError(
+            f"no answer at {chip.ADDRESS:#04x}: broken wire, no 3.3 V, or another mux channel"
+        ) from error
+    if (manufacturer, device) == (chip.MANUFACTURER_ID, chip.DEVICE_ID):
+        return
+    found = f"ids {manufacturer:#06x}/{device:#06x} at {chip.ADDRESS:#04x}"
+    wanted = f"an FDC1004 says {chip.MANUFACTURER_ID:#06x}/{chip.DEVICE_ID:#06x}"
+    if {manufacturer, device} == {0xFFFF}:
+        why = "nobody drives the lines: check the chip's power and the wires"
+    elif {manufacturer, device} == {0x0000}:
+        why = "SDA is held low: check for a short or a chip without power"
+    else:
+        why = "another chip has this address, such as a 24Cxx EEPROM"
+    raise WrongChipError(f"{found}, {wanted}; {why}")
+
+
+def configuration(capdac: int = 0) -> tuple[Transaction, ...]:
+    """Return the writes that let measurement n measure CIN n to ground, less so many steps of the CAPDAC."""
+    return tuple(
+        write_register(chip.Register.CONF_MEAS1 + slot, chip.measurement_config(slot, capdac))
+        for slot in range(COLUMNS)
+    )
+
+
+#: What the scanner asks of every element: CAPDAC off.
+SINGLE_ELEMENTS = configuration()
+
+
+def setting_check(capdac: int = 0) -> Check:
+    """Return the question for the second column's configuration: after a reset it reads as the first column's."""
+    return Check(
+        read_register(chip.Register.CONF_MEAS1 + 1), chip.measurement_config(1, capdac).to_bytes(2, "big")
+    )
+
+
+def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
+    """Reset the chip, and set it up for single elements, from which the CAPDAC takes nothing off.
+
+    Args:
+        bus: Its bus.
+        clock: The time that the bus lives in; nothing is waited for here.
+
+    Raises:
+        BusError: A write was not acknowledged.
+    """
+    del clock
+    bus.transfer(_RESET)
+    for write in SINGLE_ELEMENTS:
+        bus.transfer(write)
+    return Reading.OK, 0.0
+
+
+def is_garbled(conf_answer: bytes) -> bool:
+    """Tell whether an answer to READ_CONF has bits that no FDC1004 sends: reserved ones, or REPEAT, never asked for."""
+    return bool(_word(conf_answer) & _NEVER_SET)
+
+
+def is_done(conf_answer: bytes, slot: int) -> bool:
+    """Tell from an answer to READ_CONF whether measurement `slot` has finished since it was last read."""
+    return bool(chip.CONF_DONE.decode(_word(conf_answer)) & chip.slot_bit(slot))
+
+
+def _says(conf_answer: bytes, slot: int) -> Reading:
+    if is_garbled(conf_answer):
+        return Reading.GARBLED
+    return Reading.OK if is_done(conf_answer, slot) else Reading.NOT_READY
+
+
+def result_reads(slot: int, rate_sps: int) -> tuple[Transaction, ...]:
+    """Return the reads of a finished measurement.
+
+    At 400 S/s the noise of one conversion (0.47 fF) hides the lower register's bits (the upper one's step is
+    0.49 fF, 0.14 fF rms), while reading it would cost six legs a third of the bus: it is left out there.
+    """
+    upper = chip.result_register(slot)
+    if rate_sps == 400:
+        return (read_register(upper),)
+    return (read_register(upper), read_register(upper + 1))
+
+
+def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
+    """Return what the answers to `result_reads` say, and the capacitance [pF], NaN unless the reading is OK."""
+    words = [_word(answer) for answer in answers]
+    if any(word & 0xFF for word in words[1:]):  # the lower half of a lower register is reserved
+        return Reading.GARBLED, float("nan")
+    # The upper word alone tells the ends of the range: 0x7FFF is also what an unfinished measurement reads as.
+    if words[0] in {chip.CODE_MAX >> 8, chip.CODE_MIN >> 8 & 0xFFFF}:
+        return Reading.OVER_RANGE, float("nan")
+    return Reading.OK, chip.capacitance_pf(chip.signed_code(*words))
+
+
+def _word(answer: bytes) -> int:
+    return answer[0] << 8 | answer[1]
+
+
+def _read_word(bus: I2cBus, register: int) -> int:
+    return _word(bus.transfer(read_register(register)))
+
+
+BOARD = Board(
+    conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
+    element=element,
+    identify=identify,
+    configure=configure,
+    decode_result=decode_result,
+    afresh=ALL_RESULTS,
+    setting_check=setting_check(),
+    range_end_pf=chip.capacitance_pf(chip.CODE_MAX),
+    thermometer=None,
+    traffic=schedule.FDC1004,
+)

@@ -1,0 +1,113 @@
+"""The connection to one leg's chips: is it there, has it gone, when is it tried again.
+
+A leg that fails for `MISSES_ALLOWED` scans in a row is left out, so that it costs the others nothing; it is tried
+again with growing pauses, one leg per scan at most. A converter that answers but never finishes is reset the same
+way, which is what frees a hung FDC1004. A leg that holds a line of the bus low is left out at once and tried more
+rarely: each try costs the others an adapter's timeout.
+"""
+
+import logging
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.acquisition.boards.board import Board
+from footsense.errors import BusTimeoutError, HardwareError, WrongChipError
+from footsense.frames import Reading
+from footsense.ports import Clock, I2cBus, Transaction
+
+_log = logging.getLogger(__name__)
+
+MISSES_ALLOWED = 3
+#: How often converters that have a temperature sensor are asked for it: each time costs their legs two conversions.
+TEMPERATURE_PERIOD_NS = 10_000_000_000
+_FIRST_PAUSE_NS = 250_000_000
+_LONGEST_PAUSE_NS = 4_000_000_000
+#: How many pauses a leg waits that holds a line, and one that waits for a bus to get free: that try costs nobody.
+HOLDER_PAUSES, HELD_PAUSES = 4.0, 0.25
+
+_WORDS = {
+    Reading.NO_ANSWER: "does not answer",
+    Reading.NOT_READY: "does not finish its conversions",
+    Reading.MISCONFIGURED: "does not hold its settings",
+    Reading.GARBLED: "answers as no converter does",
+    Reading.LINE_HELD: "holds a line of the bus low",
+    Reading.EXCITATION: "cannot excite its rows: look for a short or a leak from one to ground",
+}
+
+
+class LegLink:
+    """One leg behind one channel of a bus's mux.
+
+    Args:
+        name: Name of the leg, for messages.
+        channel: Mux channel.
+
+    Attributes:
+        in_scan: Whether the leg takes part in the scans.
+        outcome: OK while the leg does well; else why it gives nothing in this scan, or since it was left out.
+        retry_at_ns: When a leg that was left out is tried again [ns].
+        offset_pf: What the converter's CAPDAC takes off each result [pF].
+        temperature_c: What the converter said last of its temperature [deg C]; NaN for nothing.
+    """
+
+    def __init__(self, name: str, channel: int) -> None:
+        self.name = name
+        self.channel = channel
+        self.in_scan = False
+        self.outcome = Reading.NO_ANSWER
+        self.retry_at_ns = 0
+        self.offset_pf = 0.0
+        self.temperature_c = float("nan")
+        self._misses = 0
+        self._pause_ns = _FIRST_PAUSE_NS
+
+    def probe(self, bus: I2cBus, board: Board, select: Iterable[Transaction], clock: Clock) -> None:
+        """Look for the leg's chips, set them up, and take the leg into the scan or put off the next try.
+
+        The leg must be connected. `select` gives the switches the lines that the other legs have now.
+        Nothing is raised: a leg that is missing is a state.
+        """
+        now_ns = clock.now_ns()
+        try:
+            board.identify(bus, clock)
+            reading, self.offset_pf = board.configure(bus, clock)
+            for write in select:
+                bus.transfer(write)
+        except BusTimeoutError as error:
+            self.leave(Reading.LINE_HELD, str(error), now_ns, pauses=HOLDER_PAUSES)
+        except WrongChipError as error:
+            self.leave(Reading.WRONG_CHIP, str(error), now_ns)
+        except HardwareError as error:
+            self.leave(Reading.NO_ANSWER, str(error), now_ns)
+        else:
+            if reading is not Reading.OK:
+                self.leave(reading, _WORDS[reading], now_ns)
+                return
+            _log.info("leg %s: converter and line switches answer on channel %d", self.name, self.channel)
+            self.in_scan = True
+            self.outcome = Reading.OK
+            self._misses = 0
+
+    def note_scan(self, readings: NDArray[np.uint8], now_ns: int) -> None:
+        """Count scans with a reading that is missing; after too many, leave the leg out for a while."""
+        present = set(readings.tolist())
+        missing = [reading for reading in _WORDS if reading in present]
+        if not missing:
+            self._misses = 0
+            self._pause_ns = _FIRST_PAUSE_NS
+            return
+        self._misses += 1
+        if self._misses >= MISSES_ALLOWED:
+            self.leave(missing[0], _WORDS[missing[0]], now_ns)
+
+    def leave(self, outcome: Reading, why: str, now_ns: int, pauses: float = 1.0) -> None:
+        """Leave the leg out of the scans, and put off the next try by some pauses: twice as long each time."""
+        if outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS:
+            _log.warning("leg %s: %s; left out of the scan and tried again later", self.name, why)
+        self.in_scan = False
+        self.outcome = outcome
+        self.temperature_c = float("nan")
+        self.retry_at_ns = now_ns + round(pauses * self._pause_ns)
+        self._pause_ns = min(2 * self._pause_ns, _LONGEST_PAUSE_NS)

@@ -1,0 +1,1 @@
+"""Who answers on a bus, and what the feet read, before anything is scanned."""

@@ -1,0 +1,116 @@
+"""The scans of all buses of the robot, put together into one frame.
+
+Buses scan at the same time, each in a thread of its own when there are several: the adapter's system call lets the
+others run. A frame is complete when the slowest bus is.
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.acquisition.bus_readings import BusScan
+from footsense.acquisition.bus_timing import Timing
+from footsense.acquisition.ganged_scanner import GangedBusScanner
+from footsense.frames import CapFrame
+
+
+class LegsScanner(Protocol):
+    """What scans the legs of one bus."""
+
+    timing: Timing | None
+    late_ticks: int
+
+    @property
+    def temperature_c(self) -> tuple[float, ...]:
+        """Return the converters' temperatures [deg C], NaN where there is none."""
+        ...
+
+    def start(self) -> None:
+        """Find the chips and set them up."""
+        ...
+
+    def scan(self) -> BusScan:
+        """Read every element once."""
+        ...
+
+    def step(self) -> BusScan:
+        """Read the next element, and return it among the latest of the others."""
+        ...
+
+    def stop(self) -> None:
+        """Release the bus."""
+        ...
+
+
+class RobotScanner:
+    """The frame source of a robot with chips on one or more I2C buses.
+
+    Args:
+        buses: One scanner a bus; the rows of a frame are the legs of the first bus, then of the second, and so on.
+        element_wise: Whether `read` returns after every element instead of after every scan.
+    """
+
+    def __init__(self, buses: Sequence[LegsScanner], *, element_wise: bool = False) -> None:
+        self._buses = tuple(buses)
+        self._element_wise = element_wise
+        self._sequence = 0
+        self._pool = (
+            ThreadPoolExecutor(len(self._buses), thread_name_prefix="i2c") if len(self._buses) > 1 else None
+        )
+
+    @property
+    def late_ticks(self) -> int:
+        """Return how often a scan was begun anew because it had been held up."""
+        return sum(bus.late_ticks for bus in self._buses)
+
+    @property
+    def temperature_c(self) -> NDArray[np.float64]:
+        """Return what each leg's converter said last of its temperature [deg C], shape (legs,); NaN for nothing.
+
+        At most ten seconds old; of a board without a sensor, and of a leg that is out of the scan, there is none.
+        """
+        return np.array([each for bus in self._buses for each in bus.temperature_c])
+
+    def start(self) -> None:
+        """Find and set up the chips of every bus.
+
+        Raises:
+            HardwareError: A bus has no mux.
+        """
+        for bus in self._buses:
+            bus.start()
+
+    def read(self) -> CapFrame:
+        """Scan every element of every leg once, or only the next one and keep the latest of the others.
+
+        The first time it is always a whole scan: there are no others yet.
+        """
+        scan_all = map if self._pool is None else self._pool.map
+        whole = self._sequence == 0 or not self._element_wise
+        scans = list(scan_all(lambda bus: bus.scan() if whole else bus.step(), self._buses))
+        frame = CapFrame(
+            sequence=self._sequence,
+            t_ns=np.concatenate([scan.t_ns for scan in scans]),
+            capacitance_pf=np.concatenate([scan.capacitance_pf for scan in scans]),
+            reading=np.concatenate([scan.reading for scan in scans]),
+        )
+        self._sequence += 1
+        return frame
+
+    def gang(self, legs: NDArray[np.bool_]) -> None:
+        """Say which legs are to be read column by column, shape (legs,); every bus has to be able to."""
+        first = 0
+        for bus in self._buses:
+            if isinstance(bus, GangedBusScanner):
+                bus.gang(legs[first : first + bus.n_legs])
+                first += bus.n_legs
+
+    def close(self) -> None:
+        """Release the buses."""
+        if self._pool is not None:
+            self._pool.shutdown()
+        for bus in self._buses:
+            bus.stop()

@@ -1,1 +1,0 @@
-"""What touches the operating system's buses; one vendor library a file."""

@@ -1,0 +1,173 @@
+"""The floor of the cycle: `c_floor.c`, compiled, loaded, and told the foot and the network of this robot."""
+
+import ctypes
+import math
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense import daemon
+from footsense.benchmarks.onnx_weights import initializers
+from footsense.config import Config
+from footsense.errors import FootsenseError
+from footsense.estimation.faults.consistency import LIMIT, LIMIT_REL
+from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
+from footsense.foot.network_card import TrainedInputs
+from footsense.frames import ELEMENTS, CapFrame
+
+__all__ = ["Floor", "codes_of", "compiler", "round_ns"]
+
+_SOURCE = Path(__file__).with_name("c_floor.c")
+_LEGS = 6
+
+_Doubles = NDArray[np.float64]
+_Stamps = NDArray[np.int64]
+
+
+def compiler() -> str | None:
+    """Return the first C compiler that is there, None if there is none."""
+    return next((found for name in ("cc", "gcc", "clang") if (found := shutil.which(name))), None)
+
+
+def codes_of(scan: CapFrame) -> NDArray[np.int32]:
+    """Return the converters' codes of a scan, shape (legs, 9): what the driver made capacitances of."""
+    return np.ascontiguousarray(np.rint(scan.capacitance_pf * 2.0**19), np.int32)
+
+
+def _weights(model: bytes) -> dict[str, NDArray[np.float32]]:
+    """Return the matrices of the network's layers, rows inputs: each weight in its places, as the graph puts it."""
+    c = initializers(model)
+    n_channels, n_turns = len(c["b1"]), len(c["turns"])
+    w1 = c["w1"][:, c["seen_at"]].reshape(n_channels, n_turns, -1).transpose(2, 1, 0)
+    w2 = c["w2"].reshape(n_channels, n_turns, n_channels)[:, c["relative_at"]]
+    w2 = w2.reshape(n_channels, n_turns, n_turns, n_channels).transpose(2, 3, 1, 0)
+    n_units = n_turns * n_channels
+    return {
+        "w1": w1.reshape(-1, n_units),
+        "b1": np.tile(c["b1"], n_turns),
+        "w2": w2.reshape(n_units, n_units),
+        "b2": np.tile(c["b2"], n_turns),
+        "force": (c["force"] @ c["turns"]).reshape(n_units, 3),
+        "sigma": (c["sigma"] @ c["sizes"]).reshape(n_units, 3),
+        "sigma_offset": c["sigma_offset"][c["sigma_axes"]],
+        "linear": (c["linear"] @ c["linear_basis"]).reshape(ELEMENTS, 3),
+        "soft": c["soft"],
+    }
+
+
+class Floor:
+    """One cycle in C.
+
+    Args:
+        folder: Where the library is built.
+        config: A robot of six legs without stray.
+        calibration: What its network's card says.
+
+    Raises:
+        FootsenseError: There is no compiler, or it does not compile this.
+    """
+
+    def __init__(self, folder: Path, config: Config, calibration: TrainedInputs) -> None:
+        weights = _weights(daemon.released("network.onnx").read_bytes())
+        library = _built(folder, len(weights["b1"]))
+        design = calibration.design
+        n = _LEGS * ELEMENTS
+        precision = np.linalg.inv(calibration.moments)
+        residual = precision / precision.diagonal()[:, None]
+        foot = np.concatenate(
+            [
+                [EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2, design.gap_um],
+                np.zeros(n),
+                np.full(n, design.rest_pf),
+                calibration.closure_rel_min,
+                calibration.closure_rel_max,
+                [config.stale_after_ms * 1e6],
+                *(residual.ravel(), [LIMIT, LIMIT_REL / math.sqrt(ELEMENTS)]),
+            ]
+        )
+        flat = np.concatenate([part.ravel() for part in weights.values()]).astype(np.float32)
+        library.floor_set(_address(foot), _address(flat))
+        self._library = library
+        self._force_n = np.zeros((_LEGS, 3))
+
+    def tare(self, baseline_pf: _Doubles) -> None:
+        """Take over the zeros of all legs [pF], shape (legs, 9)."""
+        baseline_pf = np.ascontiguousarray(baseline_pf, np.float64)
+        self._library.floor_tare(_address(baseline_pf))
+
+    def run(
+        self, scan: CapFrame, codes: NDArray[np.int32], now_ns: int, socket: int, pipe: int
+    ) -> _Doubles | None:
+        """Do one cycle, the frames to a socket and the record to a pipe.
+
+        Returns:
+            The forces [N], shape (legs, 3), valid until the next call; None if a leg gives none.
+        """
+        failed = self._library.floor_cycle(
+            *(codes.ctypes.data, scan.t_ns.ctypes.data, now_ns, socket, pipe, self._force_n.ctypes.data)
+        )
+        return None if failed else self._force_n
+
+    def pace(
+        self, period_ns: int, played: list[tuple[CapFrame, int]], n: int, fds: tuple[int, ...]
+    ) -> _Stamps:
+        """Do `n` cycles, one a period, of scans that are played round and round.
+
+        Args:
+            period_ns: Time from deadline to deadline [ns].
+            played: Scans, and when each is processed, in their time [ns].
+            n: Cycles.
+            fds: Both ends of the socket, and the pipe's to write and to read.
+
+        Returns:
+            How late each cycle began [ns], shape (n,).
+        """
+        scans, times = zip(*played, strict=True)
+        codes = np.stack([codes_of(scan) for scan in scans])
+        t_ns = np.stack([scan.t_ns for scan in scans])
+        now_ns, late_ns = np.array(times, np.int64), np.zeros(n, np.int64)
+        self._library.floor_pace(
+            *(period_ns, n, _address(codes), _address(t_ns), _address(now_ns), len(scans), round_ns(played)),
+            *(*fds, _address(late_ns)),
+        )
+        return late_ns
+
+
+def round_ns(played: list[tuple[CapFrame, int]]) -> int:
+    """Return after how long scans that are played round and round begin anew [ns]: one scan after the last."""
+    return played[-1][1] - played[0][1] + (played[1][1] - played[0][1])
+
+
+def _address(array: NDArray[Any]) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def _built(folder: Path, n_units: int) -> ctypes.CDLL:
+    """Compile the library and load it.
+
+    Raises:
+        FootsenseError: It cannot be compiled.
+    """
+    found = compiler()
+    if found is None:
+        raise FootsenseError("no C compiler (cc, gcc or clang) for the floor of the cycle")
+    target = folder / "bench_floor.so"
+    options = ("-std=gnu11", "-O2", "-march=native", f"-DUNITS={n_units}", "-fPIC", "-shared")
+    done = subprocess.run(  # noqa: S603 - our own source
+        [found, *options, "-o", str(target), str(_SOURCE), "-lm"], check=False, capture_output=True, text=True
+    )
+    if done.returncode:
+        raise FootsenseError(
+            f"{found} does not compile {_SOURCE.name}: {done.stderr.strip().splitlines()[0]}"
+        )
+    library = ctypes.CDLL(str(target))
+    i32, i64, address = ctypes.c_int, ctypes.c_int64, ctypes.c_void_p
+    library.floor_cycle.argtypes = [address, address, i64, i32, i32, address]
+    library.floor_pace.argtypes = [i64, i32, address, address, address, i32, i64, i32, i32, i32, i32, address]
+    library.floor_pace.restype = None
+    library.floor_set.restype = library.floor_tare.restype = None
+    return library

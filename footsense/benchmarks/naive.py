@@ -1,0 +1,148 @@
+"""The yardstick of `footsense bench`: the same work as a straightforward program does it.
+
+It scans leg by leg and element by element and waits for each conversion; it infers leg by leg, encodes with cantools,
+builds every CAN message anew, looks every metric up by its labels, and records JSON. Nothing of the daemon uses this.
+"""
+
+import importlib.util
+import json
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+import firmware_interface
+from firmware_interface import crc8, tca9548a
+from footsense import daemon
+from footsense.acquisition.scan_plan import scan_plan
+from footsense.config import Bus, Config
+from footsense.frames import CapFrame, Flag, ForceFrame, State
+from footsense.ports import Clock, I2cBus, Transaction
+
+__all__ = ["NaiveCycle", "naive_cycle", "sequential_scan"]
+
+
+def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
+    """Scan every element of every leg of the first bus, one after the other."""
+    plan = scan_plan("raster", config.rate_sps, config.board)
+    for channel in config.buses[0].channels.values():
+        for step in plan.steps:
+            bus.transfer(Transaction(config.buses[0].mux.address, bytes((tca9548a.select((channel,)),))))
+            for write in step.select:
+                bus.transfer(write)
+            bus.transfer(step.trigger)
+            clock.sleep_until_ns(clock.now_ns() + plan.wait_ns)
+            for ask in (*([step.done.ask] if step.done else []), *step.read):
+                bus.transfer(ask)
+
+
+@contextmanager
+def naive_cycle(config: Config) -> Iterator["NaiveCycle | None"]:
+    """Put the naive cycle together.
+
+    Yields:
+        The cycle, or None where cantools is not installed: the robot does not need it.
+    """
+    if importlib.util.find_spec("cantools") is None:
+        yield None
+        return
+    import cantools
+
+    yield NaiveCycle(
+        config, cantools.database.load_file(Path(firmware_interface.__file__).parent / "footsense.dbc")
+    )
+
+
+class NaiveCycle:
+    """What follows a scan, leg by leg: a pipeline and an inference for each, cantools for each message.
+
+    Args:
+        config: The robot.
+        database: The DBC, loaded by cantools.
+    """
+
+    def __init__(self, config: Config, database: Any) -> None:  # noqa: ANN401 - cantools is not typed
+        from can import Message
+        from can.interfaces.socketcan.socketcan import build_can_frame
+        from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
+
+        self._message, self._frame = Message, build_can_frame
+        self._database = database
+        self._legs = config.legs
+        # A configuration of one leg gives a pipeline and a network of one row.
+        single = [
+            msgspec.structs.replace(config, buses=(Bus(device="sim", legs={leg: 0}),))
+            for bus in config.buses
+            for leg in bus.legs
+        ]
+        self._pipelines = [
+            daemon.pipeline_for(alone, daemon.load_network(alone), Flag.SIMULATED) for alone in single
+        ]
+        self._counter = 0
+        registry = CollectorRegistry()
+        self._sent = Counter("frames", "Frames sent.", registry=registry)
+        self._scans = Counter("scans", "Scans by state.", ["leg", "state"], registry=registry)
+        self._state = Gauge("state", "State.", ["leg"], registry=registry)
+        self._force = Gauge("force_newtons", "Force.", ["leg", "axis"], registry=registry)
+        self._age = Histogram("age_seconds", "Age.", ["leg"], registry=registry)
+
+    def run(self, scan: CapFrame, now_ns: int, channel: socket.socket, pipe: int) -> None:
+        """Process, encode and send, count and record one scan."""
+        self._counter = (self._counter + 1) % 15
+        record: dict[str, Any] = {"sequence": scan.sequence, "t_ns": now_ns}
+        for row, leg in enumerate(self._legs):
+            alone = slice(row, row + 1)
+            own = CapFrame(scan.sequence, scan.t_ns[alone], scan.capacitance_pf[alone], scan.reading[alone])
+            forces, _ = self._pipelines[row].process(own, now_ns)
+            self._send(channel, f"Force{leg.capitalize()}", self._force_signals(forces))
+            self._send(channel, f"Quality{leg.capitalize()}", self._quality_signals(forces))
+            self._count(leg, forces)
+            record[leg] = {
+                "scan_t_ns": own.t_ns[0].tolist(),
+                "capacitance_pf": own.capacitance_pf[0].tolist(),
+                "reading": own.reading[0].tolist(),
+                "t_ns": int(forces.t_ns[0]),
+                "force_n": forces.force_n[0].tolist(),
+                "sigma_n": forces.sigma_n[0].tolist(),
+                "state": State(int(forces.state[0])).name,
+            }
+        os.write(pipe, json.dumps(record).encode() + b"\n")
+
+    def _count(self, leg: str, forces: ForceFrame) -> None:
+        state = State(int(forces.state[0])).name.lower()
+        self._scans.labels(leg=leg, state=state).inc()
+        self._state.labels(leg=leg).set(int(forces.state[0]))
+        self._age.labels(leg=leg).observe(float(forces.age_ns[0]) * 1e-9)
+        for axis, force_n in zip("xyz", forces.force_n[0], strict=True):
+            self._force.labels(leg=leg, axis=axis).set(float(force_n))
+
+    def _force_signals(self, forces: ForceFrame) -> dict[str, float]:
+        force_n = np.nan_to_num(forces.force_n[0], nan=-32.768)
+        axes = dict(zip(("ForceX", "ForceY", "ForceZ"), force_n.round(3).tolist(), strict=True))
+        return {"State": int(forces.state[0]), **axes}
+
+    def _quality_signals(self, forces: ForceFrame) -> dict[str, float]:
+        sigma_n = np.nan_to_num(forces.sigma_n[0], nan=1.022)
+        flags = Flag(int(forces.flags[0]))
+        return {
+            "Simulated": int(Flag.SIMULATED in flags),
+            "DegradedTiming": int(Flag.DEGRADED_TIMING in flags),
+            "TareRefused": int(Flag.TARE_REFUSED in flags),
+            "Contact": int(Flag.CONTACT in flags),
+            "Age": float(forces.age_ns[0]) * 1e-6,
+            "FaultMask": int(forces.fault_mask[0]),
+            **dict(zip(("SigmaX", "SigmaY", "SigmaZ"), sigma_n.tolist(), strict=True)),
+        }
+
+    def _send(self, channel: socket.socket, name: str, signals: dict[str, float]) -> None:
+        message = self._database.get_message_by_name(name)
+        values = {"CHECKSUM": 0, "COUNTER": self._counter, **signals}
+        data = crc8.protect(message.frame_id, message.encode(values)[1:])
+        frame = self._message(arbitration_id=message.frame_id, data=data, is_extended_id=False)
+        channel.send(self._frame(frame))
+        self._sent.inc()

@@ -1,0 +1,117 @@
+"""The part of `footsense bench` in virtual time: how long a scan takes, and how old a force is when it is sent.
+
+Bus bits, conversions and host costs are exact there: the same figures on every machine.
+"""
+
+import itertools
+
+import numpy as np
+from msgspec.structs import replace
+
+from firmware_interface import schedule
+from firmware_interface.schedule import scan_limits
+from footsense import daemon
+from footsense.benchmarks.naive import sequential_scan
+from footsense.config import DEFAULT, Bus, Config
+from footsense.frames import USABLE, Flag
+from footsense.sim.scene import Scene, load_scene
+
+__all__ = ["conversion_limit_ms", "publish_age_ms", "scan_figures"]
+
+_SCANS = 40
+_HOST_COSTS_US = (0, 40, 100)
+#: Published frames of each leg whose ages are asked for, after the feet are tared.
+_AGES = 120
+
+_TWO_BUSES = replace(
+    DEFAULT,
+    buses=(
+        Bus(device="sim0", legs={"lf": 0, "lm": 1, "lr": 2}),
+        Bus(device="sim1", legs={"rf": 0, "rm": 1, "rr": 2}),
+    ),
+)
+#: The kernel drives the mux, and makes an adapter of each leg's channel.
+_KERNEL_MUX = replace(
+    DEFAULT,
+    buses=(
+        Bus(
+            device="sim",
+            legs={"lf": "sim0", "lm": "sim1", "lr": "sim2", "rf": "sim3", "rm": "sim4", "rr": "sim5"},
+        ),
+    ),
+)
+_CONFIGURATIONS = {
+    "one_bus": DEFAULT,
+    "two_buses": _TWO_BUSES,
+    "kernel_mux": _KERNEL_MUX,
+    "ad7746": replace(DEFAULT, board="ad7746"),
+}
+
+
+def conversion_limit_ms() -> float:
+    """Return the time of nine conversions of the default board, which no scan can beat [ms]."""
+    return DEFAULT.shortest_scan_ms
+
+
+def scan_figures() -> dict[str, dict[str, float | None]]:
+    """Return what a scan takes in each configuration, named after its buses and what the host adds to a transaction."""
+    return {
+        f"{name}_{host_cost_us}us": _scan(config, host_cost_us)
+        for (name, config), host_cost_us in itertools.product(_CONFIGURATIONS.items(), _HOST_COSTS_US)
+    }
+
+
+def _scan(config: Config, host_cost_us: int) -> dict[str, float | None]:
+    """Return the scan period of six legs at 400 kHz, over the limits of its board, and that of the naive loop."""
+    scene = replace(load_scene("hanging"), host_cost_us=float(host_cost_us))
+    with daemon.scanning(config, scene) as scanning:
+        scanning.source.read()
+        start_ns = scanning.clock.now_ns()
+        for _ in range(_SCANS):
+            scanning.source.read()
+        period_ns = (scanning.clock.now_ns() - start_ns) / _SCANS
+    # Two buses are scanned side by side also by a naive program with two threads.
+    naive_ns = _naive_ns(config, scene) if config.buses[0].channels else None
+    return {
+        "period_ms": period_ns * 1e-6,
+        "rate_hz": 1e9 / period_ns,
+        "over_limit": period_ns * 1e-6 / config.shortest_scan_ms,
+        "over_best": period_ns / max(_best_ns(config, bus, host_cost_us) for bus in config.buses),
+        "naive_period_ms": naive_ns * 1e-6 if naive_ns else None,
+        "naive_over_ours": naive_ns / period_ns if naive_ns else None,
+    }
+
+
+def _naive_ns(config: Config, scene: Scene) -> int:
+    robot = daemon.simulated_robot(config, scene)
+    sequential_scan(robot.buses[0], robot.clocks[0], config)
+    return robot.clocks[0].now_ns()
+
+
+def _best_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
+    """Return the shortest scan that this bus allows, whatever program drives it."""
+    return scan_limits(
+        n_legs=len(bus.legs),
+        conversion_ns=config.rate.conversion_ns,
+        rate_hz=bus.rate_hz,
+        host_cost_ns=host_cost_us * 1e3,
+        kernel_mux=bool(bus.adapters),
+        traffic=schedule.AD7746 if config.board == "ad7746" else schedule.FDC1004,
+    ).scan_ns
+
+
+def publish_age_ms() -> dict[str, dict[str, float]]:
+    """Return how old forces are when they are sent, on one bus at 40 us per transaction, published both ways."""
+    return {mode: _age_ms(replace(DEFAULT, publish=mode)) for mode in ("frame", "element")}
+
+
+def _age_ms(config: Config) -> dict[str, float]:
+    scene = replace(load_scene("tripod"), host_cost_us=40.0)
+    ages_ns: list[int] = []
+    with daemon.scanning(config, scene) as scanning:
+        pipeline = daemon.pipeline_for(config, daemon.load_network(config), Flag.SIMULATED)
+        usable = np.array(sorted(USABLE), np.uint8)
+        while len(ages_ns) < _AGES * len(config.legs):
+            forces, _ = pipeline.process(scanning.source.read(), scanning.clock.now_ns())
+            ages_ns += forces.age_ns[np.isin(forces.state, usable)].tolist()
+    return {"p50": float(np.median(ages_ns)) * 1e-6, "p99": float(np.quantile(ages_ns, 0.99)) * 1e-6}

@@ -1,0 +1,94 @@
+"""The card of a foot pack: what a person wants to know of a calibrated foot."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from footsense.foot.calibration_format import Manifest, Parameters
+from footsense.foot.force_errors import Errors
+
+__all__ = ["card_text"]
+
+
+def card_text(manifest: Manifest, parameters: Parameters) -> str:
+    """Return the card as Markdown.
+
+    Args:
+        manifest: What the pack says of itself; the hashes of its files are not needed.
+        parameters: How the foot differs from its design.
+    """
+    recordings = "\n".join(f"| {name} | `{sha256}` |" for name, sha256 in manifest.recordings.items())
+    strayed = "stray capacitance, bench wiring included [pF]"
+    return f"""# {manifest.foot}
+
+A foot of type {manifest.foot_type}, calibrated {manifest.made} by footsense {manifest.footsense}
+on {_count(manifest.n_pokes, "poke")} in {_count(manifest.n_sessions, "session")}{_temperature(parameters)}. The
+robot takes these files as they are, or not at all: whatever is edited here by hand is refused.
+
+## Errors
+
+{_errors(manifest)}
+
+## How it differs from its design
+
+| | front row on top, left column left | |
+|---|---|---|
+{_grid("air gap [um]", parameters.gap_um, 2)}
+{_grid("reads unloaded [pF]", parameters.unloaded_pf, 3)}
+{_grid(strayed, parameters.stray_pf, 3)}
+{_grid("gain of the closure [1]", parameters.gain_rel, 3)}
+
+Stiffness {parameters.stiffness_rel:+.1%}; mounted {_turned_deg(parameters):.1f} deg off; largest term of the
+correction {np.abs(parameters.correction).max():.3f}. What the pokes left unexplained: {parameters.error_rel:.1%} of
+the force.
+
+## Made of
+
+Network `{parameters.network_sha256}`, training set `{manifest.training_sha256}`:
+
+| recording | SHA-256 |
+|---|---|
+{recordings}
+"""
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
+def _temperature(parameters: Parameters) -> str:
+    if parameters.temperature_c is None:
+        return ", at a temperature that nothing measured"
+    per_k = parameters.stiffness_per_k
+    stiffer = "" if per_k is None else f", {per_k:+.2%} of stiffness for each kelvin from there"
+    return f", at {parameters.temperature_c:.1f} degC{stiffer}"
+
+
+def _errors(manifest: Manifest) -> str:
+    held_out = manifest.held_out
+    if held_out is None:
+        return "Not known: no poke was kept from the fit to tell."
+    return f"""{held_out.protocol}, {_count(held_out.calibrated.n, "poke")}:
+
+| mean / p95 / largest | direction [deg] | magnitude [gf] |
+|---|---:|---:|
+{_row("network of the design alone", held_out.design_only)}
+{_row("this pack", held_out.calibrated)}"""
+
+
+def _row(name: str, errors: Errors) -> str:
+    direction = (
+        f"{errors.direction_deg:.2f} / {errors.direction_p95_deg:.2f} / {errors.direction_max_deg:.2f}"
+    )
+    magnitude = f"{errors.magnitude_gf:.2f} / {errors.magnitude_p95_gf:.2f} / {errors.magnitude_max_gf:.2f}"
+    return f"| {name} | {direction} | {magnitude} |"
+
+
+def _grid(what: str, values: Sequence[float], digits: int) -> str:
+    rows = [" ".join(f"{value:.{digits}f}" for value in values[i : i + 3]) for i in (0, 3, 6)]
+    return f"| {what} | {'<br>'.join(rows)} | mean {np.mean(values):.{digits}f} |"
+
+
+def _turned_deg(parameters: Parameters) -> float:
+    """Return the angle of the mount's rotation [deg]."""
+    return float(np.degrees(np.arccos(np.clip((np.trace(parameters.mount) - 1.0) / 2.0, -1.0, 1.0))))

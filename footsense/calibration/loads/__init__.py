@@ -1,0 +1,1 @@
+"""Presses of a foot found in a recording, each reduced to one calibration load."""

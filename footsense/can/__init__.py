@@ -1,0 +1,1 @@
+"""Forces to CAN, commands from CAN, and the log of both."""

@@ -1,0 +1,195 @@
+"""One CAN channel and the log of what was sent on it.
+
+A frame that the channel does not take at once is dropped and counted, never tried again: by then there is a
+newer one. An interface that goes down or disappears is opened again, at growing intervals, for as long as it
+takes. Nothing here waits, and once the channel is open nothing here raises.
+
+What becomes of a frame between the kernel's queue and the wire is a matter of the interface's settings:
+`deploy/80-can0.network` says which.
+"""
+
+import logging
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
+from pathlib import Path
+
+from firmware_interface.socketcan import FRAME_BYTES, is_data, is_error, pack_frame, split_frames
+from footsense.can.bus_health import BusHealth
+from footsense.can.frame_log import CanLog, check_log_suffix
+from footsense.can.python_can import open_wire, what_is_wrong
+from footsense.errors import CanError
+from footsense.frames import CanStats
+from footsense.ports import CanWire
+
+__all__ = ["CanChannel"]
+
+_log = logging.getLogger(__name__)
+
+#: Shortest and longest time between two attempts to open an interface that has gone [ns].
+_BACK_OFF_NS = 50_000_000
+_LONGEST_BACK_OFF_NS = 250_000_000
+
+
+class CanChannel:
+    """An open CAN channel.
+
+    Args:
+        interface: Kind of channel, as python-can calls it: `virtual` or `socketcan`.
+        channel: Its name, such as `can0`.
+        bitrate: Bit rate of the bus [bit/s]; Linux sets it when the interface comes up, so it is only told.
+        accept: CAN ids that `receive` returns.
+        greeting: First frames, by CAN id; they also show whether the channel is up.
+        log_file: File for every frame sent, its format by suffix; None for none. Made when all else is well.
+        stats: Where to count.
+        log_waits: Whether the log may make the loop wait, as in virtual time.
+        connect: Opens the interface; None for python-can's way to `interface` and `channel`.
+
+    Raises:
+        ConfigError: The log's suffix is unknown.
+        RecordingError: The log cannot be opened.
+        CanError: The channel is missing or down.
+    """
+
+    def __init__(
+        self,
+        *,
+        interface: str,
+        channel: str,
+        bitrate: int,
+        accept: Collection[int],
+        greeting: Mapping[int, bytes],
+        log_file: Path | None,
+        stats: CanStats,
+        log_waits: bool = False,
+        connect: Callable[[], CanWire] | None = None,
+    ) -> None:
+        if log_file is not None:
+            check_log_suffix(log_file)
+        self.stats = stats
+        self._accept = frozenset(accept)
+        self._explain = partial(what_is_wrong, interface, channel, bitrate)
+        self._connect: Callable[[], CanWire] = connect or partial(
+            open_wire, interface, channel, bitrate, self._accept
+        )
+        self._name = f"CAN channel {channel} ({interface})"
+        self._health = BusHealth(channel, stats)
+        self._t_ns = 0
+        self._back_off_ns = 0  # 0: the interface is there
+        self._due_ns = 0
+        self._lost_ns = 0
+        self._log: CanLog | None = None
+        self._wire: CanWire | None = self._connect()
+        try:
+            # Sent before there is a log, and before there are forces to tell the time.
+            self._unlogged = self._greet(b"".join(pack_frame(*frame) for frame in greeting.items()))
+            if log_file is not None:
+                self._log = CanLog(log_file, channel, stats, waits=log_waits)
+        except BaseException:
+            self._let_go()
+            raise
+
+    def send(self, frames: bytes, t_ns: int) -> int:
+        """Hand over frames up to the first for which there is no room, and drop the rest.
+
+        Args:
+            frames: Whole frames behind each other, as in `firmware_interface.socketcan`.
+            t_ns: The present time [ns]; the log shows it.
+
+        Returns:
+            How many were taken.
+        """
+        self._t_ns = t_ns
+        n = len(frames) // FRAME_BYTES
+        taken = 0
+        wire = self._wire or self._try_again()
+        if wire is not None:
+            try:
+                taken = wire.send(frames, t_ns)
+            except OSError as error:
+                self._lose(error)
+            else:
+                if self._back_off_ns:
+                    self._say_back()
+        self.stats.sent += taken
+        self.stats.dropped += n - taken
+        if self._log is not None and taken:
+            if self._unlogged:
+                self._log.add(t_ns, self._unlogged)
+                self._unlogged = b""
+            self._log.add(t_ns, frames[: taken * FRAME_BYTES])
+        return taken
+
+    def receive(self) -> list[tuple[int, bytes]]:
+        """Return id and data of each accepted frame that has arrived, oldest first; the rest is dropped."""
+        if self._wire is None:
+            return []
+        try:
+            frames = self._wire.receive()
+        except OSError as error:
+            self._lose(error)
+            return []
+        arrived = []
+        for frame in frames:
+            can_id, data = next(split_frames(frame))
+            if is_error(can_id):
+                self._health.note(can_id, data, self._t_ns)
+            elif is_data(can_id) and can_id in self._accept:
+                arrived.append((can_id, data))
+        self.stats.received += len(arrived)
+        self._health.watch(self._t_ns)
+        return arrived
+
+    def close(self) -> None:
+        """Release the channel and finish the log.
+
+        Raises:
+            RecordingError: The log is not whole.
+        """
+        self._let_go()
+        if self._log is not None:
+            log, self._log = self._log, None
+            log.close()
+
+    def _greet(self, frames: bytes) -> bytes:
+        """Send the first frames and return those that were taken.
+
+        Raises:
+            CanError: The channel is down. A full queue is no reason: where nobody listens, it fills at once.
+        """
+        assert self._wire is not None
+        try:
+            taken = self._wire.send(frames, 0) if frames else 0
+        except OSError as error:
+            raise CanError(self._explain(error)) from error
+        self.stats.sent += taken
+        self.stats.dropped += len(frames) // FRAME_BYTES - taken
+        return frames[: taken * FRAME_BYTES]
+
+    def _lose(self, error: OSError) -> None:
+        """Give up an interface that has gone, and wait longer each time before the next attempt."""
+        self._let_go()
+        if not self._back_off_ns:
+            self._lost_ns = self._t_ns
+            _log.warning("%s; no frame goes out until it is back", self._explain(error))
+        self._back_off_ns = min(max(2 * self._back_off_ns, _BACK_OFF_NS), _LONGEST_BACK_OFF_NS)
+        self._due_ns = self._t_ns + self._back_off_ns
+
+    def _try_again(self) -> CanWire | None:
+        """Open the interface again if it is time to; that it opens does not yet mean that it is up."""
+        if self._t_ns < self._due_ns:
+            return None
+        try:
+            self._wire = self._connect()
+        except CanError as error:
+            self._lose(OSError(None, str(error)))
+        return self._wire
+
+    def _say_back(self) -> None:
+        self._back_off_ns = 0
+        self.stats.reopened += 1
+        _log.warning("%s is back after %.1f s", self._name, (self._t_ns - self._lost_ns) / 1e9)
+
+    def _let_go(self) -> None:
+        if self._wire is not None:
+            self._wire.close()
+            self._wire = None

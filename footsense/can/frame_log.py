@@ -1,0 +1,141 @@
+"""The file that keeps what was sent on CAN: whether it may be made, and the loop's end of the pipe that fills it.
+
+A file can make its writer wait: a disk that is busy, a network drive that is away. So a process of its own writes
+it (`can_log_writer`), and the loop copies a scan's frames into a pipe, with one system call. In virtual time the
+loop waits for room there; in real time it never does, and what finds no room is counted.
+"""
+
+import logging
+import os
+import struct
+import subprocess
+from pathlib import Path
+
+from firmware_interface.socketcan import FRAME_BYTES
+from footsense.child_process import start_writer
+from footsense.errors import ConfigError, RecordingError
+from footsense.frames import CanStats
+
+__all__ = ["LOG_SUFFIXES", "RECORD_HEAD", "CanLog", "check_log_suffix", "check_log_target"]
+
+_log = logging.getLogger(__name__)
+
+#: Formats of the log: candump, Vector ASCII, Vector binary.
+LOG_SUFFIXES = (".log", ".asc", ".blf")
+
+#: Before the frames of one call: their time [ns] and their length [bytes].
+RECORD_HEAD = struct.Struct("<qI")
+
+#: Room in the pipe [bytes], the most that Linux gives a user by default: two minutes of scans, 14 s of single
+#: conversions.
+PIPE_BYTES = 1 << 20
+
+#: Longest wait for the writer after the pipe has ended [s].
+FINISH_TIMEOUT_S = 10.0
+
+
+def check_log_suffix(path: Path) -> None:
+    """Check that the suffix names a format.
+
+    Raises:
+        ConfigError: It does not.
+    """
+    if path.suffix not in LOG_SUFFIXES:
+        raise ConfigError(f"CAN log {path}: the suffix must be one of {', '.join(LOG_SUFFIXES)}")
+
+
+def check_log_target(path: Path) -> None:
+    """Check that a log may be written to `path`; to be called before anything is opened.
+
+    Raises:
+        ConfigError: The suffix names no format.
+        RecordingError: The file exists, or the directory cannot be written to.
+    """
+    check_log_suffix(path)
+    if path.exists():
+        raise RecordingError(
+            f"CAN log {path}: exists and is not overwritten; choose another name or remove it"
+        )
+    if not path.parent.is_dir():
+        raise RecordingError(f"CAN log {path}: there is no directory {path.parent}")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise RecordingError(f"CAN log {path}: the directory {path.parent} cannot be written to")
+
+
+class CanLog:
+    """A log that is being written.
+
+    Args:
+        path: The file, its format by suffix.
+        channel: Name of the channel, as the log tells it.
+        stats: Where frames are counted that are not in the log.
+        waits: Whether a full pipe makes the loop wait (virtual time) or loses the frames (real time).
+
+    Raises:
+        RecordingError: The file cannot be opened.
+    """
+
+    def __init__(self, path: Path, channel: str, stats: CanStats, *, waits: bool) -> None:
+        self._path = path
+        self._stats = stats
+        self._writer, self._pipe = _start_writer(path, channel)
+        os.set_blocking(self._pipe, waits)
+        self._ended = False
+
+    def add(self, t_ns: int, frames: bytes) -> None:
+        """Copy frames into the pipe; never fails, whatever becomes of the writer."""
+        if not self._ended:
+            try:
+                # Shorter than what a pipe takes whole or not at all, PIPE_BUF, for any robot.
+                os.write(self._pipe, RECORD_HEAD.pack(t_ns, len(frames)) + frames)
+            except BlockingIOError:
+                pass
+            except BrokenPipeError:
+                self._ended = True
+                _log.warning("CAN log %s: its writer has ended; the run goes on without it", self._path)
+            else:
+                return
+        self._stats.unlogged += len(frames) // FRAME_BYTES
+
+    def close(self, timeout_s: float = FINISH_TIMEOUT_S) -> None:
+        """End the log and wait until it is whole.
+
+        Args:
+            timeout_s: How long to wait for the writer [s].
+
+        Raises:
+            RecordingError: It is not whole.
+        """
+        os.close(self._pipe)
+        try:
+            failure = self._writer.communicate(timeout=timeout_s)[1].decode(errors="replace").strip()
+        except subprocess.TimeoutExpired:
+            self._writer.kill()
+            self._writer.communicate()
+            failure = f"the file did not take what was written within {timeout_s:g} s"
+        if not failure and self._writer.returncode:
+            failure = "its writer was killed"
+        if not failure and self._stats.unlogged:
+            failure = f"its writer was too slow: {self._stats.unlogged} frames are missing"
+        if failure:
+            last = failure.rpartition("\n")[2]
+            raise RecordingError(f"CAN log {self._path}: {last}; what was sent is not affected")
+
+
+def _start_writer(path: Path, channel: str) -> "tuple[subprocess.Popen[bytes], int]":
+    """Start the process that writes `path`.
+
+    Returns:
+        The process, and the end of the pipe that feeds it.
+
+    Raises:
+        RecordingError: The file cannot be opened.
+    """
+    # Without O_NONBLOCK, opening a named pipe that nobody reads would wait for a reader.
+    flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NONBLOCK
+    try:
+        file = os.open(path, flags, 0o644)
+    except OSError as error:
+        raise RecordingError(f"CAN log {path}: {error.strerror}") from error
+    os.set_blocking(file, True)
+    return start_writer("footsense.can.log_writer", [path.suffix, channel], file, PIPE_BYTES)

@@ -1,0 +1,175 @@
+"""Opening a CAN interface through python-can, and sending and receiving where Linux's own frames do not reach.
+
+The only file that knows python-can's buses. On `socketcan` python-can opens the socket and sets its filters;
+the frames go past it (`can_socket`). python-can does not check the settings that it is given and would add those
+of files in the home directory: it gets the chance for neither.
+"""
+
+import errno
+import logging
+from collections.abc import Collection
+from typing import TYPE_CHECKING, Any
+
+from firmware_interface.socketcan import ERROR, EXTENDED, FRAME_BYTES, REMOTE, pack_frame, split_frames
+from footsense.can.socketcan import MAX_DRAINED, SocketWire
+from footsense.errors import CanError
+from footsense.ports import CanWire
+
+if TYPE_CHECKING:
+    import can
+
+    #: A message, its contents, and their length.
+    _Message = tuple[can.Message, bytearray, int]
+
+__all__ = ["NO_CHANNEL", "errno_of", "open_wire", "what_is_wrong"]
+
+#: What the system says when the interface is down or not there; a bus that is only full or silent says other things.
+NO_CHANNEL = frozenset({errno.ENETDOWN, errno.ENXIO, errno.ENODEV, errno.EAFNOSUPPORT, errno.EBADF})
+
+
+def open_wire(interface: str, channel: str, bitrate: int, accept: Collection[int]) -> CanWire:
+    """Open an interface.
+
+    Args:
+        interface: Kind of channel, as python-can calls it: `virtual` or `socketcan`.
+        channel: Its name, such as `can0`.
+        bitrate: Bit rate of the bus [bit/s], for the remedy that an error names.
+        accept: CAN ids that the kernel lets through, where there is one.
+
+    Returns:
+        The open interface.
+
+    Raises:
+        CanError: There is no such interface.
+    """
+    import can
+
+    try:
+        bus = can.Bus(interface=interface, channel=channel, ignore_config=True, **_options(interface, accept))
+    except (can.CanError, OSError, ValueError, ImportError, NotImplementedError) as error:
+        raise CanError(what_is_wrong(interface, channel, bitrate, error)) from error
+    if interface == "socketcan":
+        return SocketWire(bus.socket, bus.shutdown)  # type: ignore[attr-defined]
+    return _BusWire(bus)
+
+
+class _BusWire:
+    """Any other interface of python-can: frame by frame."""
+
+    def __init__(self, bus: "can.BusABC") -> None:
+        import can
+
+        self._bus = bus
+        self._failures = (can.CanError, OSError)
+        # python-can copies what it is handed, so one message of each id and length is filled again and again.
+        self._messages: dict[bytes, _Message] = {}
+
+    def send(self, frames: bytes, t_ns: int) -> int:
+        """Hand over frames up to the first that is refused.
+
+        Each carries the time of its forces, so that on the virtual channel a simulated minute lasts a minute.
+
+        Returns:
+            How many were taken.
+
+        Raises:
+            OSError: The interface is down or gone.
+        """
+        stamp_s = t_ns / 1e9
+        known = self._messages
+        send = self._bus.send
+        start = 0
+        try:
+            for start in range(0, len(frames), FRAME_BYTES):
+                middle = start + FRAME_BYTES // 2
+                head = frames[start:middle]
+                message, contents, length = known.get(head) or self._new(head)
+                contents[:] = frames[middle : middle + length]
+                message.timestamp = stamp_s
+                send(message, timeout=0)
+        except self._failures as error:
+            code = errno_of(error)
+            if code in NO_CHANNEL:
+                raise OSError(code, str(error)) from error
+            return start // FRAME_BYTES
+        return len(frames) // FRAME_BYTES
+
+    def receive(self) -> list[bytes]:
+        """Return what has arrived; all is taken, because an unread queue of the virtual channel grows for ever.
+
+        Raises:
+            OSError: The interface is down or gone.
+        """
+        arrived = []
+        for _ in range(MAX_DRAINED):
+            try:
+                # Its recv() measures even no timeout with the wall clock, and waits as long as that is set back.
+                message, _ = self._bus._recv_internal(timeout=0)  # noqa: SLF001
+            except self._failures as error:
+                if errno_of(error) in NO_CHANNEL:
+                    raise OSError(errno_of(error), str(error)) from error
+                break
+            if message is None:
+                break
+            arrived.append(pack_frame(_flagged_id(message), bytes(message.data)))
+        return arrived
+
+    def close(self) -> None:
+        """Release the interface."""
+        self._bus.shutdown()
+
+    def _new(self, head: bytes) -> "_Message":
+        import can
+
+        can_id, data = next(split_frames(head.ljust(FRAME_BYTES, b"\0")))
+        message = can.Message(arbitration_id=can_id, is_extended_id=False, data=data, is_rx=False, check=True)
+        known = self._messages[head] = message, message.data, len(data)
+        return known
+
+
+def _flagged_id(message: "can.Message") -> int:
+    """Return a message's id with Linux's flags."""
+    return (
+        message.arbitration_id
+        | (EXTENDED if message.is_extended_id else 0)
+        | (REMOTE if message.is_remote_frame else 0)
+        | (ERROR if message.is_error_frame else 0)
+    )
+
+
+def _options(interface: str, accept: Collection[int]) -> dict[str, Any]:
+    """Return what only this kind of channel understands."""
+    if interface == "virtual":
+        return {"preserve_timestamps": True}
+    if interface == "socketcan":
+        return {
+            "can_filters": [{"can_id": can_id, "can_mask": 0x7FF, "extended": False} for can_id in accept]
+        }
+    if interface == "udp_multicast":
+        return {"hop_limit": 0, "fd": False}  # no network ever sees it
+    return {}
+
+
+def errno_of(error: BaseException) -> int | None:
+    """Return the system's number for what went wrong, which python-can keeps in a field of its own."""
+    number = getattr(error, "error_code", None) or getattr(error, "errno", None)
+    return number if isinstance(number, int) else None
+
+
+def what_is_wrong(interface: str, channel: str, bitrate: int, error: BaseException) -> str:
+    """Return one line: what is wrong with the channel, and what would be right."""
+    name = f"CAN channel {channel} ({interface})"
+    match errno_of(error):
+        case errno.ENETDOWN:
+            kind = "" if channel.startswith("vcan") else f" type can bitrate {bitrate}"
+            return f"{name} is down; try: ip link set {channel} up{kind}"
+        case errno.ENODEV | errno.ENXIO:
+            return f"{name} does not exist; those that do: ip -details link show type can"
+        case errno.EAFNOSUPPORT:
+            return f"{name} needs a kernel with CAN; try: modprobe can_raw"
+        case _:
+            return f"{name} cannot be opened: {error}"
+
+
+# python-can logs what it also raises; without a listener of its own, Python would print that beside our line.
+logging.getLogger("can").addHandler(logging.NullHandler())

@@ -1,0 +1,120 @@
+"""The figures of `footsense evaluate`: the paper's Figs. 17, 18 and 19 of one foot. Needs matplotlib."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.colors import BoundaryNorm
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from footsense.foot.force_errors import direction_errors_deg, magnitude_errors_gf
+from footsense.frames import ELEMENTS
+from footsense.lab.ball import circle, rim, touch
+
+__all__ = ["PAPER_DEG", "PAPER_GF", "Pattern", "error_map", "histograms", "patterns"]
+
+Vector = NDArray[np.float64]
+
+#: The paper's mean errors in the experiment, section V C [deg, gf].
+PAPER_DEG, PAPER_GF = 15.9, 18.7
+
+#: Steps of the map's colours [deg].
+_LEVELS_DEG = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 15.0, 20.0, 30.0)
+#: Where the circles of the mean error are drawn, as in the paper's Fig. 19: around a contact half way down the ball.
+_CIRCLE_AT = np.array([np.cos(np.radians(60.0)), 0.0, np.sin(np.radians(60.0))])
+_ELEVATIONS_DEG = (30.0, 50.0, 70.0)
+
+
+class Pattern(NamedTuple):
+    """What the nine elements did under one load.
+
+    Attributes:
+        title: Which load.
+        closure_um: Closures by name of who says so [um], shape (9,) each.
+    """
+
+    title: str
+    closure_um: Mapping[str, Vector]
+
+
+def error_map(truth_n: Vector, read_n: Mapping[str, Vector]) -> Figure:
+    """Return where on the ball each way of reading errs: one dot for each poke, where it touches the ball.
+
+    Args:
+        truth_n: What the reference said [N], shape (n, 3).
+        read_n: What each way made of it [N], same shape.
+    """
+    figure = Figure(figsize=(4.3 * len(read_n) + 0.9, 4.9), layout="constrained")
+    row = np.atleast_1d(figure.subplots(1, len(read_n)))
+    size_n = np.linalg.norm(truth_n, axis=1)
+    direction = truth_n / size_n[:, None]
+    # Heavy loads lie below: where two magnitudes have one direction, both are to be seen.
+    order = np.argsort(-size_n)
+    for axes, (name, force_n) in zip(row, read_n.items(), strict=True):
+        error_deg = direction_errors_deg(truth_n, force_n)
+        for elevation_deg in _ELEVATIONS_DEG:
+            axes.plot(*circle(np.array([0.0, 0.0, 1.0]), 90.0 - elevation_deg), color="0.6", lw=0.7, ls=":")
+            axes.text(0.0, rim(elevation_deg), f"{elevation_deg:g} deg", fontsize=7, color="0.4", ha="center")
+        dots = axes.scatter(
+            *touch(direction[order]),
+            s=8.0 + 45.0 * size_n[order],
+            c=error_deg[order],
+            norm=BoundaryNorm(_LEVELS_DEG, 256, extend="max"),
+            edgecolors="k",
+            linewidths=0.3,
+        )
+        mean_deg = float(error_deg.mean())
+        axes.plot(*circle(_CIRCLE_AT, mean_deg), "r-", lw=1.8, label=f"mean, {mean_deg:.2f} deg")
+        axes.plot(*circle(_CIRCLE_AT, PAPER_DEG), "r--", lw=1.2, label=f"the paper's, {PAPER_DEG} deg")
+        axes.set(aspect="equal", xticks=[], yticks=[], frame_on=False, xlabel="rear")
+        axes.set_title(f"{name}\nforward", fontsize=10)
+        axes.legend(fontsize=8, loc="lower left")
+    row[0].set_ylabel("right")
+    row[-1].yaxis.set_label_position("right")
+    row[-1].set_ylabel("left")
+    figure.colorbar(dots, ax=list(row), label="direction error [deg]", shrink=0.8)
+    return figure
+
+
+def histograms(truth_n: Vector, read_n: Mapping[str, Vector]) -> Figure:
+    """Return how often which error occurs; arguments as of `error_map`."""
+    figure = Figure(figsize=(8.6, 3.6), layout="constrained")
+    kinds = (
+        (direction_errors_deg, "direction error [deg]", PAPER_DEG),
+        (magnitude_errors_gf, "magnitude error [gf]", PAPER_GF),
+    )
+    for axes, (error_of, label, paper) in zip(figure.subplots(1, 2), kinds, strict=True):
+        errors = {name: error_of(truth_n, force_n) for name, force_n in read_n.items()}
+        most = max(paper, *(float(values.max()) for values in errors.values()))
+        bins = np.linspace(0.0, 1.02 * most, 41)
+        for name, values in errors.items():
+            share = np.full(len(values), 100.0 / len(values))
+            axes.hist(values, bins, weights=share, histtype="stepfilled", alpha=0.5, label=name)
+        axes.axvline(paper, color="r", ls="--", label="the paper's mean")
+        axes.set(xlabel=label, ylabel="share of pokes [%]")
+        axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    return figure
+
+
+def patterns(chosen: Sequence[Pattern]) -> Figure:
+    """Return the closures of the nine elements under each load as bars, by element, front row first.
+
+    Args:
+        chosen: The loads, at least one; all have the same names.
+    """
+    figure = Figure(figsize=(8.6, 2.2 * len(chosen) + 0.6), layout="constrained")
+    for axes, pattern in zip(np.atleast_1d(figure.subplots(len(chosen), 1)), chosen, strict=True):
+        width = 0.8 / len(pattern.closure_um)
+        for number, (name, closure_um) in enumerate(pattern.closure_um.items()):
+            axes.bar(np.arange(ELEMENTS) - 0.4 + (number + 0.5) * width, closure_um, width, label=name)
+        axes.set_title(pattern.title, fontsize=10)
+        axes.set_ylabel("closure [um]")
+        axes.set_xticks(np.arange(ELEMENTS), [f"{i} {j}" for i in range(3) for j in range(3)])
+        for edge in (2.5, 5.5):
+            axes.axvline(edge, color="0.8", lw=0.8)
+        axes.grid(axis="y", alpha=0.3)
+    axes.set_xlabel("row and column: 0 0 is the front left, 2 2 the rear right")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=8)
+    return figure

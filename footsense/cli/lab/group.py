@@ -1,0 +1,48 @@
+"""`footsense lab`: from rubber to network, and what the paper found and left. Needs the extra `lab`."""
+
+import importlib.util
+
+import click
+
+from footsense.cli.lab import experiment, faults, models, study
+from footsense.errors import FootsenseError
+
+#: What only the workshop's install has.
+_EXTRA = ("ngsolve", "jax", "optax", "onnx", "scipy")
+
+
+def _require_extra() -> None:
+    """Check that the workshop's libraries are installed.
+
+    Raises:
+        FootsenseError: One is not.
+    """
+    missing = [name for name in _EXTRA if importlib.util.find_spec(name) is None]
+    if missing:
+        raise FootsenseError(
+            f"the lab needs {', '.join(missing)}: pip install 'footsense[lab]', "
+            "or in a checkout .venv/bin/pip install -e '.[lab]'"
+        )
+
+
+@click.group()
+def lab() -> None:
+    """From rubber to network: build, judge and compare the models, and study the foot."""
+    _require_extra()
+
+
+for _command in (
+    models.build,
+    models.evaluate,
+    models.compare,
+    study.response,
+    study.study,
+    study.ladder,
+    study.limit,
+    study.tradeoff,
+    study.tolerance,
+    faults.faults,
+    experiment.experiment,
+    study.report,
+):
+    lab.add_command(_command)

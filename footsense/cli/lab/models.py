@@ -1,0 +1,114 @@
+"""`footsense lab build`, `evaluate`, `compare`: make the released models, and say how good they are."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+import msgspec
+
+from footsense import daemon
+from footsense.cli.lab.options import models_option, released_folder, require_writable, stopwatch_report
+from footsense.errors import FootsenseError
+
+if TYPE_CHECKING:
+    from footsense.lab.geometry import SoleDesign
+
+
+@click.command()
+@click.option(
+    "--foot",
+    type=click.Path(path_type=Path),
+    help="Description of the foot, a YAML file; without it the shipped one's.",
+)
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder in which the foot type's own folder is made; without it ./models, quick ones ./models-quick.",
+)
+@click.option("--quick", is_flag=True, help="Coarse mesh, short training: every step, no release.")
+def build(*, foot: Path | None, out: Path | None, quick: bool) -> None:
+    """Solve a foot, train its network, write both with their card, and print the error table."""
+    from footsense.lab.foot_file import FOOT_FILE, load_foot
+
+    description = foot or daemon.released(FOOT_FILE)
+    sole = load_foot(description)
+    folder = (out or Path("models-quick" if quick else "models")) / sole.foot_type
+    for known in (folder, daemon.released(FOOT_FILE, sole.foot_type).parent):
+        _require_no_other(known / FOOT_FILE, description, sole)
+    require_writable(folder)
+    from footsense.lab.build import FULL, QUICK
+    from footsense.lab.build import build as build_models
+    from footsense.lab.evaluation.evaluate_models import as_markdown
+
+    report = stopwatch_report()
+    built = build_models(description, folder, QUICK if quick else FULL, report)
+    report(f"wrote {folder}; JAX and ONNX Runtime differ by at most {1000 * built.parity_n:.4f} mN")
+    click.echo(as_markdown(built.table))
+
+
+def _require_no_other(known: Path, description: Path, sole: "SoleDesign") -> None:
+    """Check that a foot type's name is not that of another foot: their networks could not be told apart.
+
+    Raises:
+        FootsenseError: It is.
+    """
+    from footsense.lab.foot_file import load_foot
+
+    if known.exists() and msgspec.structs.replace(load_foot(known), about=sole.about) != sole:
+        raise FootsenseError(
+            f"{description}: foot_type: {known} describes another foot of the name {sole.foot_type}; "
+            "give this one a name of its own, or remove that folder"
+        )
+
+
+@click.command()
+@models_option
+@click.option(
+    "--protocol",
+    type=click.Choice(["table", "paper"]),
+    default="table",
+    show_default=True,
+    help="paper: also train the paper's own way anew and compare with the Cramer-Rao bound; a minute.",
+)
+@click.option("--json", "as_json_text", is_flag=True, help="Print JSON.")
+def evaluate(*, models: Path | None, protocol: str, as_json_text: bool) -> None:
+    """Print the error table of the released network beside the paper and the linear read-outs."""
+    from footsense.lab.evaluation.evaluate_models import as_json, as_markdown, evaluate_models, paper_protocol
+
+    folder = models or released_folder()
+    table = evaluate_models(folder)
+    beside = paper_protocol(folder) if protocol == "paper" else {}
+    if as_json_text:
+        click.echo(json.dumps(as_json(table, beside), indent=2))
+        return
+    click.echo(as_markdown(table))
+    for name, value in beside.items():
+        click.echo(f"{name}: {value:.3f}")
+
+
+@click.command()
+@click.argument("other", type=click.Path(file_okay=False, path_type=Path))
+@models_option
+def compare(*, other: Path, models: Path | None) -> None:
+    """Print how far a build in OTHER is from the released files, and by how much its network is worse.
+
+    Ends with exit code 1 where one is beyond what is tolerated; a better network is none.
+    """
+    from footsense.lab.evaluation.compare import compare as compare_builds
+
+    differences = compare_builds(models or released_folder(), other)
+    for row in differences:
+        verdict = "same" if row.same else "DIFFERS"
+        click.echo(f"{row.what}: {row.found:.3g}, tolerated {row.tolerated:.3g}: {verdict}")
+    _require_same(all(row.same for row in differences), other)
+
+
+def _require_same(same: bool, other: Path) -> None:  # noqa: FBT001 - one question, one answer
+    """Turn a verdict into an exit code.
+
+    Raises:
+        FootsenseError: The builds differ.
+    """
+    if not same:
+        raise FootsenseError(f"{other} is not the same release")

@@ -1,0 +1,47 @@
+"""What the commands of `footsense lab` share: where the models are, where the output goes, what time it is."""
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+
+from footsense import daemon
+from footsense.clock import stopwatch_ns
+from footsense.errors import FootsenseError
+
+models_option = click.option(
+    "--models",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder of a foot type, as `lab build` makes it; without it the shipped one's.",
+)
+
+
+def released_folder() -> Path:
+    """Return the folder of the shipped foot."""
+    return daemon.released("network.onnx").parent
+
+
+def require_writable(folder: Path) -> None:
+    """Make a folder and try to write to it, so that minutes of work do not end there.
+
+    Raises:
+        FootsenseError: It cannot be made, or not be written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryDirectory(dir=folder).cleanup()
+    except OSError as error:
+        raise FootsenseError(
+            f"{folder}: cannot be written to: {error.strerror}; choose another folder"
+        ) from error
+
+
+def stopwatch_report() -> Callable[[str], None]:
+    """Return what prints a line with the seconds since now."""
+    started_ns = stopwatch_ns()
+
+    def report(line: str) -> None:
+        click.echo(f"[{(stopwatch_ns() - started_ns) / 1e9:6.1f} s] {line}")
+
+    return report

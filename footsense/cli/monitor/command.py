@@ -1,0 +1,141 @@
+"""`footsense monitor`: the legs on CAN, as whoever uses their forces sees them."""
+
+import json
+import math
+from collections.abc import Iterator
+from ipaddress import AddressValueError, IPv4Address
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.live import Live
+
+from firmware_interface.can_codes import Flag, phase_of
+from footsense.cli.monitor.table import cause_text, monitor_table
+from footsense.cli.run.command import Seconds, StopRequest
+from footsense.client import Limits
+from footsense.clock import MonotonicClock
+from footsense.daemon.can_listener import Listener, Seen, listening
+
+#: Where python-can's multicast keeps its frames if nobody says otherwise; the same as in deploy/simulated.yaml.
+_CHANNELS = {"socketcan": "can0", "udp_multicast": "239.74.163.2"}
+
+_NS_PER_S = 1_000_000_000
+_DRAW_NS = 200_000_000
+
+
+@click.command()
+@click.option(
+    "--interface",
+    type=click.Choice(list(_CHANNELS)),
+    default="socketcan",
+    show_default=True,
+    help="udp_multicast: a simulation on this computer, without CAN.",
+)
+@click.option("--channel", help="Its name. Default: can0, or 239.74.163.2.")
+@click.option(
+    "--max-age-ms",
+    type=click.IntRange(1, 10_000),
+    default=100,
+    show_default=True,
+    help="From when a force is stale, and a leg that says nothing.",
+)
+@click.option("--duration", "duration_s", type=Seconds(), help="Stop after so many seconds.")
+@click.option(
+    "--json",
+    "as_json",
+    is_flag=True,
+    help="One line for each leg every second; so it is too where the output is no terminal.",
+)
+def monitor(
+    interface: str, channel: str | None, max_age_ms: int, duration_s: float | None, *, as_json: bool
+) -> None:
+    """Show the legs on CAN: state, force, how old and how good it is, and what is behind it.
+
+    Only listens. A force is shown if a consumer that takes degraded legs may use it.
+    """  # noqa: DOC501 - click shows this text
+    limit_ns = max_age_ms * 1_000_000
+    limits = Limits(max_age_ns=limit_ns, timeout_ns=limit_ns, accept_degraded=True)
+    console = Console()
+    clock = MonotonicClock()
+    stop = StopRequest()
+    start_ns = clock.now_ns()
+    end_ns = math.inf if duration_s is None else start_ns + round(duration_s * _NS_PER_S)
+    name = channel or _CHANNELS[interface]
+    if interface == "udp_multicast" and not _is_multicast(name):
+        raise click.BadParameter(
+            f"{name} is no IPv4 multicast address; try {_CHANNELS[interface]}", param_hint="--channel"
+        )
+    with listening(interface, name, clock, limits) as listener:
+        if as_json or not console.is_terminal:
+            for t_ns in _moments(listener, start_ns, end_ns, _NS_PER_S, stop):
+                for seen in listener.look():
+                    click.echo(json.dumps({"t_s": round((t_ns - start_ns) * 1e-9, 3), **_plain(seen)}))
+            return
+        with Live(console=console, auto_refresh=False, screen=False) as live:
+            for t_ns in _moments(listener, start_ns, end_ns, _DRAW_NS, stop):
+                title = f"{name}   {(t_ns - start_ns) * 1e-9:5.1f} s"
+                live.update(monitor_table(listener.look(), title), refresh=True)
+
+
+def _moments(
+    listener: Listener, start_ns: int, end_ns: float, period_ns: int, stop: StopRequest
+) -> Iterator[int]:
+    """Listen, period after period, until the end or a signal.
+
+    Yields:
+        The time at the end of each [ns].
+    """
+    t_ns = start_ns
+    while t_ns + period_ns <= end_ns:
+        while t_ns < (due_ns := start_ns + period_ns):
+            t_ns = min(due_ns, t_ns + _DRAW_NS)
+            listener.listen(t_ns)
+            if stop.requested:
+                return
+        yield t_ns
+        start_ns = t_ns
+
+
+def _is_multicast(name: str) -> bool:
+    try:
+        return IPv4Address(name).is_multicast
+    except AddressValueError:
+        return False
+
+
+def _plain(seen: Seen) -> dict[str, Any]:
+    """Return what is known of a leg as plain values; null is what is not known."""
+    leg, view, report, n_forces = seen
+    known = seen.is_known
+    return {
+        "leg": leg,
+        "link": view.status.name.lower(),
+        "forces": n_forces,
+        "phase": phase_of(view.state).name.lower() if known else None,
+        "state": view.state.name.lower() if known else None,
+        "cause": cause_text(seen),
+        "usable": view.usable,
+        "force_n": _numbers(view.force_n),
+        "sigma_n": _numbers(view.sigma_n),
+        "age_ms": None if view.age_ns is None else round(view.age_ns * 1e-6, 1),
+        "contact": bool(view.flags & Flag.CONTACT) if view.usable else None,
+        "simulated": bool(view.flags & Flag.SIMULATED) if known else None,
+        "elements_out": [e for e in range(9) if view.fault_mask >> e & 1] if known else None,
+        "zero": {
+            "status": None if report.zero is None else report.zero.name.lower(),
+            "mean_ff": _number(report.mean_pf * 1e3, 1),
+            "worst_ff": _number(report.worst_pf * 1e3, 1),
+            "moved_s_ago": None if report.moved_ago_ns is None else round(report.moved_ago_ns * 1e-9, 1),
+        },
+        "heartbeat": None if report.node_state is None else report.node_state.name.lower(),
+        "degraded_timing": report.degraded_timing,
+    }
+
+
+def _numbers(values: tuple[float, ...]) -> list[float | None]:
+    return [_number(value, 3) for value in values]
+
+
+def _number(value: float, digits: int) -> float | None:
+    return None if math.isnan(value) else round(value, digits) + 0.0

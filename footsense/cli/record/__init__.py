@@ -1,0 +1,1 @@
+"""`footsense record`."""

@@ -1,0 +1,176 @@
+"""`footsense run`: the service, on a robot or in simulation."""
+
+import json
+import math
+import signal
+from contextlib import ExitStack
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import click
+from rich.console import Console
+
+from footsense import daemon
+from footsense.cli.run.live_table import LiveTable
+from footsense.cli.run.summary_text import print_summary
+from footsense.clock import process_age_ns, resident_mib
+from footsense.config import DEFAULT, load_config
+from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
+from footsense.errors import ConfigError
+from footsense.frames import Cycle
+from footsense.sim.scene import Scene, load_scene
+from footsense.telemetry.run_statistics import Score
+
+_DEFAULT_SCENE = "tripod"
+_NS_PER_S = 1_000_000_000
+
+
+class StopRequest:
+    """Becomes true when the process is asked to end, or when its time is over."""
+
+    def __init__(self) -> None:
+        self.requested = False
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._request)
+
+    def _request(self, number: int, frame: FrameType | None) -> None:
+        del number, frame
+        self.requested = True
+
+
+class Seconds(click.FloatRange):
+    """A duration: a number above zero that has an end."""
+
+    name = "seconds"
+
+    def __init__(self) -> None:
+        super().__init__(min=0, min_open=True)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:  # noqa: ANN401 - click's signature
+        """Return the number of seconds, or fail as click's own types do."""
+        seconds: float = super().convert(value, param, ctx)
+        if not math.isfinite(seconds):
+            self.fail(
+                f"{value} is not a duration; without the option it runs until it is stopped", param, ctx
+            )
+        return seconds
+
+
+class FirstFrame:
+    """An observer that notes how long the process had run when the first frame was out."""
+
+    after_s: float | None = None
+
+    def observe(self, cycle: Cycle) -> None:
+        """Note the first one."""
+        del cycle
+        if self.after_s is None:
+            self.after_s = process_age_ns() * 1e-9
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+@click.command()
+@click.option(
+    "--config",
+    "config_file",
+    type=click.Path(path_type=Path),
+    help="YAML file of a robot; default: six simulated legs.",
+)
+@click.option(
+    "--scene",
+    "scene_name",
+    help="Simulate this scene: a name (tripod, measured_walk, hanging, faults) or a YAML file.",
+)
+@click.option(
+    "--operating-point",
+    type=click.Choice(list(OPERATING_POINTS)),
+    help="Conversion rate, averaging and publish mode by one name, instead of those of the file: "
+    + "; ".join(f"{name} for {point.purpose}" for name, point in OPERATING_POINTS.items())
+    + ".",
+)
+@click.option(
+    "--duration",
+    "duration_s",
+    type=Seconds(),
+    help="Stop after so many seconds of the robot's time.",
+)
+@click.option(
+    "--record", type=click.Path(path_type=Path), help="Record every scan and force to this .mcap file."
+)
+@click.option(
+    "--can-log",
+    type=click.Path(path_type=Path),
+    help="Write what was sent on CAN: .log (candump), .asc or .blf.",
+)
+@click.option("--summary", type=click.Choice(["text", "json"]), help="Print how it went; no live table.")
+@click.option(
+    "--realtime/--fast",
+    default=None,
+    help="Pace a simulation with the clock on the wall, or not. Default: paced if a live table is shown.",
+)
+def run(
+    config_file: Path | None,
+    scene_name: str | None,
+    operating_point: str | None,
+    duration_s: float | None,
+    record: Path | None,
+    can_log: Path | None,
+    summary: str | None,
+    *,
+    realtime: bool | None,
+) -> None:
+    """Read the feet, estimate their forces, publish them on CAN.
+
+    Without --config this is the built-in simulation of a walking robot.
+    """
+    config = load_config(config_file) if config_file else DEFAULT
+    if operating_point is not None:
+        config = at_operating_point(config, operating_point)
+    if scene_name is None and daemon.is_simulated(config):
+        scene_name = _DEFAULT_SCENE
+    scene = load_scene(scene_name) if scene_name else None
+    _check_pace(scene, realtime)
+    console = Console()
+    live = console.is_terminal and summary is None
+    paced = scene is not None and (live if realtime is None else realtime)
+    stop = StopRequest()
+    with ExitStack() as stack:
+        service = stack.enter_context(
+            daemon.service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
+        )
+        score = Score(service.legs, service.scanning.felt_n)
+        service.observers.append(score)
+        first = FirstFrame()
+        service.observers.append(first)
+        if live:
+            title = f"{scene_name}, simulated" if scene else "on the robot"
+            table = LiveTable(console, service.legs, title, service.scanning.felt_n)
+            stack.callback(table.close)
+            service.observers.append(table)
+        clock = service.scanning.clock
+        end_ns = None if duration_s is None else clock.now_ns() + round(duration_s * _NS_PER_S)
+        service.run(lambda: stop.requested or (end_ns is not None and clock.now_ns() >= end_ns))
+    figures = {
+        "scene": scene_name,
+        **score.summary(),
+        **service.figures(),
+        "start_to_first_frame_s": first.after_s,
+        "resident_mib": resident_mib(),
+    }
+    if summary == "json":
+        click.echo(json.dumps(figures, indent=2))
+    else:
+        print_summary(console, figures)
+
+
+def _check_pace(scene: Scene | None, realtime: bool | None) -> None:  # noqa: FBT001 - the option as it is
+    """Check that only a simulation is asked to keep a pace.
+
+    Raises:
+        ConfigError: A robot is.
+    """
+    if scene is None and realtime is not None:
+        raise ConfigError("--realtime and --fast are for simulations; this configuration names real buses")

@@ -1,1 +1,0 @@
-"""What needs no hardware, file or clock: capacitances to forces, in plain numpy."""

@@ -1,0 +1,47 @@
+"""When a foot counts as on the ground: what is configured, beside what this type of foot can tell."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from footsense.config import Config
+from footsense.errors import ConfigError
+from footsense.estimation.baseline.contact import ContactLimits
+from footsense.estimation.baseline.drift import FASTEST_PF_PER_S
+from footsense.estimation.sensitivity import Sensitivity
+from footsense.foot.capacitor import CapacitorDesign
+
+#: How many times the fastest drift a load has to rise by to be one [1].
+_OVER_DRIFT_REL = 5.0
+#: How many standard deviations of an element's noise a contact has to be above [1].
+_OVER_NOISE_REL = 5.0
+
+
+def closure_rel_per_pf(design: CapacitorDesign) -> float:
+    """Return the closure over the gap that a picofarad stands for on an unloaded element [1/pF]."""
+    # dC / C = -d(distance) / distance.
+    distance_um = float(design.plate_distance_um(np.array([design.rest_pf]))[0])
+    return distance_um / design.rest_pf / design.gap_um
+
+
+def contact_limits(config: Config, design: CapacitorDesign, worth: Sensitivity) -> ContactLimits:
+    """Return the limits for one type of foot: the stiffer it is, the more newtons its drift and noise look like.
+
+    Args:
+        config: The robot.
+        design: Capacitors of its feet.
+        worth: What their closures are worth in newtons.
+
+    Raises:
+        ConfigError: The configured contact drowns in the noise of these feet.
+    """
+    n_per_pf = worth.load_n * closure_rel_per_pf(design)
+    least_n = _OVER_NOISE_REL * config.rate.noise_ff * 1e-3 * n_per_pf
+    if config.contact.touch_n < least_n:
+        raise ConfigError(
+            f"contact.touch_n: {config.contact.touch_n:g} N are lost in the noise of these feet; "
+            f"use at least {least_n:.2g}"
+        )
+    drift_n_per_s = _OVER_DRIFT_REL * FASTEST_PF_PER_S * n_per_pf
+    limits = ContactLimits(touch_n=config.contact.touch_n)
+    return replace(limits, floor_n_per_s=max(limits.floor_n_per_s, drift_n_per_s))

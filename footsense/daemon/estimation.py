@@ -1,0 +1,209 @@
+"""From configuration to pipeline: which network, and what its card says about these feet."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_interface import fdc1004
+from footsense.acquisition.ganged_scanner import CAPDAC
+from footsense.acquisition.scan_plan import BOARDS, ORDERS
+from footsense.config import Can, Config
+from footsense.daemon.calibrations import packs_of
+from footsense.daemon.contact_limits import closure_rel_per_pf, contact_limits
+from footsense.daemon.foot_types import artefact, foot_type_of, require_foot_type
+from footsense.errors import ConfigError, RecordingError
+from footsense.estimation.alignment.element_by_element import ElementByElement
+from footsense.estimation.alignment.scan_by_scan import ScanByScan
+from footsense.estimation.baseline.tare import TareLimits
+from footsense.estimation.calibrated_feet import CalibratedFeet
+from footsense.estimation.faults import leg_status
+from footsense.estimation.ganged import Ganged, unknown_rel
+from footsense.estimation.network import Network
+from footsense.estimation.pipeline import Pipeline, Reckoning
+from footsense.estimation.sensitivity import sensitivity
+from footsense.foot.calibration_reader import FootPack
+from footsense.foot.network_card import TrainedInputs
+from footsense.frames import ELEMENTS
+from footsense.ports import Estimator
+from footsense.recording.replay import Replay
+
+#: Packs by leg.
+Packs = Mapping[str, FootPack]
+PerElement = Sequence[float] | NDArray[np.float64]
+
+#: Scans in which a step of the load has passed through all elements, and what was made of them.
+_SETTLED_SCANS = 4
+_ROWS = 3
+
+
+def load_packs(config: Config) -> dict[str, FootPack]:
+    """Return the pack of every leg whose foot is named; none if the configuration names no packs.
+
+    Raises:
+        ModelError: One is missing, or cannot be used for that foot.
+    """
+    return packs_of(config, foot_type_of(config))
+
+
+def load_network(config: Config, packs: Packs | None = None) -> Network:
+    """Return the network that the configuration names, or that of its foot type.
+
+    Args:
+        config: The robot.
+        packs: Those of its feet, which bring their network; None to read them.
+
+    Raises:
+        ModelError: There is none, or it is made for another foot.
+    """
+    path = Path(config.model) if config.model else artefact(config, "network.onnx")
+    for pack in (load_packs(config) if packs is None else packs).values():
+        path = pack.network
+    network = Network(path, n_rows=_n_rows(config))
+    require_foot_type(path, network.card.foot_type, config)
+    return network
+
+
+def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | None = None) -> Pipeline:
+    """Return the pipeline of a robot whose frames carry these flags.
+
+    Args:
+        config: The robot.
+        network: Its network.
+        flags: The flags.
+        packs: Those of its feet; None to read them.
+
+    Raises:
+        ModelError: A pack is missing, or cannot be used for its foot.
+        ConfigError: What is configured cannot be told with these feet.
+    """
+    packs = load_packs(config) if packs is None else packs
+    feet = {leg: pack.parameters for leg, pack in packs.items()}
+    calibration = network.card.calibration
+    # A leg has these from its foot's pack or from the configuration, never from both.
+    strays_pf: dict[str, PerElement] = dict(config.stray_pf.items())
+    strays_pf |= {leg: foot.stray_pf for leg, foot in feet.items()}
+    stray_pf = _per_leg(config, strays_pf, 0.0)
+    # The design's capacitance knows of no stray; a foot's own reading, as either has it, includes it.
+    readings_pf: dict[str, PerElement] = dict(config.unloaded_pf.items())
+    readings_pf |= {leg: foot.unloaded_pf for leg, foot in feet.items()}
+    expected_pf = _per_leg(config, readings_pf, np.nan)
+    unloaded_pf = np.where(np.isnan(expected_pf), calibration.design.rest_pf, expected_pf - stray_pf)
+    worth = sensitivity(network, _n_rows(config), calibration.moments)
+    estimator, warm = _estimator(config, network, packs)
+    return Pipeline(
+        reckoning=_reckoning(config, calibration, estimator),
+        calibration=calibration,
+        stray_pf=stray_pf,
+        unloaded_pf=unloaded_pf,
+        sensitivity=worth,
+        tare=TareLimits(
+            window_frames=config.tare.window_frames,
+            noise_limit_ff=config.tare.noise_limit_ff,
+            unloaded_limit_rel=config.tare.unloaded_limit_rel,
+        ),
+        contact=contact_limits(config, calibration.design, worth),
+        track_zero=config.zero.track,
+        max_age_ns=round(config.stale_after_ms * 1e6),
+        settled_ns=round(_SETTLED_SCANS * config.shortest_scan_ms * 1e6),
+        flags=flags,
+        ganged=_ganged(config, network) if config.scan.gang else None,
+        gap_um=_per_leg(config, {leg: foot.gap_um for leg, foot in feet.items()}, calibration.design.gap_um),
+        gain_rel=_per_leg(config, {leg: foot.gain_rel for leg, foot in feet.items()}, 1.0),
+        feet=[packs[leg].manifest.foot if leg in packs else "" for leg in config.legs],
+        body_weight_n=config.body_weight_n,
+        warm=warm,
+        range_end_pf=BOARDS[config.board].range_end_pf if config.board in BOARDS else leg_status.RANGE_END_PF,
+    )
+
+
+def _ganged(config: Config, network: Network) -> Ganged:
+    """Return what makes elements of column sums.
+
+    Raises:
+        ConfigError: The columns of these feet are beyond what the converter reads at once.
+    """
+    calibration = network.card.calibration
+    design = calibration.design
+    most_pf = CAPDAC * fdc1004.CAPDAC_STEP_PF + fdc1004.capacitance_pf(fdc1004.CODE_MAX)
+    column_pf = _ROWS * float(design.capacitance_pf(np.array([0.5 * design.gap_um]))[0])
+    if column_pf > most_pf:
+        raise ConfigError(
+            f"scan.gang: a column of {foot_type_of(config)} has {column_pf:.1f} pF with its gaps half shut, "
+            f"{most_pf:.1f} pF can be read; use gang: false"
+        )
+    unknown = unknown_rel(network, _n_rows(config), calibration.moments)
+    scan_ns = ELEMENTS * _step_ns(config)
+    return Ganged(len(config.legs), calibration.moments, calibration.design, scan_ns, unknown)
+
+
+def _step_ns(config: Config) -> int:
+    """Return the time from one element to the next [ns]: a slow chip, its start, and now and then a row."""
+    return round(config.rate.conversion_ns * (1 + 1 / 12))
+
+
+def _n_rows(config: Config) -> int:
+    """Return how many feet the network estimates at once: of a whole scan, each leg two ways."""
+    return len(config.legs) * (1 if config.publish == "element" else 2)
+
+
+def _reckoning(config: Config, calibration: TrainedInputs, estimator: Estimator) -> Reckoning:
+    """Return what makes forces of closures: of whole scans, or of single elements."""
+    if config.publish == "frame":
+        return ScanByScan(estimator, len(config.legs), calibration.moments, config.average_scans)
+    noise_rel = config.rate.noise_ff * 1e-3 * closure_rel_per_pf(calibration.design)
+    order = ORDERS[config.order]
+    return ElementByElement(
+        estimator, len(config.legs), calibration.moments, order, _step_ns(config), noise_rel
+    )
+
+
+def _estimator(
+    config: Config, network: Network, packs: Packs
+) -> tuple[Estimator, Callable[[NDArray[np.float64]], None] | None]:
+    """Return what reads these feet, and who there is told how warm they are: for feet without packs nobody."""
+    if not packs:
+        return network, None
+    mounted = [packs.get(leg) for leg in config.legs]
+    feet = CalibratedFeet(
+        network, [None if pack is None else pack.parameters for pack in mounted], _n_rows(config)
+    )
+    warm = partial(
+        feet.warm, calibrated_at=[None if pack is None else pack.calibrated_at for pack in mounted]
+    )
+    warm(np.full(len(mounted), np.nan))
+    return feet, warm
+
+
+def _per_leg(config: Config, values: Mapping[str, PerElement], default: float) -> NDArray[np.float64]:
+    return np.array([values.get(leg, (default,) * ELEMENTS) for leg in config.legs])
+
+
+def recorded_flags(recording: Replay) -> int:
+    """Return the flags that every frame of a recording carries; without them in the header, none.
+
+    Raises:
+        RecordingError: The header holds something else under their name.
+    """
+    text = recording.header.get("flags", "0")
+    if text not in map(str, range(256)):
+        raise RecordingError(f"{recording.path}: the flags of its header are {text[:20]!r}, not 0 to 255")
+    return int(text)
+
+
+def recorded_config(recording: Replay) -> Config:
+    """Return the configuration that a recording was made with, its CAN kept inside the process.
+
+    Raises:
+        RecordingError: The header holds none that this version reads.
+    """
+    try:
+        config = msgspec.json.decode(recording.header["config"], type=Config)
+    except (KeyError, msgspec.DecodeError) as error:
+        raise RecordingError(
+            f"{recording.path}: no configuration that this version reads: {error}"
+        ) from error
+    return msgspec.structs.replace(config, can=Can(interface="virtual"))

@@ -1,0 +1,113 @@
+"""The loop: read a scan, obey commands, estimate, publish, let the observers see it.
+
+It runs the same over hardware, over the simulator and over a recording; all that differs is behind its ports. The
+source sets the pace: a scanner waits for its conversions. Nothing else may run Python in this process while the loop
+does: recorder and metrics exporter are processes of their own.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.estimation.pipeline import Pipeline
+from footsense.frames import CapFrame, Command, Cycle, Reference
+from footsense.ports import Clock, ForceSink, FrameSource, GangingSource, Observer, ReferenceSensor
+
+
+def run(
+    source: FrameSource,
+    pipeline: Pipeline,
+    sink: ForceSink,
+    observers: Sequence[Observer],
+    clock: Clock,
+    stop: Callable[[], bool],
+    reference: ReferenceSensor | None = None,
+    temperature_c: Callable[[], NDArray[np.float64]] | None = None,
+) -> None:
+    """Run until the source ends or `stop` says so; the caller closes what it opened.
+
+    Args:
+        source: Where scans come from.
+        pipeline: What makes forces of them.
+        sink: Where forces go and commands come from.
+        observers: Who sees every cycle.
+        clock: The time that the scans' stamps are in.
+        stop: Asked once a cycle.
+        reference: The force sensor of a bench, on a bench.
+        temperature_c: Asked once a cycle what each leg's converter said last of its temperature [degC], shape (legs,);
+            None where none has a sensor.
+    """
+    told_c: NDArray[np.float64] | None = None
+    # A recording has been read already, as its legs were ganged then.
+    ganging = source if isinstance(source, GangingSource) and pipeline.to_gang is not None else None
+    while not stop():
+        scan = source.read()
+        if scan is None:
+            return
+        felt = None if reference is None else reference.read(clock.now_ns())
+        new_c = None
+        if temperature_c is not None:
+            now_c = temperature_c()
+            if told_c is None or not np.array_equal(now_c, told_c, equal_nan=True):
+                told_c = new_c = now_c
+        step(scan, tuple(sink.commands()), pipeline, sink, observers, clock, felt, new_c)
+        if ganging is not None and (legs := pipeline.to_gang) is not None:
+            ganging.gang(legs)
+
+
+def step(
+    scan: CapFrame,
+    commands: tuple[Command, ...],
+    pipeline: Pipeline,
+    sink: ForceSink,
+    observers: Sequence[Observer],
+    clock: Clock,
+    reference: Reference | None = None,
+    temperature_c: NDArray[np.float64] | None = None,
+) -> Cycle:
+    """Do all that follows from one scan and what came before it, and return it."""
+    if temperature_c is not None:
+        pipeline.warm(temperature_c)
+    at_once = [outcome for command in commands if (outcome := pipeline.obey(command)) is not None]
+    forces, ended = pipeline.process(scan, clock.now_ns())
+    sink.publish(forces)
+    cycle = Cycle(scan, commands, forces, (*at_once, *ended), reference, temperature_c)
+    for outcome in cycle.outcomes:
+        sink.answer(outcome)
+    for observer in observers:
+        observer.observe(cycle)
+    return cycle
+
+
+class Paced:
+    """A source in virtual or recorded time that is played at the speed of real time.
+
+    Args:
+        source: The source to slow down.
+        played: The time that its frames are in.
+        real: The time to play them in.
+    """
+
+    def __init__(self, source: FrameSource, played: Clock, real: Clock) -> None:
+        self._source = source
+        self._played = played
+        self._real = real
+        self._offset_ns: int | None = None
+
+    def read(self) -> CapFrame | None:
+        """Return the next scan when its time has come."""
+        scan = self._source.read()
+        if self._offset_ns is None:
+            self._offset_ns = self._real.now_ns() - self._played.now_ns()
+        self._real.sleep_until_ns(self._played.now_ns() + self._offset_ns)
+        return scan
+
+    def gang(self, legs: NDArray[np.bool_]) -> None:
+        """Pass on which legs are to be ganged, if the source can."""
+        if isinstance(self._source, GangingSource):
+            self._source.gang(legs)
+
+    def close(self) -> None:
+        """Close the source."""
+        self._source.close()

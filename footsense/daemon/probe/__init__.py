@@ -1,0 +1,1 @@
+"""The configured buses and feet checked before a first walk."""

@@ -1,0 +1,1 @@
+"""Elements that were converted one after the other, brought to one time."""

@@ -1,0 +1,1 @@
+"""What each element reads unloaded: tare, drift, and contact detection."""

@@ -1,0 +1,1 @@
+"""Which elements and legs can be used: status, consistency, imputation, calibration monitor."""

@@ -1,0 +1,145 @@
+"""Nine cavities that close: where a load would push the electrodes through each other, they touch and push back.
+
+Every electrode is cut into square cells. Without contact a load closes the cells by d0 (linear in the load); a contact
+force l_j >= 0 on cell j opens cell i by B_ij l_j, with B the compliance of the solid, symmetric and positive definite:
+
+    d = d0 - B l,      s = g - d >= 0,      l >= 0,      s l = 0           (Signorini's conditions, per cell)
+
+A linear complementarity problem with one solution. Solved by block principal pivoting: all cells that break a condition
+change sides at once (a primal-dual active set), and if that has not helped for a while, only the last of them (Murty's
+rule), which ends for certain.
+
+Source:
+    Judice and Pires, Computers & Operations Research 21(5), 1994, for the pivoting.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
+from footsense.frames import ELEMENTS
+
+Vector = NDArray[np.float64]
+
+#: Cells along an electrode's side. Flat index of a cell: (element * 6 + forward) * 6 + leftward.
+CELLS_PER_SIDE = 6
+#: Cells of an electrode.
+CELLS = CELLS_PER_SIDE**2
+#: Cells of a foot.
+ALL_CELLS = ELEMENTS * CELLS
+
+#: How often all cells that break a condition may change sides at once without there being fewer of them.
+_PATIENCE = 10
+#: What rounding may break a condition by: of the gap and of the largest contact force [1].
+_ROUNDING = 1e-10
+
+
+def element_means(cells: Vector) -> Vector:
+    """Return the mean over each electrode, shape (..., 9), of values on its cells, shape (..., 324)."""
+    means: Vector = cells.reshape(*cells.shape[:-1], ELEMENTS, CELLS).mean(axis=-1)
+    return means
+
+
+def capacitance_pf(design: CapacitorDesign, distance_um: Vector) -> Vector:
+    """Return each element's capacitance without stray [pF], shape (..., 9): its cells in parallel.
+
+    Args:
+        design: Dimensions of the capacitors, for the area.
+        distance_um: Distance of the electrodes at each cell in air, the film's share included [um], shape (..., 324).
+    """
+    per_cell = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2 / CELLS
+    whole: Vector = per_cell * (1.0 / distance_um).reshape(*distance_um.shape[:-1], ELEMENTS, CELLS).sum(
+        axis=-1
+    )
+    return whole
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Touch:
+    """The solution of the contact problem of one load.
+
+    Attributes:
+        closure_um: Closure of each cell [um], shape (324,), at most its gap.
+        force_n: Contact force on each cell [N], shape (324,), at least zero.
+        pivots: Systems that were solved.
+    """
+
+    closure_um: Vector
+    force_n: Vector
+    pivots: int
+
+
+def kkt_residual(
+    touch: Touch, free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector
+) -> dict[str, float]:
+    """Return by how much a solution breaks each condition, all zero for an exact one.
+
+    Args:
+        touch: The solution.
+        free_um: Closure of each cell without contact [um], shape (324,).
+        gap_um: Gap of each cell at rest [um], shape (324,).
+        compliance_um_per_n: B, shape (324, 324).
+
+    Returns:
+        The largest of each: `balance_um` |d - (d0 - B l)|, `penetration_um` d - g, `pull_n` -l, `slack_nm_n`
+        |l (g - d)|.
+    """
+    rest = touch.closure_um - (free_um - compliance_um_per_n @ touch.force_n)
+    slack_um = gap_um - touch.closure_um
+    return {
+        "balance_um": float(np.abs(rest).max()),
+        "penetration_um": float(max(0.0, -slack_um.min())),
+        "pull_n": float(max(0.0, -touch.force_n.min())),
+        "slack_nm_n": float(1e3 * np.abs(slack_um * touch.force_n).max()),
+    }
+
+
+def touch(free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector) -> Touch:
+    """Solve the contact problem of one load.
+
+    Args:
+        free_um: Closure of each cell as if no gap could shut [um], shape (324,).
+        gap_um: Gap of each cell at rest [um], shape (324,).
+        compliance_um_per_n: B, symmetric and positive definite, shape (324, 324).
+
+    Returns:
+        The one solution.
+
+    Raises:
+        ValueError: An input is not a number.
+        ArithmeticError: The compliance is not positive definite.
+    """
+    if not (np.isfinite(free_um).all() and np.isfinite(gap_um).all()):
+        raise ValueError("closures and gaps have to be finite numbers")
+    shut = free_um > gap_um
+    if not shut.any():
+        return Touch(free_um, np.zeros_like(free_um), 0)
+    fewest, patience = len(free_um) + 1, _PATIENCE
+    for pivots in range(1, 40 * len(free_um)):
+        force = np.zeros_like(free_um)
+        inside = np.flatnonzero(shut)
+        try:
+            force[inside] = np.linalg.solve(
+                compliance_um_per_n[np.ix_(inside, inside)], (free_um - gap_um)[inside]
+            )
+        except np.linalg.LinAlgError as error:
+            raise ArithmeticError("the compliance is singular, not positive definite") from error
+        closure = free_um - compliance_um_per_n[:, inside] @ force[inside]
+        pulls = shut & (force < -_ROUNDING * np.abs(force).max(initial=0.0))
+        overlaps = ~shut & (closure > gap_um * (1.0 + _ROUNDING))
+        wrong = pulls | overlaps
+        n_wrong = int(wrong.sum())
+        if n_wrong == 0:
+            return Touch(np.where(shut, gap_um, closure), np.maximum(force, 0.0), pivots)
+        if n_wrong < fewest:
+            fewest, patience = n_wrong, _PATIENCE
+        else:
+            patience -= 1
+        if patience < 0:  # one at a time, the last
+            last = np.flatnonzero(wrong)[-1]
+            wrong = np.zeros_like(wrong)
+            wrong[last] = True
+        shut = shut ^ wrong
+    raise ArithmeticError("the contact problem has no end: its compliance is not positive definite")

@@ -1,0 +1,149 @@
+"""The card inside a network's ONNX file: what it was made for. A network without a fitting card is not used."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from footsense.errors import ModelError
+from footsense.foot.capacitor import GAP_CLOSED_REL, CapacitorDesign
+
+#: Key of the card in the file's metadata.
+METADATA_KEY = "footsense_card"
+FORMAT = 2
+
+#: What the numbers of input and output mean; `footsense lab build` writes it, and nothing else is understood.
+INPUT_UNIT, INPUT_ORDER = "1", "flat index 3 * row + column, row 0 most forward, column 0 leftmost"
+OUTPUT_UNIT, OUTPUT_ORDER = "N", "x y z, foot frame"
+
+Nine = Annotated[list[float], Meta(min_length=9, max_length=9)]
+Positive = Annotated[float, Meta(gt=0.0)]
+NineByNine = Annotated[list[Nine], Meta(min_length=9, max_length=9)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainedInputs:
+    """What a network was trained for: capacitors, and the range and moments of its inputs.
+
+    Attributes:
+        design: The capacitors that it was trained for.
+        closure_rel_min: Smallest trained input of each element [1], shape (9,).
+        closure_rel_max: Largest trained input of each element [1], shape (9,).
+        moments: Second moments of the closures, for filling in missing ones, shape (9, 9).
+    """
+
+    design: CapacitorDesign
+    closure_rel_min: NDArray[np.float64]
+    closure_rel_max: NDArray[np.float64]
+    moments: NDArray[np.float64]
+
+    def shut_rel(self, gap_um: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the closure over the design's gap above which an element is shut [1], shape as given.
+
+        Args:
+            gap_um: Its own air gap [um], shape (..., 9).
+        """
+        shut_rel: NDArray[np.float64] = GAP_CLOSED_REL * (gap_um / self.design.gap_um)
+        return shut_rel
+
+    def most_rel(self, gap_um: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the largest closure that is read: not shut, and trained; arguments as of `shut_rel`."""
+        return np.minimum(self.closure_rel_max, self.shut_rel(gap_um))
+
+
+class _Format(msgspec.Struct, frozen=True):
+    """The one field that every format has."""
+
+    format: int
+
+
+class Signal(msgspec.Struct, frozen=True):
+    """An input or output of the network; fields of a card that the daemon does not need are left unread."""
+
+    name: str
+    unit: str
+    order: str
+
+
+class Card(msgspec.Struct, frozen=True):
+    """What the daemon needs of a card."""
+
+    format: int
+    foot_type: str
+    input: Signal
+    mask: Signal
+    output: Signal
+    sigma: Signal
+    gap_um: Positive
+    film_um: Positive
+    film_eps_r: Positive
+    electrode_area_mm2: Positive
+    closure_rel_min: Nine
+    closure_rel_max: Nine
+    moments: NineByNine
+    response_sha256: str
+
+    @property
+    def calibration(self) -> TrainedInputs:
+        """What the pipeline needs of it."""
+        return TrainedInputs(
+            design=CapacitorDesign(
+                gap_um=self.gap_um,
+                film_um=self.film_um,
+                film_eps_r=self.film_eps_r,
+                electrode_area_mm2=self.electrode_area_mm2,
+            ),
+            closure_rel_min=np.array(self.closure_rel_min),
+            closure_rel_max=np.array(self.closure_rel_max),
+            moments=np.array(self.moments),
+        )
+
+
+def read_card(text: str | None, where: str) -> Card:
+    """Return the card, or say why the file is not a network of footsense.
+
+    Args:
+        text: The metadata entry, None if the file has none.
+        where: Name of the file, for messages.
+
+    Raises:
+        ModelError: There is no card, it is not readable, it is of another format, unit or order, or its values
+            cannot be (JSON has no word for a number that is not finite, so none gets here).
+    """
+    if text is None:
+        raise ModelError(
+            f"{where}: no {METADATA_KEY} inside; a network made by `footsense lab build` has one"
+        )
+    try:
+        # The format first: a card of another one may lack what this one has.
+        found = msgspec.json.decode(text, type=_Format).format
+        card = msgspec.json.decode(text, type=Card) if found == FORMAT else None
+    except msgspec.DecodeError as error:
+        raise ModelError(f"{where}: the card does not fit: {error}") from error
+    if card is None:
+        raise ModelError(f"{where}: card format {found}, this version reads format {FORMAT}")
+    for signal, unit, order in (
+        (card.input, INPUT_UNIT, INPUT_ORDER),
+        (card.mask, INPUT_UNIT, INPUT_ORDER),
+        (card.output, OUTPUT_UNIT, OUTPUT_ORDER),
+        (card.sigma, OUTPUT_UNIT, OUTPUT_ORDER),
+    ):
+        if signal.unit != unit:
+            raise ModelError(f"{where}: {signal.name} is in {signal.unit!r}, the daemon needs {unit!r}")
+        if signal.order != order:
+            raise ModelError(
+                f"{where}: {signal.name} is in the order {signal.order!r}, the daemon needs {order!r}"
+            )
+    for element, (low, high) in enumerate(zip(card.closure_rel_min, card.closure_rel_max, strict=True)):
+        if not low < high:
+            raise ModelError(
+                f"{where}: element {element} is trained from closure {low:g} to {high:g}; "
+                "closure_rel_min has to be below closure_rel_max"
+            )
+    moments = np.array(card.moments)
+    if not (np.array_equal(moments, moments.T) and np.linalg.eigvalsh(moments)[0] > 0.0):
+        raise ModelError(f"{where}: the card's moments have to be a symmetric, positive definite matrix")
+    return card

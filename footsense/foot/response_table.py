@@ -1,0 +1,254 @@
+"""The rubber foot as the simulator knows it: a contact force becomes the closures of its gaps.
+
+The solid is linear, so the closure of cell c under a force f whose contact lies at -R n is, as long as no gap shuts,
+
+    d_c = (G0_c(n) + a^2 G2_c(n)) . f,        a^3 = 3 |f . n| R / (4 E*)   (Hertz, rigid floor)
+
+G0 is the response to a point force and a^2 G2 what the contact patch of radius a adds. Both come from the
+adjoint solves of `footsense lab build` as series in products of Chebyshev polynomials of the stereographic
+coordinates of n: smooth over the pole, and evaluated without a search. What happens when a gap shuts is in `gaps`;
+the compliance B that it needs comes from the same solves. Cells of one quarter are stored, the others are their
+mirror images.
+"""
+
+import hashlib
+import io
+import json
+import math
+import zipfile
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.errors import ModelError
+from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.gap_contact import ALL_CELLS, element_means
+from footsense.foot.symmetry import HALF_SIDE, SIDE, whole_compliance, whole_series
+
+#: Version of the file's layout; a reader refuses any other.
+FORMAT = 2
+
+#: A unit vector may be this far from length one; more is a mistake of the caller.
+UNIT_TOLERANCE = 1e-6
+
+#: Arrays of the file, by the names of the fields.
+_ARRAYS = ("quarter_series", "quarter_compliance")
+
+
+def n_products(degree: int) -> int:
+    """Return how many products T_i T_j there are with i + j <= degree."""
+    return (degree + 1) * (degree + 2) // 2
+
+
+def series_basis(normal: NDArray[np.float64], degree: int, fit_elevation_deg: float) -> NDArray[np.float64]:
+    """Return the products T_i(X) T_j(Y), i + j <= degree, of the stereographic coordinates of a unit vector.
+
+    (X, Y) = (n_x, n_y) / (1 + n_z), scaled so that the circle of elevation `fit_elevation_deg` has radius 1.
+
+    Args:
+        normal: Unit vectors [1], shape (..., 3), none below that circle.
+        degree: Total degree of the series.
+        fit_elevation_deg: Elevation [deg] of the rim of the disc on which the series was fitted.
+
+    Returns:
+        Products, shape (..., (degree + 1)(degree + 2)/2), i the slow index.
+    """
+    rim = math.radians(fit_elevation_deg)
+    scale = (1.0 + math.sin(rim)) / math.cos(rim)
+    plane = normal[..., :2] * (scale / (1.0 + normal[..., 2:]))
+    order = np.arange(degree + 1.0)
+    chebyshev = np.cos(np.arccos(np.minimum(np.maximum(plane, -1.0), 1.0))[..., None] * order)
+    products = chebyshev[..., 0, :, None] * chebyshev[..., 1, None, :]
+    kept: NDArray[np.float64] = products.reshape(*products.shape[:-2], -1)[..., _kept(degree)]
+    return kept
+
+
+_KEPT: dict[int, NDArray[np.intp]] = {}
+
+
+def _kept(degree: int) -> NDArray[np.intp]:
+    """Return the flat places of i + j <= degree in a square table; made once per degree."""
+    if degree not in _KEPT:
+        i, j = np.indices((degree + 1, degree + 1))
+        _KEPT[degree] = np.flatnonzero((i + j).ravel() <= degree)
+    return _KEPT[degree]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FootResponse:
+    """How one type of foot answers a contact force.
+
+    Attributes:
+        foot_type: Name of the type, the same as in the network's card.
+        design: Dimensions of the capacitors.
+        ball_radius_mm: Radius R of the ball [mm].
+        hertz_modulus_mpa: E* = E / (1 - nu^2) of the rubber against a rigid floor [MPa].
+        min_elevation_deg: Lowest elevation of the contact normal that the series may be asked for [deg].
+        fit_elevation_deg: Elevation of the rim of the disc that it was fitted on [deg].
+        degree: Total degree of the series.
+        quarter_series: Of G0 [um/N] and G2 [um/(N mm2)] for the cells of a quarter, shape (2, products, 9, 9, 3).
+        quarter_compliance: Closure of all cells under a force on a cell of the quarter [um/N], shape (9, 9, 18, 18).
+        series: The same for all cells, force component before cell: shape (2, products, 3 * 324).
+        compliance_um_per_n: The matrix B of `gaps`, shape (324, 324).
+        provenance: Where the numbers come from (mesh, order, unknowns, interpolation error), as JSON values.
+        sha256: Of the file that it was loaded from, empty if it was made in memory.
+    """
+
+    foot_type: str
+    design: CapacitorDesign
+    ball_radius_mm: float
+    hertz_modulus_mpa: float
+    min_elevation_deg: float
+    fit_elevation_deg: float
+    degree: int
+    quarter_series: NDArray[np.float64]
+    quarter_compliance: NDArray[np.float64]
+    provenance: dict[str, Any]
+    sha256: str = ""
+    series: NDArray[np.float64] = field(init=False)
+    compliance_um_per_n: NDArray[np.float64] = field(init=False)
+    #: The last single contact and its closures per newton: a stick presses a foot for thousands of looks.
+    _last: list[Any] = field(init=False, default_factory=lambda: [b"", None])
+
+    def __post_init__(self) -> None:
+        """Check the shapes and unfold the quarter.
+
+        Raises:
+            ValueError: The arrays do not fit the degree, or are not finite.
+        """
+        wanted = {
+            "quarter_series": (2, n_products(self.degree), HALF_SIDE, HALF_SIDE, 3),
+            "quarter_compliance": (HALF_SIDE, HALF_SIDE, SIDE, SIDE),
+        }
+        for name, shape in wanted.items():
+            array = getattr(self, name)
+            if array.shape != shape or not np.isfinite(array).all():
+                raise ValueError(
+                    f"{name} of degree {self.degree} is finite, of shape {shape}, got {array.shape}"
+                )
+        whole = np.stack([whole_series(part, self.degree) for part in self.quarter_series])
+        object.__setattr__(self, "series", whole.transpose(0, 1, 3, 2).reshape(*whole.shape[:2], -1))
+        object.__setattr__(self, "compliance_um_per_n", whole_compliance(self.quarter_compliance))
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Read a response table.
+
+        Args:
+            path: File written by `save`.
+
+        Returns:
+            The response, with the hash of the file.
+
+        Raises:
+            ModelError: The file is missing, cut short, of another format, or its parts do not fit together.
+        """
+        rebuild = "rebuild it with `footsense lab build`"
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise ModelError(f"cannot read the foot response {path}: {error.strerror}; {rebuild}") from error
+        try:
+            with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+                about = json.loads(str(stored["description"]))
+                arrays = {name: np.asarray(stored[name], dtype=np.float64) for name in _ARRAYS}
+            if about.pop("format") != FORMAT:
+                raise ModelError(f"{path} is not a foot response of format {FORMAT}; {rebuild}")
+            about["design"] = CapacitorDesign(**about["design"])
+            digest = hashlib.sha256(content).hexdigest()
+            return cls(**{**about, **arrays}, sha256=digest)
+        except (
+            KeyError,
+            TypeError,
+            ValueError,
+            AttributeError,
+            OSError,
+            EOFError,
+            zipfile.BadZipFile,
+        ) as error:
+            raise ModelError(f"{path} is no whole foot response ({error}); {rebuild}") from error
+
+    def save(self, path: Path) -> None:
+        """Write the table; equal content gives equal bytes (the archive's own dates are fixed)."""
+        about = {
+            "format": FORMAT,
+            "foot_type": self.foot_type,
+            "design": asdict(self.design),
+            "ball_radius_mm": self.ball_radius_mm,
+            "hertz_modulus_mpa": self.hertz_modulus_mpa,
+            "min_elevation_deg": self.min_elevation_deg,
+            "fit_elevation_deg": self.fit_elevation_deg,
+            "degree": self.degree,
+            "provenance": self.provenance,
+        }
+        text = np.array(json.dumps(about, sort_keys=True))
+        with path.open("wb") as stream:
+            np.savez(stream, description=text, **{name: getattr(self, name) for name in _ARRAYS})
+
+    def patch_radius_mm(
+        self, normal: NDArray[np.float64], force_n: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the Hertz radius a [mm] of the contact patch, shape (...), of loads as in `closure_um`."""
+        pressing = np.abs((normal * force_n).sum(axis=-1))
+        radius_mm: NDArray[np.float64] = np.cbrt(
+            0.75 * self.ball_radius_mm / self.hertz_modulus_mpa * pressing
+        )
+        return radius_mm
+
+    def free_closure_um(
+        self, normal: NDArray[np.float64], force_n: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the closure of each cell under a contact, as if no gap could shut.
+
+        Args:
+            normal: Unit normal of the ball at the contact, pointing into the ball [1, foot frame], shape
+                (..., 3); the contact is at -R normal from the centre of the ground-side hemisphere.
+            force_n: Ground reaction on the foot [N, foot frame], shape (..., 3); friction and off-centre
+                contact are the angle between the two.
+
+        Returns:
+            Closure d0 of each cell [um], shape (..., 324), positive when the gap narrows; may exceed the gap.
+
+        Raises:
+            ValueError: A normal is not a unit vector or lies below `min_elevation_deg`.
+        """
+        length_squared = np.einsum("...i,...i", normal, normal)
+        # min and max of one number pass the NaN through, and a NaN fails both comparisons.
+        if not (np.abs(length_squared - 1.0).max(initial=0.0) <= 2.0 * UNIT_TOLERANCE):
+            raise ValueError(f"a contact normal has length 1, got {np.sqrt(length_squared)}")
+        lowest = math.sin(math.radians(self.min_elevation_deg)) - UNIT_TOLERANCE
+        if not (normal[..., 2].min(initial=1.0) >= lowest):
+            raise ValueError(
+                f"the response reaches down to an elevation of {self.min_elevation_deg:g} deg of the contact "
+                f"normal (its z at least {lowest:.4f}), got z = {normal[..., 2].min():.4f}"
+            )
+        if len(normal) == 1 and normal.ndim == 2:
+            return self._of_one_contact(normal, force_n)
+        basis = series_basis(normal, self.degree, self.fit_elevation_deg)
+        radius_squared = self.patch_radius_mm(normal, force_n)[..., None] ** 2
+        # One product for the point force and what the patch adds: the series are long, the basis is short.
+        weighted = np.concatenate([basis, radius_squared * basis], axis=-1)
+        shape = (*basis.shape[:-1], 3, ALL_CELLS)
+        unit_n = (weighted @ self.series.reshape(-1, 3 * ALL_CELLS)).reshape(shape)
+        closure: NDArray[np.float64] = (force_n[..., None, :] @ unit_n)[..., 0, :]
+        return closure
+
+    def _of_one_contact(
+        self, normal: NDArray[np.float64], force_n: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the same for one contact, shape (1, 324); where it stays, only the force is new."""
+        where = normal.tobytes()
+        if self._last[0] != where:
+            basis = series_basis(normal, self.degree, self.fit_elevation_deg)[0]
+            self._last[:] = where, basis @ self.series.reshape(2, len(basis), -1)
+        point, patch = self._last[1].reshape(2, 3, ALL_CELLS)
+        radius_squared = self.patch_radius_mm(normal, force_n)[0] ** 2
+        closure: NDArray[np.float64] = force_n @ (point + radius_squared * patch)
+        return closure
+
+    def closure_um(self, normal: NDArray[np.float64], force_n: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the mean closure of each element [um], shape (..., 9), of loads as in `free_closure_um`."""
+        return element_means(self.free_closure_um(normal, force_n))

@@ -1,0 +1,105 @@
+"""A foot as it was made: the designed response, and how this one specimen differs from the design.
+
+What differs is named and costs nothing where it is zero. The solid stays the designed one but for its stiffness;
+gaps, films, strays and the way the foot sits on the leg are each foot's own.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.foot import gap_contact
+from footsense.foot.response_table import FootResponse
+from footsense.frames import ELEMENTS
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Deviations:
+    """How one foot differs from its design.
+
+    Attributes:
+        gap_um: Added to the gap of each element [um], shape (9,).
+        film_um: Added to the film of each element [um], shape (9,).
+        stray_pf: Capacitance in parallel with each element [pF], shape (9,).
+        stiffness_rel: Added to the stiffness of the whole foot [1]; the contact patch stays the designed one.
+        mount: Rotation from the leg's frame to the foot's, shape (3, 3).
+    """
+
+    gap_um: Vector = field(default_factory=lambda: np.zeros(ELEMENTS))
+    film_um: Vector = field(default_factory=lambda: np.zeros(ELEMENTS))
+    stray_pf: Vector = field(default_factory=lambda: np.zeros(ELEMENTS))
+    stiffness_rel: float = 0.0
+    mount: Vector = field(default_factory=lambda: np.eye(3))
+
+
+class Foot:
+    """One specimen of a foot.
+
+    Args:
+        response: How its type yields.
+        deviations: How it differs; None for a foot exactly as designed.
+        contact: Whether a gap that shuts carries load; else its closure is only limited to the gap.
+
+    Attributes:
+        response: How its type yields.
+        rest_pf: Capacitance of each element of the free foot, stray included [pF], shape (9,).
+
+    Raises:
+        ValueError: A gap or a film is not thicker than nothing, or the foot has no stiffness left.
+    """
+
+    def __init__(
+        self, response: FootResponse, deviations: Deviations | None = None, *, contact: bool = True
+    ) -> None:
+        own = deviations or Deviations()
+        self.response = response
+        self._gap_um = response.design.gap_um + own.gap_um
+        film_um = response.design.film_um + own.film_um
+        # A NaN fails every comparison.
+        if not (self._gap_um.min() > 0.0 and film_um.min() > 0.0 and own.stiffness_rel > -1.0):
+            raise ValueError(
+                f"gaps {self._gap_um.min():g} um, films {film_um.min():g} um and stiffness "
+                f"{1.0 + own.stiffness_rel:g} have to be above 0"
+            )
+        self._gap_of_cell_um = np.repeat(self._gap_um, gap_contact.CELLS)
+        self._film_of_cell_um = np.repeat(film_um, gap_contact.CELLS) / response.design.film_eps_r
+        self._softness = 1.0 / (1.0 + own.stiffness_rel)
+        self._compliance_um_per_n = response.compliance_um_per_n * self._softness
+        self._stray_pf = own.stray_pf
+        self._mount = own.mount
+        self._contact = contact
+        self.rest_pf = self._capacitance_pf(np.zeros(gap_contact.ALL_CELLS))
+
+    def cells_um(self, normal: Vector, force_n: Vector) -> Vector:
+        """Return the closure of each cell [um], shape (n, 324), at most its gap.
+
+        Args:
+            normal: Inward unit normals of the ball at the contacts, frame of the leg, shape (n, 3).
+            force_n: Ground reactions on the foot [N], frame of the leg, shape (n, 3).
+
+        Raises:
+            ValueError: As `FootResponse.free_closure_um`.
+        """
+        free_um = self.response.free_closure_um(normal @ self._mount.T, force_n @ self._mount.T)
+        free_um *= self._softness
+        if not self._contact:
+            return np.minimum(free_um, self._gap_of_cell_um)
+        shut = np.flatnonzero((free_um > self._gap_of_cell_um).any(axis=1))
+        for load in shut:
+            touch = gap_contact.touch(free_um[load], self._gap_of_cell_um, self._compliance_um_per_n)
+            free_um[load] = touch.closure_um
+        return free_um
+
+    def capacitance_pf(self, normal: Vector, force_n: Vector) -> Vector:
+        """Return what each element measures under loads as in `cells_um`, stray included [pF], shape (n, 9)."""
+        if not force_n.any():  # a foot in the air costs nothing
+            return np.tile(self.rest_pf, (len(force_n), 1))
+        return self._capacitance_pf(self.cells_um(normal, force_n))
+
+    def _capacitance_pf(self, cells_um: Vector) -> Vector:
+        """Return the capacitance of closures [um] of the cells, shapes (..., 324) and (..., 9)."""
+        distance_um = self._gap_of_cell_um - cells_um + self._film_of_cell_um
+        return gap_contact.capacitance_pf(self.response.design, distance_um) + self._stray_pf

@@ -1,1 +1,0 @@
-"""The network in use: one ONNX file that carries its own card."""

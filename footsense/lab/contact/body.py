@@ -1,0 +1,106 @@
+"""The foot as one weak form on the mesh of a load case.
+
+Unknowns are the displacements of the two sides, which meet nowhere but through the spacer, and a pressure in the
+rubber. Between the sides:
+
+    bars       a layer of thickness t_s: (G [u_t].[v_t] + (lambda + 2 G) [u_n].[v_n]) / t_s
+    cavities   unilateral contact of the electrode planes, k <[u_z] - g> [v_z], without friction, small sliding
+
+with [u] = u_ground - u_leg and the gap g at rest. k is raised until no point is deeper than PENETRATION_REL g.
+"""
+
+from typing import Any
+
+import ngsolve as ng
+import ngsolve.comp
+import numpy as np
+
+from footsense.lab.contact.floor import Floor
+from footsense.lab.contact.material import mixed_work, plain_work
+from footsense.lab.geometry import SoleDesign
+
+#: Stiffness k of a shut gap to begin with [MPa/mm].
+GAP_STIFFNESS = 200.0
+#: Deepest penetration of a shut gap, over the gap [1].
+PENETRATION_REL = 0.01
+
+
+class Body:
+    """Unknowns and weak form.
+
+    Attributes:
+        sole: The foot.
+        mesh: Its mesh.
+        space: Displacement of the ground side, of the leg side, and the pressure of the rubber.
+        state: The present iterate, a grid function of `space`.
+    """
+
+    def __init__(self, sole: SoleDesign, mesh: Any, order: int) -> None:
+        self.sole, self.mesh = sole, mesh
+        ground = ng.VectorH1(mesh, order=order, definedon="rubber_ground|pdms_ground", dirichlety="mirror")
+        leg = ng.VectorH1(
+            mesh, order=order, definedon="rubber_leg|pdms_leg", dirichlet="curved_leg", dirichlety="mirror"
+        )
+        pressure = ng.H1(mesh, order=order - 1, definedon="rubber_ground|rubber_leg")
+        # No ng.Compress here: it would lose what dirichlety holds.
+        self.space = ground * leg * pressure
+        self.state = ng.GridFunction(self.space)
+        self._gap_stiffness = ng.Parameter(GAP_STIFFNESS)
+        self._points = ngsolve.comp.IntegrationRuleSpaceSurface(
+            mesh, order=2 * order + 2, definedon=mesh.Boundaries("cavity")
+        )
+
+    @property
+    def ground(self) -> Any:
+        """Present displacement of the ground side [mm]."""
+        return self.state.components[0]
+
+    @property
+    def leg(self) -> Any:
+        """Present displacement of the leg side [mm]."""
+        return self.state.components[1]
+
+    def form(self, floor: Floor, *, finite_strain: bool, gaps_shut: bool) -> Any:
+        """Return internal work minus that of the floor, as a form that is nonlinear in its trial function."""
+        (u_ground, u_leg, p), (v_ground, v_leg, q) = self.space.TnT()
+        form = ng.BilinearForm(self.space, symmetric=True)
+        rubber, pdms = self.sole.rubber, self.sole.pdms
+        for side, u, v in (("ground", u_ground, v_ground), ("leg", u_leg, v_leg)):
+            mixed = mixed_work(rubber, u, p, v, q, finite_strain=finite_strain)
+            form += mixed.Compile() * ng.dx(f"rubber_{side}")
+            form += plain_work(pdms, u, v, finite_strain=finite_strain).Compile() * ng.dx(f"pdms_{side}")
+        jump, jump_v = u_ground - u_leg, v_ground - v_leg
+        across = (pdms.shear_mpa, pdms.shear_mpa, pdms.confined_mpa)
+        layer = sum(across[k] / self.sole.spacer_mm * jump[k] * jump_v[k] for k in range(3))
+        form += layer * ng.ds("bars")
+        if gaps_shut:
+            deep = jump[2] - self.sole.gap_um * 1e-3
+            stress = self._gap_stiffness * ng.IfPos(deep, deep, 0.0)
+            form += stress * jump_v[2] * ng.ds("cavity", intrules=self._points.GetIntegrationRules())
+        form += floor.work(u_ground, -v_ground)
+        return form
+
+    def floor_form(self, floor: Floor) -> Any:
+        """Return the floor's part of `form` alone."""
+        u_ground, v_ground = self.space.TrialFunction()[0], self.space.TestFunction()[0]
+        form = ng.BilinearForm(self.space, symmetric=True)
+        form += floor.work(u_ground, -v_ground)
+        return form
+
+    def translation(self, axis: int) -> Any:
+        """Return the vector of the ground side moved by 1 mm along an axis."""
+        moved = ng.GridFunction(self.space)
+        unit = ng.CF(tuple(1.0 if k == axis else 0.0 for k in range(3)))
+        moved.components[0].Set(unit, definedon=self.mesh.Materials("rubber_ground|pdms_ground"))
+        return moved.vec
+
+    def penetration_rel(self) -> float:
+        """Return how deep the electrode planes are in each other at worst, over the gap [1]; below 0 while open."""
+        gap_mm = self.sole.gap_um * 1e-3
+        deep = ng.GridFunction(self._points)
+        deep.Interpolate(self.ground[2] - self.leg[2] - gap_mm, definedon=self.mesh.Boundaries("cavity"))
+        return float(np.max(deep.vec.FV().NumPy())) / gap_mm
+
+    def stiffen_gaps(self, factor: float) -> None:
+        """Raise the stiffness of shut gaps by a factor."""
+        self._gap_stiffness.Set(self._gap_stiffness.Get() * factor)

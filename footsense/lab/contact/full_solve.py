@@ -1,0 +1,164 @@
+"""A load case from end to end: mesh, load steps, equilibrium, read-out."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.lab.contact.body import PENETRATION_REL, Body
+from footsense.lab.contact.equilibrium import ConvergenceError, Equilibrium
+from footsense.lab.contact.floor import Floor
+from footsense.lab.contact.hertz_floor import HertzFloor
+from footsense.lab.contact.load_case import LoadCase
+from footsense.lab.contact.mesh import Fineness, build_mesh
+from footsense.lab.contact.plane_floor import PlaneFloor
+from footsense.lab.contact.readout import capacitance_pf, cell_means, sampled_closure_um
+from footsense.lab.geometry import SoleDesign
+
+#: Residual of the result, over the force [1].
+TOLERANCE_REL = 1e-6
+#: Residual of the load steps on the way [1].
+WAYPOINT_REL = 1e-3
+#: A load step that does not converge is halved this often before the load is given up.
+MOST_HALVINGS = 4
+#: Factor by which the gaps are stiffened when they are entered too deep, and how often. Gaps that start stiff make
+#: their points of contact flicker from step to step.
+STIFFER, MOST_STIFFENINGS = 9.0, 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FullSolution:
+    """What the foot answers to one contact.
+
+    Attributes:
+        closure_um: Mean closure of each gap [um], shape (9,).
+        capacitance_pf: Capacitance of each element without stray [pF], shape (9,).
+        cells_um: Mean closures of 6 x 6 square cells of each element [um], shape (9, 36): flat index 6 ix + iy, cell 0
+            the most forward and leftmost.
+        penetration_rel: How deep a shut gap is entered at worst, over the gap [1]; below 0 while all are open.
+        patch_mm: Radius of the circle with the area that touches the floor [mm].
+        approach_mm: How far the floor has come along the normal since it touched [mm].
+        peak_mpa: Largest contact pressure per undeformed area [MPa].
+        newton_steps: Newton steps of all load steps, each one factorisation.
+        residual_rel: Nodal forces out of balance at the end, over the force [1].
+        n_unknowns: Unknowns that were free.
+    """
+
+    closure_um: NDArray[np.float64]
+    capacitance_pf: NDArray[np.float64]
+    cells_um: NDArray[np.float64]
+    penetration_rel: float
+    patch_mm: float
+    approach_mm: float
+    peak_mpa: float
+    newton_steps: int
+    residual_rel: float
+    n_unknowns: int
+
+
+class FullFoot:
+    """The foot with everything that the cheaper models leave out, or with parts of it.
+
+    Args:
+        sole: The foot.
+        fineness: How fine the mesh is.
+        friction: Coulomb's coefficient of the floor [1].
+        finite_strain: Neo-Hookean solids, else Hooke's.
+        floor: `solved` for a rigid plane, `hertz` for the Hertz patch's traction.
+        gaps: `contact` for gaps that shut, `open` for planes that pass through each other.
+        load_steps: Increments of the load, equal in patch area. Slip depends on them, closures hardly: one step or
+            two differ by 0.05 % of the largest at 150 gf.
+    """
+
+    def __init__(
+        self,
+        sole: SoleDesign,
+        *,
+        fineness: Fineness | None = None,
+        friction: float = 0.7,
+        finite_strain: bool = True,
+        floor: Literal["solved", "hertz"] = "solved",
+        gaps: Literal["contact", "open"] = "contact",
+        load_steps: int = 1,
+    ) -> None:
+        self._sole, self._fineness, self._friction = sole, fineness or Fineness(), friction
+        self._finite_strain, self._floor, self._gaps = finite_strain, floor, gaps
+        self._load_steps = load_steps
+
+    def solve(self, normal: NDArray[np.float64], force_n: NDArray[np.float64]) -> FullSolution:
+        """Press the foot.
+
+        Args:
+            normal: Unit normal of the ball at the contact, pointing into the ball [1, foot frame], shape (3,).
+            force_n: Ground reaction on the foot [N, foot frame], shape (3,).
+
+        Returns:
+            The equilibrium.
+
+        Raises:
+            ValueError: The normal is no unit vector, or the floor cannot exert the force.
+            ConvergenceError: No equilibrium was found.
+        """
+        case = LoadCase(self._sole, normal, force_n, self._friction)
+        mesh = build_mesh(self._sole, self._fineness, normal, case.hertz_mm, half=case.half)
+        body = Body(self._sole, mesh, self._fineness.order)
+        floor: Floor = HertzFloor(case, body.ground)
+        if self._floor == "solved":
+            floor = PlaneFloor(case, body.ground, self._fineness.patch_rel * case.hertz_mm)
+        shut = self._gaps == "contact"
+        form = body.form(floor, finite_strain=self._finite_strain, gaps_shut=shut)
+        equations = Equilibrium(body, form, floor, float(np.linalg.norm(force_n)))
+        newton_steps = self._press(body, floor, equations)
+        stiffenings = 0
+        while shut and body.penetration_rel() > PENETRATION_REL:
+            if stiffenings == MOST_STIFFENINGS:
+                raise ConvergenceError(f"a gap is entered by {body.penetration_rel():.1%} of its height")
+            body.stiffen_gaps(STIFFER)
+            newton_steps += equations.solve(WAYPOINT_REL).steps
+            stiffenings += 1
+        balance = equations.solve(TOLERANCE_REL)
+        samples_um = sampled_closure_um(self._sole, mesh, body.ground, body.leg, half=case.half)
+        cells_um, patch = cell_means(samples_um), floor.patch()
+        return FullSolution(
+            closure_um=cells_um.mean(axis=1),
+            capacitance_pf=capacitance_pf(self._sole, samples_um),
+            cells_um=cells_um,
+            penetration_rel=body.penetration_rel(),
+            patch_mm=patch.radius_mm,
+            approach_mm=patch.approach_mm,
+            peak_mpa=patch.peak_mpa,
+            newton_steps=newton_steps + balance.steps,
+            residual_rel=balance.residual_rel,
+            n_unknowns=equations.n_unknowns,
+        )
+
+    def _press(self, body: Body, floor: Floor, equations: Equilibrium) -> int:
+        """Bring the load up in steps that are halved where they fail.
+
+        Returns:
+            Newton steps of the load steps that held.
+
+        Raises:
+            ConvergenceError: A step failed after MOST_HALVINGS.
+        """
+        done, stride, halvings, newton_steps = 0.0, 1.0 / self._load_steps, 0, 0
+        start = body.state.vec.CreateVector()
+        while done < 1.0:
+            start.data = body.state.vec
+            goal = min(done + stride, 1.0)
+            # Steps equal in patch area: a^2 grows with the force to the 2/3.
+            floor.aim(goal**1.5)
+            try:
+                newton_steps += equations.solve(WAYPOINT_REL).steps
+            except ConvergenceError as error:
+                if halvings == MOST_HALVINGS:
+                    raise ConvergenceError(f"at {goal**1.5:.0%} of the load: {error}") from error
+                body.state.vec.data = start
+                floor.withdraw()
+                stride, halvings = stride / 2.0, halvings + 1
+                continue
+            if goal < 1.0:
+                floor.settle()
+            done = goal
+        return newton_steps

@@ -1,0 +1,146 @@
+"""A rigid plane with Coulomb friction, where the force wants it.
+
+The plane has the inward normal n and is moved by q from where it just touches the ball at X_c. A point X of the
+surface that has moved by u lies d = -n.(X + u - X_c - q) behind it and feels, per undeformed area,
+
+    p = E_n <d>   along n,        t = -E_t s,  |t| <= mu p,        s = (1 - n n^T)(u - q) - anchor,
+
+a penalty law with stiffness E_n = E_t = 50 E* / h on elements of size h. With h = 0.3 a the penetration in the
+middle of a Hertz patch is 0.004 a^2/R, half a percent of the approach. The anchor is where a point sticks; after
+each load step it follows the points that slip or are in the air: Coulomb's law in increments.
+
+The derivative of the cap mu p is left out of the tangent, which keeps it symmetric and costs a step or two.
+"""
+
+import math
+from typing import Any
+
+import ngsolve as ng
+import ngsolve.comp
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.lab.contact.floor import FACE, Patch
+from footsense.lab.contact.load_case import LoadCase
+
+#: E_n h / E* [1].
+STIFFNESS = 50.0
+#: Added under the root of |s|^2 [mm2], for its derivative at s = 0.
+ROOT_MM2 = 1e-24
+#: Halvings of the search for the floor's place before a load step.
+BISECTIONS = 30
+
+
+class PlaneFloor:
+    """A rigid plane, where the force wants it.
+
+    Attributes:
+        axes: Directions in which it is free.
+        target_n: Asked force on the meshed part [N], shape (len(axes),).
+        place_mm: Translation q since it touched [mm], shape (3,).
+    """
+
+    def __init__(self, case: LoadCase, moved: Any, element_mm: float) -> None:
+        """Put the floor where it touches the unloaded ball.
+
+        Args:
+            case: Normal, force and friction.
+            moved: Displacement of the ground side [mm], a grid function that holds the present iterate.
+            element_mm: Size of the elements under the patch [mm].
+        """
+        self._case, self._moved, self._mesh = case, moved, moved.space.mesh
+        self.axes = case.axes
+        self.target_n = np.zeros(len(case.axes))
+        self.place_mm = np.zeros(3)
+        self._settled_mm = np.zeros(3)
+        self._fraction = self._settled_fraction = 0.0
+        self._q = [ng.Parameter(0.0) for _ in range(3)]
+        self._stiffness = STIFFNESS * case.sole.rubber.hertz_mpa / element_mm
+        region = self._mesh.Boundaries(FACE)
+        points = ngsolve.comp.IntegrationRuleSpaceSurface(
+            self._mesh, order=2 * moved.space.globalorder + 3, definedon=region
+        )
+        self._region = region
+        self._anchor = ng.GridFunction(points**3)
+        self._surface = ng.ds(FACE, intrules=points.GetIntegrationRules())
+
+    def _pressure(self, u: Any) -> Any:
+        """Return p [MPa] under a displacement."""
+        here = ng.CF((ng.x, ng.y, ng.z)) - ng.CF(tuple(self._case.touch_mm))
+        behind = -ng.InnerProduct(ng.CF(tuple(self._case.normal)), here + u - ng.CF(tuple(self._q)))
+        return self._stiffness * ng.IfPos(behind, behind, 0.0)
+
+    def _along(self, u: Any) -> Any:
+        """Return the part of u - q along the floor [mm]."""
+        n = ng.CF(tuple(self._case.normal))
+        relative = u - ng.CF(tuple(self._q))
+        return relative - ng.InnerProduct(relative, n) * n
+
+    def _friction(self, u: Any) -> Any:
+        """Return t [MPa] under a displacement; its cap is that of the present iterate."""
+        slid = self._along(u) - self._anchor
+        distance = ng.sqrt(ng.InnerProduct(slid, slid) + ROOT_MM2)
+        cap = self._case.friction * self._pressure(self._moved)
+        return -slid * ng.IfPos(self._stiffness * distance - cap, cap / distance, self._stiffness)
+
+    def work(self, u: Any, v: Any) -> Any:
+        """Return the work of the traction p n + t along v."""
+        traction = self._pressure(u) * ng.CF(tuple(self._case.normal)) + self._friction(u)
+        return ng.InnerProduct(traction, v) * self._surface
+
+    def _go(self, place_mm: NDArray[np.float64]) -> None:
+        """Be at a place [mm], shape (3,)."""
+        self.place_mm = place_mm
+        for parameter, value in zip(self._q, place_mm, strict=True):
+            parameter.Set(value)
+
+    def move(self, step_mm: NDArray[np.float64]) -> None:
+        """Move by a step along the free axes."""
+        place = self.place_mm.copy()
+        place[list(self.axes)] += step_mm
+        self._go(place)
+
+    def _radius_mm(self) -> float:
+        """Return the radius of the circle with the touching area [mm]."""
+        touching = ng.IfPos(self._pressure(self._moved), 1.0, 0.0)
+        area = ng.Integrate(touching * self._surface, self._mesh) / self._case.share
+        return math.sqrt(area / math.pi)
+
+    def aim(self, fraction: float) -> None:
+        """Ask for this fraction of the force, and press until the patch is as large as Hertz expects it.
+
+        A Newton step depends on which points touch, not on how hard: with the right patch it nearly arrives.
+        """
+        self._fraction = fraction
+        self.target_n = fraction * self._case.share * self._case.force_n[list(self.axes)]
+        start, low, high = self.place_mm, 0.0, self._case.hertz_mm**2 / self._case.sole.ball_radius_mm
+        grown = self._case.hertz_mm * math.cbrt(fraction)
+        if self._settled_fraction > 0.0:
+            grown = self._radius_mm() * math.cbrt(fraction / self._settled_fraction)
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            self._go(start + middle * self._case.normal)
+            low, high = (middle, high) if self._radius_mm() < grown else (low, middle)
+
+    def settle(self) -> None:
+        """Let the anchors follow what slips: s is what the friction can hold, nothing in the air."""
+        anchor = self._along(self._moved) + self._friction(self._moved) / self._stiffness
+        moved = ng.GridFunction(self._anchor.space)
+        moved.Interpolate(anchor, definedon=self._region)
+        self._anchor.vec.data = moved.vec
+        self._settled_mm, self._settled_fraction = self.place_mm, self._fraction
+
+    def withdraw(self) -> None:
+        """Go back to the last settled place; the anchors are still those."""
+        self._go(self._settled_mm)
+
+    def patch(self) -> Patch:
+        """Return how the foot touches now."""
+        # Point by point a penalty's pressure wavers about the true one; its linear projection does not.
+        pressure = ng.GridFunction(ng.H1(self._mesh, order=1, definedon=self._region))
+        pressure.Set(self._pressure(self._moved), definedon=self._region, bonus_intorder=5)
+        return Patch(
+            radius_mm=self._radius_mm(),
+            approach_mm=float(self._case.normal @ self.place_mm),
+            peak_mpa=float(pressure.vec.FV().NumPy().max()),
+        )

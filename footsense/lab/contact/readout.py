@@ -1,0 +1,84 @@
+"""From the displacement to what an electronics board would see: closures and capacitances.
+
+Every electrode is sampled at the Gauss points of 6 x 6 square cells. The capacitance is that of parallel plates
+point by point, C = int eps0 dA / (g - d + t_film / eps_r), which exceeds that of the mean closure: a gap that
+closes in its middle counts for more.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
+from footsense.lab.geometry import SoleDesign
+
+#: Cells along the side of an electrode.
+CELLS = 6
+#: Gauss points along the side of a cell.
+POINTS = 3
+#: Points are looked up this far inside the body [mm]: on the plane itself, and closer to it than half of this, the
+#: search may find the other body.
+INSIDE_MM = 2e-4
+#: Micrometres in a millimetre.
+UM_PER_MM = 1000.0
+
+
+def sample_places_mm(sole: SoleDesign) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return x and y [mm] of the samples, each of shape (9, 6, 3, 6, 3): element, x cell, point, y cell, point.
+
+    Both grow against their axis, as rows and columns of the array do.
+    """
+    inside, _ = np.polynomial.legendre.leggauss(POINTS)
+    along = (np.arange(CELLS)[:, None] + 0.5 * (inside + 1.0)) / CELLS
+    offset = sole.electrode_mm * (0.5 - along)
+    centres = np.array(sole.centres_mm)
+    x_mm = centres[:, 0, None, None, None, None] + offset[:, :, None, None]
+    y_mm = centres[:, 1, None, None, None, None] + offset
+    shape = (9, CELLS, POINTS, CELLS, POINTS)
+    return np.broadcast_to(x_mm, shape), np.broadcast_to(y_mm, shape)
+
+
+def sampled_closure_um(
+    sole: SoleDesign, mesh: Any, ground: Any, leg: Any, *, half: bool
+) -> NDArray[np.float64]:
+    """Return the closure [um] at the samples, shape (9, 6, 3, 6, 3).
+
+    Args:
+        sole: The foot.
+        mesh: Its mesh.
+        ground: Displacement of the ground side [mm].
+        leg: Displacement of the leg side [mm].
+        half: The mesh has y > 0 only, and y < 0 is its mirror image.
+    """
+    x_mm, y_mm = (places.ravel() for places in sample_places_mm(sole))
+    if half:
+        y_mm = np.abs(y_mm)
+
+    def on_plane(displacement: Any, up: float) -> NDArray[np.float64]:
+        """Return u_z in z = 0, extrapolated from two points inside."""
+        near, far = (
+            np.asarray(displacement[2](mesh(x_mm, y_mm, np.full(x_mm.shape, up * depth_mm))))
+            for depth_mm in (INSIDE_MM, 2.0 * INSIDE_MM)
+        )
+        at_plane: NDArray[np.float64] = 2.0 * near - far
+        return at_plane
+
+    jump = on_plane(ground, -1.0) - on_plane(leg, 1.0)
+    return jump.reshape(9, CELLS, POINTS, CELLS, POINTS) * UM_PER_MM
+
+
+def cell_means(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the means over the cells, shape (9, 36), flat index 6 ix + iy, of samples as above."""
+    _, weights = np.polynomial.legendre.leggauss(POINTS)
+    means: NDArray[np.float64] = np.einsum("eipjq,p,q->eij", samples, weights / 2.0, weights / 2.0)
+    return means.reshape(9, CELLS**2)
+
+
+def capacitance_pf(sole: SoleDesign, samples_um: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the capacitances without stray [pF], shape (9,), of sampled closures [um]."""
+    film_um = sole.capacitor.film_equivalent_um
+    distance_um = sole.gap_um - np.minimum(samples_um, sole.gap_um) + film_um
+    density = EPS0_PF_UM_PER_MM2 / distance_um
+    capacitance: NDArray[np.float64] = cell_means(density).mean(axis=1) * sole.electrode_mm**2
+    return capacitance

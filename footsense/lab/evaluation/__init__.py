@@ -1,0 +1,1 @@
+"""How wrong an estimator is, beside the Cramer-Rao bound."""

@@ -1,0 +1,71 @@
+"""Whether a build is as good as the release: what differs beside what is tolerated.
+
+The solve repeats to rounding, so the response must. Training in float32 over 10^5 steps amplifies the last bit of
+its input and of another processor's arithmetic; what must repeat is that the network is no worse.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from footsense.lab.evaluation.evaluate_models import evaluate_models, open_models
+from footsense.lab.response import disc_normals
+
+#: Response: largest difference over the largest value.
+RESPONSE_REL = 1e-6
+#: Network, on the paper's verification cases: mean errors that a release may have [deg, gf]. Equal machines give equal
+#: bytes; elsewhere the last bit of 10^5 steps differs, and with it the error. What counts is that it is no worse than
+#: what was promised.
+DIRECTION_DEG, MAGNITUDE_GF = 0.24, 0.53
+#: A build that is compared with one that never met that (a quick one) may be this much worse [1].
+WORSE_REL = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One compared figure.
+
+    Attributes:
+        what: Its name and unit.
+        found: Difference between the builds; of an error, that of the second build.
+        tolerated: Largest one that is the same release.
+    """
+
+    what: str
+    found: float
+    tolerated: float
+
+    @property
+    def same(self) -> bool:
+        """Whether the difference is tolerated."""
+        return self.found <= self.tolerated
+
+
+def error(what: str, released: float, built: float, promised: float) -> Difference:
+    """Return whether the error of a build is one of the release's.
+
+    Example:
+        >>> error("error", 0.08, 0.19, 0.24).same, error("error", 0.08, 0.25, 0.24).same
+        (True, False)
+    """
+    return Difference(what, built, max(promised, released * (1.0 + WORSE_REL)))
+
+
+def compare(first: Path, second: Path) -> list[Difference]:
+    """Return how the files in the second folder differ from the released ones in the first."""
+    one, two = open_models(first)[0], open_models(second)[0]
+    normal = disc_normals(max(one.min_elevation_deg, two.min_elevation_deg))
+    closures = [response.closure_um(normal, normal) for response in (one, two)]
+    rows = [evaluate_models(folder)["paper_network"] for folder in (first, second)]
+    return [
+        Difference(
+            "response, largest over largest",
+            float(np.abs(closures[0] - closures[1]).max() / np.abs(closures[0]).max()),
+            RESPONSE_REL,
+        ),
+        error(
+            "network, mean direction error [deg]", rows[0].direction_deg, rows[1].direction_deg, DIRECTION_DEG
+        ),
+        error("network, mean magnitude error [gf]", rows[0].magnitude_gf, rows[1].magnitude_gf, MAGNITUDE_GF),
+    ]

@@ -1,0 +1,63 @@
+"""What the network is judged by: the paper's errors, the linear read-outs, and how far sigma holds."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.force_errors import Errors, errors
+from footsense.lab.training.load_cases import Cases
+
+__all__ = [
+    "PAPER_DIRECTION_DEG",
+    "PAPER_MAGNITUDE_GF",
+    "Errors",
+    "Readout",
+    "capacitance_readout",
+    "coverage",
+    "elastance_readout",
+    "errors",
+]
+
+#: The paper's errors on its verification cases: section III F (simulation) [deg, gf].
+PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF = 2.4, 5.3
+
+#: Makes forces [N], shape (n, 3), of closures [um], shape (n, 9).
+Readout = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+def _least_squares(features: NDArray[np.float64], force_n: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the matrix that reads forces from features, without offset: no load reads zero."""
+    matrix, *_ = np.linalg.lstsq(features, force_n, rcond=None)
+    return np.asarray(matrix, dtype=np.float64)
+
+
+def capacitance_readout(design: CapacitorDesign, training: Cases) -> Readout:
+    """Return the linear read-out of the capacitance change: what the paper's network is fed with."""
+
+    def change_pf(closure_um: NDArray[np.float64]) -> NDArray[np.float64]:
+        return design.capacitance_pf(closure_um) - design.rest_pf
+
+    matrix = _least_squares(change_pf(training.closure_um), training.force_n)
+    return lambda closure_um: change_pf(closure_um) @ matrix
+
+
+def elastance_readout(training: Cases) -> Readout:
+    """Return the linear read-out of the gap closure, which is what elastance measures."""
+    matrix = _least_squares(training.closure_um, training.force_n)
+    return lambda closure_um: closure_um @ matrix
+
+
+def coverage(
+    truth_n: NDArray[np.float64], estimate_n: NDArray[np.float64], sigma_n: NDArray[np.float64]
+) -> dict[str, list[float]]:
+    """Return the share of cases whose error is within one and within two sigma, per axis; 0.683 and 0.954 if Gaussian.
+
+    Args:
+        truth_n: True forces [N], shape (n, 3).
+        estimate_n: Estimates [N], shape (n, 3).
+        sigma_n: Their stated standard deviations [N], shape (n, 3).
+    """
+    off = np.abs(estimate_n - truth_n) / sigma_n
+    return {f"within_{k}_sigma": np.mean(off < k, axis=0).round(4).tolist() for k in (1, 2)}

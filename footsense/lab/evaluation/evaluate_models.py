@@ -1,0 +1,182 @@
+"""The error table: the paper's protocol and the wide set, linear read-outs and network side by side."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from footsense.errors import ModelError
+from footsense.foot.response_table import FootResponse
+from footsense.lab.evaluation.evaluate import (
+    PAPER_DIRECTION_DEG,
+    PAPER_MAGNITUDE_GF,
+    Errors,
+    Readout,
+    capacitance_readout,
+    elastance_readout,
+    errors,
+)
+from footsense.lab.foot_file import FOOT_FILE, load_foot
+from footsense.lab.geometry import LoadRange, SoleDesign
+from footsense.lab.training.export import OnnxNetwork
+from footsense.lab.training.load_cases import (
+    Cases,
+    measured_closure_rel,
+    paper_training,
+    paper_verification,
+    wide,
+)
+
+#: Names of the released files.
+RESPONSE_FILE, NETWORK_FILE = "response.npz", "network.onnx"
+#: Seed and size of the held-out wide set.
+HELD_OUT_SEED, HELD_OUT_CASES = 2, 10_000
+#: Rows of the networks trained on the paper's 362 cases alone; the very name is the one fed with unbent closures.
+ALONE = "paper_network_362"
+
+
+def error_table(
+    response: FootResponse, loads: LoadRange, shipped: Readout, alone: dict[str, Readout] | None = None
+) -> dict[str, Errors]:
+    """Return the errors of every read-out.
+
+    Args:
+        response: The foot.
+        loads: What the network was trained for.
+        shipped: The network trained on the wide set.
+        alone: Networks trained on the paper's cases alone by the names of their rows, if at hand.
+
+    Returns:
+        Rows by name: `paper_*` on the 180 verification cases without noise, `wide_*` on held-out random loads
+        with the converter's noise, from a tenth of the largest.
+    """
+    training, verification = paper_training(response), paper_verification(response)
+    rng = np.random.default_rng(HELD_OUT_SEED)
+    held_out = wide(response, loads, HELD_OUT_CASES, HELD_OUT_SEED)
+    felt = np.linalg.norm(held_out.force_n, axis=1) >= loads.judged_from_n
+    noisy_um = measured_closure_rel(response.design, held_out.closure_um, rng) * response.design.gap_um
+    asked = Cases(held_out.force_n[felt], noisy_um[felt])
+    readouts: dict[str, tuple[Readout, Cases]] = {
+        "paper_linear_dc": (capacitance_readout(response.design, training), verification),
+        "paper_linear_elastance": (elastance_readout(training), verification),
+        "paper_network": (shipped, verification),
+        "wide_linear_elastance": (elastance_readout(wide(response, loads, HELD_OUT_CASES, 3)), asked),
+        "wide_network": (shipped, asked),
+    }
+    readouts |= {name: (read, verification) for name, read in (alone or {}).items()}
+    return {name: errors(cases.force_n, read(cases.closure_um)) for name, (read, cases) in readouts.items()}
+
+
+def open_models(folder: Path) -> tuple[FootResponse, OnnxNetwork]:
+    """Open table and network of a foot type.
+
+    Raises:
+        ConfigError: The foot's description is missing, or does not fit.
+        ModelError: A file is missing or corrupt, the network was trained on another response, or the two are of another
+            foot than the one described beside them.
+    """
+    response = FootResponse.load(folder / RESPONSE_FILE)
+    network = OnnxNetwork(folder / NETWORK_FILE)
+    require_same_foot(load_foot(folder / FOOT_FILE), response, network.card, folder)
+    if network.card.get("response_sha256") != response.sha256:
+        raise ModelError(
+            f"{folder / NETWORK_FILE} was not trained on {folder / RESPONSE_FILE}: "
+            "the card names another hash; rebuild both with `footsense lab build`"
+        )
+    return response, network
+
+
+def require_same_foot(sole: SoleDesign, response: FootResponse, card: dict[str, Any], folder: Path) -> None:
+    """Check that table and network are of the foot that is described beside them.
+
+    Raises:
+        ModelError: They are of another.
+    """
+    described = {
+        "foot_type": sole.foot_type,
+        **asdict(sole.capacitor),
+        "ball_radius_mm": sole.ball_radius_mm,
+        "hertz_modulus_mpa": sole.rubber.hertz_mpa,
+    }
+    tabled = {"foot_type": response.foot_type, **asdict(response.design)}
+    tabled |= {name: getattr(response, name) for name in ("ball_radius_mm", "hertz_modulus_mpa")}
+    taught = card["training"]["wide"]
+    described |= (loads := msgspec.structs.asdict(sole.loads))
+    tabled |= {name: taught.get(name) for name in loads}
+    for name, value in described.items():
+        if tabled[name] != value:
+            raise ModelError(
+                f"{folder / FOOT_FILE}: {name} is {value}, table and network beside it were made for {tabled[name]}; "
+                "rebuild both with `footsense lab build --foot`"
+            )
+
+
+def evaluate_models(folder: Path) -> dict[str, Errors]:
+    """Return the error table of released files; the rows of the 362-case networks are those in the card."""
+    response, network = open_models(folder)
+    loads, gap_um = load_foot(folder / FOOT_FILE).loads, response.design.gap_um
+    table = error_table(response, loads, lambda closure_um: network.force_n(closure_um / gap_um))
+    for name, row in network.card["errors"].items():
+        if name.startswith(ALONE):
+            table[name] = Errors(**row)
+    return table
+
+
+def paper_protocol(folder: Path) -> dict[str, float]:
+    """Return what of the paper's protocol has to be trained or drawn anew: the paper's own way, and the bound.
+
+    Raises:
+        ModelError: As `open_models`.
+    """
+    # Late: they take seconds to import that the table alone does not need.
+    from footsense.lab.evaluation.cramer_rao import crb_ratio
+    from footsense.lab.training.paper_procedure import paper_way_errors
+
+    response, network = open_models(folder)
+    own_way = paper_way_errors(response, quick=False)
+    ratio = crb_ratio(response, load_foot(folder / FOOT_FILE).loads, network.force_n)
+    return {
+        "paper_way_direction_deg": float(np.mean([row.direction_deg for row in own_way])),
+        "paper_way_magnitude_gf": float(np.mean([row.magnitude_gf for row in own_way])),
+        "crb_ratio": ratio.worst,
+        "crb_ratio_typical": max(rung.typical_ratio for rung in ratio.centred),
+    }
+
+
+def as_json(table: dict[str, Errors], beside: dict[str, float] | None = None) -> dict[str, Any]:
+    """Return the table as JSON values, with the figures that the project lives by at the top.
+
+    Args:
+        table: Of `evaluate_models`.
+        beside: Figures that are not of the table, such as `crb_ratio`.
+    """
+    shipped, alone = table["paper_network"], table.get(ALONE)
+    linear = table["paper_linear_elastance"]
+    return {
+        **(beside or {}),
+        "direction_deg": shipped.direction_deg,
+        "magnitude_gf": shipped.magnitude_gf,
+        "direction_deg_362": alone and alone.direction_deg,
+        "magnitude_gf_362": alone and alone.magnitude_gf,
+        "linear_direction_deg": linear.direction_deg,
+        "linear_magnitude_gf": linear.magnitude_gf,
+        "paper_direction_deg": PAPER_DIRECTION_DEG,
+        "paper_magnitude_gf": PAPER_MAGNITUDE_GF,
+        "table": {name: asdict(row) for name, row in table.items()},
+    }
+
+
+def as_markdown(table: dict[str, Errors]) -> str:
+    """Return the table for people, the paper's figures on top."""
+    lines = [
+        "| read-out | cases | direction mean / p95 / max [deg] | magnitude mean / p95 / max [gf] |",
+        "|---|---:|---:|---:|",
+        f"| the paper (simulation) | 180 | {PAPER_DIRECTION_DEG} / - / - | {PAPER_MAGNITUDE_GF} / - / - |",
+    ]
+    for name, row in sorted(table.items()):
+        direction = f"{row.direction_deg:.3f} / {row.direction_p95_deg:.3f} / {row.direction_max_deg:.2f}"
+        magnitude = f"{row.magnitude_gf:.3f} / {row.magnitude_p95_gf:.3f} / {row.magnitude_max_gf:.2f}"
+        lines.append(f"| {name} | {row.n} | {direction} | {magnitude} |")
+    return "\n".join(lines)

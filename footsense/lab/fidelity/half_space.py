@@ -1,0 +1,134 @@
+"""The lowest rung: closures by formula, as on the back of an envelope. No mesh, no table, no fitted constant.
+
+1. Stress. A point force F on the surface of an incompressible half-space stresses it along rays alone,
+
+       sigma = -3 / (2 pi) (F.r) r r / r^5,
+
+   whatever the direction of F: Boussinesq's and Cerruti's solutions at nu = 1/2, where both become radial. Each
+   side of the ball is taken as such a half-space (rubber has nu = 0.49), the contact patch as a point.
+2. Sheet. The normal traction p = -sigma_zz on its plane is averaged over what each element has to carry: the square of
+   one pitch around it, as far as the sheet reaches.
+3. Statics. The sheet alone joins the two hemispheres, a half-space knows nothing of that. The traction
+   a + b x + c y is added with which the sheet carries the whole force and its moment, as in a beam.
+4. Cavities. Bars that cross at the pitch carry p on a part of the area. Taken as spread evenly over the bars, their
+   pressure bends the half-spaces by u_k = 2 p_k / (E' |k|) for each wave k of the lattice, E' = E / (1 - nu^2), and the
+   cavities close by the difference between cavity and bar: an upper bound, since an even pressure is not the one of
+   least energy (10.2 against 9.3 E' / mm for bars along one direction, where the exact value is known).
+
+Left out: the patch's size, the ball's and the sheet's edges, the PDMS plates (all is rubber), the shear traction.
+
+Source:
+    Johnson, Contact Mechanics, 1985, sections 3.2, 3.6 (point forces) and 13.2 (waves on a half-space);
+    Koiter, Ingenieur-Archiv 28, 1959 (row of collinear cracks, the exact value).
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.lab.fidelity.answer import Answer
+from footsense.lab.geometry import SoleDesign
+
+Vector = NDArray[np.float64]
+
+#: Micrometres in a millimetre.
+_UM_PER_MM = 1000.0
+#: Gauss points along the side of what an element carries: rays are long, so more change a closure by 1e-4.
+_POINTS = 3
+#: Waves of the lattice along each axis, to each side: the sum is then within 1e-3 of its end.
+_WAVES = 100
+
+
+def lattice_opening_mm(pitch_mm: float, bar_mm: float, *, crossing: bool = True) -> float:
+    """Return the mean closure of the cavities between bars, times E' over the mean pressure [mm].
+
+    Args:
+        pitch_mm: Distance of the bars.
+        bar_mm: Their width.
+        crossing: Bars along both axes, else along one.
+    """
+    order = np.arange(-_WAVES, _WAVES + 1.0)
+    open_rel = 1.0 - bar_mm / pitch_mm
+    cavity = open_rel * np.sinc(order * open_rel)
+    if crossing:
+        wave = np.hypot(*np.meshgrid(order, order))
+        cavity, open_rel = np.outer(cavity, cavity), open_rel**2
+    else:
+        wave = np.abs(order)
+    wave[wave == 0.0] = np.inf
+    # The pressure that the cavities do not carry is on the bars. Approach: work of the bars' pressure, both sides.
+    pressure_rel = cavity / (1.0 - open_rel)
+    approach_mm = (pressure_rel**2 * 4.0 * pitch_mm / (2.0 * math.pi * wave)).sum()
+    # The approach is the mean of the closure over everything, and bars do not close.
+    return float(approach_mm / open_rel)
+
+
+class HalfSpace:
+    """Closures by formula.
+
+    Args:
+        sole: The foot.
+        balanced: Whether statics is obeyed (step 3), else the formula stands alone.
+
+    Attributes:
+        name: Of the rung.
+    """
+
+    name = "half-space"
+
+    def __init__(self, sole: SoleDesign, *, balanced: bool = True) -> None:
+        self._sole, self._balanced = sole, balanced
+        place, share = np.polynomial.legendre.leggauss(_POINTS)
+        half_mm = sole.sheet_mm / 2.0
+        centres = np.array(sole.centres_mm)
+        low = np.maximum(centres - sole.pitch_mm / 2.0, -half_mm)
+        high = np.minimum(centres + sole.pitch_mm / 2.0, half_mm)
+        along = (low + high)[:, None] / 2.0 + place[:, None] * (high - low)[:, None] / 2.0
+        weight = share[:, None] * (high - low)[:, None] / 2.0
+        shape = (len(centres), _POINTS, _POINTS)
+        x_mm = np.broadcast_to(along[:, :, None, 0], shape).reshape(len(centres), -1)
+        y_mm = np.broadcast_to(along[:, None, :, 1], shape).reshape(len(centres), -1)
+        self._point_mm = np.stack([x_mm, y_mm, np.zeros_like(x_mm)], axis=-1)
+        self._area_mm2 = (weight[:, :, None, 0] * weight[:, None, :, 1]).reshape(len(centres), -1)
+        opening_mm = lattice_opening_mm(sole.pitch_mm, sole.pitch_mm - sole.electrode_mm)
+        self._um_per_mpa = _UM_PER_MM * opening_mm / sole.rubber.hertz_mpa
+
+    def pressure_mpa(self, normal: Vector, force_n: Vector) -> Vector:
+        """Return the mean pressure that each element has to carry [MPa], shape (n, 9).
+
+        Args:
+            normal: Inward unit normals of the ball at the contacts, shape (n, 3).
+            force_n: Ground reactions on the foot [N], shape (n, 3).
+        """
+        touch_mm = -self._sole.ball_radius_mm * normal - np.array([0.0, 0.0, self._sole.plate_mm])
+        ray_mm = self._point_mm - touch_mm[:, None, None]
+        squared_mm2 = (ray_mm**2).sum(axis=-1)
+        along_n_mm = np.einsum("nepk,nk->nep", ray_mm, force_n)
+        pressure = 1.5 / math.pi * along_n_mm * ray_mm[..., 2] ** 2 / (squared_mm2**2 * np.sqrt(squared_mm2))
+        if self._balanced:
+            # Force and moments (0, 1, 2) of the pressure about the sheet's middle, and the planes that add to each.
+            planes = np.stack([np.ones_like(self._area_mm2), self._point_mm[..., 0], self._point_mm[..., 1]])
+            weighted = planes * self._area_mm2
+            carried = np.einsum("kep,nep->nk", weighted, pressure)
+            moment = np.cross(touch_mm, force_n)
+            wanted = np.stack([force_n[:, 2], -moment[:, 1], moment[:, 0]], axis=1)
+            inertia = np.einsum("kep,lep->kl", weighted, planes)
+            added = np.linalg.solve(inertia, (wanted - carried).T)
+            pressure += np.einsum("kn,kep->nep", added, planes)
+        mean: Vector = (pressure * self._area_mm2).sum(axis=-1) / self._area_mm2.sum(axis=-1)
+        return mean
+
+    def answer(self, normal: Vector, force_n: Vector) -> Answer:
+        """Return the closures under loads as in `pressure_mpa`; the capacitance is that of flat electrodes.
+
+        Raises:
+            ValueError: A contact is not on the ground-side hemisphere.
+        """
+        if not normal[:, 2].min(initial=1.0) > 0.0:
+            raise ValueError(
+                f"the ground presses from below, got a contact normal with z = {normal[:, 2].min():.4f}"
+            )
+        closure_um = self.pressure_mpa(normal, force_n) * self._um_per_mpa
+        design = self._sole.capacitor
+        return Answer(closure_um, design.capacitance_pf(np.minimum(closure_um, design.gap_um)))

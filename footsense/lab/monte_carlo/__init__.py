@@ -1,0 +1,1 @@
+"""Monte Carlo over fabricated feet, on one machine or a cluster."""

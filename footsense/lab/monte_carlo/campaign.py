@@ -1,0 +1,168 @@
+"""A campaign: many fabricated feet, judged one by one by as many workers as there are (`cluster`), and never twice.
+
+Each finished foot is a line of a file at once, so that a campaign that was stopped goes on with the feet that are
+missing. The first line names the campaign; a file of another one is refused. A last line that a killed writer left
+unfinished is cut off. How one is judged is not known here: see `specimens`.
+"""
+
+import json
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import closing, nullcontext
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Self, TextIO
+
+from rich.console import Console
+from rich.progress import Progress
+
+from footsense.errors import FootsenseError
+from footsense.sim.foot.fabrication import FootTolerances
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tolerances(FootTolerances):
+    """How far a made foot, and the bench that it is calibrated on, are from ideal: rms values, zero for exact.
+
+    Attributes:
+        reading_pf: Of each reading of a capacitance [pF].
+        repeat_rel: Of each change of a capacitance, relative to it [1].
+        reference_rel: Of the reference sensor's force components, in its resolutions [1].
+        stick_deg: Angle between contact normal and force of a load that was meant to be centred [deg].
+    """
+
+    reading_pf: float = 0.0
+    repeat_rel: float = 0.0
+    reference_rel: float = 0.0
+    stick_deg: float = 0.0
+
+    def plus(self, other: "Tolerances", factor: float) -> Self:
+        """Return these tolerances with a multiple of others on top.
+
+        Example:
+            >>> Tolerances(gap_um=1.0).plus(Tolerances(gap_um=0.5), 4.0).gap_um
+            3.0
+        """
+        added = {name: mine + factor * getattr(other, name) for name, mine in asdict(self).items()}
+        return type(self)(**added)
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One foot to be judged.
+
+    Attributes:
+        tolerances: What it is drawn from.
+        foot: Its number: the same number is the same foot, at other tolerances with deviations of the same pattern.
+        taught: Whether a network is taught its own cases, which takes longer than all the rest.
+    """
+
+    tolerances: Tolerances
+    foot: int
+    taught: bool = False
+
+
+#: What was found out about a foot, by name.
+Figures = dict[str, float]
+#: Judges one foot; picklable, the same result each time.
+Work = Callable[[Job], Figures]
+#: Has feet judged, and gives them back as they come.
+Workers = Callable[[Work, Sequence[Job]], Generator[tuple[Job, Figures], None, None]]
+
+
+def in_turn(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, Figures], None, None]:
+    """Judge one foot after the other in this process.
+
+    Yields:
+        Each foot with its figures.
+    """
+    for job in jobs:
+        yield job, work(job)
+
+
+def run_campaign(
+    about: Mapping[str, str | int],
+    jobs: Sequence[Job],
+    work: Work,
+    *,
+    workers: Workers = in_turn,
+    file: Path | None = None,
+) -> dict[Job, Figures]:
+    """Judge all feet that the file does not know yet.
+
+    Args:
+        about: What has to be the same for results to belong together: seed, models.
+        jobs: The feet; one that comes twice is judged once.
+        work: Judges one.
+        workers: Who does it.
+        file: Where results are kept (JSON lines), made if missing; None keeps none.
+
+    Returns:
+        The figures of every foot, in the order of the jobs.
+
+    Raises:
+        FootsenseError: The file holds another campaign, cannot be read or written, or there are no workers.
+    """
+    finished = {} if file is None else _resume(file, about)
+    missing = [job for job in dict.fromkeys(jobs) if job not in finished]
+    if missing:
+        try:
+            with nullcontext() if file is None else file.open("a", encoding="utf-8") as ledger:
+                _work_off(missing, work, workers, finished, ledger)
+        except OSError as error:
+            raise FootsenseError(f"the campaign ended early: {error}") from error
+    return {job: finished[job] for job in jobs}
+
+
+def _work_off(
+    missing: Sequence[Job], work: Work, workers: Workers, finished: dict[Job, Figures], ledger: TextIO | None
+) -> None:
+    """Have feet judged, and put down each as it comes; a bar shows on a terminal how far it is."""
+    console = Console(stderr=True)
+    with (
+        Progress(console=console, disable=not console.is_terminal) as bar,
+        closing(workers(work, missing)) as coming,
+    ):
+        task = bar.add_task("feet", total=len(finished) + len(missing), completed=len(finished))
+        for job, figures in coming:
+            finished[job] = figures
+            if ledger is not None:
+                ledger.write(json.dumps({"job": asdict(job), "figures": figures}) + "\n")
+                ledger.flush()
+            bar.advance(task)
+
+
+def _resume(file: Path, about: Mapping[str, str | int]) -> dict[Job, Figures]:
+    """Return what a file knows, and make it ready to be appended to.
+
+    Raises:
+        FootsenseError: It holds another campaign, or cannot be read or written.
+    """
+    header = json.dumps({"campaign": dict(about)}, sort_keys=True).encode()
+    try:
+        content = file.read_bytes() if file.exists() else b""
+        whole, _, torn = content.rpartition(b"\n")
+        if not whole and header.startswith(torn):
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(header + b"\n")
+            return {}
+        first, *lines = whole.split(b"\n")
+        if first != header:
+            raise FootsenseError(
+                f"{file} is of another campaign: it starts with {first[:200].decode(errors='replace') or 'none'}, "
+                f"this one is {header.decode()}; name another file"
+            )
+        if torn:
+            with file.open("r+b") as stream:
+                stream.truncate(len(content) - len(torn))
+    except OSError as error:
+        raise FootsenseError(f"{file}: cannot keep results: {error.strerror}") from error
+    finished = {}
+    for number, line in enumerate(lines, start=2):
+        try:
+            entry = json.loads(line)
+            described = entry["job"]
+            job = Job(Tolerances(**described["tolerances"]), described["foot"], described["taught"])
+            finished[job] = entry["figures"]
+        except (ValueError, KeyError, TypeError) as error:
+            raise FootsenseError(f"{file}, line {number}: not the result of a foot ({error})") from error
+    return finished

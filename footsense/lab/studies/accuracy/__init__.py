@@ -1,0 +1,1 @@
+"""Studies of the error: bound, map, tolerance, sensors, hard cases."""

@@ -1,0 +1,191 @@
+"""Study `hard-cases`: what happens at the limits, each case with what is expected of it and what was measured."""
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from functools import partial
+
+import msgspec
+import ngsolve as ng
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from footsense.errors import ConfigError, ModelError
+from footsense.foot.gap_contact import ALL_CELLS, kkt_residual, touch
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
+from footsense.lab.fem.centred import centred_closures
+from footsense.lab.fem.mesh import COARSE, MeshSize, build_mesh
+from footsense.lab.fem.quarter import Parity, Quarter
+from footsense.lab.foot_file import load_foot
+from footsense.lab.geometry import Material, SoleDesign
+from footsense.lab.studies.accuracy.hard_inputs import network_cases, pipeline_cases
+from footsense.lab.studies.page import Page, Workbench, table
+from footsense.lab.training.load_cases import GRAM_FORCE_N, directions
+
+Vector = NDArray[np.float64]
+
+_UP = np.array([[0.0, 0.0, 1.0]])
+#: A mesh for what holds on any mesh.
+_PLAIN = MeshSize(layers=0, order=2, bar_mm=1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One hard case.
+
+    Attributes:
+        name: What is done.
+        expected: What has to come of it.
+        measured: What came of it.
+        held: Whether that is what was expected.
+    """
+
+    name: str
+    expected: str
+    measured: str
+    held: bool
+
+
+def _refused(name: str, error: type[Exception], attempt: Callable[[], object]) -> Case:
+    """Return the case of something that has to be refused with an error."""
+    try:
+        attempt()
+    except Exception as raised:  # noqa: BLE001  whatever is raised is what was measured
+        first = str(raised).split(";")[0][:90]
+        return Case(name, error.__name__, f"{type(raised).__name__}: {first}", isinstance(raised, error))
+    return Case(name, error.__name__, "no error", held=False)
+
+
+def _light(response: FootResponse) -> Iterator[Case]:
+    """Yield no load, and a tenth of a gram."""
+    foot = Foot(response)
+    none_um = float(np.abs(foot.cells_um(_UP, 0.0 * _UP)).max())
+    yield Case("no load", "0 um, exactly", f"{none_um:g} um", none_um == 0.0)
+    small_n = 0.1 * GRAM_FORCE_N
+    per_newton = [foot.cells_um(_UP, load * _UP)[0] / load for load in (small_n, 1e-6 * small_n)]
+    apart = float(np.abs(per_newton[0] - per_newton[1]).max() / np.abs(per_newton[1]).max())
+    yield Case("0.1 gf", "closure per newton as at 1e-7 gf, to 1e-3", f"{apart:.1e}", apart < 1e-3)
+
+
+def _shutting(response: FootResponse) -> Iterator[Case]:
+    """Yield the loads at which gaps shut, and how well the contact is solved on the way."""
+    foot, gap_um = Foot(response), response.design.gap_um
+    loads_n = np.linspace(0.0, 200.0, 801)
+    cells_um = foot.cells_um(np.repeat(_UP, len(loads_n), 0), loads_n[:, None] * _UP)
+    shut = (cells_um >= gap_um).sum(axis=1)
+    first_n = float(loads_n[np.argmax(shut > 0)])
+    rise_um = np.diff(cells_um, axis=0)
+    steady = float(rise_um.min())
+    yield Case("first cell shuts, upright", "above 1 N", f"{first_n:g} N", first_n > 1.0)
+    yield Case("closures from 0 to 200 N", "never fall", f"least step {steady:.1e} um", steady > -1e-9)
+    everything = bool(shut[-1] == ALL_CELLS)
+    all_n = loads_n[np.argmax(shut == ALL_CELLS)]
+    radius_mm = float(response.patch_radius_mm(_UP[0], all_n * _UP[0]))
+    found = (
+        f"{all_n:g} N, patch {radius_mm:.1f} mm"
+        if everything
+        else f"{shut[-1]} of {ALL_CELLS} cells at 200 N"
+    )
+    yield Case("all nine gaps shut", "an end, every cell at its gap", found, everything)
+    worst = 0.0
+    compliance, gaps_um = response.compliance_um_per_n, np.full(ALL_CELLS, gap_um)
+    for load_n in (2.0, 5.0, 20.0, 100.0):
+        free_um = response.free_closure_um(_UP[0], load_n * _UP[0])
+        rest = kkt_residual(touch(free_um, gaps_um, compliance), free_um, gaps_um, compliance)
+        worst = max(worst, rest["balance_um"] / float(np.abs(free_um).max()))
+    yield Case("contact at 2 to 100 N", "balance to 1e-9 of the closure", f"{worst:.1e}", worst < 1e-9)
+
+
+def _rim(response: FootResponse) -> Iterator[Case]:
+    """Yield contacts near the rim, and inputs that are none."""
+    low = directions(np.array([0.0, 90.0]), np.array([40.0, 40.0]))
+    closures = response.closure_um(low, low)
+    turned = float(np.abs(closures[1].reshape(3, 3) - closures[0].reshape(3, 3).T).max())
+    yield Case("40 deg, at x and at y", "the same turned, to 1e-6 um", f"{turned:.1e} um", turned < 1e-6)
+    below = directions(np.array(0.0), np.array(response.min_elevation_deg - 1.0))
+    yield _refused("contact below the table", ValueError, lambda: response.closure_um(below, below))
+    yield _refused("NaN in a normal", ValueError, lambda: response.closure_um(np.full(3, np.nan), _UP[0]))
+    gaps_um = np.full(3, response.design.gap_um)
+    yield _refused("NaN in a closure", ValueError, lambda: touch(np.full(3, np.nan), gaps_um, np.eye(3)))
+    yield _refused(
+        "indefinite compliance", ArithmeticError, lambda: touch(1.5 * gaps_um, gaps_um, -np.eye(3))
+    )
+    silent = Foot(response).capacitance_pf(_UP, np.full((1, 3), np.nan))
+    yield Case("NaN in a force", "no number", str(silent[0, 0]), bool(np.isnan(silent).all()))
+
+
+def _designs(sole: SoleDesign) -> Iterator[Case]:
+    """Yield feet that cannot be, which takes no solve."""
+    yield _refused("plate of 10 nm", ModelError, lambda: build_mesh(replace(sole, plate_mm=1e-5), COARSE))
+    wide = msgspec.json.encode(replace(sole, sheet_mm=1.5 * sole.ball_radius_mm))
+    yield _refused("sheet wider than the ball", ConfigError, lambda: load_foot(wide))
+    for poisson in (0.5, 0.0):
+        other = replace(sole, rubber=replace(sole.rubber, poisson=poisson))
+        yield _refused(
+            f"rubber of nu = {poisson:g}", ModelError, partial(Quarter, other, _PLAIN, Parity(1, 1))
+        )
+
+
+def _solids(sole: SoleDesign) -> Iterator[Case]:
+    """Yield hard materials, each solved."""
+    lost = []
+    for poisson in (0.49, 0.499, 0.4999):
+        rubber = replace(sole, rubber=replace(sole.rubber, poisson=poisson))
+        low, high = (
+            centred_closures(rubber, dataclasses.replace(_PLAIN, order=order), (90.0,)).closure_um.sum()
+            for order in (2, 3)
+        )
+        lost.append(100.0 * (1.0 - float(low / high)))
+    yield Case(
+        "nu = 0.49, 0.499, 0.4999",
+        "quadratic below cubic by the same share, to 2 %",
+        ", ".join(f"{value:.2f} %" for value in lost),
+        max(lost) - min(lost) < 2.0,
+    )
+    soft = replace(sole, pdms=Material(sole.rubber.youngs_mpa / 150.0, sole.pdms.poisson))
+    for name, foot in (
+        (f"{1000.0 * sole.spacer_mm:g} um spacer in a ball of {2.0 * sole.ball_radius_mm:g} mm", sole),
+        ("sheet 1/150 as stiff as the rubber", soft),
+    ):
+        quarter = Quarter(foot, _PLAIN, Parity(1, 1))
+        load = quarter.traction_load(ng.CF((0.0, 0.0, 1.0)))
+        rest = quarter.residual_rel(load, quarter.solve(load))
+        yield Case(name, "residual below 1e-8", f"{rest:.1e}", rest < 1e-8)
+    loose = replace(sole, spacer_mm=1e30)
+    yield _refused("a half that nothing holds", ModelError, lambda: Quarter(loose, _PLAIN, Parity(1, 1)))
+
+
+def page(bench: Workbench) -> Page:
+    """Try every case; the quick form leaves out those that need a finite element solve."""
+    response = bench.response
+    groups: dict[str, list[Case]] = {
+        "The foot under load": [
+            *_light(response),
+            *_shutting(response),
+            *_rim(response),
+            *_designs(bench.sole),
+        ],
+        "The solid": [] if bench.quick else list(_solids(bench.sole)),
+        "The network": [Case(*row) for row in network_cases(bench)],
+        "The daemon": [Case(*row) for row in pipeline_cases(bench)],
+    }
+    parts, cases = [], []
+    for heading, group in groups.items():
+        if group:
+            rows = [
+                [case.name, case.expected, case.measured, "yes" if case.held else "**no**"] for case in group
+            ]
+            parts.append(f"### {heading}\n\n{table(['case', 'expected', 'measured', 'held'], rows)}")
+            cases += group
+            bench.say(f"{heading}: {sum(case.held for case in group)} of {len(group)} as expected")
+    held = sum(case.held for case in cases)
+    quick = " Quick form: the solid's own cases are left out." if bench.quick else ""
+    body = f"{held} of {len(cases)} cases came out as expected, all tried anew for this page.{quick}\n\n"
+    return Page(
+        name="hard-cases",
+        title="Hard cases",
+        body=body + "\n\n".join(parts),
+        values={"held": held, "cases": [asdict(case) for case in cases]},
+    )

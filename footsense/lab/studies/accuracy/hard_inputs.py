@@ -1,0 +1,166 @@
+"""Hard inputs of the network and of the daemon's pipeline, for the study `hard-cases`.
+
+Each case is a row: what is done, what is expected, what was measured, whether it held.
+"""
+
+import json
+from collections.abc import Iterator
+
+import numpy as np
+import onnx
+from numpy.typing import NDArray
+from onnx import TensorProto, numpy_helper
+from onnx.reference import ReferenceEvaluator
+
+from footsense.estimation.alignment.scan_by_scan import ScanByScan
+from footsense.estimation.baseline.contact import ContactLimits
+from footsense.estimation.baseline.tare import TareLimits
+from footsense.estimation.pipeline import Pipeline
+from footsense.estimation.sensitivity import sensitivity
+from footsense.foot.network_card import read_card
+from footsense.foot.specimen import Foot
+from footsense.frames import CapFrame, ForceFrame, Reading, State
+from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
+from footsense.lab.studies.page import Workbench
+from footsense.lab.training.load_cases import paper_verification
+
+Vector = NDArray[np.float64]
+Row = tuple[str, str, str, bool]
+
+_SCAN_NS, _MAX_AGE_NS, _WINDOW = 25_000_000, 100_000_000, 4
+#: Scans after a line breaks until its leg has a force again: three readings make a parabola.
+_SETTLING = 3
+#: float32 against float64: a twentieth of a bit on CAN [N].
+_SINGLE_N = 5e-5
+
+
+def _in_double(bench: Workbench, closure_rel: Vector) -> Vector:
+    """Return the forces [N] of the network's graph computed in float64, shape (n, 3)."""
+    model = onnx.load(bench.models / NETWORK_FILE)
+    for stored in model.graph.initializer:
+        if stored.data_type == TensorProto.FLOAT:
+            stored.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(stored).astype(float), stored.name))
+    inputs = {"closure_rel": closure_rel, "missing": np.zeros(closure_rel.shape)}
+    return np.asarray(ReferenceEvaluator(model).run(["force_n"], inputs)[0], dtype=np.float64)
+
+
+def network_cases(bench: Workbench) -> Iterator[Row]:
+    """Yield the cases of the network alone."""
+    network, gap_um = bench.network, bench.response.design.gap_um
+    none_n = float(np.abs(network.force_n(np.zeros((1, 9)))).max())
+    yield "no closure", "0 N, exactly", f"{none_n:g} N", none_n == 0.0
+    tiny = np.full((1, 9), 1e-40)
+    tiny_n = float(np.abs(network.force_n(tiny)).max())
+    yield "closures of 1e-40, subnormal in float32", "below 1 uN", f"{tiny_n:.1e} N", tiny_n < 1e-6
+    broken = np.zeros((1, 9))
+    broken[0, 4] = np.nan
+    force_n = network.force_n(broken)
+    yield "one NaN", "no number", str(force_n[0].tolist()), bool(np.isnan(force_n).any())
+    cases = paper_verification(bench.response)
+    closure_rel = cases.closure_um / gap_um
+    apart_n = float(np.abs(network.force_n(closure_rel) - _in_double(bench, closure_rel)).max())
+    yield (
+        "float32 against float64, 180 cases",
+        f"below {1e3 * _SINGLE_N:g} mN",
+        f"{1e3 * apart_n:.1e} mN",
+        apart_n < _SINGLE_N,
+    )
+    far_n = network.force_n(np.full((1, 9), 10.0))
+    yield (
+        "closures ten gaps wide",
+        "a finite number",
+        f"{np.linalg.norm(far_n):.0f} N",
+        bool(np.isfinite(far_n).all()),
+    )
+
+
+class _Leg:
+    """One leg's pipeline with the released network, tared on a free foot."""
+
+    def __init__(self, bench: Workbench) -> None:
+        self.design = bench.response.design
+        calibration = read_card(json.dumps(bench.network.card), str(bench.models)).calibration
+        stray_pf, unloaded_pf = np.zeros((1, 9)), np.full((1, 9), self.design.rest_pf)
+        reckoning = ScanByScan(bench.network, 1, calibration.moments)
+        self._pipeline = Pipeline(
+            reckoning,
+            calibration,
+            stray_pf,
+            unloaded_pf,
+            sensitivity=sensitivity(bench.network, 2, calibration.moments),
+            tare=TareLimits(window_frames=_WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
+            contact=ContactLimits(touch_n=0.03),
+            max_age_ns=_MAX_AGE_NS,
+            settled_ns=_MAX_AGE_NS,
+        )
+        self._sequence = 0
+        for _ in range(_WINDOW):
+            self.feed(unloaded_pf[0])
+
+    def feed(self, capacitance_pf: Vector, reading: int = Reading.OK, age_ns: int = 0) -> ForceFrame:
+        """Return the frame of a scan; a reading that is not OK is that of the middle element."""
+        self._sequence += 1
+        t_ns = self._sequence * _SCAN_NS
+        readings, values = np.zeros((1, 9), np.uint8), capacitance_pf[None].copy()
+        readings[0, 4] = reading
+        values[readings != Reading.OK] = np.nan
+        scan = CapFrame(self._sequence, np.full((1, 9), t_ns), values, readings)
+        return self._pipeline.process(scan, t_ns + age_ns)[0]
+
+
+def pipeline_cases(bench: Workbench) -> Iterator[Row]:
+    """Yield the cases of broken lines and loads beyond the training, as the state of the leg and its force."""
+    response, design = bench.response, bench.response.design
+    up = np.array([[0.0, 0.0, 1.0]])
+    felt_pf = Foot(response).capacitance_pf(up, up)[0]
+    free_pf = 0.05 * felt_pf
+    lines = {
+        "one element open": [4],
+        "one row gone": [3, 4, 5],
+        "two elements of different lines open": [0, 4],
+    }
+    broken = {name: np.where(np.isin(np.arange(9), which), free_pf, felt_pf) for name, which in lines.items()}
+    # A row without its line floats: every column sees it beside the row that is selected.
+    broken["one row gone"] = broken["one row gone"] + np.where(
+        np.arange(9) // 3 == 1, 0.0, np.tile(free_pf[3:6], 3)
+    )
+    deep_um = np.full(9, 2.0)
+    deep_um[0] = 0.97 * design.gap_um
+    deepest_um = np.full(9, 0.97 * design.gap_um)
+    pulled_um = np.full(9, -0.3 * design.gap_um)
+    cases: list[tuple[str, State, Vector, int, int]] = [
+        ("1 N upright", State.VALID, felt_pf, Reading.OK, 0),
+        ("one element open", State.DEGRADED, broken["one element open"], Reading.OK, 0),
+        ("one row gone", State.DEGRADED, broken["one row gone"], Reading.OK, 0),
+        (
+            "open on two lines",
+            State.ELEMENT_FAULT,
+            broken["two elements of different lines open"],
+            Reading.OK,
+            0,
+        ),
+        ("one element shorted, beyond the converter", State.SATURATED, felt_pf, Reading.OVER_RANGE, 0),
+        # No load shuts one corner alone: something is in its gap, and the force is that of the others.
+        ("one gap shut to 97 %", State.DEGRADED, design.capacitance_pf(deep_um), Reading.OK, 0),
+        ("all gaps shut to 97 %", State.SATURATED, design.capacitance_pf(deepest_um), Reading.OK, 0),
+        (
+            "pulled off by 30 % of the gap",
+            State.OUT_OF_RANGE,
+            design.capacitance_pf(pulled_um),
+            Reading.OK,
+            0,
+        ),
+        ("no answer", State.ABSENT, felt_pf, Reading.NO_ANSWER, 0),
+        ("older than the limit", State.STALE, felt_pf, Reading.OK, _MAX_AGE_NS + 1),
+    ]
+    for name, state, capacitance_pf, reading, age_ns in cases:
+        leg = _Leg(bench)
+        for _ in range(_SETTLING):
+            leg.feed(capacitance_pf, reading)
+        frame = leg.feed(capacitance_pf, reading, age_ns)
+        found = State(int(frame.state[0]))
+        force_n, sigma_n = float(frame.force_n[0, 2]), float(frame.sigma_n[0, 2])
+        has_value = state in {State.VALID, State.DEGRADED}
+        said = f"fz = {force_n:.3f} N, sigma {1e3 * sigma_n:.1f} mN" if np.isfinite(force_n) else "no force"
+        held = found is state and bool(np.isfinite(force_n)) is has_value
+        yield name, state.name, f"{found.name}, {said}", held

@@ -1,0 +1,1 @@
+"""Studies of time against error."""

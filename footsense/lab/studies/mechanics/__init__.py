@@ -1,0 +1,1 @@
+"""Studies of the foot as a solid and of its gaps."""

@@ -1,0 +1,1 @@
+"""Studies of the network: size, training, and the paper's procedure."""

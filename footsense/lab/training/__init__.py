@@ -1,0 +1,1 @@
+"""Networks: load cases, training, and export to ONNX."""

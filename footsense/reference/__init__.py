@@ -1,0 +1,1 @@
+"""Force sensors of a test stand, behind the port `ReferenceSensor`."""

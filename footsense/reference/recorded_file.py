@@ -1,0 +1,88 @@
+"""A force sensor that was recorded, played beside the scans from the first of them on."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.errors import SensorError
+from footsense.frames import Reference
+from footsense.reference.mounting import Mounting
+from footsense.reference.record_decoder import TIMES, most
+from footsense.reference.sample_stream import ReferenceFigures
+
+__all__ = ["FileReference", "read_csv"]
+
+
+class FileReference:
+    """Plays samples at their own pace; its first one is that of the first call.
+
+    Args:
+        reference: All of them, in their order.
+    """
+
+    def __init__(self, reference: Reference) -> None:
+        self._reference = reference
+        self._offset_ns: int | None = None
+        self._n_read = 0
+
+    def read(self, now_ns: int) -> Reference:
+        """Return the samples whose time has come."""
+        t_ns = self._reference.t_ns
+        if self._offset_ns is None:
+            self._offset_ns = now_ns - int(t_ns[0])
+        until = int(np.searchsorted(t_ns, now_ns - self._offset_ns, side="right"))
+        span = slice(self._n_read, max(until, self._n_read))
+        self._n_read = span.stop
+        return Reference(
+            t_ns[span] + self._offset_ns, self._reference.force_n[span], self._reference.saturated[span]
+        )
+
+    def figures(self) -> ReferenceFigures:
+        """Return how it went so far."""
+        n_saturated = int(np.count_nonzero(self._reference.saturated[: self._n_read]))
+        return ReferenceFigures(self._n_read, 0, 0, n_saturated, 0, 1, 0.0)
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+def read_csv(path: Path, mounting: Mounting, latency_ns: int) -> Reference:
+    """Return the samples of a CSV file, whose first line names its columns: a time, fx, fy and fz.
+
+    Raises:
+        SensorError: A column is missing, or a line is no sample, or they are not in their order.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = csv.DictReader(file, skipinitialspace=True)
+            names = [name.strip() for name in rows.fieldnames or ()]
+            time = next((name for name in TIMES if name in names), None)
+            if time is None or not {"fx", "fy", "fz"} <= set(names):
+                wanted = f"one of {', '.join(TIMES)}, and fx, fy, fz"
+                raise SensorError(f"{path}: its first line names {', '.join(names)[:60]}; it needs {wanted}")
+            rows.fieldnames = names
+            samples = [_sample(path, rows.line_num, row, time) for row in rows]
+    except OSError as error:
+        raise SensorError(f"{path}: cannot be read: {error.strerror}") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise SensorError(f"{path}: is no CSV: {error}") from None
+    values = np.array(samples, np.float64).reshape(-1, 4)
+    t_ns = np.rint(values[:, 0] * TIMES[time]).astype(np.int64)
+    if len(t_ns) == 0 or (np.diff(t_ns) <= 0).any():
+        raise SensorError(f"{path}: holds no samples, or not in the order of their times")
+    force_n, saturated = mounting.apply(values[:, 1:])
+    return Reference(t_ns - latency_ns, force_n, saturated)
+
+
+def _sample(path: Path, line: int, row: dict[str, str], time: str) -> NDArray[np.float64]:
+    columns = (time, "fx", "fy", "fz")
+    try:
+        values = np.array([row[column] for column in columns], dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.full(4, np.nan)
+    # A NaN fails every comparison.
+    if not (np.abs(values) <= [most(column) for column in columns]).all():
+        raise SensorError(f"{path}, line {line}: is not four numbers that a sensor may say")
+    return values

@@ -1,0 +1,1 @@
+"""I2C buses and serial lines in bit time."""

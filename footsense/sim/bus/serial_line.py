@@ -1,0 +1,119 @@
+"""A serial line in virtual time, from a simulated microcontroller to the daemon.
+
+Bytes arrive a record's length at a time, as they do on the wire; they are lost, garbled, and the plug is pulled. Not
+simulated: what of a USB adapter holds bytes back.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from firmware_interface.serial_frames import FRAME_BYTES, RECORD_BITS
+from footsense.ports import Clock
+from footsense.sim.chips.mcu import SimulatedMcu
+from footsense.sim.faults.scene_faults import Span, during
+
+__all__ = ["LineFaults", "SimulatedLine"]
+
+
+class LineFaults(NamedTuple):
+    """What goes wrong on the line, and when.
+
+    Attributes:
+        lost_rel: Share of the bytes that are lost [1].
+        garbled_rel: Share of the bytes of which a bit is wrong [1].
+        resets_ns: When the controller is reset, in the middle of a record [ns].
+        unplugged_ns: Spans in which the plug is out [ns].
+    """
+
+    lost_rel: float = 0.0
+    garbled_rel: float = 0.0
+    resets_ns: Sequence[int] = ()
+    unplugged_ns: Sequence[Span] = ()
+
+
+class SimulatedLine:
+    """The serial port at the daemon's end.
+
+    Args:
+        mcu: The controller at the other end.
+        clock: Virtual time: a wait for bytes moves it.
+        rate_hz: Scans per second.
+        baud: Bits per second.
+        faults: What goes wrong.
+        seed: Of what goes wrong at random.
+
+    Attributes:
+        opened: How often it has been opened.
+    """
+
+    def __init__(
+        self,
+        mcu: SimulatedMcu,
+        clock: Clock,
+        *,
+        rate_hz: float,
+        baud: int,
+        faults: LineFaults = LineFaults(),  # noqa: B008 - a tuple
+        seed: int = 0,
+    ) -> None:
+        self.opened = 1
+        self._mcu = mcu
+        self._clock = clock
+        self._period_ns = round(1e9 / rate_hz)
+        self._byte_ns = RECORD_BITS * 1_000_000_000 // (FRAME_BYTES * baud)
+        self._due: deque[tuple[int, bytes]] = deque()
+        self._faults = faults
+        self._resets_ns = deque(sorted(faults.resets_ns))
+        self._random = np.random.default_rng(seed)
+        self._next_ns = clock.now_ns() + self._period_ns  # first conversion of the scan that comes next
+        self._is_out = False
+
+    def read(self) -> bytes:
+        """Return what has arrived by now."""
+        now_ns = self._clock.now_ns()
+        while self._next_ns + self._mcu.converts_ns <= now_ns:
+            self._send(self._next_ns)
+            self._next_ns += self._period_ns
+        arrived = b""
+        while self._due and self._due[0][0] <= now_ns:
+            arrived += self._due.popleft()[1]
+        return arrived
+
+    def wait_until_ns(self, t_ns: int) -> None:
+        """Move on to the next arrival, or to `t_ns`."""
+        sends_ns = self._next_ns + self._mcu.converts_ns
+        self._clock.sleep_until_ns(min(t_ns, self._due[0][0] if self._due else sends_ns))
+
+    def write(self, data: bytes) -> None:
+        """Take bytes; the controller does not listen."""
+
+    def close(self) -> None:
+        """Do nothing: there is nothing to release."""
+
+    def _send(self, t_ns: int) -> None:
+        """Put on the line what of a scan gets through: a record's length of bytes at a time."""
+        data = self._mcu.scan(t_ns)
+        while self._resets_ns and self._resets_ns[0] <= t_ns:
+            data = data[: len(data) // 2 + 20]
+            self._mcu.restart(self._resets_ns.popleft())
+        was_out, self._is_out = self._is_out, during(list(self._faults.unplugged_ns), t_ns)
+        if self._is_out:
+            return
+        self.opened += was_out
+        data, sends_ns = self._harmed(data), t_ns + self._mcu.converts_ns
+        for end in range(FRAME_BYTES, len(data) + FRAME_BYTES, FRAME_BYTES):
+            piece = data[end - FRAME_BYTES : end]
+            self._due.append((sends_ns + min(end, len(data)) * self._byte_ns, piece))
+
+    def _harmed(self, data: bytes) -> bytes:
+        lost_rel, garbled_rel, *_ = self._faults
+        if not (lost_rel or garbled_rel):
+            return data
+        line = np.frombuffer(data, np.uint8)
+        kept = self._random.random(len(line)) >= lost_rel
+        wrong = self._random.random(len(line)) < garbled_rel
+        bits = np.left_shift(1, self._random.integers(0, 8, len(line))).astype(np.uint8)
+        return np.where(wrong, line ^ bits, line)[kept].tobytes()

@@ -1,0 +1,230 @@
+"""A CAN controller and the wire that it is on: arbitration, acknowledgement, error counter, bus-off.
+
+Not modelled: real stuff bits, every frame is as long as it can be; faults that begin or end within a frame, which
+count from the next on; receive errors; drivers that keep the carrier in bus-off.
+
+Source:
+    ISO 11898-1: error counters, retransmission, recovery. Linux: drivers/net/can/dev/dev.c.
+"""
+
+import math
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from firmware_interface.socketcan import CONTROLLER_ACTIVE, ErrorClass, error_frame, split_frames
+from footsense.sim.can.transmit_queue import Queued, TransmitQueue
+
+__all__ = ["CanController", "CanSettings", "OtherNode", "frame_bits"]
+
+_NS_PER_S = 1_000_000_000
+
+#: Bits of an error flag, its delimiter and the pause behind it; more for a controller that is error passive.
+_ERROR_BITS = 6 + 8 + 3
+_SUSPEND_BITS = 8
+#: Bits of a frame behind the one in which an acknowledgement is missing: delimiter, end of frame, pause.
+_AFTER_ACK_BITS = 1 + 7 + 3
+#: Bits of silence after which a controller may come back to the bus.
+_RECOVERY_BITS = 128 * 11
+
+_PASSIVE = 128
+_BUS_OFF = 256
+_TX_PASSIVE = 0x20
+
+
+class CanSettings(NamedTuple):
+    """How an interface is set up.
+
+    Attributes:
+        queue_frames: Room in its queue.
+        head_drop: Whether a full queue drops its oldest frame instead of refusing the newest.
+        one_shot: Whether the controller tries each frame once.
+        restart_ns: Time from bus-off to the restart [ns]; 0 for none.
+        mailboxes: Frames that the controller holds.
+    """
+
+    queue_frames: int
+    head_drop: bool
+    one_shot: bool
+    restart_ns: int
+    mailboxes: int = 3
+
+
+class OtherNode:
+    """Another node on the bus, which holds one frame of 8 bytes at a time.
+
+    Args:
+        can_id: Id of its frames.
+
+    Attributes:
+        waiting: Whether it has a frame to send.
+    """
+
+    def __init__(self, can_id: int) -> None:
+        self.can_id = can_id
+        self.waiting = False
+
+
+def frame_bits(n_data: int) -> int:
+    """Return the longest that a frame with an 11-bit id can be, the pause behind it included [bits].
+
+    Example:
+        >>> frame_bits(8)
+        135
+    """
+    return 8 * n_data + 47 + (34 + 8 * n_data - 1) // 4
+
+
+class CanController:
+    """The controller of one interface.
+
+    Args:
+        queue: Where its frames come from.
+        settings: How the interface is set up.
+        bitrate: Bit rate of the bus [bit/s].
+        others: The other nodes on the bus.
+        tell: Takes the error frames that it reports.
+
+    Attributes:
+        running: Whether the interface is up.
+        no_ack: Whether no other node is there.
+        shorted: Whether no bit gets through.
+        hear: Called with each frame of ours that reached the other nodes: when, when it was handed over [ns], and
+            the frame. None for nobody.
+        n_delivered: Frames of ours that reached them.
+        n_lost: Frames of ours that were tried once and not again.
+        n_flushed: Frames of ours that it held when it was restarted or stopped.
+        n_bus_off: How often it has gone bus-off.
+    """
+
+    def __init__(
+        self,
+        queue: TransmitQueue,
+        settings: CanSettings,
+        bitrate: int,
+        others: Sequence[OtherNode],
+        tell: Callable[[bytes], None],
+    ) -> None:
+        self._queue = queue
+        self._settings = settings
+        self._bit_ns = _NS_PER_S / bitrate
+        self._others = others
+        self._tell = tell
+        self._mailboxes: deque[Queued] = deque()
+        self._passing: Callable[[int], None] | None = None  # what is due when the wire is free again
+        self._free_ns = math.inf
+        self._restart_ns = math.inf
+        self._error_count = 0
+        self.running = True
+        self.no_ack = self.shorted = False
+        self.hear: Callable[[int, int, bytes], object] | None = None
+        self.n_delivered = self.n_lost = self.n_flushed = self.n_bus_off = 0
+
+    @property
+    def due_ns(self) -> float:
+        """When something happens next [ns]; infinite if nothing does by itself."""
+        return min(self._free_ns, self._restart_ns)
+
+    def happen(self, t_ns: int) -> None:
+        """Do what is due."""
+        if self._passing is not None and self._free_ns <= t_ns:
+            passed, self._passing, self._free_ns = self._passing, None, math.inf
+            passed(t_ns)
+        if self._restart_ns <= t_ns:
+            self._restart_ns = math.inf
+            self._flush()
+            self._error_count = 0
+            self._queue.regain_carrier()
+            self._tell(error_frame(ErrorClass.RESTARTED))
+            self._occupy(t_ns, _RECOVERY_BITS, _nothing)
+
+    def stop(self) -> None:
+        """Be switched off, as an interface that goes down."""
+        self._flush()
+        self._passing = None
+        self._free_ns = self._restart_ns = math.inf
+        self._error_count = 0
+
+    def begin(self, t_ns: int) -> None:
+        """Fill the mailboxes from the queue, and put a frame onto the wire if that is free."""
+        while len(self._mailboxes) < self._settings.mailboxes and self.running and len(self._queue):
+            self._mailboxes.append(self._queue.take())
+        if self._passing is not None:
+            return
+        ours = None
+        if self.running and self._mailboxes and self._error_count < _BUS_OFF:
+            ours = self._mailboxes[0]
+        # Without an acknowledgement, and on a shorted bus, no other node is there to be heard.
+        reachable = not (self.no_ack or self.shorted)
+        waiting = [node for node in self._others if node.waiting] if reachable else []
+        other = min(waiting, key=lambda node: node.can_id, default=None)
+        our_id, data = next(split_frames(ours.data)) if ours else (0, b"")
+        if other and not (ours and our_id < other.can_id):
+            other.waiting = False
+            if ours and self._settings.one_shot:  # the arbitration was lost
+                self._give_up()
+            self._occupy(t_ns, frame_bits(8), _nothing)
+        elif ours and self.shorted:
+            self._occupy(t_ns, 1 + _ERROR_BITS + self._suspend_bits(), self._fail)
+        elif ours and self.no_ack:
+            bits = frame_bits(len(data)) - _AFTER_ACK_BITS + _ERROR_BITS + self._suspend_bits()
+            self._occupy(t_ns, bits, self._miss_ack)
+        elif ours:
+            self._occupy(t_ns, frame_bits(len(data)), self._deliver)
+
+    def _occupy(self, t_ns: int, bits: int, then: Callable[[int], None]) -> None:
+        self._free_ns = t_ns + bits * self._bit_ns
+        self._passing = then
+
+    def _suspend_bits(self) -> int:
+        return _SUSPEND_BITS if self._error_count >= _PASSIVE else 0
+
+    def _flush(self) -> None:
+        self.n_flushed += sum(frame.ours for frame in self._mailboxes)
+        self._mailboxes.clear()
+
+    def _give_up(self) -> None:
+        self.n_lost += self._mailboxes.popleft().ours
+
+    def _deliver(self, t_ns: int) -> None:
+        frame = self._mailboxes.popleft()
+        if self._error_count:
+            self._count_errors(-1)
+        if frame.ours:
+            self.n_delivered += 1
+            if self.hear is not None:
+                self.hear(t_ns, frame.handed_ns, frame.data)
+
+    def _miss_ack(self, t_ns: int) -> None:
+        """Nobody acknowledged; that alone takes no controller beyond error passive."""
+        del t_ns
+        if self._error_count < _PASSIVE:
+            self._count_errors(8)
+        if self._settings.one_shot:
+            self._give_up()
+
+    def _fail(self, t_ns: int) -> None:
+        """The first bit came back wrong."""
+        self._count_errors(8)
+        if self._error_count >= _BUS_OFF:
+            self.n_bus_off += 1
+            self._queue.lose_carrier(t_ns)
+            if self._settings.restart_ns:
+                self._restart_ns = t_ns + self._settings.restart_ns
+        elif self._settings.one_shot:
+            self._give_up()
+
+    def _count_errors(self, change: int) -> None:
+        """Move the transmit error counter, and tell when that changes the controller's state."""
+        before, after = self._error_count, max(0, self._error_count + change)
+        self._error_count = after
+        if after >= _BUS_OFF:
+            self._tell(error_frame(ErrorClass.BUS_OFF))
+        elif before < _PASSIVE <= after:
+            self._tell(error_frame(ErrorClass.CONTROLLER, _TX_PASSIVE))
+        elif after < _PASSIVE <= before:
+            self._tell(error_frame(ErrorClass.CONTROLLER, CONTROLLER_ACTIVE))
+
+
+def _nothing(t_ns: int) -> None:
+    """What follows from a frame of another node."""

@@ -1,0 +1,233 @@
+"""A SocketCAN interface and the bus behind it, frame by frame in virtual time.
+
+A frame goes from the socket into the interface's queue, from there into one of the controller's mailboxes, and
+from there onto the wire, where it may find nobody who acknowledges, or no wire. What becomes of it on the way
+decides whether an old force comes late, and vcan shows none of it:
+
+- A full queue refuses a frame (`pfifo`, ENOBUFS) or drops its oldest (`pfifo_head_drop`, no error).
+- A frame without an acknowledgement is sent again for ever, and the rest waits behind it; in one-shot mode it is
+  sent once, and gone. So is one that loses an arbitration.
+- Bus-off: the driver takes the carrier away. The kernel then empties the queue, but at most once a second: in a
+  bus-off that follows soon, frames stay in the queue and go out after the restart. The restart empties the
+  mailboxes. While the queue is deactivated, a frame is taken without error and lost.
+- Down: queue and mailboxes are emptied, and each socket is told ENETDOWN. A socket of an interface that is gone
+  never works again.
+
+Source:
+    Linux: net/can/af_can.c, net/can/raw.c, drivers/net/can/dev/dev.c.
+"""
+
+import errno
+import math
+import os
+from collections import deque
+from collections.abc import Sequence
+
+from firmware_interface.socketcan import FRAME_BYTES, pack_frame
+from footsense.errors import CanError
+from footsense.ports import CanWire, Clock
+from footsense.sim.can.controller import CanController, CanSettings, OtherNode
+from footsense.sim.can.transmit_queue import Queued, TransmitQueue
+from footsense.sim.faults.can_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanQueueFull, CanTraffic
+
+__all__ = ["AS_DEPLOYED", "CanSettings", "SimulatedCan"]
+
+_NS_PER_S = 1_000_000_000
+
+#: What `deploy/80-can0.network` sets.
+AS_DEPLOYED = CanSettings(queue_frames=16, head_drop=True, one_shot=True, restart_ns=100_000_000)
+
+#: Frames that a socket keeps unread; the kernel drops what comes on top.
+_MOST_UNREAD = 300
+
+
+class _Sender:
+    """When a node, or another program on the same computer, sends."""
+
+    def __init__(self, fault: CanTraffic | CanQueueFull) -> None:
+        self.period_ns = _NS_PER_S / fault.rate_hz
+        self.due_ns: float = fault.at_ns
+        self.until_ns = fault.until_ns
+        self.node = OtherNode(fault.can_id) if isinstance(fault, CanTraffic) else None
+
+
+class SimulatedCan:
+    """An interface and its bus.
+
+    Args:
+        clock: The time; what happens on the bus is worked out whenever a socket asks.
+        bitrate: Bit rate of the bus [bit/s].
+        faults: What goes wrong, and when.
+        settings: How the interface is set up.
+
+    Attributes:
+        queue: The interface's queue.
+        controller: Its controller; `controller.hear` is for whoever wants to know what came when.
+        present: Whether the interface exists.
+        up: Whether it is up.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        bitrate: int,
+        faults: Sequence[CanFault] = (),
+        settings: CanSettings = AS_DEPLOYED,
+    ) -> None:
+        self._clock = clock
+        self._faults = tuple(faults)
+        self._senders = [_Sender(fault) for fault in faults if isinstance(fault, CanTraffic | CanQueueFull)]
+        edges = {fault.at_ns for fault in faults} | {fault.until_ns for fault in faults}
+        # The first is the next to come.
+        self._edges = deque([*sorted(edge for edge in edges if edge < math.inf), math.inf])
+        self._others_ns = self._others_due_ns()
+        self._sockets: list[_Socket] = []
+        self._t_ns = 0
+        self.up = self.present = True
+        self.queue = TransmitQueue(settings.queue_frames, head_drop=settings.head_drop)
+        nodes = [sender.node for sender in self._senders if sender.node is not None]
+        self.controller = CanController(self.queue, settings, bitrate, nodes, self._tell)
+
+    def connect(self) -> CanWire:
+        """Return a socket that is bound to the interface.
+
+        Raises:
+            CanError: There is no such interface at the moment.
+        """
+        self.advance()
+        if not self.present:
+            raise CanError("the simulated CAN interface does not exist at the moment")
+        socket = _Socket(self, self._sockets)
+        self._sockets.append(socket)
+        if not self.up:
+            socket.error = errno.ENETDOWN
+        return socket
+
+    def arrive(self, can_id: int, data: bytes) -> None:
+        """Let every socket receive a frame of another node."""
+        self.advance()
+        self._tell(pack_frame(can_id, data))
+
+    def take(self, frame: bytes) -> bool:
+        """Take a frame into the queue.
+
+        Returns:
+            False if it was refused.
+        """
+        taken = self.queue.put(Queued(self._t_ns, frame, ours=True))
+        self.controller.begin(self._t_ns)
+        return taken
+
+    def advance(self) -> None:
+        """Let everything happen that happens up to now."""
+        now_ns = self._clock.now_ns()
+        while (t_ns := self._due_ns()) <= now_ns:
+            self._t_ns = max(self._t_ns, math.ceil(t_ns))
+            self._happen(self._t_ns)
+        self._t_ns = max(self._t_ns, now_ns)
+
+    def _due_ns(self) -> float:
+        """Return when something happens next [ns]."""
+        return min(self._edges[0], self.controller.due_ns, self.queue.look_ns, self._others_ns)
+
+    def _others_due_ns(self) -> float:
+        """Return when another node or program sends next [ns]."""
+        return min((sender.due_ns for sender in self._senders), default=math.inf)
+
+    def _happen(self, t_ns: int) -> None:
+        """Do what is due at `t_ns`."""
+        while self._edges[0] <= t_ns:
+            self._edges.popleft()
+            self._turn(t_ns)
+        self.controller.happen(t_ns)
+        if self.queue.look_ns <= t_ns:
+            self.queue.look(t_ns)
+        if self._others_ns <= t_ns:
+            for sender in self._senders:
+                if sender.due_ns <= t_ns:
+                    self._other_sends(sender, t_ns)
+            self._others_ns = self._others_due_ns()
+        self.controller.begin(t_ns)
+
+    def _turn(self, t_ns: int) -> None:
+        """Begin and end the faults of this moment."""
+        acting = [fault for fault in self._faults if fault.at_ns <= t_ns < fault.until_ns]
+        down = [fault for fault in acting if isinstance(fault, CanDown)]
+        if self.up and down:
+            self.queue.stop()
+            self.controller.stop()
+            for socket in self._sockets:
+                socket.error = errno.ENETDOWN
+        self.up = self.controller.running = not down
+        self.present = not any(fault.unplugged for fault in down)
+        if not self.present:
+            for socket in self._sockets:
+                socket.gone = True
+        self.controller.no_ack = any(isinstance(fault, CanNoAck) for fault in acting)
+        self.controller.shorted = any(isinstance(fault, CanBusOff) for fault in acting)
+
+    def _other_sends(self, sender: _Sender, t_ns: int) -> None:
+        """Let a node or another program send its next frame."""
+        sender.due_ns += sender.period_ns
+        if sender.due_ns >= sender.until_ns:
+            sender.due_ns = math.inf
+        if sender.node is not None:
+            sender.node.waiting = True
+        elif self.up:
+            self.queue.put(Queued(t_ns, pack_frame(0x7FF, bytes(8)), ours=False))
+
+    def _tell(self, frame: bytes) -> None:
+        for socket in self._sockets:
+            socket.unread.append(frame)
+
+
+class _Socket:
+    """A socket that is bound to the interface: what stands behind `CanWire`."""
+
+    def __init__(self, can: SimulatedCan, sockets: "list[_Socket]") -> None:
+        self._can = can
+        self._sockets = sockets
+        self.unread: deque[bytes] = deque(maxlen=_MOST_UNREAD)
+        self.error = 0  # told once, as the kernel does
+        self.gone = False
+
+    def send(self, frames: bytes, t_ns: int = 0) -> int:
+        """Hand over frames up to the first that is refused.
+
+        Returns:
+            How many were taken.
+
+        Raises:
+            OSError: The interface is down or gone.
+        """
+        del t_ns
+        self._can.advance()
+        self._check()
+        for start in range(0, len(frames), FRAME_BYTES):
+            if not self._can.take(frames[start : start + FRAME_BYTES]):
+                return start // FRAME_BYTES
+        return len(frames) // FRAME_BYTES
+
+    def receive(self) -> list[bytes]:
+        """Return what has arrived.
+
+        Raises:
+            OSError: The interface has gone down.
+        """
+        self._can.advance()
+        if self.error:
+            code, self.error = self.error, 0
+            raise OSError(code, os.strerror(code))
+        arrived = list(self.unread)
+        self.unread.clear()
+        return arrived
+
+    def close(self) -> None:
+        """Release the socket; what it has handed over stays in the queue."""
+        if self in self._sockets:
+            self._sockets.remove(self)
+
+    def _check(self) -> None:
+        code = errno.ENXIO if self.gone else 0 if self._can.up else errno.ENETDOWN
+        if code:
+            raise OSError(code, os.strerror(code))

@@ -1,0 +1,1 @@
+"""Chips and boards at byte level, from their data sheets."""

@@ -1,0 +1,170 @@
+"""A simulated AD7746, from the data sheet: registers, single conversions, ready bits, range, noise, temperature.
+
+It shares only register addresses and times with the driver. Behaviours kept:
+- the pointer moves on with every byte, read or written; one byte 0xBF in its place resets the chip, which answers
+  nobody for 200 us;
+- a single conversion converts what is enabled, capacitance first, then the chip is idle, and the mode reads as that;
+- RDYCAP and RDYVT fall with new data, RDY with all of it; they rise when the data is read, which stays until the next
+  conversion ends; a write of the configuration abandons a conversion that runs;
+- the CAPDAC takes off its steps, whose size is the chip's own; codes end at 0x000000 and 0xFFFFFF;
+- EXCERR, if the excitation was shorted during the conversion;
+- noise by conversion time, that of a cable to the foot included: the chip's own is a twentieth of it.
+Not simulated: continuous conversion, calibration modes, CIN2, the second CAPDAC, differential input, chopping, external
+temperature and voltage.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from firmware_interface import ad7746 as chip
+from firmware_interface.ad7746 import Register
+from footsense.sim.faults.scene_faults import Span, during
+
+#: Smallest and largest step of a chip's CAPDAC over the nominal one [1]: 17 pF of full scale are guaranteed, 21 pF
+#: typical.
+CAPDAC_GAIN_REL = (0.85, 1.2)
+#: How far a chip's thermometer may be off [K].
+TEMPERATURE_ERROR_K = 2.0
+
+_RATE_OF_CODE = {rate.code: rate for rate in chip.RATES.values()}
+_CAP, _VT = chip.NOT_RDYCAP, chip.NOT_RDYVT
+
+#: Mean capacitance [pF] between EXCA and CIN1 between two times [ns], and whether EXCA was shorted to ground in it.
+Seen = Callable[[int, int], tuple[float, bool]]
+
+
+class SimulatedAd7746:
+    """One converter.
+
+    Args:
+        seen: What is connected to it.
+        noise: Source of its noise; None for a converter without.
+        clock_error_rel: How much longer its conversions last than nominal [1].
+        capdac_gain_rel: Size of its CAPDAC's steps over the nominal one [1].
+        temperature_c: What its thermometer reads at a time [ns], its error included [deg C].
+
+    Attributes:
+        absent_ns: Spans in which it does not answer [ns].
+        stuck_ns: Spans in which its conversions do not finish [ns].
+        brown_outs_ns: When its supply fails for a moment, which resets it [ns].
+    """
+
+    address = chip.ADDRESS
+
+    def __init__(
+        self,
+        seen: Seen,
+        noise: np.random.Generator | None,
+        clock_error_rel: float = 0.0,
+        capdac_gain_rel: float = 1.0,
+        temperature_c: Callable[[int], float] = lambda t_ns: 25.0,  # noqa: ARG005 - the same at any time
+    ) -> None:
+        self.absent_ns: list[Span] = []
+        self.stuck_ns: list[Span] = []
+        self.brown_outs_ns: list[float] = []
+        self._seen = seen
+        self._noise = noise
+        self._clock_factor = 1.0 + clock_error_rel
+        self._capdac_step_pf = chip.CAPDAC_STEP_PF * capdac_gain_rel
+        self._temperature_c = temperature_c
+        self._reset(-chip.RESET_NS)
+
+    def acknowledges(self, t_ns: int) -> bool:
+        """Answer as long as the leg is there, but not right after a reset."""
+        while self.brown_outs_ns and min(self.brown_outs_ns) <= t_ns:
+            self._reset(round(min(self.brown_outs_ns)))
+            self.brown_outs_ns.remove(min(self.brown_outs_ns))
+        return t_ns >= self._ready_ns and not during(self.absent_ns, t_ns)
+
+    def write(self, data: bytes, t_ns: int) -> None:
+        """Take a register pointer and the values of the registers from there on; or reset."""
+        self._finish_by(t_ns)
+        if data[0] == chip.RESET_COMMAND:
+            self._reset(t_ns)
+            return
+        self._pointer = data[0]
+        for value in data[1:]:
+            if Register.CAP_SETUP <= self._pointer < chip.N_REGISTERS:
+                self._registers[self._pointer] = value
+            if self._pointer == Register.CONFIGURATION:
+                self._begin(t_ns)
+            self._pointer += 1
+
+    def read(self, n: int, t_ns: int) -> bytes:
+        """Return the registers from the pointer on; behind the last one, ones."""
+        self._finish_by(t_ns)
+        # The status as it was when it was sent: what follows in the same burst clears its bits.
+        answer = bytes(self._registers[self._pointer : self._pointer + n])
+        read = range(self._pointer, self._pointer + n)
+        for ready, data in ((_CAP, Register.CAP_DATA), (_VT, Register.VT_DATA)):
+            if any(data <= address < data + 3 for address in read):
+                self._registers[Register.STATUS] |= ready | chip.NOT_RDY
+        self._pointer += n
+        return answer + b"\xff" * (n - len(answer))
+
+    def _reset(self, t_ns: int) -> None:
+        self._registers = bytearray(chip.N_REGISTERS)
+        self._registers[Register.STATUS] = chip.NOT_RDY | _CAP | _VT
+        settings = chip.RESET_VALUES
+        self._registers[Register.CAP_SETUP : Register.CAP_SETUP + len(settings)] = settings
+        self._pointer = 0
+        self._ready_ns = t_ns + chip.RESET_NS
+        #: What converts, its start and its end; in its order.
+        self._running: list[tuple[int, int, int]] = []
+
+    def _begin(self, t_ns: int) -> None:
+        """Take a configuration; a single conversion starts with it."""
+        self._running = []
+        configuration = self._registers[Register.CONFIGURATION]
+        if configuration & 0x07 != chip.MODE_SINGLE:
+            return
+        for kind, enabled, lasts_ns in (
+            (
+                _CAP,
+                self._registers[Register.CAP_SETUP] & chip.CAP_ENABLE,
+                _RATE_OF_CODE[configuration >> 3 & 0x07].conversion_ns,
+            ),
+            (
+                _VT,
+                self._registers[Register.VT_SETUP] & chip.VT_ENABLE,
+                chip.VT_CONVERSION_NS[configuration >> 6],
+            ),
+        ):
+            if enabled:
+                end_ns = t_ns + round(lasts_ns * self._clock_factor)
+                self._running.append((kind, t_ns, end_ns))
+                t_ns = end_ns
+
+    def _finish_by(self, t_ns: int) -> None:
+        """Let the conversions that are over by now set their results."""
+        while self._running and self._running[0][2] <= t_ns:
+            kind, start_ns, end_ns = self._running[0]
+            if during(self.stuck_ns, end_ns):
+                return
+            del self._running[0]
+            data = Register.CAP_DATA if kind == _CAP else Register.VT_DATA
+            code = self._capacitance(start_ns, end_ns) if kind == _CAP else self._temperature(end_ns)
+            self._registers[data : data + 3] = code.to_bytes(3, "big")
+            self._registers[Register.STATUS] &= ~kind
+            if not self._running:
+                self._registers[Register.STATUS] &= ~chip.NOT_RDY
+                self._registers[Register.CONFIGURATION] &= ~0x07
+
+    def _capacitance(self, start_ns: int, end_ns: int) -> int:
+        registers = self._registers
+        capacitance_pf, shorted = 0.0, False
+        if registers[Register.EXC_SETUP] & chip.EXC_A and not registers[Register.CAP_SETUP] & chip.CAP_CIN2:
+            capacitance_pf, shorted = self._seen(start_ns, end_ns)
+        registers[Register.STATUS] &= ~chip.EXCERR
+        registers[Register.STATUS] |= chip.EXCERR if shorted else 0
+        if registers[Register.CAPDAC_A] & chip.CAPDAC_ENABLE:
+            capacitance_pf -= (registers[Register.CAPDAC_A] & chip.CAPDAC_MAX) * self._capdac_step_pf
+        if self._noise is not None:
+            rate = _RATE_OF_CODE[registers[Register.CONFIGURATION] >> 3 & 0x07]
+            capacitance_pf += rate.noise_ff * 1e-3 * self._noise.standard_normal()
+        code = round(capacitance_pf * chip.ZERO_CODE / chip.FULL_SCALE_PF) + chip.ZERO_CODE
+        return min(max(code, 0), chip.CODE_MAX)
+
+    def _temperature(self, t_ns: int) -> int:
+        return round((self._temperature_c(t_ns) + 4096) * 2048)

@@ -1,0 +1,185 @@
+"""A simulated FDC1004, from the data sheet: registers, one-shot conversions, DONE bits, noise and range.
+
+It shares only register addresses with the driver. Behaviours kept (data sheet sections as there):
+- one conversion at a time: a trigger with several measurements and no REPEAT starts none (8.5.3.1), and a trigger
+  during a conversion abandons it;
+- DONE_n is set when measurement n ends and cleared when its result is read (8.5.3.4);
+- a result that was never converted, or is being converted, reads as 0x7FFFFF;
+- the CAPDAC takes its steps off what a pin sees, with an error of the whole chip and one where bit 3 comes in;
+- the result clips at the ends of the 24-bit range; white noise by rate.
+Not simulated: REPEAT, offset and gain calibration, supply dependence, noise and temperature of the CAPDAC.
+"""
+
+from collections.abc import Callable, Iterator
+from functools import cache
+from itertools import repeat
+from typing import NamedTuple
+
+import numpy as np
+
+from firmware_interface import fdc1004 as chip
+from footsense.sim.faults.scene_faults import Span, during
+
+#: Largest error of a chip's CAPDAC steps [1]. Not specified: codes 1 to 7 of one chip agreed within 0.16 pF, 1 %.
+CAPDAC_ERROR_REL = 0.02
+#: What bit 3 of the CAPDAC takes off beyond its eight steps [pF]: the jump between codes 7 and 8 that was measured on
+#: one chip (TI E2E forum, thread 1178477), and seen on others.
+CAPDAC_JUMP_PF = 1.4
+_JUMP_BIT = 8
+
+#: Random numbers are drawn so many at a time, which is the same sequence as one by one.
+_DRAWN = 64
+
+_RATE_OF_CODE = {rate.code: rate for rate in chip.RATES.values()}
+_FDC_CONF = int(chip.Register.FDC_CONF)
+_MEAS1_MSB, _MEAS4_LSB = int(chip.Register.MEAS1_MSB), int(chip.Register.MEAS4_LSB)
+_CONF_MEAS1, _GAIN_CAL_CIN4 = int(chip.Register.CONF_MEAS1), int(chip.Register.GAIN_CAL_CIN4)
+_RESET, _DONE = chip.CONF_RESET.encode(1), chip.CONF_DONE.encode(0xF)
+
+#: Mean capacitance [pF] that a CIN pin (0..3) saw to ground between two times [ns].
+CinCapacitance = Callable[[int, int, int], float]
+
+
+class _Conversion(NamedTuple):
+    """What a word in FDC_CONF starts: measurement, nominal time, noise."""
+
+    slot: int
+    lasts_ns: int
+    noise_pf: float
+
+
+@cache
+def _conversion(word: int) -> _Conversion | None:
+    """Return what a word in FDC_CONF starts; None for nothing."""
+    triggers = chip.CONF_TRIGGERS.decode(word)
+    one_shot = triggers.bit_count() == 1 and not chip.CONF_REPEAT.decode(word)
+    rate = _RATE_OF_CODE.get(chip.CONF_RATE.decode(word))
+    if not one_shot or rate is None:
+        return None
+    return _Conversion(chip.SLOTS - triggers.bit_length(), rate.conversion_ns, rate.noise_ff * 1e-3)
+
+
+@cache
+def _measured(config: int) -> tuple[int, int]:
+    """Return which pin a word in CONF_MEASn measures, and how many steps of the CAPDAC it takes off."""
+    takes_off = chip.CONF_CHB.decode(config) == chip.CHB_CAPDAC
+    return chip.CONF_CHA.decode(config), chip.CONF_CAPDAC.decode(config) if takes_off else 0
+
+
+def _white(noise: np.random.Generator) -> Iterator[float]:
+    """Yield noise of standard deviation 1."""
+    while True:
+        yield from noise.standard_normal(_DRAWN).tolist()
+
+
+class SimulatedFdc1004:
+    """One converter.
+
+    Args:
+        cin_capacitance_pf: What is connected to the pins.
+        noise: Source of the converter's noise; None for a converter without.
+        clock_error_rel: How much longer its conversions last than nominal [1].
+        capdac_error_rel: How much larger the steps of its CAPDAC are than nominal [1].
+
+    Attributes:
+        absent_ns: Spans in which it does not answer [ns].
+        stuck_ns: Spans in which its conversions do not finish [ns].
+        brown_outs_ns: When its supply fails for a moment, which resets it [ns].
+    """
+
+    address = chip.ADDRESS
+
+    def __init__(
+        self,
+        cin_capacitance_pf: CinCapacitance,
+        noise: np.random.Generator | None,
+        clock_error_rel: float = 0.0,
+        capdac_error_rel: float = 0.0,
+    ) -> None:
+        self.absent_ns: list[Span] = []
+        self.stuck_ns: list[Span] = []
+        self.brown_outs_ns: list[float] = []
+        self._cin_capacitance_pf = cin_capacitance_pf
+        self._noise = repeat(0.0) if noise is None else _white(noise)
+        self._clock_factor = 1.0 + clock_error_rel
+        self._capdac_step_pf = chip.CAPDAC_STEP_PF * (1.0 + capdac_error_rel)
+        self._pointer = 0
+        self._reset()
+
+    def acknowledges(self, t_ns: int) -> bool:
+        """Answer as long as the leg is there."""
+        if not (self.brown_outs_ns or self.absent_ns):
+            return True
+        while self.brown_outs_ns and min(self.brown_outs_ns) <= t_ns:
+            self.brown_outs_ns.remove(min(self.brown_outs_ns))
+            self._reset()
+        return not during(self.absent_ns, t_ns)
+
+    def write(self, data: bytes, t_ns: int) -> None:
+        """Take a register pointer and, if two bytes follow, the register's new value."""
+        if self._running is not None and t_ns >= self._ends_ns:
+            self._finish(self._running)
+        self._pointer = data[0]
+        if len(data) < 3:
+            return
+        word = data[1] << 8 | data[2]
+        if self._pointer == _FDC_CONF:
+            self._configure(word, t_ns)
+        elif _CONF_MEAS1 <= self._pointer <= _GAIN_CAL_CIN4:
+            self._registers[self._pointer] = word
+
+    def read(self, n: int, t_ns: int) -> bytes:
+        """Return the register at the pointer; further bytes are ones, as nobody drives the line."""
+        if self._running is not None and t_ns >= self._ends_ns:
+            self._finish(self._running)
+        word = self._register(self._pointer).to_bytes(2, "big")
+        return word if n == len(word) else word[:n] + b"\xff" * (n - 2)
+
+    def _reset(self) -> None:
+        self._registers = dict(chip.RESET_VALUES)
+        self._results = [chip.CODE_MAX] * chip.SLOTS
+        self._conf = 0
+        self._done = 0
+        self._running: _Conversion | None = None
+        self._started_ns = self._ends_ns = 0
+
+    def _configure(self, word: int, t_ns: int) -> None:
+        if word & _RESET:
+            self._reset()
+            return
+        # DONE is read-only.
+        self._conf = word & ~_DONE
+        self._running = conversion = _conversion(word)
+        if conversion is None:
+            return
+        self._results[conversion.slot] = chip.CODE_MAX
+        self._started_ns = t_ns
+        self._ends_ns = t_ns + round(conversion.lasts_ns * self._clock_factor)
+
+    def _finish(self, conversion: _Conversion) -> None:
+        """Let a conversion that is over by now set its result."""
+        if during(self.stuck_ns, self._ends_ns):
+            return
+        self._running = None
+        self._results[conversion.slot] = self._convert(conversion)
+        self._done |= chip.slot_bit(conversion.slot)
+
+    def _convert(self, conversion: _Conversion) -> int:
+        cin, capdac = _measured(self._registers[_CONF_MEAS1 + conversion.slot])
+        capacitance_pf = self._cin_capacitance_pf(cin, self._started_ns, self._ends_ns)
+        if capdac:
+            capacitance_pf -= capdac * self._capdac_step_pf + (CAPDAC_JUMP_PF if capdac & _JUMP_BIT else 0.0)
+        capacitance_pf += conversion.noise_pf * next(self._noise)
+        return min(max(round(capacitance_pf * chip.CODES_PER_PF), chip.CODE_MIN), chip.CODE_MAX)
+
+    def _register(self, address: int) -> int:
+        if address == _FDC_CONF:
+            return self._conf | chip.CONF_DONE.encode(self._done)
+        if _MEAS1_MSB <= address <= _MEAS4_LSB:
+            slot, lower = divmod(address, 2)
+            code = self._results[slot] & 0xFFFFFF
+            if lower:
+                return (code & 0xFF) << 8
+            self._done &= ~chip.slot_bit(slot)
+            return code >> 8
+        return self._registers.get(address, 0)

@@ -1,0 +1,162 @@
+"""A simulated microcontroller that scans feet by itself.
+
+It shares only the layout of a record with the driver. Behaviours kept: a clock of its own that starts anywhere, drifts
+and wraps; numbers that begin anew with a reset; all records of a scan together, behind its last conversion.
+"""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_interface import fdc1004
+from firmware_interface.can_codes import NODE_IDS
+from firmware_interface.serial_frames import (
+    ELEMENTS,
+    NO_VALUE,
+    NoValue,
+    Record,
+    RecordFlag,
+    encode_record,
+    pack_values,
+)
+from footsense.sim.chips.electronics import Wired
+from footsense.sim.chips.line_switch import LineStates
+from footsense.sim.faults.scene_faults import Span, during
+from footsense.sim.robot import SimulatedRobot
+from footsense.sim.scene import Scene
+
+__all__ = ["SimulatedMcu", "simulated_mcu"]
+
+_NS_PER_US = 1000
+_AF_PER_PF = 1e6
+_WRAP_US = 1 << 32
+#: Records of a leg in which it says that it has just started.
+_STARTING_RECORDS = 256
+#: Noise of one conversion [pF]: that of the default board's fastest one, for want of a board to measure.
+_NOISE_PF = fdc1004.RATES[400].noise_ff * 1e-3
+#: By how much its crystal runs fast [1].
+_CLOCK_ERROR_REL = 40e-6
+
+#: Share of a scan's time in which the elements are converted, one after the other.
+_CONVERTING_REL = 0.9
+_ROWS = _COLUMNS = 3
+#: One row selected, the others waiting.
+_ALONE = [LineStates(0, 1 << row, 0b111 & ~(1 << row)) for row in range(_ROWS)]
+#: What the noise draws from, beside what the legs do.
+_NOISE_DRAW = 6
+
+#: Capacitances of a leg's elements at a time [ns], stray included [pF], shape (9,).
+Elements = Callable[[int], NDArray[np.float64]]
+
+
+class SimulatedMcu:
+    """The controller.
+
+    Args:
+        legs: What it measures on each leg, by the leg's name.
+        step_us: Time from element to element [us]; 0 to convert them all together.
+        starts_us: What its clock says at time 0 [us].
+        noise: Source of its noise; None for a converter without.
+
+    Attributes:
+        silent_ns: Spans in which a leg's converter does not answer, by the leg's name [ns].
+    """
+
+    def __init__(
+        self,
+        legs: Mapping[str, Elements],
+        *,
+        step_us: int = 0,
+        starts_us: int = 0,
+        noise: np.random.Generator | None = None,
+    ) -> None:
+        self.silent_ns: dict[str, Span] = {}
+        self._legs = dict(legs)
+        self._step_us = step_us
+        self._starts_us = starts_us
+        self._started_ns = 0
+        self._noise = noise
+        self._n_scans = 0
+        self._lead = b""
+
+    def restart(self, t_ns: int) -> None:
+        """Be reset at a time [ns]: clock and numbers begin at 0, and a zero ends what was cut off."""
+        self._lead = b"\0"
+        self._starts_us = 0
+        self._started_ns = t_ns
+        self._n_scans = 0
+
+    def scan(self, t_ns: int) -> bytes:
+        """Return the records of a scan whose first conversion has its middle at a time [ns], behind each other."""
+        t_us = self._starts_us + round((t_ns - self._started_ns) * (1 + _CLOCK_ERROR_REL)) // _NS_PER_US
+        number, self._n_scans = self._n_scans, self._n_scans + 1
+        flags = RecordFlag.STARTING if number < _STARTING_RECORDS else 0
+        lead, self._lead = self._lead, b""
+        return lead + b"".join(
+            encode_record(
+                Record(
+                    leg=NODE_IDS[leg],
+                    seq=number & 0xFFFF,
+                    flags=flags,
+                    step_us=self._step_us,
+                    t_us=t_us % _WRAP_US,
+                    values=pack_values(self._values_af(leg, elements_pf, t_ns)),
+                )
+            )
+            for leg, elements_pf in self._legs.items()
+        )
+
+    @property
+    def converts_ns(self) -> int:
+        """The time from a scan's first conversion to its last, when its records go out [ns]."""
+        return (ELEMENTS - 1) * self._step_us * _NS_PER_US
+
+    def _values_af(self, leg: str, elements_pf: Elements, t_ns: int) -> list[int]:
+        if leg in self.silent_ns and during([self.silent_ns[leg]], t_ns):
+            return [NO_VALUE + NoValue.NO_ANSWER] * ELEMENTS
+        if self._step_us:
+            step_ns = self._step_us * _NS_PER_US
+            values_pf = np.array([elements_pf(t_ns + n * step_ns)[n] for n in range(ELEMENTS)])
+        else:
+            values_pf = elements_pf(t_ns)
+        if self._noise is not None:
+            values_pf = values_pf + self._noise.normal(0.0, _NOISE_PF, ELEMENTS)
+        over = values_pf * _AF_PER_PF >= 2**31
+        values: list[int] = (
+            np.where(over, NO_VALUE + NoValue.OVER_RANGE, values_pf * _AF_PER_PF).round().astype(int).tolist()
+        )
+        return values
+
+
+def simulated_mcu(robot: SimulatedRobot, scene: Scene, rate_hz: float) -> SimulatedMcu:
+    """Return a microcontroller on a simulated robot, none of whose buses is used then.
+
+    Args:
+        robot: The robot.
+        scene: What it does, and what is not ideal.
+        rate_hz: Scans per second that leave it time.
+    """
+    noise = np.random.default_rng((scene.seed, _NOISE_DRAW)) if scene.effects.converter_noise else None
+    return SimulatedMcu(
+        {name: _reading(leg.wired, scene.effects.stray_pf) for name, leg in robot.legs.items()},
+        step_us=round(_CONVERTING_REL * 1e6 / rate_hz / ELEMENTS),
+        noise=noise,
+    )
+
+
+def _reading(foot: Wired, stray_pf: float) -> Elements:
+    """Return what electronics without a fault of their own read of a foot, each row in turn."""
+
+    def elements_pf(t_ns: int) -> NDArray[np.float64]:
+        element_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)]
+        if foot.damage is None:
+            return np.array(element_pf)
+        seen_pf = [
+            foot.damage.seen_pf(column, element_pf[column::_COLUMNS], states, t_ns)
+            for states in _ALONE
+            for column in range(_COLUMNS)
+        ]
+        return np.array(seen_pf)
+
+    return elements_pf

@@ -1,0 +1,1 @@
+"""What breaks in a scene, and how each part fails."""

@@ -1,0 +1,1 @@
+"""What rubber, temperature and fabrication do to a simulated foot."""

@@ -1,0 +1,76 @@
+"""What a foot does over one gait cycle, computed once: for walks so long that the response table would take hours.
+
+The load of a walk depends on the phase alone, and so do the capacitances, but for what the temperature does to the
+rubber, which is a second axis. Between the points they are interpolated linearly.
+"""
+
+import math
+
+import numpy as np
+
+from footsense.foot.specimen import Foot
+from footsense.sim.loads.ground_load import Walk
+
+#: Time between two points of a table [ns]: 0.03 fF, where no gap shuts.
+STEP_NS = 250_000
+#: Step of the softness between two tables [1].
+_SOFTNESS_STEP = 0.005
+
+
+class GaitTable:
+    """The capacitances of one foot over the stance of a leg.
+
+    Args:
+        foot: The foot.
+        walk: How it is loaded.
+        leg: On which leg it is mounted.
+        softness: Bounds of what the closures may be of those that the foot had at the beginning [1].
+
+    Attributes:
+        rest_pf: Capacitance of each element in the air [pF], nine.
+    """
+
+    def __init__(self, foot: Foot, walk: Walk, leg: str, softness: tuple[float, float] = (1.0, 1.0)) -> None:
+        self.rest_pf: list[float] = foot.rest_pf.tolist()
+        self._n_steps = math.ceil(walk.duty_rel * walk.period_ns / STEP_NS)
+        self._per_phase = self._n_steps / walk.duty_rel
+        # The last point belongs to the stance: at its end a foot may still carry.
+        phases = np.linspace(0.0, walk.duty_rel, self._n_steps + 1)
+        contacts = [walk.contact_at(leg, phase) for phase in phases.tolist()]
+        normal = np.array([contact.normal for contact in contacts])
+        force_n = np.array([contact.force_n for contact in contacts])
+        low, high = min(softness), max(softness)
+        levels = np.linspace(low, high, 1 + math.ceil((high - low) / _SOFTNESS_STEP))
+        self._low = low
+        self._per_softness = (len(levels) - 1) / (high - low) if high > low else 0.0
+        # Rows of floats: arithmetic with nine numbers is faster without arrays.
+        self._tables: list[list[list[float]]] = [
+            foot.capacitance_pf(normal, softness * force_n).tolist() for softness in levels.tolist()
+        ]
+
+    def capacitance_pf(self, phase: float | None, softness: float = 1.0) -> list[float]:
+        """Return what each element has [pF], nine.
+
+        Args:
+            phase: Where the leg is in its gait cycle, within the stance; None in the air.
+            softness: Closures over those that the foot had at the beginning [1].
+        """
+        if phase is None:
+            return self.rest_pf
+        level = (softness - self._low) * self._per_softness
+        below = min(int(level), len(self._tables) - 1)
+        lower_pf = self._at(self._tables[below], phase)
+        part = level - below
+        if part <= 0.0:
+            return lower_pf
+        return _between(lower_pf, self._at(self._tables[below + 1], phase), part)
+
+    def _at(self, table: list[list[float]], phase: float) -> list[float]:
+        place = phase * self._per_phase
+        step = min(int(place), self._n_steps - 1)
+        return _between(table[step], table[step + 1], place - step)
+
+
+def _between(from_pf: list[float], to_pf: list[float], part: float) -> list[float]:
+    """Return the values of which some part of the way is behind them."""
+    return [a_pf + part * (b_pf - a_pf) for a_pf, b_pf in zip(from_pf, to_pf, strict=True)]

@@ -1,0 +1,250 @@
+"""What the ground does to each foot over time: the truth that the whole chain is judged against.
+
+A load gives, for a leg and a time, the surface normal at the contact and the ground reaction on the foot, both in
+the foot frame (x forward, y left, z along the leg towards the body). On flat ground a leg that leans by the pitch p
+(foot ahead of the hip: p > 0) sees the world's vertical as (sin p, 0, cos p): the contact wanders over the ball
+during a stance, and the friction makes the force lean away from the normal.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from importlib.resources import files
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.frames import LEGS
+
+Vector = NDArray[np.float64]
+
+_NS_PER_S = 1_000_000_000
+#: Legs of a tripod gait that step half a period later than the others.
+_SECOND_TRIPOD = ("rf", "lm", "rr")
+_RIGHT_LEGS = ("rf", "rm", "rr")
+
+
+class Contact(NamedTuple):
+    """The touch of one foot: inward normal of the ball at the contact (unit length) and force [N], foot frame."""
+
+    normal: Vector
+    force_n: Vector
+
+
+class Load(Protocol):
+    """The contacts of all legs over time."""
+
+    def contact(self, leg: str, t_ns: int) -> Contact:
+        """Return how `leg` is loaded at `t_ns`; a force of zero means that it is in the air."""
+        ...
+
+
+_UP = np.array([0.0, 0.0, 1.0])
+IN_THE_AIR = Contact(_UP, np.zeros(3))
+
+
+class Unloaded:
+    """Every foot hangs in the air."""
+
+    def contact(self, leg: str, t_ns: int) -> Contact:
+        """Return no load."""
+        del leg, t_ns
+        return IN_THE_AIR
+
+
+class Ramp:
+    """Every foot is pressed through its centre by one force, which grows evenly from nothing and then stays.
+
+    Args:
+        force_n: Force on every foot in the end [N], foot frame, not zero.
+        from_ns: When it begins [ns].
+        rise_ns: How long it grows [ns]; 0 for a load that is there at once.
+    """
+
+    def __init__(self, force_n: tuple[float, float, float], from_ns: int, rise_ns: int = 0) -> None:
+        self._force_n = np.array(force_n)
+        self._normal = self._force_n / np.linalg.norm(self._force_n)
+        self._from_ns = from_ns
+        self._rise_ns = rise_ns
+
+    def contact(self, leg: str, t_ns: int) -> Contact:
+        """Return the same for every leg."""
+        del leg
+        since_ns = t_ns - self._from_ns
+        if since_ns < 0:
+            return IN_THE_AIR
+        share = min(since_ns / self._rise_ns, 1.0) if self._rise_ns else 1.0
+        return Contact(self._normal, share * self._force_n)
+
+
+#: Ground reaction in the world frame [N] over the phase of the gait cycle, 0 at touchdown, in [0, 1).
+Reaction = Callable[[float], Vector]
+
+
+class Walk:
+    """A tripod gait on flat ground.
+
+    A stand begins for each leg in the middle of its next stance and lasts whole gait cycles, so that all six are on
+    the ground and then walk on as if they had never stood.
+
+    Args:
+        reaction: Ground reaction of each leg over its phase.
+        period_ns: Duration of a gait cycle [ns].
+        duty_rel: Part of the cycle that a foot is on the ground [1].
+        pitch_deg: Lean of the leg at touchdown; it falls evenly to the opposite at lift-off [deg].
+        from_ns: When the walk begins; before that, all feet are in the air [ns].
+        stands_ns: From when until when it stands, each after the one before [ns].
+
+    Attributes:
+        period_ns: As given.
+        duty_rel: As given.
+        reaction: As given.
+    """
+
+    def __init__(
+        self,
+        reaction: dict[str, Reaction],
+        period_ns: int,
+        duty_rel: float,
+        pitch_deg: float,
+        from_ns: int,
+        stands_ns: Sequence[tuple[int, int]] = (),
+    ) -> None:
+        self.reaction = reaction
+        self.period_ns = period_ns
+        self.duty_rel = duty_rel
+        self._pitch_rad = math.radians(pitch_deg)
+        self._from_ns = from_ns
+        self._stands_ns = tuple(stands_ns)
+        self._touch: tuple[Reaction, float, Contact] | None = None  # three legs touch the ground alike
+
+    def contact(self, leg: str, t_ns: int) -> Contact:
+        """Return the leg's contact; the second tripod steps half a cycle after the first."""
+        phase = self.phase(leg, t_ns)
+        if phase is None:
+            return IN_THE_AIR
+        reaction = self.reaction[leg]
+        if self._touch is None or self._touch[:2] != (reaction, phase):
+            self._touch = reaction, phase, self.contact_at(leg, phase)
+        return self._touch[2]
+
+    def phase(self, leg: str, t_ns: int) -> float | None:
+        """Return where a leg is in its gait cycle, 0 at touchdown, in [0, 1); None in the air."""
+        from_ns = self._from_ns + (self.period_ns // 2 if leg in _SECOND_TRIPOD else 0)
+        since_ns = t_ns - from_ns
+        if since_ns < 0:
+            return None
+        for stand_ns, until_ns in self._stands_ns:
+            middle_ns = round(0.5 * self.duty_rel * self.period_ns)
+            before = -((from_ns + middle_ns - stand_ns) // self.period_ns)
+            stood_ns = middle_ns + max(before, 0) * self.period_ns
+            lasts_ns = -((stand_ns - until_ns) // self.period_ns) * self.period_ns
+            if stood_ns <= since_ns < stood_ns + lasts_ns:
+                since_ns = stood_ns
+        phase = since_ns % self.period_ns / self.period_ns
+        return phase if phase < self.duty_rel else None
+
+    def contact_at(self, leg: str, phase: float) -> Contact:
+        """Return a leg's contact at a phase of its stance."""
+        x, y, z = self.reaction[leg](phase).tolist()
+        if z <= 0.0:
+            return IN_THE_AIR
+        pitch = self._pitch_rad * (1 - 2 * phase / self.duty_rel)
+        sin, cos = math.sin(pitch), math.cos(pitch)
+        return Contact(
+            normal=np.array([sin, 0.0, cos]), force_n=np.array([x * cos + z * sin, y, z * cos - x * sin])
+        )
+
+
+def smooth_step(duty_rel: float, peak_force_n: float, friction_rel: float) -> Reaction:
+    """Return a stance with rounded flanks: it brakes first, drives on later, and pushes a little to the left.
+
+    Args:
+        duty_rel: Part of the cycle on the ground [1].
+        peak_force_n: Largest vertical force [N].
+        friction_rel: Largest horizontal over vertical force [1].
+    """
+    flank = 0.2  # share of the stance in which the force rises, and in which it falls
+
+    def reaction(phase: float) -> Vector:
+        stance = phase / duty_rel
+        edge = min(stance, 1 - stance) / flank
+        vertical = peak_force_n * (0.5 - 0.5 * math.cos(math.pi * min(edge, 1.0)))
+        along = -friction_rel * math.cos(math.pi * stance)
+        return np.array([along * vertical, 0.2 * friction_rel * vertical, vertical])
+
+    return reaction
+
+
+class MeasuredStride(NamedTuple):
+    """One stride of a walking person: time [s] from heel strike, force [N] of shape (n, 3), stride and stance [s]."""
+
+    t_s: Vector
+    force_n: Vector
+    stride_s: float
+    stance_s: float
+
+
+def measured_strides() -> dict[str, MeasuredStride]:
+    """Return the measured stride of the "right" and of the "left" foot; x forward, y left, z up.
+
+    Source:
+        Ground reaction forces of subject11_noload_free_trial03 of the OpenSim project's models
+        (Pipelines/Rajagopal/ExpData/grf_walk.mot), every second sample of 2 kHz; Rajagopal et al.,
+        IEEE Trans. Biomed. Eng. 63(10), 2016.
+    """
+    text = files("footsense.sim.loads").joinpath("measured_walk_grf.csv").read_text(encoding="utf-8")
+    data = np.loadtxt(text.splitlines(), delimiter=",", skiprows=1)
+    t_s = data[:, 0]
+    touchdowns = {}
+    strides = {}
+    for foot, columns in (("right", slice(1, 4)), ("left", slice(4, 7))):
+        loaded = (data[:, columns][:, 2] > 0).astype(int)
+        touchdowns[foot] = t_s[np.flatnonzero(np.diff(loaded) > 0) + 1]
+    # Only the right foot strikes twice in the recording; both feet walk at the same pace.
+    stride_s = float(touchdowns["right"][1] - touchdowns["right"][0])
+    for foot, columns in (("right", slice(1, 4)), ("left", slice(4, 7))):
+        start_s = float(touchdowns[foot][0])
+        inside = (t_s >= start_s) & (t_s < start_s + stride_s)
+        force_n = data[inside, columns]
+        stance_s = float(t_s[inside][np.flatnonzero(force_n[:, 2] > 0)[-1]] - start_s)
+        strides[foot] = MeasuredStride(t_s[inside] - start_s, force_n, stride_s, stance_s)
+    return strides
+
+
+def measured_walk(peak_force_n: float, pitch_deg: float, from_ns: int) -> Walk:
+    """Return a walk whose legs feel measured ground reactions, scaled so that the largest vertical one fits.
+
+    Args:
+        peak_force_n: What the largest vertical force is scaled to [N].
+        pitch_deg: As for Walk.
+        from_ns: As for Walk.
+    """
+    strides = measured_strides()
+    largest_n = max(float(stride.force_n[:, 2].max()) for stride in strides.values())
+    scale = peak_force_n / largest_n
+    right = strides["right"]
+
+    def replayed(stride: MeasuredStride) -> Reaction:
+        scaled_n = stride.force_n * scale
+        last = len(scaled_n) - 1
+        dt_s = float(stride.t_s[1] - stride.t_s[0])
+
+        def reaction(phase: float) -> Vector:
+            position = phase * stride.stride_s / dt_s
+            index = min(int(position), last)
+            following = min(index + 1, last)
+            part = position - index
+            value: Vector = (1 - part) * scaled_n[index] + part * scaled_n[following]
+            return value
+
+        return reaction
+
+    by_foot = {foot: replayed(stride) for foot, stride in strides.items()}
+    return Walk(
+        reaction={leg: by_foot["right" if leg in _RIGHT_LEGS else "left"] for leg in LEGS},
+        period_ns=round(right.stride_s * _NS_PER_S),
+        duty_rel=max(stride.stance_s for stride in strides.values()) / right.stride_s,
+        pitch_deg=pitch_deg,
+        from_ns=from_ns,
+    )

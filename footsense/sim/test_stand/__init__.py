@@ -1,0 +1,1 @@
+"""A simulated test stand: calibration loads and the force sensor under them."""

@@ -1,0 +1,1 @@
+"""Counters in shared memory and their exporter, the journal, systemd, and run statistics."""

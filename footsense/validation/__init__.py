@@ -1,0 +1,1 @@
+"""The daemon under faults in virtual time: fault table, random faults, soak, invariants, virtual experiment."""

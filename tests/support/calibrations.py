@@ -1,0 +1,70 @@
+"""Foot packs of feet that nobody pressed."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from footsense.calibration.writer import PackContent, write_pack
+from footsense.daemon import FOOT_TYPE, released
+from footsense.foot.calibration_format import HeldOut
+from footsense.foot.calibration_reader import FootPack
+from footsense.foot.force_errors import Errors
+from footsense.foot.parameters import FEATURES, FootParameters
+
+#: What the simulator's designed foot reads unloaded [pF].
+REST_PF = 5.387
+
+BEFORE = Errors(15.9, 30.0, 40.0, 18.7, 30.0, 50.0, 180)
+AFTER = Errors(1.5, 3.0, 4.0, 1.8, 4.0, 6.0, 180)
+
+
+def parameters(**given: Any) -> FootParameters:
+    """Return those of a foot that differs in all there is; `given` replaces some."""
+    correction = np.zeros((3, FEATURES))
+    correction[2, 0] = 1.0 / 3.0
+    turn = np.radians(4.0)
+    mount = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+    values: dict[str, Any] = {
+        "stray_pf": np.linspace(0.1, 0.5, 9),
+        "unloaded_pf": np.linspace(5.0, 6.1, 9),
+        "gap_um": np.linspace(18.0, 23.0, 9),
+        "gain_rel": np.linspace(0.9, 1.1, 9),
+        "stiffness_rel": 0.07,
+        "mount": mount,
+        "correction": correction,
+        "error_rel": 0.02,
+    }
+    return FootParameters(**{**values, **given})
+
+
+def as_designed(**given: Any) -> FootParameters:
+    """Return those of a foot exactly as the simulator has it; `given` replaces some."""
+    values: dict[str, Any] = {
+        "stray_pf": np.zeros(9),
+        "unloaded_pf": np.full(9, REST_PF),
+        "gap_um": np.full(9, 20.0),
+    }
+    return FootParameters(**{**values, **given})
+
+
+def content(foot: str = "foot-0007", **given: Any) -> PackContent:
+    """Return what goes into a pack; `given` replaces some."""
+    values: dict[str, Any] = {
+        "foot": foot,
+        "foot_type": FOOT_TYPE,
+        "parameters": parameters(),
+        "network": released("network.onnx"),
+        "made": "2026-03-01T12:00:00Z",
+        "n_pokes": 362,
+        "n_sessions": 3,
+        "held_out": HeldOut(protocol="each session by the two others", design_only=BEFORE, calibrated=AFTER),
+        "recordings": {"one.mcap": "1" * 64, "two.mcap": "2" * 64},
+        "temperature_c": 23.5,
+    }
+    return PackContent(**{**values, **given})
+
+
+def pack(feet: Path, foot: str = "foot-0007", **given: Any) -> FootPack:
+    """Write a pack and return it."""
+    return write_pack(feet, content(foot, **given))

@@ -1,0 +1,112 @@
+"""A sink on a virtual channel, and a consumer that listens to it."""
+
+import math
+from pathlib import Path
+
+import can
+import numpy as np
+
+from firmware_interface.can_codes import NODE_IDS, USABLE, Cause, State
+from firmware_interface.socketcan import split_frames
+from footsense.can.sink import CanSink
+from footsense.frames import ForceFrame, Zero
+
+MS = 1_000_000
+
+
+class FakeClock:
+    """A clock that stands until it is set."""
+
+    def __init__(self) -> None:
+        self.t_ns = 0
+
+    def now_ns(self) -> int:
+        return self.t_ns
+
+    def sleep_until_ns(self, t_ns: int) -> None:
+        self.t_ns = max(self.t_ns, t_ns)
+
+
+class NarrowWire:
+    """A CAN interface that takes as many frames of each call as it is told to."""
+
+    def __init__(self) -> None:
+        self.room = 100
+        self.taken: list[tuple[int, bytes]] = []
+
+    def send(self, frames: bytes, t_ns: int) -> int:
+        del t_ns
+        taken = list(split_frames(frames))[: self.room]
+        self.taken += taken
+        return len(taken)
+
+    def receive(self) -> list[bytes]:
+        return []
+
+    def close(self) -> None: ...
+
+
+class Robot:
+    """A sink on a channel of its own, and a consumer that listens to it."""
+
+    def __init__(
+        self,
+        channel: str,
+        legs: tuple[str, ...] = ("lf",),
+        log_file: Path | None = None,
+        wire: NarrowWire | None = None,
+    ) -> None:
+        self.clock = FakeClock()
+        self.consumer = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True)
+        self.sink = CanSink(
+            interface="virtual",
+            channel=channel,
+            legs=legs,
+            clock=self.clock,
+            log_file=log_file,
+            connect=None if wire is None else lambda: wire,
+        )
+        self.legs = legs
+        self.heard()
+
+    def publish(
+        self,
+        t_ns: int,
+        state: State = State.VALID,
+        age_ns: int = 0,
+        mask: int = 0,
+        cause: Cause = Cause.NONE,
+        flags: int = 0,
+        zero: Zero | None = None,
+    ) -> None:
+        """Publish one frame at a time at which its measurement is `age_ns` old."""
+        self.clock.t_ns = t_ns
+        n = len(self.legs)
+        force_n = 0.5 if state in USABLE else math.nan
+        self.sink.publish(
+            ForceFrame(
+                sequence=0,
+                t_sent_ns=t_ns,
+                t_ns=np.full(n, t_ns - age_ns),
+                force_n=np.full((n, 3), force_n),
+                sigma_n=np.full((n, 3), force_n / 50),
+                state=np.full(n, state, np.uint8),
+                fault_mask=np.full(n, mask, np.uint16),
+                flags=np.full(n, flags, np.uint8),
+                cause=np.full(n, cause, np.uint8),
+                zero=zero or Zero.none(n),
+            )
+        )
+
+    def heard(self, base: int | None = None) -> list[can.Message]:
+        """Return what has arrived at the consumer, of one kind of frame or of all."""
+        messages = list(iter(lambda: self.consumer.recv(timeout=0), None))
+        return [m for m in messages if base is None or m.arbitration_id - base in NODE_IDS.values()]
+
+    def ask(self, data: bytes, can_id: int = 0x201) -> None:
+        """Send a command frame."""
+        self.consumer.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+
+    def close(self) -> None:
+        self.sink.close()
+        self.consumer.shutdown()

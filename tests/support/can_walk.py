@@ -1,0 +1,100 @@
+"""The real sink on a simulated CAN interface, and a consumer that notes when each frame came."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from firmware_interface.can_codes import NODE_IDS
+from firmware_interface.socketcan import split_frames
+from footsense.can.sink import CanSink
+from footsense.frames import ForceFrame, Zero
+from footsense.sim.can.interface import AS_DEPLOYED, CanSettings, SimulatedCan
+from footsense.sim.faults.can_faults import CanFault
+from tests.support.can_robot import MS, FakeClock
+
+LEGS = tuple(NODE_IDS)
+
+#: Four scans, the service's own age limit.
+MAX_AGE_NS = 98 * MS
+
+
+class Heard(NamedTuple):
+    """A frame that a consumer got.
+
+    Attributes:
+        t_ns: When [ns].
+        wait_ns: How long before it had been handed over [ns].
+        can_id: Its id.
+        data: Its data.
+    """
+
+    t_ns: int
+    wait_ns: int
+    can_id: int
+    data: bytes
+
+
+class CanWalk:
+    """Six legs that publish scans of which each element is half a scan old."""
+
+    def __init__(
+        self,
+        faults: Sequence[CanFault] = (),
+        settings: CanSettings = AS_DEPLOYED,
+        *,
+        bitrate: int = 500_000,
+        period_ns: int = 24 * MS,
+        legs: tuple[str, ...] = LEGS,
+    ) -> None:
+        self.clock = FakeClock()
+        self.can = SimulatedCan(self.clock, bitrate, faults, settings)
+        self.can.controller.hear = self._hear
+        self.period_ns = period_ns
+        self.heard: list[Heard] = []
+        self.n_scans = 0
+        self.sink = CanSink(
+            interface="simulated", channel="can0", legs=legs, clock=self.clock, connect=self.can.connect
+        )
+        n = len(legs)
+        self._force_n = np.full((n, 3), 0.5)
+        self._n = n
+
+    def _hear(self, t_ns: int, handed_ns: int, frame: bytes) -> None:
+        can_id, data = next(split_frames(frame))
+        self.heard.append(Heard(t_ns, t_ns - handed_ns, can_id, data))
+
+    def walk(self, until_s: float) -> None:
+        """Publish scan after scan up to a time."""
+        while (t_ns := (self.n_scans + 1) * self.period_ns) < until_s * 1e9:
+            self.clock.t_ns = t_ns
+            self.n_scans += 1
+            self.sink.commands()
+            self.sink.publish(
+                ForceFrame(
+                    sequence=self.n_scans,
+                    t_sent_ns=t_ns,
+                    t_ns=np.full(self._n, t_ns - self.period_ns // 2),
+                    force_n=self._force_n,
+                    sigma_n=self._force_n / 50,
+                    state=np.ones(self._n, np.uint8),
+                    fault_mask=np.zeros(self._n, np.uint16),
+                    flags=np.zeros(self._n, np.uint8),
+                    cause=np.zeros(self._n, np.uint8),
+                    zero=Zero.none(self._n),
+                )
+            )
+        self.clock.t_ns = max(self.clock.t_ns, round(until_s * 1e9))
+        self.can.advance()
+
+    def forces(self, node: int | None = None) -> list[Heard]:
+        """Return the Force frames that were heard, of one node or of all."""
+        ids = {0x180 + n for n in ([node] if node else NODE_IDS.values())}
+        return [frame for frame in self.heard if frame.can_id in ids]
+
+    @property
+    def worst_wait_ms(self) -> float:
+        """Longest that a Force or Quality was under way [ms]."""
+        return max(
+            (h.wait_ns / MS for h in self.heard if h.can_id >> 7 in {0x180 >> 7, 0x280 >> 7}), default=0.0
+        )

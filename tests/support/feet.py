@@ -1,0 +1,92 @@
+"""Feet whose closures are given, and a pipeline whose network adds them up."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.estimation.alignment.scan_by_scan import ScanByScan
+from footsense.estimation.baseline.contact import ContactLimits
+from footsense.estimation.baseline.tare import TareLimits
+from footsense.estimation.pipeline import Pipeline
+from footsense.estimation.sensitivity import Sensitivity
+from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.network_card import TrainedInputs
+from footsense.frames import CapFrame, Flag, ForceFrame, Result
+
+DESIGN = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
+WINDOW = 4
+SCAN_NS = 25_000_000
+MAX_AGE_NS = 100_000_000
+SIGMA_N = np.array([0.01, 0.01, 0.02])
+#: The zero of these feet leaves nothing open: their sigma is the network's, and `test_footing` has the zero's.
+ZERO_N = np.zeros(3)
+
+#: Loads that close all gaps alike, but for a millionth: a missing closure is the mean of the others.
+ALIKE = np.ones((9, 9)) + 1e-6 * np.eye(9)
+
+
+class SumOfClosures:
+    """An estimator whose every force is the sum of the closures, and less sure with each that is missing."""
+
+    def estimate(
+        self, closure_rel: NDArray[np.float64], missing: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        assert np.isfinite(closure_rel).all(), "the network must never see a number that is none"
+        assert missing.dtype == bool
+        force_n = np.repeat(closure_rel.sum(axis=1, keepdims=True), 3, axis=1)
+        return force_n, SIGMA_N * (1 + missing.sum(axis=1, keepdims=True))
+
+
+def pipeline(n_legs: int = 2, stray_pf: float = 0.0, **own: NDArray[np.float64]) -> Pipeline:
+    """Return one of feet as designed; `own` says otherwise of their `gap_um` and `gain_rel`."""
+    return Pipeline(
+        ScanByScan(SumOfClosures(), n_legs, ALIKE),
+        TrainedInputs(
+            design=DESIGN,
+            closure_rel_min=np.full(9, -0.05),
+            closure_rel_max=np.full(9, 0.8),
+            moments=ALIKE,
+        ),
+        np.full((n_legs, 9), stray_pf),
+        np.full((n_legs, 9), DESIGN.rest_pf),
+        sensitivity=Sensitivity(load_n=9.0, zero_n=ZERO_N),
+        tare=TareLimits(window_frames=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
+        contact=ContactLimits(touch_n=0.03),
+        max_age_ns=MAX_AGE_NS,
+        settled_ns=MAX_AGE_NS,
+        flags=Flag.SIMULATED,
+        gap_um=own.get("gap_um"),
+        gain_rel=own.get("gain_rel"),
+    )
+
+
+class Feet:
+    """Makes scans of feet whose closures are given, and feeds them to a pipeline."""
+
+    def __init__(self, n_legs: int = 2, stray_pf: float = 0.0, **own: NDArray[np.float64]) -> None:
+        self.pipeline = pipeline(n_legs, stray_pf, **own)
+        self.n_legs = n_legs
+        self.stray_pf = stray_pf
+        self.sequence = 0
+        self.outcomes: list[tuple[int, Result, str]] = []
+
+    def scan(self, closure_um: float | NDArray[np.float64] = 0.0) -> CapFrame:
+        closures = np.broadcast_to(np.asarray(closure_um, float), (self.n_legs, 9))
+        self.sequence += 1
+        return CapFrame(
+            self.sequence,
+            np.full((self.n_legs, 9), self.sequence * SCAN_NS),
+            DESIGN.capacitance_pf(closures) + self.stray_pf,
+            np.zeros((self.n_legs, 9), np.uint8),
+        )
+
+    def feed(self, scan: CapFrame, age_ns: int = 0) -> ForceFrame:
+        forces, outcomes = self.pipeline.process(scan, scan.sequence * SCAN_NS + age_ns)
+        self.outcomes += [(o.command.leg, o.result, o.reason) for o in outcomes]
+        return forces
+
+    def tared(self) -> "Feet":
+        for _ in range(WINDOW):
+            self.feed(self.scan())
+        assert [result for _, result, _ in self.outcomes] == [Result.DONE] * self.n_legs
+        self.outcomes.clear()
+        return self

@@ -1,0 +1,120 @@
+"""Presses of one foot under a reference sensor, as the cycles of a loop, without any chips."""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.frames import CapFrame, Cycle, ForceFrame, Reading, Reference, State, Zero
+from tests.support.feet import DESIGN
+
+Vector = NDArray[np.float64]
+
+SCAN_NS = 24_400_000
+SAMPLE_NS = 5_000_000
+NOISE_FF = 0.47
+#: Noise of a sample [N], half of 4, 4 and 12 gf, and where the sensor's zero stands.
+SAMPLE_NOISE_N = np.array([2.0, 2.0, 6.0]) * 9.80665e-3
+ZERO_N = np.array([0.3, -0.2, 1.1])
+#: Closure of each element that 1 N along each axis makes, over the gap [1].
+_PATTERN = np.array([[-0.2, 0.0, 0.2], [-0.2, 0.0, 0.2], [-0.2, 0.0, 0.2]])
+CLOSURE_REL = np.stack([-_PATTERN.T.ravel(), -_PATTERN.ravel(), np.full(9, 0.4)])
+
+
+class Hold(NamedTuple):
+    """One press: when it begins, how long it rises and falls, how long it is held, and with which force."""
+
+    at_s: float
+    held_s: float
+    force_n: tuple[float, float, float]
+    rise_s: float = 0.2
+
+
+def felt(*holds: Hold) -> Callable[[float], Vector]:
+    """Return the force over time of some presses."""
+
+    def force_n(t_s: float) -> Vector:
+        total = np.zeros(3)
+        for hold in holds:
+            since_s = t_s - hold.at_s
+            edge = min(since_s, 2 * hold.rise_s + hold.held_s - since_s) / hold.rise_s
+            total += min(max(edge, 0.0), 1.0) * np.array(hold.force_n)
+        return total
+
+    return force_n
+
+
+def direction(azimuth_deg: float, elevation_deg: float) -> Vector:
+    """Return the unit vector of the paper's angles."""
+    azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
+    across = math.cos(elevation)
+    return np.array([across * math.cos(azimuth), across * math.sin(azimuth), math.sin(elevation)])
+
+
+def cycles(
+    force_n: Callable[[float], Vector],
+    until_s: float,
+    *,
+    drift_pf_per_s: float = 0.0,
+    saturated: Callable[[float], bool] = lambda _: False,
+    missing: Callable[[float], bool] = lambda _: False,
+    reading: Callable[[float], Reading] = lambda _: Reading.OK,
+    said_n: Callable[[Vector], Vector] = lambda force_n: force_n,
+    scan_ns: int = SCAN_NS,
+) -> Iterator[Cycle]:
+    """Yield the cycles of one leg that is pressed so.
+
+    Args:
+        force_n: What the foot feels over time [s].
+        until_s: When it ends [s].
+        drift_pf_per_s: Of every element.
+        saturated: When the sensor is at its end.
+        missing: When its samples do not arrive.
+        reading: How element 4 answers.
+        said_n: What the sensor makes of a force.
+        scan_ns: How long a scan takes.
+    """
+    random = np.random.default_rng(5)
+    t_sample_ns = 1_000_000_000
+    for number in range(int(until_s * 1e9 / scan_ns)):
+        t_ns = 1_000_000_000 + (number + 1) * scan_ns
+        t_s = t_ns * 1e-9 - 1.0
+        closure_um = force_n(t_s - 0.5e-9 * scan_ns) @ CLOSURE_REL * DESIGN.gap_um
+        capacitance_pf = DESIGN.capacitance_pf(closure_um) + drift_pf_per_s * t_s
+        capacitance_pf += random.normal(0.0, NOISE_FF * 1e-3, 9)
+        answers = np.zeros((1, 9), np.uint8)
+        answers[0, 4] = reading(t_s)
+        stamps = t_ns - scan_ns + np.arange(1, 10) * (scan_ns // 9)
+        scan = CapFrame(number, stamps[None], np.where(answers > 0, np.nan, capacitance_pf[None]), answers)
+        samples = []
+        while t_sample_ns <= t_ns:
+            if not missing(sample_s := t_sample_ns * 1e-9 - 1.0):
+                noisy_n = said_n(force_n(sample_s)) + ZERO_N + random.normal(0.0, SAMPLE_NOISE_N)
+                samples.append((t_sample_ns, noisy_n, saturated(sample_s)))
+            t_sample_ns += SAMPLE_NS
+        yield Cycle(scan, (), _forces(number, t_ns, force_n(t_s - 0.5e-9 * scan_ns)), (), _reference(samples))
+
+
+def _reference(samples: list[tuple[int, Vector, bool]]) -> Reference:
+    return Reference(
+        np.array([t_ns for t_ns, _, _ in samples], np.int64),
+        np.array([force_n for _, force_n, _ in samples]).reshape(-1, 3),
+        np.array([saturated for _, _, saturated in samples], np.bool_),
+    )
+
+
+def _forces(number: int, t_ns: int, force_n: Vector) -> ForceFrame:
+    return ForceFrame(
+        number,
+        t_ns + 1_000_000,
+        np.array([t_ns]),
+        force_n[None],
+        np.full((1, 3), 0.001),
+        np.array([State.VALID], np.uint8),
+        np.zeros(1, np.uint16),
+        np.zeros(1, np.uint8),
+        np.zeros(1, np.uint8),
+        Zero.none(1),
+    )

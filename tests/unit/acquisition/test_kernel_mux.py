@@ -1,0 +1,167 @@
+"""A mux that the kernel switches: the same readings, at the pace that one adapter for each leg allows."""
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from firmware_interface import schedule
+from firmware_interface.schedule import scan_limits
+from footsense.acquisition.kernel_mux_scanner import KernelMuxScanner
+from footsense.acquisition.robot_scanner import RobotScanner
+from footsense.acquisition.scan_plan import scan_plan
+from footsense.errors import BusError, BusTimeoutError, NackError
+from footsense.frames import CapFrame, Reading
+from footsense.ports import Transaction
+from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
+from footsense.sim.bus.kernel_mux import SimulatedKernelMuxLeg
+from footsense.sim.clock import VirtualClock
+from tests.contract.boards import AD7746, DISTINCT_PF, FDC1004, Board, Capacitance, leg_chips
+
+both = pytest.mark.parametrize("board", [FDC1004, AD7746], ids=lambda board: board.name)
+
+
+class FailingLeg(SimulatedKernelMuxLeg):
+    """A leg whose transactions fail as they are told to.
+
+    Attributes:
+        failing: Number of the transaction that fails, and how.
+    """
+
+    failing: Mapping[int, BusError] = MappingProxyType({})
+    n = 0
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        self.n += 1
+        if error := self.failing.get(self.n):
+            self._clock.advance_ns(20_000_000 if isinstance(error, BusTimeoutError) else 27_500)
+            raise error
+        return super().transfer(transaction)
+
+
+class Robot:
+    """Six legs behind a kernel mux."""
+
+    def __init__(
+        self,
+        capacitance_pf: Capacitance,
+        host_cost_ns: int = 0,
+        order: str = "lo_shu",
+        board: Board = FDC1004,
+        *,
+        element_wise: bool = False,
+    ) -> None:
+        self.clock = VirtualClock()
+        mux = SimulatedMux(0x71)
+        legs = [leg_chips(board, capacitance_pf, channel) for channel in range(6)]
+        chips = {channel: (converter, *switches) for channel, (converter, switches) in enumerate(legs)}
+        trunk = SimulatedBus(self.clock, 400_000, 0, mux, chips)
+        self.legs = {f"{n}": FailingLeg(trunk, self.clock, mux, n, host_cost_ns) for n in range(6)}
+        self.bus = KernelMuxScanner(
+            dict(self.legs), self.clock, scan_plan(order, board.rates_sps[0], board.name)
+        )
+        self.scanner = RobotScanner([self.bus], element_wise=element_wise)
+        self.scanner.start()
+
+    def read(self, n: int = 1) -> CapFrame:
+        for _ in range(n):
+            frame = self.scanner.read()
+        return frame
+
+
+def distinct(element: int, t_ns: int) -> float:
+    return float(DISTINCT_PF[element])
+
+
+@both
+@pytest.mark.parametrize("order", ["lo_shu", "raster"])
+@pytest.mark.parametrize("element_wise", [False, True])
+def test_every_element_lands_at_its_place(board: Board, order: str, *, element_wise: bool) -> None:
+    """Distinct capacitances come out where they belong, on every leg."""
+    frame = Robot(distinct, order=order, board=board, element_wise=element_wise).read(10)
+    assert (frame.reading == Reading.OK).all()
+    np.testing.assert_allclose(frame.capacitance_pf, np.tile(DISTINCT_PF, (6, 1)), atol=2**-11)
+
+
+@both
+@pytest.mark.parametrize("host_cost_us", [0, 40, 100])
+def test_the_period_is_near_the_best(board: Board, host_cost_us: int) -> None:
+    """Row by row, within 3 % of what wires and host allow; the timing that is measured at start says so too."""
+    robot = Robot(distinct, host_cost_us * 1000, "raster", board)
+    robot.read(2)
+    start_ns = robot.clock.now_ns()
+    robot.read(18)
+    limits = scan_limits(
+        n_legs=6,
+        conversion_ns=board.conversion_ns,
+        rate_hz=400_000,
+        host_cost_ns=host_cost_us * 1000,
+        kernel_mux=True,
+        traffic=schedule.FDC1004 if board is FDC1004 else schedule.AD7746,
+    )
+    assert (robot.clock.now_ns() - start_ns) / 18 < 1.03 * limits.scan_ns
+    assert robot.bus.timing is not None
+    assert math.isclose(robot.bus.timing.limits.scan_ns, limits.scan_ns, rel_tol=1e-3)
+
+
+def test_each_leg_has_stamps_of_its_own() -> None:
+    """A ramp reads as what it was at the stamp."""
+    frame = Robot(lambda element, t_ns: 5.0 + t_ns * 1e-9).read(5)
+    np.testing.assert_allclose(frame.capacitance_pf, 5.0 + frame.t_ns * 1e-9, atol=2**-11 + 1e-6)
+
+
+def test_an_element_over_the_range_has_been_read() -> None:
+    """It has a stamp, as behind any other mux: a leg with a shorted element goes on with the others."""
+    frame = Robot(lambda element, t_ns: 20.0 if element == 4 else 5.0).read(3)
+    assert (frame.reading[:, 4] == Reading.OVER_RANGE).all()
+    assert (frame.t_ns > 0).all()
+
+
+def test_an_absent_leg_costs_only_itself_and_comes_back() -> None:
+    """The others read on; after its back-off the leg is there again."""
+    robot = Robot(distinct)
+    robot.legs["2"].failing = {
+        n: NackError("gone") for n in range(robot.legs["2"].n + 1, robot.legs["2"].n + 200)
+    }
+    frame = robot.read(10)
+    assert (frame.reading[2] == Reading.NO_ANSWER).all()
+    assert (np.delete(frame.reading, 2, axis=0) == Reading.OK).all()
+    robot.legs["2"].failing = {}
+    frame = robot.read(400)
+    assert (frame.reading == Reading.OK).all()
+
+
+def test_temperatures_are_told_leg_by_leg() -> None:
+    """From the first scan on; one that cannot be asked has none, and costs the others nothing."""
+    robot = Robot(distinct, board=AD7746)
+    robot.legs["2"].failing = {n: NackError("gone") for n in range(robot.legs["2"].n + 1, 999)}
+    frame = robot.read()
+    assert (np.isnan(robot.scanner.temperature_c) == [False, False, True, False, False, False]).all()
+    assert (np.delete(frame.reading, 2, axis=0) == Reading.OK).all()
+
+
+@both
+@settings(max_examples=40, deadline=None)
+@given(
+    st.dictionaries(st.integers(40, 400), st.sampled_from(["nack", "timeout", "error"]), max_size=6),
+    st.booleans(),
+)
+def test_whatever_fails_a_reading_is_right_or_missing(
+    board: Board,
+    failing: dict[int, str],
+    element_wise: bool,  # noqa: FBT001
+) -> None:
+    """No failure of a transaction makes a wrong number, on its own leg or on another."""
+    robot = Robot(distinct, board=board, element_wise=element_wise)
+    errors = {"nack": NackError("no"), "timeout": BusTimeoutError("stuck"), "error": BusError("arbitration")}
+    robot.legs["3"].failing = {n: errors[kind] for n, kind in failing.items()}
+    for _ in range(60 if element_wise else 12):
+        frame = robot.read()
+        expected = np.tile(DISTINCT_PF, (6, 1))
+        right = np.abs(frame.capacitance_pf - expected) < 2**-11
+        assert (right | np.isnan(frame.capacitance_pf)).all()
+        assert ((frame.reading == Reading.OK) == np.isfinite(frame.capacitance_pf)).all()

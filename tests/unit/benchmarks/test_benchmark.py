@@ -1,0 +1,33 @@
+"""The yardsticks of the bench do the same work as the service."""
+
+import pytest
+
+from footsense.benchmarks.c_floor import compiler
+from footsense.benchmarks.cycle import WARM_UP, cycle_figures, recorded_scans
+from footsense.benchmarks.wakeup_latency import jitter_figures
+from footsense.frames import CapFrame
+
+needs_c = pytest.mark.skipif(compiler() is None, reason="no C compiler here")
+
+
+@pytest.fixture(scope="module")
+def scans() -> list[CapFrame]:
+    """What walking legs send while they are tared and a little after."""
+    return recorded_scans(WARM_UP + 12)
+
+
+@needs_c
+def test_floor_and_naive_give_our_forces(scans: list[CapFrame]) -> None:
+    """Every cycle is compared while it is timed; with something to compare there is a ratio."""
+    figures = cycle_figures(scans)
+    assert all(figures[name] is not None for name in ("p50", "p99", "c_floor_p50", "naive_p50"))
+
+
+@needs_c
+def test_both_loops_answer_for_every_deadline(scans: list[CapFrame]) -> None:
+    """The loops run in processes of their own, under the scheduling that they were granted."""
+    figures = jitter_figures(scans, seconds=0.05)
+    for case in ("quiet", "loaded"):
+        assert set(figures[case]["tails"]) == {"ours", "c"}
+        assert all(tail > 0 for tails in figures[case]["tails"].values() for tail in tails.values())
+    assert figures["fifo"] == (not figures["not_granted"])

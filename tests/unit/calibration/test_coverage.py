@@ -1,0 +1,113 @@
+"""What has been pressed, what is missing, and whether the reference may be believed."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from footsense.calibration.session.coverage import LOWEST_DEG, Coverage
+from footsense.calibration.session.reference_checks import implausible
+from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.reference.mounting import NEWTON_PER, Mounting
+from footsense.sim.test_stand.calibration_loads import paper_presses
+from tests.support.presses import direction
+
+
+def test_the_wishes_make_a_set_that_is_enough() -> None:
+    """Whoever presses what is wished for covers two magnitudes, with few more pokes than are wanted."""
+    coverage = Coverage(40)
+    while not coverage.enough:
+        azimuth_deg, elevation_deg, magnitude_gf = coverage.next
+        assert LOWEST_DEG <= elevation_deg <= 90.0
+        coverage.add(magnitude_gf * GRAM_FORCE_N * direction(azimuth_deg, elevation_deg))
+    assert 40 <= coverage.n_pokes <= 44
+    assert coverage.counts[1] == 0
+    assert coverage.words().startswith(f"{coverage.n_pokes} of 40 pokes; directions covered: ")
+
+
+@pytest.mark.parametrize(
+    "forces_n",
+    [
+        np.tile(direction(30.0, 60.0), (100, 1)),
+        np.array([0.5 * direction(3.6 * k, 40.0 + 0.5 * k) for k in range(100)]),
+        np.array([0.3 * (1 + k % 3) * direction(1.8 * k, 40.0 + 7 * (k % 8)) for k in range(100)]),
+    ],
+    ids=["one direction", "one magnitude", "one side"],
+)
+def test_many_pokes_are_not_enough_where_they_are_alike(
+    forces_n: np.ndarray[tuple[int, int], np.dtype[np.float64]],
+) -> None:
+    """A hundred from one direction, with one magnitude, or from one side only."""
+    coverage = Coverage(20)
+    for force_n in forces_n:
+        coverage.add(force_n)
+    assert not coverage.enough
+
+
+def test_the_papers_protocol_is_enough() -> None:
+    """Its 362 pokes are a set of 362."""
+    coverage = Coverage(362)
+    for force_n in paper_presses("training"):
+        coverage.add(force_n)
+    assert coverage.enough
+
+
+def feet(seed: int, n: int = 12) -> tuple[np.ndarray, np.ndarray]:
+    """Return forces and what a badly made foot makes of them."""
+    random = np.random.default_rng(seed)
+    forces_n = np.array(
+        [
+            random.uniform(0.4, 1.4) * direction(random.uniform(0, 360), random.uniform(45, 80))
+            for _ in range(n)
+        ]
+    )
+    return forces_n, 1.2 * forces_n + random.normal(0.0, 0.15, forces_n.shape)
+
+
+def judged(
+    said_n: object, estimate_n: object, units: str, axes: list[str], mount_deg: tuple[float, ...]
+) -> list[str]:
+    turn = Mounting({"x": "x", "y": "y", "z": "z"}, mount_deg, "N", 1.0, (1, 1, 1)).apply(np.eye(3))[0]
+    return implausible(np.asarray(said_n), np.asarray(estimate_n), NEWTON_PER, units, axes, turn)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_reference_that_may_be_right_is_believed(seed: int) -> None:
+    """A foot that is off by a fifth contradicts nobody, nor does one that says nothing, nor do four pokes."""
+    forces_n, estimate_n = feet(seed)
+    assert judged(forces_n, estimate_n, "gf", ["-x", "-y", "-z"], (0, 0, 10)) == []
+    assert judged(9.8 * forces_n, np.full_like(forces_n, np.nan), "gf", ["x", "y", "z"], (0, 0, 0)) == []
+    assert judged(9.8 * forces_n[:4], estimate_n[:4], "gf", ["x", "y", "z"], (0, 0, 0)) == []
+
+
+@pytest.mark.parametrize(("named", "meant"), list(itertools.permutations(["N", "kgf", "gf"], 2)))
+def test_wrong_units_are_named(named: str, meant: str) -> None:
+    """Each taken for each other."""
+    forces_n, estimate_n = feet(1)
+    said_n = forces_n * NEWTON_PER[named] / NEWTON_PER[meant]
+    (line,) = judged(said_n, estimate_n, named, ["-x", "-y", "-z"], (0, 0, 0))
+    assert f"its readings seem to be in {meant}, and the bench's file says units: {named}" in line
+
+
+@pytest.mark.parametrize("mount_deg", [(0.0, 0.0, 0.0), (0.0, 0.0, 20.0)])
+@pytest.mark.parametrize("given", [["y", "x", "-z"], ["-x", "-y", "z"], ["x", "y", "-z"], ["-z", "-x", "-y"]])
+def test_wrong_axes_are_named_with_those_that_fit(
+    given: list[str], mount_deg: tuple[float, float, float]
+) -> None:
+    """Swapped, with wrong signs, or all against each other, also on a sensor that is turned besides."""
+    forces_n, estimate_n = feet(2)
+    right = ["-x", "-y", "-z"]
+    sensor = forces_n @ np.linalg.inv(
+        Mounting(dict(zip("xyz", right, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)).apply(np.eye(3))[0]
+    )
+    said_n = Mounting(dict(zip("xyz", given, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)).apply(sensor)[0]
+    (line,) = judged(said_n, estimate_n, "N", given, mount_deg)
+    assert "axes: {x: -x, y: -y, z: -z} would fit" in line
+
+
+def test_axes_that_cannot_be_told_are_doubted() -> None:
+    """Straight presses alone say that a sign is wrong, not which map would fit."""
+    forces_n = np.tile([0.0, 0.0, 1.0], (8, 1))
+    (line,) = judged(-forces_n, forces_n, "N", ["x", "y", "z"], (0, 0, 0))
+    assert "180 deg away" in line
+    assert "press from more sides" in line

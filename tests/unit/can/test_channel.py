@@ -1,0 +1,197 @@
+"""A channel that cannot be opened, is dead, or whose log cannot be written."""
+
+import errno
+import os
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+
+from firmware_interface.can_codes import NmtState
+from firmware_interface.can_events import decode_heartbeat
+from firmware_interface.socketcan import pack_frame
+from footsense.can.frame_log import CanLog, check_log_target
+from footsense.can.sink import CanSink
+from footsense.errors import CanError, ConfigError, RecordingError
+from footsense.frames import CanStats, ForceFrame, Zero
+from tests.support.can_robot import MS, FakeClock, Robot
+
+
+def open_sink(interface: str, channel: str, log_file: Path | None = None) -> CanSink:
+    """Open a sink of one leg."""
+    return CanSink(interface=interface, channel=channel, legs=("lf",), clock=FakeClock(), log_file=log_file)
+
+
+def test_an_unknown_log_suffix_is_refused_with_those_known(tmp_path: Path) -> None:
+    """One line that names the file and what would be right; no file is made."""
+    with pytest.raises(ConfigError, match=r"walk\.csv: the suffix must be one of \.log, \.asc, \.blf"):
+        open_sink("virtual", "log", tmp_path / "walk.csv")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_log_in_a_missing_folder_is_one_line(tmp_path: Path) -> None:
+    """The error names the file and the reason, at the check as at the opening."""
+    with pytest.raises(RecordingError, match=r"walk\.log: No such file or directory"):
+        open_sink("virtual", "log", tmp_path / "missing" / "walk.log")
+    with pytest.raises(RecordingError, match=r"walk\.log: there is no directory .*missing"):
+        check_log_target(tmp_path / "missing" / "walk.log")
+
+
+def test_an_existing_log_is_refused_before_anything_is_opened(tmp_path: Path) -> None:
+    """A log is not overwritten, as a recording is not; a new name passes and nothing is made of it yet."""
+    old = tmp_path / "walk.log"
+    old.write_text("precious")
+    with pytest.raises(RecordingError, match=r"walk\.log: exists and is not overwritten; choose another"):
+        check_log_target(old)
+    check_log_target(tmp_path / "new.blf")
+    assert [path.name for path in tmp_path.iterdir()] == ["walk.log"]
+
+
+def test_an_unknown_interface_is_a_can_error(tmp_path: Path) -> None:
+    """One line that names the channel; no log file is made."""
+    with pytest.raises(CanError, match=r"CAN channel can0 \(telepathy\) cannot be opened"):
+        open_sink("telepathy", "can0", tmp_path / "walk.log")
+    assert list(tmp_path.iterdir()) == []
+
+
+# python-can leaves its socket to the garbage collector when it cannot bind it.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore::ResourceWarning")
+def test_a_channel_that_is_not_there_is_a_can_error_with_a_remedy() -> None:
+    """Either the interface is missing or the kernel has no CAN at all; both say what to do."""
+    with pytest.raises(
+        CanError, match=r"CAN channel can98 \(socketcan\) (does not exist|needs a kernel with CAN)"
+    ):
+        open_sink("socketcan", "can98")
+
+
+class DeadBus(can.BusABC):
+    """A CAN interface that exists and fails each send, as Linux reports it."""
+
+    error_code = errno.ENETDOWN
+
+    def __init__(self, channel: str, **kwargs: Any) -> None:
+        super().__init__(channel, **kwargs)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        raise can.CanOperationError("Failed to transmit", self.error_code)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        raise can.CanOperationError("Failed to receive", self.error_code)
+
+
+class UnheardBus(DeadBus):
+    """An interface whose queue is full because no node acknowledges."""
+
+    error_code = errno.ENOBUFS
+
+
+@pytest.fixture
+def _fake_interfaces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make the two buses known to python-can as it knows its own."""
+    module = ModuleType("fake_interfaces")
+    vars(module).update(DeadBus=DeadBus, UnheardBus=UnheardBus)
+    monkeypatch.setitem(sys.modules, "fake_interfaces", module)
+    for name, bus in (("dead", "DeadBus"), ("unheard", "UnheardBus")):
+        monkeypatch.setitem(can.interfaces.BACKENDS, name, ("fake_interfaces", bus))
+
+
+@pytest.mark.usefixtures("_fake_interfaces")
+def test_a_channel_that_is_down_is_named_with_the_command_that_brings_it_up(tmp_path: Path) -> None:
+    """The error says what to type; no log file is made."""
+    with pytest.raises(
+        CanError, match=r"can0 \(dead\) is down; try: ip link set can0 up type can bitrate 500000"
+    ):
+        open_sink("dead", "can0", tmp_path / "walk.log")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.usefixtures("_fake_interfaces")
+def test_a_bus_on_which_nobody_listens_drops_everything_and_stops_nothing() -> None:
+    """ENOBUFS from the first frame on: all is counted, nothing raised."""
+    sink = open_sink("unheard", "can0")
+    nan = np.full((1, 3), np.nan)
+    one = np.ones(1, np.int64)
+    sink.publish(
+        ForceFrame(
+            sequence=0,
+            t_sent_ns=1,
+            t_ns=one,
+            force_n=nan,
+            sigma_n=nan,
+            state=one.astype(np.uint8),
+            fault_mask=one.astype(np.uint16),
+            flags=one.astype(np.uint8),
+            cause=np.zeros(1, np.uint8),
+            zero=Zero.none(1),
+        )
+    )
+    assert sink.commands() == []
+    sink.close()
+    assert (sink.stats.sent, sink.stats.dropped) == (0, 7)
+
+
+@pytest.mark.parametrize("name", ["walk.log", "walk.asc", "walk.blf"])
+def test_a_full_disk_ends_the_log_and_not_the_forces(
+    request: pytest.FixtureRequest, tmp_path: Path, name: str
+) -> None:
+    """The forces go on to the last heartbeat; why the log ended is told at the end, and once."""
+    log_file = tmp_path / name
+    log_file.symlink_to("/dev/full")
+    robot = Robot(request.node.nodeid, log_file=log_file)
+    for scan in range(200):
+        robot.publish(scan * 20 * MS)
+    assert robot.sink.stats.dropped == 0
+    with pytest.raises(RecordingError, match=rf"{name}: the CAN log ended early: No space left on device"):
+        robot.sink.close()
+    assert decode_heartbeat(0x701, bytes(robot.heard(0x700)[-1].data))[:2] == (1, NmtState.STOPPED)
+    robot.close()
+
+
+def test_a_log_that_takes_nothing_costs_its_own_frames_and_no_time(tmp_path: Path) -> None:
+    """A named pipe that nobody empties: what finds no room on the way there is counted, and told at the end."""
+    path = tmp_path / "walk.log"
+    os.mkfifo(path)
+    reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    stats = CanStats()
+    log = CanLog(path, "can0", stats, waits=False)
+    scan = pack_frame(0x181, bytes(8)) * 12
+    for t_ns in range(20_000):
+        log.add(t_ns, scan)
+    assert stats.unlogged % 12 == 0
+    assert stats.unlogged > 0
+    with pytest.raises(
+        RecordingError, match=r"walk\.log: the file did not take what was written within 0\.1 s"
+    ):
+        log.close(timeout_s=0.1)
+    os.close(reader)
+
+
+def test_a_log_that_nobody_could_read_is_refused(tmp_path: Path) -> None:
+    """To open a named pipe without a reader would wait for one."""
+    os.mkfifo(tmp_path / "walk.log")
+    with pytest.raises(RecordingError, match=r"walk\.log: No such device or address"):
+        open_sink("virtual", "log", tmp_path / "walk.log")
+
+
+def test_a_killed_writer_ends_the_log_and_not_the_forces(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """What follows is counted, the journal has one line, and the end says that the log is not whole."""
+    stats = CanStats()
+    log = CanLog(tmp_path / "walk.log", "can0", stats, waits=True)
+    log._writer.kill()
+    log._writer.wait()
+    for t_ns in range(3):
+        log.add(t_ns, pack_frame(0x181, bytes(8)))
+    assert stats.unlogged == 3
+    assert [record.getMessage().partition(": ")[2] for record in caplog.records] == [
+        "its writer has ended; the run goes on without it"
+    ]
+    with pytest.raises(
+        RecordingError, match=r"walk\.log: its writer was killed; what was sent is not affected"
+    ):
+        log.close()

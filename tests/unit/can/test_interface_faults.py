@@ -1,0 +1,157 @@
+"""What consumers get while CAN breaks: never an old force, and all again soon after."""
+
+import itertools
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from footsense.sim.can.interface import AS_DEPLOYED, CanSettings
+from footsense.sim.faults.can_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanQueueFull, CanTraffic
+from tests.support.can_robot import MS
+from tests.support.can_walk import LEGS, MAX_AGE_NS, CanWalk
+
+#: Time of a queue and three mailboxes full of frames that each lose to another node's, at 500 kbit/s [ms].
+DRAIN_MS = 2 * 19 * 0.27
+
+times = st.floats(0.01, 1.0).map(lambda t: round(t, 4))
+lengths = st.floats(0.001, 0.7).map(lambda t: round(t, 4))
+
+
+@st.composite
+def faults(draw: st.DrawFn) -> CanFault:
+    """One fault within the first 1.7 s."""
+    at_s = draw(times)
+    span = {"at_s": at_s, "until_s": at_s + draw(lengths)}
+    kind = draw(st.sampled_from([CanNoAck, CanBusOff, CanDown, CanQueueFull, CanTraffic]))
+    if kind is CanTraffic:
+        can_id = draw(st.sampled_from([0x000, 0x183, 0x7FF]))
+        return CanTraffic(can_id=can_id, rate_hz=draw(st.floats(1.0, 1800.0)), **span)
+    if kind is CanDown:
+        return CanDown(unplugged=draw(st.booleans()), **span)
+    plain: CanFault = kind(**span)
+    return plain
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(faults(), max_size=6), st.sampled_from([(24 * MS, 500_000), (2_700_000, 1_000_000)]))
+def test_whatever_breaks_no_old_force_arrives_and_all_come_back(
+    script: list[CanFault], mode: tuple[int, int]
+) -> None:
+    """With the deployed settings, for every script of faults, for whole scans and after every conversion.
+
+    A force is on its way for two scans at most, so that with its own age it stays below the age limit; it comes
+    after those that are older; and two seconds after the last fault, nothing is missing.
+    """
+    period_ns, bitrate = mode
+    walk = CanWalk(script, period_ns=period_ns, bitrate=bitrate)
+    walk.walk(3.7)
+    assert walk.worst_wait_ms <= 2 * period_ns / MS + DRAIN_MS * 500_000 / bitrate
+    assert walk.worst_wait_ms + 12 < MAX_AGE_NS / MS
+    handed_ns = [h.t_ns - h.wait_ns for h in walk.heard]
+    assert handed_ns == sorted(handed_ns)
+    for node in range(1, 7):
+        counters = [h.data[1] & 0xF for h in walk.forces(node) if h.t_ns > 3.7e9 - 10 * period_ns]
+        assert len(counters) >= 9
+        assert {(after - before) % 15 for before, after in itertools.pairwise(counters)} == {1}
+
+
+WITHOUT_ONE_SHOT = AS_DEPLOYED._replace(one_shot=False)
+TAIL_DROP = CanSettings(queue_frames=32, head_drop=False, one_shot=False, restart_ns=100 * MS)
+NO_ACK = (CanNoAck(at_s=0.5, until_s=1.5),)
+TWO_SHORTS = tuple(CanBusOff(at_s=at_s, until_s=at_s + 0.07) for at_s in (0.5, 0.8))
+
+
+@pytest.mark.parametrize(
+    ("script", "interface", "n_late"),
+    [
+        (NO_ACK, AS_DEPLOYED, 0),
+        (NO_ACK, WITHOUT_ONE_SHOT, 3),  # what the controller held
+        (NO_ACK, TAIL_DROP, 35),  # and the whole queue
+        (TWO_SHORTS, AS_DEPLOYED, 0),
+        (TWO_SHORTS, WITHOUT_ONE_SHOT, 0),
+        (TWO_SHORTS, TAIL_DROP, 10),
+    ],
+)
+def test_the_deployed_settings_are_what_keeps_old_frames_away(
+    script: tuple[CanFault, ...], interface: CanSettings, n_late: int
+) -> None:
+    """What comes late with other settings: the reason for each of ours."""
+    walk = CanWalk(script, interface)
+    walk.walk(3.0)
+    assert sum(h.wait_ns > MAX_AGE_NS for h in walk.heard) == n_late
+
+
+@pytest.mark.parametrize("unplugged", [False, True])
+def test_an_interface_that_comes_back_is_used_again_soon(
+    *, unplugged: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Down, or unplugged and new: the sink drops and counts, tries again, and says each once."""
+    walk = CanWalk([CanDown(at_s=0.5, until_s=4.0, unplugged=unplugged)])
+    walk.walk(6.0)
+    times_s = [h.t_ns / 1e9 for h in walk.forces(1)]
+    (gap,) = [(a, b) for a, b in itertools.pairwise(times_s) if b - a > 0.1]
+    assert gap[0] < 0.5
+    assert 4.0 < gap[1] < 4.3
+    assert walk.sink.stats.reopened == 1
+    lost, back = (record.getMessage() for record in caplog.records)
+    assert "can0 (simulated) is down; try: ip link" in lost or "does not exist" in lost
+    assert lost.endswith("no frame goes out until it is back")
+    assert "CAN channel can0 (simulated) is back after" in back
+
+
+def test_a_short_is_told_once_and_counted_each_time(caplog: pytest.LogCaptureFixture) -> None:
+    """A bus that is bus-off ten times a second does not fill the journal."""
+    walk = CanWalk([CanBusOff(at_s=0.5, until_s=2.5)])
+    walk.walk(6.0)
+    lines = [record.getMessage() for record in caplog.records]
+    assert walk.sink.stats.bus_off == walk.can.controller.n_bus_off > 10
+    assert [line.partition(";")[0] for line in lines] == [
+        "CAN can0: error passive: nobody acknowledges, or the wires are bad",
+        "CAN can0: bus-off: the wires are shorted, or the bit rates differ",
+        "CAN can0: no more errors",
+    ]
+
+
+def test_a_full_queue_costs_all_legs_the_same() -> None:
+    """A scan that is cut somewhere lets the next begin with the leg that came off badly."""
+    interface = CanSettings(queue_frames=5, head_drop=False, one_shot=False, restart_ns=0)
+    walk = CanWalk(settings=interface)
+    walk.walk(3.0)
+    heard = [len(walk.forces(node)) for node in range(1, 7)]
+    assert walk.sink.stats.dropped > 0
+    assert max(heard) - min(heard) <= 2
+    qualities = {
+        (h.can_id & 0xF, h.data[1] & 0xF, h.t_ns // walk.period_ns)
+        for h in walk.heard
+        if h.can_id >> 4 == 0x28
+    }
+    forces = {(h.can_id & 0xF, h.data[1] & 0xF, h.t_ns // walk.period_ns) for h in walk.forces()}
+    assert len(forces - qualities) == 0
+
+
+def test_more_than_the_bus_takes_thins_the_scans_and_ages_none() -> None:
+    """Forces after every conversion on 500 kbit/s: half of them go out, none late."""
+    walk = CanWalk(period_ns=2_600_000)
+    walk.walk(2.0)
+    heard = [len(walk.forces(node)) for node in range(1, 7)]
+    assert 0.5 * walk.n_scans < min(heard) <= max(heard) < walk.n_scans
+    assert walk.worst_wait_ms < 6.0
+
+
+def test_a_fault_report_that_found_no_room_goes_out_later() -> None:
+    """With the fault as it then is; a report is not lost, however long the bus was away."""
+    walk = CanWalk([CanDown(at_s=0.01, until_s=1.0)])
+    walk.walk(3.0)
+    reports = [h for h in walk.heard if h.can_id >> 4 == 0x08]
+    assert [h.can_id for h in reports] == [0x081, 0x082, 0x083, 0x084, 0x085, 0x086]
+    assert {h.data[1] & 0xF for h in reports} == {0}
+
+
+def test_six_legs_leave_no_trace_of_a_day_in_memory() -> None:
+    """Nothing that the interface keeps grows with time, also while nothing gets through."""
+    walk = CanWalk([CanNoAck(at_s=0.1)], WITHOUT_ONE_SHOT)
+    walk.walk(20.0)
+    assert len(walk.can.queue) == AS_DEPLOYED.queue_frames
+    assert [h for h in walk.heard if h.t_ns > 100 * MS] == []
+    assert len(LEGS) == 6

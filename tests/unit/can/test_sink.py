@@ -1,0 +1,315 @@
+"""What the sink sends, when, and what it makes of commands."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+
+from firmware_interface.can_codes import (
+    NODE_IDS,
+    Cause,
+    CommandKind,
+    Flag,
+    NmtState,
+    Result,
+    State,
+    ZeroStatus,
+)
+from firmware_interface.can_events import (
+    UNASKED,
+    decode_answer,
+    decode_fault,
+    decode_heartbeat,
+    encode_command,
+)
+from firmware_interface.can_frames import decode_force, decode_quality
+from firmware_interface.can_zero import decode_zero
+from firmware_interface.crc8 import protect
+from footsense.frames import Command, Outcome, Zero
+from tests.support.can_robot import MS, NarrowWire, Robot
+
+
+@pytest.fixture
+def robot(request: pytest.FixtureRequest) -> Iterator[Robot]:
+    """A robot with one leg."""
+    robot = Robot(request.node.nodeid)
+    yield robot
+    robot.close()
+
+
+def test_each_leg_sends_force_and_quality_with_one_counter(request: pytest.FixtureRequest) -> None:
+    """Twelve frames a scan for six legs, each decodable, counting 0..14 and on; every scan begins with another."""
+    robot = Robot(request.node.nodeid, tuple(NODE_IDS))
+    for scan in range(17):
+        robot.publish(scan * 20 * MS + MS, age_ns=12_300_000)
+        messages = robot.heard()
+        forces = [decode_force(m.arbitration_id, bytes(m.data)) for m in messages[:12:2]]
+        qualities = [decode_quality(m.arbitration_id, bytes(m.data)) for m in messages[1:12:2]]
+        nodes = [(scan + row + 1) % 6 + 1 for row in range(6)]
+        assert [force.node for force in forces] == [quality.node for quality in qualities] == nodes
+        assert {force.counter for force in forces} == {q.counter for q in qualities} == {scan % 15}
+        assert forces[0].force_n == (0.5, 0.5, 0.5)
+        assert (qualities[0].age_ns, qualities[0].sigma_n) == (12_300_000, (0.01, 0.01, 0.01))
+    robot.close()
+
+
+def test_no_number_leaves_under_a_state_that_forbids_it(robot: Robot) -> None:
+    """A leg whose state is not usable sends it and `no value`."""
+    robot.publish(MS, State.STALE)
+    force = decode_force(0x181, bytes(robot.heard(0x180)[0].data))
+    assert force.state == State.STALE
+    assert all(math.isnan(component) for component in force.force_n)
+
+
+def test_a_degraded_leg_sends_its_force_its_sigma_and_what_is_open(robot: Robot) -> None:
+    """All that a consumer needs to weigh it."""
+    robot.publish(MS, State.DEGRADED, mask=0b000111000)
+    messages = {m.arbitration_id: bytes(m.data) for m in robot.heard()}
+    force, quality = decode_force(0x181, messages[0x181]), decode_quality(0x281, messages[0x281])
+    assert (force.state, force.force_n) == (State.DEGRADED, (0.5, 0.5, 0.5))
+    assert (quality.fault_mask, quality.sigma_n) == (0b000111000, (0.01, 0.01, 0.01))
+    assert decode_fault(0x081, messages[0x081])[2:5] == (State.DEGRADED, State.STOPPED, 0b000111000)
+
+
+def test_a_leg_that_was_not_measured_has_no_age(request: pytest.FixtureRequest) -> None:
+    """The stamp 0 means that there was no measurement, not that it is as old as the robot."""
+    robot = Robot(request.node.nodeid)
+    robot.publish(5 * MS, State.ABSENT, age_ns=5 * MS)
+    assert decode_quality(0x281, bytes(robot.heard(0x280)[0].data)).age_ns is None
+    robot.close()
+
+
+def test_heartbeats_come_at_5_hz_and_missed_ones_are_not_made_up_for(robot: Robot) -> None:
+    """One each 200 ms by the clock; after a stall one, not a burst."""
+    for t_ms in range(0, 1000, 20):
+        robot.publish(t_ms * MS)
+    assert len(robot.heard(0x700)) == 5
+    robot.publish(5010 * MS)
+    robot.publish(5190 * MS)
+    robot.publish(5200 * MS)
+    assert [m.timestamp for m in robot.heard(0x700)] == [5.01, 5.2]
+
+
+def test_heartbeats_tell_waiting_and_stopped_legs(robot: Robot) -> None:
+    """A leg whose chips give nothing or that has no baseline is pre-operational, a stopped one stopped."""
+    waiting = {State.ABSENT, State.STARTING, State.CONVERTER_FAULT, State.NO_BASELINE, State.TARING}
+    for number, state in enumerate(State):
+        robot.publish(number * 200 * MS, state)
+        (beat,) = robot.heard(0x700)
+        assert decode_heartbeat(0x701, bytes(beat.data))[1] == (
+            NmtState.PRE_OPERATIONAL
+            if state in waiting
+            else NmtState.STOPPED
+            if state == State.STOPPED
+            else NmtState.OPERATIONAL
+        )
+
+
+def test_a_change_is_reported_once(robot: Robot) -> None:
+    """The first state, each new state, each new element mask and each new cause make one report."""
+    for state, mask, cause in (
+        (State.VALID, 0, Cause.NONE),
+        (State.VALID, 0, Cause.NONE),
+        (State.ELEMENT_FAULT, 4, Cause.ELEMENT_OPEN),
+        (State.ELEMENT_FAULT, 6, Cause.ELEMENT_OPEN),
+        (State.ELEMENT_FAULT, 6, Cause.COLUMN_OPEN),
+    ):
+        robot.publish(0, state, mask=mask, cause=cause)
+    reports = [decode_fault(0x081, bytes(m.data)) for m in robot.heard(0x080)]
+    assert reports == [
+        (1, 0, State.VALID, State.STOPPED, 0, Cause.NONE),
+        (1, 1, State.ELEMENT_FAULT, State.VALID, 4, Cause.ELEMENT_OPEN),
+        (1, 2, State.ELEMENT_FAULT, State.ELEMENT_FAULT, 6, Cause.ELEMENT_OPEN),
+        (1, 3, State.ELEMENT_FAULT, State.ELEMENT_FAULT, 6, Cause.COLUMN_OPEN),
+    ]
+
+
+def test_what_does_not_fit_beside_the_forces_waits_for_the_next_scan(request: pytest.FixtureRequest) -> None:
+    """Four frames beside those of the forces: reports first, then heartbeats and zeros."""
+    robot = Robot(request.node.nodeid, tuple(NODE_IDS))
+    kinds = []
+    for scan in range(4):
+        robot.publish(scan * 20 * MS)
+        kinds.append([m.arbitration_id & ~7 for m in robot.heard()][12:])
+    assert kinds == [[0x080] * 4, [0x080] * 2 + [0x700, 0x380], [0x700], []]
+    robot.close()
+
+
+@pytest.mark.parametrize("room", range(19))
+def test_each_fault_report_goes_out_once_whatever_part_of_a_scan_is_taken(
+    request: pytest.FixtureRequest, room: int
+) -> None:
+    """A report counts as sent only if the interface took it; the others follow, and none comes twice."""
+    wire = NarrowWire()
+    robot = Robot(request.node.nodeid, tuple(NODE_IDS), wire=wire)
+    for scan in range(5):
+        wire.room = room if scan == 0 else 100
+        robot.publish(scan * 20 * MS)
+    robot.close()
+    reported = sorted(can_id for can_id, _ in wire.taken if can_id - 0x080 in NODE_IDS.values())
+    assert reported == [0x080 + node for node in NODE_IDS.values()]
+
+
+def test_heartbeats_tell_degraded_timing(robot: Robot) -> None:
+    """As the flag of the forces, to the last one."""
+    robot.publish(0, flags=Flag.DEGRADED_TIMING)
+    robot.sink.close()
+    beats = [decode_heartbeat(0x701, bytes(m.data)) for m in robot.heard(0x700)]
+    assert [(beat.state, beat.degraded_timing) for beat in beats] == [
+        (NmtState.OPERATIONAL, True),
+        (NmtState.STOPPED, True),
+    ]
+
+
+def test_the_zero_is_told_once_a_second(robot: Robot) -> None:
+    """Where it stands, and how long ago it moved; of a leg without one, that there is none."""
+    robot.publish(0)
+    row = np.ones(1)
+    zero = Zero((row * ZeroStatus.HELD).astype(np.uint8), row * 0.01, row * -0.02, np.array([500 * MS]))
+    for t_ms in range(20, 2000, 20):
+        robot.publish(t_ms * MS, zero=zero)
+    none, held = (decode_zero(0x381, bytes(m.data)) for m in robot.heard(0x380))
+    assert (none.counter, none.status, none.age_ns) == (0, ZeroStatus.NONE, None)
+    assert (held.counter, held.status, held.mean_pf, held.worst_pf) == (1, ZeroStatus.HELD, 0.01, -0.02)
+    assert held.age_ns == 500 * MS
+
+
+def test_a_command_arrives_and_its_answer_names_its_counter(robot: Robot) -> None:
+    """A tare is handed to the loop; what became of it goes to whoever asked."""
+    robot.ask(encode_command(1, 7, CommandKind.TARE))
+    (command,) = robot.sink.commands()
+    assert command == Command(CommandKind.TARE, 0)
+    robot.sink.answer(Outcome(command, Result.LOADED, ""))
+    robot.sink.answer(Outcome(command, Result.DONE, "the service's own tare"))
+    robot.publish(20 * MS)
+    answers = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
+    assert answers == [
+        (1, 0, Result.LOADED, CommandKind.TARE, 7),
+        (1, 1, Result.DONE, CommandKind.TARE, UNASKED),
+    ]
+
+
+def test_bad_and_repeated_commands_are_counted_and_ignored(robot: Robot) -> None:
+    """A wrong crc, another leg's frame under this id, and the same counter again do nothing."""
+    good = encode_command(1, 3, CommandKind.STOP)
+    robot.ask(bytes([good[0] ^ 1]) + good[1:])
+    robot.ask(encode_command(2, 3, CommandKind.STOP))
+    robot.ask(good)
+    robot.ask(good)
+    assert robot.sink.commands() == [Command(CommandKind.STOP, 0)]
+    assert (robot.sink.stats.received, robot.sink.stats.rejected) == (4, 3)
+    assert robot.heard(0x580) == []
+
+
+def test_a_counter_names_a_command_of_its_kind(robot: Robot) -> None:
+    """Another kind with the same counter is another command, not a repetition."""
+    for kind in (CommandKind.STOP, CommandKind.START):
+        robot.ask(encode_command(1, 3, kind))
+    assert [command.kind for command in robot.sink.commands()] == [CommandKind.STOP, CommandKind.START]
+    assert robot.sink.stats.rejected == 0
+
+
+def test_whoever_asks_is_answered(robot: Robot) -> None:
+    """Two tares that overlap end as one, and each gets the answer; two stops end one by one."""
+    for counter, kind in ((1, CommandKind.TARE), (2, CommandKind.TARE), (3, CommandKind.STOP)):
+        robot.ask(encode_command(1, counter, kind))
+    robot.ask(encode_command(1, 4, CommandKind.STOP))
+    assert len(robot.sink.commands()) == 4
+    for kind in (CommandKind.STOP, CommandKind.STOP, CommandKind.TARE):
+        robot.sink.answer(Outcome(Command(kind, 0), Result.DONE, ""))
+    answers = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
+    assert [(answer.kind, answer.asked) for answer in answers] == [
+        (CommandKind.STOP, 3),
+        (CommandKind.STOP, 4),
+        (CommandKind.TARE, 1),
+        (CommandKind.TARE, 2),
+    ]
+
+
+def test_a_restarted_consumer_may_begin_with_the_same_counter(robot: Robot) -> None:
+    """A counter that was last seen a second ago is no repetition."""
+    robot.ask(encode_command(1, 0, CommandKind.STOP))
+    assert len(robot.sink.commands()) == 1
+    robot.clock.t_ns = 1000 * MS
+    robot.ask(encode_command(1, 0, CommandKind.START))
+    assert robot.sink.commands() == [Command(CommandKind.START, 0)]
+
+
+def test_an_unknown_command_is_refused_in_words(robot: Robot) -> None:
+    """A whole frame that asks for nothing known gets the answer UNKNOWN."""
+    robot.ask(protect(0x201, bytes([5, 9, 0]) + b"zero"))
+    assert robot.sink.commands() == []
+    answers = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
+    assert answers == [(1, 0, Result.UNKNOWN, 9, 5)]
+
+
+def test_foreign_traffic_neither_hides_a_command_nor_piles_up(robot: Robot) -> None:
+    """Frames of others are taken from the channel with the commands."""
+    for can_id in (0x123, 0x202, 0x7FF):
+        robot.ask(b"foreign", can_id)
+    tare = encode_command(1, 0, CommandKind.TARE)
+    robot.consumer.send(can.Message(arbitration_id=0x201, data=tare, is_extended_id=True))
+    robot.consumer.send(can.Message(is_error_frame=True))
+    robot.ask(tare)
+    assert len(robot.sink.commands()) == 1
+    assert (robot.sink.stats.received, robot.sink.stats.bus_errors) == (1, 1)
+    assert robot.sink.commands() == []
+    assert robot.sink.stats.received == 1
+
+
+def test_a_full_channel_drops_frames_and_the_consumer_sees_the_gap(
+    request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    """What does not go out is counted, is not in the log, and never comes later."""
+    slow = can.Bus(interface="virtual", channel=request.node.nodeid, rx_queue_size=4)
+    log_file = tmp_path / "sent.log"
+    robot = Robot(request.node.nodeid, log_file=log_file)  # the boot heartbeat is the first of the four
+    robot.publish(0)  # Force, Quality, a fault report; a heartbeat and a zero find no room
+    robot.publish(MS)
+    assert (robot.sink.stats.sent, robot.sink.stats.dropped) == (4, 4)
+    while slow.recv(timeout=0):
+        pass
+    robot.publish(2 * MS)
+    arrived = slow.recv(timeout=0)
+    assert arrived is not None
+    assert decode_force(0x181, bytes(arrived.data)).counter == 2
+    slow.shutdown()
+    robot.close()
+    counters = [
+        int(line.split("#")[1][3], 16) for line in log_file.read_text().splitlines() if " 181#" in line
+    ]
+    assert counters == [0, 2]
+
+
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".blf"])
+def test_the_log_holds_what_was_sent_at_the_forces_time(
+    request: pytest.FixtureRequest, tmp_path: Path, suffix: str
+) -> None:
+    """Every format reads back with the consumer's frames in order, stamped with virtual time."""
+    log_file = tmp_path / f"walk{suffix}"
+    robot = Robot(request.node.nodeid, log_file=log_file)
+    for t_ms in (1000, 1020, 60_000):
+        robot.publish(t_ms * MS)
+    heard = robot.heard()
+    robot.close()
+    with can.LogReader(log_file, relative_timestamp=False) as reader:
+        boot, *logged, last = reader
+    assert [(m.arbitration_id, bytes(m.data)) for m in logged] == [
+        (m.arbitration_id, bytes(m.data)) for m in heard
+    ]
+    elapsed_s = [m.timestamp - boot.timestamp for m in logged]
+    assert elapsed_s == pytest.approx([m.timestamp - 1.0 for m in heard], abs=1e-5)
+    assert bytes(boot.data + last.data) == bytes([NmtState.BOOT, NmtState.STOPPED])
+
+
+def test_closing_says_stopped_for_every_leg_and_twice_is_once(request: pytest.FixtureRequest) -> None:
+    """The last thing that a consumer hears of each leg is `stopped`."""
+    robot = Robot(request.node.nodeid, ("lf", "rr"))
+    robot.sink.close()
+    robot.sink.close()
+    last = [decode_heartbeat(m.arbitration_id, bytes(m.data))[:2] for m in robot.heard()]
+    assert last == [(1, NmtState.STOPPED), (6, NmtState.STOPPED)]
+    robot.consumer.shutdown()

@@ -1,0 +1,82 @@
+"""The live table fits into 80 columns and onto any terminal."""
+
+import io
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from footsense.cli.run.live_table import LiveTable
+from footsense.frames import LEGS, CapFrame, Cycle, ForceFrame, State, Zero
+
+STATES = (
+    State.VALID,
+    State.CONVERTER_FAULT,
+    State.ELEMENT_FAULT,
+    State.OUT_OF_RANGE,
+    State.STOPPED,
+    State.DEGRADED,
+)
+
+
+def cycle() -> Cycle:
+    """Return a cycle of six legs, the first at half of the bar and one hair below zero in x, two at full load."""
+    n = len(LEGS)
+    force_n = np.full((n, 3), -12.3456)
+    force_n[0] = (-0.0004, 0.25, 0.6)
+    force_n[5, 2] = 20.0
+    return Cycle(
+        CapFrame(7, np.ones((n, 9), np.int64), np.ones((n, 9)), np.zeros((n, 9), np.uint8)),
+        (),
+        ForceFrame(
+            sequence=7,
+            t_sent_ns=2_000_000_000,
+            t_ns=np.full(n, 1_900_000_000),
+            force_n=force_n,
+            sigma_n=np.ones((n, 3)),
+            state=np.array(STATES, np.uint8),
+            fault_mask=np.zeros(n, np.uint16),
+            flags=np.zeros(n, np.uint8),
+            cause=np.zeros(n, np.uint8),
+            zero=Zero.none(n),
+        ),
+        (),
+    )
+
+
+def drawn(encoding: str) -> list[str]:
+    """Return what a terminal of 80 columns and this encoding shows after one cycle."""
+    screen = io.BytesIO()
+    file = io.TextIOWrapper(screen, encoding=encoding)
+    console = Console(file=file, force_terminal=True, width=80, color_system=None)
+    table = LiveTable(console, LEGS, "tripod, simulated", lambda _: np.full((len(LEGS), 3), 12.3456))
+    table.observe(cycle())
+    table.close()
+    file.flush()
+    lines = [line for line in screen.getvalue().decode(encoding).splitlines() if line.startswith(LEGS)]
+    return lines[-len(LEGS) :]  # the table is drawn once more when it is closed
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1", "ascii"])
+def test_each_leg_is_one_line_of_at_most_80_columns(encoding: str) -> None:
+    """The longest state beside the largest numbers breaks no line, in whatever encoding the terminal has."""
+    lines = drawn(encoding)
+    assert [line[:2] for line in lines] == list(LEGS)
+    assert max(map(len, lines)) <= 80
+    for line, state in zip(lines, STATES, strict=True):
+        assert state.name.lower().replace("_", " ") in line
+        assert line.count("12.346") == 1 + (2 if line.startswith("rr") else 0)
+
+
+@pytest.mark.parametrize(("encoding", "cell"), [("utf-8", "█"), ("latin-1", "#"), ("ascii", "#")])
+def test_a_bar_is_drawn_with_what_the_terminal_has(encoding: str, cell: str) -> None:
+    """Half the scale is half the cells, more than the scale all of them."""
+    lines = drawn(encoding)
+    assert [lines[0].count(cell), lines[5].count(cell)] == [5, 10]
+
+
+def test_zero_has_no_minus() -> None:
+    """What rounds to zero does not change its sign from line to line."""
+    line = drawn("utf-8")[0]
+    assert "+0.000" in line
+    assert "-0.000" not in line

@@ -1,0 +1,142 @@
+"""What `footsense monitor` shows: what a real sink sends, and nothing that is not known."""
+
+import io
+import json
+import math
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from rich.console import Console
+
+from firmware_interface.can_codes import NODE_IDS, Cause, Flag, NmtState, State, ZeroStatus
+from firmware_interface.can_events import FAULT_ID, HEARTBEAT_ID, encode_fault, encode_heartbeat
+from firmware_interface.can_zero import ZERO_ID, encode_zero
+from footsense.can.python_can import open_wire
+from footsense.cli.monitor.command import _plain, monitor
+from footsense.cli.monitor.table import monitor_table
+from footsense.client import Limits, Report, Reports, Status, View
+from footsense.daemon.can_listener import Listener, Seen
+from footsense.errors import CanError
+from tests.support.can_robot import MS, FakeClock, Robot
+
+
+def seen(leg: str = "lf") -> Seen:
+    """Return a leg of which everything is told, in the longest words."""
+    view = View(
+        status=Status.REPEATED,
+        usable=True,
+        state=State.CONVERTER_FAULT,
+        flags=Flag.SIMULATED | Flag.CONTACT,
+        fault_mask=0b100_000_011,
+        force_n=(-12.3456, -0.0, 32.767),
+        sigma_n=(0.1, math.nan, 1.02),
+        age_ns=99_900_000,
+    )
+    report = Report(
+        cause=Cause.ELEMENT_SHORTED,
+        cause_state=State.CONVERTER_FAULT,
+        zero=ZeroStatus.NOT_QUIET,
+        mean_pf=-1.2345,
+        worst_pf=3.2767,
+        moved_ago_ns=6_553_400_000_000,
+        node_state=NmtState.STOPPED,
+        degraded_timing=True,
+    )
+    return Seen(leg, view, report, 7)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
+def test_the_longest_words_fit_into_80_columns_and_a_small_terminal(encoding: str) -> None:
+    """No line is folded or cut, on a terminal that knows ASCII alone."""
+    screen = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
+    console = Console(file=screen, width=80, force_terminal=True, color_system=None)
+    console.print(monitor_table([seen(leg) for leg in NODE_IDS], "239.74.163.2   12345.6 s"))
+    screen.seek(0)
+    text = screen.read()
+    assert len(text.splitlines()) <= 20
+    assert all(len(line) <= 80 for line in text.splitlines())
+    assert "timing degraded" in text
+    for word in ("converter fault", "element shorted", "xx. ... ..x", "not quiet", "6553.4", "-12.346"):
+        assert text.count(word) == 6
+    assert "…" not in text
+
+
+def plain(listener: Listener) -> list[dict[str, Any]]:
+    """Return what one second of --json says, read back."""
+    return [json.loads(json.dumps(_plain(each), allow_nan=False)) for each in listener.look()]
+
+
+def test_a_listener_sees_what_a_sink_sends_and_stops_believing_it(request: pytest.FixtureRequest) -> None:
+    """Over one channel in virtual time: three scans until trust, then silence."""
+    robot = Robot(request.node.nodeid, ("lf", "rr"))
+    clock = FakeClock()
+    listener = Listener(open_wire("virtual", request.node.nodeid, 500_000, ()), clock, Limits())
+    before = plain(listener)[0]
+    assert (before["link"], before["state"], before["phase"], before["heartbeat"]) == (
+        "stale",
+        None,
+        None,
+        None,
+    )
+    for number in range(4):
+        robot.publish(number * 25 * MS, State.VALID, age_ns=15 * MS)
+        listener.listen(clock.t_ns + 25 * MS)
+        assert listener.look()[0].view.usable == (number >= 2)
+    left, *others, right = plain(listener)
+    assert (left["leg"], left["link"], left["phase"], left["cause"]) == ("lf", "ok", "valid", "none")
+    assert (left["forces"], left["heartbeat"], left["force_n"]) == (4, "operational", [0.5, 0.5, 0.5])
+    assert 15.0 <= left["age_ms"] <= 45.0
+    assert right["usable"]
+    assert all(other["state"] is None and other["force_n"] == [None] * 3 for other in others)
+
+    listener.listen(clock.t_ns + 700 * MS)
+    left = plain(listener)[0]
+    assert (left["link"], left["usable"], left["heartbeat"]) == ("stale", False, None)
+    assert (left["force_n"], left["age_ms"], left["contact"]) == ([None] * 3, None, None)
+    assert (left["state"], left["cause"], left["elements_out"]) == (None, None, None)
+    robot.close()
+
+
+def test_a_channel_that_goes_away_is_one_line() -> None:
+    """Not a traceback, and not a table that stands still."""
+
+    class Gone:
+        def send(self, frames: bytes, t_ns: int) -> int:
+            raise AssertionError("who only listens sends nothing")
+
+        def receive(self) -> list[bytes]:
+            raise OSError(100, "Network is down")
+
+        def close(self) -> None:
+            raise AssertionError("who was handed a channel does not close it")
+
+    with pytest.raises(CanError, match="the CAN channel is gone: Network is down"):
+        Listener(Gone(), FakeClock(), Limits()).listen(1)
+
+
+def test_reports_are_known_as_long_as_they_come() -> None:
+    """A zero for three seconds, a heartbeat for three beats, a cause until the next; a wrong one is counted."""
+    reports = Reports()
+    nothing = reports.look(3, 0)
+    assert (nothing.cause, nothing.zero, nothing.node_state, nothing.degraded_timing) == (None,) * 4
+    reports.feed(ZERO_ID + 3, encode_zero(3, 0, ZeroStatus.HELD, 0.001, -0.002, 5_000_000_000), 0)
+    reports.feed(HEARTBEAT_ID + 3, encode_heartbeat(NmtState.OPERATIONAL, degraded_timing=True), 0)
+    reports.feed(FAULT_ID + 3, encode_fault(3, 0, State.DEGRADED, State.VALID, 1, Cause.ELEMENT_OPEN), 0)
+    told = reports.look(3, 600 * MS)
+    assert (told.zero, told.moved_ago_ns, told.cause) == (ZeroStatus.HELD, 5_600_000_000, Cause.ELEMENT_OPEN)
+    assert (told.node_state, told.degraded_timing) == (NmtState.OPERATIONAL, True)
+    assert reports.look(3, 601 * MS).node_state is None
+    late = reports.look(3, 3001 * MS)
+    assert (late.zero, late.moved_ago_ns, late.cause) == (None, None, Cause.ELEMENT_OPEN)
+    assert math.isnan(late.mean_pf)
+    assert reports.feed(ZERO_ID + 3, bytes(8), 0)
+    assert not reports.feed(ZERO_ID + 7, bytes(8), 0)
+    assert reports.n_wrong == 1
+
+
+def test_a_channel_that_cannot_be_is_refused_with_one_that_can() -> None:
+    """Before anything is opened."""
+    result = CliRunner().invoke(monitor, ["--interface", "udp_multicast", "--channel", "can0"])
+    assert result.exit_code == 2
+    assert "can0 is no IPv4 multicast address; try 239.74.163.2" in result.output

@@ -1,0 +1,228 @@
+"""The configuration says what it means, and refuses what contradicts itself with the path and the remedy."""
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from footsense.cli.check_config import check_config
+from footsense.config import DEFAULT, Metrics, load_config
+from footsense.errors import ConfigError
+from footsense.frames import LEGS
+
+DEPLOY = Path(__file__).parents[3] / "deploy"
+
+ONE_BUS = """\
+buses:
+  - device: /dev/i2c-1
+    legs: {lf: 0, rf: 1}
+can: {interface: socketcan}
+"""
+
+MCU = "board: mcu\nserial: {device: sim}\ncan: {interface: virtual}\n"
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "robot.yaml"
+
+
+@pytest.mark.parametrize(
+    "name", ["footsense.yaml", "footsense-two-buses.yaml", "footsense-mcu.yaml", "footsense-ad7746.yaml"]
+)
+def test_the_examples_are_right(name: str) -> None:
+    """The example files hold all six legs and nothing to warn of."""
+    config = load_config(DEPLOY / name)
+    assert config.legs == LEGS == DEFAULT.legs
+    assert config.warnings == ()
+
+
+def test_the_commented_values_are_the_defaults(file: Path) -> None:
+    """What the example calls a default is what an absent key means."""
+    file.write_text(ONE_BUS)
+    short, long = load_config(file), load_config(DEPLOY / "footsense.yaml")
+    assert (short.board, short.tare, short.max_age_ms) == (long.board, long.tare, long.max_age_ms)
+    assert (short.rate_sps, short.order, short.scan.gang) == (long.rate_sps, long.order, long.scan.gang)
+    assert (short.publish, short.average_scans) == (long.publish, long.average_scans)
+    assert (short.zero, short.contact) == (long.zero, long.contact)
+    assert (short.buses[0].mux, short.buses[0].rate_hz) == (long.buses[0].mux, long.buses[0].rate_hz)
+    assert long.metrics == Metrics()
+    assert short.metrics is None
+
+
+def test_model_and_packs_are_found_beside_the_file(file: Path) -> None:
+    """A relative path does not depend on the directory in which the daemon is started."""
+    file.write_text(ONE_BUS + "model: my.onnx")
+    assert load_config(file).model == str(file.parent / "my.onnx")
+    file.write_text(ONE_BUS + "feet: {lf: foot-0007}\npacks: feet/")
+    assert load_config(file).packs == str(file.parent / "feet")
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        (
+            ONE_BUS + "board: ad7746\nscan: {rate_sps: 400}",
+            "line 6: scan.rate_sps: 400 is no rate of the board ad7746; use one of 9, 11, 13, 16, 26, 50, 84, 91",
+        ),
+        (
+            ONE_BUS + "scan: {rate_sps: 91}",
+            "line 5: scan.rate_sps: 91 is no rate of the board fdc1004; use one of 100, 200, 400",
+        ),
+        (
+            ONE_BUS + "board: ad7746\npublish: element\nscan: {gang: true}",
+            "line 7: scan.gang: is for board: fdc1004; the board ad7746 reads no columns at once",
+        ),
+        (
+            ONE_BUS.replace("rf: 1", "rf: 0"),
+            "line 3: buses[0].legs.rf: channel 0 is already that of lf; free",
+        ),
+        (
+            ONE_BUS.replace("{lf: 0, rf: 1}", "{}"),
+            "line 3: buses[0].legs: expected at least 1 entries of lf, lm",
+        ),
+        (
+            ONE_BUS.replace("device", "rate_hz: 1000000\n    device"),
+            "buses[0].rate_hz: 1000000 is out of range",
+        ),
+        (
+            ONE_BUS.replace("can:", "  - device: /dev/i2c-2\n    legs: {lf: 2}\ncan:"),
+            "line 5: buses[1].legs.lf: lf is already a leg of buses[0]",
+        ),
+        (
+            ONE_BUS.replace("can:", "  - device: /dev/i2c-1\n    legs: {lm: 2}\ncan:"),
+            "line 4: buses[1].device: /dev/i2c-1 is already the device of buses[0]",
+        ),
+        (
+            ONE_BUS.replace("can:", "    other_devices: [{name: HAT EEPROM, address: 0x50}]\ncan:"),
+            "buses[0].other_devices[0].address: HAT EEPROM answers at 0x50, as does the FDC1004 of every leg",
+        ),
+        (
+            ONE_BUS.replace("can:", "    other_devices: [{name: LED, address: 0x71}]\ncan:"),
+            "LED answers at 0x71, which is the address of the multiplexer",
+        ),
+        (
+            ONE_BUS.replace(
+                "can:",
+                "    other_devices: [{name: IMU, address: 0x68}, {name: RTC, address: 0x68}]\ncan:",
+            ),
+            "buses[0].other_devices[1].address: RTC answers at 0x68, as does IMU; change one of them",
+        ),
+        (
+            ONE_BUS.replace(
+                "can:",
+                "    mux: {address: 0x70}\n    other_devices: [{name: my PCA9685, address: 0x40}]\ncan:",
+            ),
+            "line 4: buses[0].mux.address: my PCA9685 answers at 0x70 too (ALLCALL)",
+        ),
+        (
+            "board: mcu\ncan: {interface: virtual}",
+            "board: mcu needs the line to the microcontroller: serial: {device: ...}",
+        ),
+        (
+            ONE_BUS + "board: mcu\nserial: {device: sim}",
+            "line 1: buses: the board mcu has no I2C bus of ours; take buses away, or use another board",
+        ),
+        (
+            ONE_BUS + "serial: {device: sim}",
+            "line 5: serial: is for board: mcu; the board fdc1004 is read over",
+        ),
+        ("can: {interface: virtual}", "the board fdc1004 is read over I2C: name its buses, with their legs"),
+        (MCU + "scan: {rate_sps: 100}", "scan: the microcontroller scans by itself, at serial.rate_hz"),
+        (MCU + "publish: element", "publish: the microcontroller sends whole scans; use publish: frame"),
+        (MCU + "max_age_ms: 6", "max_age_ms: a scan takes 5 ms and more at 200 scans/s"),
+        (MCU.replace("sim", "sim, legs: [lf, rf, lf]"), "serial.legs[2]: lf is named twice"),
+        (MCU.replace("sim", "ttyACM0"), "serial.device"),
+        (ONE_BUS + "feet: {lf: foot-0001, rf: foot-0001}", "feet.rf: foot-0001 is already mounted on lf"),
+        (ONE_BUS + "packs: feet/", "packs: no foot is named that a pack could be for; name them under feet"),
+        (
+            ONE_BUS + "feet: {lf: foot-0001}\npacks: feet/\nmodel: my.onnx",
+            "model: each pack brings the network that it was fitted on; take model or packs away",
+        ),
+        (
+            ONE_BUS + "feet: {lf: foot-0001}\npacks: feet/\nunloaded_pf: {lf: [5, 5, 5, 5, 5, 5, 5, 5, 5]}",
+            "unloaded_pf.lf: the pack of foot-0001 says what it is; take this entry away",
+        ),
+        (ONE_BUS + "unloaded_pf: {lr: [5, 5, 5, 5, 5, 5, 5, 5, 5]}", "unloaded_pf.lr: no bus has the leg lr"),
+        (
+            ONE_BUS.replace("rf: 1", "rf: /dev/i2c-11"),
+            "line 3: buses[0].legs.rf: the multiplexer is driven by the kernel or by footsense, never by both",
+        ),
+        (
+            ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: /dev/i2c-11, rf: /dev/i2c-11}"),
+            "line 3: buses[0].legs.rf: /dev/i2c-11 is already that of lf; `i2cdetect -l` lists them",
+        ),
+        (
+            ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: /dev/i2c-11, rf: sim}"),
+            "buses[0].device: simulated and real buses cannot be mixed",
+        ),
+        (
+            ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: 0, rf: 1, lm: 2, rm: 3}") + "publish: element",
+            "can.bitrate: 4 legs at 400 forces/s take 432 kbit/s, more than 70% of 500 kbit/s; use 1000000, or",
+        ),
+        (
+            ONE_BUS + "scan: {gang: true}",
+            "scan.gang: a whole scan has no conversion to spare; use publish: element, or gang: false",
+        ),
+        (
+            ONE_BUS + "scan: {gang: true}\npublish: element\nzero: {track: false}",
+            "scan.gang: what a column reads is judged by zeros that follow; use zero.track: true",
+        ),
+        (
+            ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: /dev/i2c-11, rf: /dev/i2c-12}")
+            + "scan: {gang: true}\npublish: element",
+            "scan.gang: needs all legs to convert at once: name a channel for every leg, or use gang: false",
+        ),
+        (
+            ONE_BUS + "publish: element\naverage_scans: 2",
+            "average_scans: is of use with publish: frame only",
+        ),
+        (ONE_BUS + "feet: {lm: foot-0001}", "feet.lm: no bus has the leg lm; the legs are lf, rf"),
+        (ONE_BUS + "metrics: {address: localhost}", "metrics.address: 'localhost' is not an IP address"),
+        (
+            ONE_BUS.split("can:", maxsplit=1)[0],
+            "the key can is missing (interface: socketcan, channel: can0 on a robot)",
+        ),
+    ],
+)
+def test_a_contradiction_names_its_path_and_remedy(file: Path, text: str, wanted: str) -> None:
+    """Settings that cannot work together are refused where they stand in the file."""
+    file.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        load_config(file)
+    assert wanted in str(caught.value)
+
+
+def test_a_multiplexer_at_0x70_is_warned_of(file: Path) -> None:
+    """0x70 works until somebody adds a servo board, so it is said but not refused."""
+    file.write_text(ONE_BUS.replace("can:", "    mux: {address: 0x70}\ncan:"))
+    (warning,) = load_config(file).warnings
+    assert warning.startswith("buses[0].mux.address: 0x70 is also the ALLCALL address of PCA9685")
+
+
+def test_a_serial_port_that_may_change_its_name_is_warned_of(file: Path) -> None:
+    """So is CAN that stays in the process, as with I2C."""
+    file.write_text(MCU.replace("sim", "/dev/ttyACM0"))
+    assert [warning.partition(":")[0] for warning in load_config(file).warnings] == [
+        "serial.device",
+        "can.interface",
+    ]
+
+
+def test_check_config_explains_a_file() -> None:
+    """The command says where each leg is and where the forces go."""
+    result = CliRunner().invoke(check_config, [str(DEPLOY / "footsense-two-buses.yaml")])
+    assert result.exit_code == 0
+    assert "/dev/i2c-3 at 400 kHz, TCA9548A at 0x71: rf on channel 0" in result.output
+    assert "CAN: socketcan can0, 500 kbit/s" in result.output
+
+
+def test_an_age_limit_below_a_scan_is_refused(tmp_path: Path) -> None:
+    """Every force would be stale; the remedy is a number."""
+    file = tmp_path / "robot.yaml"
+    file.write_text(
+        "buses: [{device: sim, legs: {lf: 0}}]\ncan: {interface: virtual}\n"
+        "scan: {rate_sps: 100}\nmax_age_ms: 100\n"
+    )
+    with pytest.raises(ConfigError, match="max_age_ms: a scan takes 90 ms and more at 100 S/s"):
+        load_config(file)

@@ -1,0 +1,93 @@
+"""The files in `deploy/` say what the service needs, in a form that systemd and udev read."""
+
+import shutil
+import subprocess
+from configparser import RawConfigParser
+from pathlib import Path
+
+import pytest
+
+from footsense.sim.can.interface import AS_DEPLOYED
+
+DEPLOY = Path(__file__).parents[3] / "deploy"
+UNIT = DEPLOY / "footsense.service"
+
+
+def parsed(path: Path) -> RawConfigParser:
+    """Return a systemd file's sections; keys keep their case, and one that is set twice is an error."""
+    parser = RawConfigParser(delimiters=("=",), comment_prefixes=("#",), interpolation=None)
+    parser.optionxform = str  # type: ignore[assignment,method-assign]
+    parser.read_string(path.read_text())
+    return parser
+
+
+def test_the_service_is_watched_and_started_again() -> None:
+    """The supervisor hears when forces come, restarts a loop that hangs or fails, and not a wrong configuration."""
+    service = parsed(UNIT)["Service"]
+    assert service["Type"] == "notify"
+    assert int(service["WatchdogSec"]) > 0
+    assert service["Restart"] == "on-failure"
+    assert service["RestartPreventExitStatus"].split() == ["2", "4"]
+    assert service["KillMode"] == "mixed"
+    assert (
+        service["ExecStart"] == "/opt/footsense/bin/footsense -v run --config /etc/footsense/footsense.yaml"
+    )
+
+
+def test_the_service_may_do_what_the_loop_needs() -> None:
+    """Real-time priority below the interrupt threads, locked memory, I2C, CAN and local HTTP."""
+    service = parsed(UNIT)["Service"]
+    assert service["CPUSchedulingPolicy"] == "fifo"
+    assert int(service["CPUSchedulingPriority"]) < 50 <= int(service["LimitRTPRIO"])
+    assert service["LimitMEMLOCK"] == "infinity"
+    assert service["SupplementaryGroups"] == "i2c"
+    assert service["DeviceAllow"] == "char-i2c rw"
+    assert set(service["RestrictAddressFamilies"].split()) == {"AF_UNIX", "AF_CAN", "AF_INET", "AF_INET6"}
+    forbidden = {"RestrictRealtime", "PrivateDevices", "PrivateNetwork", "CPUSchedulingResetOnFork"}
+    assert not forbidden & set(service)
+
+
+def test_the_service_may_do_little_else() -> None:
+    """A user of its own, no capabilities, a file system that it cannot change but for its state."""
+    service = parsed(UNIT)["Service"]
+    assert service["User"] == service["StateDirectory"] == "footsense"
+    assert service["CapabilityBoundingSet"] == ""
+    assert service["ProtectSystem"] == "strict"
+    for key in ("NoNewPrivileges", "ProtectHome", "PrivateTmp", "ProtectKernelModules", "RestrictNamespaces"):
+        assert service[key] == "yes"
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
+def test_systemd_has_no_complaint(tmp_path: Path) -> None:
+    """The supervisor knows every key, once the program stands where the unit says."""
+    copy = tmp_path / UNIT.name
+    copy.write_text(UNIT.read_text().replace("/opt/footsense/bin/footsense", "/bin/true"))
+    done = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", str(copy)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert [line for line in done.stderr.splitlines() if UNIT.name in line] == []
+
+
+def test_can0_comes_up_by_itself_and_keeps_no_old_frame() -> None:
+    """The bit rate is footsense's default, and the rest is what the simulation of a breaking bus is about."""
+    network = parsed(DEPLOY / "80-can0.network")
+    can = network["CAN"]
+    assert (network["Match"]["Name"], can["BitRate"]) == ("can0", "500000")
+    assert can["RestartSec"] == f"{AS_DEPLOYED.restart_ns // 1_000_000}ms"
+    assert (can["OneShot"] == "yes") is AS_DEPLOYED.one_shot
+    assert int(network["PFIFOHeadDrop"]["PacketLimit"]) == AS_DEPLOYED.queue_frames
+    assert AS_DEPLOYED.head_drop
+
+
+def test_i2c_adapters_are_known_to_systemd() -> None:
+    """The unit waits for the adapter, which systemd does not know without the tag."""
+    (rule,) = [
+        line
+        for line in (DEPLOY / "99-footsense-i2c.rules").read_text().splitlines()
+        if line and not line.startswith("#")
+    ]
+    assert rule == 'SUBSYSTEM=="i2c-dev", GROUP="i2c", MODE="0660", TAG+="systemd"'
+    assert "dev-i2c\\x2d1.device" in parsed(UNIT)["Unit"]["After"]

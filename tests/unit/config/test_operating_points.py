@@ -1,0 +1,61 @@
+"""The named operating points: what they set, whom they refuse, and that their figures are the report's."""
+
+import json
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from footsense.config import DEFAULT, Can
+from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
+from footsense.config.schema import Scan
+from footsense.errors import ConfigError
+from tests.system.command import footsense, run_json
+
+REPORT = Path(__file__).parents[3] / "docs" / "report" / "tradeoff.json"
+
+
+def test_a_point_replaces_three_settings_and_no_others() -> None:
+    """The order of the scan stays that of the file."""
+    moved = at_operating_point(replace(DEFAULT, scan=Scan(order="raster"), publish="element"), "quiet")
+    quiet = OPERATING_POINTS["quiet"]
+    assert (moved.scan.rate_sps, moved.average_scans, moved.publish) == quiet[:3]
+    assert moved.scan.order == "raster"
+    assert replace(moved, scan=DEFAULT.scan, average_scans=1) == DEFAULT
+
+
+def test_the_default_is_a_point() -> None:
+    """A robot whose file says nothing of it runs at `steady`."""
+    said = replace(DEFAULT, scan=replace(DEFAULT.scan, rate_sps=DEFAULT.rate_sps))
+    assert at_operating_point(DEFAULT, "steady") == said
+
+
+def test_a_point_that_can_does_not_carry_is_refused() -> None:
+    """As the same settings in a file are, with what would be right."""
+    robot = replace(DEFAULT, can=Can(interface="socketcan", bitrate=500_000))
+    with pytest.raises(ConfigError, match=r"operating point fresh: can\.bitrate: 6 legs .* use 1000000"):
+        at_operating_point(robot, "fresh")
+    assert at_operating_point(robot, "steady").publish == "frame"
+
+
+def test_run_obeys_the_name_and_refuses_another() -> None:
+    """A name that is none is a usage error that lists those that are."""
+    figures = run_json("--operating-point", "quiet", "--duration", "2", "--fast")
+    assert figures["scan_rate_hz"] < 100 / 9
+    result = footsense("run", "--operating-point", "loud", "--duration", "1")
+    assert result.returncode == 2
+    assert "'quiet', 'steady', 'fresh'" in result.stderr
+
+
+@pytest.mark.parametrize("name", list(OPERATING_POINTS))
+def test_the_figures_are_those_of_the_report(name: str) -> None:
+    """Rounded as they are written."""
+    point = OPERATING_POINTS[name]
+    found = next(
+        p
+        for p in json.loads(REPORT.read_text(encoding="utf-8"))["points"]
+        if (p["rate_sps"], p["average_scans"], p["publish"]) == point[:3]
+    )
+    assert point.age_ms == pytest.approx(found["walk"]["age_used_ms"][0], abs=0.5)
+    assert point.walk_error_mn == pytest.approx(found["walk"]["used_total_mn"], abs=1.0)
+    assert point.noise_mn == pytest.approx(found["noise_mn"], rel=0.05)

@@ -1,0 +1,64 @@
+"""The file that describes a bench: what is right is read, what is wrong is one line."""
+
+import struct
+from pathlib import Path
+
+import pytest
+
+from footsense.config.test_stand import Serial, Simulated, load_bench
+from footsense.errors import ConfigError
+from footsense.reference.record_decoder import integer_bits
+
+DEPLOY = Path(__file__).parents[3] / "deploy"
+
+SERIAL = """
+sensor:
+  kind: serial
+  device: /dev/ttyUSB0
+  rate_hz: 200
+  framing: {kind: binary, columns: [time_us, fx, fy, fz], layout: "<Ihhh", sync: AA55, checksum: sum8}
+units: kgf
+rated: [4, 4, 8]
+axes: {x: -x, y: -y, z: -z}
+"""
+
+
+def test_the_files_that_come_with_footsense_are_right() -> None:
+    """Both load; the simulated one is for the simulated sensor."""
+    assert isinstance(load_bench(DEPLOY / "test-stand.yaml").sensor, Serial)
+    assert isinstance(load_bench(DEPLOY / "test-stand-simulated.yaml").sensor, Simulated)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "says"),
+    [
+        ("y: -y", "y: -x", "line 9: axes: -x, -x, -z names an axis of the sensor twice"),
+        ("z: -z", "z: down", "axes.z"),
+        ("kgf", "kg", "units: expected one of N, gf, kgf, lbf, mN; got the text 'kg', did you mean kgf?"),
+        ("fx, fy, fz]", "fx, fy, mz]", "sensor.framing.columns"),
+        ("[time_us, fx, fy, fz]", "[time_us, fx, fy, '-']", "sensor.framing.columns: no column is fz"),
+        ("[time_us, fx, fy, fz]", "[fx, fx, fy, fz]", "sensor.framing.columns: name one thing twice"),
+        ("[time_us, fx", "[time_us, time_ms, fx", "sensor.framing.columns: name one thing twice"),
+        ("<Ihhh", "<Ihh", "sensor.framing.layout: has 3 values, but there are 4 columns"),
+        ("<Ihhh", "<I3s", "sensor.framing.layout: '<I3s' is no layout of numbers: 's' is no number"),
+        ("AA55", "A", "sensor.framing.sync"),
+        ("kind: serial", "kind: can", "sensor.kind: expected one of serial, net_ft, file, simulated"),
+        ("rate_hz: 200", "rate_hz: 0", "sensor.rate_hz"),
+    ],
+)
+def test_what_is_wrong_is_one_line(tmp_path: Path, right: str, wrong: str, says: str) -> None:
+    """With the place and what would be right."""
+    path = tmp_path / "test-stand.yaml"
+    assert right in SERIAL
+    path.write_text(SERIAL.replace(right, wrong))
+    with pytest.raises(ConfigError) as raised:
+        load_bench(path)
+    assert says in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("layout", ["Bi", "<", "<4", "<x", "<hs", "<999999999b", "hello", ""])
+def test_a_layout_that_is_none_is_refused(layout: str) -> None:
+    """Gaps that alignment would put in are refused, too."""
+    with pytest.raises(struct.error):
+        integer_bits(layout)

@@ -1,0 +1,215 @@
+"""What a probe says of robots on which something is wrong: where, what, and what to check."""
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from rich.console import Console
+
+from footsense.acquisition.probe.bus_scan import look_at_bus
+from footsense.acquisition.scan_plan import scan_plan
+from footsense.acquisition.upstream_bus import Trunk
+from footsense.cli.probe.figure import draw
+from footsense.cli.probe.picture import probe_picture, unloaded_yaml
+from footsense.cli.probe.plain_values import plain
+from footsense.config import DEFAULT, Bus, Config, Mux, OtherDevice, Serial
+from footsense.daemon.probe.bus_probe import probe
+from footsense.daemon.probe.findings import bus_complaints
+from footsense.daemon.probe.report import BusReport, Probed
+from footsense.errors import FootsenseError, NackError
+from footsense.ports import I2cBus, Transaction
+from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
+from footsense.sim.chips.fdc1004 import SimulatedFdc1004
+from footsense.sim.chips.line_switch import SimulatedLineSwitch
+from footsense.sim.clock import VirtualClock
+from footsense.sim.faults import scene_faults
+from footsense.sim.faults.scene_faults import Fault
+from footsense.sim.scene import Constant, load_scene
+from tests.support.feet import DESIGN
+
+HANGING = load_scene("hanging")
+CHANNELS = {"lf": 0, "lm": 1}
+
+
+def probed(*broken: Fault, config: Config = DEFAULT) -> Probed:
+    return probe(config, msgspec.structs.replace(HANGING, faults=broken))
+
+
+def shown(found: Probed) -> str:
+    console = Console(width=80, file=io.StringIO(), record=True)
+    console.print(probe_picture(found, "test"))
+    return console.export_text()
+
+
+def test_nothing_is_wrong_with_a_sound_robot() -> None:
+    """Its readings are ready to be pasted, its limits are those of the bus, and the picture fits a terminal."""
+    found = probed()
+    assert found.complaints == ()
+    assert unloaded_yaml(found).splitlines()[0] == "unloaded_pf:"
+    assert all(leg.unloaded_pf == pytest.approx([DESIGN.rest_pf] * 9, abs=2e-3) for leg in found.legs)
+    figures = plain(found)
+    assert figures["buses"][0]["rate_hz"] == pytest.approx(400_000, rel=1e-3)
+    assert figures["scan_over_conversions"] == pytest.approx(1.065, abs=1e-3)
+    assert 0.3 < figures["legs"]["rm"]["noise_ff"][4] < 0.7
+    text = shown(found)
+    assert max(map(len, text.splitlines())) <= 80
+    assert text.count("sound") == 6
+
+
+@pytest.mark.parametrize(
+    ("broken", "what", "check"),
+    [
+        (scene_faults.Absent(at_s=0, leg="lm"), "channel 1: no answer at 0x50", "its plug"),
+        (scene_faults.WrongChip(at_s=0, leg="lm"), "an FDC1004 says 0x5449/0x1004", "what is plugged in"),
+        (scene_faults.BrokenRow(at_s=0, leg="lm", row=1), "row 1 is interrupted", "the row switch"),
+        (
+            scene_faults.BrokenColumn(at_s=0, leg="lm", column=2),
+            "column 2 is interrupted",
+            "the converter's pin",
+        ),
+        (scene_faults.ElementOpen(at_s=0, leg="lm", element=5), "element 5 is open", "row 1, column 2"),
+        (
+            scene_faults.ElementShorted(at_s=0, leg="lm", element=4),
+            "element 4 is shorted",
+            "row 1, column 1 touch",
+        ),
+        (scene_faults.GapShut(at_s=0, leg="lm", element=4), "its gap is shut", "water"),
+        (scene_faults.StuckSda(at_s=0, leg="lm"), "low as soon as channel 1 is connected", "short"),
+        (scene_faults.StuckConverter(at_s=0, leg="lm"), "does not finish", "supply"),
+        (scene_faults.DeafSwitch(at_s=0, leg="lm"), "does not hold what it is told", "RESET"),
+        (scene_faults.NackAtRandom(at_s=0, leg="lm", rate_rel=0.01), "now and then", "loose contact"),
+    ],
+)
+def test_a_fault_on_one_leg_is_one_line_on_that_leg(broken: Fault, what: str, check: str) -> None:
+    """It names the leg, and what to look at; the other legs are sound and give what to configure."""
+    found = probed(broken)
+    (complaint,) = found.complaints
+    assert complaint.where == "lm"
+    assert what in complaint.what
+    assert check in complaint.check
+    assert [leg.leg for leg in found.legs if leg.unloaded_pf is None] == ["lm"]
+    assert plain(found)["scan_ms"] is not None
+
+
+@pytest.mark.parametrize(
+    ("config", "scan_ms"),
+    [
+        (msgspec.structs.replace(DEFAULT, board="ad7746"), 102.1),
+        (msgspec.structs.replace(DEFAULT, board="mcu", buses=(), serial=Serial(device="sim")), None),
+    ],
+    ids=["ad7746", "mcu"],
+)
+def test_feet_of_other_boards_are_judged_alike(config: Config, scan_ms: float | None) -> None:
+    """By what they read; a microcontroller's buses are its own, and nothing is said of them."""
+    scene = msgspec.structs.replace(HANGING, faults=(scene_faults.BrokenRow(at_s=0, leg="lm", row=1),))
+    found = probe(config, scene)
+    assert [(complaint.where, complaint.what) for complaint in found.complaints] == [
+        ("lm", "the line of row 1 is interrupted")
+    ]
+    assert [leg.leg for leg in found.legs if leg.unloaded_pf is None] == ["lm"]
+    assert plain(found)["scan_ms"] == (None if scan_ms is None else pytest.approx(scan_ms, abs=0.1))
+    assert "see below" in shown(found)
+
+
+def test_a_trunk_that_is_held_is_the_bus_s_fault_alone() -> None:
+    """Of its legs nothing can be known, and nothing is said."""
+    found = probed(scene_faults.StuckTrunk(at_s=0))
+    assert [(complaint.where, "held low" in complaint.what) for complaint in found.complaints] == [
+        ("sim", True)
+    ]
+    assert found.scan_ns is None
+    assert plain(found)["legs"]["lf"]["mean_pf"] is None
+    assert unloaded_yaml(found) == ""
+
+
+def test_a_leg_that_nothing_disconnects_hides_those_behind_it() -> None:
+    """Without a RESET line the rest of the bus cannot be looked at: that is said, and what to wire."""
+    bus = msgspec.structs.replace(DEFAULT.buses[0], mux=Mux())
+    found = probed(
+        scene_faults.StuckSda(at_s=0, leg="rm"), config=msgspec.structs.replace(DEFAULT, buses=(bus,))
+    )
+    told = {complaint.where: complaint for complaint in found.complaints}
+    assert told["sim"].what.startswith("rr could not be looked at")
+    assert "mux.reset" in told["sim"].check
+    assert "channel 4" in told["rm"].what
+
+
+def test_a_foot_that_is_pressed_or_another_one_says_by_how_much() -> None:
+    """Its readings are offered all the same: only its maker knows whether it hangs free."""
+    scene = msgspec.structs.replace(HANGING, load=Constant(force_n=(0.0, 0.0, 0.5)), lead_in_s=0.0)
+    found = probe(DEFAULT, scene)
+    assert len(found.complaints) == 6
+    assert "from what the free foot is expected to" in found.complaints[0].what
+    assert all(leg.unloaded_pf is not None for leg in found.legs)
+
+
+class WithOthers:
+    """A bus on whose trunk something else answers too."""
+
+    def __init__(self, bus: I2cBus, *addresses: int) -> None:
+        self._bus = bus
+        self._addresses = addresses
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        try:
+            return self._bus.transfer(transaction)
+        except NackError:
+            if transaction.address not in self._addresses:
+                raise
+            return bytes(transaction.n_read)
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+def told_of_bus(
+    others: Sequence[int] = (),
+    mux_address: int = 0x71,
+    rate_hz: int = 400_000,
+    legs_on: tuple[int, ...] = (0, 1),
+) -> list[str]:
+    """Return what is said of a bus that is configured with a mux at 0x71, 400 kHz and two legs."""
+    clock, mux = VirtualClock(), SimulatedMux(mux_address)
+    chips = {channel: (SimulatedFdc1004(lambda *_: 5.0, None), SimulatedLineSwitch()) for channel in legs_on}
+    wires = WithOthers(SimulatedBus(clock, rate_hz, 0, mux, chips), *others)
+    plan = scan_plan("lo_shu", 400)
+    servos = OtherDevice(name="servo board", address=0x49)
+    bus = Bus(device="sim", legs=CHANNELS, other_devices=(servos,))  # type: ignore[arg-type]
+    seen = look_at_bus(Trunk(wires, 0x71), clock, plan, CHANNELS)
+    return [
+        f"{complaint.what}; check {complaint.check}"
+        for complaint in bus_complaints(BusReport(bus, seen, {}), plan)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("bus", "says"),
+    [
+        ({}, None),
+        ({"others": [0x49]}, "servo board answers at 0x49 with no leg connected"),
+        ({"others": [0x50]}, "something answers at 0x50 with no leg connected"),
+        ({"rate_hz": 100_000}, "it runs at 100 kHz, 400 kHz are configured; check dtparam"),
+        ({"mux_address": 0x74}, "no mux (TCA9548A) answers at 0x71; 0x74 does; check its address"),
+        ({"others": [0x71], "mux_address": 0x74}, "what answers at 0x71 does not hold what it is told"),
+        ({"legs_on": (0, 5)}, "a leg's chips answer on channel 5, which is no leg's; check whether they are"),
+    ],
+)
+def test_what_is_wrong_with_a_bus_is_one_line(bus: dict[str, Any], says: str | None) -> None:
+    """A clash of addresses, a slow clock, a mux elsewhere, and a leg on another channel than configured."""
+    lines = told_of_bus(**bus)
+    assert len(lines) == (says is not None)
+    assert all(line.startswith(says or "") for line in lines)
+
+
+def test_a_figure_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
+    """As every other error; one that can shows legs without a foot too."""
+    found = probed(scene_faults.Absent(at_s=0, leg="lm"))
+    with pytest.raises(FootsenseError, match="no-folder"):
+        draw(found, "test", tmp_path / "no-folder" / "feet.png")
+    with pytest.raises(FootsenseError, match="nonsense"):
+        draw(found, "test", tmp_path / "feet.nonsense")
+    draw(found, "test", tmp_path / "feet.png")
+    assert (tmp_path / "feet.png").read_bytes().startswith(b"\x89PNG")

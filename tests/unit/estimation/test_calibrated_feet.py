@@ -1,0 +1,101 @@
+"""Feet that differ from their design, read with what a bench found of them."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from footsense.estimation.calibrated_feet import CalibratedFeet
+from footsense.foot.parameters import FEATURES, FootParameters, features
+from footsense.foot.temperature import CalibratedAt, unknown_temperature_rel
+
+Vector = NDArray[np.float64]
+_NONE = np.zeros((2, 9), bool)
+
+
+class _Linear:
+    """A network that reads x, y and z off three elements."""
+
+    def estimate(self, closure_rel: Vector, missing: NDArray[np.bool_]) -> tuple[Vector, Vector]:
+        """Return them, and a sigma of its own for each axis."""
+        del missing
+        return closure_rel[:, [5, 7, 4]], np.tile([0.01, 0.02, 0.03], (len(closure_rel), 1))
+
+
+def _foot(**own: object) -> FootParameters:
+    plain: dict[str, object] = {
+        "stray_pf": np.zeros(9),
+        "unloaded_pf": np.full(9, 5.4),
+        "gap_um": np.full(9, 20.0),
+    }
+    return FootParameters(**(plain | own))  # type: ignore[arg-type]
+
+
+def test_a_foot_as_designed_is_read_as_the_network_says() -> None:
+    """Neither no parameters nor neutral ones change a bit."""
+    closures = np.random.default_rng(1).random((2, 9))
+    plain = _Linear().estimate(closures, _NONE)
+    read = CalibratedFeet(_Linear(), [None, _foot()], 2).estimate(closures, _NONE)
+    np.testing.assert_array_equal(read[0], plain[0])
+    np.testing.assert_allclose(read[1], plain[1])
+
+
+def test_each_row_gets_its_own_foot() -> None:
+    """Stiffness, mount and corrections belong to a leg; its second row is the same foot again."""
+    quarter = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    correction = np.zeros((3, FEATURES))
+    correction[2, 2] = 0.1  # a tenth more of z
+    feet = [
+        _foot(stiffness_rel=0.5, mount=quarter),
+        _foot(correction=correction, error_rel=0.1),
+    ]
+    closures = np.zeros((4, 9))
+    closures[:, [5, 7, 4]] = [0.2, 0.4, 0.6]
+    force_n, sigma_n = CalibratedFeet(_Linear(), feet, 4).estimate(closures, np.zeros((4, 9), bool))
+    np.testing.assert_allclose(force_n[0], 1.5 * quarter.T @ [0.2, 0.4, 0.6])
+    np.testing.assert_allclose(force_n[1], [0.2, 0.4, 0.66])
+    np.testing.assert_array_equal(force_n[2:], force_n[:2])
+    np.testing.assert_allclose(sigma_n[0], 1.5 * np.array([0.02, 0.01, 0.03]))
+    np.testing.assert_allclose(sigma_n[1], np.hypot([0.01, 0.02, 0.03], 0.1 * np.linalg.norm(force_n[1])))
+
+
+def test_a_temperature_scales_what_it_is_known_for() -> None:
+    """10 K more stiffen a foot by 4.4 %; not known, they widen another's sigma; a designed foot is left alone."""
+    correction = np.zeros((3, FEATURES))
+    correction[2, 2] = 0.1
+    feet = [_foot(correction=correction, error_rel=0.01), _foot(error_rel=0.01), None]
+    closures, none = np.full((6, 9), 0.3), np.zeros((6, 9), bool)
+    read = CalibratedFeet(_Linear(), feet, 6)
+    on_bench_n, bench_sigma_n = read.estimate(closures, none)
+    read.warm(np.array([33.0, np.nan, np.nan]), [CalibratedAt(23.0), CalibratedAt(23.0), None])
+    force_n, sigma_n = read.estimate(closures, none)
+    np.testing.assert_allclose(force_n, on_bench_n * np.tile([1.044, 1.0, 1.0], 2)[:, None])
+    np.testing.assert_allclose(sigma_n[[0, 3]], 1.044 * bench_sigma_n[[0, 3]])
+    unknown_n = unknown_temperature_rel(10.0) * np.linalg.norm(force_n[[1, 4]], axis=1, keepdims=True)
+    np.testing.assert_allclose(sigma_n[[1, 4]], np.hypot(bench_sigma_n[[1, 4]], unknown_n))
+    np.testing.assert_array_equal(sigma_n[[2, 5]], bench_sigma_n[[2, 5]])
+
+
+@given(st.floats(0.01, 10.0), st.integers(0, 1000))
+def test_the_correction_is_of_degree_one_as_the_solid_is(scale: float, seed: int) -> None:
+    """Twice the force, twice the correction; no force, none."""
+    force_n = np.random.default_rng(seed).normal(size=(3, 3))
+    np.testing.assert_allclose(features(scale * force_n), scale * features(force_n), atol=1e-12)
+    assert not features(np.zeros((1, 3))).any()
+
+
+@pytest.mark.parametrize(
+    ("own", "words"),
+    [
+        ({"stray_pf": np.full(9, 6.0)}, "above stray_pf"),
+        ({"gap_um": np.zeros(9)}, "gap_um: has to be above 0"),
+        ({"mount": np.ones((3, 3))}, "no rotation"),
+        ({"unloaded_pf": np.full(9, np.nan)}, "unloaded_pf: .* finite"),
+        ({"stiffness_rel": -1.0}, "above -1"),
+    ],
+)
+def test_what_no_foot_can_be_is_refused(own: dict[str, object], words: str) -> None:
+    """One line, by the name of the value."""
+    with pytest.raises(ValueError, match=words):
+        _foot(**own)

@@ -1,0 +1,186 @@
+"""One leg's contact: what a glitch, a silence or a drift may not do, and which commands it forbids."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from footsense.estimation.baseline.contact import Contact, ContactLimits, middle_mean, refusal
+from footsense.frames import CommandKind
+
+LIMITS = ContactLimits(touch_n=0.03)
+MS = 1_000_000
+
+
+class Leg:
+    """A leg whose load is given, read every 25 ms."""
+
+    def __init__(self) -> None:
+        self.contact = Contact(LIMITS)
+        self.t_ns = 1_000 * MS
+        self.contact.begin_anew(self.t_ns)
+
+    def carry(self, load_n: float, n_frames: int = 1, doubt_n: float = 0.0) -> bool:
+        """Return whether the foot is in contact after these frames; it has to be the same after each of them."""
+        touching = set()
+        for _ in range(n_frames):
+            self.t_ns += 25 * MS
+            self.contact.observe(load_n, doubt_n, self.t_ns, self.t_ns)
+            touching.add(self.contact.touching)
+        [same] = touching
+        return same
+
+    def foresee(self, foreseen_n: float, load_n: float = 0.0, after_ms: float = 2.7) -> bool:
+        """Read one element more, of which a prediction makes a load before the others show it."""
+        self.t_ns += round(after_ms * MS)
+        self.contact.observe(load_n, 0.0, self.t_ns, self.t_ns, foreseen_n)
+        return self.contact.touching
+
+
+def test_touch_and_lift_do_not_chatter() -> None:
+    """Contact from touch_n, held down to its half; confirmed swing only a while after."""
+    leg = Leg()
+    assert not leg.carry(0.029)
+    assert leg.carry(0.031)
+    assert leg.carry(0.016, 100)
+    assert not leg.carry(0.014)
+    assert not leg.carry(0.029, 2)
+    assert not leg.contact.aloft
+    leg.carry(0.0, 4)
+    assert not leg.contact.aloft
+    leg.carry(0.0, 4)
+    assert leg.contact.aloft
+
+
+def test_a_light_stance_is_contact_for_ever_and_a_fallen_load_is_not() -> None:
+    """What drift could explain ends a contact only if much more was carried just before."""
+    standing, lifted = Leg(), Leg()
+    assert standing.carry(0.06, 4000, doubt_n=0.1)
+    lifted.carry(1.0, 100, doubt_n=0.1)
+    assert not lifted.carry(0.06, doubt_n=0.1)
+    leaning = Leg()
+    leaning.carry(1.0, 100)
+    assert leaning.carry(0.4, 4000)
+
+
+def test_a_glitch_downwards_makes_no_contact() -> None:
+    """One reading of -0.3 N does not lower the floor; a second of it does, and the next step heals that."""
+    leg = Leg()
+    leg.carry(0.0, 20)
+    leg.carry(-0.3)
+    assert not leg.carry(0.0, 20)
+    leg.carry(-0.3, 40)
+    assert leg.carry(0.0)
+    leg.carry(1.0, 20)
+    assert not leg.carry(0.0)
+    assert not leg.carry(0.0, 20)
+
+
+def test_a_glitch_right_after_a_lift_off_makes_no_contact() -> None:
+    """How low the load was before the stance says nothing of the swing after it."""
+    leg = Leg()
+    leg.carry(-0.02, 20)
+    leg.carry(1.0, 20)
+    assert not leg.carry(-0.005, doubt_n=0.01)
+    assert not leg.carry(-0.3)
+    assert not leg.carry(0.02, 20)
+
+
+def test_a_lift_off_that_swings_below_nothing_is_followed_by_no_contact() -> None:
+    """A parabola through the end of a stance: the reading after it lies far above it, and is nothing all the same."""
+    leg = Leg()
+    leg.carry(1.0, 20)
+    assert not leg.carry(-0.036)
+    assert not leg.carry(0.0, 20)
+    assert leg.carry(0.039)
+
+
+def test_a_touch_is_foreseen_and_held_until_all_have_been_read() -> None:
+    """The first element of a touchdown makes contact; if the others do not follow within a scan, it was none."""
+    leg = Leg()
+    leg.carry(0.0, 20)
+    assert not leg.foresee(0.029)
+    assert leg.foresee(0.05)
+    assert all(leg.foresee(0.2, load_n=0.02 * n) for n in range(9))
+    assert leg.foresee(0.3, load_n=0.3)
+    other = Leg()
+    other.carry(0.0, 20)
+    assert other.foresee(0.05)
+    assert not other.foresee(0.0, after_ms=31.0)
+
+
+def test_a_prediction_that_rings_after_lift_off_foresees_nothing() -> None:
+    """For a tenth of a second; a touch that is measured counts all the same."""
+    leg = Leg()
+    leg.carry(1.0, 20)
+    assert not leg.carry(0.0)
+    assert not any(leg.foresee(0.1, after_ms=9.0) for _ in range(11))
+    assert leg.foresee(0.1, after_ms=9.0)
+    other = Leg()
+    other.carry(1.0, 20)
+    assert not other.carry(0.0)
+    assert other.foresee(0.1, load_n=0.04)
+
+
+def test_silence_is_not_contact() -> None:
+    """Believed for a quarter of a second without a reading, unknown then; found again at the first reading."""
+    leg = Leg()
+    leg.carry(0.5, 4)
+    assert leg.carry(math.nan, 10)
+    assert not leg.carry(math.nan)
+    assert not leg.contact.aloft
+    assert not leg.contact.explained
+    assert leg.carry(0.5)
+
+
+@given(st.lists(st.tuples(st.floats(-2, 2) | st.just(math.nan), st.integers(-50, 500)), max_size=60))
+def test_whatever_is_read_a_touch_is_seen_at_once_and_no_touch_is_invented(
+    readings: list[tuple[float, int]],
+) -> None:
+    """Below the threshold after rest there is no contact; a newton on top of rest is; both after any history."""
+    leg = Leg()
+    for load_n, passed_ms in readings:
+        leg.t_ns += passed_ms * MS
+        leg.carry(load_n)
+        assert not (leg.contact.touching and leg.contact.aloft)
+    leg.carry(1.0, 200)
+    leg.carry(0.0, 40)
+    assert not leg.contact.touching
+    assert leg.contact.aloft
+    assert leg.carry(1.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "touching", "load_n", "doubt_n", "says"),
+    [
+        (CommandKind.START, True, 1.0, 0.0, None),
+        (CommandKind.STOP, False, 0.0, 0.0, None),
+        (CommandKind.STOP, False, math.nan, 0.0, None),
+        (CommandKind.STOP, True, 0.41, 0.5, "carries 0.41 N"),
+        (CommandKind.STOP, True, math.nan, 0.0, "not known now"),
+        (CommandKind.TARE, False, 0.02, 0.0, None),
+        (CommandKind.TARE, False, math.nan, 0.0, None),
+        (CommandKind.TARE, True, 0.41, 0.05, "carries 0.41 N, and drift explains at most 0.05 N"),
+        (CommandKind.TARE, True, 0.04, 0.05, None),
+        (CommandKind.TARE, True, math.nan, 0.05, "not known now"),
+    ],
+)
+def test_commands_only_where_they_are_safe(
+    kind: CommandKind, *, touching: bool, load_n: float, doubt_n: float, says: str | None
+) -> None:
+    """On the ground no STOP and no TARE, unless drift explains the whole load; START and unknown contact always."""
+    reason = refusal(kind, touching=touching, load_n=load_n, doubt_n=doubt_n)
+    assert reason is None if says is None else reason is not None and says in reason
+
+
+@given(st.lists(st.floats(-1, 1) | st.just(math.nan), min_size=9, max_size=9))
+def test_the_middle_mean_leaves_out_two(closures: list[float]) -> None:
+    """As the definition says, with any readings missing."""
+    known = sorted(value for value in closures if not math.isnan(value))
+    [mean] = middle_mean(np.array([closures]))
+    if len(known) < 3:
+        assert math.isnan(mean)
+    else:
+        assert mean == pytest.approx(sum(known[1:-1]) / (len(known) - 2), abs=1e-12)

@@ -1,0 +1,231 @@
+"""A leg with open elements: estimated from the others as long as they lie in one row or column."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from footsense.estimation.faults.leg_status import (
+    Faulty,
+    causes,
+    converter_states,
+    floating_pf,
+    missing_elements,
+)
+from footsense.frames import USABLE, CapFrame, Cause, Reading, State, Zero
+from tests.support.feet import SCAN_NS, SIGMA_N, WINDOW, Feet
+
+#: What an element reads whose line is open [pF].
+OPEN_PF = 0.8
+
+LINES = [{3 * n + k for k in range(3)} for n in range(3)] + [{3 * k + n for k in range(3)} for n in range(3)]
+
+
+def opened(*elements: int) -> NDArray[np.bool_]:
+    """Return the mask of one leg, shape (1, 9)."""
+    mask = np.zeros((1, 9), bool)
+    mask[0, list(elements)] = True
+    return mask
+
+
+@given(st.sets(st.integers(0, 8)))
+def test_what_is_missing_is_one_element_or_a_line(elements: set[int]) -> None:
+    """Nothing for none; one stays one; two or three in a line make the line; the rest is beyond the network."""
+    missing = set(np.flatnonzero(missing_elements(opened(*elements))[0]).tolist())
+    lines = [line for line in LINES if elements <= line]
+    if len(elements) < 2:
+        assert missing == elements
+    else:
+        assert missing == (lines[0] if lines else set())
+
+
+def test_legs_are_judged_apart() -> None:
+    """What is open on one says nothing of another."""
+    both = np.concatenate([opened(1, 7), opened(0, 4), opened(), opened(8)])
+    expected = np.concatenate([opened(1, 4, 7), opened(), opened(), opened(8)])
+    np.testing.assert_array_equal(missing_elements(both), expected)
+
+
+def test_only_a_whole_row_floats() -> None:
+    """Each column of the rows that are left gets what the lost row reads there; a single open element adds none."""
+    capacitance_pf = np.arange(9.0)[None] + 1.0
+    added = floating_pf(capacitance_pf, opened(3, 4, 5))
+    np.testing.assert_array_equal(added, [[4.0, 5.0, 6.0, 0.0, 0.0, 0.0, 4.0, 5.0, 6.0]])
+    for elements in ((), (4,), (3, 4), (2, 5, 8)):
+        np.testing.assert_array_equal(floating_pf(capacitance_pf, opened(*elements)), 0.0)
+
+
+def break_line(scan: CapFrame, leg: int, broken: list[int], open_pf: float = OPEN_PF, first: int = 0) -> None:
+    """Open elements of a leg, as far as they are read after the element `first`; a row that floats adds to the rest."""
+    after = np.arange(9) >= first
+    scan.capacitance_pf[leg, [element for element in broken if after[element]]] = open_pf
+    if broken in ([0, 1, 2], [3, 4, 5], [6, 7, 8]):
+        scan.capacitance_pf[leg, after & ~np.isin(np.arange(9), broken)] += open_pf
+
+
+@pytest.mark.parametrize("stray_pf", [0.0, 1.5])
+@pytest.mark.parametrize("open_pf", [OPEN_PF, 0.0])
+@pytest.mark.parametrize(
+    ("broken", "n_missing"), [([4], 1), ([3, 4, 5], 3), ([2, 5, 8], 3), ([0, 2], 3)], ids=str
+)
+def test_a_broken_line_is_estimated_from_the_others(
+    broken: list[int], n_missing: int, open_pf: float, stray_pf: float
+) -> None:
+    """DEGRADED with the force of what remains and the network's own sigma; the mask names what is open."""
+    feet = Feet(stray_pf=stray_pf).tared()
+    for number in range(5):
+        scan = feet.scan(5.0)
+        break_line(scan, 1, broken, open_pf)
+        forces = feet.feed(scan)
+        assert forces.fault_mask.tolist() == [0, sum(1 << element for element in broken)]
+        assert forces.state.tolist() == [State.VALID, State.STALE if number < 2 else State.DEGRADED]
+    np.testing.assert_allclose(forces.force_n, 9 * 0.25, rtol=1e-5)
+    np.testing.assert_allclose(forces.sigma_n[0], SIGMA_N)
+    np.testing.assert_allclose(forces.sigma_n[1], SIGMA_N * (1 + n_missing))
+
+
+@pytest.mark.parametrize("broken", [[0, 4], [1, 3], [0, 1, 2, 3], list(range(9))], ids=str)
+def test_more_than_a_line_is_an_element_fault(broken: list[int]) -> None:
+    """No value, and the mask names what is open."""
+    feet = Feet().tared()
+    scan = feet.scan(2.0)
+    scan.capacitance_pf[1, broken] = 0.8
+    forces = feet.feed(scan)
+    assert forces.state.tolist() == [State.VALID, State.ELEMENT_FAULT]
+    assert forces.fault_mask.tolist() == [0, sum(1 << element for element in broken)]
+    assert np.isnan(forces.force_n[1]).all()
+    assert np.isnan(forces.sigma_n[1]).all()
+
+
+@pytest.mark.parametrize(
+    ("closure_um", "state"), [(17.0, State.OUT_OF_RANGE), (19.5, State.SATURATED), (-2.0, State.OUT_OF_RANGE)]
+)
+def test_the_elements_that_remain_are_judged_as_ever(closure_um: float, state: State) -> None:
+    """A degraded leg is no excuse for a load beyond the training or the gap."""
+    feet = Feet().tared()
+    closures = np.zeros((2, 9))
+    closures[0, 2] = closure_um
+    for _ in range(3):
+        scan = feet.scan(closures)
+        break_line(scan, 0, [3, 4, 5])
+        forces = feet.feed(scan)
+    assert forces.state.tolist() == [state, State.VALID]
+
+
+def test_an_unused_element_of_a_broken_line_has_no_say() -> None:
+    """Two of a row are open: what the third reads changes neither state nor force."""
+    feet = Feet().tared()
+    for closure_um in (5.0, 5.0, 5.0, 17.0, 19.9):
+        closures = np.full((2, 9), 5.0)
+        closures[0, 1] = closure_um
+        scan = feet.scan(closures)
+        break_line(scan, 0, [0, 2])
+        forces = feet.feed(scan)
+    assert forces.state[0] == State.DEGRADED
+    np.testing.assert_allclose(forces.force_n[0], 9 * 0.25, rtol=1e-5)
+
+
+@pytest.mark.parametrize("broken", [[5], [3, 4, 5], [0, 1, 2], [0, 3, 6]], ids=str)
+@pytest.mark.parametrize("first", range(9))
+def test_a_line_that_comes_and_goes_is_no_load(broken: list[int], first: int) -> None:
+    """No force until all elements have two readings of one kind, then the right one.
+
+    One scan cannot know: the one in which a row breaks after its own elements, but before others, were read.
+    """
+    feet = Feet(n_legs=1).tared()
+    states = []
+    for number in range(14):
+        scan = feet.scan(5.0)
+        scan.t_ns[:] += np.arange(9) * SCAN_NS // 9
+        if number == 4:
+            break_line(scan, 0, broken, first=first)
+        if 4 < number < 8:
+            break_line(scan, 0, broken)
+        forces = feet.feed(scan, age_ns=SCAN_NS)
+        states.append(State(int(forces.state[0])))
+        unseen = number == 4 and first > max(broken)
+        if number > 1 and states[-1] in USABLE and not unseen:
+            np.testing.assert_allclose(forces.force_n[0], 9 * 0.25, rtol=1e-5)
+    assert states[7] == State.DEGRADED
+    assert states[8:] == [State.STALE] * 2 + [State.VALID] * 4
+
+
+def over_range(feet: Feet, closures: NDArray[np.float64], element: int) -> CapFrame:
+    """Return a scan in which one element of the first leg is beyond the converter's range."""
+    scan = feet.scan(closures)
+    scan.capacitance_pf[0, element], scan.reading[0, element] = np.nan, Reading.OVER_RANGE
+    return scan
+
+
+def test_an_element_over_the_range_of_a_pressed_foot_is_pressed() -> None:
+    """The others say so: no force."""
+    feet = Feet().tared()
+    for _ in range(8):
+        forces = feet.feed(over_range(feet, np.full((2, 9), 16.0), 4))
+    assert forces.state.tolist() == [State.SATURATED, State.VALID]
+    assert forces.cause.tolist() == [Cause.GAP_SHUT, Cause.NONE]
+
+
+def test_an_element_over_the_range_of_a_free_foot_is_shorted() -> None:
+    """Once that has lasted: the force is that of the others. A tare does without it, too."""
+    feet = Feet().tared()
+    states = [int(feet.feed(over_range(feet, np.full((2, 9), 5.0), 4)).state[0]) for _ in range(8)]
+    assert states[:4] == [State.SATURATED] * 4
+    forces = feet.feed(over_range(feet, np.full((2, 9), 5.0), 4))
+    assert forces.state.tolist() == [State.DEGRADED, State.VALID]
+    assert (forces.cause[0], forces.fault_mask[0]) == (Cause.ELEMENT_SHORTED, 1 << 4)
+    np.testing.assert_allclose(forces.force_n[0], 9 * 0.25, rtol=1e-5)
+    fresh = Feet()
+    for _ in range(WINDOW + 4):
+        forces = fresh.feed(over_range(fresh, np.zeros((2, 9)), 4))
+    assert forces.state.tolist() == [State.DEGRADED, State.VALID]
+
+
+@pytest.mark.parametrize(
+    ("elements", "cause"),
+    [
+        ([4], Cause.ELEMENT_OPEN),
+        ([0, 2], Cause.ELEMENT_OPEN),
+        ([3, 4, 5], Cause.ROW_OPEN),
+        ([2, 5, 8], Cause.COLUMN_OPEN),
+        ([0, 1, 2, 8], Cause.ROW_OPEN),
+        ([0, 4, 8], Cause.ELEMENT_OPEN),
+    ],
+    ids=str,
+)
+def test_a_line_is_told_from_single_faults(elements: list[int], cause: Cause) -> None:
+    """By all three of its elements."""
+    nothing = np.zeros((1, 9), bool)
+    faulty = Faulty(opened(*elements), nothing, nothing, nothing)
+    reading = np.zeros((1, 9), np.uint8)
+    assert causes(reading, np.array([State.DEGRADED]), faulty, Zero.none(1)).tolist() == [cause]
+
+
+def test_the_gravest_reading_gives_state_and_cause() -> None:
+    """An element that is garbled is nothing beside a chip that does not answer; what is known of elements is less."""
+    whole = np.zeros((1, 9), bool)
+    faulty = Faulty(opened(4), whole, whole, whole)
+    for readings, state, cause in (
+        ([Reading.HELD_UP], State.STALE, Cause.HELD_UP),
+        ([Reading.HELD_UP, Reading.GARBLED], State.CONVERTER_FAULT, Cause.GARBLED),
+        ([Reading.GARBLED, Reading.LINE_HELD], State.ABSENT, Cause.LINE_HELD),
+        ([Reading.WRONG_CHIP], State.ABSENT, Cause.WRONG_CHIP),
+        ([Reading.NOT_READY, Reading.NO_ANSWER], State.ABSENT, Cause.NO_ANSWER),
+    ):
+        reading = np.zeros((1, 9), np.uint8)
+        reading[0, : len(readings)] = readings
+        states = np.array([State.VALID], np.uint8)
+        converter_states(states, reading, whole, whole)
+        assert states.tolist() == [state]
+        assert causes(reading, states, faulty, Zero.none(1)).tolist() == [cause]
+
+
+def test_a_zero_that_left_the_others_is_told() -> None:
+    """Though it is followed and the force is valid."""
+    whole = np.zeros((2, 9), bool)
+    zero = Zero.none(2)._replace(mean_pf=np.array([-0.03, -0.03]), worst_pf=np.array([-0.036, 0.0]))
+    cause = causes(
+        np.zeros((2, 9), np.uint8), np.full(2, State.VALID), Faulty(whole, whole, whole, whole), zero
+    )
+    assert cause.tolist() == [Cause.NONE, Cause.ELEMENT_DRIFTS]

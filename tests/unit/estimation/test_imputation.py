@@ -1,0 +1,81 @@
+"""Missing closures from the others: exact where they decide, least squares where they do not."""
+
+import numpy as np
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from footsense.estimation.faults.imputation import Filling
+
+seeds = st.integers(0, 2**32 - 1)
+#: Some elements missing, never all.
+masks = st.sets(st.integers(0, 8), min_size=1, max_size=8).map(
+    lambda gone: np.isin(np.arange(9), sorted(gone))
+)
+
+Mask = NDArray[np.bool_]
+
+
+def loads(seed: int, rank: int = 9, n: int = 60) -> NDArray[np.float64]:
+    """Return closures that span so many dimensions, shape (n, 9), none of their patterns much rarer than another."""
+    rng = np.random.default_rng(seed)
+    basis, _ = np.linalg.qr(rng.normal(size=(9, 9)))
+    closure_rel: NDArray[np.float64] = rng.uniform(-1.0, 1.0, (n, rank)) @ basis[:rank]
+    return closure_rel
+
+
+@given(seeds, masks)
+def test_what_the_others_decide_comes_out_exact(seed: int, missing: Mask) -> None:
+    """Closures of no higher rank than there are elements left: each missing one follows from them."""
+    rank = min(int((~missing).sum()), 3)
+    closure_rel = loads(seed, rank)
+    assume(
+        np.linalg.svd(closure_rel[:, ~missing], compute_uv=False)[rank - 1] > 1e-2
+    )  # else nothing is decided
+    moments = closure_rel.T @ closure_rel + 1e-12 * np.eye(9)  # the card's are definite too
+    filled = Filling(moments).fill(closure_rel, np.broadcast_to(missing, closure_rel.shape))
+    np.testing.assert_allclose(filled, closure_rel, atol=1e-6)
+
+
+@given(seeds, masks)
+def test_the_error_is_uncorrelated_with_what_is_known(seed: int, missing: Mask) -> None:
+    """The normal equations of least squares: no linear read-out of the kept elements could improve the guess."""
+    closure_rel = loads(seed)
+    filling = Filling(closure_rel.T @ closure_rel)
+    filled = filling.fill(closure_rel, np.broadcast_to(missing, closure_rel.shape))
+    error = (filled - closure_rel)[:, missing]
+    np.testing.assert_allclose(error.T @ closure_rel[:, ~missing], 0.0, atol=1e-9)
+    np.testing.assert_array_equal(filled[:, ~missing], closure_rel[:, ~missing])
+
+
+@given(seeds, masks, st.sampled_from([np.nan, np.inf, -1e300, 7.0]))
+def test_what_stands_in_a_missing_place_has_no_influence(seed: int, missing: Mask, rubbish: float) -> None:
+    """NaN included, and the argument stays as it was."""
+    closure_rel = loads(seed, n=3)
+    filling = Filling(np.eye(9) + closure_rel.T @ closure_rel)
+    mask = np.broadcast_to(missing, closure_rel.shape)
+    spoilt = np.where(mask, rubbish, closure_rel)
+    before = spoilt.copy()
+    np.testing.assert_array_equal(filling.fill(spoilt, mask), filling.fill(closure_rel, mask))
+    np.testing.assert_array_equal(spoilt, before)
+
+
+@given(seeds, masks)
+def test_the_scale_of_the_moments_does_not_matter(seed: int, missing: Mask) -> None:
+    """Only ratios of moments enter."""
+    closure_rel = loads(seed)
+    moments = closure_rel.T @ closure_rel
+    one, other = (Filling(scale * moments).matrix(missing) for scale in (1.0, 1e6))
+    np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(one).max())
+
+
+def test_each_row_has_its_own_mask() -> None:
+    """Rows without a missing element come back as they are, a row without any element left is nothing."""
+    closure_rel = loads(0, n=3)
+    missing = np.zeros((3, 9), bool)
+    missing[1, 4], missing[2] = True, True
+    filling = Filling(closure_rel.T @ closure_rel + np.eye(9))
+    filled = filling.fill(closure_rel, missing)
+    np.testing.assert_array_equal(filled[0], closure_rel[0])
+    np.testing.assert_array_equal(filled[1], filling.matrix(missing[1]) @ closure_rel[1])
+    np.testing.assert_array_equal(filled[2], 0.0)

@@ -1,0 +1,354 @@
+"""From scan to force: what is published, and the state of every leg for which nothing may be."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from footsense.estimation.baseline.drift import DRIFT_PF2_PER_S
+from footsense.estimation.sensitivity import Sensitivity
+from footsense.foot.capacitor import CapacitorDesign
+from footsense.frames import USABLE, Command, CommandKind, Flag, Reading, Result, State
+from tests.support.feet import DESIGN, MAX_AGE_NS, SCAN_NS, SIGMA_N, WINDOW, Feet, SumOfClosures
+
+
+def test_before_the_first_tare_there_is_no_force() -> None:
+    """STARTING with the first scan, TARING while the window fills, then VALID."""
+    feet = Feet()
+    states = [feet.feed(feet.scan()).state.tolist() for _ in range(WINDOW)]
+    assert states == [[State.STARTING] * 2] + [[State.TARING] * 2] * (WINDOW - 2) + [[State.VALID] * 2]
+
+
+@pytest.mark.parametrize("stray_pf", [0.0, 1.0])
+def test_the_force_is_the_network_s_of_normalised_closures(stray_pf: float) -> None:
+    """5 um on all elements are 0.25 of the gap, also with a known stray."""
+    feet = Feet(stray_pf=stray_pf).tared()
+    forces = feet.feed(feet.scan(5.0))
+    np.testing.assert_allclose(forces.force_n, 9 * 0.25, rtol=1e-9)
+    np.testing.assert_array_equal(forces.sigma_n[0], SIGMA_N)
+    assert (forces.flags == Flag.SIMULATED | Flag.CONTACT).all()
+
+
+def test_a_foot_with_other_gaps_is_measured_right() -> None:
+    """The gap of an element drops out of its closure, so a tolerance of the gap is no error."""
+    feet = Feet()
+    gaps_um = np.linspace(19.5, 20.5, 9)
+    uneven = CapacitorDesign(
+        gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0
+    ).capacitance_pf
+    for closure_um in (0.0,) * WINDOW + (5.0,):
+        scan = feet.scan()
+        scan.capacitance_pf[:] = uneven(closure_um + 20.0 - gaps_um)
+        forces = feet.feed(scan)
+    np.testing.assert_allclose(forces.force_n, 9 * 0.25, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("reading", "state"),
+    [
+        (Reading.NO_ANSWER, State.ABSENT),
+        (Reading.NOT_READY, State.CONVERTER_FAULT),
+        (Reading.GARBLED, State.CONVERTER_FAULT),
+        (Reading.HELD_UP, State.STALE),
+    ],
+)
+def test_a_missing_reading_is_a_state_and_no_number(reading: Reading, state: State) -> None:
+    """The leg says why; its element is in the mask; the other leg's force is untouched."""
+    feet = Feet().tared()
+    scan = feet.scan(2.0)
+    scan.capacitance_pf[0, 4] = np.nan
+    scan.reading[0, 4] = reading
+    forces = feet.feed(scan)
+    assert forces.state.tolist() == [state, State.VALID]
+    assert forces.fault_mask.tolist() == [1 << 4, 0]
+    assert np.isnan(forces.force_n[0]).all()
+    assert np.isnan(forces.sigma_n[0]).all()
+    assert np.isfinite(forces.force_n[1]).all()
+
+
+@pytest.mark.parametrize(
+    ("closure_um", "state"),
+    [(15.0, State.VALID), (17.0, State.OUT_OF_RANGE), (19.5, State.SATURATED), (-2.0, State.OUT_OF_RANGE)],
+)
+def test_loads_beyond_the_training_or_the_gap_have_no_value(closure_um: float, state: State) -> None:
+    """Extrapolation is out_of_range, a shut gap is saturated."""
+    feet = Feet().tared()
+    closures = np.zeros((2, 9))
+    closures[0] = closure_um
+    assert feet.feed(feet.scan(closures)).state.tolist() == [state, State.VALID]
+
+
+def test_an_old_measurement_is_stale() -> None:
+    """The age limit counts from the oldest element to the sending."""
+    feet = Feet().tared()
+    assert feet.feed(feet.scan(), age_ns=MAX_AGE_NS).state[0] == State.VALID
+    assert feet.feed(feet.scan(), age_ns=MAX_AGE_NS + 1).state[0] == State.STALE
+
+
+def test_a_tare_under_load_is_refused_with_numbers_and_tried_again_at_start() -> None:
+    """NO_BASELINE while it fails, the reason once, and success as soon as the foot is free."""
+    feet = Feet(n_legs=1)
+    for _ in range(3 * WINDOW):
+        forces = feet.feed(feet.scan(3.0))
+    assert forces.state.tolist() == [State.NO_BASELINE]
+    [(leg, result, reason)] = feet.outcomes
+    assert (leg, result) == (0, Result.LOADED)
+    assert "not unloaded: element 0 reads 6.081 pF, +12.9% from the 5.387 pF" in reason
+    for _ in range(WINDOW):
+        forces = feet.feed(feet.scan())
+    assert forces.state.tolist() == [State.VALID]
+
+
+def test_a_tare_of_a_moving_foot_is_refused() -> None:
+    """Movement beyond the noise limit within the window is not quiet."""
+    feet = Feet(n_legs=1)
+    for closure_um in np.linspace(0, 0.2, WINDOW):
+        feet.feed(feet.scan(float(closure_um)))
+    [(_, result, reason)] = feet.outcomes
+    assert result is Result.NOT_QUIET
+    assert "fF rms" in reason
+
+
+def test_many_small_tares_do_not_lead_into_a_load() -> None:
+    """Each is judged against the free foot, not against the one before."""
+    feet = Feet(n_legs=1)
+    for step in range(10):
+        feet.pipeline.obey(Command(CommandKind.TARE, 0))
+        for _ in range(WINDOW):
+            feet.feed(feet.scan(0.5 * step))
+    results = [result for _, result, _ in feet.outcomes]
+    assert results[:2] == [Result.DONE, Result.DONE]
+    assert set(results[2:]) == {Result.LOADED}
+
+
+def test_a_tare_makes_no_jump_in_the_force() -> None:
+    """A drift that is tared away on a foot at rest is gone at once, without a slope that was never there."""
+    feet = Feet(n_legs=1).tared()
+    for _ in range(3):
+        feet.feed(feet.scan(0.05))
+    assert feet.pipeline.obey(Command(CommandKind.TARE, 0)) is None
+    for _ in range(WINDOW + 3):
+        forces = feet.feed(feet.scan(0.05))
+        expected_rel = 0.0 if feet.outcomes else 9 * 0.0025
+        np.testing.assert_allclose(forces.force_n, expected_rel, atol=1e-9)
+
+
+def test_a_leg_that_was_away_is_tared_anew() -> None:
+    """It may carry another foot now: after a quarter of a second the old baseline is not believed any more."""
+    feet = Feet().tared()
+    for n_silent in (9, 10):
+        for _ in range(n_silent):
+            scan = feet.scan()
+            scan.capacitance_pf[0] = np.nan
+            scan.t_ns[0] = 0
+            scan.reading[0] = Reading.NO_ANSWER
+            assert feet.feed(scan).state[0] == State.ABSENT
+        states = [State(int(feet.feed(feet.scan(3.0)).state[0])) for _ in range(WINDOW + 1)]
+        if n_silent == 9:
+            assert states == [State.STALE] + [State.VALID] * WINDOW
+        else:
+            starting = [State.STARTING] + [State.TARING] * (WINDOW - 2)
+            assert states == starting + [State.NO_BASELINE] * 2
+
+
+def test_a_new_foot_is_not_mistrusted_for_the_old_one() -> None:
+    """An element that contradicted the others counts again once the leg has been away for long enough."""
+    feet = Feet(n_legs=1).tared()
+    stuck_um = np.full((1, 9), 5.0)
+    stuck_um[0, 4] = 0.0
+    for _ in range(3 * WINDOW):
+        forces = feet.feed(feet.scan(stuck_um))
+    assert (forces.state.tolist(), forces.fault_mask.tolist()) == ([State.DEGRADED], [1 << 4])
+    for _ in range(11):
+        scan = feet.scan()
+        scan.capacitance_pf[0] = np.nan
+        scan.t_ns[0] = 0
+        scan.reading[0] = Reading.NO_ANSWER
+        feet.feed(scan)
+    for _ in range(2 * WINDOW):
+        forces = feet.feed(feet.scan())
+    assert [(result, reason) for _, result, reason in feet.outcomes][-1][0] is Result.DONE
+    assert (forces.state.tolist(), forces.fault_mask.tolist()) == ([State.VALID], [0])
+
+
+def test_elements_that_cannot_be_brought_to_one_time_have_no_value() -> None:
+    """After a missing element, and after a stall within a scan, the leg is STALE for one scan."""
+    feet = Feet().tared()
+    scan = feet.scan(2.0)
+    scan.capacitance_pf[0, 4], scan.reading[0, 4] = np.nan, Reading.NOT_READY
+    feet.feed(scan)
+    assert feet.feed(feet.scan(2.0)).state.tolist() == [State.STALE, State.VALID]
+    scan = feet.scan(2.0)
+    scan.t_ns[1, 0] -= SCAN_NS
+    assert feet.feed(scan).state.tolist() == [State.VALID, State.STALE]
+
+
+def test_sigma_knows_of_motion() -> None:
+    """At rest it is the network's own; while the load bends, it grows by what the bend moves the elements."""
+    feet = Feet().tared()
+    for _ in range(3):
+        at_rest = feet.feed(feet.scan(2.0))
+    np.testing.assert_allclose(at_rest.sigma_n[0], SIGMA_N, rtol=1e-6)
+    for closure_um in (2.0, 2.5, 4.0):
+        scan = feet.scan(closure_um)
+        scan.t_ns[:] += np.arange(9) * SCAN_NS // 9
+        in_motion = feet.feed(scan)
+    assert (in_motion.sigma_n[0] > 0.02).all()
+
+
+@pytest.mark.parametrize(
+    ("closure_um", "states"),
+    [
+        (11.0, [State.VALID, State.VALID, State.VALID]),
+        (12.0, [State.SATURATED, State.VALID, State.VALID]),
+        (15.6, [State.SATURATED, State.VALID, State.VALID]),
+        (16.4, [State.SATURATED, State.OUT_OF_RANGE, State.VALID]),
+        (23.0, [State.SATURATED, State.SATURATED, State.OUT_OF_RANGE]),
+    ],
+)
+def test_a_foot_s_own_gap_says_when_it_is_shut(closure_um: float, states: list[State]) -> None:
+    """A narrow one shuts early, a wide one is read as far as the network was taught; a gain is taken off before."""
+    gap_um = np.repeat([[12.0], [24.0], [24.0]], 9, axis=1)
+    gain_rel = np.repeat([[1.0], [1.0], [1.25]], 9, axis=1)
+    feet = Feet(3, gap_um=gap_um, gain_rel=gain_rel).tared()
+    forces = feet.feed(feet.scan(closure_um))
+    assert forces.state.tolist() == states
+    valid = forces.state == State.VALID
+    real_rel = closure_um / DESIGN.gap_um / gain_rel[valid, 0]
+    np.testing.assert_allclose(forces.force_n[valid, 2], 9.0 * real_rel)
+
+
+@pytest.mark.parametrize("what", ["force", "sigma"])
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_a_network_that_gives_no_number_makes_no_valid_force(what: str, number: float) -> None:
+    """A force or a sigma that is none is OUT_OF_RANGE everywhere: on CAN, in the tally, in the recording."""
+
+    class Hole(SumOfClosures):
+        def estimate(
+            self, closure_rel: NDArray[np.float64], missing: NDArray[np.bool_]
+        ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            force_n, sigma_n = super().estimate(closure_rel, missing)
+            (force_n if what == "force" else sigma_n)[0, 1] = number
+            return force_n, sigma_n
+
+    feet = Feet().tared()
+    feet.pipeline._reckoning._estimator = Hole()  # type: ignore[attr-defined]
+    forces = feet.feed(feet.scan(2.0))
+    assert forces.state.tolist() == [State.OUT_OF_RANGE, State.VALID]
+    assert np.isnan(forces.force_n[0]).all()
+    assert np.isnan(forces.sigma_n[0]).all()
+    assert np.isfinite(forces.force_n[1]).all()
+
+
+def test_a_tare_of_an_absent_leg_says_so() -> None:
+    """ABSENT, not an element's fault."""
+    feet = Feet().tared()
+    feet.pipeline.obey(Command(CommandKind.TARE, 0))
+    scan = feet.scan()
+    scan.capacitance_pf[0] = np.nan
+    scan.reading[0] = Reading.NO_ANSWER
+    feet.feed(scan)
+    assert [(leg, result) for leg, result, _ in feet.outcomes] == [(0, Result.ABSENT)]
+
+
+def test_a_refused_command_keeps_the_baseline_and_says_so() -> None:
+    """The old baseline stays in use, the frames carry the flag until a tare succeeds."""
+    feet = Feet().tared()
+    feet.pipeline.obey(Command(CommandKind.TARE, 1))
+    for _ in range(WINDOW):
+        forces = feet.feed(feet.scan(3.0))
+    assert [(leg, result) for leg, result, _ in feet.outcomes] == [(1, Result.LOADED)]
+    assert forces.state.tolist() == [State.VALID, State.VALID]
+    touching = Flag.SIMULATED | Flag.CONTACT
+    assert forces.flags.tolist() == [touching, touching | Flag.TARE_REFUSED]
+    feet.feed(feet.scan(0.02))
+    feet.pipeline.obey(Command(CommandKind.TARE, 1))
+    for _ in range(WINDOW):
+        forces = feet.feed(feet.scan(0.02))
+    assert forces.flags.tolist() == [Flag.SIMULATED] * 2
+    np.testing.assert_allclose(forces.force_n[1], 0, atol=1e-9)
+
+
+def test_a_leg_on_the_ground_is_neither_stopped_nor_tared() -> None:
+    """Refused at once with what it carries; its forces go on, with the flag; START is always safe."""
+    feet = Feet().tared()
+    feet.feed(feet.scan(5.0))
+    stop = feet.pipeline.obey(Command(CommandKind.STOP, 0))
+    assert stop == (
+        Command(CommandKind.STOP, 0),
+        Result.LOADED,
+        "the foot is on the ground: it carries 2.25 N",
+    )
+    tare = feet.pipeline.obey(Command(CommandKind.TARE, 1))
+    assert tare is not None
+    assert tare.result is Result.LOADED
+    start = feet.pipeline.obey(Command(CommandKind.START, 0))
+    assert start is not None
+    assert start.result is Result.DONE
+    forces = feet.feed(feet.scan(5.0))
+    assert forces.state.tolist() == [State.VALID] * 2
+    touching = Flag.SIMULATED | Flag.CONTACT
+    assert forces.flags.tolist() == [touching, touching | Flag.TARE_REFUSED]
+
+
+def test_an_element_that_was_missing_at_the_tare_gets_its_zero_in_the_air() -> None:
+    """The leg starts DEGRADED without it, and is VALID soon after it is back."""
+    feet = Feet(n_legs=1)
+    states = []
+    for number in range(40):
+        scan = feet.scan()
+        if number < 10:
+            scan.capacitance_pf[0, 4] = 0.3
+        states.append(State(int(feet.feed(scan).state[0])))
+    assert [result for _, result, _ in feet.outcomes] == [Result.DONE]
+    assert feet.outcomes[0][2].endswith("without elements 4")
+    assert states[:5] == [State.STARTING] * 2 + [State.TARING] * 2 + [State.DEGRADED]
+    assert states[-1] is State.VALID
+
+
+def test_stop_and_start_are_obeyed_at_once() -> None:
+    """STOPPED has no value; after START the force is back."""
+    feet = Feet().tared()
+    outcome = feet.pipeline.obey(Command(CommandKind.STOP, 0))
+    assert outcome is not None
+    assert outcome.result is Result.DONE
+    assert feet.feed(feet.scan()).state.tolist() == [State.STOPPED, State.VALID]
+    feet.pipeline.obey(Command(CommandKind.START, 0))
+    assert feet.feed(feet.scan()).state.tolist() == [State.VALID, State.VALID]
+
+
+@given(
+    st.lists(
+        st.tuples(st.sampled_from(list(Reading)), st.floats(allow_nan=True, allow_infinity=True)),
+        min_size=18,
+        max_size=18,
+    ),
+    st.integers(-(10**12), 10**12),
+)
+def test_whatever_the_converters_say_a_value_is_usable_or_missing(
+    elements: list[tuple[Reading, float]], age_ns: int
+) -> None:
+    """Any codes at any time: force and sigma with a usable state, or NaN with another; never an exception."""
+    feet = Feet().tared()
+    scan = feet.scan()
+    scan.reading[:] = np.array([reading for reading, _ in elements], np.uint8).reshape(2, 9)
+    scan.capacitance_pf[:] = np.array([value for _, value in elements]).reshape(2, 9)
+    scan.capacitance_pf[scan.reading != Reading.OK] = np.nan
+    forces = feet.feed(scan, age_ns)
+    usable = np.isin(forces.state, list(USABLE))
+    assert np.isfinite(forces.force_n[usable]).all()
+    assert (forces.sigma_n[usable] > 0).all()
+    assert np.isnan(forces.force_n[~usable]).all()
+    assert np.isnan(forces.sigma_n[~usable]).all()
+
+
+def test_sigma_knows_how_long_the_zero_has_stood_still() -> None:
+    """After 100 s without a reading in the air, what drift may have done since is part of it."""
+    feet = Feet(n_legs=1).tared()
+    feet.pipeline._footing._sensitivity = Sensitivity(load_n=9.0, zero_n=np.array([1.0, 1.0, 9.0]))
+    feet.sequence += 100_000_000_000 // SCAN_NS
+    for _ in range(3):
+        forces = feet.feed(feet.scan(5.0))
+    drift_n = np.sqrt(100 * DRIFT_PF2_PER_S) * 0.2442 * np.array([1.0, 1.0, 9.0])
+    np.testing.assert_allclose(forces.sigma_n[0], np.hypot(SIGMA_N, drift_n), rtol=1e-3)

@@ -1,0 +1,283 @@
+import json
+import math
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from firmware_interface.can_codes import (
+    USABLE,
+    Cause,
+    CommandKind,
+    NmtState,
+    Phase,
+    Result,
+    State,
+    ZeroStatus,
+    phase_of,
+)
+from firmware_interface.can_events import (
+    ANSWER_ID,
+    COMMAND_ID,
+    FAULT_ID,
+    HEARTBEAT_ID,
+    UNASKED,
+    UnknownCommandError,
+    decode_answer,
+    decode_command,
+    decode_fault,
+    decode_heartbeat,
+    encode_answer,
+    encode_command,
+    encode_fault,
+    encode_heartbeat,
+)
+from firmware_interface.can_frames import (
+    FORCE_ID,
+    QUALITY_ID,
+    decode_force,
+    decode_quality,
+    encode_force,
+    encode_quality,
+)
+from firmware_interface.can_zero import ZERO_ID, decode_zero, encode_zero
+from firmware_interface.crc8 import FrameError, protect
+
+VECTORS = json.loads((Path(__file__).parents[3] / "firmware_interface/vectors/can_frames.json").read_text())
+DECODERS: list[Callable[[int, bytes], object]] = [
+    decode_force,
+    decode_quality,
+    decode_fault,
+    decode_command,
+    decode_answer,
+    decode_heartbeat,
+    decode_zero,
+]
+
+nodes = st.integers(1, 6)
+counters = st.integers(0, 14)
+masks = st.integers(0, 0x1FF)
+numbers = st.floats(allow_nan=False)
+vectors = st.tuples(numbers, numbers, numbers)
+forces = st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 3)
+
+
+def numbers_of(values: list[float | None]) -> tuple[float, ...]:
+    """Return a vector of the JSON file, in which null stands for no value."""
+    return tuple(math.nan if value is None else value for value in values)
+
+
+@given(nodes, counters, st.sampled_from(sorted(USABLE)), forces)
+@example(6, 14, State.VALID, (1e300, -1e300, 32.7671))
+@example(1, 0, State.DEGRADED, (-32.768, 0.0005, -0.0))
+def test_a_usable_force_comes_back_saturated_and_within_half_a_bit(
+    node: int, counter: int, state: State, force_n: tuple[float, float, float]
+) -> None:
+    """decode(encode(x)) is x, limited to +-32.767 N and rounded to 1 mN; it is never `no value`."""
+    decoded = decode_force(FORCE_ID + node, encode_force(node, counter, state, force_n))
+    assert (decoded.node, decoded.counter, decoded.state) == (node, counter, state)
+    for wire_n, true_n in zip(decoded.force_n, force_n, strict=True):
+        assert wire_n == pytest.approx(max(-32.767, min(32.767, true_n)), abs=0.5001e-3)
+
+
+def test_only_valid_and_degraded_forces_leave() -> None:
+    """A state that comes new forbids the force until somebody has decided otherwise."""
+    assert {State.VALID, State.DEGRADED} == USABLE
+
+
+@given(st.sampled_from([state for state in State if state not in USABLE]), vectors)
+def test_no_force_leaves_under_a_state_that_forbids_it(
+    state: State, force_n: tuple[float, float, float]
+) -> None:
+    """Whatever stands in the frame, a consumer sees no number unless the state is usable."""
+    decoded = decode_force(0x181, encode_force(1, 0, state, force_n))
+    assert decoded.state == state
+    assert all(math.isnan(component) for component in decoded.force_n)
+
+
+@pytest.mark.parametrize("state", sorted(USABLE))
+@pytest.mark.parametrize("hole", [math.nan, math.inf, -math.inf])
+def test_a_usable_force_with_a_hole_leaves_as_a_fault_without_numbers(hole: float, state: State) -> None:
+    """A consumer that looks at the state alone must read neither -32.768 N nor a load that nobody measured."""
+    decoded = decode_force(0x181, encode_force(1, 0, state, (0.1, hole, 40.0)))
+    assert decoded.state == State.ELEMENT_FAULT
+    assert all(math.isnan(component) for component in decoded.force_n)
+
+
+@given(st.tuples(nodes, counters, st.integers(0, 7)), st.one_of(st.none(), st.integers()), masks, vectors)
+@example((1, 0, 0), 409_400_000, 0, (0.0, 1.018, 1.02))
+@example((1, 0, 0), 409_400_001, 0, (1.0180001, math.inf, 0.002))
+def test_quality_comes_back_saturated_and_never_better_than_it_was(
+    head: tuple[int, int, int], age_ns: int | None, fault_mask: int, sigma_n: tuple[float, float, float]
+) -> None:
+    """Age and sigma are rounded up; no value stays no value; a sigma too large is 1.02 N."""
+    decoded = decode_quality(QUALITY_ID + head[0], encode_quality(*head, age_ns, fault_mask, sigma_n))
+    assert decoded[:3] == head
+    assert decoded.fault_mask == fault_mask
+    if age_ns is None or not 0 <= age_ns <= 409_400_000:
+        assert decoded.age_ns is None
+    else:
+        assert decoded.age_ns is not None
+        assert age_ns <= decoded.age_ns < age_ns + 100_000
+    for wire_n, true_n in zip(decoded.sigma_n, sigma_n, strict=True):
+        if true_n < 0:
+            assert math.isnan(wire_n)
+        else:
+            assert min(true_n, 1.02) - 1e-8 <= wire_n < min(true_n, 1.02) + 0.002
+
+
+@given(st.integers(0, 510))
+def test_a_sigma_from_the_wire_goes_out_as_the_same_bits(code: int) -> None:
+    """Rounding up does not make a value grow each time that it is handed on."""
+    sigma_n = decode_quality(0x281, encode_quality(1, 0, 0, 0, 0, (code / 500, 0.0, 0.0))).sigma_n[0]
+    assert sigma_n == code / 500
+
+
+def test_no_sigma_has_its_own_code() -> None:
+    """NaN is `no value`, not zero and not saturated."""
+    sigma_n = decode_quality(0x281, encode_quality(1, 0, 0, None, 0, (math.nan, 9.0, 0.0))).sigma_n
+    assert math.isnan(sigma_n[0])
+    assert sigma_n[1:] == (1.02, 0.0)
+
+
+@given(nodes, counters, st.sampled_from(State), st.sampled_from(State), masks, st.sampled_from(Cause))
+def test_a_fault_report_comes_back(
+    node: int, counter: int, state: State, previous: State, mask: int, cause: Cause
+) -> None:
+    """decode(encode(x)) is x."""
+    expected = (node, counter, state, previous, mask, cause)
+    assert decode_fault(FAULT_ID + node, encode_fault(*expected)) == expected
+
+
+@given(nodes, counters, st.sampled_from(CommandKind))
+def test_a_command_comes_back(node: int, counter: int, kind: CommandKind) -> None:
+    """decode(encode(x)) is x."""
+    assert decode_command(COMMAND_ID + node, encode_command(node, counter, kind)) == (node, counter, kind)
+
+
+@given(nodes, counters, st.sampled_from(Result), st.integers(0, 255), st.integers(0, UNASKED))
+def test_an_answer_comes_back(node: int, counter: int, result: Result, kind: int, asked: int) -> None:
+    """decode(encode(x)) is x, for an unknown kind of command too."""
+    expected = (node, counter, result, kind, asked)
+    assert decode_answer(ANSWER_ID + node, encode_answer(*expected)) == expected
+
+
+@given(nodes, counters, st.sampled_from(ZeroStatus), numbers, numbers, st.one_of(st.none(), st.integers()))
+@example(1, 0, ZeroStatus.HELD, -3.2768, math.inf, 6_553_400_000_000)
+@example(1, 0, ZeroStatus.HELD, 0.00005, 1e-9, 1)
+def test_a_zero_comes_back_saturated_and_never_younger(
+    node: int, counter: int, status: ZeroStatus, mean_pf: float, worst_pf: float, age_ns: int | None
+) -> None:
+    """Offsets are limited to +-3276.7 fF and rounded, the age is rounded up; none is taken for `no value`."""
+    zero = decode_zero(ZERO_ID + node, encode_zero(node, counter, status, mean_pf, worst_pf, age_ns))
+    assert zero[:3] == (node, counter, status)
+    for wire_pf, true_pf in ((zero.mean_pf, mean_pf), (zero.worst_pf, worst_pf)):
+        assert wire_pf == pytest.approx(max(-3.2767, min(3.2767, true_pf)), abs=0.5001e-4)
+    if age_ns is None or age_ns < 0:
+        assert zero.age_ns is None
+    else:
+        assert zero.age_ns is not None
+        assert min(age_ns, 6_553_400_000_000) <= zero.age_ns < age_ns + 100_000_000
+
+
+def test_no_offset_has_its_own_code() -> None:
+    """NaN is `no value`, not zero and not an end of the range."""
+    zero = decode_zero(0x381, encode_zero(1, 0, ZeroStatus.NONE, math.nan, 0.0, None))
+    assert math.isnan(zero.mean_pf)
+    assert (zero.worst_pf, zero.age_ns) == (0.0, None)
+
+
+def test_every_state_has_a_phase_and_forces_come_in_two_of_them() -> None:
+    """A new state has to be put somewhere."""
+    phases = {state: phase_of(state) for state in State}
+    assert {state for state in State if phases[state] in {Phase.VALID, Phase.DEGRADED}} == USABLE
+    assert set(phases.values()) == set(Phase)
+
+
+def test_a_command_needs_the_word_that_fits_its_kind() -> None:
+    """A whole frame that spells another word asks for nothing, and says which kind it had."""
+    stop_as_zero = protect(COMMAND_ID + 1, bytes([4, CommandKind.STOP, 0]) + b"zero")
+    with pytest.raises(UnknownCommandError, match="kind 3 with the word b'zero'") as error:
+        decode_command(COMMAND_ID + 1, stop_as_zero)
+    assert (error.value.kind, error.value.counter) == (3, 4)
+
+
+@given(st.sampled_from(DECODERS), st.integers(0, 0x7FF), st.binary(max_size=8))
+def test_foreign_bytes_raise_nothing_but_frame_error(
+    decode: Callable[[int, bytes], object], can_id: int, data: bytes
+) -> None:
+    """A decoder takes any id and any bytes."""
+    with suppress(FrameError):
+        decode(can_id, data)
+
+
+@given(st.sampled_from([0x080, 0x180, 0x200, 0x280, 0x380, 0x580]), nodes, st.binary(min_size=3, max_size=7))
+def test_foreign_contents_under_a_right_crc_raise_nothing_but_frame_error(
+    base: int, node: int, payload: bytes
+) -> None:
+    """Codes that do not exist are refused as such."""
+    data = protect(base + node, payload)
+    for decode in DECODERS:
+        with suppress(FrameError):
+            decode(base + node, data)
+
+
+def test_a_heartbeat_names_its_node() -> None:
+    """The id tells the node, the byte its state, and the bit that CiA 301 keeps at 0 the timing."""
+    for degraded in (False, True):
+        data = encode_heartbeat(NmtState.STOPPED, degraded_timing=degraded)
+        assert decode_heartbeat(HEARTBEAT_ID + 6, data) == (6, NmtState.STOPPED, degraded)
+    for data in (b"", b"\x42", b"\x05\x05"):
+        with pytest.raises(FrameError, match="is no heartbeat"):
+            decode_heartbeat(HEARTBEAT_ID + 6, data)
+
+
+@pytest.mark.parametrize("vector", VECTORS["force"], ids=lambda vector: vector["data"])
+def test_force_vectors(vector: dict[str, Any]) -> None:
+    """The vectors that the C decoder shares hold in both directions."""
+    data = bytes.fromhex(vector["data"])
+    force = decode_force(FORCE_ID + vector["node"], data)
+    assert (force.counter, force.state) == (vector["counter"], vector["state"])
+    assert force.force_n == pytest.approx(numbers_of(vector["force_n"]), nan_ok=True)
+    assert encode_force(*force) == data
+
+
+@pytest.mark.parametrize("vector", VECTORS["quality"], ids=lambda vector: vector["data"])
+def test_quality_vectors(vector: dict[str, Any]) -> None:
+    """The vectors that the C decoder shares hold in both directions."""
+    data = bytes.fromhex(vector["data"])
+    quality = decode_quality(QUALITY_ID + vector["node"], data)
+    assert quality[1:5] == (vector["counter"], vector["flags"], vector["age_ns"], vector["fault_mask"])
+    assert quality.sigma_n == pytest.approx(numbers_of(vector["sigma_n"]), nan_ok=True)
+    assert encode_quality(*quality) == data
+
+
+@pytest.mark.parametrize("vector", VECTORS["refused"], ids=lambda vector: vector["why"])
+def test_refused_vectors(vector: dict[str, Any]) -> None:
+    """Frames that must not be used, with the reason."""
+    with pytest.raises(FrameError):
+        decode_force(vector["can_id"], bytes.fromhex(vector["data"]))
+
+
+def test_event_vectors() -> None:
+    """The vectors that the C code shares hold for faults, zeros, commands and answers."""
+    for vector in VECTORS["fault"]:
+        assert encode_fault(*vector["fields"]).hex() == vector["data"]
+    for vector in VECTORS["zero"]:
+        node, counter, status, mean, worst, age_ns = vector["fields"]
+        mean_pf, worst_pf = numbers_of([mean, worst])
+        data = encode_zero(node, counter, status, mean_pf, worst_pf, age_ns)
+        assert data.hex() == vector["data"]
+        assert decode_zero(ZERO_ID + node, data) == pytest.approx(
+            (node, counter, status, mean_pf, worst_pf, age_ns), nan_ok=True
+        )
+    for vector in VECTORS["command"]:
+        node, counter, kind = vector["fields"]
+        assert encode_command(node, counter, CommandKind(kind)).hex() == vector["data"]
+    for vector in VECTORS["answer"]:
+        node, counter, result, kind, asked = vector["fields"]
+        assert encode_answer(node, counter, result, kind, asked).hex() == vector["data"]

@@ -1,0 +1,172 @@
+"""The simulator's foot: a made-up response table, so that every number can be computed by hand."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from footsense.errors import ModelError
+from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.response_table import FORMAT, FootResponse, n_products, series_basis
+from footsense.foot.symmetry import HALF_SIDE, SIDE
+
+DESIGN = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def made_up(seed: int = 0, degree: int = 4) -> FootResponse:
+    """Return a response of random series, and of cells that yield each for itself, 40 um/N."""
+    rng = np.random.default_rng(seed)
+    own = np.zeros((HALF_SIDE, HALF_SIDE, SIDE, SIDE))
+    row, column = np.indices((HALF_SIDE, HALF_SIDE))
+    own[row, column, row, column] = 40.0
+    return FootResponse(
+        foot_type="made-up",
+        design=DESIGN,
+        ball_radius_mm=10.0,
+        hertz_modulus_mpa=6.843,
+        min_elevation_deg=30.0,
+        fit_elevation_deg=12.0,
+        degree=degree,
+        quarter_series=rng.normal(size=(2, n_products(degree), HALF_SIDE, HALF_SIDE, 3)),
+        quarter_compliance=own,
+        provenance={"made": "up"},
+    )
+
+
+def random_normals(n: int, lowest_deg: float = 30.0) -> NDArray[np.float64]:
+    """Return unit vectors above an elevation."""
+    rng = np.random.default_rng(1)
+    z = rng.uniform(np.sin(np.radians(lowest_deg)), 1.0, n)
+    azimuth = rng.uniform(0.0, 2.0 * np.pi, n)
+    return np.column_stack([np.sqrt(1 - z**2) * np.cos(azimuth), np.sqrt(1 - z**2) * np.sin(azimuth), z])
+
+
+def test_no_force_gives_exactly_no_closure() -> None:
+    """A foot in the air reads zero, not nearly zero."""
+    assert (made_up().closure_um(random_normals(5), np.zeros((5, 3))) == 0.0).all()
+
+
+def test_is_linear_in_the_force_for_a_fixed_patch() -> None:
+    """Forces with equal pressing part superpose; the tangential part does not change the patch."""
+    foot = made_up()
+    normal = random_normals(7)
+    sideways = np.cross(normal, [0.3, 1.0, 0.2])
+    both = foot.closure_um(normal, normal + sideways)
+    mirrored = foot.closure_um(normal, normal - sideways)
+    np.testing.assert_allclose((both + mirrored) / 2.0, foot.closure_um(normal, normal), rtol=1e-12)
+
+
+def test_the_patch_grows_as_hertz_says() -> None:
+    """a^3 = 3 F R / (4 E*): 1 N on a 10 mm ball of 6.843 MPa is 1.031 mm, and d/F is linear in a^2."""
+    foot = made_up()
+    assert float(foot.patch_radius_mm(UP, UP)) == pytest.approx((0.75 * 10.0 / 6.843) ** (1 / 3), rel=1e-12)
+    per_newton = [foot.closure_um(UP, UP * force) / force for force in (1.0, 8.0, 27.0)]
+    # Patch radii 1 : 2 : 3, so a^2 steps 3 : 5.
+    np.testing.assert_allclose((per_newton[1] - per_newton[0]) / 3.0, (per_newton[2] - per_newton[1]) / 5.0)
+
+
+def test_one_load_is_what_many_give() -> None:
+    """Leading axes are only bookkeeping."""
+    foot = made_up()
+    normal, force = random_normals(6), np.random.default_rng(2).normal(size=(6, 3))
+    many = foot.closure_um(normal.reshape(2, 3, 3), force.reshape(2, 3, 3))
+    assert many.shape == (2, 3, 9)
+    np.testing.assert_allclose(many.reshape(6, 9)[4], foot.closure_um(normal[4], force[4]), rtol=1e-12)
+
+
+def test_the_series_is_smooth_over_the_pole() -> None:
+    """Crossing the pole in a straight line, where an azimuth would jump, gives no kink."""
+    foot = made_up()
+    angle = np.linspace(-0.02, 0.02, 81)
+    path = np.column_stack([np.sin(angle), 0.3 * np.sin(angle), np.zeros(81)])
+    path[:, 2] = np.sqrt(1.0 - (path**2).sum(axis=1))
+    second = np.diff(foot.closure_um(path, np.broadcast_to(UP, (81, 3))), n=2, axis=0)
+    assert np.abs(np.diff(second, axis=0)).max() < 1e-2 * np.abs(second).max()
+
+
+@pytest.mark.parametrize(
+    ("normal", "message"),
+    [
+        ([0.0, 0.0, 2.0], "length 1"),
+        ([0.0, 0.0, float("nan")], "length 1"),
+        ([np.cos(np.radians(29)), 0.0, np.sin(np.radians(29))], "30 deg"),
+        ([0.0, 0.0, -1.0], "30 deg"),
+    ],
+)
+def test_refuses_what_the_table_does_not_cover(normal: list[float], message: str) -> None:
+    """A contact outside the table is an error that names the limit, never an extrapolation."""
+    with pytest.raises(ValueError, match=message):
+        made_up().closure_um(np.array(normal), UP)
+
+
+@pytest.mark.parametrize(
+    ("axis", "image"), [(0, [6, 7, 8, 3, 4, 5, 0, 1, 2]), (1, [2, 1, 0, 5, 4, 3, 8, 7, 6])]
+)
+def test_a_mirrored_load_closes_the_mirrored_gaps(axis: int, image: list[int]) -> None:
+    """The quarter tells the rest, whatever the series: rows swap front and rear, columns left and right."""
+    foot = made_up()
+    normal, force = random_normals(5), np.random.default_rng(3).normal(size=(5, 3))
+    mirror = np.ones(3)
+    mirror[axis] = -1.0
+    mirrored = foot.closure_um(normal * mirror, force * mirror)
+    np.testing.assert_allclose(mirrored[:, image], foot.closure_um(normal, force), rtol=1e-9, atol=1e-12)
+
+
+def test_basis_is_the_product_of_chebyshev_polynomials() -> None:
+    """T_1 T_0 and T_0 T_1 are the scaled stereographic coordinates themselves."""
+    normal = random_normals(3)
+    basis = series_basis(normal, 2, 30.0)
+    scale = np.tan(np.radians(60.0) / 2.0)
+    plane = normal[:, :2] / (1.0 + normal[:, 2:]) / scale
+    np.testing.assert_allclose(basis[:, [3, 1]], plane, atol=1e-14)
+    np.testing.assert_allclose(basis[:, 2], 2.0 * plane[:, 1] ** 2 - 1.0, atol=1e-14)
+
+
+def test_survives_the_file_and_writes_equal_bytes(tmp_path: Path) -> None:
+    """What is saved comes back, and saving twice gives the same hash."""
+    foot = made_up()
+    foot.save(tmp_path / "a.npz")
+    foot.save(tmp_path / "b.npz")
+    back = FootResponse.load(tmp_path / "a.npz")
+    assert back.sha256 == FootResponse.load(tmp_path / "b.npz").sha256 != ""
+    assert (back.design, back.foot_type, back.provenance) == (DESIGN, "made-up", {"made": "up"})
+    assert (back.quarter_series == foot.quarter_series).all()
+    assert (back.series == foot.series).all()
+    assert (back.compliance_um_per_n == foot.compliance_um_per_n).all()
+
+
+def _without(path: Path, *, key: str = "", format_: int = FORMAT, degree: int = 4) -> None:
+    """Write a table that is wrong in one way."""
+    made_up().save(path)
+    with np.load(path) as stored:
+        parts = dict(stored)
+    about = json.loads(str(parts["description"]))
+    about["format"], about["degree"] = format_, degree
+    parts["description"] = np.array(json.dumps(about))
+    parts.pop(key, None)
+    np.savez(path, **parts)
+
+
+@pytest.mark.parametrize("fault", ["missing", "empty", "cut", "noise", "key", "format", "degree"])
+def test_a_file_that_cannot_be_used_is_one_clear_error(tmp_path: Path, fault: str) -> None:
+    """Whatever is wrong with the file, the error names it and says how to get a good one."""
+    path = tmp_path / "response.npz"
+    if fault == "empty":
+        path.write_bytes(b"")
+    elif fault == "noise":
+        path.write_bytes(b"PK\x03\x04" + bytes(range(256)) * 4)
+    elif fault == "cut":
+        made_up().save(path)
+        path.write_bytes(path.read_bytes()[:-200])
+    elif fault == "key":
+        _without(path, key="quarter_compliance")
+    elif fault == "format":
+        _without(path, format_=1)
+    elif fault == "degree":
+        _without(path, degree=5)
+    with pytest.raises(ModelError, match=r"response\.npz.*footsense lab build") as raised:
+        FootResponse.load(path)
+    assert "\n" not in str(raised.value)

@@ -1,0 +1,232 @@
+"""A recording gives back every bit that it was given, or says what it cannot give."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+
+from footsense.errors import RecordingError
+from footsense.frames import Cause, Cycle, Outcome, Result
+from footsense.recording import messages
+from footsense.recording.compare import compare, same_machine
+from footsense.recording.machine import this_machine
+from footsense.recording.mcap_writer import McapFile
+from footsense.recording.pipe_format import Loss, Numbered, pack_cycle, pack_header, pack_loss
+from footsense.recording.pipe_unpack import unpack
+from footsense.recording.recover import recover
+from footsense.recording.replay import Replay, ReplayClock, ReplaySource
+from footsense.recording.writer import FdStream
+from tests.support.cycles import LEGS, TARE, cycle, read_until_damage, same, write
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, list[Cycle]]:
+    """Return the bytes of a recording of 60 cycles in three chunks, and the cycles."""
+    cycles = [cycle(number) for number in range(60)]
+    return write(tmp_path_factory.mktemp("walk") / "walk.mcap", cycles).read_bytes(), cycles
+
+
+@pytest.fixture(scope="module")
+def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("scratch") / "damaged.mcap"
+
+
+outcome = st.builds(Outcome, st.just(TARE), st.sampled_from(Result), st.text(max_size=40))
+
+
+samples = st.none() | st.integers(0, 6)
+
+
+@given(st.integers(0, 2**32), st.integers(3, 6), st.lists(outcome, max_size=3), samples, st.integers(1, 4000))
+def test_the_pipe_keeps_every_bit(
+    seed: int, n_legs: int, outcomes: list[Outcome], n_samples: int | None, piece: int
+) -> None:
+    """Cycles come out of the pipe as they went in, in whatever pieces they arrive."""
+    shown = [
+        cycle(number, seed, outcomes=tuple(outcomes), n_legs=n_legs, n_samples=n_samples, warm=number == 1)
+        for number in range(3)
+    ]
+    header = {"legs": ",".join(LEGS[:n_legs])}
+    stream = pack_header(header) + b"".join(pack_cycle(i, one) for i, one in enumerate(shown))
+    stream += pack_loss(Loss(9, 8, 6))
+    buffer, entries, legs = bytearray(), [], None
+    for at in range(0, len(stream), piece):
+        buffer += stream[at : at + piece]
+        for entry in unpack(buffer, legs):
+            legs = n_legs
+            entries.append(entry)
+    assert entries[0] == header
+    assert entries[-1] == Loss(9, 8, 6)
+    numbered = [entry for entry in entries if isinstance(entry, Numbered)]
+    assert [entry.counter for entry in numbered] == [0, 1, 2]
+    assert all(same(a, b.cycle) for a, b in zip(shown, numbered, strict=True))
+
+
+@given(st.integers(0, 2**32), st.lists(outcome, max_size=2), samples)
+@settings(max_examples=25)
+def test_the_file_keeps_every_bit(
+    scratch: Path, seed: int, outcomes: list[Outcome], n_samples: int | None
+) -> None:
+    """Floats of any value, NaN, infinities and -0.0, and reasons in any script come out of the file again."""
+    shown = [
+        cycle(number, seed, outcomes=tuple(outcomes), n_samples=n_samples, warm=number % 3 == 1)
+        for number in range(5)
+    ]
+    read, damage = read_until_damage(write(scratch, shown))
+    assert damage is None
+    assert all(same(a, b) for a, b in zip(shown, read, strict=True))
+
+
+@given(st.data())
+def test_a_truncated_file_gives_what_is_whole(
+    scratch: Path, walk: tuple[bytes, list[Cycle]], data: st.DataObject
+) -> None:
+    """Wherever a file ends, the cycles before are right and the error says that the rest is lost."""
+    whole, cycles = walk
+    scratch.write_bytes(whole[: data.draw(st.integers(0, len(whole) - 1))])
+    read, damage = read_until_damage(scratch)
+    assert all(same(a, b) for a, b in zip(cycles, read, strict=False))
+    assert damage is not None or len(read) == len(cycles)
+    assert "\n" not in str(damage)
+
+
+@given(st.data())
+def test_a_flipped_bit_is_never_taken_for_a_measurement(
+    scratch: Path, walk: tuple[bytes, list[Cycle]], data: st.DataObject
+) -> None:
+    """One wrong bit ends the reading with an error, or stands in the index, which is not read."""
+    whole, cycles = walk
+    damaged = bytearray(whole)
+    damaged[data.draw(st.integers(0, len(whole) - 1))] ^= 1 << data.draw(st.integers(0, 7))
+    scratch.write_bytes(damaged)
+    read, damage = read_until_damage(scratch)
+    assert all(same(a, b) for a, b in zip(cycles, read, strict=False))
+    assert damage is not None or len(read) == len(cycles)
+
+
+def test_a_truncated_file_says_what_is_lost(scratch: Path, walk: tuple[bytes, list[Cycle]]) -> None:
+    """The error names the byte, the number of whole cycles and their last time."""
+    whole, _ = walk
+    scratch.write_bytes(whole[: len(whole) // 2])
+    read, damage = read_until_damage(scratch)
+    assert len(read) == 20
+    assert f"of {len(whole) // 2} (" in str(damage)
+    assert "20 cycles are whole, up to 0.475 s after the first; what follows is lost" in str(damage)
+
+
+@pytest.mark.parametrize("content", [b"", b"not a recording", b"\x89MCAP0\r\n"])
+def test_another_file_is_not_a_recording(scratch: Path, content: bytes) -> None:
+    """Whatever is not ours is refused in one line."""
+    scratch.write_bytes(content)
+    with pytest.raises(RecordingError, match="is not a recording"):
+        Replay(scratch)
+
+
+def test_recover_makes_a_sound_file(tmp_path: Path, walk: tuple[bytes, list[Cycle]]) -> None:
+    """What is whole in a cut file is in the new one, which the indexed readers of other tools can open."""
+    whole, cycles = walk
+    cut = tmp_path / "walk.mcap.partial"
+    cut.write_bytes(whole[: len(whole) * 2 // 3])
+    recovered = recover(cut, tmp_path / "walk.mcap")
+    read, damage = read_until_damage(tmp_path / "walk.mcap")
+    assert damage is None
+    assert recovered.damage is not None
+    assert recovered.n_cycles == len(read) > 0
+    assert all(same(a, b) for a, b in zip(cycles, read, strict=False))
+    with (tmp_path / "walk.mcap").open("rb") as file:
+        topics = [channel.topic for _, channel, _ in make_reader(file).iter_messages()]
+    assert topics.count("/scan") == topics.count("/force") == len(read)
+
+
+def test_recover_keeps_the_reference(tmp_path: Path) -> None:
+    """A bench's recording has the samples of its force sensor again, one message each."""
+    shown = [cycle(number, n_samples=number % 3) for number in range(9)]
+    cut = write(tmp_path / "cut.mcap", shown, every=4)
+    cut.write_bytes(cut.read_bytes()[:-400])
+    recover(cut, tmp_path / "whole.mcap")
+    read, damage = read_until_damage(tmp_path / "whole.mcap")
+    assert damage is None
+    assert read
+    assert all(same(a, b) for a, b in zip(shown, read, strict=False))
+    with (tmp_path / "whole.mcap").open("rb") as file:
+        samples = [message for _, _, message in make_reader(file).iter_messages(topics=["/reference"])]
+    assert len(samples) == sum(len(one.reference.t_ns) for one in read if one.reference is not None)
+
+
+def test_replay_gives_scan_commands_and_time(walk: tuple[bytes, list[Cycle]], scratch: Path) -> None:
+    """The source and its clock show the loop what it saw when it was recorded."""
+    whole, cycles = walk
+    scratch.write_bytes(whole)
+    source = ReplaySource(Replay(scratch))
+    clock = ReplayClock(source)
+    for then in cycles:
+        scan = source.read()
+        assert scan is not None
+        assert scan.sequence == then.scan.sequence
+        assert tuple(source.commands()) == then.commands
+        assert source.commands() == []
+        assert clock.now_ns() == then.forces.t_sent_ns
+    assert source.read() is None
+    assert source.damage is None
+
+
+def test_replay_counts_what_was_lost(scratch: Path) -> None:
+    """The source gives the scans on both sides of a gap, and tells the gap with the scan after it."""
+    with scratch.open("wb") as file:
+        recording = McapFile(FdStream(file.fileno()), {"legs": ",".join(LEGS)})
+        recording.add_cycle(Numbered(0, cycle(0)))
+        recording.add_loss(Loss(4, 0, 3))
+        recording.add_cycle(Numbered(4, cycle(4)))
+        recording.finish()
+    source = ReplaySource(Replay(scratch))
+    seen = [(scan.sequence, source.lost) for scan in iter(source.read, None)]
+    assert seen == [(0, 0), (4, 3)]
+
+
+def test_compare_names_the_first_difference() -> None:
+    """The difference is told with its leg, field and both values; 1 mN is none on another machine."""
+    then, now = cycle(0).forces, cycle(0).forces
+    then.force_n[3], now.force_n[3] = (0.1, 0.2, np.nan), (0.1, 0.2 + 5e-4, np.nan)
+    found = compare(then, now, exact=True, legs=LEGS)
+    assert found == "scan 0, sent at 0.000 s, leg rf: fy_n was 0.2, is now 0.2005"
+    now.force_n[:], now.sigma_n[:] = then.force_n, then.sigma_n
+    now.force_n[3, 1] += 5e-4
+    assert compare(then, now, exact=False, legs=LEGS) is None
+    now.state[1] = (then.state[1] + 1) % 10
+    assert "leg lm: state was" in str(compare(then, now, exact=False, legs=LEGS))
+
+
+def test_compare_looks_behind_the_state_and_at_the_zero() -> None:
+    """Another cause or another zero under the same forces is a difference."""
+    then, now = cycle(0).forces, cycle(0).forces
+    then.cause[2], now.cause[2] = Cause.ROW_OPEN, Cause.COLUMN_OPEN
+    assert "leg lr: cause was ROW_OPEN, is now COLUMN_OPEN" in str(compare(then, now, exact=False, legs=LEGS))
+    now.cause[2] = then.cause[2]
+    then.zero.worst_pf[4], now.zero.worst_pf[4] = 0.5, 0.5 + 1e-9
+    assert compare(then, now, exact=False, legs=LEGS) is None
+    assert "leg rm: zero_worst_pf was 0.5, is now" in str(compare(then, now, exact=True, legs=LEGS))
+
+
+def test_a_recording_from_before_there_were_causes(scratch: Path) -> None:
+    """What it does not hold is neither invented, nor compared, nor written when it is recovered."""
+    message = json.loads(messages.encode_force(cycle(0).forces, LEGS))
+    for leg in LEGS:
+        for name in [key for key in message[leg] if key == "cause" or key.startswith("zero_")]:
+            del message[leg][name]
+    old = messages.decode_force(json.dumps(message).encode(), LEGS)
+    assert set(old.cause.tolist()) == {messages.NOT_RECORDED}
+    assert np.isnan(old.zero.mean_pf).all()
+    assert compare(old, cycle(0).forces, exact=True, legs=LEGS) is None
+    assert json.loads(messages.encode_force(old, LEGS)) == message
+
+
+def test_the_same_machine_has_the_same_processor_and_libraries() -> None:
+    """Bits are compared only where the header names this processor and these versions."""
+    here = this_machine()
+    assert same_machine({**here, "scene": "x"}, here)
+    assert not same_machine({**here, "numpy": "0"}, here)
+    assert not same_machine({}, here)

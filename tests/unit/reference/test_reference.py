@@ -1,0 +1,323 @@
+"""What a bench's force sensor says becomes forces on the foot in the daemon's time; what it does not say is counted."""
+
+import binascii
+import socket
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from footsense.errors import SensorError
+from footsense.reference.mounting import NEWTON_PER, Mounting
+from footsense.reference.net_ft import NetFtReference, rdt_request
+from footsense.reference.record_decoder import CHECKSUMS, BinaryDecoder, Decoder, LineDecoder, Rows
+from footsense.reference.recorded_file import FileReference, read_csv
+from footsense.reference.sample_stream import ReferenceStream
+from footsense.reference.sample_times import SampleTimes
+from footsense.reference.serial_sensor import SerialReference
+from footsense.sim.clock import VirtualClock
+from footsense.sim.test_stand.reference_sensor import (
+    COLUMNS,
+    RATE_HZ,
+    TRANSMISSION_NS,
+    SimulatedPort,
+    SimulatedSensor,
+)
+
+AGAINST = {"x": "-x", "y": "-y", "z": "-z"}
+PERIOD_NS = 5_000_000
+SYNC = b"\xaa\x55"
+layout = struct.Struct("<Ihhh")
+
+records = st.lists(
+    st.tuples(st.integers(0, 2**32 - 1), *[st.integers(-(2**15), 2**15 - 1)] * 3), min_size=1, max_size=8
+)
+
+
+def packed(record: tuple[int, ...], checksum: str) -> bytes:
+    body = layout.pack(*record)
+    n, of = CHECKSUMS[checksum]
+    return SYNC + body + of(body).to_bytes(n, "little")
+
+
+def fed(decoder: Decoder, stream: bytes, piece: int) -> list[Rows]:
+    return [decoder.feed(stream[at : at + piece]) for at in range(0, len(stream), piece)]
+
+
+@given(records, st.integers(1, 40), st.sampled_from(["none", "sum8", "xor8", "crc16"]))
+def test_binary_records_come_out_as_they_went_in(
+    sent: list[tuple[int, ...]], piece: int, checksum: str
+) -> None:
+    """In whatever pieces they arrive; without a checksum, each waits for the next one's sync bytes."""
+    decoder = BinaryDecoder(("time_us", "fx", "fy", "fz"), "<Ihhh", SYNC, checksum)
+    stream = b"".join(packed(record, checksum) for record in sent) + (SYNC if checksum == "none" else b"")
+    rows = fed(decoder, stream, piece)
+    assert np.concatenate([part.raw for part in rows]).tolist() == [list(record[1:]) for record in sent]
+    assert decoder.n_bad == 0
+
+
+@given(st.binary(max_size=60), records, st.integers(1, 30))
+def test_garbage_between_binary_records_is_skipped_and_counted(
+    garbage: bytes, sent: list[tuple[int, ...]], piece: int
+) -> None:
+    """A record behind any bytes is found, and none is made of them."""
+    decoder = BinaryDecoder(("time_us", "fx", "fy", "fz"), "<Ihhh", SYNC, "crc16")
+    whole = [packed(record, "crc16") for record in sent]
+    # But for what begins like a record and is none by a chance of 2^-16.
+    garbage = garbage.replace(b"\xaa", b"")
+    rows = fed(decoder, whole[0] + garbage + b"".join(whole[1:]), piece)
+    assert np.concatenate([part.raw for part in rows]).tolist() == [list(record[1:]) for record in sent]
+    assert decoder.n_bad == (len(sent) > 1 and bool(garbage))
+
+
+def test_crc16_is_ccitt_false() -> None:
+    """The check value of its definition."""
+    assert CHECKSUMS["crc16"][1](b"123456789") == binascii.crc_hqx(b"123456789", 0xFFFF) == 0x29B1
+
+
+def test_counters_that_wrap_go_on() -> None:
+    """A microsecond counter of 32 bits wraps every 71.6 min; its time does not."""
+    decoder = BinaryDecoder(("time_us", "fx", "fy", "fz"), "<Ihhh", SYNC, "sum8")
+    counts = [(2**32 - 7000 + k * 5000) % 2**32 for k in range(4)]
+    rows = decoder.feed(b"".join(packed((count, 0, 0, 0), "sum8") for count in counts))
+    assert rows.t_ns is not None
+    assert np.diff(rows.t_ns).tolist() == [PERIOD_NS] * 3
+
+
+def test_lines_are_read_and_others_counted() -> None:
+    """The first line may have begun before; a short line, a word and a NaN are none."""
+    decoder = LineDecoder(("sequence", "-", "fx", "fy", "fz"), "")
+    text = b"7 8\r\n 1 x -2.5 1e-3 4\r\n2 ? 1 2\nfx fy fz a b\n3 0 nan 0 0\n4 0 0 0 1\n5 0"
+    rows = decoder.feed(text)
+    assert rows.raw.tolist() == [[-2.5, 1e-3, 4.0], [0.0, 0.0, 1.0]]
+    assert rows.sequence is not None
+    assert rows.sequence.tolist() == [1, 4]
+    assert (decoder.n_bad, decoder.last_bad) == (3, b"3 0 nan 0 0")
+    assert len(decoder.feed(b" 0 0 2\n").raw) == 1
+
+
+@given(st.lists(st.binary(max_size=80), max_size=6))
+def test_no_bytes_crash_a_decoder(parts: list[bytes]) -> None:
+    """Neither of them, nor do they yield what is not finite."""
+    for decoder in (
+        LineDecoder(("time_ms", "fx", "fy", "fz"), ","),
+        BinaryDecoder(("fx", "fy", "fz"), "<fff", b"\xaa", "none"),
+    ):
+        for part in parts:
+            assert np.isfinite(decoder.feed(part).raw).all()
+
+
+def test_a_mounting_turns_scales_and_limits() -> None:
+    """Axes with their signs, then the turn about z, in newtons; an axis at its end is saturated."""
+    mounting = Mounting({"x": "-y", "y": "x", "z": "-z"}, (0.0, 0.0, 90.0), "kgf", 0.5, (4.0, 4.0, 8.0))
+    force_n, saturated = mounting.apply(np.array([[2.0, 4.0, -6.0], [8.0, 0.0, 0.0], [0.0, 0.0, -16.0]]))
+    # In counts of half a kgf: the sensor says (1, 2, -3) kgf; the axes make (-2, 1, 3) of it, the turn (-1, -2, 3).
+    assert force_n[0] / NEWTON_PER["kgf"] == pytest.approx([-1.0, -2.0, 3.0])
+    assert saturated.tolist() == [False, True, True]
+
+
+def stream_of(times: SampleTimes) -> ReferenceStream:
+    return ReferenceStream("sensor", Mounting(AGAINST, (0.0, 0.0, 0.0), "gf", 1.0, (4000, 4000, 8000)), times)
+
+
+def bench(columns: tuple[str, ...] = COLUMNS) -> tuple[VirtualClock, SimulatedPort, SerialReference]:
+    """Return a simulated sensor that feels one newton upwards, and what reads it."""
+    clock = VirtualClock()
+    clock.sleep_until_ns(10**12)
+    port = SimulatedPort(SimulatedSensor(lambda _: np.array([0.0, 0.0, 1.0]), 3, 0.0), clock)
+    reference = SerialReference(
+        port, LineDecoder(columns, ","), stream_of(SampleTimes(RATE_HZ, TRANSMISSION_NS)), b"S"
+    )
+    return clock, port, reference
+
+
+def watched(
+    clock: VirtualClock, reference: SerialReference, seconds: float, look_ns: int = 24_400_000
+) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """Look once a scan; return times and forces of all samples, shape (n, 4)."""
+    parts = []
+    for _ in range(round(seconds * 1e9 / look_ns)):
+        clock.advance_ns(look_ns)
+        said = reference.read(clock.now_ns())
+        parts.append(np.column_stack([said.t_ns, said.force_n]))
+    return np.concatenate(parts)
+
+
+@pytest.mark.parametrize("columns", [COLUMNS, ("-", "fx", "fy", "fz")], ids=["stamped", "counted"])
+def test_samples_have_the_time_at_which_they_were_taken(columns: tuple[str, ...]) -> None:
+    """To a millisecond after a second, with a drifting clock and with none, though the loop looks once a scan."""
+    clock, _, reference = bench(columns)
+    samples = watched(clock, reference, 8.0)
+    before = 4  # were in the line at the first look
+    true_ns = 10**12 + PERIOD_NS * np.arange(1 + before, 1 + before + len(samples))
+    late_ns = samples[:, 0] - true_ns
+    assert np.abs(late_ns[250:]).max() < 1.2e6
+    assert (np.diff(samples[50:, 0]) >= 0).all()
+    assert reference.figures().n_missing == 0
+    assert samples[:, 3].mean() - 1.0 == pytest.approx(samples[0, 3] - 1.0, abs=0.4)  # but for its own zero
+
+
+@pytest.mark.parametrize("columns", [COLUMNS, ("-", "fx", "fy", "fz")], ids=["stamped", "counted"])
+def test_a_sensor_that_is_unplugged_is_missed_and_comes_back(
+    columns: tuple[str, ...], caplog: pytest.LogCaptureFixture
+) -> None:
+    """The samples that it would have sent are counted, said once, and those that follow have their right times."""
+    clock, port, reference = bench(columns)
+    watched(clock, reference, 3.0)
+    port.unplug()
+    assert len(watched(clock, reference, 2.0)) == 0
+    port.plug_in()
+    samples = watched(clock, reference, 3.0)
+    figures = reference.figures()
+    assert figures.n_missing == pytest.approx(400, abs=8)
+    assert figures.n_opened == 2
+    assert [record.getMessage()[:28] for record in caplog.records] == [
+        "sensor: no sample for 0.5 s;",
+        "sensor: speaks again; " + caplog.records[-1].getMessage()[22:28],
+    ]
+    true_ns = clock.now_ns() - TRANSMISSION_NS - samples[-1, 0]
+    assert -1e6 < true_ns < 1.2 * PERIOD_NS
+
+
+@pytest.mark.parametrize("jumps_at", [20, 22, 700], ids=["at once", "between two looks", "later"])
+def test_a_clock_that_jumps_is_followed_anew(jumps_at: int, caplog: pytest.LogCaptureFixture) -> None:
+    """The times go on in ours, no sample is taken for missing, and it is said, however early the clock jumps."""
+    times = SampleTimes(200.0, 0)
+    stream = stream_of(times)
+    none = np.zeros(1, np.bool_)
+    mapped = []
+    stream.take(Rows(np.zeros(0, np.int64), None, np.zeros((0, 3)), none[:0]), 0, 10**12 - 1, b"")
+    for k in range(0, 1200, 4):
+        taken_ns = 10**12 + PERIOD_NS * np.arange(k, k + 4)
+        theirs_ns = taken_ns - 10**11 + np.where(np.arange(k, k + 4) >= jumps_at, 7_000_000_000, 0)
+        now_ns = int(taken_ns[-1])
+        said = stream.take(Rows(theirs_ns, None, np.zeros((4, 3)), np.zeros(4, np.bool_)), 80, now_ns, b"")
+        mapped.append(int(said.t_ns[-1]) - now_ns)
+    assert max(map(abs, mapped)) < 1_000_000
+    assert stream.figures(0, 1)[:2] == (1200, 0)
+    assert times.n_jumps == 1
+    assert [record.getMessage() for record in caplog.records] == [
+        "sensor: its clock has jumped; it is followed anew"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("sent", "says"), [(b"", "nothing arrives for 3 s"), (b"\x00\xff7;8\n", "no record in")]
+)
+def test_a_sensor_that_makes_no_sense_ends_the_run(sent: bytes, says: str) -> None:
+    """Silence from the beginning, and another format, are said in one line with what to check."""
+
+    class Port(SimulatedPort):
+        def read(self) -> bytes:
+            return sent
+
+    clock, _, _ = bench()
+    port = Port(SimulatedSensor(lambda _: np.zeros(3), 1), clock)
+    reference = SerialReference(port, LineDecoder(COLUMNS, ","), stream_of(SampleTimes(200.0, 0)), b"S")
+    with pytest.raises(SensorError, match=says):
+        watched(clock, reference, 20.0)
+
+
+def test_the_simulated_sensor_is_that_of_the_data_sheet() -> None:
+    """Steps of 4, 4 and 12 gf that a mean looks through, a bow of 1.5 % at most, an end at 4, 4 and 8 kgf."""
+    rated_gf = np.array([4000.0, 4000.0, 8000.0])
+    for seed in range(3):
+        load_gf = np.zeros(3)
+
+        def felt_n(
+            _: int, load_gf: np.ndarray[tuple[int], np.dtype[np.float64]] = load_gf
+        ) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+            return load_gf * NEWTON_PER["gf"]
+
+        sensor = SimulatedSensor(felt_n, seed)
+        sensor.start(0)
+        read = {}
+        for number, share in enumerate((0.0, 0.577, 1.2)):
+            load_gf[:] = -share * rated_gf
+            lines = sensor.bytes_until((number + 1) * 3_000_000_000).decode().split()[2:]
+            read[share] = np.array([line.split(",")[1:] for line in lines], float)
+        assert (read[0.0] % [4, 4, 12] == 0).all()
+        bent_gf = read[0.577].mean(axis=0) - read[0.0].mean(axis=0) - 0.577 * rated_gf
+        assert (np.abs(bent_gf) < 1.02 * 0.015 * rated_gf).all()
+        assert np.abs(bent_gf).max() > 10.0
+        assert (read[1.2] == rated_gf).all()
+
+
+def test_a_net_ft_stream_is_asked_for_and_read() -> None:
+    """Requests as the protocol has them; lost, doubled and damaged packets are counted, and a status is no force."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sensor:
+        sensor.bind(("127.0.0.1", 0))
+        sensor.settimeout(5.0)
+        mounting = Mounting(AGAINST, (0.0, 0.0, 0.0), "N", 1e-6, (100, 100, 100))
+        stream = ReferenceStream("net", mounting, SampleTimes(1000.0, 0))
+        reference = NetFtReference("127.0.0.1", sensor.getsockname()[1], stream)
+        reference.read(0)
+        asked, address = sensor.recvfrom(64)
+        assert asked == bytes.fromhex("1234000200000000") == rdt_request(2)
+        for number, status in ((1, 0), (2, 0), (2, 0), (4, 0), (5, 0x80010000)):
+            force = (0, 2_000_000, -3_000_000, 0, 0, 0)
+            sensor.sendto(struct.pack(">III6i", number, 7 * number, status, *force), address)
+        sensor.sendto(b"short", address)
+        said = reference.read(20_000_000)
+        assert said.force_n.tolist() == [[0.0, -2.0, 3.0]] * 4
+        assert said.saturated.tolist() == [False, False, False, True]
+        assert np.diff(said.t_ns).tolist() == [1_000_000, 2_000_000, 1_000_000]
+        figures = reference.figures()
+        assert (figures.n_samples, figures.n_missing, figures.n_bad) == (4, 1, 2)
+        reference.close()
+        assert sensor.recv(64) == rdt_request(0)
+
+
+def test_a_net_ft_that_counts_anew_is_asked_again() -> None:
+    """Whatever made its numbers go back, no sample is missing for longer than a second."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sensor:
+        sensor.bind(("127.0.0.1", 0))
+        sensor.settimeout(5.0)
+        mounting = Mounting(AGAINST, (0.0, 0.0, 0.0), "N", 1e-6, (100, 100, 100))
+        reference = NetFtReference(
+            "127.0.0.1",
+            sensor.getsockname()[1],
+            ReferenceStream("net", mounting, SampleTimes(10.0, 0)),
+        )
+        reference.read(0)
+        _, address = sensor.recvfrom(64)
+        said = []
+        for tenth, number in enumerate([900, 901, *range(1, 20)]):
+            sensor.sendto(struct.pack(">III6i", number, 0, 0, *[0] * 6), address)
+            said.append(len(reference.read(100_000_000 * (tenth + 1)).t_ns))
+        assert said[:3] == [1, 1, 0]
+        assert said[-6:] == [1] * 6
+        assert sensor.recvfrom(64)[0] == rdt_request(2)
+        reference.close()
+
+
+def test_a_file_is_played_from_the_first_scan_on(tmp_path: Path) -> None:
+    """Each sample once, when its time has come, with the axes and units of the bench."""
+    path = tmp_path / "log.csv"
+    path.write_text("time_ms, fx, fy, fz, note\n" + "".join(f"{5 * k},0,0,{-k},x\n" for k in range(10)))
+    reference = FileReference(read_csv(path, Mounting(AGAINST, (0, 0, 0), "gf", 1.0, (9, 9, 9)), 0))
+    read = [reference.read(10**9 + t_ms * 1_000_000) for t_ms in (0, 12, 12, 100)]
+    assert [len(part.t_ns) for part in read] == [1, 2, 0, 7]
+    assert read[1].t_ns.tolist() == [10**9 + 5_000_000, 10**9 + 10_000_000]
+    assert read[1].force_n[1, 2] == pytest.approx(2 * NEWTON_PER["gf"])
+    assert read[3].saturated.tolist() == [False] * 6 + [True]
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("t,fx,fy,fz\n0,0,0,0\n", "first line names t, fx, fy, fz; it needs one of time_s"),
+        ("time_s,fx,fy,fz\n0,0,0\n", "line 2: is not four numbers"),
+        ("time_s,fx,fy,fz\n1,0,0,0\n0.5,0,0,0\n", "not in the order of their times"),
+        ("", "its first line names"),
+    ],
+)
+def test_a_file_that_holds_no_samples_says_so(tmp_path: Path, text: str, says: str) -> None:
+    """One line: where, and what would be right."""
+    path = tmp_path / "log.csv"
+    path.write_text(text)
+    with pytest.raises(SensorError, match=says):
+        read_csv(path, Mounting(AGAINST, (0, 0, 0), "gf", 1.0, (9, 9, 9)), 0)

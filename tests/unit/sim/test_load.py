@@ -1,0 +1,72 @@
+"""The loads of the scenes: what the ground does to the feet."""
+
+import numpy as np
+import pytest
+
+from footsense.frames import LEGS
+from footsense.sim.loads.ground_load import Ramp, Walk, measured_strides, measured_walk, smooth_step
+
+S = 1_000_000_000
+
+
+def tripod() -> Walk:
+    return Walk(dict.fromkeys(LEGS, smooth_step(0.6, 1.2, 0.15)), S, 0.6, 10.0, from_ns=S // 2)
+
+
+def test_three_legs_carry_at_any_time_and_change_with_the_others() -> None:
+    """Two tripods, half a period apart; before the walk all feet are in the air."""
+    walk = tripod()
+    assert all(walk.contact(leg, S // 4).force_n[2] == 0 for leg in LEGS)
+    early = {leg for leg in LEGS if walk.contact(leg, S // 2 + S // 4).force_n[2] > 0}
+    late = {leg for leg in LEGS if walk.contact(leg, S // 2 + 3 * S // 4).force_n[2] > 0}
+    assert early == {"lf", "rm", "lr"}
+    assert late == {"rf", "lm", "rr"}
+
+
+@pytest.mark.parametrize("walk", [tripod(), measured_walk(1.5, 10.0, 0)])
+def test_normals_are_unit_and_friction_stays_in_its_cone(walk: Walk) -> None:
+    """The ground only pushes, and the force leans from the normal by no more than feet grip."""
+    for t_ns in range(0, 3 * S, 7_000_000):
+        for leg in LEGS:
+            normal, force_n = walk.contact(leg, t_ns)
+            assert np.linalg.norm(normal) == pytest.approx(1.0)
+            push_n = float(force_n @ normal)
+            assert push_n >= 0
+            if push_n > 0.05:
+                assert np.linalg.norm(force_n - push_n * normal) < 0.5 * push_n
+
+
+def test_a_leaning_leg_sees_the_vertical_in_its_own_frame() -> None:
+    """At touchdown the foot is ahead: the ground pushes it backwards along z and forwards along x."""
+    normal = tripod().contact("lf", S // 2 + 1).normal
+    np.testing.assert_allclose(normal, [np.sin(np.radians(10)), 0, np.cos(np.radians(10))], atol=1e-6)
+
+
+def test_the_measured_walk_is_what_was_measured_scaled() -> None:
+    """The largest vertical force becomes 1.5 N, the shape stays: both feet have a stance of 0.8 s in 1.145 s."""
+    strides = measured_strides()
+    assert strides["right"].stride_s == pytest.approx(1.145, abs=2e-3)
+    assert strides["left"].stance_s == pytest.approx(0.795, abs=5e-3)
+    walk = measured_walk(1.5, 0.0, 0)
+    fz_n = np.array(
+        [[walk.contact(leg, t_ns).force_n[2] for leg in ("lf", "rf")] for t_ns in range(0, 2 * S, S // 1000)]
+    )
+    assert fz_n.max() == pytest.approx(1.5, abs=0.01)
+    right = strides["right"].force_n[:, 2]
+    assert fz_n[:, 1].max() == pytest.approx(1.5 * right.max() / 943.38, abs=0.01)
+
+
+def test_a_constant_load_acts_through_the_centre() -> None:
+    """Its normal is its direction."""
+    normal, force_n = Ramp((0.3, 0.0, 0.4), 0).contact("lf", 0)
+    np.testing.assert_allclose(normal, [0.6, 0, 0.8])
+    np.testing.assert_allclose(force_n, [0.3, 0, 0.4])
+
+
+def test_a_ramp_grows_evenly_and_stays() -> None:
+    """In the air before it begins, half of the force at half of the time, all of it from its end on."""
+    ramp = Ramp((0.0, 0.6, 0.8), from_ns=S, rise_ns=S // 5)
+    shares = [
+        np.linalg.norm(ramp.contact("lf", t_ns).force_n) for t_ns in (S - 1, S + S // 10, S + S // 5, 9 * S)
+    ]
+    np.testing.assert_allclose(shares, [0.0, 0.5, 1.0, 1.0])

@@ -1,0 +1,163 @@
+"""The invariants of a long walk notice what they are there for, and excuse what they should."""
+
+import numpy as np
+import pytest
+
+from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, encode_force, encode_quality
+from firmware_interface.socketcan import pack_frame
+from footsense.frames import LEGS, Cycle, ForceFrame, State, Zero
+from footsense.sim.faults.can_faults import CanDown
+from footsense.sim.faults.scene_faults import Absent, ElementDrifts, Fault, StuckSda
+from footsense.validation.invariants import Invariants
+from footsense.validation.random_faults import random_faults
+from footsense.validation.soak_stretches import day
+from footsense.validation.tolerances import Rules
+
+MS = 1_000_000
+RULES = Rules(legs=LEGS, period_s=0.024, max_age_s=0.09, gait_period_s=1.0, from_s=0.0)
+
+
+def watching(*script: Fault, rules: Rules = RULES) -> Invariants:
+    return Invariants(rules, script, lambda _: np.zeros((6, 3)))
+
+
+def cycle(number: int, t_ms: float, state: State = State.VALID, **changed: object) -> Cycle:
+    """One cycle in which the second leg has a state, and all others a good force."""
+    states = np.full(6, State.VALID, np.uint8)
+    states[1] = state
+    force_n = np.zeros((6, 3))
+    force_n[states != State.VALID] = np.nan
+    t_ns = round(t_ms * MS)
+    values = {
+        "sequence": number,
+        "t_sent_ns": t_ns,
+        "t_ns": np.full(6, t_ns - 12 * MS),
+        "force_n": force_n,
+        "sigma_n": force_n + 0.01,
+        "state": states,
+        "fault_mask": np.zeros(6, np.uint16),
+        "flags": np.zeros(6, np.uint8),
+        "cause": np.zeros(6, np.uint8),
+        "zero": Zero.none(6),
+    }
+    return Cycle(None, (), ForceFrame(**{**values, **changed}), ())  # type: ignore[arg-type]
+
+
+def lost(seen: Invariants) -> set[str]:
+    return set(seen.n_lost)
+
+
+def test_a_walk_in_which_all_is_well_loses_nothing() -> None:
+    """And an error of a fifth of its sigma is counted as one that is not beyond five."""
+    seen = watching()
+    for number in range(200):
+        seen.observe(cycle(number, 24.0 * (number + 1)))
+    assert (lost(seen), seen.n_cycles, seen.n_checked, seen.n_beyond.tolist()) == (
+        set(),
+        200,
+        1200,
+        [0, 0, 0],
+    )
+
+
+@pytest.mark.parametrize(
+    ("second", "rule"),
+    [
+        (cycle(2, 48.0), "no frame is left out"),
+        (cycle(1, 60.0), "frames keep coming on time"),
+        (cycle(1, 24.0), "frames keep coming on time"),
+        (cycle(1, 48.0, force_n=np.full((6, 3), np.nan)), "a number if and only if the state allows one"),
+        (
+            cycle(1, 48.0, State.STALE, force_n=np.zeros((6, 3)), sigma_n=np.ones((6, 3))),
+            "a number if and only if the state allows one",
+        ),
+        (cycle(1, 48.0, t_ns=np.full(6, -43 * MS)), "no force above its age limit"),
+    ],
+)
+def test_what_must_not_be_is_noticed(second: Cycle, rule: str) -> None:
+    """A frame left out, late, or twice at the same time; a number that should not be, or should; an old one."""
+    seen = watching()
+    seen.observe(cycle(0, 24.0))
+    seen.observe(second)
+    assert rule in lost(seen)
+
+
+@pytest.mark.parametrize(
+    ("fault", "excused"),
+    [
+        (Absent(leg="lm", at_s=0.02, until_s=0.1), True),
+        (Absent(leg="rm", at_s=0.02, until_s=0.1), False),
+        (StuckSda(leg="rm", at_s=0.02, until_s=0.1), False),
+        (CanDown(at_s=0.02, until_s=0.1), False),
+    ],
+)
+def test_a_leg_is_excused_for_what_breaks_on_it_alone(fault: Fault, *, excused: bool) -> None:
+    """Until it must be well again: the pause before it is tried again, and a swing to be tared in."""
+    seen = watching(fault)
+    assert seen.well_again_s == pytest.approx({True: 0.1 + 0.08 + 1.0 + 3.0}.get(excused, seen.well_again_s))
+    for number in range(40):
+        seen.observe(cycle(number, 24.0 * (number + 1), State.ABSENT))
+    assert ("the other legs go on" in lost(seen)) is not excused
+    for number in range(40, 200):
+        seen.observe(cycle(number, 24.0 * (number + 1), State.ABSENT))
+    assert "the other legs go on" in lost(seen)
+
+
+def hear(seen: Invariants, counter: int, t_ms: int, wait_ms: int = 1, age_ms: int = 12) -> None:
+    force = pack_frame(FORCE_ID + 2, encode_force(2, counter, State.VALID, (0.0, 0.0, 1.0)))
+    quality = pack_frame(QUALITY_ID + 2, encode_quality(2, counter, 0, age_ms * MS, 0, (0.01, 0.01, 0.01)))
+    for frame in (force, quality):
+        seen.hear(t_ms * MS, (t_ms - wait_ms) * MS, frame)
+
+
+def test_what_is_missing_or_late_on_can_is_noticed() -> None:
+    """A frame that never came, unless CAN was broken; one that waited; one that is old."""
+    seen = watching(CanDown(at_s=5.0, until_s=5.1))
+    for counter, t_ms in [(0, 24), (1, 48), (3, 96)]:
+        hear(seen, counter, t_ms)
+    assert (dict(seen.n_lost), seen.n_missed, seen.n_heard) == ({"every frame reaches CAN": 1}, 1, 3)
+    hear(seen, 4, 4990)
+    hear(seen, 9, 5200)
+    assert (seen.n_lost.total(), seen.n_missed) == (1, 5)
+    hear(seen, 10, 5300, wait_ms=80)
+    hear(seen, 11, 5400, age_ms=200)
+    assert lost(seen) - {"every frame reaches CAN"} == {
+        "no frame waits for two periods",
+        "nothing old leaves the wire",
+    }
+
+
+def test_a_stand_puts_off_the_tare() -> None:
+    """A leg that comes back while the robot stands is tared when it walks again."""
+    seen = watching(
+        Absent(leg="lm", at_s=100.0, until_s=101.0), rules=RULES._replace(stands_s=((90.0, 1000.0),))
+    )
+    assert seen.well_again_s == pytest.approx(1000.0 + 2.0 + 1.0 + 1.0 + 3.0, abs=1.0)
+
+
+def test_a_day_has_every_way_of_walking() -> None:
+    """Whole hours that show what grows, each with a seed of its own; two stands, and warmth that comes and goes."""
+    stretches = day(24.0, 3)
+    assert sum(stretch.hours for stretch in stretches) == pytest.approx(24.0)
+    assert min(stretch.hours for stretch in stretches) >= 1.0
+    assert len({stretch.seed for stretch in stretches}) == len(stretches)
+    assert sum(len(stretch.stands_s) for stretch in stretches) == 2
+    assert sorted(stretch.kelvin for stretch in stretches if stretch.kelvin) == [-20.0, 20.0]
+    assert {(stretch.publish, stretch.rate_sps) for stretch in stretches} == {
+        ("frame", 400),
+        ("element", 400),
+        ("frame", 100),
+    }
+    assert sum(stretch.hours for stretch in day(0.3, 1)) == pytest.approx(0.3)
+
+
+def test_random_faults_all_pass() -> None:
+    """Every kind comes, within its time; a drift is taken back."""
+    script = random_faults(np.random.default_rng(1), LEGS, 10.0, 10_000.0)
+    assert len({type(fault) for fault in script}) == 23
+    assert all(fault.at_s >= 10.0 and (getattr(fault, "until_s", 0.0) or 0.0) < 10_000.0 for fault in script)
+    drifts = [fault for fault in script if isinstance(fault, ElementDrifts)]
+    drifted_ff = [
+        fault.rate_ff_per_s * (fault.until_s - fault.at_s) for fault in drifts if fault.until_s is not None
+    ]
+    assert sum(drifted_ff) == pytest.approx(0.0, abs=0.5)
