@@ -91,7 +91,9 @@ def test_every_outage_costs_a_leg_the_same() -> None:
 
 def test_a_leg_is_left_out_after_three_bad_scans_in_a_row_and_not_after_three() -> None:
     """A wire that fails once a second costs single scans, never a pause."""
-    robot = Robot([scene_faults.Absent(at_s=at_s, until_s=at_s + 0.01, leg="lm") for at_s in np.arange(1.0, 6.0)])
+    robot = Robot(
+        [scene_faults.Absent(at_s=at_s, until_s=at_s + 0.01, leg="lm") for at_s in np.arange(1.0, 6.0)]
+    )
     bad = [scan.reading[1] != Reading.OK for scan in robot.scan_until(6.5)]
     assert 5 <= np.any(bad, axis=1).sum() <= 10
 
