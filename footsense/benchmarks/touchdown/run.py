@@ -25,7 +25,7 @@ from footsense.foot.gap_contact import capacitance_pf
 from footsense.foot.network_card import read_card
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, Flag, Reading, State
-from footsense.lab.studies.latency.tradeoff_chain import BUS_HZ, HOST_COST_NS, ORDERS, pace
+from footsense.benchmarks.latency_vs_error.chain import BUS_HZ, HOST_COST_NS, ORDERS, pace
 from footsense.lab.studies.page import Workbench
 
 Vector = NDArray[np.float64]
