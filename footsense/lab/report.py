@@ -119,7 +119,9 @@ def make_report(
             report(f"{name}: kept")
             continue
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
-            seconds = process.submit(_write_page, name, studies, bench.models, folder, quick=bench.quick).result()
+            seconds = process.submit(
+                _write_page, name, studies, bench.models, folder, quick=bench.quick
+            ).result()
         report(f"{name}: {seconds:.0f} s")
     return bind(folder, bench)
 

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from footsense.benchmarks.latency_vs_error.chain import pace
 from footsense.benchmarks.touchdown.run import (
     ELEMENT,
     FRAME,
@@ -17,7 +18,6 @@ from footsense.benchmarks.touchdown.run import (
     Steps,
     run,
 )
-from footsense.benchmarks.latency_vs_error.chain import pace
 from footsense.lab.studies.page import Page, Workbench, table
 
 Vector = NDArray[np.float64]
