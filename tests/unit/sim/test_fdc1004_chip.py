@@ -40,6 +40,10 @@ def test_a_conversion_is_not_ready_before_its_time_and_done_until_it_is_read() -
     assert word(chip, READ_CONF, T_CONV_NS) == 0x0C88
     assert word(chip, MEAS1_MSB, T_CONV_NS) == 0x2B00
     assert word(chip, READ_CONF, T_CONV_NS) == 0x0C80
+    chip.write(TRIGGER_1_AT_400, T_CONV_NS)
+    assert word(chip, MEAS1_MSB, 2 * T_CONV_NS - 1) == 0x7FFF
+    assert word(chip, READ_CONF, 2 * T_CONV_NS - 1) == 0x0C80
+    assert word(chip, MEAS1_MSB, 2 * T_CONV_NS) == 0x2B00
 
 
 def test_only_one_measurement_at_a_time_without_repeat() -> None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from firmware_interface import fdc1004
 from firmware_interface.i2c_timing import transaction_bits, wire_time_ns
+from footsense.benchmarks.latency_vs_error.chain import BUS_HZ, HOST_COST_NS, ORDERS, pace
 from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.estimation.baseline.contact import ContactLimits
@@ -25,7 +26,6 @@ from footsense.foot.gap_contact import capacitance_pf
 from footsense.foot.network_card import read_card
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, Flag, Reading, State
-from footsense.lab.studies.latency.tradeoff_chain import BUS_HZ, HOST_COST_NS, ORDERS, pace
 from footsense.lab.studies.page import Workbench
 
 Vector = NDArray[np.float64]
