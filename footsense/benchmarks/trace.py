@@ -110,7 +110,9 @@ def main() -> None:
     steady = [function for function, n in calls.items() if n >= _LEAST_PER_SCAN]
     n_modules = len({module for module, _ in steady})
     layouts = sum(n for (module, _), n in simulator_calls.items() if module.startswith("firmware_interface/"))
-    click.echo(f"{n_modules} modules, {len(steady)} functions, {sum(calls.values()):.0f} calls per scan of six legs")
+    click.echo(
+        f"{n_modules} modules, {len(steady)} functions, {sum(calls.values()):.0f} calls per scan of six legs"
+    )
     click.echo(f"(and {layouts:.0f} calls of register layouts by the simulated chips)")
 
 
