@@ -134,15 +134,6 @@ class FrameSource(Protocol):
         ...
 
 
-@runtime_checkable
-class GangingSource(FrameSource, Protocol):
-    """A source that can read some legs column by column, all their rows at once."""
-
-    def gang(self, legs: NDArray[np.bool_]) -> None:
-        """Say which, shape (legs,), from the next conversion on."""
-        ...
-
-
 class ReferenceSensor(Protocol):
     """The multi-axis force sensor of a bench."""
 
