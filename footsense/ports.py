@@ -4,7 +4,7 @@ Behind every port stands either hardware or its simulation, chosen once in `foot
 cannot tell which.
 """
 
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray

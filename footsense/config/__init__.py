@@ -53,7 +53,9 @@ DEFAULT = Config(
 
 
 #: Keys of earlier versions.
-_OLD_KEYS = {("scan", "gang"): "the column-sum scan was removed; take this key away"}
+_OLD_KEYS: dict[tuple[str, ...], str] = {
+    ("scan", "gang"): "the column-sum scan was removed; take this key away"
+}
 
 
 def load_config(path: Path) -> Config:

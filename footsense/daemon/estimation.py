@@ -13,7 +13,7 @@ from footsense.config import Can, Config
 from footsense.daemon.calibrations import packs_of
 from footsense.daemon.contact_limits import closure_rel_per_pf, contact_limits
 from footsense.daemon.foot_types import artefact, foot_type_of, require_foot_type
-from footsense.errors import ConfigError, RecordingError
+from footsense.errors import RecordingError
 from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.estimation.baseline.tare import TareLimits
@@ -186,6 +186,10 @@ def recorded_config(recording: Replay) -> Config:
 
 def _without_gang(config: object) -> object:
     """Return a recorded configuration without `scan.gang: false`, which versions with a column-sum scan wrote."""
-    if isinstance(config, dict) and isinstance(scan := config.get("scan"), dict) and scan.get("gang") is False:
+    if (
+        isinstance(config, dict)
+        and isinstance(scan := config.get("scan"), dict)
+        and scan.get("gang") is False
+    ):
         return config | {"scan": {key: value for key, value in scan.items() if key != "gang"}}
     return config

@@ -5,7 +5,7 @@ the drift of a foot in swing (`drift.py`); `contact.py` tells swing from stance.
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -236,7 +236,6 @@ class Footing:
         """Tell what the legs' zeros do now; where they are has been gathered."""
         self._statuses = [zero.status for zero in self._zeros]
         self.zero = Zero(np.array(self._statuses, np.uint8), *self._moved)
-
 
     def _window(self, leg: int) -> TareWindow:
         return TareWindow(self._tare, self._unloaded_pf[leg], self._feet[leg])

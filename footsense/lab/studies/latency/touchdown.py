@@ -199,6 +199,6 @@ than the given rate, at 95 %.
 
 Median latencies of the flag over all kinds: {scan_ms} ms by whole scans, {element_ms} ms by single elements. The flag
 is set as soon as the filter predicts the load from the first element that shows it, except in the first tenth of a
-second after lift-off, in which its prediction rings; the force alone, which rings then, tells it after {by_force_ms} ms.
-In the first {after_ms:g} ms the force is off by {element_mn} mN by single elements, by {scan_mn} mN by whole scans.
+second after lift-off, in which its prediction rings; the force alone, which rings then, tells it after {by_force_ms}
+ms. In the first {after_ms:g} ms the force is off by {element_mn} mN by single elements, by {scan_mn} mN by whole scans.
 """
