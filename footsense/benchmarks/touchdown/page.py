@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from footsense.lab.studies.latency.touchdown_run import (
+from footsense.benchmarks.latency_vs_error.chain import pace
+from footsense.benchmarks.touchdown.run import (
     ELEMENT,
     FRAME,
     KINDS,
@@ -17,7 +18,6 @@ from footsense.lab.studies.latency.touchdown_run import (
     Steps,
     run,
 )
-from footsense.lab.studies.latency.tradeoff_chain import pace
 from footsense.lab.studies.page import Page, Workbench, table
 
 Vector = NDArray[np.float64]

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface import fdc1004
+from footsense.benchmarks.latency_vs_error.chain import ORDERS, pace
 from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.estimation.baseline.contact import ContactLimits
@@ -21,7 +22,6 @@ from footsense.foot.gap_contact import capacitance_pf
 from footsense.foot.network_card import read_card
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, Flag, Reading, State
-from footsense.lab.studies.latency.tradeoff_chain import ORDERS, pace
 from footsense.lab.studies.page import Workbench
 
 Vector = NDArray[np.float64]
