@@ -27,7 +27,7 @@ def load(
     type_: type[T],
     where: str | None = None,
     check: Callable[[T], Problem | None] | None = None,
-    renamed: Mapping[str, str] | None = None,
+    former: Mapping[str, str] | None = None,
 ) -> T:
     """Return the object that a YAML text describes.
 
@@ -36,7 +36,7 @@ def load(
         type_: The struct that the text has to fit.
         where: Name of the text in errors; the path of the file if not given.
         check: Finds the first contradiction between fields that are each right by themselves.
-        renamed: Former keys and values, with their present names for the error.
+        former: Keys and values of earlier versions, each with what replaces it, for the error.
 
     Raises:
         ConfigError: The text is missing, is not such YAML, does not fit `type_`, or contradicts itself.
@@ -52,7 +52,7 @@ def load(
         result = msgspec.convert(text.data, type_)
         problem = check(result) if check else None
     except msgspec.ValidationError as error:
-        problem = misfit(text.data, type_, str(error), renamed or {})
+        problem = misfit(text.data, type_, str(error), former or {})
     if problem:
         raise ConfigError(_one_line(f"{where}:{text.line_of(problem.path)}: {problem}"))
     return result

@@ -43,14 +43,14 @@ class Problem(NamedTuple):
         return f"{path}: {self.message}" if path else self.message
 
 
-def misfit(data: Any, type_: type[object], error: str, renamed: Mapping[str, str]) -> Problem:  # noqa: ANN401
+def misfit(data: Any, type_: type[object], error: str, former: Mapping[str, str]) -> Problem:  # noqa: ANN401
     """Return msgspec's error as a problem of the text.
 
     Args:
         data: What `msgspec.convert` refused.
         type_: The struct that it does not fit.
         error: Its error, such as "Expected `int` <= 7 - at `$.legs[...]`".
-        renamed: Former keys and values, with their present names.
+        former: Keys and values of earlier versions, each with what replaces it.
     """
     place = _PLACE.search(error)
     fault = error[: place.start()] if place else error
@@ -68,17 +68,17 @@ def misfit(data: Any, type_: type[object], error: str, renamed: Mapping[str, str
         path = (*path, value)
     if unknown := _UNKNOWN.fullmatch(fault):
         name = unknown["name"]
-        return Problem((*path, name), unknown["fault"] + _remedy(name, _keys(info, value), renamed))
+        return Problem((*path, name), unknown["fault"] + _remedy(name, _keys(info, value), former))
     if missing := _MISSING.fullmatch(fault):
         info = _inner(info, value, missing["name"])
         return Problem(path, fault.replace("`", "") + _expected(info))
-    return Problem(path, fault.replace("`", "") + _hint(fault, value, info, renamed))
+    return Problem(path, fault.replace("`", "") + _hint(fault, value, info, former))
 
 
-def _hint(fault: str, value: object, info: inspect.Type, renamed: Mapping[str, str]) -> str:
+def _hint(fault: str, value: object, info: inspect.Type, former: Mapping[str, str]) -> str:
     """Return the value, if the fault does not show it, and what is allowed."""
     if choices := _choices(info):
-        return _remedy(value, choices, renamed)
+        return _remedy(value, choices, former)
     got = ""
     if isinstance(value, str):
         got = f" {value[:40]!r}" if "got" in fault else f", got {value[:40]!r}"
@@ -97,10 +97,10 @@ def _expected(info: inspect.Type) -> str:
     return f" ({', or '.join(reasons)})" if reasons else ""
 
 
-def _remedy(word: object, allowed: tuple[object, ...], renamed: Mapping[str, str]) -> str:
+def _remedy(word: object, allowed: tuple[object, ...], former: Mapping[str, str]) -> str:
     """Return what to write instead of a word that is not allowed."""
-    if str(word) in renamed:
-        return f": it is now called {renamed[str(word)]}"
+    if str(word) in former:
+        return f"; {former[str(word)]}"
     near = get_close_matches(str(word), [choice for choice in allowed if isinstance(choice, str)], n=1)
     nearest = f"; did you mean {near[0]}?" if near else ""
     return f"; expected {', '.join(map(str, allowed))}{nearest}"

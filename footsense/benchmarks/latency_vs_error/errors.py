@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.lab.studies.latency.tradeoff_chain import Felt, Published, Stamps, felt_by
+from footsense.benchmarks.latency_vs_error.chain import Felt, Published, Stamps, felt_by
 
 Vector = NDArray[np.float64]
 
