@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from firmware_interface.serial_frames import RECORD_BITS
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.bus_timing import Timing
-from footsense.acquisition.ganged_scanner import GangedBusScanner
 from footsense.acquisition.gpio import LinuxResetLine
 from footsense.acquisition.kernel_mux_scanner import KernelMuxScanner
 from footsense.acquisition.linux_i2c import LinuxI2cBus
@@ -229,8 +228,7 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
             if trunk is None:
                 scanners.append(KernelMuxScanner(adapters, its_clock, plan))
             else:
-                scanner = GangedBusScanner if config.scan.gang else BusScanner
-                scanners.append(scanner(trunk, its_clock, bus.channels, bus.mux.address, plan, reset_line))
+                scanners.append(BusScanner(trunk, its_clock, bus.channels, bus.mux.address, plan, reset_line))
         source = RobotScanner(scanners, element_wise=config.publish == "element")
         stack.callback(source.close)
         source.start()
