@@ -35,7 +35,7 @@ def test_the_paper_trains_between_the_directions_that_it_verifies() -> None:
     training, verification = paper_directions("training"), paper_directions("verification")
     assert (training.shape, verification.shape) == ((181, 3), (180, 3))
     nearest_deg = angles_between_deg(verification[:, None], training[None]).min(axis=1)
-    assert nearest_deg.min() > 5.0
+    assert nearest_deg.min() == pytest.approx(5.0)
     assert nearest_deg.max() < 7.1
 
 
