@@ -70,7 +70,9 @@ class Score:
         true_force_n: What every foot felt at a time [ns -> N, shape (legs, 3)]; None where nobody knows.
     """
 
-    def __init__(self, legs: tuple[str, ...], true_force_n: Callable[[int], NDArray[np.float64]] | None) -> None:
+    def __init__(
+        self, legs: tuple[str, ...], true_force_n: Callable[[int], NDArray[np.float64]] | None
+    ) -> None:
         self._legs = legs
         self._true_force_n = true_force_n
         self._scans = 0
