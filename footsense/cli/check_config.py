@@ -31,12 +31,11 @@ def _summary(config: Config, network: Network, packs: Mapping[str, FootPack]) ->
     realtime, metrics = config.realtime, config.metrics
     model = "that of the packs" if packs else config.model
     cpu = "" if realtime is None or realtime.cpu is None else f" on processor {realtime.cpu}"
-    gang = ", column by column in the air" if config.scan.gang else ""
     design = network.card.calibration.design
     return [
         f"{len(config.legs)} legs on the board {config.board}",
         f"feet: {config.foot_type}, {design.rest_pf:.2f} pF per element at rest, gaps of {design.gap_um:g} um",
-        f"scan: {_scan(config)}{gang}",
+        f"scan: {_scan(config)}",
         f"forces: {_forces(config)}",
         *(_bus_line(bus, config) for bus in config.buses),
         *(_pack_line(leg, pack) for leg, pack in packs.items()),
