@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Protocol
 
 from firmware_interface.can_codes import phase_of
-from footsense.frames import CanStats, CommandKind, Cycle, Flag, ForceFrame, Result, State
+from footsense.frames import CanStats, CommandKind, ContactFrame, Cycle, Flag, Result, State
 from footsense.telemetry.exporter_process import start_exporter
 from footsense.telemetry.metric_families import AGE_BOUNDS_S, FAULTS, PERIOD_BOUNDS_S, STATES, families
 from footsense.telemetry.shared_counters import SharedCounters
@@ -123,7 +123,7 @@ class Metrics:
         """Remove the shared file."""
         self._counters.close()
 
-    def _note(self, forces: ForceFrame) -> None:
+    def _note(self, forces: ContactFrame) -> None:
         """Show states, causes and flags, of which one has changed, and choose the counters of scans to come."""
         states, flags = forces.state.tolist(), forces.flags.tolist()
         self._show("footsense_leg_state", states)
@@ -141,9 +141,9 @@ class Metrics:
                 self._counters.cells[cell] += 1
         self._states = states
 
-    def _copy(self, forces: ForceFrame) -> None:
+    def _copy(self, forces: ContactFrame) -> None:
         """Show what others count, and where the zeros stand."""
-        can, zero = self._can, forces.zero
+        can, zero = self._can, forces.baseline
         self._show(
             "footsense_can_sent_frames_total",
             [

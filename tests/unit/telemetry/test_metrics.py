@@ -18,18 +18,18 @@ from firmware_interface.can_codes import Phase
 from footsense.clock import Wakeups
 from footsense.errors import ConfigError, FootsenseError
 from footsense.frames import (
+    BaselineDrift,
     CanStats,
     CapFrame,
     Cause,
     Command,
     CommandKind,
+    CommandResult,
+    ContactFrame,
     Cycle,
     Flag,
-    ForceFrame,
-    Outcome,
     Result,
     State,
-    Zero,
     ZeroStatus,
 )
 from footsense.telemetry.exporter import SharedCollector
@@ -42,7 +42,7 @@ LEGS = ("lf", "rr")
 
 
 def cycle(
-    t_ms: float, states: tuple[State, State], age_ms: float = 12, outcomes: tuple[Outcome, ...] = ()
+    t_ms: float, states: tuple[State, State], age_ms: float = 12, outcomes: tuple[CommandResult, ...] = ()
 ) -> Cycle:
     """Return a turn of the loop with two legs; a leg in the state ABSENT was not measured."""
     t_ns = round(t_ms * MS)
@@ -51,7 +51,7 @@ def cycle(
     return Cycle(
         scan=CapFrame(0, np.zeros((2, 9), np.int64), np.full((2, 9), math.nan), np.zeros((2, 9), np.uint8)),
         commands=(),
-        forces=ForceFrame(
+        forces=ContactFrame(
             sequence=0,
             t_sent_ns=t_ns,
             t_ns=np.where(state == State.ABSENT, 0, t_ns - round(age_ms * MS)),
@@ -61,7 +61,7 @@ def cycle(
             fault_mask=np.zeros(2, np.uint16),
             flags=np.zeros(2, np.uint8),
             cause=np.zeros(2, np.uint8),
-            zero=Zero.none(2),
+            baseline=BaselineDrift.none(2),
         ),
         outcomes=outcomes,
     )
@@ -135,8 +135,8 @@ def test_can_recorder_and_tares_are_counted(tmp_path: Path) -> None:
         unlogged=8,
     )
     metrics = Metrics(LEGS, can, recorder_lost=lambda: 7, log_lost=lambda: 5, directory=tmp_path)
-    refused = Outcome(Command(CommandKind.TARE, 1), Result.NOT_QUIET, "")
-    stopped = Outcome(Command(CommandKind.STOP, 1), Result.DONE, "")
+    refused = CommandResult(Command(CommandKind.TARE, 1), Result.NOT_QUIET, "")
+    stopped = CommandResult(Command(CommandKind.STOP, 1), Result.DONE, "")
     metrics.observe(cycle(0, (State.VALID, State.VALID), outcomes=(refused, stopped)))
     get = shown(metrics).get_sample_value
     assert [
@@ -186,7 +186,7 @@ def test_in_virtual_time_nobody_is_late(metrics: Metrics) -> None:
 def test_a_leg_is_shown_with_phase_cause_contact_and_zero(metrics: Metrics) -> None:
     """Each changes by itself; a zero that does not exist is NaN, not 0."""
     plain = cycle(2000, (State.VALID, State.ELEMENT_FAULT))
-    zero = Zero(
+    zero = BaselineDrift(
         np.array([ZeroStatus.HELD, ZeroStatus.NONE], np.uint8),
         np.array([0.002, np.nan]),
         np.array([-0.003, np.nan]),
@@ -196,7 +196,7 @@ def test_a_leg_is_shown_with_phase_cause_contact_and_zero(metrics: Metrics) -> N
         plain.forces,
         cause=np.array([Cause.NONE, Cause.ELEMENT_SHORTED], np.uint8),
         flags=np.array([Flag.CONTACT | Flag.DEGRADED_TIMING, 0], np.uint8),
-        zero=zero,
+        baseline=zero,
     )
     metrics.observe(plain._replace(forces=told))
     get = shown(metrics).get_sample_value
