@@ -63,31 +63,31 @@ def test_model_and_packs_are_found_beside_the_file(file: Path) -> None:
     [
         (
             ONE_BUS + "board: ad7746\nscan: {rate_sps: 400}",
-            "line 6: scan.rate_sps: 400 is no rate of the board ad7746; use one of 9, 11, 13, 16, 26, 50, 84, 91",
+            ":6: scan.rate_sps: 400 is no rate of the board ad7746; use one of 9, 11, 13, 16, 26, 50, 84, 91",
         ),
         (
             ONE_BUS + "scan: {rate_sps: 91}",
-            "line 5: scan.rate_sps: 91 is no rate of the board fdc1004; use one of 100, 200, 400",
+            ":5: scan.rate_sps: 91 is no rate of the board fdc1004; use one of 100, 200, 400",
         ),
         (
             ONE_BUS.replace("rf: 1", "rf: 0"),
-            "line 3: buses[0].legs.rf: channel 0 is already that of lf; free",
+            ":3: buses[0].legs.rf: channel 0 is already that of lf; free",
         ),
         (
             ONE_BUS.replace("{lf: 0, rf: 1}", "{}"),
-            "line 3: buses[0].legs: expected at least 1 entries of lf, lm",
+            ":3: buses[0].legs: Expected object of length >= 1, got 0",
         ),
         (
             ONE_BUS.replace("device", "rate_hz: 1000000\n    device"),
-            "buses[0].rate_hz: 1000000 is out of range",
+            "buses[0].rate_hz: Expected int <= 400000, got 1000000 (FDC1004 and TCA9548A are 400 kHz parts)",
         ),
         (
             ONE_BUS.replace("can:", "  - device: /dev/i2c-2\n    legs: {lf: 2}\ncan:"),
-            "line 5: buses[1].legs.lf: lf is already a leg of buses[0]",
+            ":5: buses[1].legs.lf: lf is already a leg of buses[0]",
         ),
         (
             ONE_BUS.replace("can:", "  - device: /dev/i2c-1\n    legs: {lm: 2}\ncan:"),
-            "line 4: buses[1].device: /dev/i2c-1 is already the device of buses[0]",
+            ":4: buses[1].device: /dev/i2c-1 is already the device of buses[0]",
         ),
         (
             ONE_BUS.replace("can:", "    other_devices: [{name: HAT EEPROM, address: 0x50}]\ncan:"),
@@ -109,7 +109,7 @@ def test_model_and_packs_are_found_beside_the_file(file: Path) -> None:
                 "can:",
                 "    mux: {address: 0x70}\n    other_devices: [{name: my PCA9685, address: 0x40}]\ncan:",
             ),
-            "line 4: buses[0].mux.address: my PCA9685 answers at 0x70 too (ALLCALL)",
+            ":4: buses[0].mux.address: my PCA9685 answers at 0x70 too (ALLCALL)",
         ),
         (
             "board: mcu\ncan: {interface: virtual}",
@@ -117,11 +117,11 @@ def test_model_and_packs_are_found_beside_the_file(file: Path) -> None:
         ),
         (
             ONE_BUS + "board: mcu\nserial: {device: sim}",
-            "line 1: buses: the board mcu has no I2C bus of ours; take buses away, or use another board",
+            ":1: buses: the board mcu has no I2C bus of ours; take buses away, or use another board",
         ),
         (
             ONE_BUS + "serial: {device: sim}",
-            "line 5: serial: is for board: mcu; the board fdc1004 is read over",
+            ":5: serial: is for board: mcu; the board fdc1004 is read over",
         ),
         ("can: {interface: virtual}", "the board fdc1004 is read over I2C: name its buses, with their legs"),
         (MCU + "scan: {rate_sps: 100}", "scan: the microcontroller scans by itself, at serial.rate_hz"),
@@ -142,11 +142,11 @@ def test_model_and_packs_are_found_beside_the_file(file: Path) -> None:
         (ONE_BUS + "unloaded_pf: {lr: [5, 5, 5, 5, 5, 5, 5, 5, 5]}", "unloaded_pf.lr: no bus has the leg lr"),
         (
             ONE_BUS.replace("rf: 1", "rf: /dev/i2c-11"),
-            "line 3: buses[0].legs.rf: the multiplexer is driven by the kernel or by footsense, never by both",
+            ":3: buses[0].legs.rf: the multiplexer is driven by the kernel or by footsense, never by both",
         ),
         (
             ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: /dev/i2c-11, rf: /dev/i2c-11}"),
-            "line 3: buses[0].legs.rf: /dev/i2c-11 is already that of lf; `i2cdetect -l` lists them",
+            ":3: buses[0].legs.rf: /dev/i2c-11 is already that of lf; `i2cdetect -l` lists them",
         ),
         (
             ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: /dev/i2c-11, rf: sim}"),
@@ -158,7 +158,7 @@ def test_model_and_packs_are_found_beside_the_file(file: Path) -> None:
         ),
         (
             ONE_BUS + "scan:\n  gang: false",
-            "line 6: scan.gang: the column-sum scan was removed; take this key away",
+            ":6: scan.gang: Object contains unknown field; the column-sum scan was removed; take this key away",
         ),
         (
             ONE_BUS + "publish: element\naverage_scans: 2",
@@ -168,7 +168,7 @@ def test_model_and_packs_are_found_beside_the_file(file: Path) -> None:
         (ONE_BUS + "metrics: {address: localhost}", "metrics.address: 'localhost' is not an IP address"),
         (
             ONE_BUS.split("can:", maxsplit=1)[0],
-            "the key can is missing (interface: socketcan, channel: can0 on a robot)",
+            "Object missing required field can (interface: socketcan, channel: can0 on a robot)",
         ),
     ],
 )
