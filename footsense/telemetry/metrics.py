@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Protocol
 
 from firmware_interface.can_codes import phase_of
-from footsense.frames import CanStats, CommandKind, Cycle, Flag, ForceFrame, Result, State
+from footsense.frames import CanStats, CommandKind, ContactFrame, Cycle, Flag, Result, State
 from footsense.telemetry.metric_families import (
     AGE_BOUNDS_S,
     CAN_COUNTERS,
@@ -126,7 +126,7 @@ class Metrics:
         """Remove the shared file."""
         self._counters.close()
 
-    def _change(self, forces: ForceFrame) -> None:
+    def _change(self, forces: ContactFrame) -> None:
         """Update states, causes and flags, and choose the counters of the scans to come."""
         states, flags = forces.state.tolist(), forces.flags.tolist()
         self._set_states("footsense_leg_state", states)
@@ -144,18 +144,18 @@ class Metrics:
                 self._counters.cells[cell] += 1
         self._states = states
 
-    def _copy(self, forces: ForceFrame) -> None:
+    def _copy(self, forces: ContactFrame) -> None:
         """Copy the counts of others, and the baselines."""
-        zero = forces.zero
+        baseline = forces.baseline
         for field, (name, _) in CAN_COUNTERS.items():
             self._set(name, [getattr(self._can, field)])
         self._set("footsense_recorder_lost_frames_total", [self._recorder_lost()])
         self._set("footsense_log_lost_lines_total", [self._log_lost()])
-        self._set_states("footsense_baseline_status", zero.status.tolist())
-        self._set("footsense_baseline_mean_offset_farads", (zero.mean_pf * _FARADS_PER_PF).tolist())
-        self._set("footsense_baseline_worst_offset_farads", (zero.worst_pf * _FARADS_PER_PF).tolist())
+        self._set_states("footsense_baseline_status", baseline.status.tolist())
+        self._set("footsense_baseline_mean_offset_farads", (baseline.mean_pf * _FARADS_PER_PF).tolist())
+        self._set("footsense_baseline_worst_offset_farads", (baseline.worst_pf * _FARADS_PER_PF).tolist())
         now_ns = forces.t_sent_ns
-        ages_s = [(now_ns - t_ns) * 1e-9 if t_ns > 0 else math.nan for t_ns in zero.moved_ns.tolist()]
+        ages_s = [(now_ns - t_ns) * 1e-9 if t_ns > 0 else math.nan for t_ns in baseline.moved_ns.tolist()]
         self._set("footsense_baseline_age_seconds", ages_s)
         if self._wakeups:
             histograms = [wakeups.lateness for wakeups in self._wakeups]

@@ -16,18 +16,18 @@ from firmware_interface.can_codes import Phase
 from footsense.clock import Wakeups
 from footsense.errors import FootsenseError
 from footsense.frames import (
+    BaselineDrift,
     CanStats,
     CapFrame,
     Cause,
     Command,
     CommandKind,
+    CommandResult,
+    ContactFrame,
     Cycle,
     Flag,
-    ForceFrame,
-    Outcome,
     Result,
     State,
-    Zero,
     ZeroStatus,
 )
 from footsense.telemetry.exporter import CountersCollector
@@ -40,7 +40,7 @@ LEGS = ("lf", "rr")
 
 
 def cycle(
-    t_ms: float, states: tuple[State, State], age_ms: float = 12, outcomes: tuple[Outcome, ...] = ()
+    t_ms: float, states: tuple[State, State], age_ms: float = 12, outcomes: tuple[CommandResult, ...] = ()
 ) -> Cycle:
     """Return a turn of the loop with two legs; a leg in the state ABSENT was not measured."""
     t_ns = round(t_ms * MS)
@@ -49,7 +49,7 @@ def cycle(
     return Cycle(
         scan=CapFrame(0, np.zeros((2, 9), np.int64), np.full((2, 9), math.nan), np.zeros((2, 9), np.uint8)),
         commands=(),
-        forces=ForceFrame(
+        forces=ContactFrame(
             sequence=0,
             t_sent_ns=t_ns,
             t_ns=np.where(state == State.ABSENT, 0, t_ns - round(age_ms * MS)),
@@ -59,7 +59,7 @@ def cycle(
             fault_mask=np.zeros(2, np.uint16),
             flags=np.zeros(2, np.uint8),
             cause=np.zeros(2, np.uint8),
-            zero=Zero.none(2),
+            baseline=BaselineDrift.none(2),
         ),
         outcomes=outcomes,
     )
@@ -144,8 +144,8 @@ def test_can_recorder_and_tares_are_counted(tmp_path: Path, scraped: CollectorRe
         unlogged=8,
     )
     metrics = Metrics(LEGS, can, tmp_path / "counters", recorder_lost=lambda: 7, log_lost=lambda: 5)
-    refused = Outcome(Command(CommandKind.TARE, 1), Result.NOT_QUIET, "")
-    stopped = Outcome(Command(CommandKind.STOP, 1), Result.DONE, "")
+    refused = CommandResult(Command(CommandKind.TARE, 1), Result.NOT_QUIET, "")
+    stopped = CommandResult(Command(CommandKind.STOP, 1), Result.DONE, "")
     metrics.observe(cycle(0, (State.VALID, State.VALID), outcomes=(refused, stopped)))
     get = scraped.get_sample_value
     assert [
@@ -199,7 +199,7 @@ def test_a_leg_is_shown_with_phase_cause_contact_and_zero(
 ) -> None:
     """Each changes by itself; a zero that does not exist is NaN, not 0."""
     plain = cycle(2000, (State.VALID, State.ELEMENT_FAULT))
-    zero = Zero(
+    zero = BaselineDrift(
         np.array([ZeroStatus.HELD, ZeroStatus.NONE], np.uint8),
         np.array([0.002, np.nan]),
         np.array([-0.003, np.nan]),
@@ -209,7 +209,7 @@ def test_a_leg_is_shown_with_phase_cause_contact_and_zero(
         plain.forces,
         cause=np.array([Cause.NONE, Cause.ELEMENT_SHORTED], np.uint8),
         flags=np.array([Flag.CONTACT | Flag.DEGRADED_TIMING, 0], np.uint8),
-        zero=zero,
+        baseline=zero,
     )
     metrics.observe(plain._replace(forces=told))
     get = scraped.get_sample_value
