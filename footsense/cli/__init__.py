@@ -28,6 +28,10 @@ _COMMANDS = {
         "footsense.cli.monitor.command:monitor",
         "Show the legs on CAN, as a consumer of their forces sees them.",
     ),
+    "exporter": (
+        "footsense.cli.exporter:exporter",
+        "Serve the metrics of a running service to Prometheus.",
+    ),
     "replay": ("footsense.cli.replay:replay", "Run a recording through the pipeline again, or check it."),
     "recover": ("footsense.cli.recover:recover", "Rewrite a recording that was cut short."),
     "check-config": ("footsense.cli.check_config:check_config", "Say what a configuration file means."),

@@ -13,7 +13,7 @@ from footsense.config import Config
 from footsense.daemon.loop import Paced, step
 from footsense.errors import FootsenseError, ModelError, RecordingError
 from footsense.estimation.network import Network
-from footsense.frames import ForceFrame
+from footsense.frames import ContactFrame
 from footsense.recording.compare import compare, same_machine
 from footsense.recording.machine import this_machine
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
@@ -37,7 +37,7 @@ class Comparison:
         self._exact = same_machine(recording.header, this_machine())
         self.n_equal = 0
 
-    def take(self, recorded: ForceFrame, forces: ForceFrame) -> None:
+    def take(self, recorded: ContactFrame, forces: ContactFrame) -> None:
         """Compare one frame.
 
         Raises:

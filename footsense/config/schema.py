@@ -207,13 +207,15 @@ class Can(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Metrics(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Where Prometheus finds the counters.
+    """The counters of the service, and where `footsense exporter` serves them to Prometheus.
 
     Attributes:
-        address: Address to listen on; the loopback by default because the page has no password.
-        port: TCP port.
+        counters: File in memory through which the service hands its counters to the exporter.
+        address: Address that the exporter listens on; the loopback by default because the page has no password.
+        port: Its TCP port.
     """
 
+    counters: str = "/dev/shm/footsense.counters"  # noqa: S108 - a file of another user is not overwritten
     address: str = "127.0.0.1"
     port: Annotated[int, Meta(ge=1, le=65535)] = 9108
 
@@ -260,7 +262,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             holds; None compares their sum with what it was at first.
         calibrations: Directory of the feet's calibrations, relative to the file; every foot in `feet` needs one there,
             which brings its stray_pf, unloaded_pf and network. None assumes the foot as designed.
-        metrics: Where the counters are shown; None for nowhere.
+        metrics: What counts and where it is served; None for no metrics.
         realtime: What the loop asks of the scheduler; None for nothing.
     """
 
