@@ -20,9 +20,8 @@ from footsense.config import DEFAULT, Mux
 from footsense.frames import USABLE, Cause, State
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
-from footsense.telemetry.exporter import SharedCollector
+from footsense.telemetry.exporter import CountersCollector
 from footsense.telemetry.metrics import Metrics
-from footsense.telemetry.shared_counters import read_counters
 from footsense.validation.fault_trial import BREAKS_AT_S, LEG, PASSES_AT_S, WALK, Figures, Walk, figures, walk
 
 DBC = Path(firmware_interface.__file__).parent / "footsense.dbc"
@@ -225,12 +224,16 @@ def test_can_and_metrics_show_it(tmp_path: Path) -> None:
     log = tmp_path / "can.log"
     with daemon.service(ROBOT, scene, real_time=False, can_log=log) as service:
         clock = service.scanning.clock
-        metrics = Metrics(service.legs, service.sink.stats, directory=tmp_path)
+        metrics = Metrics(service.legs, service.sink.stats, tmp_path / "counters")
         service.observers.append(metrics)
         service.run(lambda: clock.now_ns() > 1_000_000_000)
         registry = CollectorRegistry()
-        registry.register(SharedCollector(*read_counters(metrics.path)))
-        metrics.close()
+        registry.register(CountersCollector(tmp_path / "counters"))
+        faults_total = {
+            leg: registry.get_sample_value("footsense_faults_total", {"leg": leg, "kind": "degraded"})
+            for leg in ("rm", "lm")
+        }
+        state = registry.get_sample_value("footsense_leg_state", {"leg": "rm", "state": "degraded"})
     database = cantools.database.load_file(DBC)
     last: dict[str, dict[str, object]] = {}
     for message in can.LogReader(log):
@@ -241,9 +244,5 @@ def test_can_and_metrics_show_it(tmp_path: Path) -> None:
     assert str(last["FaultRm"]["Cause"]) == "RowOpen"
     assert str(last["ForceLm"]["State"]) == "Valid"
     assert last["QualityRm"]["FaultMask"] == last["FaultRm"]["FaultMask"] == 0b000_111_000
-    faults_total = {
-        leg: registry.get_sample_value("footsense_faults_total", {"leg": leg, "kind": "degraded"})
-        for leg in ("rm", "lm")
-    }
     assert faults_total == {"rm": 1, "lm": 0}
-    assert registry.get_sample_value("footsense_leg_state", {"leg": "rm"}) == State.DEGRADED
+    assert state == 1

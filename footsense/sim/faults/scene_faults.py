@@ -25,14 +25,15 @@ Rate = Annotated[float, Meta(gt=0.0, le=1.0)]
 #: Index of one of the robot's buses, in the order of its configuration.
 Bus = Annotated[int, Meta(ge=0, le=5)]
 
-#: Names of faults in earlier versions.
-FORMER_NAMES = {
+_RENAMED = {
     "garbled": "corrupt_reads",
     "deaf_switch": "switch_ignores_writes",
     "stuck_trunk": "stuck_upstream_bus",
     "mux_lost": "mux_reset",
     "gap_shut": "gap_closed",
 }
+#: Names of faults in earlier versions, each with what replaces it.
+FORMER_FAULTS = {name: f"now called {present}" for name, present in _RENAMED.items()}
 
 
 def _tag(name: str) -> str:

@@ -75,7 +75,7 @@ def test_the_leg_that_holds_the_bus_is_found_and_the_others_go_on() -> None:
     for scan in robot.scan_until(4.0):
         assert (scan.reading[[0, 2]] == Reading.OK).all()
         held = scan.t_ns[0].min() > 5e8
-        assert (scan.reading[1] == (Reading.LINE_HELD if held else Reading.OK)).all()
+        assert (scan.reading[1] == (Reading.BUS_STUCK if held else Reading.OK)).all()
 
 
 def test_every_outage_costs_a_leg_the_same() -> None:
@@ -109,13 +109,13 @@ def test_two_legs_that_hold_the_bus_are_both_found() -> None:
     """One after the other."""
     robot = Robot([scene_faults.StuckSda(at_s=0.5, leg=leg) for leg in ("lf", "lr")])
     robot.scan_until(0.6)
-    assert (robot.scanner.scan().reading[:, 0] == [Reading.LINE_HELD, Reading.OK, Reading.LINE_HELD]).all()
+    assert (robot.scanner.scan().reading[:, 0] == [Reading.BUS_STUCK, Reading.OK, Reading.BUS_STUCK]).all()
 
 
 def test_a_leg_that_holds_the_bus_at_start_is_left_out() -> None:
     """The service starts without it."""
     robot = Robot([scene_faults.StuckSda(at_s=0.0, until_s=0.5, leg="lf")])
-    assert (robot.scanner.scan().reading[:, 0] == [Reading.LINE_HELD, Reading.OK, Reading.OK]).all()
+    assert (robot.scanner.scan().reading[:, 0] == [Reading.BUS_STUCK, Reading.OK, Reading.OK]).all()
     assert (robot.scan_until(2.0)[-1].reading == Reading.OK).all()
 
 
@@ -123,7 +123,7 @@ def test_without_a_reset_pin_all_are_silent_until_it_lets_go() -> None:
     """And all come back with the first try that gets through."""
     robot = Robot([scene_faults.StuckSda(at_s=0.5, until_s=1.0, leg="lm")], reset=False)
     robot.scan_until(0.6)
-    assert (robot.scanner.scan().reading == Reading.LINE_HELD).all()
+    assert (robot.scanner.scan().reading == Reading.BUS_STUCK).all()
     assert (robot.scan_until(2.0)[-1].reading == Reading.OK).all()
 
 
