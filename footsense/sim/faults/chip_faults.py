@@ -20,6 +20,9 @@ from footsense.sim.faults.scene_faults import (
 )
 from footsense.sim.faults.schedule import Schedule
 
+_ON_LINES = (NackAtRandom, CorruptReads)
+_ON_CONVERTER = (*_ON_LINES, WrongChip)
+
 
 class _Eeprom:
     """A 24C02: writes and reads go on from a pointer; each byte in it is its address at first."""
@@ -110,9 +113,8 @@ def failing_chips(
                 converter.stuck_ns.append(fault.span_ns)
             case _:
                 pass
-    on_line = [fault for fault in faults if isinstance(fault, NackAtRandom | CorruptReads)]
-    on_converter = [fault for fault in faults if isinstance(fault, NackAtRandom | CorruptReads | WrongChip)]
     failing: list[SimulatedChip] = []
-    for chip, own in zip(chips, (on_converter, *(on_line for _ in switches)), strict=True):
+    for chip, kinds in zip(chips, (_ON_CONVERTER, *(_ON_LINES for _ in switches)), strict=True):
+        own = [fault for fault in faults if isinstance(fault, kinds)]
         failing.append(_FailingChip(chip, own, rng) if own else chip)
     return tuple(failing)

@@ -208,7 +208,9 @@ def test_every_fault_has_a_name_in_a_scene(tmp_path: Path) -> None:
         load_scene(str(scene))
 
 
-@pytest.mark.parametrize(("former", "present"), [("garbled", "corrupt_reads"), ("stuck_trunk", "stuck_upstream_bus")])
+@pytest.mark.parametrize(
+    ("former", "present"), [("garbled", "corrupt_reads"), ("stuck_trunk", "stuck_upstream_bus")]
+)
 def test_a_former_name_of_a_fault_is_answered_with_the_present_one(
     former: str, present: str, tmp_path: Path
 ) -> None:
