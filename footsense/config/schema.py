@@ -15,6 +15,7 @@ from footsense.frames import ELEMENTS, LEGS
 
 __all__ = [
     "PCA9685_ALLCALL",
+    "Baseline",
     "Bus",
     "Can",
     "Config",
@@ -27,7 +28,6 @@ __all__ = [
     "Scan",
     "Serial",
     "Tare",
-    "Zero",
 ]
 
 Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr"]
@@ -155,23 +155,23 @@ class Tare(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """When the present capacitances may become those of the unloaded foot.
 
     Attributes:
-        window_frames: Scans that are averaged.
+        window_scans: Scans that are averaged.
         noise_limit_ff: Largest standard deviation of an element over the window [fF].
         unloaded_limit_rel: Largest deviation of an element's capacitance from `unloaded_pf` that counts as unloaded;
             3 % of the capacitance are 4 % of the gap.
     """
 
-    window_frames: Annotated[int, Meta(ge=2, le=1000)] = 8
+    window_scans: Annotated[int, Meta(ge=2, le=1000)] = 8
     noise_limit_ff: Annotated[float, Meta(gt=0.0, le=1000.0)] = 5.0
     unloaded_limit_rel: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.03
 
 
-class Zero(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What happens to the zero of a foot between tares.
+class Baseline(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Baseline of a foot, its readings without load, between tares.
 
     Attributes:
-        track: Whether it follows a foot that is surely in the air; by default, because temperature moves a zero by
-            about 1 mN/K, and what it can take of a load is bounded (docs/adr/0009).
+        track: Whether it follows the foot in confirmed swing; on by default, because temperature moves a baseline by
+            about 1 mN/K, and the share of a load that it can absorb is bounded (docs/adr/0009).
     """
 
     track: bool = True
@@ -181,11 +181,11 @@ class Contact(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """When a foot is on the ground.
 
     Attributes:
-        touch_n: Load along the leg from which it is, above what it reads in the air [N]; it leaves at half of that.
-            Well above what the swing itself makes of the foot's own mass, well below what a stance carries.
+        threshold_n: Load along the leg, above the reading in swing, from which a foot is in contact [N]; contact ends
+            at half of it. Well above the inertial force of the foot's own mass in swing, well below a stance's load.
     """
 
-    touch_n: Annotated[float, Meta(ge=0.002, le=10.0)] = 0.03
+    threshold_n: Annotated[float, Meta(ge=0.002, le=10.0)] = 0.03
 
 
 class Can(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -247,7 +247,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             predicted to the time of sending.
         average_scans: Scans that are averaged before a force is made of them; with `publish: frame` only.
         tare: When a foot counts as quiet and unloaded.
-        zero: What happens to it between tares.
+        baseline: Tracking of the baseline between tares.
         contact: When a foot is on the ground.
         max_age_ms: Age of its oldest element at which a measurement becomes `stale` [ms]; None for four scans,
             more by those that are averaged.
@@ -260,8 +260,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         feet: Which foot is mounted on which leg.
         body_weight_n: What all legs carry together while the robot walks [N], to tell feet whose calibration no longer
             holds; None compares their sum with what it was at first.
-        packs: Directory of the packs that feet were calibrated into, relative to the file; every foot in `feet` needs
-            one there, and brings its stray_pf, unloaded_pf and network. None takes every foot for the designed one.
+        calibrations: Directory of the feet's calibrations, relative to the file; every foot in `feet` needs one there,
+            which brings its stray_pf, unloaded_pf and network. None assumes the foot as designed.
         metrics: What counts and where it is served; None for no metrics.
         realtime: What the loop asks of the scheduler; None for nothing.
     """
@@ -274,7 +274,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     publish: Literal["frame", "element"] = "frame"
     average_scans: Annotated[int, Meta(ge=1, le=16)] = 1
     tare: Tare = Tare()
-    zero: Zero = Zero()
+    baseline: Baseline = Baseline()
     contact: Contact = Contact()
     max_age_ms: Annotated[int, Meta(ge=1, le=10_000)] | None = None
     stray_pf: dict[Leg, StrayPf] = {}
@@ -289,7 +289,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     model: Annotated[str, Meta(min_length=1)] | None = None
     feet: dict[Leg, FootId] = {}
     body_weight_n: Annotated[float, Meta(gt=0.0, le=1000.0)] | None = None
-    packs: Annotated[str, Meta(min_length=1)] | None = None
+    calibrations: Annotated[str, Meta(min_length=1)] | None = None
     metrics: Metrics | None = None
     realtime: Realtime | None = None
 

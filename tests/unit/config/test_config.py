@@ -7,6 +7,7 @@ from click.testing import CliRunner
 
 from footsense.cli.check_config import check_config
 from footsense.config import DEFAULT, Metrics, load_config
+from footsense.config.former_keys import with_present_keys
 from footsense.errors import ConfigError
 from footsense.frames import LEGS
 
@@ -44,18 +45,18 @@ def test_the_commented_values_are_the_defaults(file: Path) -> None:
     assert (short.board, short.tare, short.max_age_ms) == (long.board, long.tare, long.max_age_ms)
     assert (short.rate_sps, short.order) == (long.rate_sps, long.order)
     assert (short.publish, short.average_scans) == (long.publish, long.average_scans)
-    assert (short.zero, short.contact) == (long.zero, long.contact)
+    assert (short.baseline, short.contact) == (long.baseline, long.contact)
     assert (short.buses[0].mux, short.buses[0].rate_hz) == (long.buses[0].mux, long.buses[0].rate_hz)
     assert long.metrics == Metrics()
     assert short.metrics is None
 
 
-def test_model_and_packs_are_found_beside_the_file(file: Path) -> None:
+def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
     """A relative path does not depend on the directory in which the daemon is started."""
     file.write_text(ONE_BUS + "model: my.onnx")
     assert load_config(file).model == str(file.parent / "my.onnx")
-    file.write_text(ONE_BUS + "feet: {lf: foot-0007}\npacks: feet/")
-    assert load_config(file).packs == str(file.parent / "feet")
+    file.write_text(ONE_BUS + "feet: {lf: foot-0007}\ncalibrations: feet/")
+    assert load_config(file).calibrations == str(file.parent / "feet")
 
 
 @pytest.mark.parametrize(
@@ -130,14 +131,15 @@ def test_model_and_packs_are_found_beside_the_file(file: Path) -> None:
         (MCU.replace("sim", "sim, legs: [lf, rf, lf]"), "serial.legs[2]: lf is named twice"),
         (MCU.replace("sim", "ttyACM0"), "serial.device"),
         (ONE_BUS + "feet: {lf: foot-0001, rf: foot-0001}", "feet.rf: foot-0001 is already mounted on lf"),
-        (ONE_BUS + "packs: feet/", "packs: no foot is named that a pack could be for; name them under feet"),
+        (ONE_BUS + "calibrations: feet/", "calibrations: no foot is named; name them under feet"),
         (
-            ONE_BUS + "feet: {lf: foot-0001}\npacks: feet/\nmodel: my.onnx",
-            "model: each pack brings the network that it was fitted on; take model or packs away",
+            ONE_BUS + "feet: {lf: foot-0001}\ncalibrations: feet/\nmodel: my.onnx",
+            "model: each calibration brings the network that it was fitted on; take model or calibrations away",
         ),
         (
-            ONE_BUS + "feet: {lf: foot-0001}\npacks: feet/\nunloaded_pf: {lf: [5, 5, 5, 5, 5, 5, 5, 5, 5]}",
-            "unloaded_pf.lf: the pack of foot-0001 says what it is; take this entry away",
+            ONE_BUS
+            + "feet: {lf: foot-0001}\ncalibrations: feet/\nunloaded_pf: {lf: [5, 5, 5, 5, 5, 5, 5, 5, 5]}",
+            "unloaded_pf.lf: the calibration of foot-0001 has it; take this entry away",
         ),
         (ONE_BUS + "unloaded_pf: {lr: [5, 5, 5, 5, 5, 5, 5, 5, 5]}", "unloaded_pf.lr: no bus has the leg lr"),
         (
@@ -155,6 +157,16 @@ def test_model_and_packs_are_found_beside_the_file(file: Path) -> None:
         (
             ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: 0, rf: 1, lm: 2, rm: 3}") + "publish: element",
             "can.bitrate: 4 legs at 400 forces/s take 432 kbit/s, more than 70% of 500 kbit/s; use 1000000, or",
+        ),
+        (ONE_BUS + "zero: {track: false}", ":5: zero: Object contains unknown field; now called baseline"),
+        (ONE_BUS + "packs: feet", ":5: packs: Object contains unknown field; now called calibrations"),
+        (
+            ONE_BUS + "contact: {touch_n: 1}",
+            "contact.touch_n: Object contains unknown field; now called threshold_n",
+        ),
+        (
+            ONE_BUS + "tare: {window_frames: 8}",
+            "tare.window_frames: Object contains unknown field; now called window_sc",
         ),
         (
             ONE_BUS + "scan:\n  gang: false",
@@ -202,6 +214,17 @@ def test_check_config_explains_a_file() -> None:
     assert result.exit_code == 0
     assert "/dev/i2c-3 at 400 kHz, TCA9548A at 0x71: rf on channel 0" in result.output
     assert "CAN: socketcan can0, 500 kbit/s" in result.output
+
+
+def test_a_recorded_configuration_keeps_its_meaning() -> None:
+    """Keys of earlier versions are those of today, `gang: false` is nothing; `gang: true` stays, to be refused."""
+    then = {"zero": {"track": False}, "contact": {"touch_n": 1.0}, "scan": {"gang": False, "order": "raster"}}
+    assert with_present_keys(then) == {
+        "baseline": {"track": False},
+        "contact": {"threshold_n": 1.0},
+        "scan": {"order": "raster"},
+    }
+    assert with_present_keys({"scan": {"gang": True}}) == {"scan": {"gang": True}}
 
 
 def test_an_age_limit_below_a_scan_is_refused(tmp_path: Path) -> None:
