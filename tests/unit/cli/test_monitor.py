@@ -120,19 +120,26 @@ def test_reports_are_known_as_long_as_they_come() -> None:
     reports = Reports()
     nothing = reports.look(3, 0)
     assert (nothing.cause, nothing.zero, nothing.node_state, nothing.degraded_timing) == (None,) * 4
-    reports.feed(ZERO_ID + 3, encode_zero(3, 0, ZeroStatus.HELD, 0.001, -0.002, 5_000_000_000), 0)
-    reports.feed(HEARTBEAT_ID + 3, encode_heartbeat(NmtState.OPERATIONAL, degraded_timing=True), 0)
-    reports.feed(FAULT_ID + 3, encode_fault(3, 0, State.DEGRADED, State.VALID, 1, Cause.ELEMENT_OPEN), 0)
-    told = reports.look(3, 600 * MS)
+    begin_ns = 70_000 * MS
+    reports.feed(ZERO_ID + 3, encode_zero(3, 0, ZeroStatus.HELD, 0.001, -0.002, 5_000_000_000), begin_ns)
+    reports.feed(HEARTBEAT_ID + 3, encode_heartbeat(NmtState.OPERATIONAL, degraded_timing=True), begin_ns)
+    reports.feed(
+        FAULT_ID + 3, encode_fault(3, 0, State.DEGRADED, State.VALID, 1, Cause.ELEMENT_OPEN), begin_ns
+    )
+    told = reports.look(3, begin_ns + 600 * MS)
     assert (told.zero, told.moved_ago_ns, told.cause) == (ZeroStatus.HELD, 5_600_000_000, Cause.ELEMENT_OPEN)
+    assert (told.mean_pf, told.worst_pf) == (0.001, -0.002)
     assert (told.node_state, told.degraded_timing) == (NmtState.OPERATIONAL, True)
-    assert reports.look(3, 601 * MS).node_state is None
-    late = reports.look(3, 3001 * MS)
+    assert reports.look(3, begin_ns + 601 * MS).node_state is None
+    assert reports.look(3, begin_ns + 3000 * MS).zero is ZeroStatus.HELD
+    late = reports.look(3, begin_ns + 3000 * MS + 1)
     assert (late.zero, late.moved_ago_ns, late.cause) == (None, None, Cause.ELEMENT_OPEN)
     assert math.isnan(late.mean_pf)
-    assert reports.feed(ZERO_ID + 3, bytes(8), 0)
-    assert not reports.feed(ZERO_ID + 7, bytes(8), 0)
-    assert reports.n_wrong == 1
+    assert math.isnan(late.worst_pf)
+    assert reports.feed(ZERO_ID + 3, bytes(8), begin_ns)
+    assert reports.feed(ZERO_ID + 4, bytes(8), begin_ns)
+    assert not reports.feed(ZERO_ID + 7, bytes(8), begin_ns)
+    assert reports.n_wrong == 2
 
 
 def test_a_channel_that_cannot_be_is_refused_with_one_that_can() -> None:
