@@ -46,12 +46,7 @@ def test_each_illness_is_told_with_its_own_number_of_bus_offs(caplog: pytest.Log
             note(health, ErrorClass.BUS_OFF, begin_ns + n)
         health.watch(begin_ns + 99 * S)
         health.watch(begin_ns + 99 * S)
-    assert [record.getMessage() for record in caplog.records] == [
-        line
-        for n_bus_off in (3, 2)
-        for line in (
-            "CAN can0: bus-off: the wires are shorted, or the bit rates differ; frames are lost until the "
-            "controller restarts",
-            f"CAN can0: no more errors; bus-off {n_bus_off} times until then",
-        )
-    ]
+    lines = [record.getMessage() for record in caplog.records]
+    off = "CAN can0: bus-off: the wires are shorted, or the bit rates differ; frames are lost until the controller restarts"
+    assert lines[::2] == [off] * 2
+    assert lines[1::2] == [f"CAN can0: no more errors; bus-off {n} times until then" for n in (3, 2)]
