@@ -1,4 +1,4 @@
-"""The part of `footsense bench` about one cycle: what it costs us, a floor in C, and a naive program, in turns.
+"""The part of `footsense benchmark` about one cycle: what it costs us, a floor in C, and a naive program, in turns.
 
 A whole cycle: estimate, publish, count, record. Each of the three sends to a socket of the same kind, a stand-in for
 CAN's that any machine has, and records into a pipe of the same kind; both are drained between cycles.
@@ -166,7 +166,7 @@ def tared_floor(folder: Path, scans: list[CapFrame]) -> Floor:
         FootsenseError: It cannot be compiled.
     """
     floor = Floor(folder, DEFAULT, daemon.load_network(DEFAULT).card.calibration)
-    floor.tare(np.mean([scan.capacitance_pf for scan in scans[: DEFAULT.tare.window_frames]], axis=0))
+    floor.tare(np.mean([scan.capacitance_pf for scan in scans[: DEFAULT.tare.window_scans]], axis=0))
     return floor
 
 

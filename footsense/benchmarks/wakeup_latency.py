@@ -1,4 +1,4 @@
-"""The part of `footsense bench` about time: how late the loop wakes at 500 Hz, beside a loop in C in the same run.
+"""The part of `footsense benchmark` about time: how late the loop wakes at 500 Hz, beside a loop in C in the same run.
 
     python -m footsense.benchmarks.wakeup_latency ours|c FOLDER
 

@@ -2,7 +2,12 @@
 
 __all__ = ["FORMER_KEYS", "with_present_keys"]
 
-_RENAMED: dict[str, str] = {}
+_RENAMED = {
+    "zero": "baseline",
+    "packs": "calibrations",
+    "touch_n": "threshold_n",
+    "window_frames": "window_scans",
+}
 
 #: Keys of earlier versions, each with what replaces it.
 FORMER_KEYS = {key: f"now called {name}" for key, name in _RENAMED.items()} | {

@@ -27,7 +27,7 @@ from footsense.ports import CanWire, Clock, FrameSource, Observer
 from footsense.recording.machine import this_machine
 from footsense.recording.recorder import Recorder, check_target
 from footsense.sim.can.interface import SimulatedCan
-from footsense.sim.faults.can_faults import CanFault
+from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Scene
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.log_lines import lost_lines
