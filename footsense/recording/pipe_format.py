@@ -99,15 +99,15 @@ def cycle_type(n_legs: int) -> np.dtype[np.void]:
             ("force_t_ns", "<i8", (n_legs,)),
             ("force_n", "<f8", (n_legs, 3)),
             ("sigma_n", "<f8", (n_legs, 3)),
-            ("zero_mean_pf", "<f8", (n_legs,)),
-            ("zero_worst_pf", "<f8", (n_legs,)),
-            ("zero_moved_ns", "<i8", (n_legs,)),
+            ("baseline_mean_pf", "<f8", (n_legs,)),
+            ("baseline_worst_pf", "<f8", (n_legs,)),
+            ("baseline_moved_ns", "<i8", (n_legs,)),
             ("fault_mask", "<u2", (n_legs,)),
             ("reading", "u1", (n_legs, ELEMENTS)),
             ("state", "u1", (n_legs,)),
             ("flags", "u1", (n_legs,)),
             ("cause", "u1", (n_legs,)),
-            ("zero_status", "u1", (n_legs,)),
+            ("baseline_status", "u1", (n_legs,)),
         ]
     )
 
@@ -115,12 +115,12 @@ def cycle_type(n_legs: int) -> np.dtype[np.void]:
 def pack_cycle(counter: int, cycle: Cycle) -> bytes:
     """Return one cycle as bytes: the arrays of its frames behind each other, as `cycle_type` has them."""
     scan, commands, forces, outcomes, reference, temperature_c = cycle
-    zero = forces.baseline
+    baseline = forces.baseline
     arrays = (
         *(scan.t_ns, scan.capacitance_pf),
         *(forces.t_ns, forces.force_n, forces.sigma_n),
-        *(zero.mean_pf, zero.worst_pf, zero.moved_ns),
-        *(forces.fault_mask, scan.reading, forces.state, forces.flags, forces.cause, zero.status),
+        *(baseline.mean_pf, baseline.worst_pf, baseline.moved_ns),
+        *(forces.fault_mask, scan.reading, forces.state, forces.flags, forces.cause, baseline.status),
     )
     parts = [array.tobytes() for array in arrays]
     if commands or outcomes:

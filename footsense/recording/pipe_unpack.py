@@ -13,6 +13,7 @@ from footsense.errors import RecordingError
 from footsense.frames import (
     ELEMENTS,
     BaselineDrift,
+    BaselineStatus,
     CapFrame,
     Cause,
     Command,
@@ -24,7 +25,6 @@ from footsense.frames import (
     Reference,
     Result,
     State,
-    ZeroStatus,
 )
 from footsense.recording.pipe_format import (
     COMMAND,
@@ -48,7 +48,7 @@ _MAX_RECORD = 1 << 24
 _CODES = {
     "state": max(State),
     "cause": max(Cause),
-    "zero_status": max(ZeroStatus),
+    "baseline_status": max(BaselineStatus),
     "reading": max(Reading),
     "fault_mask": (1 << ELEMENTS) - 1,
 }
@@ -127,7 +127,10 @@ def _unpack_cycle(record: bytes, n_legs: int, n_commands: int, n_outcomes: int, 
         entry["flags"],
         entry["cause"],
         BaselineDrift(
-            entry["zero_status"], entry["zero_mean_pf"], entry["zero_worst_pf"], entry["zero_moved_ns"]
+            entry["baseline_status"],
+            entry["baseline_mean_pf"],
+            entry["baseline_worst_pf"],
+            entry["baseline_moved_ns"],
         ),
     )
     at = kind.itemsize

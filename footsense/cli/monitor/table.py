@@ -8,7 +8,7 @@ from rich.text import Text
 
 from firmware_interface.can_codes import Cause, Flag, NmtState, Phase, phase_of
 from footsense.client import Status
-from footsense.daemon.can_listener import Seen
+from footsense.daemon.can_listener import LegSnapshot
 
 __all__ = ["cause_text", "monitor_table"]
 
@@ -35,7 +35,7 @@ _BEATS = {
 _NOTHING = Text("-", "dim")
 
 
-def monitor_table(legs: list[Seen], title: str) -> Group:
+def monitor_table(legs: list[LegSnapshot], title: str) -> Group:
     """Return the picture of all legs; it fits 80 columns and 20 lines.
 
     Args:
@@ -43,21 +43,25 @@ def monitor_table(legs: list[Seen], title: str) -> Group:
         title: What is listened to.
     """
     head = Text.assemble(("footsense monitor  ", "bold"), title)
-    if any(seen.view.flags & Flag.SIMULATED for seen in legs):
+    if any(snapshot.force.flags & Flag.SIMULATED for snapshot in legs):
         head.append("   simulated", "dim")
-    if any(seen.report.degraded_timing for seen in legs):
+    if any(snapshot.report.degraded_timing for snapshot in legs):
         head.append("   timing degraded", "bold red")
     return Group(head, Text(), _forces(legs), Text(), _reports(legs))
 
 
-def cause_text(seen: Seen) -> str | None:
+def cause_text(snapshot: LegSnapshot) -> str | None:
     """Return what lies behind a leg's state in words; None if it was not told, with another state, or long ago."""
-    if not seen.is_known or seen.report.cause is None or seen.report.cause_state is not seen.view.state:
+    if (
+        not snapshot.is_known
+        or snapshot.report.cause is None
+        or snapshot.report.cause_state is not snapshot.force.state
+    ):
         return None
-    return _words(seen.report.cause.name)
+    return _words(snapshot.report.cause.name)
 
 
-def _forces(legs: list[Seen]) -> Table:
+def _forces(legs: list[LegSnapshot]) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 1))
     table.add_column("leg")
     table.add_column("state", min_width=15, no_wrap=True)
@@ -65,38 +69,38 @@ def _forces(legs: list[Seen]) -> Table:
     for name, width in (("fx [N]", 7), ("fy [N]", 7), ("fz [N]", 7), ("sigma", 5), ("age [ms]", 8)):
         table.add_column(name.replace("[", "\\["), justify="right", min_width=width, no_wrap=True)
     table.add_column("foot")
-    for seen in legs:
-        view = seen.view
-        state = Text(_words(view.state.name), _PHASE_STYLES[phase_of(view.state)])
-        link = Text(view.status.name.lower(), _LINK_STYLES.get(view.status, "bold red"))
+    for snapshot in legs:
+        force = snapshot.force
+        state = Text(_words(force.state.name), _PHASE_STYLES[phase_of(force.state)])
+        link = Text(force.status.name.lower(), _LINK_STYLES.get(force.status, "bold red"))
         numbers: list[str | Text] = [_NOTHING] * 6
-        if view.usable and view.age_ns is not None:
-            numbers = [f"{component:+.3f}" for component in view.force_n]
-            numbers += [_or_nothing(max(view.sigma_n), ".3f"), f"{view.age_ns * 1e-6:.1f}"]
-            numbers += [Text("down", "cyan") if view.flags & Flag.CONTACT else "up"]
-        table.add_row(seen.leg, state if seen.is_known else _NOTHING, link, *numbers)
+        if force.usable and force.age_ns is not None:
+            numbers = [f"{component:+.3f}" for component in force.force_n]
+            numbers += [_or_nothing(max(force.sigma_n), ".3f"), f"{force.age_ns * 1e-6:.1f}"]
+            numbers += [Text("down", "cyan") if force.flags & Flag.CONTACT else "up"]
+        table.add_row(snapshot.leg, state if snapshot.is_known else _NOTHING, link, *numbers)
     return table
 
 
-def _reports(legs: list[Seen]) -> Table:
+def _reports(legs: list[LegSnapshot]) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 1))
     table.add_column("leg")
     table.add_column("cause", min_width=15, no_wrap=True)
     table.add_column("elements", min_width=11, no_wrap=True)
-    table.add_column("zero", min_width=9, no_wrap=True)
+    table.add_column("baseline", min_width=9, no_wrap=True)
     table.add_column("by \\[fF]", justify="right", min_width=7)
     table.add_column("worst", justify="right", min_width=7)
     table.add_column("ago \\[s]", justify="right", min_width=7)
     table.add_column("beat", min_width=7)
-    for seen in legs:
-        report = seen.report
-        cause = cause_text(seen)
-        mask = seen.view.fault_mask
+    for snapshot in legs:
+        report = snapshot.report
+        cause = cause_text(snapshot)
+        mask = snapshot.force.fault_mask
         table.add_row(
-            seen.leg,
+            snapshot.leg,
             _NOTHING if cause is None else Text(cause, "" if report.cause is Cause.NONE else "yellow"),
-            _grid(mask) if seen.is_known else _NOTHING,
-            _NOTHING if report.zero is None else _words(report.zero.name),
+            _grid(mask) if snapshot.is_known else _NOTHING,
+            _NOTHING if report.baseline is None else _words(report.baseline.name),
             _or_nothing(report.mean_pf * 1e3, "+.1f"),
             _or_nothing(report.worst_pf * 1e3, "+.1f"),
             _NOTHING if report.moved_ago_ns is None else f"{report.moved_ago_ns * 1e-9:.1f}",

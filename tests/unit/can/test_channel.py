@@ -17,7 +17,7 @@ from firmware_interface.socketcan import pack_frame
 from footsense.can.frame_log import CanLog, check_log_target
 from footsense.can.sink import CanSink
 from footsense.errors import CanError, ConfigError, RecordingError
-from footsense.frames import BaselineDrift, CanStats, ContactFrame
+from footsense.frames import BaselineDrift, CanStatistics, ContactFrame
 from tests.support.can_robot import MS, FakeClock, Robot
 
 
@@ -156,7 +156,7 @@ def test_a_log_that_takes_nothing_costs_its_own_frames_and_no_time(tmp_path: Pat
     path = tmp_path / "walk.log"
     os.mkfifo(path)
     reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
-    stats = CanStats()
+    stats = CanStatistics()
     log = CanLog(path, "can0", stats, waits=False)
     scan = pack_frame(0x181, bytes(8)) * 12
     for t_ns in range(20_000):
@@ -194,7 +194,7 @@ def test_a_killed_writer_ends_the_log_and_not_the_forces(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """What follows is counted, the journal has one line, and the end says that the log is not whole."""
-    stats = CanStats()
+    stats = CanStatistics()
     log = CanLog(tmp_path / "walk.log", "can0", stats, waits=True)
     log._writer.kill()
     log._writer.wait()

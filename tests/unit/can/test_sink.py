@@ -8,25 +8,25 @@ import can
 import numpy as np
 import pytest
 
+from firmware_interface.can_baseline import decode_baseline
 from firmware_interface.can_codes import (
     NODE_IDS,
+    BaselineStatus,
     Cause,
     CommandKind,
     Flag,
     NmtState,
     Result,
     State,
-    ZeroStatus,
 )
 from firmware_interface.can_events import (
-    UNASKED,
+    UNSOLICITED,
     decode_answer,
     decode_fault,
     decode_heartbeat,
     encode_command,
 )
 from firmware_interface.can_frames import decode_force, decode_quality
-from firmware_interface.can_zero import decode_zero
 from firmware_interface.crc8 import protect
 from footsense.frames import BaselineDrift, Command, CommandResult
 from tests.support.can_robot import MS, NarrowWire, Robot
@@ -169,13 +169,13 @@ def test_the_zero_is_told_once_a_second(robot: Robot) -> None:
     robot.publish(0)
     row = np.ones(1)
     zero = BaselineDrift(
-        (row * ZeroStatus.HELD).astype(np.uint8), row * 0.01, row * -0.02, np.array([500 * MS])
+        (row * BaselineStatus.HELD).astype(np.uint8), row * 0.01, row * -0.02, np.array([500 * MS])
     )
     for t_ms in range(20, 2000, 20):
         robot.publish(t_ms * MS, zero=zero)
-    none, held = (decode_zero(0x381, bytes(m.data)) for m in robot.heard(0x380))
-    assert (none.counter, none.status, none.age_ns) == (0, ZeroStatus.NONE, None)
-    assert (held.counter, held.status, held.mean_pf, held.worst_pf) == (1, ZeroStatus.HELD, 0.01, -0.02)
+    none, held = (decode_baseline(0x381, bytes(m.data)) for m in robot.heard(0x380))
+    assert (none.counter, none.status, none.age_ns) == (0, BaselineStatus.NONE, None)
+    assert (held.counter, held.status, held.mean_pf, held.worst_pf) == (1, BaselineStatus.HELD, 0.01, -0.02)
     assert held.age_ns == 500 * MS
 
 
@@ -190,7 +190,7 @@ def test_a_command_arrives_and_its_answer_names_its_counter(robot: Robot) -> Non
     answers = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
     assert answers == [
         (1, 0, Result.LOADED, CommandKind.TARE, 7),
-        (1, 1, Result.DONE, CommandKind.TARE, UNASKED),
+        (1, 1, Result.DONE, CommandKind.TARE, UNSOLICITED),
     ]
 
 
@@ -224,7 +224,7 @@ def test_whoever_asks_is_answered(robot: Robot) -> None:
     for kind in (CommandKind.STOP, CommandKind.STOP, CommandKind.TARE):
         robot.sink.answer(CommandResult(Command(kind, 0), Result.DONE, ""))
         heard = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
-        answers.append([(answer.kind, answer.asked) for answer in heard])
+        answers.append([(answer.kind, answer.command_counter) for answer in heard])
     assert answers == [
         [(CommandKind.STOP, 3)],
         [(CommandKind.STOP, 4)],
