@@ -10,7 +10,7 @@ from firmware_interface.socketcan import (
     split_frames,
 )
 from footsense.can.bus_health import BusHealth
-from footsense.frames import CanStats
+from footsense.frames import CanStatistics
 
 S = 1_000_000_000
 TX_PASSIVE = 0x20
@@ -23,7 +23,7 @@ def note(health: BusHealth, error: ErrorClass, t_ns: int, detail: int = 0) -> No
 
 def test_every_error_frame_counts_as_what_it_is() -> None:
     """Restarts and returns to error active are errors of the bus, and nothing else."""
-    stats = CanStats()
+    stats = CanStatistics()
     health = BusHealth("can0", stats)
     for n in range(3):
         note(health, ErrorClass.CONTROLLER, n * S, TX_PASSIVE)
@@ -36,7 +36,7 @@ def test_every_error_frame_counts_as_what_it_is() -> None:
 
 def test_each_illness_is_told_with_its_own_number_of_bus_offs(caplog: pytest.LogCaptureFixture) -> None:
     """The second as the first; what is no illness is not told."""
-    health = BusHealth("can0", CanStats())
+    health = BusHealth("can0", CanStatistics())
     note(health, ErrorClass.CONTROLLER, 0, CONTROLLER_ACTIVE)
     note(health, ErrorClass.RESTARTED, 0)
     health.watch(100 * S)

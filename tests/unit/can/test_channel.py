@@ -172,7 +172,7 @@ def test_a_log_that_takes_nothing_costs_its_own_frames_and_no_time(tmp_path: Pat
 
 def test_a_log_with_a_gap_is_said_to_have_one(tmp_path: Path) -> None:
     """Frames that found no room on the way to the file, and whoever owns the file may read it."""
-    stats = CanStats(unlogged=24)
+    stats = CanStatistics(unlogged=24)
     log = CanLog(tmp_path / "walk.log", "can0", stats, waits=True)
     log.add(0, pack_frame(0x181, bytes(8)))
     with pytest.raises(

@@ -121,13 +121,19 @@ def test_reports_are_known_as_long_as_they_come() -> None:
     nothing = reports.leg(3, 0)
     assert (nothing.cause, nothing.baseline, nothing.node_state, nothing.degraded_timing) == (None,) * 4
     begin_ns = 70_000 * MS
-    reports.feed(BASELINE_ID + 3, encode_baseline(3, 0, BaselineStatus.HELD, 0.001, -0.002, 5_000_000_000), begin_ns)
+    reports.feed(
+        BASELINE_ID + 3, encode_baseline(3, 0, BaselineStatus.HELD, 0.001, -0.002, 5_000_000_000), begin_ns
+    )
     reports.feed(HEARTBEAT_ID + 3, encode_heartbeat(NmtState.OPERATIONAL, degraded_timing=True), begin_ns)
     reports.feed(
         FAULT_ID + 3, encode_fault(3, 0, State.DEGRADED, State.VALID, 1, Cause.ELEMENT_OPEN), begin_ns
     )
     told = reports.leg(3, begin_ns + 600 * MS)
-    assert (told.baseline, told.moved_ago_ns, told.cause) == (BaselineStatus.HELD, 5_600_000_000, Cause.ELEMENT_OPEN)
+    assert (told.baseline, told.moved_ago_ns, told.cause) == (
+        BaselineStatus.HELD,
+        5_600_000_000,
+        Cause.ELEMENT_OPEN,
+    )
     assert (told.mean_pf, told.worst_pf) == (0.001, -0.002)
     assert (told.node_state, told.degraded_timing) == (NmtState.OPERATIONAL, True)
     assert reports.leg(3, begin_ns + 601 * MS).node_state is None
