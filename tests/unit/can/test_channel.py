@@ -170,6 +170,19 @@ def test_a_log_that_takes_nothing_costs_its_own_frames_and_no_time(tmp_path: Pat
     os.close(reader)
 
 
+def test_a_log_with_a_gap_is_said_to_have_one(tmp_path: Path) -> None:
+    """Frames that found no room on the way to the file, and whoever owns the file may read it."""
+    stats = CanStatistics(unlogged=24)
+    log = CanLog(tmp_path / "walk.log", "can0", stats, waits=True)
+    log.add(0, pack_frame(0x181, bytes(8)))
+    with pytest.raises(
+        RecordingError, match=r"its writer was too slow: 24 frames are missing; what was sent"
+    ):
+        log.close()
+    assert (tmp_path / "walk.log").read_text().count(" 181#") == 1
+    assert (tmp_path / "walk.log").stat().st_mode & 0o600 == 0o600
+
+
 def test_a_log_that_nobody_could_read_is_refused(tmp_path: Path) -> None:
     """To open a named pipe without a reader would wait for one."""
     os.mkfifo(tmp_path / "walk.log")

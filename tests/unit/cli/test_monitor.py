@@ -120,23 +120,32 @@ def test_reports_are_known_as_long_as_they_come() -> None:
     reports = Reports()
     nothing = reports.leg(3, 0)
     assert (nothing.cause, nothing.baseline, nothing.node_state, nothing.degraded_timing) == (None,) * 4
-    reports.feed(BASELINE_ID + 3, encode_baseline(3, 0, BaselineStatus.HELD, 0.001, -0.002, 5_000_000_000), 0)
-    reports.feed(HEARTBEAT_ID + 3, encode_heartbeat(NmtState.OPERATIONAL, degraded_timing=True), 0)
-    reports.feed(FAULT_ID + 3, encode_fault(3, 0, State.DEGRADED, State.VALID, 1, Cause.ELEMENT_OPEN), 0)
-    told = reports.leg(3, 600 * MS)
+    begin_ns = 70_000 * MS
+    reports.feed(
+        BASELINE_ID + 3, encode_baseline(3, 0, BaselineStatus.HELD, 0.001, -0.002, 5_000_000_000), begin_ns
+    )
+    reports.feed(HEARTBEAT_ID + 3, encode_heartbeat(NmtState.OPERATIONAL, degraded_timing=True), begin_ns)
+    reports.feed(
+        FAULT_ID + 3, encode_fault(3, 0, State.DEGRADED, State.VALID, 1, Cause.ELEMENT_OPEN), begin_ns
+    )
+    told = reports.leg(3, begin_ns + 600 * MS)
     assert (told.baseline, told.moved_ago_ns, told.cause) == (
         BaselineStatus.HELD,
         5_600_000_000,
         Cause.ELEMENT_OPEN,
     )
+    assert (told.mean_pf, told.worst_pf) == (0.001, -0.002)
     assert (told.node_state, told.degraded_timing) == (NmtState.OPERATIONAL, True)
-    assert reports.leg(3, 601 * MS).node_state is None
-    late = reports.leg(3, 3001 * MS)
+    assert reports.leg(3, begin_ns + 601 * MS).node_state is None
+    assert reports.leg(3, begin_ns + 3000 * MS).baseline is BaselineStatus.HELD
+    late = reports.leg(3, begin_ns + 3000 * MS + 1)
     assert (late.baseline, late.moved_ago_ns, late.cause) == (None, None, Cause.ELEMENT_OPEN)
     assert math.isnan(late.mean_pf)
-    assert reports.feed(BASELINE_ID + 3, bytes(8), 0)
-    assert not reports.feed(BASELINE_ID + 7, bytes(8), 0)
-    assert reports.n_wrong == 1
+    assert math.isnan(late.worst_pf)
+    assert reports.feed(BASELINE_ID + 3, bytes(8), begin_ns)
+    assert reports.feed(BASELINE_ID + 4, bytes(8), begin_ns)
+    assert not reports.feed(BASELINE_ID + 7, bytes(8), begin_ns)
+    assert reports.n_wrong == 2
 
 
 def test_a_channel_that_cannot_be_is_refused_with_one_that_can() -> None:
