@@ -70,8 +70,13 @@ def _forces(legs: list[LegSnapshot]) -> Table:
 def _reports(legs: list[LegSnapshot]) -> Table:
     table = leg_table(
         {
-            "cause": "<15", "elements": "<11", "baseline": "<9",
-            "mean fF": ">7", "worst": ">7", "ago [s]": ">7", "node": "<7",
+            "cause": "<15",
+            "elements": "<11",
+            "baseline": "<9",
+            "mean fF": ">7",
+            "worst": ">7",
+            "ago [s]": ">7",
+            "node": "<7",
         }
     )
     for snapshot in legs:
