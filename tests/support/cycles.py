@@ -22,8 +22,8 @@ from footsense.frames import (
     State,
 )
 from footsense.recording.compare import compare
+from footsense.recording.cycle_records import Numbered
 from footsense.recording.mcap_writer import McapFile
-from footsense.recording.pipe_format import Numbered
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream
 

@@ -14,10 +14,9 @@ from footsense.errors import RecordingError
 from footsense.frames import Cause, CommandResult, Cycle, Result
 from footsense.recording import messages
 from footsense.recording.compare import compare, same_machine
+from footsense.recording.cycle_records import Loss, Numbered, pack_cycle, pack_header, pack_loss, unpack
 from footsense.recording.machine import this_machine
 from footsense.recording.mcap_writer import McapFile
-from footsense.recording.pipe_format import Loss, Numbered, pack_cycle, pack_header, pack_loss
-from footsense.recording.pipe_unpack import unpack
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 from footsense.recording.writer import FdStream
@@ -223,6 +222,17 @@ def test_a_recording_from_before_there_were_causes(scratch: Path) -> None:
     assert np.isnan(old.baseline.mean_pf).all()
     assert compare(old, cycle(0).forces, exact=True, legs=LEGS) is None
     assert json.loads(messages.encode_force(old, LEGS)) == message
+
+
+def test_integers_of_numpy_are_packed_as_numbers() -> None:
+    """A leg found with numpy, in a command or its result, does not end the loop."""
+    tare = TARE._replace(leg=np.int64(2))  # type: ignore[arg-type]
+    shown = cycle(3, outcomes=(CommandResult(tare, Result.DONE, "\ud800"),))._replace(commands=(tare,))
+    header = pack_header({"legs": ",".join(LEGS)})
+    _, read = unpack(bytearray(header + pack_cycle(0, shown)), None)
+    assert isinstance(read, Numbered)
+    assert read.cycle.commands == (TARE,)
+    assert read.cycle.outcomes == (CommandResult(TARE, Result.DONE, "\\ud800"),)
 
 
 def test_a_recording_with_the_older_names_is_the_same() -> None:
