@@ -29,7 +29,7 @@ class Leg:
         self.t_ns = 0
 
     def judge(self, closure_rel: NDArray[np.float64], *unread: int) -> Judgement:
-        """Judge the next scan, in which some elements could not be read; what is remembered is measured, not aligned."""
+        """Judge the next scan, without some elements; those that are remembered are measured, but not aligned."""
         self.t_ns += SCAN_NS
         measured_rel = closure_rel[None]
         missing = self.consistency.remembered.copy()
