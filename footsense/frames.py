@@ -51,10 +51,10 @@ class Reading(IntEnum):
     NOT_READY = 2  #: the conversion had not finished when it was read
     OVER_RANGE = 3  #: the code stands at the end of the converter's range
     MISCONFIGURED = 4  #: the leg's row switch or converter does not hold the setting that it was given
-    LINE_HELD = 5  #: SDA or SCL is held low while the leg is connected
+    BUS_STUCK = 5  #: SDA or SCL is held low while the leg is connected
     WRONG_CHIP = 6  #: another chip answers at the converter's address
-    GARBLED = 7  #: an answer that no healthy chip gives
-    HELD_UP = 8  #: the bus was busy with what is wrong elsewhere
+    CORRUPT = 7  #: an answer that no healthy chip gives
+    DELAYED = 8  #: the bus was busy with a fault elsewhere
     EXCITATION = 10  #: the converter cannot drive the leg's rows: a short, or a leak to ground
     UNDER_RANGE = 11  #: the code stands at the lower end of a range that begins above 0
 

@@ -86,9 +86,9 @@ def test_what_the_capdac_takes_off_is_measured() -> None:
 def test_a_bit_that_a_wire_flipped_is_not_kept() -> None:
     """Both readings of one result must agree; a step beyond what a chip can have is no step."""
     zero = b"\x00\x80\x00\x00"
-    assert configured(zero, b"\x07\x80\x40\x00")[0] is Reading.GARBLED
+    assert configured(zero, b"\x07\x80\x40\x00")[0] is Reading.CORRUPT
     far = b"\x00\x30\x00\x00"  # 20 steps of 128 fF
-    assert configured(zero, zero, far, far, then=((settings(40), b""),))[0] is Reading.GARBLED
+    assert configured(zero, zero, far, far, then=((settings(40), b""),))[0] is Reading.CORRUPT
 
 
 def test_a_chip_of_no_use_says_why() -> None:
@@ -128,10 +128,10 @@ def test_an_element_is_a_row_at_the_excitation_and_a_column_at_the_input() -> No
         (b"\x00\x00\x00\x00", Reading.UNDER_RANGE, NAN),
         (b"\x07\x80\x00\x01", Reading.NOT_READY, NAN),
         (b"\x08\x80\x00\x01", Reading.EXCITATION, NAN),
-        (b"\x10\x80\x00\x01", Reading.GARBLED, NAN),
+        (b"\x10\x80\x00\x01", Reading.CORRUPT, NAN),
         (b"\x05\x80\x00\x01", Reading.NOT_READY, NAN),
-        (b"\x04\x80\x00\x01", Reading.GARBLED, NAN),
-        (b"\xff\xff\xff\xff", Reading.GARBLED, NAN),
+        (b"\x04\x80\x00\x01", Reading.CORRUPT, NAN),
+        (b"\xff\xff\xff\xff", Reading.CORRUPT, NAN),
     ],
 )
 def test_results_are_offset_binary_behind_their_status(
@@ -174,9 +174,9 @@ def test_the_temperature_is_given_its_own_time() -> None:
 def test_a_lost_capdac_is_asked_for_once_a_scan() -> None:
     """40 steps, enabled, the second one off; and the offset that a reset leaves, which other chips do not have."""
     plan = scan_plan("raster", 91, "ad7746")
-    checks = [step.setting_check for step in plan.steps]
-    assert checks[:-1] == [None] * 8
-    assert checks[-1] == (Transaction(0x48, b"\x0b", 4), b"\xa8\x00\x80\x00")
+    checks = [step.setting_checks for step in plan.steps]
+    assert checks[:-1] == [()] * 8
+    assert checks[-1] == ((Transaction(0x48, b"\x0b", 4), b"\xa8\x00\x80\x00"),)
 
 
 def test_nothing_but_the_lines_and_the_start_is_written_for_an_element() -> None:

@@ -246,7 +246,7 @@ class Footing:
             return
         silent = np.isin(reading, SILENT).all(axis=1)
         self._heard_ns[~silent] = now_ns
-        allowed_ns = np.where((reading == Reading.LINE_HELD).any(axis=1), _HELD_NS, _SILENT_NS)
+        allowed_ns = np.where((reading == Reading.BUS_STUCK).any(axis=1), _HELD_NS, _SILENT_NS)
         for leg in np.flatnonzero(now_ns - self._heard_ns >= allowed_ns).tolist():
             if leg in self._untared:
                 continue

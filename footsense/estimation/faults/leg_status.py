@@ -27,27 +27,27 @@ _BITS = (1 << np.arange(ELEMENTS)).astype(np.uint16)
 
 #: What the readings say of a leg, the gravest last.
 _STATES = {
-    Reading.HELD_UP: State.STALE,
+    Reading.DELAYED: State.STALE,
     Reading.NOT_READY: State.CONVERTER_FAULT,
-    Reading.GARBLED: State.CONVERTER_FAULT,
+    Reading.CORRUPT: State.CONVERTER_FAULT,
     Reading.MISCONFIGURED: State.CONVERTER_FAULT,
     Reading.EXCITATION: State.CONVERTER_FAULT,
     Reading.WRONG_CHIP: State.ABSENT,
-    Reading.LINE_HELD: State.ABSENT,
+    Reading.BUS_STUCK: State.ABSENT,
     Reading.NO_ANSWER: State.ABSENT,
 }
 _CAUSES = {
-    Reading.HELD_UP: Cause.HELD_UP,
+    Reading.DELAYED: Cause.HELD_UP,
     Reading.NOT_READY: Cause.NEVER_FINISHES,
-    Reading.GARBLED: Cause.GARBLED,
+    Reading.CORRUPT: Cause.GARBLED,
     Reading.MISCONFIGURED: Cause.SETTINGS_LOST,
     Reading.EXCITATION: Cause.CANNOT_EXCITE,
     Reading.WRONG_CHIP: Cause.WRONG_CHIP,
-    Reading.LINE_HELD: Cause.LINE_HELD,
+    Reading.BUS_STUCK: Cause.LINE_HELD,
     Reading.NO_ANSWER: Cause.NO_ANSWER,
 }
 #: Nothing is heard of a leg's foot: when it comes back, it may be another one.
-SILENT = np.array([Reading.NO_ANSWER, Reading.LINE_HELD, Reading.WRONG_CHIP], np.uint8)
+SILENT = np.array([Reading.NO_ANSWER, Reading.BUS_STUCK, Reading.WRONG_CHIP], np.uint8)
 
 Mask = NDArray[np.bool_]
 

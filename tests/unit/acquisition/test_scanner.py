@@ -8,6 +8,7 @@ from firmware_interface import schedule
 from firmware_interface.schedule import scan_limits
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.scan_plan import ORDERS, scan_plan
+from footsense.acquisition.transports import UpstreamBus
 from footsense.errors import BusTimeoutError, HardwareError
 from footsense.frames import Reading
 from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
@@ -57,7 +58,7 @@ def test_a_bus_without_its_mux_is_an_error_at_start() -> None:
     """Nothing can work behind a mux that does not answer; the message says what to check."""
     clock = VirtualClock()
     bus = SimulatedBus(clock, 400_000, 0, SimulatedMux(0x72), {})
-    scanner = BusScanner(bus, clock, {"lf": 0}, 0x71, scan_plan("lo_shu", 400))
+    scanner = BusScanner(UpstreamBus(bus, 0x71), clock, {"lf": 0}, scan_plan("lo_shu", 400))
     with pytest.raises(HardwareError, match=r"no answer from the mux \(TCA9548A\) at 0x71: check its power"):
         scanner.start()
 
@@ -75,7 +76,7 @@ def test_a_stuck_bus_costs_the_other_bus_a_few_timeouts_and_comes_back() -> None
         frame = robot.read()
         slow += robot.clock.now_ns() - start_ns > 1.05 * period_ns
         assert (frame.reading[:3] == Reading.OK).all()
-        assert (frame.reading[3:] == Reading.LINE_HELD).all()
+        assert (frame.reading[3:] == Reading.BUS_STUCK).all()
     assert slow < 30
     assert robot.clock.now_ns() - before_ns < 1.1 * 400 * period_ns
     robot.saboteurs[1].arm(lambda transaction, n: None)

@@ -207,9 +207,9 @@ def test_the_gravest_reading_gives_state_and_cause() -> None:
     whole = np.zeros((1, 9), bool)
     faulty = Faulty(opened(4), whole, whole, whole)
     for readings, state, cause in (
-        ([Reading.HELD_UP], State.STALE, Cause.HELD_UP),
-        ([Reading.HELD_UP, Reading.GARBLED], State.CONVERTER_FAULT, Cause.GARBLED),
-        ([Reading.GARBLED, Reading.LINE_HELD], State.ABSENT, Cause.LINE_HELD),
+        ([Reading.DELAYED], State.STALE, Cause.HELD_UP),
+        ([Reading.DELAYED, Reading.CORRUPT], State.CONVERTER_FAULT, Cause.GARBLED),
+        ([Reading.CORRUPT, Reading.BUS_STUCK], State.ABSENT, Cause.LINE_HELD),
         ([Reading.WRONG_CHIP], State.ABSENT, Cause.WRONG_CHIP),
         ([Reading.NOT_READY, Reading.NO_ANSWER], State.ABSENT, Cause.NO_ANSWER),
     ):
