@@ -46,7 +46,7 @@ _TELL_NS, _LOOK_NS = 10 * _NS_PER_S, _NS_PER_S
 _NO_VALUE_ENDS = NO_VALUE + N_CODES
 _READING_OF_CODE = np.full(N_CODES, Reading.CORRUPT, np.uint8)
 _READING_OF_CODE[list(NoValue)] = list(NoValue)
-_GARBLED = pack_values([NO_VALUE + Reading.CORRUPT] * ELEMENTS)
+_CORRUPT = pack_values([NO_VALUE + Reading.CORRUPT] * ELEMENTS)
 
 #: Place of each element in the scan, by the flag that tells the order, shape (2, 9).
 _PLACES = np.array([np.argsort(ORDERS[order]) for order in ("raster", "lo_shu")])
@@ -169,7 +169,7 @@ class RecordSource:
                 self._expected |= {row}
             self._deadline_ns = now_ns + self._silent_ns
             if record.step_us > self._longest_step_us:
-                record = sent._replace(step_us=0, values=_GARBLED)
+                record = sent._replace(step_us=0, values=_CORRUPT)
             scan = self._scan
             if scan is not None and (row in scan.records or not self._is_near(record.t_us, scan.t_us)):
                 self._emit(now_ns)

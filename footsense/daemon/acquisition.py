@@ -45,7 +45,7 @@ class Scanning:
         source: The scanner, started; `source.temperature_c` is that of each leg's converter, NaN for none.
         clock: The time that its stamps are in.
         response_sha256: Hash of the response table that the simulated feet follow, None on a real robot.
-        felt_n: What every foot feels at a time, None on a real robot.
+        true_force_n: What every foot feels at a time, None on a real robot.
         wakeups: What became of the deadlines on each bus; none in virtual time.
         has_thermometers: Whether the converters have temperature sensors.
     """
@@ -53,7 +53,7 @@ class Scanning:
     source: RobotScanner | RecordSource
     clock: Clock
     response_sha256: str | None
-    felt_n: Callable[[int], NDArray[np.float64]] | None
+    true_force_n: Callable[[int], NDArray[np.float64]] | None
     wakeups: tuple[Wakeups, ...] = ()
     has_thermometers: bool = False
 
@@ -197,7 +197,7 @@ def _from_mcu(
     stack.callback(source.close)
     if robot is None:
         return Scanning(source, clock, None, None, (own.wakeups,))
-    return Scanning(source, clock, robot.response_sha256, robot.felt_n)
+    return Scanning(source, clock, robot.response_sha256, robot.true_force_n)
 
 
 @contextmanager
@@ -240,4 +240,4 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
             clocks = [own.clock for own in buses if isinstance(own.clock, MonotonicClock)]
             yield Scanning(source, MonotonicClock(), None, None, tuple(own.wakeups for own in clocks), warm)
         else:
-            yield Scanning(source, robot.clock, robot.response_sha256, robot.felt_n, (), warm)
+            yield Scanning(source, robot.clock, robot.response_sha256, robot.true_force_n, (), warm)

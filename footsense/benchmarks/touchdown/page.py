@@ -59,7 +59,7 @@ def _judge(result: Run, steps: Steps, until_s: float, kind: int) -> Found:
         times = steps.begins_s[foot, over], steps.crossed_s[foot, over]
         contact_ms += _latencies_ms(result.contact[:, foot], result, *times)
         force_ms += _latencies_ms(result.force_n[:, foot] > TOUCH_N, result, *times)
-        error_n = result.force_n[:, foot] - result.felt_n[:, foot]
+        error_n = result.force_n[:, foot] - result.true_force_n[:, foot]
         for crossed_s in times[1]:
             after = (result.sent_s > crossed_s) & (result.sent_s < crossed_s + _AFTER_S)
             squares_n2.append(np.nanmean(error_n[after] ** 2))
@@ -68,7 +68,7 @@ def _judge(result: Run, steps: Steps, until_s: float, kind: int) -> Found:
 
 def _false(seen: NDArray[np.bool_], result: Run) -> str:
     """Return how often something began to be seen in swing, and of feet that had just lifted off."""
-    begun = seen[1:] & ~seen[:-1] & (result.felt_n[1:] == 0.0)
+    begun = seen[1:] & ~seen[:-1] & (result.true_force_n[1:] == 0.0)
     swings = result.swings[1:]
     return f"{(begun & swings).sum()} / {(begun & ~swings).sum()}"
 

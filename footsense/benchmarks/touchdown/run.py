@@ -139,7 +139,7 @@ class Run:
         sent_s: When [s], shape (frames,).
         contact: Whether CONTACT was said.
         force_n: Force along the leg [N], NaN without one.
-        felt_n: What the foot felt along the leg when it was sent [N].
+        true_force_n: What the foot felt along the leg when it was sent [N].
         usable: Whether the leg was valid.
         swings: Whether the foot was in the air for certain.
     """
@@ -147,7 +147,7 @@ class Run:
     sent_s: Vector
     contact: Mask
     force_n: Vector
-    felt_n: Vector
+    true_force_n: Vector
     usable: Mask
     swings: Mask
 
