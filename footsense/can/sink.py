@@ -22,7 +22,7 @@ from firmware_interface.socketcan import FRAME_BYTES
 from footsense.can.channel import CanChannel
 from footsense.can.commands import CanCommands
 from footsense.can.leg_frames import CanLeg
-from footsense.frames import CanStats, Command, CommandResult, ContactFrame
+from footsense.frames import CanStatistics, Command, CommandResult, ContactFrame
 from footsense.ports import CanWire, Clock
 
 __all__ = ["CanSink"]
@@ -73,11 +73,11 @@ class CanSink:
         clock: Clock,
         log_file: Path | None = None,
         bitrate: int = 500_000,
-        stats: CanStats | None = None,
+        stats: CanStatistics | None = None,
         log_waits: bool = False,
         connect: Callable[[], CanWire] | None = None,
     ) -> None:
-        self.stats = stats or CanStats()
+        self.stats = stats or CanStatistics()
         nodes = [NODE_IDS[leg] for leg in legs]
         boot = can_events.encode_heartbeat(NmtState.BOOT)
         self._channel = CanChannel(

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from footsense.config import DEFAULT, Can
 from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
-from footsense.config.schema import Scan
+from footsense.config.sections import Scan
 from footsense.errors import ConfigError
 from tests.system.command import footsense, run_json
 
