@@ -12,7 +12,7 @@ from rich.live import Live
 
 from firmware_interface.can_codes import Flag, phase_of
 from footsense.cli.monitor.table import cause_text, monitor_table
-from footsense.cli.run.command import Seconds, StopRequest
+from footsense.cli.options import StopRequest, duration_option
 from footsense.client import Limits
 from footsense.clock import MonotonicClock
 from footsense.daemon.can_listener import LegSnapshot, Listener, listening
@@ -40,7 +40,7 @@ _DRAW_NS = 200_000_000
     show_default=True,
     help="From when a force is stale, and a leg that says nothing.",
 )
-@click.option("--duration", "duration_s", type=Seconds(), help="Stop after so many seconds.")
+@duration_option("Stop after this time.")
 @click.option(
     "--json",
     "as_json",
