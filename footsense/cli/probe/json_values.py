@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from footsense.acquisition.probe.address_scan import Census
+from footsense.acquisition.probe.address_scan import AddressScan
 from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
 from footsense.frames import Reading
 
@@ -30,7 +30,7 @@ def adapters_json(reports: list[ProbedAdapter]) -> dict[str, Any]:
         "adapters": [
             {
                 "device": report.device,
-                **_census(report.census, "answering"),
+                **_address_scan(report.addresses, "answering"),
                 "kernel_drivers": _drivers(report.kernel_drivers),
                 "error": report.error or None,
             }
@@ -44,9 +44,9 @@ def _bus(report: ProbedBus) -> dict[str, Any]:
     values: dict[str, Any] = {
         "device": bus.device,
         "mux": None if bus.adapters else {"address": f"{bus.mux.address:#04x}", "answers": scan.mux_answers},
-        **_census(scan.trunk, "upstream"),
+        **_address_scan(scan.upstream, "upstream"),
         "kernel_drivers": _drivers(drivers),
-        "channels": {str(number): _addresses(chips.answering) for number, chips in scan.places.items()},
+        "channels": {str(number): _addresses(chips.answering) for number, chips in scan.channels.items()},
         "configured_rate_hz": bus.rate_hz,
     }
     timing = scan.timing
@@ -79,11 +79,11 @@ def _leg(report: ProbedLeg) -> dict[str, Any]:
     }
 
 
-def _census(census: Census | None, name: str) -> dict[str, list[str] | None]:
+def _address_scan(scan: AddressScan | None, name: str) -> dict[str, list[str] | None]:
     """Return the addresses that answer, under `name`, and those that could not be scanned."""
     return {
-        name: None if census is None else _addresses(census.answering),
-        "not_scanned": None if census is None else _addresses(census.unasked),
+        name: None if scan is None else _addresses(scan.answering),
+        "not_scanned": None if scan is None else _addresses(scan.unasked),
     }
 
 

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from firmware_interface import ad7746, adg715, fdc1004
-from footsense.acquisition.probe.address_scan import Census
+from footsense.acquisition.probe.address_scan import AddressScan
 from footsense.cli.leg_table import leg_table, words
 from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
 from footsense.frames import Cause, Reading
@@ -77,10 +77,10 @@ def adapters_picture(reports: list[ProbedAdapter]) -> Group:
     parts: list[RenderableType] = []
     for report in reports:
         parts.append(Text(report.device, "bold"))
-        if report.census is None:
+        if report.addresses is None:
             parts.append(Text(f"  {report.error}", "bold red"))
         else:
-            parts += [Text(f"  {line}") for line in _census(report.census, report.kernel_drivers, {})]
+            parts += [Text(f"  {line}") for line in _addresses(report.addresses, report.kernel_drivers, {})]
     parts += [
         Text(),
         Text("Feet are behind a mux (TCA9548A, 0x70 to 0x77): name it and the legs with --config FILE."),
@@ -127,22 +127,22 @@ def _bus(report: ProbedBus) -> Iterator[Text]:
             f"a scan; the {limits.holds} holds"
         )
     names = {device.address: device.name for device in bus.other_devices} | {bus.mux.address: "mux"}
-    if scan.trunk is None:
+    if scan.upstream is None:
         yield Text("  upstream: a line is held low", "bold red")
         return
-    for line in _census(scan.trunk, drivers, names):
+    for line in _addresses(scan.upstream, drivers, names):
         yield Text(f"  upstream: {line}")
 
 
-def _census(census: Census, drivers: Mapping[int, str], names: Mapping[int, str]) -> Iterator[str]:
+def _addresses(addresses: AddressScan, drivers: Mapping[int, str], names: Mapping[int, str]) -> Iterator[str]:
     """Yield one line for the addresses that answer, those of the kernel, and those not scanned."""
-    answering = [f"{address:#04x} {names.get(address, '')}".rstrip() for address in census.answering]
+    answering = [f"{address:#04x} {names.get(address, '')}".rstrip() for address in addresses.answering]
     yield ", ".join(answering) or "nobody answers"
     if drivers:
         held = ", ".join(f"{address:#04x} {driver}" for address, driver in sorted(drivers.items()))
         yield f"{held}: held by the kernel, not scanned"
-    if census.unasked:
-        yield f"{len(census.unasked)} addresses could not be scanned: this adapter does no empty writes"
+    if addresses.unasked:
+        yield f"{len(addresses.unasked)} addresses could not be scanned: this adapter does no empty writes"
 
 
 def _legs(legs: tuple[ProbedLeg, ...]) -> Table:

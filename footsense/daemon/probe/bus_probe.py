@@ -6,11 +6,12 @@ from contextlib import ExitStack
 import numpy as np
 
 from footsense.acquisition.linux_i2c import LinuxI2cBus, adapters, kernel_drivers
-from footsense.acquisition.probe.address_scan import take_census
-from footsense.acquisition.probe.bus_scan import Place, look_at_adapters, look_at_bus
+from footsense.acquisition.probe.address_scan import scan_addresses
+from footsense.acquisition.probe.bus_scan import ChannelScan, scan_bus
+from footsense.acquisition.probe.bus_scan import scan_adapters as scan_leg_adapters
 from footsense.acquisition.probe.foot_check import Finding, FootScans, findings
 from footsense.acquisition.scan_plan import ScanPlan
-from footsense.acquisition.upstream_bus import Trunk
+from footsense.acquisition.transports import UpstreamBus
 from footsense.config import Config
 from footsense.daemon.acquisition import open_buses, plan_for, scanning, simulated_robot
 from footsense.daemon.estimation import load_network
@@ -51,7 +52,7 @@ def _scan_adapter(device: str) -> ProbedAdapter:
         try:
             bus = LinuxI2cBus.open(device)
             stack.callback(bus.close)
-            return ProbedAdapter(device, take_census(bus, drivers), drivers)
+            return ProbedAdapter(device, scan_addresses(bus, drivers), drivers)
         except HardwareError as error:
             return ProbedAdapter(device, None, drivers, str(error))
 
@@ -92,11 +93,10 @@ def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterato
         for opened in open_buses(config, robot, stack):
             bus = opened.bus
             drivers = kernel_drivers(bus.device) if robot is None else {}
-            if opened.trunk is None:
-                scan = look_at_adapters(opened.adapters, opened.clock, plan, drivers)
+            if isinstance(opened.transport, UpstreamBus):
+                scan = scan_bus(opened.transport, opened.clock, plan, bus.channels, drivers)
             else:
-                trunk = Trunk(opened.trunk, bus.mux.address, opened.reset_line)
-                scan = look_at_bus(trunk, opened.clock, plan, bus.channels, drivers)
+                scan = scan_leg_adapters(opened.transport.adapters, opened.clock, plan, drivers)
             yield ProbedBus(bus, scan, drivers)
 
 
@@ -113,10 +113,10 @@ def _probe_legs(
     config: Config, buses: tuple[ProbedBus, ...], feet: list[FootScans] | None
 ) -> Iterator[ProbedLeg]:
     """Yield the report of every leg, in the order of the configuration."""
-    places: list[tuple[str, str, int | str, Place | None]] = []
+    places: list[tuple[str, str, int | str, ChannelScan | None]] = []
     for report in buses:
         for number, (leg, channel) in enumerate(report.bus.legs.items()):
-            chips = report.scan.places.get(channel if isinstance(channel, int) else number)
+            chips = report.scan.channels.get(channel if isinstance(channel, int) else number)
             places.append((leg, report.bus.device, channel, chips))
     if config.serial is not None:
         places = [(name, config.serial.device, "mcu", None) for name in config.legs]

@@ -31,7 +31,7 @@ def bus_diagnoses(report: ProbedBus, plan: ScanPlan) -> Iterator[Diagnosis]:
 def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
     """Yield observation and what to check."""
     bus, scan, drivers = report
-    if scan.trunk is None:
+    if scan.upstream is None:
         wire = "; only the mux's RESET pin frees a leg that holds it: wire one"
         yield (
             "SDA or SCL is held low on the upstream bus, and the mux cannot free it",
@@ -39,7 +39,7 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
         )
         return
     for address in leg_addresses(plan):
-        if not bus.adapters and address in (*scan.trunk.answering, *drivers):
+        if not bus.adapters and address in (*scan.upstream.answering, *drivers):
             name = next((d.name for d in bus.other_devices if d.address == address), "something")
             yield (
                 f"{name} answers at {address:#04x} with no leg connected: a chip of every leg has that address",
@@ -52,15 +52,15 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
             f"it runs at {scan.timing.costs.rate_hz * 1e-3:.0f} kHz, {bus.rate_hz * 1e-3:.0f} kHz are configured",
             "dtparam=i2c_arm_baudrate and core_freq_min on a Raspberry Pi, or correct rate_hz",
         )
-    skipped = [leg for leg, channel in bus.channels.items() if channel not in scan.places]
+    skipped = [leg for leg, channel in bus.channels.items() if channel not in scan.channels]
     if scan.mux_answers and skipped:
         yield (
             f"{', '.join(skipped)} could not be scanned: the leg before them holds the bus, and nothing frees it",
             "that leg first; and wire the mux's RESET pin (mux.reset)",
         )
-    silent = {channel for channel, chips in scan.places.items() if chips.outcome is Reading.NO_ANSWER}
+    silent = {channel for channel, chips in scan.channels.items() if chips.outcome is Reading.NO_ANSWER}
     missing = ", ".join(leg for leg, channel in bus.channels.items() if channel in silent)
-    for channel, chips in scan.places.items():
+    for channel, chips in scan.channels.items():
         is_no_leg = not bus.adapters and channel not in bus.channels.values()
         if is_no_leg and set(leg_addresses(plan)) <= {*chips.answering}:
             yield (
@@ -74,19 +74,19 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
 def _no_mux(report: ProbedBus) -> tuple[str, str]:
     """Return why there is no mux, and what to check."""
     bus, scan, drivers = report
-    assert scan.trunk is not None
+    assert scan.upstream is not None
     address = bus.mux.address
     if address in drivers:
         return (
             f"the kernel's driver {drivers[address]} holds the mux at {address:#04x}",
             "name each leg's adapter instead of its channel, or unbind the driver; never both",
         )
-    if address in scan.trunk.answering:
+    if address in scan.upstream.answering:
         return (
             f"the chip at {address:#04x} does not read back what is written, as a TCA9548A does",
             "which chip that is; LED and servo drivers have such addresses too",
         )
-    others = ", ".join(f"{other:#04x}" for other in scan.trunk.answering if other in _MUXES)
+    others = ", ".join(f"{other:#04x}" for other in scan.upstream.answering if other in _MUXES)
     if others:
         return (
             f"no mux (TCA9548A) answers at {address:#04x}; {others} does",

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.acquisition.probe.address_scan import Census
-from footsense.acquisition.probe.bus_scan import BusSeen, Place
+from footsense.acquisition.probe.address_scan import AddressScan
+from footsense.acquisition.probe.bus_scan import BusScan, ChannelScan
 from footsense.acquisition.probe.foot_check import Finding, FootScans
 from footsense.config import Bus
 
@@ -37,7 +37,7 @@ class ProbedBus(NamedTuple):
     """
 
     bus: Bus
-    scan: BusSeen
+    scan: BusScan
     kernel_drivers: Mapping[int, str]
 
 
@@ -56,7 +56,7 @@ class ProbedLeg(NamedTuple):
     leg: str
     device: str
     channel: int | str
-    chips: Place | None
+    chips: ChannelScan | None
     scans: FootScans | None
     faults: tuple[Finding, ...]
 
@@ -97,12 +97,12 @@ class ProbedAdapter(NamedTuple):
 
     Attributes:
         device: Device file.
-        census: Addresses that answer; None if a line is held low, or the adapter cannot be opened.
+        addresses: Addresses that answer; None if a line is held low, or the adapter cannot be opened.
         kernel_drivers: As in `ProbedBus`.
-        error: Why there is no census.
+        error: Why they are unknown.
     """
 
     device: str
-    census: Census | None
+    addresses: AddressScan | None
     kernel_drivers: Mapping[int, str]
     error: str = ""
