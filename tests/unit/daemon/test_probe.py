@@ -9,9 +9,9 @@ import msgspec
 import pytest
 from rich.console import Console
 
-from footsense.acquisition.probe.bus_scan import look_at_bus
+from footsense.acquisition.probe.bus_scan import scan_bus
 from footsense.acquisition.scan_plan import scan_plan
-from footsense.acquisition.upstream_bus import Trunk
+from footsense.acquisition.transports import UpstreamBus
 from footsense.cli.probe.figure import draw
 from footsense.cli.probe.picture import probe_picture, unloaded_yaml
 from footsense.cli.probe.plain_values import plain
@@ -178,7 +178,7 @@ def told_of_bus(
     plan = scan_plan("lo_shu", 400)
     servos = OtherDevice(name="servo board", address=0x49)
     bus = Bus(device="sim", legs=CHANNELS, other_devices=(servos,))  # type: ignore[arg-type]
-    seen = look_at_bus(Trunk(wires, 0x71), clock, plan, CHANNELS)
+    seen = scan_bus(UpstreamBus(wires, 0x71), clock, plan, CHANNELS)
     return [
         f"{complaint.what}; check {complaint.check}"
         for complaint in bus_complaints(BusReport(bus, seen, {}), plan)
