@@ -16,7 +16,7 @@ from footsense.lab.monte_carlo.cluster import on_cluster
 from footsense.lab.monte_carlo.specimens import judge, measure
 from footsense.lab.monte_carlo.sweeps import BENCHES, FEET, FULL, QUICK, Results
 from footsense.lab.studies.accuracy.tolerance import ON_DESIGN, ON_FOOT, campaign_page
-from footsense.lab.studies.page import Workbench
+from footsense.lab.studies.page import StudyContext
 from footsense.lab.training.load_cases import paper_verification
 from footsense.sim.foot.fabrication import LEAST_REL, fabricate
 
@@ -202,7 +202,7 @@ def test_the_page_says_what_the_feet_said() -> None:
     readouts = (*ON_DESIGN, *ON_FOOT, "reference")
     names = ["within_1", "within_2", *(f"{name}_{unit}" for name in readouts for unit in ("deg", "gf"))]
     said: list[str] = []
-    page = campaign_page(Workbench(models=RELEASED, quick=True, say=said.append), QUICK, canned)
+    page = campaign_page(StudyContext(models=RELEASED, quick=True, say=said.append), QUICK, canned)
     assert "Quick run" in page.body
     assert "| gap [um] | 4 | 4 | 4 | 4.7 | 4.7 | 4.7 |" in page.body
     assert "| film [um] | no (0.0 at 4) |" in page.body

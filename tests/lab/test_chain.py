@@ -69,7 +69,7 @@ def test_the_papers_sets_have_the_papers_sizes(response: FootResponse) -> None:
 
 def test_symmetric_copies_are_loads_of_the_same_foot(response: FootResponse) -> None:
     """Each copy of (force, closures) is what the foot does under the copied force, to the table's rounding."""
-    force = load_cases.wide(response, SHIPPED.loads, 1, 7).force_n
+    force = load_cases.random_loads(response, SHIPPED.loads, 1, 7).force_n
     normal = force / np.linalg.norm(force)
     copies = load_cases.Cases(force, response.closure_um(normal, force)).with_symmetric_copies()
     assert len(np.unique(copies.force_n.round(6), axis=0)) == 8
@@ -86,12 +86,12 @@ def test_element_map_turns_the_array() -> None:
 
 def test_the_wide_set_stays_inside_its_promise(response: FootResponse) -> None:
     """Within the converter's range, at most 2 N, light touches present, the same for the same seed."""
-    cases = load_cases.wide(response, SHIPPED.loads, 2000, 5)
+    cases = load_cases.random_loads(response, SHIPPED.loads, 2000, 5)
     size = np.linalg.norm(cases.force_n, axis=1)
     assert size.max() <= SHIPPED.loads.max_n
     assert np.mean(size < 0.05) > 0.05
     assert response.design.capacitance_pf(cases.closure_um).max() < load_cases.FULL_SCALE_PF
-    assert (load_cases.wide(response, SHIPPED.loads, 2000, 5).force_n == cases.force_n).all()
+    assert (load_cases.random_loads(response, SHIPPED.loads, 2000, 5).force_n == cases.force_n).all()
 
 
 def test_errors_are_those_of_hand_computation() -> None:
@@ -201,7 +201,7 @@ def test_sigma_is_honest_with_and_without_all_elements(built: Built, folder: Pat
     """Loads and noise that training never saw: errors within two sigma in most cases, and more of it with less seen."""
     del built
     response, network = open_models(folder)
-    cases = load_cases.wide(response, SOLE.loads, 4000, 9)
+    cases = load_cases.random_loads(response, SOLE.loads, 4000, 9)
     measured = load_cases.measured_closure_rel(response.design, cases.closure_um, np.random.default_rng(9))
     filling = Filling(np.array(network.card["moments"]))
     means = []

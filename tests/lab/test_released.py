@@ -9,7 +9,7 @@ from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, coverage
 from footsense.lab.evaluation.evaluate_models import evaluate_models, open_models
 from footsense.lab.studies.accuracy.cramer_rao import twins_of
-from footsense.lab.training.load_cases import measured_closure_rel, wide
+from footsense.lab.training.load_cases import measured_closure_rel, random_loads
 from footsense.lab.training.train import MASKS
 from tests.lab.released import RELEASED, SOLE
 
@@ -39,7 +39,7 @@ def test_the_release_is_ten_times_better_than_the_paper() -> None:
 def test_sigma_is_honest_whatever_is_missing(mask: NDArray[np.bool_]) -> None:
     """Held-out loads with the converter's noise: nine errors in ten are within two sigma, and sigma is not idle."""
     response, network = open_models(RELEASED)
-    cases = wide(response, SOLE.loads, 3000, 11)
+    cases = random_loads(response, SOLE.loads, 3000, 11)
     measured = measured_closure_rel(response.design, cases.closure_um, np.random.default_rng(11))
     missing = np.broadcast_to(mask, measured.shape)
     filling = Filling(np.array(network.card["moments"]))

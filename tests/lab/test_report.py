@@ -9,7 +9,7 @@ import pytest
 from footsense.cli.lab.study import DAEMON_STUDIES
 from footsense.errors import FootsenseError
 from footsense.lab.report import OTHERS, STUDIES, bind, is_made, make_page
-from footsense.lab.studies.page import Page, Workbench
+from footsense.lab.studies.page import Page, StudyContext
 from footsense.lab.targets import targets
 
 pytestmark = pytest.mark.lab
@@ -20,13 +20,13 @@ RELEASED = Path(__file__).parents[2] / "models" / "aoyagi-3x3"
 
 
 @pytest.fixture
-def bench() -> Workbench:
+def bench() -> StudyContext:
     """Return the quick form on the released models."""
-    return Workbench(models=RELEASED, quick=True, say=lambda _: None)
+    return StudyContext(models=RELEASED, quick=True, say=lambda _: None)
 
 
 @pytest.mark.parametrize("name", STUDIES | DAEMON_STUDIES)
-def test_a_study_makes_its_page(name: str, bench: Workbench, tmp_path: Path) -> None:
+def test_a_study_makes_its_page(name: str, bench: StudyContext, tmp_path: Path) -> None:
     """It says that it is quick, has a table and every figure that it shows, and its numbers are JSON."""
     page = make_page(name, bench, STUDIES | DAEMON_STUDIES)
     page.write(tmp_path)
@@ -43,13 +43,13 @@ def test_a_study_makes_its_page(name: str, bench: Workbench, tmp_path: Path) -> 
         assert all(case["held"] for case in values["cases"]), [c for c in values["cases"] if not c["held"]]
 
 
-def test_an_unknown_study_is_answered_with_those_that_are(bench: Workbench) -> None:
+def test_an_unknown_study_is_answered_with_those_that_are(bench: StudyContext) -> None:
     """One line with the names."""
     with pytest.raises(FootsenseError, match=r"no study 'x': there are shipped, .*hard-cases"):
         make_page("x", bench)
 
 
-def test_pages_about_another_network_are_left_out(bench: Workbench, tmp_path: Path) -> None:
+def test_pages_about_another_network_are_left_out(bench: StudyContext, tmp_path: Path) -> None:
     """They are named instead of bound."""
     about = {"network_sha256": "0" * 64, "quick": True}
     Page(name="solid", title="Old", body="of another network", values=about).write(tmp_path)

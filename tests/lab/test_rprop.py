@@ -11,7 +11,7 @@ from footsense.foot.capacitor import CapacitorDesign
 from footsense.lab.training.gradient_descent import descent_start, descent_step
 from footsense.lab.training.load_cases import Cases
 from footsense.lab.training.mlp import forward, learn, loss, stack, start_layers, unstack
-from footsense.lab.training.paper_procedure import Feed, Lesson
+from footsense.lab.training.paper_procedure import Feed, PaperTraining
 from footsense.lab.training.rprop import (
     FIRST_STEP,
     GROW,
@@ -171,8 +171,8 @@ def test_a_lesson_scales_by_its_cases_and_answers_in_newtons(feed: Feed) -> None
     rng = np.random.default_rng(5)
     closure_um = rng.uniform(1.0, 8.0, (300, 9))
     force_n = closure_um @ rng.uniform(-0.05, 0.05, (9, 3))
-    lesson = Lesson(design, Cases(force_n[:200], closure_um[:200]), feed)
+    lesson = PaperTraining(design, Cases(force_n[:200], closure_um[:200]), feed)
     assert (lesson.inputs.max(), np.abs(lesson.targets).max()) == (1.0, 1.0)
-    (read,) = lesson.teach([start_layers(rng, (9, 6, 3))], 600)
+    (read,) = lesson.train([start_layers(rng, (9, 6, 3))], 600)
     wrong_n = read(closure_um[200:]) - force_n[200:]
     assert np.sqrt(np.mean(wrong_n**2)) < 0.1 * np.sqrt(np.mean(force_n**2))

@@ -23,8 +23,8 @@ from footsense.benchmarks.latency_vs_error.loads import Scene, measured_truth, s
 from footsense.benchmarks.latency_vs_error.tables import FIGURE, Row, Tried, body
 from footsense.foot.network_card import TrainedInputs, read_card
 from footsense.foot.specimen import Foot
-from footsense.lab.studies.networks.network_size import learn_sizes
-from footsense.lab.studies.page import Page, Workbench
+from footsense.lab.studies.networks.network_size import train_sizes
+from footsense.lab.studies.page import Page, StudyContext
 
 FULL = Tried(
     strides=4,
@@ -52,7 +52,7 @@ _WAYS: dict[str, tuple[Callable[..., Published], tuple[str, ...]]] = {
 }
 
 
-def rows_of(scene: Scene, bench: Workbench, card: TrainedInputs) -> list[Row]:
+def rows_of(scene: Scene, bench: StudyContext, card: TrainedInputs) -> list[Row]:
     """Return every way to publish on one load."""
     foot = Foot(bench.response)
     until_ns = scene.truth.end_ns
@@ -72,7 +72,7 @@ def rows_of(scene: Scene, bench: Workbench, card: TrainedInputs) -> list[Row]:
     return found
 
 
-def _points(bench: Workbench, tried: Tried, card: TrainedInputs) -> tuple[list[Point], list[Point]]:
+def _points(bench: StudyContext, tried: Tried, card: TrainedInputs) -> tuple[list[Point], list[Point]]:
     """Return rates, averaging and publish modes with the shipped network, and networks of other sizes."""
     grid = Bench(Foot(bench.response), measured_truth(tried.strides))
     shipped = bench.network.card["training"]["weights"]
@@ -82,13 +82,13 @@ def _points(bench: Workbench, tried: Tried, card: TrainedInputs) -> tuple[list[P
         points.append(grid.point(bench.network, card, rate, 1, "element", shipped))
         bench.say(f"tradeoff: {rate} S/s")
     sizes = []
-    for weights in learn_sizes(bench, tried.channels, tried.cases, tried.training_steps):
+    for weights in train_sizes(bench, tried.channels, tried.cases, tried.training_steps):
         network = as_runtime(weights)
         sizes += [grid.point(network, card, 400, 1, way, weights.size) for way in ("frame", "element")]
     return points, sizes
 
 
-def page(bench: Workbench) -> Page:
+def page(bench: StudyContext) -> Page:
     """Return the page."""
     card = read_card(json.dumps(bench.network.card), str(bench.models)).calibration
     rows: dict[str, list[Row]] = {}

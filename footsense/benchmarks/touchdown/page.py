@@ -18,7 +18,7 @@ from footsense.benchmarks.touchdown.run import (
     Steps,
     run,
 )
-from footsense.lab.studies.page import Page, Workbench, table
+from footsense.lab.studies.page import Page, StudyContext, table
 
 Vector = NDArray[np.float64]
 
@@ -126,7 +126,7 @@ def _swing_rows(runs: dict[str, Run]) -> list[list[str]]:
     return rows
 
 
-def page(bench: Workbench) -> Page:
+def page(bench: StudyContext) -> Page:
     """Return the page."""
     n_feet, until_s = _QUICK if bench.quick else _FULL
     steps = Steps(n_feet, until_s, np.random.default_rng(_SEED))

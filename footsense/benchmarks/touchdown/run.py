@@ -26,7 +26,7 @@ from footsense.foot.gap_contact import capacitance_pf
 from footsense.foot.network_card import read_card
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, Flag, Reading, State
-from footsense.lab.studies.page import Workbench
+from footsense.lab.studies.page import StudyContext
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -163,7 +163,7 @@ class Run:
 class _Chain:
     """The pipeline of as many legs as there are feet, for one way to read them."""
 
-    def __init__(self, bench: Workbench, way: str, n_feet: int) -> None:
+    def __init__(self, bench: StudyContext, way: str, n_feet: int) -> None:
         network = bench.network
         calibration = read_card(json.dumps(network.card), str(bench.models)).calibration
         design, moments = calibration.design, calibration.moments
@@ -232,7 +232,7 @@ class _Converters:
         self.reading[converts, element] = np.where(ganged, Reading.GANGED, Reading.OK)[converts]
 
 
-def run(bench: Workbench, way: str, steps: Steps, until_s: float, seed: int) -> Run:
+def run(bench: StudyContext, way: str, steps: Steps, until_s: float, seed: int) -> Run:
     """Return what is published of feet that touch down.
 
     Args:

@@ -10,7 +10,7 @@ import numpy as np
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
 from footsense.lab.monte_carlo.campaign import Figures, Job, Tolerances, Workers, run_campaign
 from footsense.lab.monte_carlo.specimens import judge
-from footsense.lab.monte_carlo.statistics import Spread
+from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.training.paper_procedure import EPOCHS, QUICK_EPOCHS
 
 #: Of all random numbers of the study.
@@ -103,9 +103,9 @@ class Results:
         self.plan = plan
         self._of_job = of_job
 
-    def over_feet(self, sweep: Sweep, level: float, name: str) -> Spread:
+    def over_feet(self, sweep: Sweep, level: float, name: str) -> MeanStd:
         """Return a figure's mean and spread over the feet of a level."""
-        return Spread.over(self._of_job[job][name] for job in self.plan.jobs(sweep, level))
+        return MeanStd.over(self._of_job[job][name] for job in self.plan.jobs(sweep, level))
 
     def means(self, sweep: Sweep, name: str) -> list[float]:
         """Return a figure's mean over the feet at each level."""

@@ -188,3 +188,12 @@ def measured_closure_rel(
     baseline = design.rest_pf + BASELINE_NOISE_PF * rng.normal(size=closure_um.shape)
     closure_rel: NDArray[np.float64] = design.closure_um(measured, baseline) / design.gap_um
     return closure_rel
+
+
+def as_designed_um(design: CapacitorDesign, change_pf: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the closures [um] of a foot as designed whose capacitances change by so much [pF].
+
+    Read-outs of capacitance changes take closures and the design; these closures give them the measured changes.
+    """
+    rest_pf = np.array(design.rest_pf)
+    return design.closure_um(rest_pf + change_pf, rest_pf)

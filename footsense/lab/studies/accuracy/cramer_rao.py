@@ -22,7 +22,7 @@ from footsense.lab.evaluation.cramer_rao import (
     tangents,
     verification_directions,
 )
-from footsense.lab.studies.page import Page, Workbench, table
+from footsense.lab.studies.page import Page, StudyContext, table
 from footsense.lab.training.load_cases import (
     BASELINE_NOISE_PF,
     GRAM_FORCE_N,
@@ -130,12 +130,12 @@ def twins_of(foot: Foot, magnitude_gf: float, elevation_deg: Vector) -> tuple[Ve
 
 
 def refined(
-    bench: Workbench, contacts: tuple[Vector, Vector], magnitude_gf: float, draws: int
+    context: StudyContext, contacts: tuple[Vector, Vector], magnitude_gf: float, draws: int
 ) -> list[tuple[float, float]]:
     """Return what becomes of the network's estimate after `ROUNDS` of Gauss-Newton.
 
     Args:
-        bench: Foot and network.
+        context: Foot and network.
         contacts: Contact normals and directions of force, shapes (n, 3).
         magnitude_gf: Magnitude [gf].
         draws: Draws of the noise per load.
@@ -144,12 +144,12 @@ def refined(
         For each number of rounds the share of the scans that are explained to within `EXPLAINED`, and the rms angle of
         those over the bound's.
     """
-    foot, design = Foot(bench.response), bench.response.design
+    foot, design = Foot(context.response), context.response.design
     normal, force = contacts[0], contacts[1] * magnitude_gf * GRAM_FORCE_N
     bound_deg = np.tile(force_bound(foot, normal, force, Unknowns.LEANING).direction_rms_deg, draws)
     closure_um = np.tile(sensed_closure_um(foot, normal, force), (draws, 1))
     seen = measured_closure_rel(design, closure_um, np.random.default_rng(2))
-    guess, force = bench.network.force_n(seen), np.tile(force, (draws, 1))
+    guess, force = context.network.force_n(seen), np.tile(force, (draws, 1))
     begin = _kept_above(guess / np.linalg.norm(guess, axis=1, keepdims=True), np.sin(np.radians(_LOWEST_DEG)))
     fit = Fit(begin, guess, np.zeros(len(guess)))
     found = []
@@ -294,21 +294,21 @@ def _twin_rows(twins: dict[float, tuple[Vector, Vector]]) -> list[list[str]]:
     return rows
 
 
-def page(bench: Workbench) -> Page:
+def page(context: StudyContext) -> Page:
     """Return the page."""
-    quick = bench.quick
-    foot, loads = Foot(bench.response), bench.sole.loads
+    quick = context.quick
+    foot, loads = Foot(context.response), context.sole.loads
     magnitudes, draws = ((20.0, 50.0, 100.0), 8) if quick else (MAGNITUDES_GF, 64)
-    ratio = crb_ratio(bench.response, loads, bench.network.force_n, draws=draws, magnitudes_gf=magnitudes)
-    bench.say(f"limit: the network is at {ratio.worst:.2f} of the bound in its worst bin")
+    ratio = crb_ratio(context.response, loads, context.network.force_n, draws=draws, magnitudes_gf=magnitudes)
+    context.say(f"limit: the network is at {ratio.worst:.2f} of the bound in its worst bin")
     straight, leaning = verification_directions(), leaning_contacts(loads, np.random.default_rng(3), 600)
     tried = [("centred", (straight, straight), gf) for gf in (TWIN_GF[:1] if quick else TWIN_GF)]
     tried += [] if quick else [("leaning", leaning, gf) for gf in TWIN_GF[:2]]
-    fitted = {f"{what}, {gf:g}": refined(bench, where, gf, 1 if quick else 4) for what, where, gf in tried}
-    bench.say("limit: maximum likelihood held against the bound")
+    fitted = {f"{what}, {gf:g}": refined(context, where, gf, 1 if quick else 4) for what, where, gf in tried}
+    context.say("limit: maximum likelihood held against the bound")
     twins = {gf: twins_of(foot, gf, TWIN_ELEVATIONS_DEG) for gf in TWIN_GF[: 2 if quick else 4]}
     drawing, degrees = _map(foot, twins, 11 if quick else 37)
-    floors = _floors(bench, foot, magnitudes)
+    floors = _floors(context, foot, magnitudes)
     refined_header = ["loads, force [gf]", *(f"{n} rounds" if n > 1 else "1 round" for n in ROUNDS)]
     refined_rows = [
         [what, *(f"{r:.2f} ({100 * part:.0f} %)" for part, r in row)] for what, row in fitted.items()
@@ -333,7 +333,7 @@ of the normal). The 180 directions are the paper's verification directions, cent
 ### The network over the bound
 
 A network that has to be right on leaning contacts cannot know that a load is centred, so the five-unknown bound is its
-bound; {bench.sole.loads.centred_share:.0%} of the loads that it learnt from were centred, though, so nothing forbids a
+bound; {context.sole.loads.centred_share:.0%} of the loads that it learnt from were centred, though, so nothing forbids a
 ratio a little below one.
 Both are rms over all loads and noise of a bin, which counts every bad place and the network's own error; *typical load*
 is the median over the loads of the ratio load by load, which shows what is left when a few bad places are not counted.
@@ -384,14 +384,14 @@ is mistaken for the other: at a distance of 4 (dotted) in 2 % of the scans even 
     return Page(name="limit", title="How near the limit", body=body, figures=figures, values=values)
 
 
-def _floors(bench: Workbench, foot: Foot, magnitudes_gf: Sequence[float]) -> list[float]:
+def _floors(context: StudyContext, foot: Foot, magnitudes_gf: Sequence[float]) -> list[float]:
     """Return the network's rms direction error without noise [deg], by magnitude, on the verification directions."""
     direction = verification_directions()
     floors = []
     for magnitude_gf in magnitudes_gf:
         force = direction * magnitude_gf * GRAM_FORCE_N
-        estimate = bench.network.force_n(
-            sensed_closure_um(foot, direction, force) / bench.response.design.gap_um
+        estimate = context.network.force_n(
+            sensed_closure_um(foot, direction, force) / context.response.design.gap_um
         )
         floors.append(float(np.sqrt(np.mean(_angle_deg(force, estimate) ** 2))))
     return floors

@@ -27,7 +27,7 @@ from footsense.lab.monte_carlo.sweeps import (
     Sweep,
     all_results,
 )
-from footsense.lab.studies.page import Page, Workbench, table
+from footsense.lab.studies.page import Page, StudyContext, table
 
 #: The paper's mean errors on its fabricated sensor (section V C) [deg, gf].
 MEASURED_DIRECTION_DEG, MEASURED_MAGNITUDE_GF = 15.9, 18.7
@@ -35,7 +35,7 @@ MEASURED_DIRECTION_DEG, MEASURED_MAGNITUDE_GF = 15.9, 18.7
 ON_DESIGN = {"network": "shipped network", "plain": "network on ΔC", "change": "linear on ΔC"}
 ON_FOOT = {"own_network": "network on ΔC", "own_change": "linear on ΔC", "own_closure": "linear on closures"}
 _OWN_LINEAR = {"own_change": "ΔC", "own_closure": "closures"}
-_FEET_FIGURE, _BENCH_FIGURE = "tolerance-feet.png", "tolerance-bench.png"
+_FEET_FIGURE, _BENCH_FIGURE = "tolerance-feet.png", "tolerance-context.png"
 _COLOURS = {
     "network": "C0",
     "plain": "C3",
@@ -95,7 +95,7 @@ def _figure(results: Results, sweeps: tuple[Sweep, ...], readouts: dict[str, str
         for name, label in readouts.items():
             spreads = [results.over_feet(sweep, level, f"{name}_deg") for level in levels]
             mean = np.array([spread.mean for spread in spreads])
-            deviation = np.array([spread.deviation for spread in spreads])
+            deviation = np.array([spread.std for spread in spreads])
             axes.plot(levels, mean, "o-", ms=4, color=_COLOURS[name], label=label)
             axes.fill_between(
                 levels, mean - deviation, mean + deviation, color=_COLOURS[name], alpha=0.2, lw=0
@@ -160,7 +160,7 @@ would it have to be? Two readings are possible:
 
 1. **What was learnt on the design meets a foot that differs.** Here: the shipped network on closures; on ΔC, the
    paper's kind of network and a linear read-out.
-2. **What was learnt on the foot's own cases meets the noise of its bench.** This is what section V C describes: 362
+2. **What was learnt on the foot's own cases meets the noise of its context.** This is what section V C describes: 362
    measured cases to learn, 180 to verify. Here: the paper's kind of network and linear read-outs.
 
 Of each level, {plan.feet} feet (reading 1) or {plan.taught} (reading 2) were drawn: normal deviates of the stated rms;
@@ -215,7 +215,7 @@ def _on_foot(results: Results) -> str:
     return f"""
 ### Reading 2: learnt on the foot
 
-The bench alone, with feet as designed: noise of each capacitance (the paper's meter resolves 1 fF), of each ΔC relative
+The context alone, with feet as designed: noise of each capacitance (the paper's meter resolves 1 fF), of each ΔC relative
 to it (rubber creeps while nine elements are read one by one), of the reference force in resolutions of the paper's
 sensor (4, 4, 12 gf, Table II), and of the stick: the angle between force and contact normal, zero when centred. Then
 all of it on typical feet, "careful" being {careful}, assumed too.
@@ -242,21 +242,21 @@ these five ways alone, and temperature, hysteresis and wear are not in them.
 """
 
 
-def campaign_page(bench: Workbench, plan: Plan, workers: Workers, file: Path | None = None) -> Page:
+def campaign_page(context: StudyContext, plan: Plan, workers: Workers, file: Path | None = None) -> Page:
     """Return the page of a plan, its feet judged by these workers and kept in this file.
 
     Args:
-        bench: What the study works on.
+        context: What the study works on.
         plan: How much: `FULL`, `QUICK` or another.
         workers: Who judges the feet.
         file: As for `all_results`.
     """
-    results = all_results(bench.models, plan, workers, file)
-    bench.say(f"tolerance: {plan.feet} feet at each level of fabrication, {plan.taught} at each of the bench")
+    results = all_results(context.models, plan, workers, file)
+    context.say(f"tolerance: {plan.feet} feet at each level of fabrication, {plan.taught} at each of the context")
     return Page(
         name="tolerance",
         title="What fabrication and calibration cost",
-        body=_question(plan) + _on_design(results, bench.response.design.gap_um) + _on_foot(results),
+        body=_question(plan) + _on_design(results, context.response.design.gap_um) + _on_foot(results),
         figures={
             _FEET_FIGURE: _figure(results, FEET, ON_DESIGN),
             _BENCH_FIGURE: _figure(results, BENCHES, ON_FOOT),
@@ -265,8 +265,8 @@ def campaign_page(bench: Workbench, plan: Plan, workers: Workers, file: Path | N
     )
 
 
-def page(bench: Workbench) -> Page:
+def page(context: StudyContext) -> Page:
     """Return the page."""
-    if bench.quick:
-        return campaign_page(bench, QUICK, in_turn)
-    return campaign_page(bench, FULL, on_cluster() if has_dask() else in_turn)
+    if context.quick:
+        return campaign_page(context, QUICK, in_turn)
+    return campaign_page(context, FULL, on_cluster() if has_dask() else in_turn)

@@ -15,8 +15,8 @@ from footsense.lab.evaluation.evaluate import Errors, elastance_readout, errors
 from footsense.lab.fem.film import FilmDesign, film_response, upright_closure_um
 from footsense.lab.fem.mesh import COARSE, SHIPPED
 from footsense.lab.geometry import Material, SoleDesign
-from footsense.lab.monte_carlo.statistics import Spread
-from footsense.lab.studies.page import Page, Workbench, table
+from footsense.lab.monte_carlo.statistics import MeanStd
+from footsense.lab.studies.page import Page, StudyContext, table
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
     NOISE_PF,
@@ -27,7 +27,7 @@ from footsense.lab.training.load_cases import (
     sensed_closure_um,
 )
 from footsense.lab.training.mlp import start_layers
-from footsense.lab.training.paper_procedure import HIDDEN, Lesson
+from footsense.lab.training.paper_procedure import HIDDEN, PaperTraining
 
 Vector = NDArray[np.float64]
 
@@ -87,11 +87,11 @@ class Verdict:
     range_n: float
     low_range_n: float
     linear: Errors
-    direction_deg: Spread
-    magnitude_gf: Spread
+    direction_deg: MeanStd
+    magnitude_gf: MeanStd
 
 
-def gap_sole(bench: Workbench) -> Sole:
+def gap_sole(bench: StudyContext) -> Sole:
     """Return the design with gaps, from the released table."""
     foot = Foot(bench.response)
 
@@ -106,7 +106,7 @@ def gap_sole(bench: Workbench) -> Sole:
     )
 
 
-def film_sole(bench: Workbench, film: FilmDesign) -> Sole:
+def film_sole(bench: StudyContext, film: FilmDesign) -> Sole:
     """Return the design with the film, solved."""
     sole = bench.sole
     response = film_response(sole, QUICK_FILM_SIZE if bench.quick else FILM_SIZE, film)
@@ -155,7 +155,7 @@ def judged(sole: Sole, training_n: Vector, asked_n: Vector, *, quick: bool) -> V
     taught, asked = noisy(training_n), noisy(np.tile(asked_n, (ASKED, 1)))
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)
     starts = [start_layers(np.random.default_rng(seed), (9, *HIDDEN, 3)) for seed in range(seeds)]
-    readouts = Lesson(sole.capacitor, taught, "closure").teach(starts, epochs)
+    readouts = PaperTraining(sole.capacitor, taught, "closure").train(starts, epochs)
     answers = [errors(asked.force_n, read(asked.closure_um)) for read in readouts]
     small_um = sole.closure_um(_UP, SMALL_N * _UP)
     change_pf = sole.capacitor.capacitance_pf(small_um) - sole.capacitor.rest_pf
@@ -166,8 +166,8 @@ def judged(sole: Sole, training_n: Vector, asked_n: Vector, *, quick: bool) -> V
         range_n=_range_n(sole, _UP),
         low_range_n=_range_n(sole, low),
         linear=errors(asked.force_n, elastance_readout(taught)(asked.closure_um)),
-        direction_deg=Spread.over(answer.direction_deg for answer in answers),
-        magnitude_gf=Spread.over(answer.magnitude_gf for answer in answers),
+        direction_deg=MeanStd.over(answer.direction_deg for answer in answers),
+        magnitude_gf=MeanStd.over(answer.magnitude_gf for answer in answers),
     )
 
 
@@ -205,7 +205,7 @@ def _confinement(
     return rows, closures
 
 
-def page(bench: Workbench) -> Page:
+def page(bench: StudyContext) -> Page:
     """Return the page."""
     quick, sole = bench.quick, bench.sole
     film = FilmDesign(film_mm=sole.spacer_mm)

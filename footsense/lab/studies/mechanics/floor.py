@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from footsense.lab.contact.full_solve import FullFoot, FullSolution
 from footsense.lab.contact.mesh import Fineness
-from footsense.lab.studies.page import Page, Workbench, table
+from footsense.lab.studies.page import Page, StudyContext, table
 from footsense.lab.training.load_cases import GRAM_FORCE_N
 
 _FIGURE = "floor.png"
@@ -83,7 +83,7 @@ def _figure(loads: list[_Load], found: dict[str, list[float]]) -> Figure:
     return figure
 
 
-def page(bench: Workbench) -> Page:
+def page(bench: StudyContext) -> Page:
     """Solve every load with everything, and with each part left out."""
     loads = list(_LOADS[:1] if bench.quick else _LOADS)
     fineness = _QUICK_FINENESS if bench.quick else _FINENESS

@@ -4,7 +4,7 @@ import numpy as np
 
 from footsense.lab.fidelity.drawing import pattern_tiles
 from footsense.lab.fidelity.levels import NAMES, rung
-from footsense.lab.studies.page import Page, Workbench, table
+from footsense.lab.studies.page import Page, StudyContext, table
 from footsense.lab.training.load_cases import GRAM_FORCE_N, directions
 
 _FIGURE = "pattern.png"
@@ -12,7 +12,7 @@ _FIGURE = "pattern.png"
 _DIRECTION_DEG, _MAGNITUDE_GF = (0.0, 45.0), 100.0
 
 
-def page(bench: Workbench) -> Page:
+def page(bench: StudyContext) -> Page:
     """Return the page."""
     normal = directions(*np.array(_DIRECTION_DEG)[:, None])
     force_n = _MAGNITUDE_GF * GRAM_FORCE_N * normal
