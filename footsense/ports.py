@@ -4,12 +4,12 @@ Behind every port stands either hardware or its simulation, chosen once in `foot
 cannot tell which.
 """
 
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import CapFrame, Command, Cycle, ForceFrame, Outcome, Reference
+from footsense.frames import CapFrame, Command, CommandResult, ContactFrame, Cycle, Reference
 
 
 class Transaction(NamedTuple):
@@ -134,15 +134,6 @@ class FrameSource(Protocol):
         ...
 
 
-@runtime_checkable
-class GangingSource(FrameSource, Protocol):
-    """A source that can read some legs column by column, all their rows at once."""
-
-    def gang(self, legs: NDArray[np.bool_]) -> None:
-        """Say which, shape (legs,), from the next conversion on."""
-        ...
-
-
 class ReferenceSensor(Protocol):
     """The multi-axis force sensor of a bench."""
 
@@ -180,7 +171,7 @@ class Estimator(Protocol):
 class ForceSink(Protocol):
     """Where forces go, and where commands come from."""
 
-    def publish(self, frame: ForceFrame) -> None:
+    def publish(self, frame: ContactFrame) -> None:
         """Send one frame; a value that cannot be sent now is dropped and counted, never sent late."""
         ...
 
@@ -188,7 +179,7 @@ class ForceSink(Protocol):
         """Return the commands that have arrived since the last call, oldest first; never waits."""
         ...
 
-    def answer(self, outcome: Outcome) -> None:
+    def answer(self, outcome: CommandResult) -> None:
         """Tell whoever asked what became of a command."""
         ...
 

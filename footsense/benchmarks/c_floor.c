@@ -1,4 +1,4 @@
-/* The floor of `footsense bench`: what one cycle of six legs costs where nothing is Python.
+/* The floor of `footsense benchmark`: what one cycle of six legs costs where nothing is Python.
  *
  * The same way as the service's, in one call: commands asked for, codes to capacitances to distances, stray and
  * baseline, the elements brought to one time and held against each other, the network two ways for every leg, states,

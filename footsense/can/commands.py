@@ -7,7 +7,7 @@ from firmware_interface.can_codes import Result
 from firmware_interface.crc8 import FrameError, next_counter
 from firmware_interface.socketcan import pack_frame
 from footsense.can.channel import CanChannel
-from footsense.frames import CanStats, Command, CommandKind, Outcome
+from footsense.frames import CanStats, Command, CommandKind, CommandResult
 from footsense.ports import Clock
 
 __all__ = ["CanCommands"]
@@ -75,7 +75,7 @@ class CanCommands:
             commands.append(Command(kind, asker.row))
         return commands
 
-    def answer(self, outcome: Outcome) -> None:
+    def answer(self, outcome: CommandResult) -> None:
         """Send a command's result on its leg's answer id, with the counter of the command.
 
         A tare that is asked for while one runs begins that one anew: both have one end, and each its answer. What

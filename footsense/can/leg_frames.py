@@ -4,7 +4,7 @@ from firmware_interface import can_events, can_frames, can_zero
 from firmware_interface.can_codes import Cause, NmtState, State
 from firmware_interface.crc8 import next_counter
 from firmware_interface.socketcan import pack_frame
-from footsense.frames import ForceFrame
+from footsense.frames import ContactFrame
 
 __all__ = ["CanLeg"]
 
@@ -77,11 +77,11 @@ class CanLeg:
         self.due_ns = min(self.heartbeat_due_ns, self.zero_due_ns)
         return self.heartbeat(_NMT_OF_STATE.get(state, NmtState.OPERATIONAL))
 
-    def next_zero(self, frame: ForceFrame) -> bytes:
+    def next_zero(self, frame: ContactFrame) -> bytes:
         """Return the zero that is due."""
         self.zero_due_ns = _next_due(self.zero_due_ns, _ZERO_PERIOD_NS, frame.t_sent_ns)
         self.due_ns = min(self.heartbeat_due_ns, self.zero_due_ns)
-        status, mean_pf, worst_pf, moved_ns = (column[self._row].item() for column in frame.zero)
+        status, mean_pf, worst_pf, moved_ns = (column[self._row].item() for column in frame.baseline)
         age_ns = frame.t_sent_ns - moved_ns if moved_ns else None
         data = can_zero.encode_zero(self.node, self._zero_counter, status, mean_pf, worst_pf, age_ns)
         self._zero_counter = next_counter(self._zero_counter)

@@ -1,4 +1,4 @@
-"""`footsense bench`: what limits the scan, how old a force is, what a cycle costs, and how late the loop wakes.
+"""`footsense benchmark`: what limits the scan, how old a force is, what a cycle costs, and how late the loop wakes.
 
 Ratios only: each figure stands beside its physical limit, or beside the same work done in C or naively in the same run.
 """
@@ -28,7 +28,7 @@ _JITTER_S, _QUICK_JITTER_S = 10.0, 1.0
 @click.option(
     "--cycles", type=click.IntRange(min=1), help=f"Cycles to time, three ways in turns.  [default: {_CYCLES}]"
 )
-def bench(*, as_json: bool, quick: bool, cycles: int | None) -> None:
+def benchmark(*, as_json: bool, quick: bool, cycles: int | None) -> None:
     """Measure scan, age, cycle, lateness, start and memory, each beside its limit, C, or a naive program."""
     scan = scan_figures()
     figures: dict[str, Any] = {

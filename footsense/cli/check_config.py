@@ -9,6 +9,7 @@ import click
 from footsense import daemon
 from footsense.clock import wall_time_iso
 from footsense.config import Bus, Config, load_config
+from footsense.config.contradictions import warnings
 from footsense.estimation.network import Network
 from footsense.foot.calibration_reader import FootPack
 
@@ -23,7 +24,7 @@ def check_config(file: Path) -> None:
     daemon.pipeline_for(config, network, 0, packs)  # refuses what these feet cannot tell, as a run would
     for line in _summary(config, network, packs):
         click.echo(line)
-    for warning in config.warnings:
+    for warning in warnings(config):
         click.echo(f"warning: {warning}", err=True)
 
 
@@ -31,20 +32,19 @@ def _summary(config: Config, network: Network, packs: Mapping[str, FootPack]) ->
     realtime, metrics = config.realtime, config.metrics
     model = "that of the packs" if packs else config.model
     cpu = "" if realtime is None or realtime.cpu is None else f" on processor {realtime.cpu}"
-    gang = ", column by column in the air" if config.scan.gang else ""
     design = network.card.calibration.design
     return [
         f"{len(config.legs)} legs on the board {config.board}",
         f"feet: {config.foot_type}, {design.rest_pf:.2f} pF per element at rest, gaps of {design.gap_um:g} um",
-        f"scan: {_scan(config)}{gang}",
+        f"scan: {_scan(config)}",
         f"forces: {_forces(config)}",
         *(_bus_line(bus, config) for bus in config.buses),
         *(_pack_line(leg, pack) for leg, pack in packs.items()),
-        f"tare: over {config.tare.window_frames} scans",
+        f"tare: over {config.tare.window_scans} scans",
         f"  quiet below {config.tare.noise_limit_ff:g} fF of noise",
         f"  unloaded within {config.tare.unloaded_limit_rel:.1%} of what the free foot reads",
-        f"zero: {'follows the foot in the air' if config.zero.track else 'stands still between tares'}",
-        f"contact from {config.contact.touch_n:g} N",
+        f"baseline: {'follows the foot in swing' if config.baseline.track else 'constant between tares'}",
+        f"contact from {config.contact.threshold_n:g} N",
         f"all legs carry {_weight(config)}",
         f"stale after {config.stale_after_ms:g} ms",
         f"network: {model or 'that of the foot type'}, {network.sha256[:12]}",

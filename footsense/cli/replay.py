@@ -13,7 +13,7 @@ from footsense.config import Config
 from footsense.daemon.loop import Paced, step
 from footsense.errors import FootsenseError, ModelError, RecordingError
 from footsense.estimation.network import Network
-from footsense.frames import ForceFrame
+from footsense.frames import ContactFrame
 from footsense.recording.compare import compare, same_machine
 from footsense.recording.machine import this_machine
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
@@ -37,7 +37,7 @@ class Comparison:
         self._exact = same_machine(recording.header, this_machine())
         self.n_equal = 0
 
-    def take(self, recorded: ForceFrame, forces: ForceFrame) -> None:
+    def take(self, recorded: ContactFrame, forces: ContactFrame) -> None:
         """Compare one frame.
 
         Raises:
@@ -65,10 +65,10 @@ class Comparison:
 )
 @click.option("--realtime", is_flag=True, help="Play at the speed of the recording.")
 @click.option(
-    "--packs",
+    "--calibrations",
     "folder",
     type=click.Path(file_okay=False, path_type=Path),
-    help="Where the packs of the recorded feet are; without it where they were on the robot.",
+    help="Folder of the calibrations of the recorded feet; default: where it was on the robot.",
 )
 def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, folder: Path | None) -> None:
     """Run the recorded scans of FILE through the pipeline again and publish the forces.
@@ -85,8 +85,8 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
     clock = ReplayClock(source)
     config = daemon.recorded_config(recording)
     _require_same_legs(file, recording, config)
-    if folder is not None and config.packs is not None:
-        config = msgspec.structs.replace(config, packs=str(folder))
+    if folder is not None and config.calibrations is not None:
+        config = msgspec.structs.replace(config, calibrations=str(folder))
     packs = daemon.load_packs(config)
     network = daemon.load_network(config, packs)
     comparison = Comparison(file, recording) if check else None

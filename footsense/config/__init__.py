@@ -8,10 +8,11 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from footsense.config.contradictions import first_contradiction
-from footsense.config.schema import (
+from footsense.config.former_keys import FORMER_KEYS
+from footsense.config.schema import Config
+from footsense.config.sections import (
     Bus,
     Can,
-    Config,
     Metrics,
     Mux,
     OtherDevice,
@@ -59,13 +60,13 @@ def load_config(path: Path) -> Config:
         path: The file.
 
     Returns:
-        The configuration, with `model`, `packs` and the folder of `foot_type` resolved against the directory of
+        The configuration, with `model`, `calibrations` and the folder of `foot_type` resolved against the directory of
         the file.
 
     Raises:
         ConfigError: The file is missing, is not such YAML, does not fit, or contradicts itself.
     """
-    config = load(path, Config, check=first_contradiction)
+    config = load(path, Config, check=first_contradiction, former=FORMER_KEYS)
     folder = config.foot_type if "/" in config.foot_type else None
-    paths = {"model": config.model, "packs": config.packs, "foot_type": folder}
+    paths = {"model": config.model, "calibrations": config.calibrations, "foot_type": folder}
     return replace(config, **{key: str(path.parent / value) for key, value in paths.items() if value})

@@ -27,7 +27,7 @@ def packs_of(config: Config, foot_type: str) -> dict[str, FootPack]:
         ModelError: A pack is missing, not whole, or for another foot or foot type; or two were fitted on different
             networks, which would cost a second call of the network in every cycle.
     """
-    if config.packs is None:
+    if config.calibrations is None:
         return {}
     feet: Mapping[str, str] = dict(config.feet.items())
     found: dict[str, FootPack] = {}
@@ -38,7 +38,7 @@ def packs_of(config: Config, foot_type: str) -> dict[str, FootPack]:
                 "%s: no foot is named under feet: what is mounted is taken for the designed one", leg
             )
             continue
-        found[leg] = pack = read_pack(Path(config.packs) / foot, foot_type, foot)
+        found[leg] = pack = read_pack(Path(config.calibrations) / foot, foot_type, foot)
         first = next(iter(found.values()))
         if pack.network_sha256 != first.network_sha256:
             raise ModelError(

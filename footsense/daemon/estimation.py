@@ -8,20 +8,18 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface import fdc1004
-from footsense.acquisition.ganged_scanner import CAPDAC
 from footsense.acquisition.scan_plan import BOARDS, ORDERS
 from footsense.config import Can, Config
+from footsense.config.former_keys import with_present_keys
 from footsense.daemon.calibrations import packs_of
 from footsense.daemon.contact_limits import closure_rel_per_pf, contact_limits
 from footsense.daemon.foot_types import artefact, foot_type_of, require_foot_type
-from footsense.errors import ConfigError, RecordingError
+from footsense.errors import RecordingError
 from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.faults import leg_status
-from footsense.estimation.ganged import Ganged, unknown_rel
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Pipeline, Reckoning
 from footsense.estimation.sensitivity import sensitivity
@@ -37,7 +35,6 @@ PerElement = Sequence[float] | NDArray[np.float64]
 
 #: Scans in which a step of the load has passed through all elements, and what was made of them.
 _SETTLED_SCANS = 4
-_ROWS = 3
 
 
 def load_packs(config: Config) -> dict[str, FootPack]:
@@ -78,7 +75,7 @@ def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | No
 
     Raises:
         ModelError: A pack is missing, or cannot be used for its foot.
-        ConfigError: What is configured cannot be told with these feet.
+        ConfigError: A limit of `contact` is below the noise of these feet.
     """
     packs = load_packs(config) if packs is None else packs
     feet = {leg: pack.parameters for leg, pack in packs.items()}
@@ -101,16 +98,15 @@ def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | No
         unloaded_pf=unloaded_pf,
         sensitivity=worth,
         tare=TareLimits(
-            window_frames=config.tare.window_frames,
+            window_frames=config.tare.window_scans,
             noise_limit_ff=config.tare.noise_limit_ff,
             unloaded_limit_rel=config.tare.unloaded_limit_rel,
         ),
         contact=contact_limits(config, calibration.design, worth),
-        track_zero=config.zero.track,
+        track_zero=config.baseline.track,
         max_age_ns=round(config.stale_after_ms * 1e6),
         settled_ns=round(_SETTLED_SCANS * config.shortest_scan_ms * 1e6),
         flags=flags,
-        ganged=_ganged(config, network) if config.scan.gang else None,
         gap_um=_per_leg(config, {leg: foot.gap_um for leg, foot in feet.items()}, calibration.design.gap_um),
         gain_rel=_per_leg(config, {leg: foot.gain_rel for leg, foot in feet.items()}, 1.0),
         feet=[packs[leg].manifest.foot if leg in packs else "" for leg in config.legs],
@@ -118,26 +114,6 @@ def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | No
         warm=warm,
         range_end_pf=BOARDS[config.board].range_end_pf if config.board in BOARDS else leg_status.RANGE_END_PF,
     )
-
-
-def _ganged(config: Config, network: Network) -> Ganged:
-    """Return what makes elements of column sums.
-
-    Raises:
-        ConfigError: The columns of these feet are beyond what the converter reads at once.
-    """
-    calibration = network.card.calibration
-    design = calibration.design
-    most_pf = CAPDAC * fdc1004.CAPDAC_STEP_PF + fdc1004.capacitance_pf(fdc1004.CODE_MAX)
-    column_pf = _ROWS * float(design.capacitance_pf(np.array([0.5 * design.gap_um]))[0])
-    if column_pf > most_pf:
-        raise ConfigError(
-            f"scan.gang: a column of {foot_type_of(config)} has {column_pf:.1f} pF with its gaps half shut, "
-            f"{most_pf:.1f} pF can be read; use gang: false"
-        )
-    unknown = unknown_rel(network, _n_rows(config), calibration.moments)
-    scan_ns = ELEMENTS * _step_ns(config)
-    return Ganged(len(config.legs), calibration.moments, calibration.design, scan_ns, unknown)
 
 
 def _step_ns(config: Config) -> int:
@@ -201,8 +177,9 @@ def recorded_config(recording: Replay) -> Config:
         RecordingError: The header holds none that this version reads.
     """
     try:
-        config = msgspec.json.decode(recording.header["config"], type=Config)
-    except (KeyError, msgspec.DecodeError) as error:
+        data = msgspec.json.decode(recording.header["config"])
+        config = msgspec.convert(with_present_keys(data), Config)
+    except (KeyError, msgspec.DecodeError, RecursionError) as error:
         raise RecordingError(
             f"{recording.path}: no configuration that this version reads: {error}"
         ) from error

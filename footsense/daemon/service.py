@@ -1,7 +1,7 @@
 """The daemon, put together: scans in, forces out, and everyone who watches."""
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,13 +12,14 @@ import msgspec
 from footsense import __version__
 from footsense.can.frame_log import check_log_target
 from footsense.can.sink import CanSink
-from footsense.clock import MonotonicClock, request_realtime, undisturbed, wall_time_iso
+from footsense.clock import MonotonicClock, Wakeups, request_realtime, undisturbed, wall_time_iso
 from footsense.config import Can, Config
+from footsense.config import Metrics as MetricsConfig
 from footsense.daemon import loop
 from footsense.daemon.acquisition import Scanning, is_simulated, scanning
 from footsense.daemon.calibrations import packs_entry
 from footsense.daemon.estimation import Packs, load_network, load_packs, pipeline_for
-from footsense.errors import ConfigError, RecordingError
+from footsense.errors import ConfigError, FootsenseError, RecordingError
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Pipeline
 from footsense.frames import CanStats, Flag
@@ -26,9 +27,8 @@ from footsense.ports import CanWire, Clock, FrameSource, Observer
 from footsense.recording.machine import this_machine
 from footsense.recording.recorder import Recorder, check_target
 from footsense.sim.can.interface import SimulatedCan
-from footsense.sim.faults.can_faults import CanFault
+from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Scene
-from footsense.telemetry.exporter_process import start_exporter
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.log_lines import lost_lines
 from footsense.telemetry.metrics import Metrics
@@ -181,7 +181,7 @@ def service(
             config = msgspec.structs.replace(config, can=Can(interface="virtual"))
         packs = load_packs(config)
         network = load_network(config, packs)
-        # Before any chip is touched; the recorder's and the exporter's processes give up again what they inherit of it.
+        # Before any chip is touched; the recorder's process gives up again what they inherit of it.
         flags = _flags(config, simulated=scene is not None)
         scan = stack.enter_context(scanning(config, scene))
         if scan.response_sha256 not in {None, network.card.response_sha256}:
@@ -195,18 +195,9 @@ def service(
         if scene is not None and real_time:
             pace = MonotonicClock()
             source, wakeups = loop.Paced(source, scan.clock, pace), (pace.wakeups,)
-        if config.metrics is not None:
-            metrics = Metrics(
-                legs,
-                stats,
-                wakeups=wakeups,
-                late_ticks=lambda: scan.source.late_ticks,
-                recorder_lost=lambda: recorder.lost if recorder else 0,
-                log_lost=lost_lines,
-            )
+        lost = lambda: recorder.lost if recorder else 0  # noqa: E731 - the recorder begins later
+        for metrics in _counted(config.metrics, legs, stats, wakeups, scan, lost):
             stack.callback(metrics.close)
-            exporter = start_exporter(metrics.path, config.metrics.address, config.metrics.port)
-            stack.callback(exporter.close)
             observers.append(metrics)
         can = _breaking_can(config, scene, scan.clock)
         connect = can.connect if can is not None else None
@@ -237,6 +228,33 @@ def service(
             can=can,
             reference=reference,
         )
+
+
+def _counted(
+    config: MetricsConfig | None,
+    legs: tuple[str, ...],
+    stats: CanStats,
+    wakeups: Sequence[Wakeups],
+    scan: Scanning,
+    recorder_lost: Callable[[], int],
+) -> list[Metrics]:
+    """Return the metrics, none where their file cannot be written: that costs metrics, and no forces."""
+    if config is None:
+        return []
+    try:
+        metrics = Metrics(
+            legs,
+            stats,
+            Path(config.counters),
+            wakeups=wakeups,
+            missed_deadlines=lambda: scan.source.late_ticks,
+            recorder_lost=recorder_lost,
+            log_lost=lost_lines,
+        )
+    except FootsenseError as error:
+        _log.warning("%s; the forces go on without metrics", error)
+        return []
+    return [metrics]
 
 
 def _breaking_can(config: Config, scene: Scene | None, clock: Clock) -> SimulatedCan | None:

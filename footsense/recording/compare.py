@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import Cause, ForceFrame, State, Zero, ZeroStatus
+from footsense.frames import BaselineDrift, Cause, ContactFrame, State, ZeroStatus
 from footsense.recording.messages import NOT_RECORDED
 
 __all__ = ["TOLERANCE_N", "compare", "same_machine"]
@@ -27,7 +27,9 @@ def same_machine(header: Mapping[str, str], here: Mapping[str, str]) -> bool:
     return all(key in header and header[key] == here.get(key) for key in MACHINE_KEYS)
 
 
-def compare(recorded: ForceFrame, recomputed: ForceFrame, *, exact: bool, legs: Sequence[str]) -> str | None:
+def compare(
+    recorded: ContactFrame, recomputed: ContactFrame, *, exact: bool, legs: Sequence[str]
+) -> str | None:
     """Return the first difference between two frames in words.
 
     Args:
@@ -51,7 +53,7 @@ def compare(recorded: ForceFrame, recomputed: ForceFrame, *, exact: bool, legs: 
     return None
 
 
-def _leg_difference(recorded: ForceFrame, recomputed: ForceFrame, row: int, *, exact: bool) -> str | None:
+def _leg_difference(recorded: ContactFrame, recomputed: ContactFrame, row: int, *, exact: bool) -> str | None:
     then, now = int(recorded.state[row]), int(recomputed.state[row])
     if then != now:
         return f"state was {State(then).name}, is now {State(now).name}"
@@ -70,10 +72,12 @@ def _leg_difference(recorded: ForceFrame, recomputed: ForceFrame, row: int, *, e
     then, now = int(recorded.cause[row]), int(recomputed.cause[row])
     if then != now:
         return f"cause was {Cause(then).name}, is now {Cause(now).name}"
-    return _zero_difference(recorded.zero, recomputed.zero, row, exact=exact)
+    return _zero_difference(recorded.baseline, recomputed.baseline, row, exact=exact)
 
 
-def _zero_difference(recorded: Zero, recomputed: Zero, row: int, *, exact: bool) -> str | None:
+def _zero_difference(
+    recorded: BaselineDrift, recomputed: BaselineDrift, row: int, *, exact: bool
+) -> str | None:
     then, now = int(recorded.status[row]), int(recomputed.status[row])
     if then != now:
         return f"zero_status was {ZeroStatus(then).name}, is now {ZeroStatus(now).name}"

@@ -19,16 +19,16 @@ from numpy.typing import NDArray
 
 from footsense.frames import (
     ELEMENTS,
+    BaselineDrift,
     CapFrame,
     Cause,
     Command,
     CommandKind,
-    ForceFrame,
-    Outcome,
+    CommandResult,
+    ContactFrame,
     Reading,
     Result,
     State,
-    Zero,
     ZeroStatus,
 )
 
@@ -91,10 +91,10 @@ def decode_scan(data: bytes, legs: Sequence[str]) -> CapFrame:
     )
 
 
-def encode_force(forces: ForceFrame, legs: Sequence[str]) -> bytes:
+def encode_force(forces: ContactFrame, legs: Sequence[str]) -> bytes:
     """Return forces as a JSON object with one entry per leg."""
     force_n, sigma_n = forces.force_n.tolist(), forces.sigma_n.tolist()
-    zero = forces.zero
+    zero = forces.baseline
     message: dict[str, Any] = {"sequence": forces.sequence, "t_sent_ns": forces.t_sent_ns}
     for row, leg in enumerate(legs):
         message[leg] = {
@@ -116,12 +116,12 @@ def encode_force(forces: ForceFrame, legs: Sequence[str]) -> bytes:
     return dump(message)
 
 
-def decode_force(data: bytes, legs: Sequence[str]) -> ForceFrame:
+def decode_force(data: bytes, legs: Sequence[str]) -> ContactFrame:
     """Return the forces that `encode_force` wrote."""
     message = json.loads(data)
     rows = [message[leg] for leg in legs]
     n = (len(legs),)
-    return ForceFrame(
+    return ContactFrame(
         whole(message["sequence"]),
         whole(message["t_sent_ns"]),
         wholes([row["t_ns"] for row in rows], np.int64, n),
@@ -131,7 +131,7 @@ def decode_force(data: bytes, legs: Sequence[str]) -> ForceFrame:
         wholes([row["fault_mask"] for row in rows], np.uint16, n, (1 << ELEMENTS) - 1),
         wholes([row["flags"] for row in rows], np.uint8, n, 255),
         np.array([_cause(row) for row in rows], dtype=np.uint8),
-        Zero(
+        BaselineDrift(
             np.array([ZeroStatus[row.get("zero_status", "NONE")] for row in rows], dtype=np.uint8),
             floats([row.get("zero_mean_pf") for row in rows], n),
             floats([row.get("zero_worst_pf") for row in rows], n),
@@ -190,7 +190,7 @@ def command_event(command: Command, legs: Sequence[str]) -> bytes:
     return json.dumps({"event": "command", "command": command.kind.name, "leg": legs[command.leg]}).encode()
 
 
-def outcome_event(outcome: Outcome, legs: Sequence[str]) -> bytes:
+def outcome_event(outcome: CommandResult, legs: Sequence[str]) -> bytes:
     """Return the event of a command that came to an end."""
     message = {
         "event": "outcome",
@@ -224,7 +224,7 @@ def decode_command(event: Mapping[str, Any], legs: Sequence[str]) -> Command:
     return Command(CommandKind[event["command"]], legs.index(event["leg"]))
 
 
-def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> Outcome:
+def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> CommandResult:
     """Return the outcome of an outcome event.
 
     Raises:
@@ -233,7 +233,7 @@ def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> Outcome:
     reason = event["reason"]
     if not isinstance(reason, str):
         raise TypeError("a reason is a text")
-    return Outcome(decode_command(event, legs), Result[event["result"]], reason)
+    return CommandResult(decode_command(event, legs), Result[event["result"]], reason)
 
 
 def dump(message: dict[str, Any]) -> bytes:

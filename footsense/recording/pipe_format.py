@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.frames import ELEMENTS, Command, Cycle, Outcome
+from footsense.frames import ELEMENTS, Command, CommandResult, Cycle
 from footsense.recording.pipe_reference import pack_reference
 
 __all__ = [
@@ -115,7 +115,7 @@ def cycle_type(n_legs: int) -> np.dtype[np.void]:
 def pack_cycle(counter: int, cycle: Cycle) -> bytes:
     """Return one cycle as bytes: the arrays of its frames behind each other, as `cycle_type` has them."""
     scan, commands, forces, outcomes, reference, temperature_c = cycle
-    zero = forces.zero
+    zero = forces.baseline
     arrays = (
         *(scan.t_ns, scan.capacitance_pf),
         *(forces.t_ns, forces.force_n, forces.sigma_n),
@@ -141,7 +141,7 @@ def pack_cycle(counter: int, cycle: Cycle) -> bytes:
     return head + body
 
 
-def _pack_tail(commands: tuple[Command, ...], outcomes: tuple[Outcome, ...]) -> bytes:
+def _pack_tail(commands: tuple[Command, ...], outcomes: tuple[CommandResult, ...]) -> bytes:
     parts = [COMMAND.pack(*command) for command in commands]
     for command, result, words in outcomes:
         reason = words.encode(errors="backslashreplace")[:_MAX_REASON]

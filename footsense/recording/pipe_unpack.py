@@ -12,18 +12,18 @@ import numpy as np
 from footsense.errors import RecordingError
 from footsense.frames import (
     ELEMENTS,
+    BaselineDrift,
     CapFrame,
     Cause,
     Command,
     CommandKind,
+    CommandResult,
+    ContactFrame,
     Cycle,
-    ForceFrame,
-    Outcome,
     Reading,
     Reference,
     Result,
     State,
-    Zero,
     ZeroStatus,
 )
 from footsense.recording.pipe_format import (
@@ -116,7 +116,7 @@ def _unpack_cycle(record: bytes, n_legs: int, n_commands: int, n_outcomes: int, 
     scan = CapFrame(
         int(entry["scan_sequence"]), entry["scan_t_ns"], entry["capacitance_pf"], entry["reading"]
     )
-    forces = ForceFrame(
+    forces = ContactFrame(
         int(entry["force_sequence"]),
         _time(int(entry["t_sent_ns"])),
         entry["force_t_ns"],
@@ -126,7 +126,9 @@ def _unpack_cycle(record: bytes, n_legs: int, n_commands: int, n_outcomes: int, 
         entry["fault_mask"],
         entry["flags"],
         entry["cause"],
-        Zero(entry["zero_status"], entry["zero_mean_pf"], entry["zero_worst_pf"], entry["zero_moved_ns"]),
+        BaselineDrift(
+            entry["zero_status"], entry["zero_mean_pf"], entry["zero_worst_pf"], entry["zero_moved_ns"]
+        ),
     )
     at = kind.itemsize
     commands = []
@@ -139,7 +141,7 @@ def _unpack_cycle(record: bytes, n_legs: int, n_commands: int, n_outcomes: int, 
         which, leg, result, length = OUTCOME.unpack_from(record, at)
         at += OUTCOME.size
         reason = record[at : at + length].decode(errors="replace")
-        outcomes.append(Outcome(_command(which, leg, n_legs), Result(result), reason))
+        outcomes.append(CommandResult(_command(which, leg, n_legs), Result(result), reason))
         at += length
     reference: Reference | None = None
     if Extra.REFERENCE in extras:

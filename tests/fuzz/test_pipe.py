@@ -8,14 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from footsense.errors import RecordingError
-from footsense.frames import Outcome, Result
+from footsense.frames import CommandResult, Result
 from footsense.recording.pipe_format import Loss, Numbered, pack_cycle, pack_header, pack_loss
 from footsense.recording.pipe_unpack import unpack
 from footsense.recording.writer import PipeWriter
 from tests.fuzz.outcome import TRIED, refusal
 from tests.support.cycles import LEGS, TARE, cycle, same
 
-SHOWN = cycle(3, outcomes=(Outcome(TARE, Result.LOADED, "0.2 pF"),), n_samples=2, warm=True)
+SHOWN = cycle(3, outcomes=(CommandResult(TARE, Result.LOADED, "0.2 pF"),), n_samples=2, warm=True)
 HEADER = pack_header({"legs": ",".join(LEGS)})
 STREAM = HEADER + pack_cycle(0, SHOWN) + pack_loss(Loss(3, 5, 2))
 heads = st.builds(

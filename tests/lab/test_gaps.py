@@ -12,7 +12,8 @@ from scipy.optimize import nnls
 from footsense.foot.gap_contact import kkt_residual, touch
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.lab.training.load_cases import GRAM_FORCE_N, directions
+from footsense.foot.directions import directions
+from footsense.foot.force_errors import GRAM_FORCE_N
 
 pytestmark = pytest.mark.lab
 

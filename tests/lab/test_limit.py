@@ -15,12 +15,9 @@ from footsense.lab.evaluation.cramer_rao import (
     verification_directions,
 )
 from footsense.lab.studies.accuracy.cramer_rao import maximum_likelihood
-from footsense.lab.training.load_cases import (
-    GRAM_FORCE_N,
-    directions,
-    measured_closure_rel,
-    sensed_closure_um,
-)
+from footsense.foot.directions import directions
+from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.lab.training.load_cases import measured_closure_rel, sensed_closure_um
 from tests.lab.released import RELEASED, SOLE
 
 

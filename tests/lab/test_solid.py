@@ -17,7 +17,7 @@ from footsense.lab.fem.mesh import MeshSize, quarter_cells
 from footsense.lab.fem.quarter import Parity, Quarter
 from footsense.lab.geometry import Material
 from footsense.lab.response import SYMMETRIES, element_map, patch_mean
-from footsense.lab.training.load_cases import directions
+from footsense.foot.directions import directions
 from tests.lab.released import SOLE
 
 pytestmark = pytest.mark.lab

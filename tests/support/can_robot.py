@@ -9,7 +9,7 @@ import numpy as np
 from firmware_interface.can_codes import NODE_IDS, USABLE, Cause, State
 from firmware_interface.socketcan import split_frames
 from footsense.can.sink import CanSink
-from footsense.frames import ForceFrame, Zero
+from footsense.frames import BaselineDrift, ContactFrame
 
 MS = 1_000_000
 
@@ -77,14 +77,14 @@ class Robot:
         mask: int = 0,
         cause: Cause = Cause.NONE,
         flags: int = 0,
-        zero: Zero | None = None,
+        zero: BaselineDrift | None = None,
     ) -> None:
         """Publish one frame at a time at which its measurement is `age_ns` old."""
         self.clock.t_ns = t_ns
         n = len(self.legs)
         force_n = 0.5 if state in USABLE else math.nan
         self.sink.publish(
-            ForceFrame(
+            ContactFrame(
                 sequence=0,
                 t_sent_ns=t_ns,
                 t_ns=np.full(n, t_ns - age_ns),
@@ -94,7 +94,7 @@ class Robot:
                 fault_mask=np.full(n, mask, np.uint16),
                 flags=np.full(n, flags, np.uint8),
                 cause=np.full(n, cause, np.uint8),
-                zero=zero or Zero.none(n),
+                baseline=zero or BaselineDrift.none(n),
             )
         )
 

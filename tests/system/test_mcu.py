@@ -16,7 +16,7 @@ from footsense.acquisition.serial_port import SerialLink
 from footsense.config import Can, Config, Serial
 from footsense.errors import ConfigError
 from footsense.estimation.pipeline import Pipeline
-from footsense.frames import LEGS, CapFrame, Cause, ForceFrame, Reading, State
+from footsense.frames import LEGS, CapFrame, Cause, ContactFrame, Reading, State
 from footsense.sim.bus.serial_line import LineFaults, SimulatedLine
 from footsense.sim.chips.mcu import SimulatedMcu, simulated_mcu
 from footsense.sim.faults.scene_faults import ElementOpen, StuckSda
@@ -48,7 +48,7 @@ class Robot(NamedTuple):
     source: RecordSource
     pipeline: Pipeline
 
-    def run(self, until_ns: int) -> Iterator[tuple[int, ForceFrame]]:
+    def run(self, until_ns: int) -> Iterator[tuple[int, ContactFrame]]:
         """Yield the forces of every frame until a time, with the time at which they are ready."""
         while (now_ns := self.robot.clock.now_ns()) < until_ns:
             frame: CapFrame = self.source.read()
@@ -78,8 +78,10 @@ def test_a_walk_is_felt_as_it_is_and_through_a_line_that_fails() -> None:
         if now_ns < 0.6 * S:
             continue
         good = np.isin(forces.state, sorted(USABLE))
-        felt_n = np.stack([feet.robot.felt_n(int(t_ns))[leg] for leg, t_ns in enumerate(forces.t_ns)])
-        errors_n.append(np.where(good[:, None], forces.force_n - felt_n, 0.0))
+        true_force_n = np.stack(
+            [feet.robot.true_force_n(int(t_ns))[leg] for leg, t_ns in enumerate(forces.t_ns)]
+        )
+        errors_n.append(np.where(good[:, None], forces.force_n - true_force_n, 0.0))
         ages_ns.append(forces.age_ns[good])
         usable.append((now_ns, good))
     assert np.abs(np.concatenate(errors_n)).max() < 0.2

@@ -11,7 +11,7 @@ from footsense import daemon
 from footsense.cli.check_config import check_config
 from footsense.cli.replay import replay
 from footsense.config import Bus, Can, Config
-from footsense.config.schema import Leg
+from footsense.config.sections import Leg
 from footsense.errors import ModelError
 from footsense.foot.checksum_trailer import seal
 from footsense.frames import Cycle, State
@@ -31,7 +31,7 @@ def config(feet: Path, **mounted: str) -> Config:
         buses=(Bus(device="sim", legs={"lf": 0, "rf": 1}),),
         can=Can(interface="virtual"),
         feet=msgspec.convert(mounted, dict[Leg, str]),
-        packs=str(feet),
+        calibrations=str(feet),
     )
 
 
@@ -80,7 +80,7 @@ def test_feet_with_packs_say_what_they_feel(tmp_path: Path) -> None:
         assert np.abs(forces.force_n - FORCE_N).max() < 0.02
         assert forces.sigma_n.max() < 0.05 * np.linalg.norm(FORCE_N)
     without = msgspec.structs.replace(
-        robot, packs=None, tare=msgspec.structs.replace(robot.tare, unloaded_limit_rel=1.0)
+        robot, calibrations=None, tare=msgspec.structs.replace(robot.tare, unloaded_limit_rel=1.0)
     )
     assert np.abs(run(without).cycle.forces.force_n - FORCE_N).max() > 0.05
 
@@ -122,7 +122,7 @@ def test_check_config_lists_the_packs(tmp_path: Path) -> None:
     file = tmp_path / "robot.yaml"
     file.write_text(
         "buses: [{device: sim, legs: {lf: 0, rf: 1}}]\ncan: {interface: virtual}\n"
-        "feet: {lf: foot-0007, rf: foot-0008}\npacks: feet\n"
+        "feet: {lf: foot-0007, rf: foot-0008}\ncalibrations: feet\n"
     )
     said = CliRunner().invoke(check_config, [str(file)]).output
     assert "lf: foot-0007, calibrated 2026-03-01, " in said
@@ -141,11 +141,11 @@ def test_a_recording_knows_its_packs(tmp_path: Path) -> None:
     feet.rename(elsewhere)
     result = CliRunner().invoke(replay, [str(walk), "--check"])
     assert "foot-0007: no such foot pack" in str(result.exception)
-    result = CliRunner().invoke(replay, [str(walk), "--check", "--packs", str(elsewhere)])
+    result = CliRunner().invoke(replay, [str(walk), "--check", "--calibrations", str(elsewhere)])
     assert "scans equal bit for bit" in result.output, result.exception
     pack(tmp_path / "new", "foot-0007", parameters=true_parameters(0), n_pokes=20)
     pack(tmp_path / "new", "foot-0008", parameters=true_parameters(1))
-    result = CliRunner().invoke(replay, [str(walk), "--check", "--packs", str(tmp_path / "new")])
+    result = CliRunner().invoke(replay, [str(walk), "--check", "--calibrations", str(tmp_path / "new")])
     assert "lf was recorded with the pack " in str(result.exception)
-    result = CliRunner().invoke(replay, [str(walk), "--packs", str(tmp_path / "new")])
+    result = CliRunner().invoke(replay, [str(walk), "--calibrations", str(tmp_path / "new")])
     assert (result.exit_code, "warning: " in result.stderr) == (0, True)

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from footsense import daemon
 from footsense.config import DEFAULT, Config
 from footsense.frames import USABLE, Cycle
-from footsense.sim.faults.can_faults import CanTraffic
-from footsense.sim.faults.scene_faults import Fault, Leg
+from footsense.sim.faults.scene_faults import CanTraffic, Fault, Leg
 from footsense.sim.scene import Effects, Scene, Tripod
 from footsense.validation.invariants import Invariants
 from footsense.validation.random_faults import GRADES_REL, IDS, ON_CAN, ON_ROBOT, fault_of
@@ -105,9 +104,9 @@ def walk(publish: str, script: list[Fault]) -> Invariants:
     scene = msgspec.structs.replace(SCENE, faults=tuple(script))
     with daemon.service(config, scene, real_time=False) as service:
         clock = service.scanning.clock
-        assert service.scanning.felt_n is not None
+        assert service.scanning.true_force_n is not None
         assert service.can is not None
-        seen = Invariants(rules, script, service.scanning.felt_n)
+        seen = Invariants(rules, script, service.scanning.true_force_n)
         service.can.controller.hear = seen.hear
         ends_s = max(seen.well_again_s, ends_s + 2.1, TARED_S)
         tail = Tail(ends_s)

@@ -33,7 +33,7 @@ def robot(feet: Path) -> Config:
         can=Can(interface="virtual"),
         board="ad7746",
         feet={"lf": "foot-0007", "rf": "foot-0008"},
-        packs=str(feet),
+        calibrations=str(feet),
     )
 
 

@@ -29,7 +29,7 @@ _CHIPS = {
         "its converter cannot drive the rows",
         "a row line that is shorted or leaks to ground",
     ),
-    Reading.GARBLED: (
+    Reading.CORRUPT: (
         Cause.GARBLED,
         "its answers are such as no healthy chip gives",
         "pull-ups, cable length and ground of this leg",
@@ -39,7 +39,7 @@ _CHIPS = {
         "its converter does not finish its conversions",
         "its 3.3 V supply",
     ),
-    Reading.HELD_UP: (
+    Reading.DELAYED: (
         Cause.HELD_UP,
         "its readings came too late",
         "what else loads this computer or this bus",

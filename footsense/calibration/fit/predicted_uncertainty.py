@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from footsense.calibration.fit.parameter_fit import PRIOR, Fit
 from footsense.calibration.fit.twin import KINDS, STIFFNESS, FootTwin, Load, names
 from footsense.errors import CalibrationError
-from footsense.foot.force_errors import direction_errors_deg
+from footsense.foot.directions import angles_between_deg
 from footsense.foot.gap_contact import element_means
 from footsense.sim.test_stand.calibration_loads import GRAM_FORCE_N
 
@@ -115,7 +115,7 @@ class _Moves:
                 - self._at_pf
             )
             guess_n = self._force_n + np.einsum("nij,nj->ni", self._read, moved_pf)
-            angles_deg.append(direction_errors_deg(self._force_n, guess_n))
+            angles_deg.append(angles_between_deg(self._force_n, guess_n))
             sizes_rel.append(np.abs(np.linalg.norm(guess_n, axis=1) / self._size_n[:, 0] - 1.0))
         return float(np.median(angles_deg)), float(np.median(sizes_rel))
 

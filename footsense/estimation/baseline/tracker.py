@@ -5,7 +5,7 @@ the drift of a foot in swing (`drift.py`); `contact.py` tells swing from stance.
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,17 @@ from footsense.estimation.baseline.tare import TareLimits, TareWindow, Verdict
 from footsense.estimation.faults.leg_status import SILENT
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.frames import Command, CommandKind, Flag, Outcome, Reading, Result, State, Zero, ZeroStatus
+from footsense.frames import (
+    BaselineDrift,
+    Command,
+    CommandKind,
+    CommandResult,
+    Flag,
+    Reading,
+    Result,
+    State,
+    ZeroStatus,
+)
 
 Vector = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -58,8 +68,6 @@ class Footing:
         sigma_n: What the baseline leaves open of each leg's force, one sigma [N], shape (legs, 3), NaN without one.
         flags: CONTACT, and TARE_REFUSED where an older baseline is in use, shape (legs,).
         zero: What is published of the baselines.
-        standing_in: Legs whose elements the next frame does not tell one by one, shape (legs,); to be set from outside.
-            Their zeros stand still, and their tares wait.
     """
 
     def __init__(
@@ -99,11 +107,10 @@ class Footing:
         self._flags: list[int] = []
         self._nothing_foreseen = [math.nan] * n_legs
         self._doubts_n: list[float] = []
-        self.standing_in: Mask = np.zeros(n_legs, bool)
         self._aloft: tuple[int, ...] = ()
         self._gather()
 
-    def begin(self, leg: int) -> Outcome | None:
+    def begin(self, leg: int) -> CommandResult | None:
         """Tare a leg because it was asked for; a tare that is being taken already serves.
 
         Returns:
@@ -112,7 +119,7 @@ class Footing:
         reason = self.refusal(CommandKind.TARE, leg)
         if reason is not None:
             self._refused.add(leg)
-            return Outcome(Command(CommandKind.TARE, leg), Result.LOADED, reason)
+            return CommandResult(Command(CommandKind.TARE, leg), Result.LOADED, reason)
         self._windows.setdefault(leg, self._window(leg))
         self._commanded.add(leg)
         return None
@@ -121,25 +128,9 @@ class Footing:
         """Return why a command may not be obeyed now, or None if it may."""
         return self._contacts[leg].refusal(kind)
 
-    @property
-    def aloft(self) -> Mask:
-        """Who is surely in the air, with nothing on it that drift and creep could not explain, shape (legs,)."""
-        return self._those(self._aloft)
-
-    @property
-    def followed(self) -> Mask:
-        """Whose zero follows the foot now, shape (legs,)."""
-        followed: Mask = self.zero.status == ZeroStatus.TRACKING
-        return followed
-
-    @property
-    def taring(self) -> Mask:
-        """Whose tare is being taken, shape (legs,)."""
-        return self._those(self._windows)
-
     def tare(
         self, capacitance_pf: Vector, reading: NDArray[np.uint8], t_ns: Stamps, missing: Mask, now_ns: int
-    ) -> tuple[Outcome, ...]:
+    ) -> tuple[CommandResult, ...]:
         """Let the tares that are being taken see a frame of all legs, and return those that ended with it.
 
         Args:
@@ -154,8 +145,6 @@ class Footing:
             return ()
         outcomes = []
         for leg, window in list(self._windows.items()):
-            if self.standing_in[leg]:
-                continue
             verdict = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], missing[leg])
             outcome = None if verdict is None else self._conclude(leg, verdict, int(t_ns[leg].max()))
             if outcome is not None:
@@ -216,9 +205,7 @@ class Footing:
         self._turn = (self._turn + 1) % _TURNS
         moved = False
         for leg in self._aloft:
-            if self.standing_in[leg]:
-                self._zeros[leg].hold()
-            elif leg % _TURNS == self._turn:
+            if leg % _TURNS == self._turn:
                 zero = self._zeros[leg]
                 # What is missing only because it has no zero gets one.
                 disbelieved = missing[leg] & np.isfinite(zero.zero_pf)
@@ -258,10 +245,7 @@ class Footing:
     def _tell_statuses(self) -> None:
         """Tell what the legs' zeros do now; where they are has been gathered."""
         self._statuses = [zero.status for zero in self._zeros]
-        self.zero = Zero(np.array(self._statuses, np.uint8), *self._moved)
-
-    def _those(self, legs: Collection[int]) -> Mask:
-        return np.array([leg in legs for leg in self._legs])
+        self.zero = BaselineDrift(np.array(self._statuses, np.uint8), *self._moved)
 
     def _window(self, leg: int) -> TareWindow:
         return TareWindow(self._tare, self._unloaded_pf[leg], self._feet[leg])
@@ -272,7 +256,7 @@ class Footing:
             return
         silent = np.isin(reading, SILENT).all(axis=1)
         self._heard_ns[~silent] = now_ns
-        allowed_ns = np.where((reading == Reading.LINE_HELD).any(axis=1), _HELD_NS, _SILENT_NS)
+        allowed_ns = np.where((reading == Reading.BUS_STUCK).any(axis=1), _HELD_NS, _SILENT_NS)
         for leg in np.flatnonzero(now_ns - self._heard_ns >= allowed_ns).tolist():
             if leg in self._untared:
                 continue
@@ -283,7 +267,7 @@ class Footing:
             self._windows.setdefault(leg, self._window(leg))
             self._gather()
 
-    def _conclude(self, leg: int, verdict: Verdict, t_ns: int) -> Outcome | None:
+    def _conclude(self, leg: int, verdict: Verdict, t_ns: int) -> CommandResult | None:
         """Take or refuse a baseline; a tare that nobody asked for says the same refusal only once."""
         del self._windows[leg]
         commanded = leg in self._commanded
@@ -305,4 +289,4 @@ class Footing:
             self._refused.add(leg)
         if repeated and not commanded:
             return None
-        return Outcome(Command(CommandKind.TARE, leg), verdict.result, verdict.reason)
+        return CommandResult(Command(CommandKind.TARE, leg), verdict.result, verdict.reason)

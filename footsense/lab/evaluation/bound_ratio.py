@@ -10,14 +10,9 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.cramer_rao import Bound, Unknowns, force_bound
 from footsense.lab.geometry import LoadRange
-from footsense.lab.training.load_cases import (
-    FULL_SCALE_PF,
-    GRAM_FORCE_N,
-    directions,
-    leaning_normals,
-    measured_closure_rel,
-    sensed_closure_um,
-)
+from footsense.foot.directions import angles_between_deg, directions, paper_directions
+from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.lab.training.load_cases import (FULL_SCALE_PF, leaning_normals, measured_closure_rel, sensed_closure_um)
 
 Vector = NDArray[np.float64]
 
@@ -105,14 +100,6 @@ class CrbRatio:
         return max(one.direction_ratio for one in self.centred)
 
 
-def verification_directions() -> Vector:
-    """Return the directions of the paper's verification cases, shape (180, 3)."""
-    azimuth, elevation = np.meshgrid(
-        5.0 + 10.0 * np.arange(36), [45.0, 55.0, 65.0, 75.0, 85.0], indexing="ij"
-    )
-    return directions(azimuth.ravel(), elevation.ravel())
-
-
 def leaning_contacts(loads: LoadRange, rng: np.random.Generator, n: int) -> tuple[Vector, Vector]:
     """Return contact normals and directions of force, shapes (m, 3), m <= n: those of n whose contact is in reach.
 
@@ -187,7 +174,7 @@ def crb_ratio(
         seed: Of the noise and of the leaning loads.
     """
     foot, rng = Foot(response), np.random.default_rng(seed)
-    direction = verification_directions()
+    direction = paper_directions("verification")
     sets = ((direction, direction), leaning_contacts(loads, rng, LEANING_LOADS))
     centred, leaning = (
         tuple(_bin(foot, force_of, contacts, gf, draws, rng) for gf in magnitudes_gf) for contacts in sets

@@ -29,16 +29,9 @@ from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.geometry import LoadRange
-from footsense.lab.training.load_cases import (
-    BASELINE_NOISE_PF,
-    FULL_SCALE_PF,
-    GRAM_FORCE_N,
-    NOISE_PF,
-    directions,
-    leaning_normals,
-    measured_closure_rel,
-    sensed_closure_um,
-)
+from footsense.foot.directions import normalized, tangent_frame
+from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.lab.training.load_cases import (BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, leaning_normals, measured_closure_rel, sensed_closure_um)
 
 Vector = NDArray[np.float64]
 
@@ -98,23 +91,15 @@ class Bound:
 
     def _along(self) -> Vector:
         """Return the directions of the forces, shape (n, 3)."""
-        return _unit(self.force_n)
+        return normalized(self.force_n)
 
     def _angular_variances(self) -> Vector:
         """Return the variances of the direction along its ellipse's axes [rad2], shape (n, 2), the smaller first."""
-        across = tangents(self._along())
+        across = np.stack(tangent_frame(self._along()), axis=1)
         plane = np.einsum("nai,nij,nbj->nab", across, self.covariance_n2, across)
         squared = (self.force_n**2).sum(axis=1)[:, None]
         variances: Vector = np.maximum(np.linalg.eigvalsh(plane), 0.0) / squared
         return variances
-
-
-def tangents(direction: Vector) -> Vector:
-    """Return two unit vectors across each direction and across each other, shape (n, 2, 3)."""
-    aside = np.where(np.abs(direction[:, :1]) < 0.5, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    first = np.cross(direction, aside)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(direction, first)], axis=1)
 
 
 def closure_sigma_um(design: CapacitorDesign, closure_um: Vector) -> Vector:
@@ -124,12 +109,6 @@ def closure_sigma_um(design: CapacitorDesign, closure_um: Vector) -> Vector:
     rest = (design.gap_um + design.film_equivalent_um) ** 2
     sigma: Vector = np.hypot(now * NOISE_PF, rest * BASELINE_NOISE_PF) / stretch
     return sigma
-
-
-def _unit(vector: Vector) -> Vector:
-    """Return vectors scaled to length one, shape (..., 3)."""
-    scaled: Vector = vector / np.linalg.norm(vector, axis=-1, keepdims=True)
-    return scaled
 
 
 def jacobian_um(
@@ -153,10 +132,10 @@ def jacobian_um(
     for axis in np.eye(3):
         for sign in (step, -step):
             moved = force_n + sign * size * axis
-            pairs.append((_unit(moved) if centred else normal, moved))
+            pairs.append((normalized(moved) if centred else normal, moved))
     if not centred:
-        for across in np.moveaxis(tangents(normal), 1, 0):
-            pairs.extend((_unit(normal + sign * across), force_n) for sign in (step, -step))
+        for across in tangent_frame(normal):
+            pairs.extend((normalized(normal + sign * across), force_n) for sign in (step, -step))
     closure = sensed_closure_um(
         foot, np.concatenate([n for n, _ in pairs]), np.concatenate([f for _, f in pairs])
     )

@@ -21,13 +21,7 @@ from footsense.lab.evaluation.evaluate import (
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import LoadRange, SoleDesign
 from footsense.lab.training.export import OnnxNetwork
-from footsense.lab.training.load_cases import (
-    Cases,
-    measured_closure_rel,
-    paper_training,
-    paper_verification,
-    random_loads,
-)
+from footsense.lab.training.load_cases import (Cases, measured_closure_rel, paper_training, paper_verification, random_loads)
 
 #: Names of the released files.
 RESPONSE_FILE, NETWORK_FILE = "response.npz", "network.onnx"

@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.specimen import Foot
-from footsense.lab.evaluation.cramer_rao import Unknowns, closure_sigma_um, jacobian_um, tangents
-from footsense.lab.training.load_cases import GRAM_FORCE_N, directions, sensed_closure_um
+from footsense.lab.evaluation.cramer_rao import Unknowns, closure_sigma_um, jacobian_um
+from footsense.foot.directions import angles_between_deg, directions, normalized, tangent_frame
+from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.lab.training.load_cases import sensed_closure_um
 
 Vector = NDArray[np.float64]
 
@@ -52,17 +54,16 @@ def maximum_likelihood(foot: Foot, closure_um: Vector, start: tuple[Vector, Vect
         step *= np.minimum(
             1.0, _LONGEST_STEP / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12)
         )
-        turned = normal + np.einsum("na,nai->ni", step[:, 3:], tangents(normal))
+        turned = normal + np.einsum("na,ani->ni", step[:, 3:], tangent_frame(normal))
         force = force + np.linalg.norm(force, axis=1, keepdims=True) * step[:, :3]
-        normal = centred_start(turned)
+        normal = lifted_normals(normalized(turned))
     explained = sensed_closure_um(foot, normal, force)
     misfit = np.linalg.norm((closure_um - explained) / closure_sigma_um(design, explained), axis=1)
     return Fit(normal, force, misfit)
 
 
-def centred_start(vectors: Vector) -> Vector:
-    """Return the contact normals along vectors, shape (n, 3), those too low lifted to the lowest elevation."""
-    unit = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+def lifted_normals(unit: Vector) -> Vector:
+    """Return unit vectors, shape (n, 3), those too low lifted to the lowest elevation."""
     z = np.maximum(unit[:, 2:], np.sin(np.radians(_LOWEST_DEG)))
     across = np.linalg.norm(unit[:, :2], axis=1, keepdims=True)
     return np.concatenate([unit[:, :2] * np.sqrt(1.0 - z**2) / np.maximum(across, 1e-12), z], axis=1)

@@ -18,14 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from firmware_interface import fdc1004 as chip
-from footsense.sim.faults.scene_faults import Span, during
-
-#: Largest error of a chip's CAPDAC steps [1]. Not specified: codes 1 to 7 of one chip agreed within 0.16 pF, 1 %.
-CAPDAC_ERROR_REL = 0.02
-#: What bit 3 of the CAPDAC takes off beyond its eight steps [pF]: the jump between codes 7 and 8 that was measured on
-#: one chip (TI E2E forum, thread 1178477), and seen on others.
-CAPDAC_JUMP_PF = 1.4
-_JUMP_BIT = 8
+from footsense.sim.chips.leg_chip import LegChip
+from footsense.sim.faults.schedule import Span, during
 
 #: Random numbers are drawn so many at a time, which is the same sequence as one by one.
 _DRAWN = 64
@@ -72,48 +66,36 @@ def _white(noise: np.random.Generator) -> Iterator[float]:
         yield from noise.standard_normal(_DRAWN).tolist()
 
 
-class SimulatedFdc1004:
+class SimulatedFdc1004(LegChip):
     """One converter.
 
     Args:
         cin_capacitance_pf: What is connected to the pins.
         noise: Source of the converter's noise; None for a converter without.
         clock_error_rel: How much longer its conversions last than nominal [1].
-        capdac_error_rel: How much larger the steps of its CAPDAC are than nominal [1].
 
     Attributes:
-        absent_ns: Spans in which it does not answer [ns].
         stuck_ns: Spans in which its conversions do not finish [ns].
-        brown_outs_ns: When its supply fails for a moment, which resets it [ns].
     """
-
-    address = chip.ADDRESS
 
     def __init__(
         self,
         cin_capacitance_pf: CinCapacitance,
         noise: np.random.Generator | None,
         clock_error_rel: float = 0.0,
-        capdac_error_rel: float = 0.0,
     ) -> None:
-        self.absent_ns: list[Span] = []
+        super().__init__(chip.ADDRESS)
         self.stuck_ns: list[Span] = []
-        self.brown_outs_ns: list[float] = []
         self._cin_capacitance_pf = cin_capacitance_pf
         self._noise = repeat(0.0) if noise is None else _white(noise)
         self._clock_factor = 1.0 + clock_error_rel
-        self._capdac_step_pf = chip.CAPDAC_STEP_PF * (1.0 + capdac_error_rel)
         self._pointer = 0
         self._reset()
 
-    def acknowledges(self, t_ns: int) -> bool:
-        """Answer as long as the leg is there."""
-        if not (self.brown_outs_ns or self.absent_ns):
-            return True
-        while self.brown_outs_ns and min(self.brown_outs_ns) <= t_ns:
-            self.brown_outs_ns.remove(min(self.brown_outs_ns))
-            self._reset()
-        return not during(self.absent_ns, t_ns)
+    def power_up(self, t_ns: int) -> None:
+        """Take the settings of power-up."""
+        del t_ns
+        self._reset()
 
     def write(self, data: bytes, t_ns: int) -> None:
         """Take a register pointer and, if two bytes follow, the register's new value."""
@@ -167,8 +149,7 @@ class SimulatedFdc1004:
     def _convert(self, conversion: _Conversion) -> int:
         cin, capdac = _measured(self._registers[_CONF_MEAS1 + conversion.slot])
         capacitance_pf = self._cin_capacitance_pf(cin, self._started_ns, self._ends_ns)
-        if capdac:
-            capacitance_pf -= capdac * self._capdac_step_pf + (CAPDAC_JUMP_PF if capdac & _JUMP_BIT else 0.0)
+        capacitance_pf -= capdac * chip.CAPDAC_STEP_PF
         capacitance_pf += conversion.noise_pf * next(self._noise)
         return min(max(round(capacitance_pf * chip.CODES_PER_PF), chip.CODE_MIN), chip.CODE_MAX)
 

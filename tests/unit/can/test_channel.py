@@ -17,7 +17,7 @@ from firmware_interface.socketcan import pack_frame
 from footsense.can.frame_log import CanLog, check_log_target
 from footsense.can.sink import CanSink
 from footsense.errors import CanError, ConfigError, RecordingError
-from footsense.frames import CanStats, ForceFrame, Zero
+from footsense.frames import BaselineDrift, CanStats, ContactFrame
 from tests.support.can_robot import MS, FakeClock, Robot
 
 
@@ -116,7 +116,7 @@ def test_a_bus_on_which_nobody_listens_drops_everything_and_stops_nothing() -> N
     nan = np.full((1, 3), np.nan)
     one = np.ones(1, np.int64)
     sink.publish(
-        ForceFrame(
+        ContactFrame(
             sequence=0,
             t_sent_ns=1,
             t_ns=one,
@@ -126,7 +126,7 @@ def test_a_bus_on_which_nobody_listens_drops_everything_and_stops_nothing() -> N
             fault_mask=one.astype(np.uint16),
             flags=one.astype(np.uint8),
             cause=np.zeros(1, np.uint8),
-            zero=Zero.none(1),
+            baseline=BaselineDrift.none(1),
         )
     )
     assert sink.commands() == []

@@ -28,7 +28,7 @@ from firmware_interface.can_events import (
 from firmware_interface.can_frames import decode_force, decode_quality
 from firmware_interface.can_zero import decode_zero
 from firmware_interface.crc8 import protect
-from footsense.frames import Command, Outcome, Zero
+from footsense.frames import BaselineDrift, Command, CommandResult
 from tests.support.can_robot import MS, NarrowWire, Robot
 
 
@@ -168,7 +168,9 @@ def test_the_zero_is_told_once_a_second(robot: Robot) -> None:
     """Where it stands, and how long ago it moved; of a leg without one, that there is none."""
     robot.publish(0)
     row = np.ones(1)
-    zero = Zero((row * ZeroStatus.HELD).astype(np.uint8), row * 0.01, row * -0.02, np.array([500 * MS]))
+    zero = BaselineDrift(
+        (row * ZeroStatus.HELD).astype(np.uint8), row * 0.01, row * -0.02, np.array([500 * MS])
+    )
     for t_ms in range(20, 2000, 20):
         robot.publish(t_ms * MS, zero=zero)
     none, held = (decode_zero(0x381, bytes(m.data)) for m in robot.heard(0x380))
@@ -182,8 +184,8 @@ def test_a_command_arrives_and_its_answer_names_its_counter(robot: Robot) -> Non
     robot.ask(encode_command(1, 7, CommandKind.TARE))
     (command,) = robot.sink.commands()
     assert command == Command(CommandKind.TARE, 0)
-    robot.sink.answer(Outcome(command, Result.LOADED, ""))
-    robot.sink.answer(Outcome(command, Result.DONE, "the service's own tare"))
+    robot.sink.answer(CommandResult(command, Result.LOADED, ""))
+    robot.sink.answer(CommandResult(command, Result.DONE, "the service's own tare"))
     robot.publish(20 * MS)
     answers = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
     assert answers == [
@@ -219,7 +221,7 @@ def test_whoever_asks_is_answered(robot: Robot) -> None:
     robot.ask(encode_command(1, 4, CommandKind.STOP))
     assert len(robot.sink.commands()) == 4
     for kind in (CommandKind.STOP, CommandKind.STOP, CommandKind.TARE):
-        robot.sink.answer(Outcome(Command(kind, 0), Result.DONE, ""))
+        robot.sink.answer(CommandResult(Command(kind, 0), Result.DONE, ""))
     answers = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
     assert [(answer.kind, answer.asked) for answer in answers] == [
         (CommandKind.STOP, 3),

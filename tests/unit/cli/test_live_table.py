@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from footsense.cli.run.live_table import LiveTable
-from footsense.frames import LEGS, CapFrame, Cycle, ForceFrame, State, Zero
+from footsense.frames import LEGS, BaselineDrift, CapFrame, ContactFrame, Cycle, State
 
 STATES = (
     State.VALID,
@@ -28,7 +28,7 @@ def cycle() -> Cycle:
     return Cycle(
         CapFrame(7, np.ones((n, 9), np.int64), np.ones((n, 9)), np.zeros((n, 9), np.uint8)),
         (),
-        ForceFrame(
+        ContactFrame(
             sequence=7,
             t_sent_ns=2_000_000_000,
             t_ns=np.full(n, 1_900_000_000),
@@ -38,7 +38,7 @@ def cycle() -> Cycle:
             fault_mask=np.zeros(n, np.uint16),
             flags=np.zeros(n, np.uint8),
             cause=np.zeros(n, np.uint8),
-            zero=Zero.none(n),
+            baseline=BaselineDrift.none(n),
         ),
         (),
     )

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from footsense.errors import RecordingError
-from footsense.frames import Cause, Cycle, Outcome, Result
+from footsense.frames import Cause, CommandResult, Cycle, Result
 from footsense.recording import messages
 from footsense.recording.compare import compare, same_machine
 from footsense.recording.machine import this_machine
@@ -35,7 +35,7 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("scratch") / "damaged.mcap"
 
 
-outcome = st.builds(Outcome, st.just(TARE), st.sampled_from(Result), st.text(max_size=40))
+outcome = st.builds(CommandResult, st.just(TARE), st.sampled_from(Result), st.text(max_size=40))
 
 
 samples = st.none() | st.integers(0, 6)
@@ -43,7 +43,7 @@ samples = st.none() | st.integers(0, 6)
 
 @given(st.integers(0, 2**32), st.integers(3, 6), st.lists(outcome, max_size=3), samples, st.integers(1, 4000))
 def test_the_pipe_keeps_every_bit(
-    seed: int, n_legs: int, outcomes: list[Outcome], n_samples: int | None, piece: int
+    seed: int, n_legs: int, outcomes: list[CommandResult], n_samples: int | None, piece: int
 ) -> None:
     """Cycles come out of the pipe as they went in, in whatever pieces they arrive."""
     shown = [
@@ -69,7 +69,7 @@ def test_the_pipe_keeps_every_bit(
 @given(st.integers(0, 2**32), st.lists(outcome, max_size=2), samples)
 @settings(max_examples=25)
 def test_the_file_keeps_every_bit(
-    scratch: Path, seed: int, outcomes: list[Outcome], n_samples: int | None
+    scratch: Path, seed: int, outcomes: list[CommandResult], n_samples: int | None
 ) -> None:
     """Floats of any value, NaN, infinities and -0.0, and reasons in any script come out of the file again."""
     shown = [
@@ -206,7 +206,7 @@ def test_compare_looks_behind_the_state_and_at_the_zero() -> None:
     then.cause[2], now.cause[2] = Cause.ROW_OPEN, Cause.COLUMN_OPEN
     assert "leg lr: cause was ROW_OPEN, is now COLUMN_OPEN" in str(compare(then, now, exact=False, legs=LEGS))
     now.cause[2] = then.cause[2]
-    then.zero.worst_pf[4], now.zero.worst_pf[4] = 0.5, 0.5 + 1e-9
+    then.baseline.worst_pf[4], now.baseline.worst_pf[4] = 0.5, 0.5 + 1e-9
     assert compare(then, now, exact=False, legs=LEGS) is None
     assert "leg rm: zero_worst_pf was 0.5, is now" in str(compare(then, now, exact=True, legs=LEGS))
 
@@ -219,7 +219,7 @@ def test_a_recording_from_before_there_were_causes(scratch: Path) -> None:
             del message[leg][name]
     old = messages.decode_force(json.dumps(message).encode(), LEGS)
     assert set(old.cause.tolist()) == {messages.NOT_RECORDED}
-    assert np.isnan(old.zero.mean_pf).all()
+    assert np.isnan(old.baseline.mean_pf).all()
     assert compare(old, cycle(0).forces, exact=True, legs=LEGS) is None
     assert json.loads(messages.encode_force(old, LEGS)) == message
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from footsense.frames import CapFrame, Cycle, ForceFrame, State, Zero
+from footsense.frames import BaselineDrift, CapFrame, ContactFrame, Cycle, State
 from footsense.telemetry.run_statistics import Score
 
 MS = 1_000_000
@@ -12,7 +12,7 @@ MS = 1_000_000
 def cycle(sequence: int, force_n: list[float], state: State = State.VALID) -> Cycle:
     t_ns = 25 * MS * sequence
     scan = CapFrame(sequence, np.zeros((1, 9), np.int64), np.zeros((1, 9)), np.zeros((1, 9), np.uint8))
-    forces = ForceFrame(
+    forces = ContactFrame(
         sequence,
         t_ns + 14 * MS,
         np.array([t_ns]),
@@ -22,7 +22,7 @@ def cycle(sequence: int, force_n: list[float], state: State = State.VALID) -> Cy
         np.zeros(1, np.uint16),
         np.zeros(1, np.uint8),
         np.zeros(1, np.uint8),
-        Zero.none(1),
+        BaselineDrift.none(1),
     )
     return Cycle(scan, (), forces, ())
 
@@ -40,8 +40,8 @@ def test_errors_are_against_the_truth_at_the_time_of_sending() -> None:
 
 def test_the_direction_counts_only_where_the_foot_is_loaded() -> None:
     """45 degrees off in the loaded frames, whatever the unloaded ones say."""
-    felt_n = {True: [0.0, 0.0, 1.0], False: [0.0, 0.0, 0.01]}
-    score = Score(("lf",), lambda t_ns: np.array([felt_n[t_ns % (50 * MS) > 25 * MS]]))
+    true_force_n = {True: [0.0, 0.0, 1.0], False: [0.0, 0.0, 0.01]}
+    score = Score(("lf",), lambda t_ns: np.array([true_force_n[t_ns % (50 * MS) > 25 * MS]]))
     for n in range(10):
         score.observe(cycle(n, [1.0, 0.0, 1.0] if n % 2 else [1.0, 0.0, 0.0]))
     direction = score.summary()["direction_error_deg"]

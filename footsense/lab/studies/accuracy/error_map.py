@@ -15,21 +15,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from footsense.foot.force_errors import direction_errors_deg, magnitude_errors_gf
+from footsense.foot.directions import angles_between_deg
+from footsense.foot.force_errors import magnitude_errors_gf
 from footsense.foot.specimen import Foot
 from footsense.lab.ball import circle, rim, touch
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF
 from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
-from footsense.lab.training.load_cases import (
-    BASELINE_NOISE_PF,
-    GRAM_FORCE_N,
-    NOISE_PF,
-    Cases,
-    directions,
-    measured_closure_rel,
-    paper_verification,
-    sensed_closure_um,
-)
+from footsense.foot.directions import directions
+from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.lab.training.load_cases import (BASELINE_NOISE_PF, NOISE_PF, Cases, measured_closure_rel, paper_verification, sensed_closure_um)
 
 Vector = NDArray[np.float64]
 
@@ -136,7 +130,7 @@ def _read(context: StudyContext, cases: Cases, draws: int) -> ReadingErrors:
         if draws:
             closure_rel = measured_closure_rel(design, cases.closure_um, rng)
         read_n = context.network.force_n(closure_rel)
-        direction.append(direction_errors_deg(cases.force_n, read_n))
+        direction.append(angles_between_deg(cases.force_n, read_n))
         magnitude.append(magnitude_errors_gf(cases.force_n, read_n))
     return ReadingErrors(np.stack(direction), np.stack(magnitude))
 

@@ -22,7 +22,8 @@ from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import Material, SoleDesign
 from footsense.lab.studies.accuracy.hard_inputs import network_cases, pipeline_cases
 from footsense.lab.studies.page import Figures, Study, StudyContext, table
-from footsense.lab.training.load_cases import GRAM_FORCE_N, directions
+from footsense.foot.directions import directions
+from footsense.foot.force_errors import GRAM_FORCE_N
 
 Vector = NDArray[np.float64]
 

@@ -19,7 +19,8 @@ from footsense.lab.geometry import SoleDesign
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.response import DEGREE, add_series, fit_class, patch_mean, transposed_series
 from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
-from footsense.lab.training.load_cases import GRAM_FORCE_N, directions
+from footsense.foot.directions import paper_directions
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.lab.training.mlp import forward, stack, train, unstack
 from footsense.lab.training.paper_procedure import HIDDEN, starts_of
 from footsense.lab.training.rprop import RPROP
@@ -41,6 +42,7 @@ SIGNIFICANT = 2.0
 SATURATED_REL = 0.2
 
 _FIGURE = "sensors.png"
+_TRAINING, _TEST = paper_directions("training"), paper_directions("verification")
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,18 +128,6 @@ def patterns(sole: SoleDesign, series: Vector, direction: Vector) -> Vector:
     return pressure_mpa
 
 
-def protocol() -> tuple[Vector, Vector]:
-    """Return the 181 training and the 180 test directions of sections III A and B."""
-
-    def ring(shift_deg: float) -> Vector:
-        azimuth, elevation = np.meshgrid(
-            shift_deg + 10.0 * np.arange(36), shift_deg + 40.0 + 10.0 * np.arange(5), indexing="ij"
-        )
-        return directions(azimuth.ravel(), elevation.ravel())
-
-    return np.concatenate([ring(0.0), [[0.0, 0.0, 1.0]]]), ring(5.0)
-
-
 def direction_errors(training: Vector, test: Vector, noise_rel: float, seeds: int, epochs: int) -> MeanStd:
     """Return the mean direction error of networks that differ in their start weights [deg].
 
@@ -148,7 +138,6 @@ def direction_errors(training: Vector, test: Vector, noise_rel: float, seeds: in
         seeds: Networks.
         epochs: Of training.
     """
-    training_n, test_n = protocol()
     rng = np.random.default_rng(NOISE_SEED)
 
     def inputs(pressure: Vector) -> Vector:
@@ -158,9 +147,9 @@ def direction_errors(training: Vector, test: Vector, noise_rel: float, seeds: in
 
     training_inputs, test_inputs = inputs(training), inputs(test).astype(np.float32)
     starts = stack(starts_of(seeds, (training.shape[1], *HIDDEN, 3)))
-    networks = unstack(train(RPROP, starts, training_inputs, training_n, epochs).layers)
+    networks = unstack(train(RPROP, starts, training_inputs, _TRAINING, epochs).layers)
     return MeanStd.over(
-        errors(test_n, np.asarray(forward(network, test_inputs), float)).direction_deg for network in networks
+        errors(_TEST, np.asarray(forward(network, test_inputs), float)).direction_deg for network in networks
     )
 
 
@@ -194,7 +183,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     context.say(f"sensors: stresses of {len(sensors)} sensors solved")
     clean, noisy = {}, {}
     for name in series:
-        training, test = (patterns(sole, series[name], direction) for direction in protocol())
+        training, test = (patterns(sole, series[name], direction) for direction in (_TRAINING, _TEST))
         clean[name] = direction_errors(training, test, 0.0, seeds, epochs)
         noisy[name] = direction_errors(training, test, NOISE_REL, seeds, epochs)
         context.say(f"sensors: {name} trained")
@@ -273,12 +262,11 @@ def render(results: Results) -> str:
     ]
     factors = {name: noisy[name].mean / clean[name].mean for name in clean}
     header = ["sensor", "elements", "side [mm]", "pitch [mm]", "clean [deg]", f"{NOISE_REL:.0%} error [deg]"]
-    training, test = protocol()
     return f"""
 Before the paper settles on 3 x 3 elements of 4 mm, it reads a plain block of PDMS between the hemispheres with eight
 assumed sensors (sections III B to E). Ours: a block of {results.sheet_mm:g} mm, {results.thick_mm:g} mm thick; the mean of sigma_z
 over each element and through the thickness, from adjoint solves; centred contacts with the Hertz patch of
-{FORCE_GF:g} gf; {len(training)} directions for training and {len(test)} for the test; each pattern divided by its largest value.
+{FORCE_GF:g} gf; {len(_TRAINING)} directions for training and {len(_TEST)} for the test; each pattern divided by its largest value.
 Networks n-{HIDDEN[0]}-{HIDDEN[1]}-3, RPROP, {results.epochs} epochs, {results.seeds} start weights; mean ± standard deviation between
 them. The random error is normal, {NOISE_REL:.0%} rms of each element's own output, in training and test patterns alike.
 

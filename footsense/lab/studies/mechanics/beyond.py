@@ -12,14 +12,9 @@ from footsense.foot import gap_contact
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import Errors, Readout, elastance_readout, errors
 from footsense.lab.studies.page import Page, StudyContext, table
-from footsense.lab.training.load_cases import (
-    FULL_SCALE_PF,
-    GRAM_FORCE_N,
-    directions,
-    measured_closure_rel,
-    paper_training,
-    random_loads,
-)
+from footsense.foot.directions import directions
+from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.lab.training.load_cases import (FULL_SCALE_PF, measured_closure_rel, paper_training, random_loads)
 
 Vector = NDArray[np.float64]
 

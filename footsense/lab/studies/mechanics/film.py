@@ -17,15 +17,7 @@ from footsense.lab.fem.mesh import COARSE, SHIPPED
 from footsense.lab.geometry import Material, SoleDesign
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.studies.page import Page, StudyContext, table
-from footsense.lab.training.load_cases import (
-    FULL_SCALE_PF,
-    NOISE_PF,
-    Cases,
-    measured_closure_rel,
-    paper_training,
-    paper_verification,
-    sensed_closure_um,
-)
+from footsense.lab.training.load_cases import (FULL_SCALE_PF, NOISE_PF, Cases, measured_closure_rel, paper_training, paper_verification, sensed_closure_um)
 from footsense.lab.training.mlp import start_layers
 from footsense.lab.training.paper_procedure import HIDDEN, PaperTraining
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from footsense.lab.contact.full_solve import FullFoot, FullSolution
 from footsense.lab.contact.mesh import Fineness
 from footsense.lab.studies.page import Page, StudyContext, table
-from footsense.lab.training.load_cases import GRAM_FORCE_N
+from footsense.foot.force_errors import GRAM_FORCE_N
 
 _FIGURE = "floor.png"
 #: Differences on one mesh need no fine one.

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from footsense.lab.evaluation.evaluate import Errors, errors
 from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
 from footsense.lab.training.export import onnx_model
-from footsense.lab.training.load_cases import Cases, measured_closure_rel, paper_verification, random_loads
+from footsense.lab.training.load_cases import (Cases, measured_closure_rel, paper_verification, random_loads)
 from footsense.lab.training.network import Weights
 from footsense.lab.training.train import Protocol, predict, train
 
