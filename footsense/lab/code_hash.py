@@ -33,20 +33,21 @@ def _defined(statement: ast.stmt) -> set[str]:
     if isinstance(statement, ast.ClassDef | ast.FunctionDef):
         return {statement.name}
     if isinstance(statement, ast.Assign | ast.AnnAssign):
-        return {node.id for node in ast.walk(statement) if isinstance(getattr(node, "ctx", None), ast.Store)}
+        names = (node for node in ast.walk(statement) if isinstance(node, ast.Name))
+        return {name.id for name in names if isinstance(name.ctx, ast.Store)}
     return set()
 
 
 def code_sha256(source: str, entry: str = "compute") -> str:
-    """Return the hash of a function and of the definitions of its module that it uses, directly or not.
+    r"""Return the hash of a function and of the definitions of its module that it uses, directly or not.
 
     Args:
         source: The module.
         entry: The function's name.
 
     Example:
-        >>> code = "N = 2\\ndef compute(x):\\n    'Multiply.'\\n    return N * x\\ndef render(y): return '3'"
-        >>> code_sha256(code) == code_sha256("K = 2\\ndef compute(a): return K * a")
+        >>> code = "N = 2\ndef compute(x):\n    'Multiply.'\n    return N * x\ndef render(y): return '3'"
+        >>> code_sha256(code) == code_sha256("K = 2\ndef compute(a): return K * a")
         True
         >>> code_sha256(code) == code_sha256(code.replace("N = 2", "N = 3"))
         False

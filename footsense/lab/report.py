@@ -6,7 +6,6 @@ slow.
 """
 
 import json
-import os
 import sys
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
@@ -46,7 +45,12 @@ STUDIES = {name: f"footsense.lab.studies.{module}" for name, module in _LAB_STUD
 #: Pages about the daemon, which the lab does not import: `footsense.cli.lab` makes them.
 OTHERS = ("tradeoff", "touchdown", "faults", "experiment")
 #: Former names of studies.
-_RENAMED = {"shipped": "released", "paper-way": "paper-procedure", "ladder": "fidelity", "limit": "cramer-rao"}
+_RENAMED = {
+    "shipped": "released",
+    "paper-way": "paper-procedure",
+    "ladder": "fidelity",
+    "limit": "cramer-rao",
+}
 README, BUILD = "README.md", "build.json"
 
 
@@ -127,7 +131,11 @@ def make_report(
     """
     if build_s is not None:
         folder.mkdir(parents=True, exist_ok=True)
-        built = {"seconds": round(build_s, 1), "network_sha256": context.network_sha256, "quick": context.quick}
+        built = {
+            "seconds": round(build_s, 1),
+            "network_sha256": context.network_sha256,
+            "quick": context.quick,
+        }
         (folder / BUILD).write_text(json.dumps(built, indent=2, sort_keys=True) + "\n", encoding="utf-8")
     for name in studies:
         if resume and not why_stale(name, folder, context, studies):
@@ -182,8 +190,8 @@ def bind(folder: Path, context: StudyContext) -> Path:
     text = f"""# The lab's report
 
 From rubber to network: every result of Aoyagi et al. with its command, its figure and its number beside the paper's,
-and what the paper left open. `footsense lab report` makes all of it; {taken}
-on {os.cpu_count()} cores. Nothing here is edited by hand.{notes}
+and what the paper left open. `footsense lab report` makes all of it; {taken}.
+Nothing here is edited by hand.{notes}
 
 {targets(values)}
 

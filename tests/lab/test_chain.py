@@ -19,6 +19,7 @@ from footsense.daemon import load_network, service
 from footsense.errors import FootsenseError, ModelError
 from footsense.estimation.faults.imputation import Filling
 from footsense.estimation.network import Network
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.network_card import METADATA_KEY, read_card
 from footsense.foot.response_table import FootResponse
 from footsense.lab.build import PARITY_REL, QUICK, Built, build
@@ -59,12 +60,12 @@ def test_the_papers_sets_have_the_papers_sizes(response: FootResponse) -> None:
     """362 training and 180 verification cases, elevations from 40 deg, forces 50, 150 and 100 gf."""
     training, verification = load_cases.paper_training(response), load_cases.paper_verification(response)
     assert (len(training.force_n), len(verification.force_n)) == (362, 180)
-    size_gf = np.linalg.norm(training.force_n, axis=1) / load_cases.GRAM_FORCE_N
+    size_gf = np.linalg.norm(training.force_n, axis=1) / GRAM_FORCE_N
     np.testing.assert_allclose(np.unique(size_gf.round(9)), [50.0, 150.0])
-    elevation = np.degrees(np.arcsin(training.force_n[:, 2] / (size_gf * load_cases.GRAM_FORCE_N)))
+    elevation = np.degrees(np.arcsin(training.force_n[:, 2] / (size_gf * GRAM_FORCE_N)))
     assert elevation.min() == pytest.approx(40.0)
     apart = training.force_n[:181, None] / 50.0 - verification.force_n[None] / 100.0
-    assert np.linalg.norm(apart, axis=2).min() > 0.03 * load_cases.GRAM_FORCE_N
+    assert np.linalg.norm(apart, axis=2).min() > 0.03 * GRAM_FORCE_N
 
 
 def test_symmetric_copies_are_loads_of_the_same_foot(response: FootResponse) -> None:
@@ -99,7 +100,7 @@ def test_errors_are_those_of_hand_computation() -> None:
     truth = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     row = errors(truth, np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.1]]))
     assert row.direction_deg == pytest.approx(45.0)
-    assert row.magnitude_gf == pytest.approx(0.1 / load_cases.GRAM_FORCE_N / 2.0)
+    assert row.magnitude_gf == pytest.approx(0.1 / GRAM_FORCE_N / 2.0)
 
 
 def test_coverage_of_a_true_sigma_is_that_of_a_gaussian() -> None:

@@ -88,7 +88,9 @@ def page_of(bench: "StudyContext", workshop: Workshop, n_feet: int, jobs: int) -
     from footsense.lab.training.per_foot_network import per_foot_force_n
 
     every = _QUICK_EVERY if bench.quick else 1
-    scratch = partial(per_foot_force_n, bench.response.design, epochs=_QUICK_EPOCHS if bench.quick else EPOCHS)
+    scratch = partial(
+        per_foot_force_n, bench.response.design, epochs=_QUICK_EPOCHS if bench.quick else EPOCHS
+    )
     judged: list[FootJudged] = []
     for one in run_experiment(workshop, range(n_feet), scratch, jobs=jobs, every=every):
         judged.append(one)

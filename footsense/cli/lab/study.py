@@ -1,6 +1,8 @@
 """`footsense lab response`, `study`, `fidelity`, `cramer-rao`, `tradeoff`, `tolerance`, `report`: measure the models."""
 
 import json
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,7 +24,9 @@ DAEMON_STUDIES = {
     "touchdown": "footsense.benchmarks.touchdown.page",
 }
 
-_quick_option = click.option("--quick", is_flag=True, help="Every step in seconds; its figures are no results.")
+_quick_option = click.option(
+    "--quick", is_flag=True, help="Every step in seconds; its figures are no results."
+)
 _output_option = click.option(
     "--output",
     type=click.Path(file_okay=False, path_type=Path),
@@ -99,16 +103,12 @@ def _study(
 ) -> None:
     """Run a study by name or function, write its page, bind it, and print it, or its numbers alone as JSON."""
     folder = _report_folder(output, quick=quick)
-    from footsense.lab.report import STUDIES, bind, make_page, timed_page
+    from footsense.lab.report import STUDIES, bind, make_page
     from footsense.lab.studies.page import StudyContext
 
     say = (lambda _: None) if as_json_text else stopwatch_report()
     context = StudyContext(models=models or released_folder(), quick=quick, say=say)
-    page = (
-        make_page(study, context, STUDIES | DAEMON_STUDIES)
-        if isinstance(study, str)
-        else timed_page(study, context)
-    )
+    page = make_page(study, context, STUDIES | DAEMON_STUDIES) if isinstance(study, str) else study(context)
     page.write(folder)
     bind(folder, context)
     if as_json_text:
@@ -146,10 +146,15 @@ def _named(name: str, words: str) -> click.Command:
     return click.command(name)(models_option(_output_option(_quick_option(json_option(run)))))
 
 
-fidelity = _named("fidelity", "Print time and error of the four models of the foot, and draw one against the other.")
-cramer_rao = _named("cramer-rao", "Print the Cramer-Rao bound over the loading range, and the network's error over it.")
+fidelity = _named(
+    "fidelity", "Print time and error of the four models of the foot, and draw one against the other."
+)
+cramer_rao = _named(
+    "cramer-rao", "Print the Cramer-Rao bound over the loading range, and the network's error over it."
+)
 tradeoff = _named(
-    "tradeoff", "Print what rate, averaging, publish mode and network size cost in latency and bring in error."
+    "tradeoff",
+    "Print what rate, averaging, publish mode and network size cost in latency and bring in error.",
 )
 
 
@@ -173,11 +178,10 @@ def tolerance(
 ) -> None:
     """Run the Monte Carlo over fabricated feet on a cluster, resumable."""
     from footsense.lab.monte_carlo.cluster import on_cluster
-    from footsense.lab.monte_carlo.sweeps import FULL, QUICK
-    from footsense.lab.studies.accuracy.tolerance import campaign_page
+    from footsense.lab.studies.accuracy.tolerance import STUDY, run_study
 
-    plan = QUICK if quick else FULL
-    _study(lambda context: campaign_page(context, plan, on_cluster(scheduler), file), models, output, quick=quick)
+    own = replace(STUDY, compute=partial(run_study, workers=on_cluster(scheduler), file=file))
+    _study(own.page, models, output, quick=quick)
 
 
 @click.command()

@@ -6,13 +6,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.foot.directions import angles_between_deg, directions, paper_directions
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.cramer_rao import Bound, Unknowns, force_bound
 from footsense.lab.geometry import LoadRange
-from footsense.foot.directions import angles_between_deg, directions, paper_directions
-from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.lab.training.load_cases import (FULL_SCALE_PF, leaning_normals, measured_closure_rel, sensed_closure_um)
+from footsense.lab.training.load_cases import (
+    FULL_SCALE_PF,
+    leaning_normals,
+    measured_closure_rel,
+    sensed_closure_um,
+)
 
 Vector = NDArray[np.float64]
 
@@ -147,9 +152,13 @@ def _bin(
         magnitude_gf=magnitude_gf,
         n=len(force),
         n_saturated=len(in_range) - len(force),
-        network=ErrorSummary(_rms(angle), float(angle.mean()), _rms(excess_gf), _components(estimate - force)),
+        network=ErrorSummary(
+            _rms(angle), float(angle.mean()), _rms(excess_gf), _components(estimate - force)
+        ),
         leaning=ErrorSummary.of_bound(bound),
-        centred=ErrorSummary.of_bound(force_bound(foot, normal, force, Unknowns.CENTRED)) if centred else None,
+        centred=ErrorSummary.of_bound(force_bound(foot, normal, force, Unknowns.CENTRED))
+        if centred
+        else None,
         typical_ratio=float(np.median(np.sqrt((angle**2).mean(axis=0)) / bound.direction_rms_deg)),
     )
 

@@ -16,22 +16,22 @@ Source:
     Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, 1993, chapter 3.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ellipe
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
-from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
-from footsense.lab.geometry import LoadRange
 from footsense.foot.directions import normalized, tangent_frame
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.lab.training.load_cases import (BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, leaning_normals, measured_closure_rel, sensed_closure_um)
+from footsense.foot.specimen import Foot
+from footsense.lab.training.load_cases import (
+    BASELINE_NOISE_PF,
+    NOISE_PF,
+    sensed_closure_um,
+)
 
 Vector = NDArray[np.float64]
 

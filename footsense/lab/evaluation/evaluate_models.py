@@ -21,7 +21,13 @@ from footsense.lab.evaluation.evaluate import (
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import LoadRange, SoleDesign
 from footsense.lab.training.export import OnnxNetwork
-from footsense.lab.training.load_cases import (Cases, measured_closure_rel, paper_training, paper_verification, random_loads)
+from footsense.lab.training.load_cases import (
+    Cases,
+    measured_closure_rel,
+    paper_training,
+    paper_verification,
+    random_loads,
+)
 
 #: Names of the released files.
 RESPONSE_FILE, NETWORK_FILE = "response.npz", "network.onnx"
@@ -56,7 +62,10 @@ def error_table(
         "paper_linear_dc": (capacitance_readout(response.design, training), verification),
         "paper_linear_elastance": (elastance_readout(training), verification),
         "paper_network": (shipped, verification),
-        "random_linear_elastance": (elastance_readout(random_loads(response, loads, HELD_OUT_CASES, 3)), asked),
+        "random_linear_elastance": (
+            elastance_readout(random_loads(response, loads, HELD_OUT_CASES, 3)),
+            asked,
+        ),
         "random_network": (shipped, asked),
     }
     readouts |= {name: (read, verification) for name, read in (alone or {}).items()}
@@ -125,7 +134,7 @@ def paper_protocol(folder: Path) -> dict[str, float]:
         ModelError: As `open_models`.
     """
     # Late: they take seconds to import that the table alone does not need.
-    from footsense.lab.evaluation.cramer_rao import crb_ratio
+    from footsense.lab.evaluation.bound_ratio import crb_ratio
     from footsense.lab.training.paper_procedure import paper_networks
 
     response, network = open_models(folder)
@@ -136,7 +145,7 @@ def paper_protocol(folder: Path) -> dict[str, float]:
         "paper_procedure_direction_deg": float(np.mean([row.direction_deg for row in rows])),
         "paper_procedure_magnitude_gf": float(np.mean([row.magnitude_gf for row in rows])),
         "crb_ratio": ratio.worst,
-        "crb_ratio_typical": max(rung.typical_ratio for rung in ratio.centred),
+        "crb_ratio_typical": max(one.typical_ratio for one in ratio.centred),
     }
 
 

@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.foot.specimen import Foot
-from footsense.lab.evaluation.cramer_rao import Unknowns, closure_sigma_um, jacobian_um
 from footsense.foot.directions import angles_between_deg, directions, normalized, tangent_frame
 from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.foot.specimen import Foot
+from footsense.lab.evaluation.cramer_rao import Unknowns, closure_sigma_um, jacobian_um
 from footsense.lab.training.load_cases import sensed_closure_um
 
 Vector = NDArray[np.float64]

@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate import Readout, errors
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.monte_carlo.campaign import Figures, Job, Tolerances
 from footsense.lab.training.export import OnnxNetwork
-from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.lab.training.load_cases import (Cases, as_designed_um, paper_training, paper_verification)
+from footsense.lab.training.load_cases import Cases, as_designed_um, paper_training, paper_verification
 from footsense.lab.training.mlp import start_layers
 from footsense.lab.training.paper_procedure import HIDDEN, PaperTraining
 from footsense.sim.foot.fabrication import fabricate

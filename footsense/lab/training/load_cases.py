@@ -59,9 +59,7 @@ class Cases:
         return Cases(np.concatenate([self.force_n @ g.T for g in SYMMETRIES]), np.concatenate(closures))
 
 
-def sensed_closure_um(
-    foot: Foot, normal: Vector, force_n: Vector
-) -> Vector:
+def sensed_closure_um(foot: Foot, normal: Vector, force_n: Vector) -> Vector:
     """Return the closures that the daemon would find, shape (n, 9) [um]: from capacitance, by the designed dimensions.
 
     Args:
@@ -92,9 +90,7 @@ def paper_verification(response: FootResponse, deviations: Deviations | None = N
     return _centred(Foot(response, deviations), paper_directions("verification"), [100.0])
 
 
-def leaning_normals(
-    loads: LoadRange, rng: np.random.Generator, direction: Vector
-) -> Vector:
+def leaning_normals(loads: LoadRange, rng: np.random.Generator, direction: Vector) -> Vector:
     """Return contact normals that lean away from the force's direction, mostly little, never beyond friction."""
     n, typical_deg = len(direction), loads.typical_lean_deg
     # A Rayleigh distribution cut off at the friction angle, by inversion.
@@ -156,9 +152,7 @@ def _may_be_in_range(foot: Foot, normal: Vector, force_n: Vector) -> NDArray[np.
     return may
 
 
-def measured_closure_rel(
-    design: CapacitorDesign, closure_um: Vector, rng: np.random.Generator
-) -> Vector:
+def measured_closure_rel(design: CapacitorDesign, closure_um: Vector, rng: np.random.Generator) -> Vector:
     """Return closures over the gap [1] as the daemon gets them: through noisy capacitance and a noisy baseline."""
     measured = design.capacitance_pf(closure_um) + NOISE_PF * rng.normal(size=closure_um.shape)
     baseline = design.rest_pf + BASELINE_NOISE_PF * rng.normal(size=closure_um.shape)

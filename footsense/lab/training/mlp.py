@@ -1,7 +1,7 @@
 """The multilayer perceptron of 2009 for the studies: tanh layers and a linear one. The released network is `network`.
 
-Many of them are trained in one compiled program, one after the other (`jax.lax.map`): on one core 10 to 30 % faster than
-side by side (`jax.vmap`). A neuron whose weights are all zero has no output and no gradient, so an optimiser that moves
+Many are trained in one compiled program, one after the other (`jax.lax.map`): on one core 10 to 30 % faster than side
+by side (`jax.vmap`). A neuron whose weights are all zero has no output and no gradient, so an optimiser that moves
 by gradients alone leaves it there: networks of several widths share a program, padded with such neurons.
 """
 

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate import Readout
-from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.lab.training.load_cases import (Cases, paper_training, paper_verification, sensed_closure_um)
+from footsense.lab.training.load_cases import Cases, paper_training, paper_verification, sensed_closure_um
 from footsense.lab.training.mlp import Layers, forward, stack, start_layers, train, unstack
 from footsense.lab.training.rprop import RPROP
 

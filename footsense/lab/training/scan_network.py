@@ -14,8 +14,10 @@ from footsense.lab.training.network import SOFT_REL
 
 Vector = NDArray[np.float64]
 
-#: Units of each of two hidden layers; cases in a step, largest learning rate, force below which errors count absolutely.
-HIDDEN, _BATCH, _RATE, _FLOOR_N = 24, 512, 1e-2, 0.1
+#: Units of each of two hidden layers.
+HIDDEN = 24
+#: Cases in a step, highest learning rate, and force below which errors count absolutely [N].
+_BATCH, _RATE, _FLOOR_N = 512, 1e-2, 0.1
 _SEED = 20090304
 
 

@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 from footsense.foot.directions import angles_between_deg, direction_grid, normalized, paper_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.specimen import Foot
-from footsense.lab.evaluation.bound_ratio import MAGNITUDES_GF, CrbRatio, MagnitudeBin, crb_ratio, leaning_contacts
+from footsense.lab.evaluation.bound_ratio import (
+    MAGNITUDES_GF,
+    CrbRatio,
+    MagnitudeBin,
+    crb_ratio,
+    leaning_contacts,
+)
 from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound
 from footsense.lab.evaluation.maximum_likelihood import (
     AZIMUTH_DEG,
@@ -136,7 +142,9 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     leaning = leaning_contacts(loads, np.random.default_rng(3), 600)
     tried = [("centred", (straight, straight), gf) for gf in (AMBIGUOUS_GF[:1] if quick else AMBIGUOUS_GF)]
     tried += [] if quick else [("leaning", leaning, gf) for gf in AMBIGUOUS_GF[:2]]
-    gauss_newton = {f"{what}, {gf:g}": refined(context, where, gf, 1 if quick else 4) for what, where, gf in tried}
+    gauss_newton = {
+        f"{what}, {gf:g}": refined(context, where, gf, 1 if quick else 4) for what, where, gf in tried
+    }
     context.say("cramer-rao: maximum likelihood compared with the bound")
     ambiguous = {}
     for gf in AMBIGUOUS_GF[: 2 if quick else 4]:
@@ -145,7 +153,9 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     steps = 11 if quick else 37
     azimuth, elevation = np.linspace(0.0, 360.0, 4 * steps + 1), np.linspace(30.0, 90.0, steps)
     direction = direction_grid(azimuth, elevation)
-    bound = force_bound(foot, direction, direction * MAP_GF * GRAM_FORCE_N, Unknowns.LEANING).direction_rms_deg
+    bound = force_bound(
+        foot, direction, direction * MAP_GF * GRAM_FORCE_N, Unknowns.LEANING
+    ).direction_rms_deg
     results = Results(
         ratio=ratio,
         centred_share=loads.centred_share,
@@ -168,7 +178,8 @@ def _curves(bins: Sequence[MagnitudeBin]) -> Figure:
     )
     for axes, (name, label) in zip(row, quantities, strict=True):
         network, five, three = (
-            np.array([getattr(getattr(one, of), name) for one in bins]) for of in ("network", "leaning", "centred")
+            np.array([getattr(getattr(one, of), name) for one in bins])
+            for of in ("network", "leaning", "centred")
         )
         axes.loglog(gf, network, "o-C3", label="network")
         axes.loglog(gf, TARGET_RATIO * five, ":k", label=f"target, {TARGET_RATIO:g} of the bound")
@@ -295,16 +306,17 @@ is *known* to be centred (three unknowns), or the contact may lean (five: the fo
 ### The network over the bound
 
 A network that has to be right on leaning contacts cannot know that a load is centred, so the five-unknown bound is its
-bound; {results.centred_share:.0%} of its training loads were centred, though, so a ratio a little below one is possible.
-Both are rms over all loads and noise of a bin, which counts every bad direction and the network's own error; *typical
-load* is the median over the loads of the ratio load by load, which leaves a few bad directions out.
+bound; {results.centred_share:.0%} of its training loads were centred, though, so a ratio a little below one is
+possible. Both are rms over all loads and noise of a bin, which counts every bad direction and the network's own error;
+*typical load* is the median over the loads of the ratio load by load, which leaves a few bad directions out.
 
 {table(_RATIO_HEADER, map(_ratio_row, ratio.centred))}
 
 **Headline: `crb_ratio` {ratio.worst:.2f}**, the worst bin, direction, rms, five unknowns; the target is
-{TARGET_RATIO:g}. Without any noise the network's direction is wrong by {own_deg[0]:.3f} deg rms at {first.magnitude_gf:g} gf
-and by {own_deg[-1]:.3f} deg at {last.magnitude_gf:g} gf: the network's own error makes {100 * own_rel[0]:.0f} % of the
-squared error at {first.magnitude_gf:g} gf and {100 * own_rel[-1]:.0f} % at {last.magnitude_gf:g} gf; the rest is noise.
+{TARGET_RATIO:g}. Without any noise the network's direction is wrong by {own_deg[0]:.3f} deg rms at
+{first.magnitude_gf:g} gf and by {own_deg[-1]:.3f} deg at {last.magnitude_gf:g} gf: the network's own error makes
+{100 * own_rel[0]:.0f} % of the squared error at {first.magnitude_gf:g} gf and {100 * own_rel[-1]:.0f} % at
+{last.magnitude_gf:g} gf; the rest is noise.
 
 Random leaning loads, drawn like those of the training (loads beyond the converter's range are left out):
 
@@ -332,4 +344,6 @@ is mistaken for the other: at a distance of 4 (dotted) in 2 % of the scans even 
 """
 
 
-STUDY = Study(name="cramer-rao", title="The Cramer-Rao bound", results=Results, compute=compute, render=render)
+STUDY = Study(
+    name="cramer-rao", title="The Cramer-Rao bound", results=Results, compute=compute, render=render
+)

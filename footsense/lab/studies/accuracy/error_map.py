@@ -15,15 +15,20 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from footsense.foot.directions import angles_between_deg
-from footsense.foot.force_errors import magnitude_errors_gf
+from footsense.foot.directions import angles_between_deg, directions
+from footsense.foot.force_errors import GRAM_FORCE_N, magnitude_errors_gf
 from footsense.foot.specimen import Foot
 from footsense.lab.ball import circle, rim, touch
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF
 from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
-from footsense.foot.directions import directions
-from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.lab.training.load_cases import (BASELINE_NOISE_PF, NOISE_PF, Cases, measured_closure_rel, paper_verification, sensed_closure_um)
+from footsense.lab.training.load_cases import (
+    BASELINE_NOISE_PF,
+    NOISE_PF,
+    Cases,
+    measured_closure_rel,
+    paper_verification,
+    sensed_closure_um,
+)
 
 Vector = NDArray[np.float64]
 
@@ -178,7 +183,7 @@ def _histogram_figure(readings: dict[str, ReadingErrors]) -> Figure:
     for axes, what, unit, marks in zip(
         row, ("direction_deg", "magnitude_gf"), ("deg", "gf"), papers, strict=True
     ):
-        bins = np.geomspace(1e-3, 40.0, 60)
+        bins = np.geomspace(1e-3, 40.0, 60).tolist()
         for name, one in readings.items():
             values = np.clip(getattr(one, what).ravel(), bins[0], bins[-1])
             share = np.full(len(values), 100.0 / len(values))
@@ -227,7 +232,10 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
 
 def render(results: Results) -> str:
     """Return the page's text."""
-    rows = [[name, str(direction), str(magnitude)] for name, (direction, magnitude) in results.verification.items()]
+    rows = [
+        [name, str(direction), str(magnitude)]
+        for name, (direction, magnitude) in results.verification.items()
+    ]
     rows += [
         ["the paper, simulation", f"{PAPER_DIRECTION_DEG}", f"{PAPER_MAGNITUDE_GF}"],
         ["the paper, experiment", f"{EXPERIMENT_DEG}", f"{EXPERIMENT_GF}"],
@@ -236,13 +244,13 @@ def render(results: Results) -> str:
 Where on the ball is the released network wrong? Centred loads of {_MAGNITUDE_GF:g} gf from all directions down to an
 elevation of {results.lowest_deg:g} deg, drawn where the ground touches the ball, seen from below (stereographic, so
 that circles stay circles). Noise is {1e3 * NOISE_PF:g} fF per conversion and {1e3 * BASELINE_NOISE_PF:g} fF of the
-baseline; the map shows the mean over {results.noise_draws} draws. The red circles are the paper's mean errors, drawn to scale around
-a contact as in its Fig. 19.
+baseline; the map shows the mean over {results.noise_draws} draws. The red circles are the paper's mean errors, drawn to
+scale around a contact as in its Fig. 19.
 
 ![]({_MAP})
 
-Without noise the mean error over the map is {results.map_mean_deg:.2f} deg and the largest {results.map_max_deg:.2f} deg,
-under a force of azimuth {results.worst_azimuth_deg:.0f} deg and elevation {results.worst_elevation_deg:.0f} deg.
+Without noise the mean error over the map is {results.map_mean_deg:.2f} deg and the largest {results.map_max_deg:.2f}
+deg, under a force of azimuth {results.worst_azimuth_deg:.0f} deg and elevation {results.worst_elevation_deg:.0f} deg.
 
 ### The 180 verification cases
 
@@ -255,4 +263,6 @@ designed foot, so they stand beside its simulation.
 """
 
 
-STUDY = Study(name="error-map", title="Where the network errs", results=Results, compute=compute, render=render)
+STUDY = Study(
+    name="error-map", title="Where the network errs", results=Results, compute=compute, render=render
+)

@@ -1,6 +1,7 @@
 """Study `hard-cases`: inputs at the limits of the models, each with the expected and the measured result."""
 
 import dataclasses
+import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -12,6 +13,8 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from footsense.errors import ConfigError, ModelError
+from footsense.foot.directions import directions
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import ALL_CELLS, kkt_residual, touch
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
@@ -22,8 +25,6 @@ from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import Material, SoleDesign
 from footsense.lab.studies.accuracy.hard_inputs import network_cases, pipeline_cases
 from footsense.lab.studies.page import Figures, Study, StudyContext, table
-from footsense.foot.directions import directions
-from footsense.foot.force_errors import GRAM_FORCE_N
 
 Vector = NDArray[np.float64]
 
@@ -54,7 +55,7 @@ def _refused(name: str, error: type[Exception], attempt: Callable[[], object]) -
     try:
         attempt()
     except Exception as raised:  # noqa: BLE001  any exception is the measured result
-        first = str(raised).split(";")[0][:90]
+        first = re.split(r"[;(]|, got", str(raised))[0][:90]
         return Case(name, error.__name__, f"{type(raised).__name__}: {first}", isinstance(raised, error))
     return Case(name, error.__name__, "no error", held=False)
 

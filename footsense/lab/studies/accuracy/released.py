@@ -17,7 +17,7 @@ from footsense.lab.evaluation.evaluate_models import (
 )
 from footsense.lab.monte_carlo.campaign import Tolerances
 from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
-from footsense.lab.training.load_cases import Cases, measured_closure_rel, random_loads
+from footsense.lab.training.load_cases import measured_closure_rel, random_loads
 from footsense.lab.training.train import MASKS
 from footsense.sim.foot.fabrication import fabricate
 
@@ -152,8 +152,13 @@ def _shares(cover: Coverage) -> list[str]:
 def render(results: Results) -> str:
     """Return the page's text."""
     missing_rows = [
-        [name, f"{e.direction_deg:.2f}", f"{e.direction_p95_deg:.2f}", f"{e.magnitude_gf:.2f}"]
-        + _shares(results.missing_coverage[name])
+        [
+            name,
+            f"{e.direction_deg:.2f}",
+            f"{e.direction_p95_deg:.2f}",
+            f"{e.magnitude_gf:.2f}",
+            *_shares(results.missing_coverage[name]),
+        ]
         for name, e in results.missing.items()
     ]
     batches = {f"design, {name} N": cover for name, cover in results.coverage_by_force_n.items()}

@@ -11,6 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from footsense.foot.directions import paper_directions
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.symmetry import mirrored_series
 from footsense.lab.evaluation.evaluate import errors
 from footsense.lab.fem.block import BLOCK_SIZE, COARSE_BLOCK, Column, block_fields
@@ -19,8 +21,6 @@ from footsense.lab.geometry import SoleDesign
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.response import DEGREE, add_series, fit_class, patch_mean, transposed_series
 from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
-from footsense.foot.directions import paper_directions
-from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.lab.training.mlp import forward, stack, train, unstack
 from footsense.lab.training.paper_procedure import HIDDEN, starts_of
 from footsense.lab.training.rprop import RPROP
@@ -205,7 +205,10 @@ def _figure(results: Results) -> Figure:
     for axes, (title, errors_deg) in zip(row, columns, strict=True):
         for names, marker, label in (("ABCDE", "o-", "1 mm elements"), ("FGH", "s--", "larger elements")):
             drawn = [sensor for sensor in SENSORS if sensor.name in names and sensor.name in errors_deg]
-            number, found = [sensor.per_side**2 for sensor in drawn], [errors_deg[sensor.name] for sensor in drawn]
+            number, found = (
+                [sensor.per_side**2 for sensor in drawn],
+                [errors_deg[sensor.name] for sensor in drawn],
+            )
             mean, std = [one.mean for one in found], [one.std for one in found]
             axes.errorbar(number, mean, std, fmt=marker, capsize=3, ms=5, label=label)
             for sensor, x, y in zip(drawn, number, mean, strict=True):
@@ -264,11 +267,12 @@ def render(results: Results) -> str:
     header = ["sensor", "elements", "side [mm]", "pitch [mm]", "clean [deg]", f"{NOISE_REL:.0%} error [deg]"]
     return f"""
 Before the paper settles on 3 x 3 elements of 4 mm, it reads a plain block of PDMS between the hemispheres with eight
-assumed sensors (sections III B to E). Ours: a block of {results.sheet_mm:g} mm, {results.thick_mm:g} mm thick; the mean of sigma_z
-over each element and through the thickness, from adjoint solves; centred contacts with the Hertz patch of
-{FORCE_GF:g} gf; {len(_TRAINING)} directions for training and {len(_TEST)} for the test; each pattern divided by its largest value.
-Networks n-{HIDDEN[0]}-{HIDDEN[1]}-3, RPROP, {results.epochs} epochs, {results.seeds} start weights; mean ± standard deviation between
-them. The random error is normal, {NOISE_REL:.0%} rms of each element's own output, in training and test patterns alike.
+assumed sensors (sections III B to E). Ours: a block of {results.sheet_mm:g} mm, {results.thick_mm:g} mm thick; the mean
+of sigma_z over each element and through the thickness, from adjoint solves; centred contacts with the Hertz patch of
+{FORCE_GF:g} gf; {len(_TRAINING)} directions for training and {len(_TEST)} for the test; each pattern divided by its
+largest value. Networks n-{HIDDEN[0]}-{HIDDEN[1]}-3, RPROP, {results.epochs} epochs, {results.seeds} start weights; mean
+± standard deviation between them. The random error is normal, {NOISE_REL:.0%} rms of each element's own output, in
+training and test patterns alike.
 
 The paper's drawing gives no sizes for F to H nor pitches. Chosen here: A to C at the centres of F to H, and these the
 largest that leave bars of 1 mm between them, as 4 mm do for G; D and E reach to the edge.
@@ -282,8 +286,9 @@ better, conspicuously so only with 4 elements, and that 5 % random error changes
 
 {_findings("Without random error", clean)}
 {_findings(f"With {NOISE_REL:.0%}", noisy)}
-- **Random error.** With it the error is larger by these factors: {", ".join(f"{name} {f:.1f}" for name, f in factors.items())}.
-  That it changes next to nothing {_holds(true=max(factors.values()) < SIGNIFICANT)} for our block, if that means by less than {SIGNIFICANT:g}.
+- **Random error.** With it the error is larger by these factors:
+  {", ".join(f"{name} {f:.1f}" for name, f in factors.items())}. That it changes next to nothing
+  {_holds(true=max(factors.values()) < SIGNIFICANT)} for our block, if that means by less than {SIGNIFICANT:g}.
 """
 
 

@@ -9,12 +9,17 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from footsense.foot import gap_contact
+from footsense.foot.directions import directions
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import Errors, Readout, elastance_readout, errors
 from footsense.lab.studies.page import Page, StudyContext, table
-from footsense.foot.directions import directions
-from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.lab.training.load_cases import (FULL_SCALE_PF, measured_closure_rel, paper_training, random_loads)
+from footsense.lab.training.load_cases import (
+    FULL_SCALE_PF,
+    measured_closure_rel,
+    paper_training,
+    random_loads,
+)
 
 Vector = NDArray[np.float64]
 

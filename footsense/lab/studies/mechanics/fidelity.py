@@ -28,7 +28,7 @@ from footsense.lab.fidelity.half_space import HalfSpace
 from footsense.lab.fidelity.levels import NAMES, Full, rung
 from footsense.lab.studies.page import Page, StudyContext, table
 
-_FIGURE, _PATTERN = "ladder.png", "ladder-pattern.png"
+_FIGURE, _PATTERN = "fidelity.png", "fidelity-pattern.png"
 #: What the full solve is asked: elevation of contact normal and of force [deg], magnitude [gf]. The load of the
 #: paper's Fig. 17, one that leans away from the normal, and two that shut gaps.
 _FULL_CASES = ((45.0, 45.0, 100.0), (70.0, 90.0, 100.0), (90.0, 90.0, 150.0), (60.0, 60.0, 150.0))
@@ -61,7 +61,7 @@ def _climb(bench: StudyContext, names: tuple[str, ...], loads: Loads) -> _Climbe
             rung(name, bench.response, bench.sole), loads, repeats=1 if name == "full" else 3
         )
         seconds[name] = taken_s / len(loads)
-        bench.say(f"ladder: {name}, {len(loads)} loads in {taken_s:.2g} s")
+        bench.say(f"fidelity: {name}, {len(loads)} loads in {taken_s:.2g} s")
     return _Climbed(answers, seconds, len(loads))
 
 
@@ -103,7 +103,7 @@ def _forward(bench: StudyContext, loads: Loads) -> ForwardAgainstTable:
     start = default_timer()
     foot = ForwardFoot(bench.sole, size)
     factorise_s = default_timer() - start
-    bench.say(f"ladder: three classes factorised in {factorise_s:.1f} s")
+    bench.say(f"fidelity: three classes factorised in {factorise_s:.1f} s")
     n = _FORWARD_CASES_QUICK if bench.quick else _FORWARD_CASES
     return forward_against_table(foot, factorise_s, bench.response, loads, n)
 
@@ -173,7 +173,7 @@ def _full_text(
     """Return the part on the full solve, and its numbers."""
     one = mirrored_loads(_FULL_CASES[:1])
     reduced, taken_s = timed(Full(bench.sole, reduced=True), one)
-    bench.say(f"ladder: full without finite strain and floor, in {taken_s:.1f} s")
+    bench.say(f"fidelity: full without finite strain and floor, in {taken_s:.1f} s")
     first = Answer(full.answers["full"].closure_um[:1], full.answers["full"].capacitance_pf[:1])
     contact = Answer(full.answers["contact"].closure_um[:1], full.answers["contact"].capacitance_pf[:1])
     parts = _distances(bench, {"contact": contact}, reduced)["contact"]
@@ -251,7 +251,7 @@ On the {len(loads)} loads:
 {full_text}{formula_text}{forward_text}
 """
     return Page(
-        name="ladder",
+        name="fidelity",
         title="The ladder of models",
         body=body,
         figures=figures,

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.lab.contact.full_solve import FullFoot, FullSolution
 from footsense.lab.contact.mesh import Fineness
 from footsense.lab.studies.page import Page, StudyContext, table
-from footsense.foot.force_errors import GRAM_FORCE_N
 
 _FIGURE = "floor.png"
 #: Differences on one mesh need no fine one.

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from footsense.foot.directions import directions
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.lab.fidelity.drawing import pattern_tiles
 from footsense.lab.fidelity.levels import NAMES, rung
 from footsense.lab.studies.page import Page, StudyContext, table
-from footsense.foot.directions import directions
-from footsense.foot.force_errors import GRAM_FORCE_N
 
 _FIGURE = "pattern.png"
 #: The load of Fig. 17: (theta1, theta2) [deg]. Its magnitude is not given; this is the one of the verification [gf].

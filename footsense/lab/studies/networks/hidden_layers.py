@@ -92,12 +92,16 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
             "direction_deg": [row.direction_deg for row in at_paper],
             "magnitude_gf": [row.magnitude_gf for row in at_paper],
             "training_deg": [
-                float(np.mean([errors(cases.force_n, read(cases.closure_um)).direction_deg for cases in others]))
+                float(
+                    np.mean([errors(cases.force_n, read(cases.closure_um)).direction_deg for cases in others])
+                )
                 for read in readouts
             ],
         }
         for name, values in figures.items():
-            measured[name][depth] = [MeanStd.over(values[k : k + seeds]) for k in range(0, len(values), seeds)]
+            measured[name][depth] = [
+                MeanStd.over(values[k : k + seeds]) for k in range(0, len(values), seeds)
+            ]
         context.say(f"hidden-layers: {len(neurons)} sizes with {words} trained, {seeds} seeds each")
     results = Results(epochs=epochs, seeds=seeds, neurons=neurons, **measured)
     return results, {_FIGURE: _figure(results)}
@@ -172,9 +176,9 @@ def render(results: Results) -> str:
     compared = [[name, *(_cell(column[name]) for column in columns)] for name in names]
     return f"""
 The paper (section III G, Figs. 11 and 12) finds two hidden layers slightly better than one, and both too few and too
-many neurons bad. Here: plain networks on ΔC, RPROP, {results.epochs} epochs on the 362 cases, {results.seeds} seeds for each size, mean
-± standard deviation between seeds; 1 and 2 are the hidden layers. The test cases are the paper's 180 with 100 gf, a
-force that is not in the training cases, and the same directions with 50 and 150 gf, which are.
+many neurons bad. Here: plain networks on ΔC, RPROP, {results.epochs} epochs on the 362 cases, {results.seeds} seeds for
+each size, mean ± standard deviation between seeds; 1 and 2 are the hidden layers. The test cases are the paper's 180
+with 100 gf, a force that is not in the training cases, and the same directions with 50 and 150 gf, which are.
 
 {table(header, rows)}
 

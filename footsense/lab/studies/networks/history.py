@@ -96,7 +96,9 @@ def last_scans(n: int) -> Callable[[Vector], Vector]:
     """Return the function that appends earlier scans, newest first: (walks, scans, 9) becomes (walks, scans, 9 n)."""
 
     def append(scans: Vector) -> Vector:
-        delayed = [np.concatenate([np.zeros_like(scans[:, :k]), scans[:, : SCANS - k]], axis=1) for k in range(n)]
+        delayed = [
+            np.concatenate([np.zeros_like(scans[:, :k]), scans[:, : SCANS - k]], axis=1) for k in range(n)
+        ]
         return np.concatenate(delayed, axis=-1)
 
     return append
@@ -225,9 +227,13 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         key = readout.training_creep, readout.inputs
         if key not in networks:
             inputs = readout.inputs(training.measured_rel(design, readout.training_creep, 3))
-            networks[key] = train_scans(inputs.reshape(-1, inputs.shape[-1]), training.force_n.reshape(-1, 3), steps)
+            networks[key] = train_scans(
+                inputs.reshape(-1, inputs.shape[-1]), training.force_n.reshape(-1, 3), steps
+            )
             context.say(f"history: {readout.name} trained")
-        inputs_of = [readout.inputs(readout.correct(test.measured_rel(design, c, 4))) for c in (ASSUMED, OTHER)]
+        inputs_of = [
+            readout.inputs(readout.correct(test.measured_rel(design, c, 4))) for c in (ASSUMED, OTHER)
+        ]
         estimates = [networks[key](inputs) for inputs in inputs_of]
         same, other = (_errors(test.force_n, estimate) for estimate in estimates)
         readouts[readout.name] = Tested(inputs_of[0].shape[-1], same, other)
@@ -273,24 +279,24 @@ def render(results: Results) -> str:
     chain = " and ".join(f"{100 * part.share_rel:g} % with {part.time_s:g} s" for part in ASSUMED)
     return f"""
 Rubber creeps: a closure grows for a while under a constant load, and lingers after lift-off. Then one scan does not
-determine the force. Does a short history? The chain is *assumed*, {chain} on top of every elastic closure;
-no foot was measured. A scan of nine conversions takes {1e3 * PERIOD_S:g} ms; the skew within it is left out, no gap
-closes, the converter's noise is in. Each network has two hidden layers of {HIDDEN} units beside a linear path and is trained
-in {results.steps} steps on {results.training_walks} synthetic walks with rounded stances up to {LARGEST_N[1]:g} N. The test has
-{results.test_walks} *measured* walks in random headings, whose stances are not in the training. The low-pass filters have
-{filters} s, not the times of the chain. The last two columns are feet that creep 30 % more and 30 % more slowly than
-those of the training.
+determine the force. Does a short history? The chain is *assumed*, {chain} on top of every elastic closure; no foot was
+measured. A scan of nine conversions takes {1e3 * PERIOD_S:g} ms; the skew within it is left out, no gap closes, the
+converter's noise is in. Each network has two hidden layers of {HIDDEN} units beside a linear path and is trained in
+{results.steps} steps on {results.training_walks} synthetic walks with rounded stances up to {LARGEST_N[1]:g} N. The
+test has {results.test_walks} *measured* walks in random headings, whose stances are not in the training. The low-pass
+filters have {filters} s, not the times of the chain. The last two columns are feet that creep 30 % more and 30 % more
+slowly than those of the training.
 
 {table([*header, "other feet: under load [mN rms]", "direction [deg]"], rows)}
 
 ![]({_FIGURE})
 
-Low-pass states bring the error under load from {1e3 * alone.same.loaded_n:.1f} mN (this scan alone, trained with creep) to
-{1e3 * best.same.loaded_n:.1f} mN, by a factor of {alone.same.loaded_n / best.same.loaded_n:.1f}; in swing from
-{1e3 * alone.same.swing_n:.1f} to {1e3 * best.same.swing_n:.1f} mN. Taking the creep out by its chain (two states per element, no
-training) leaves {1e3 * undone.same.loaded_n:.1f} mN when the chain is the foot's own, and
-{1e3 * undone.other.loaded_n:.1f} mN when it is not; without creep {1e3 * results.without_creep.loaded_n:.1f} mN are left. The last scans
-alone span at most a tenth of a second.
+Low-pass states bring the error under load from {1e3 * alone.same.loaded_n:.1f} mN (this scan alone, trained with creep)
+to {1e3 * best.same.loaded_n:.1f} mN, by a factor of {alone.same.loaded_n / best.same.loaded_n:.1f}; in swing from
+{1e3 * alone.same.swing_n:.1f} to {1e3 * best.same.swing_n:.1f} mN. Taking the creep out by its chain (two states per
+element, no training) leaves {1e3 * undone.same.loaded_n:.1f} mN when the chain is the foot's own, and
+{1e3 * undone.other.loaded_n:.1f} mN when it is not; without creep {1e3 * results.without_creep.loaded_n:.1f} mN are
+left. The last scans alone span at most a tenth of a second.
 """
 
 

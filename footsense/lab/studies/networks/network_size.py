@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from footsense.lab.evaluation.evaluate import Errors, errors
 from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
 from footsense.lab.training.export import onnx_model
-from footsense.lab.training.load_cases import (Cases, measured_closure_rel, paper_verification, random_loads)
+from footsense.lab.training.load_cases import Cases, measured_closure_rel, paper_verification, random_loads
 from footsense.lab.training.network import Weights
 from footsense.lab.training.train import Protocol, predict, train
 
@@ -86,7 +86,9 @@ def train_sizes(context: StudyContext, channels: tuple[int, ...], cases: int, st
     training = random_loads(context.response, context.sole.loads, cases, TRAINING_SEED)
     trained = []
     for c in channels:
-        trained.append(train(training, context.response.design, Protocol(channels=c, steps=steps, batch=BATCH)))
+        trained.append(
+            train(training, context.response.design, Protocol(channels=c, steps=steps, batch=BATCH))
+        )
         context.say(f"network-size: {trained[-1].size} weights trained")
     return trained
 
@@ -94,17 +96,23 @@ def train_sizes(context: StudyContext, channels: tuple[int, ...], cases: int, st
 def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Train, test and time a network of every size."""
     response, loads = context.response, context.sole.loads
-    channels, steps, n = (QUICK_CHANNELS, QUICK_STEPS, QUICK_CASES) if context.quick else (CHANNELS, STEPS, CASES)
+    channels, steps, n = (
+        (QUICK_CHANNELS, QUICK_STEPS, QUICK_CASES) if context.quick else (CHANNELS, STEPS, CASES)
+    )
     drawn = random_loads(response, loads, n // 4, TEST_SEED)
     counted = np.linalg.norm(drawn.force_n, axis=1) >= loads.judged_from_n
     tests = Cases(drawn.force_n[counted], drawn.closure_um[counted]), paper_verification(response)
     rng = np.random.default_rng(TEST_SEED)
-    measured = [(cases.force_n, measured_closure_rel(response.design, cases.closure_um, rng)) for cases in tests]
+    measured = [
+        (cases.force_n, measured_closure_rel(response.design, cases.closure_um, rng)) for cases in tests
+    ]
     trained = train_sizes(context, channels, n, steps)
     times_us = run_us([onnx_model(weights, {}).SerializeToString() for weights in trained])
     sizes = []
     for c, weights, time_us in zip(channels, trained, times_us, strict=True):
-        random, paper = (errors(force_n, predict(weights, closure_rel)[0]) for force_n, closure_rel in measured)
+        random, paper = (
+            errors(force_n, predict(weights, closure_rel)[0]) for force_n, closure_rel in measured
+        )
         sizes.append(Size(channels=c, weights=weights.size, run_us=time_us, random=random, paper=paper))
     return Results(steps=steps, cases=n, from_n=loads.judged_from_n, sizes=sizes), {_FIGURE: _figure(sizes)}
 
@@ -112,11 +120,18 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
 def _figure(sizes: list[Size]) -> Figure:
     """Draw the direction error over weights and over microseconds."""
     figure, axes = panels(2, 8.8, 4.0, sharey=True)
-    for panel, x in zip(axes, ([size.weights for size in sizes], [size.run_us for size in sizes]), strict=True):
-        for name, colour, words in (("random", "C0", "random loads"), ("paper", "C3", "the paper's 180, centred")):
+    for panel, x in zip(
+        axes, ([size.weights for size in sizes], [size.run_us for size in sizes]), strict=True
+    ):
+        for name, colour, words in (
+            ("random", "C0", "random loads"),
+            ("paper", "C3", "the paper's 180, centred"),
+        ):
             rows = [getattr(size, name) for size in sizes]
             panel.loglog(x, [row.direction_deg for row in rows], "o-", color=colour, label=f"{words}, mean")
-            panel.loglog(x, [row.direction_p95_deg for row in rows], "^:", color=colour, label=f"{words}, p95", ms=4)
+            panel.loglog(
+                x, [row.direction_p95_deg for row in rows], "^:", color=colour, label=f"{words}, p95", ms=4
+            )
         panel.grid(alpha=0.3, which="both")
     axes[0].axvline(WEIGHT_LIMIT, color="k", ls="--", lw=1, label=f"{WEIGHT_LIMIT} weights")
     axes[0].set(xlabel="weights", ylabel="direction error [deg]")
@@ -130,8 +145,9 @@ def render(results: Results) -> str:
     sizes = results.sizes
     chosen = max((size for size in sizes if size.weights <= WEIGHT_LIMIT), key=lambda size: size.weights)
     beside = " ".join(
-        f"With {other.weights} weights the error is {other.random.direction_deg / chosen.random.direction_deg:.2f} times "
-        f"as large in {other.run_us / chosen.run_us:.2f} of the time."
+        f"With {other.weights} weights the error is "
+        f"{other.random.direction_deg / chosen.random.direction_deg:.2f} times as large in "
+        f"{other.run_us / chosen.run_us:.2f} of the time."
         for other in (sizes[0], sizes[-1])
         if other is not chosen
     )

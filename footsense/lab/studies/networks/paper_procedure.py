@@ -72,7 +72,10 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     response = context.response
     tests = [verification_at(response, magnitude_gf) for magnitude_gf in MAGNITUDES_GF]
     training = paper_training(response)
-    linear = {"capacitance": capacitance_readout(response.design, training), "closure": elastance_readout(training)}
+    linear = {
+        "capacitance": capacitance_readout(response.design, training),
+        "closure": elastance_readout(training),
+    }
     by_feed, points = {}, {}
     for feed, name in _NAMES.items():
         networks = paper_networks(response, quick=context.quick, feed=feed)
@@ -97,8 +100,8 @@ def _figure(by_feed: dict[str, FeedErrors], points: dict[str, list[Errors]]) -> 
         networks, found = points[feed], by_feed[feed]
         x, y = [one.direction_deg for one in networks], [one.magnitude_gf for one in networks]
         cloud.plot(x, y, "o", color=colour, alpha=0.6, label=f"networks on {name}")
-        linear = {"color": colour, "mec": "k", "ms": 9, "label": f"linear on {name}"}
-        cloud.plot(found.linear_deg, found.linear_gf, "X", **linear)
+        label = f"linear on {name}"
+        cloud.plot(found.linear_deg, found.linear_gf, "X", color=colour, mec="k", ms=9, label=label)
         plot_band(curve, MAGNITUDES_GF, found.direction_deg, color=colour, label=f"networks on {name}")
     cloud.plot(PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, "k*", ms=13, label="the paper")
     cloud.set(xscale="log", yscale="log", title="180 directions at 100 gf")
@@ -107,7 +110,7 @@ def _figure(by_feed: dict[str, FeedErrors], points: dict[str, list[Errors]]) -> 
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
-    for training_gf, label in ((MAGNITUDES_GF[0], "training cases"), (MAGNITUDES_GF[-1], None)):
+    for training_gf, label in ((MAGNITUDES_GF[0], "training cases"), (MAGNITUDES_GF[-1], "_")):
         curve.axvline(training_gf, color="k", ls=":", label=label)
     curve.set(title="the same directions, other forces", ylim=(0.0, None))
     curve.set(xlabel="force [gf]", ylabel="mean direction error [deg]")
@@ -134,10 +137,10 @@ def render(results: Results) -> str:
     ours, elastic = results.by_feed["capacitance"], results.by_feed["closure"]
     direction, magnitude = ours.direction_deg[_PAPER], ours.magnitude_gf[_PAPER]
     return f"""
-What does the paper's own procedure (section III F) reach on our foot? A plain network 9-{HIDDEN[0]}-{HIDDEN[1]}-3, tanh,
-RPROP, {results.epochs} epochs on the 362 cases with 50 and 150 gf, tested on the 180 cases with 100 gf; {direction.n} networks
-that differ in their start weights alone. Then the same network fed with gap closures, which the elastance 1/C measures:
-only the curve on each input changes.
+What does the paper's own procedure (section III F) reach on our foot? A plain network 9-{HIDDEN[0]}-{HIDDEN[1]}-3,
+tanh, RPROP, {results.epochs} epochs on the 362 cases with 50 and 150 gf, tested on the 180 cases with 100 gf;
+{direction.n} networks that differ in their start weights alone. Then the same network fed with gap closures, which the
+elastance 1/C measures: only the curve on each input changes.
 
 {table(["mean over the 180 cases ± standard deviation between seeds", "direction [deg]", "magnitude [gf]"], rows)}
 
@@ -146,8 +149,8 @@ only the curve on each input changes.
 - The paper's {PAPER_DIRECTION_DEG} deg are {_place(PAPER_DIRECTION_DEG, direction, "deg")}, its {PAPER_MAGNITUDE_GF} gf
   {_place(PAPER_MAGNITUDE_GF, magnitude, "gf")}. The start weights alone change our direction error by a
   factor of {direction.highest / direction.lowest:.1f}, so a single network tells little.
-- Forces between the training cases cost error: in the same 180 directions, none of them a training case, the networks on
-  ΔC have {ours.direction_deg[0].mean:.2f} deg at 50 gf, {direction.mean:.2f} deg at 100 gf and
+- Forces between the training cases cost error: in the same 180 directions, none of them a training case, the networks
+  on ΔC have {ours.direction_deg[0].mean:.2f} deg at 50 gf, {direction.mean:.2f} deg at 100 gf and
   {ours.direction_deg[-1].mean:.2f} deg at 150 gf.
 - Closures instead of ΔC change the direction error at 100 gf by a factor of
   {elastic.direction_deg[_PAPER].mean / direction.mean:.2f} and the magnitude error by
