@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from footsense import daemon
+from footsense.cli.options import FILE
 from footsense.clock import wall_time_iso
 from footsense.config import Bus, Config, load_config
 from footsense.config.contradictions import warnings
@@ -15,7 +16,7 @@ from footsense.foot.calibration_reader import FootPack
 
 
 @click.command("check-config")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=FILE)
 def check_config(file: Path) -> None:
     """Say what the configuration FILE means, or which key is wrong and what would be right."""
     config = load_config(file)

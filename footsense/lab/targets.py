@@ -143,7 +143,7 @@ def targets(values: Values) -> str:
         limit = f"{'at least' if target.at_least else 'at most'} {target.wanted:g}"
         rows.append([target.what, target.paper, limit, shown, verdict, f"`{target.study}`"])
     reached = table(["figure", "the paper", "target", "ours", "", "study"], rows)
-    return f"{reached}\n\n{_why(values['limit'])}" if "cramer-rao" in values else reached
+    return f"{reached}\n\n{_why(values['cramer-rao'])}" if "cramer-rao" in values else reached
 
 
 def _why(cramer_rao: Mapping[str, Any]) -> str:

@@ -9,6 +9,7 @@ from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, coverage
 from footsense.lab.evaluation.evaluate_models import evaluate_models, open_models
 from footsense.lab.evaluation.maximum_likelihood import ambiguous_loads
+from footsense.lab.model_card import readme
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
 from footsense.lab.training.train import MASKS
 from tests.lab.released import RELEASED, SOLE
@@ -59,3 +60,12 @@ def test_light_loads_have_a_twin_and_heavy_ones_none() -> None:
         apart[magnitude_gf] = sigmas.min()
     assert apart[20.0] < 2.0
     assert apart[100.0] > 10.0
+
+
+def test_the_model_card_is_what_a_build_writes() -> None:
+    """All of it but the parity of JAX and ONNX Runtime, which only a build measures."""
+    text = (RELEASED / "README.md").read_text(encoding="utf-8")
+    parity_mn = float(text.partition("ONNX Runtime: ")[2].partition(" ")[0])
+    response, network = open_models(RELEASED)
+    table = evaluate_models(RELEASED)
+    assert text == readme(SOLE, response, network.card, table, parity_mn / 1000.0, quick=False)

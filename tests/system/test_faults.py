@@ -161,7 +161,7 @@ def test_what_is_left_of_a_foot_is_worth_having(whole: Walk) -> None:
 def test_a_leg_that_holds_the_bus_costs_the_others_three_frames(whole: Walk) -> None:
     """Two timeouts of 20 ms, what was being read, and a scan; one more timeout at each later try; it is tared anew."""
     broken, seen = trial(scene_faults.StuckSda(**PASSING), whole)
-    assert (seen.state, seen.cause) == (State.ABSENT, Cause.LINE_HELD)
+    assert (seen.state, seen.cause) == (State.ABSENT, Cause.BUS_STUCK)
     assert seen.recovered_after_s is not None
     assert seen.recovered_after_s < TARED_S
     assert seen.worst_gap_s < 0.09
@@ -176,7 +176,7 @@ def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(wh
     broken = walk(scene_faults.StuckSda(**PASSING), config=msgspec.structs.replace(ROBOT, buses=(bus,)))
     held = (broken.t_sent_ns > (BREAKS_AT_S + 0.1) * 1e9) & (broken.t_sent_ns < PASSES_AT_S * 1e9)
     assert (broken.state[held] == State.ABSENT).all()
-    assert (broken.cause[held] == Cause.LINE_HELD).all()
+    assert (broken.cause[held] == Cause.BUS_STUCK).all()
     assert (broken.state[-1] == State.VALID).all()
     assert figures(broken, whole, BREAKS_AT_S, PASSES_AT_S).recovered_after_s is not None
 

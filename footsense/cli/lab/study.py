@@ -1,4 +1,4 @@
-"""`footsense lab response`, `study`, `fidelity`, `cramer-rao`, `tradeoff`, `tolerance`, `report`: measure the models."""
+"""`footsense lab response`, `study`, `fidelity`, `cramer-rao`, `tradeoff`, `tolerance`, `report`."""
 
 import json
 from dataclasses import replace

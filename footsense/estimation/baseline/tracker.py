@@ -18,6 +18,7 @@ from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.frames import (
     BaselineDrift,
+    BaselineStatus,
     Command,
     CommandKind,
     CommandResult,
@@ -25,7 +26,6 @@ from footsense.frames import (
     Reading,
     Result,
     State,
-    ZeroStatus,
 )
 
 Vector = NDArray[np.float64]
@@ -192,7 +192,7 @@ class Footing:
             if touching or not (self._track and contact.aloft):
                 zero.hold()
             elif not contact.explained:
-                zero.hold(ZeroStatus.TOO_FAST)
+                zero.hold(BaselineStatus.TOO_FAST)
             else:
                 aloft.append(leg)
         self._aloft = tuple(aloft)

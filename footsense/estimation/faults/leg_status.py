@@ -37,13 +37,13 @@ _STATES = {
     Reading.NO_ANSWER: State.ABSENT,
 }
 _CAUSES = {
-    Reading.DELAYED: Cause.HELD_UP,
+    Reading.DELAYED: Cause.DELAYED,
     Reading.NOT_READY: Cause.NEVER_FINISHES,
-    Reading.CORRUPT: Cause.GARBLED,
+    Reading.CORRUPT: Cause.CORRUPT,
     Reading.MISCONFIGURED: Cause.SETTINGS_LOST,
     Reading.EXCITATION: Cause.CANNOT_EXCITE,
     Reading.WRONG_CHIP: Cause.WRONG_CHIP,
-    Reading.BUS_STUCK: Cause.LINE_HELD,
+    Reading.BUS_STUCK: Cause.BUS_STUCK,
     Reading.NO_ANSWER: Cause.NO_ANSWER,
 }
 #: Nothing is heard of a leg's foot: when it comes back, it may be another one.
@@ -168,7 +168,7 @@ def causes(
         zero: Where the legs' zeros stand: one that has left the others' is told, though it is still followed.
     """
     cause = drifting_zeros(zero)
-    cause[state == State.SATURATED] = Cause.GAP_SHUT
+    cause[state == State.SATURATED] = Cause.GAP_CLOSED
     if faulty.any.any():
         cause[faulty.drifting.any(axis=1)] = Cause.ELEMENT_DRIFTS
         cause[faulty.stuck.any(axis=1)] = Cause.ELEMENT_STUCK
