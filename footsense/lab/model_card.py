@@ -49,15 +49,15 @@ gaps closing in part, converter noise of {noise}.
 {as_markdown(table)}
 
 Largest difference between JAX and ONNX Runtime: {1000 * parity_n:.4f} mN. How far sigma holds, what a missing row
-costs, and how near a network comes to the Cramer-Rao bound: `footsense lab study released` and `lab cramer-rao`; for the
-released foot in `docs/report/README.md`.
+costs, and how near a network comes to the Cramer-Rao bound: `footsense lab study released` and `lab cramer-rao`; for
+the released foot in `docs/report/README.md`.
 
 Solid: a quarter in {where["elements"]} elements of order {where["mesh"]["order"]}, about {where["unknowns"]} unknowns
 in each of three symmetry classes. x and y differ by {asymmetry} (rms, averaged out); the series differs from the
 field's samples by {residual}, and from a series of four degrees less by {cut_off}.
 
-Known limits: near the diagonals, far from upright, a light centred load is ambiguous: another load, its force far aside
-and its contact leaning a little, closes all nine gaps alike, and no read-out of one scan distinguishes them for certain.
+Known limits: near the diagonals, far from upright, a light centred load is ambiguous: another load, its force far
+aside and its contact leaning a little, closes all nine gaps alike, and no read-out of one scan distinguishes them for certain.
 Near there a network also has its own largest errors. The studies `cramer-rao` and `error-map` measure both; for the
 released foot they lie at about 44 deg and below about 50 gf.
 

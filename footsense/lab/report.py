@@ -52,6 +52,8 @@ _RENAMED = {
     "limit": "cramer-rao",
 }
 README, BUILD = "README.md", "build.json"
+#: Stale pages that are kept, with the reason of each, as JSON.
+STALE = "stale.json"
 
 
 def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STUDIES) -> Page:
@@ -105,6 +107,12 @@ def why_stale(name: str, folder: Path, context: StudyContext, studies: Mapping[s
     if page_values(name, folder).get("code_sha256", "") != module_sha256(studies[name]):
         return f"the code that measures its numbers has changed ({studies[name]})"
     return ""
+
+
+def noted_stale(folder: Path) -> dict[str, str]:
+    """Return the reasons of the stale pages that a folder keeps."""
+    path = folder / STALE
+    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
 
 
 def make_report(
@@ -185,6 +193,8 @@ def bind(folder: Path, context: StudyContext) -> Path:
     notes = ""
     if context.quick:
         notes += "\n\n**A quick form: few steps, seeds and cases. Its figures are no results.**"
+    for name, reason in noted_stale(folder).items():
+        notes += f"\n\nNot made again since its code has changed: `{name}`. {reason}"
     if left_out:
         notes += f"\n\nNot made about this network yet: {', '.join(left_out)}."
     text = f"""# The lab's report
