@@ -33,7 +33,7 @@ from footsense.sim.scene import Scene
 _log = logging.getLogger(__name__)
 
 #: Share of the configured clock below which a bus is said to be slow.
-_SLOW_REL = 0.9
+SLOW_REL = 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +173,7 @@ def _tell(bus: Bus, timing: Timing | None) -> None:
     if timing is None:
         return
     _log.info("%s: %s", bus.device, timing)
-    if timing.costs.rate_hz < _SLOW_REL * bus.rate_hz:
+    if timing.costs.rate_hz < SLOW_REL * bus.rate_hz:
         _log.warning(
             "%s runs at %.0f kHz, not at the %.0f kHz of the configuration: a Raspberry Pi's follows the core clock; "
             "set core_freq_min, or correct rate_hz",
