@@ -18,7 +18,7 @@ from firmware_interface.can_frames import NODE_IDS
 from firmware_interface.schedule import scan_limits
 from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
-from footsense.estimation.pipeline import Reckoning
+from footsense.estimation.pipeline import Alignment
 from footsense.foot.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS
@@ -195,20 +195,20 @@ class Published:
 
 def by_frame(readings: Readings, network: Estimator, card: TrainedInputs, n_averaged: int = 1) -> Published:
     """Return the forces of `publish: frame`: one for each scan."""
-    reckoning = ScanByScan(network, len(readings.rest_rel), card.moments, n_averaged)
-    return _reckoned(readings, reckoning, card, each=ELEMENTS)
+    alignment = ScanByScan(network, len(readings.rest_rel), card.moments, n_averaged)
+    return _aligned(readings, alignment, card, each=ELEMENTS)
 
 
 def by_element(readings: Readings, network: Estimator, card: TrainedInputs) -> Published:
     """Return the forces of `publish: element`: one for each conversion."""
     step_ns = int(readings.t_ns[1] - readings.t_ns[0])
-    reckoning = ElementByElement(
+    alignment = ElementByElement(
         network, len(readings.rest_rel), card.moments, readings.order, step_ns, readings.noise_rel
     )
-    return _reckoned(readings, reckoning, card, each=1)
+    return _aligned(readings, alignment, card, each=1)
 
 
-def _reckoned(readings: Readings, reckoning: Reckoning, card: TrainedInputs, each: int) -> Published:
+def _aligned(readings: Readings, alignment: Alignment, card: TrainedInputs, each: int) -> Published:
     """Return the forces that the daemon makes of whole scans, or after each conversion."""
     n_feet = len(readings.rest_rel)
     nothing, everyone = np.zeros((n_feet, ELEMENTS), bool), np.ones(n_feet, bool)
@@ -216,10 +216,10 @@ def _reckoned(readings: Readings, reckoning: Reckoning, card: TrainedInputs, eac
     values, stamps = (part[::each] for part in readings.elements())
     t_ns, force_n, sigma_n = [], [], []
     for now_ns, known, known_ns in zip(sent_ns.tolist(), values, stamps, strict=True):
-        moment = reckoning.align(known, np.tile(known_ns, (n_feet, 1)), now_ns, nothing)
-        closure_rel = _trained(readings.rest_rel - moment.values, card)
-        force, sigma = reckoning.estimate(closure_rel, readings.rest_rel, everyone, nothing)
-        t_ns.append(int(moment.t_ns[0]))
+        sample = alignment.align(known, np.tile(known_ns, (n_feet, 1)), now_ns, nothing)
+        closure_rel = _trained(readings.rest_rel - sample.distance_rel, card)
+        force, sigma = alignment.estimate(closure_rel, readings.rest_rel, everyone, nothing)
+        t_ns.append(int(sample.t_ns[0]))
         force_n.append(force)
         sigma_n.append(sigma)
     reaches_ns = np.array(t_ns)
