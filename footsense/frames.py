@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface.can_codes import EXPECTED, USABLE, Cause, ZeroStatus
+from firmware_interface.can_codes import EXPECTED, USABLE, BaselineStatus, Cause
 from firmware_interface.can_frames import NODE_IDS, CommandKind, Flag, Result, State
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "LEGS",
     "USABLE",
     "BaselineDrift",
+    "BaselineStatus",
     "CapFrame",
     "Cause",
     "Command",
@@ -33,7 +34,6 @@ __all__ = [
     "Reference",
     "Result",
     "State",
-    "ZeroStatus",
 ]
 
 #: Elements of a foot: a 3 x 3 grid, flat index 3 * row + column, row 0 the most forward, column 0 the leftmost.
@@ -93,7 +93,7 @@ class BaselineDrift(NamedTuple):
     """Where the zero of every leg stands and why.
 
     Attributes:
-        status: What its tracking does, shape (legs,), uint8 of `ZeroStatus`.
+        status: What its tracking does, shape (legs,), uint8 of `BaselineStatus`.
         mean_pf: Mean over the elements of how far it has moved since the leg's last tare [pF], shape (legs,).
         worst_pf: The same of the element that moved farthest [pF], shape (legs,).
         moved_ns: When it was last moved or tared [ns], shape (legs,), int64; 0 where there is none.
@@ -108,7 +108,7 @@ class BaselineDrift(NamedTuple):
     def none(cls, n_legs: int) -> "BaselineDrift":
         """Return that of legs without any."""
         nan = np.full(n_legs, np.nan)
-        return cls(np.full(n_legs, ZeroStatus.NONE, np.uint8), nan, nan, np.zeros(n_legs, np.int64))
+        return cls(np.full(n_legs, BaselineStatus.NONE, np.uint8), nan, nan, np.zeros(n_legs, np.int64))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -209,7 +209,7 @@ class Cycle(NamedTuple):
 
 
 @dataclass(slots=True)
-class CanStats:
+class CanStatistics:
     """Numbers of frames and events since the channel was first opened.
 
     Attributes:

@@ -40,8 +40,7 @@ class Step(NamedTuple):
         trigger: Starts the conversion.
         select_checks: That the line switches stand as they were told: a broadcast write is acknowledged even if one leg
             missed it, and a wrong line reads as a plausible capacitance.
-        setting_check: That the converter holds its configuration. In the last step of a scan only, for all of it; else
-            None.
+        setting_checks: That the converter holds its configuration; in the last step of a scan only, for all of it.
         done: Asks whether the conversion is done; None where the result itself tells.
         read: Reads the result of one leg.
     """
@@ -51,7 +50,7 @@ class Step(NamedTuple):
     changes: tuple[Transaction, ...]
     trigger: Transaction
     select_checks: tuple[Check, ...]
-    setting_check: Check | None
+    setting_checks: tuple[Check, ...]
     done: Done | None
     read: tuple[Transaction, ...]
 
@@ -97,13 +96,13 @@ def scan_plan(order: str, rate_sps: int, board: str = "fdc1004") -> ScanPlan:
             changes=tuple(write for write in element.select if write not in last.select),
             trigger=element.trigger,
             select_checks=tuple(switch_check(write) for write in element.select),
-            setting_check=None,
+            setting_checks=(),
             done=element.done,
             read=element.read,
         )
         for number, element, last in zip(order_of, elements, before, strict=True)
     ]
-    steps[-1] = steps[-1]._replace(setting_check=of.setting_check)
+    steps[-1] = steps[-1]._replace(setting_checks=(of.setting_check,))
     conversion_ns = of.conversion_ns[rate_sps]
     return ScanPlan(
         board=of,

@@ -24,7 +24,7 @@ from footsense.clock import foremost, stopwatch_ns, undisturbed
 from footsense.config import DEFAULT, Realtime
 from footsense.daemon.loop import step
 from footsense.errors import FootsenseError
-from footsense.frames import CanStats, CapFrame, Cycle, Flag, State
+from footsense.frames import CanStatistics, CapFrame, Cycle, Flag, State
 from footsense.recording.cycle_pipe import CyclePipe
 from footsense.sim.clock import VirtualClock
 from footsense.sim.scene import load_scene
@@ -121,7 +121,7 @@ def our_cycle() -> Iterator[OurCycle]:
     Yields:
         The cycle; its counters are there until the end.
     """
-    clock, stats, outlets = VirtualClock(), CanStats(), Outlets()
+    clock, stats, outlets = VirtualClock(), CanStatistics(), Outlets()
     pipeline = daemon.pipeline_for(DEFAULT, daemon.load_network(DEFAULT), Flag.SIMULATED)
     wire = SocketWire(outlets.socket, lambda: None)
     with (

@@ -16,6 +16,7 @@ from rich.table import Table
 from footsense.benchmarks.cycle import WARM_UP, cycle_figures, recorded_scans
 from footsense.benchmarks.scan import conversion_limit_ms, publish_age_ms, scan_figures
 from footsense.benchmarks.wakeup_latency import jitter_figures
+from footsense.cli.options import json_option
 from footsense.errors import FootsenseError
 
 _CYCLES, _QUICK_CYCLES = 400, 60
@@ -23,7 +24,7 @@ _JITTER_S, _QUICK_JITTER_S = 10.0, 1.0
 
 
 @click.command()
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
+@json_option
 @click.option("--quick", is_flag=True, help="In seconds: the tails are then of few wake-ups.")
 @click.option(
     "--cycles", type=click.IntRange(min=1), help=f"Cycles to time, three ways in turns.  [default: {_CYCLES}]"

@@ -7,14 +7,16 @@ from pathlib import Path
 import click
 
 from footsense import daemon
+from footsense.cli.options import FILE
 from footsense.clock import wall_time_iso
 from footsense.config import Bus, Config, load_config
+from footsense.config.contradictions import warnings
 from footsense.estimation.network import Network
 from footsense.foot.calibration_reader import FootPack
 
 
 @click.command("check-config")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=FILE)
 def check_config(file: Path) -> None:
     """Say what the configuration FILE means, or which key is wrong and what would be right."""
     config = load_config(file)
@@ -23,7 +25,7 @@ def check_config(file: Path) -> None:
     daemon.pipeline_for(config, network, 0, packs)  # refuses what these feet cannot tell, as a run would
     for line in _summary(config, network, packs):
         click.echo(line)
-    for warning in config.warnings:
+    for warning in warnings(config):
         click.echo(f"warning: {warning}", err=True)
 
 

@@ -5,21 +5,15 @@ from pathlib import Path
 
 import click
 
+from footsense.cli.options import FILE, config_option
 from footsense.config import Metrics, load_config
 from footsense.errors import ConfigError
 from footsense.telemetry.exporter import serve
 
 
 @click.command()
-@click.option(
-    "--config",
-    "config_file",
-    type=click.Path(path_type=Path),
-    help="YAML file of the robot; its section `metrics` counts. Default: all defaults of that section.",
-)
-@click.option(
-    "--counters", type=click.Path(path_type=Path), help="File of the counters, instead of metrics.counters."
-)
+@config_option("all defaults of its section `metrics`")
+@click.option("--counters", type=FILE, help="File of the counters, instead of metrics.counters.")
 @click.option(
     "--port", type=click.IntRange(0, 65_535), help="TCP port, instead of metrics.port; 0: any free one."
 )

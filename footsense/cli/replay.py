@@ -8,6 +8,7 @@ import msgspec
 
 from footsense import daemon
 from footsense.can.frame_log import check_log_target
+from footsense.cli.options import FILE, FOLDER, can_log_option
 from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.daemon.loop import Paced, step
@@ -54,20 +55,16 @@ class Comparison:
 
 
 @click.command()
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=FILE)
 @click.option(
     "--check", is_flag=True, help="Compare with the recorded forces: exit 1 at the first difference."
 )
-@click.option(
-    "--can-log",
-    type=click.Path(path_type=Path),
-    help="Write what was sent on CAN: .log (candump), .asc or .blf.",
-)
+@can_log_option
 @click.option("--realtime", is_flag=True, help="Play at the speed of the recording.")
 @click.option(
     "--calibrations",
     "folder",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     help="Folder of the calibrations of the recorded feet; default: where it was on the robot.",
 )
 def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, folder: Path | None) -> None:

@@ -9,10 +9,10 @@ from msgspec.structs import replace
 
 from footsense.config.contradictions import first_contradiction
 from footsense.config.former_keys import FORMER_KEYS
-from footsense.config.schema import (
+from footsense.config.schema import Config
+from footsense.config.sections import (
     Bus,
     Can,
-    Config,
     Metrics,
     Mux,
     OtherDevice,

@@ -13,12 +13,12 @@ from firmware_interface.serial_frames import RECORD_BITS
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.bus_timing import Timing
 from footsense.acquisition.gpio import LinuxResetLine
-from footsense.acquisition.kernel_mux_scanner import KernelMuxScanner
 from footsense.acquisition.linux_i2c import LinuxI2cBus
 from footsense.acquisition.mcu_source import RecordSource
-from footsense.acquisition.robot_scanner import LegsScanner, RobotScanner
+from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import ScanPlan, scan_plan
 from footsense.acquisition.serial_port import SerialLink
+from footsense.acquisition.transports import KernelMux, UpstreamBus
 from footsense.clock import MonotonicClock, Wakeups
 from footsense.config import Bus, Config, Serial
 from footsense.daemon.foot_types import artefact, require_foot_type
@@ -115,16 +115,12 @@ class OpenBus(NamedTuple):
     Attributes:
         bus: As configured.
         clock: The time that it lives in.
-        trunk: Its adapter; None where the kernel drives the mux.
-        adapters: Adapter of each leg by name, where the kernel drives the mux; none elsewhere.
-        reset_line: What drives the RESET pin of its mux; None if nothing does.
+        transport: The way to the chips of its legs.
     """
 
     bus: Bus
     clock: Clock
-    trunk: I2cBus | None
-    adapters: dict[str, I2cBus]
-    reset_line: ResetLine | None
+    transport: UpstreamBus | KernelMux
 
 
 def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> list[OpenBus]:
@@ -140,26 +136,28 @@ def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -
     """
     opened = []
     for number, bus in enumerate(config.buses):
-        if robot is not None:
-            trunk = None if bus.adapters else robot.buses[number]
+        transport: UpstreamBus | KernelMux
+        if bus.adapters and robot is not None:
+            transport = KernelMux(tuple(robot.adapters[number].values()))
+        elif bus.adapters:
+            transport = KernelMux([_opened(device, stack) for device in bus.adapters.values()])
+        elif robot is not None:
             reset_line = robot.muxes[number] if bus.mux.reset else None
-            adapters: dict[str, I2cBus] = dict(robot.adapters[number])
-            opened.append(OpenBus(bus, robot.clocks[number], trunk, adapters, reset_line))
-            continue
-        line = None
-        if bus.mux.reset is not None and not bus.adapters:
-            line = LinuxResetLine.open(bus.mux.reset.device, bus.mux.reset.line)
-            stack.callback(line.close)
-        opened.append(
-            OpenBus(
-                bus=bus,
-                clock=MonotonicClock(),
-                trunk=None if bus.adapters else _opened(bus.device, stack),
-                adapters={leg: _opened(device, stack) for leg, device in bus.adapters.items()},
-                reset_line=line,
-            )
-        )
+            transport = UpstreamBus(robot.buses[number], bus.mux.address, reset_line)
+        else:
+            line = _opened_line(bus, stack)
+            transport = UpstreamBus(_opened(bus.device, stack), bus.mux.address, line)
+        clock = MonotonicClock() if robot is None else robot.clocks[number]
+        opened.append(OpenBus(bus, clock, transport))
     return opened
+
+
+def _opened_line(bus: Bus, stack: ExitStack) -> ResetLine | None:
+    if bus.mux.reset is None:
+        return None
+    line = LinuxResetLine.open(bus.mux.reset.device, bus.mux.reset.line)
+    stack.callback(line.close)
+    return line
 
 
 def _opened(device: str, stack: ExitStack) -> I2cBus:
@@ -223,12 +221,15 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
             return
         buses = open_buses(config, robot, stack)
         plan = plan_for(config)
-        scanners: list[LegsScanner] = []
-        for bus, its_clock, trunk, adapters, reset_line in buses:
-            if trunk is None:
-                scanners.append(KernelMuxScanner(adapters, its_clock, plan))
-            else:
-                scanners.append(BusScanner(trunk, its_clock, bus.channels, bus.mux.address, plan, reset_line))
+        scanners = [
+            BusScanner(
+                transport,
+                its_clock,
+                bus.channels or {leg: channel for channel, leg in enumerate(bus.legs)},
+                plan,
+            )
+            for bus, its_clock, transport in buses
+        ]
         source = RobotScanner(scanners, element_wise=config.publish == "element")
         stack.callback(source.close)
         source.start()

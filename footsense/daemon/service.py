@@ -22,12 +22,12 @@ from footsense.daemon.estimation import Packs, load_network, load_packs, pipelin
 from footsense.errors import ConfigError, FootsenseError, RecordingError
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Pipeline
-from footsense.frames import CanStats, Flag
+from footsense.frames import CanStatistics, Flag
 from footsense.ports import CanWire, Clock, FrameSource, Observer
 from footsense.recording.machine import this_machine
 from footsense.recording.recorder import Recorder, check_target
 from footsense.sim.can.interface import SimulatedCan
-from footsense.sim.faults.can_faults import CanFault
+from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Scene
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.log_lines import lost_lines
@@ -46,7 +46,7 @@ def can_sink(
     config: Config,
     clock: Clock,
     log_file: Path | None,
-    stats: CanStats | None = None,
+    stats: CanStatistics | None = None,
     *,
     real_time: bool = False,
     connect: Callable[[], CanWire] | None = None,
@@ -169,7 +169,7 @@ def service(
         FootsenseError: Something is missing or wrong; the message says what.
     """
     legs = config.legs
-    stats = CanStats()
+    stats = CanStatistics()
     recorder: Recorder | None = None
     with ExitStack() as stack:
         if record is not None:
@@ -233,7 +233,7 @@ def service(
 def _counted(
     config: MetricsConfig | None,
     legs: tuple[str, ...],
-    stats: CanStats,
+    stats: CanStatistics,
     wakeups: Sequence[Wakeups],
     scan: Scanning,
     recorder_lost: Callable[[], int],

@@ -21,8 +21,8 @@ from zstandard import ZstdError, frame_content_size
 from footsense.errors import RecordingError
 from footsense.frames import LEGS, CapFrame, Command, CommandResult, Cycle
 from footsense.recording import messages
+from footsense.recording.cycle_records import Loss, Numbered
 from footsense.recording.mcap_writer import HEADER_CRC, METADATA, PROFILE, header_crc
-from footsense.recording.pipe_format import Loss, Numbered
 from footsense.recording.reference_messages import decode_reference
 
 __all__ = ["read_entries", "read_header"]

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from enum import IntEnum
 
-from firmware_interface.can_codes import EXPECTED, Cause, Phase, Result, State, ZeroStatus
+from firmware_interface.can_codes import EXPECTED, BaselineStatus, Cause, Phase, Result, State
 from footsense.telemetry.shared_counters import Family
 
 __all__ = ["AGE_BOUNDS_S", "CAN_COUNTERS", "FAULTS", "PERIOD_BOUNDS_S", "STATE_SETS", "families"]
@@ -23,10 +23,14 @@ STATE_SETS: dict[str, tuple[str, type[IntEnum], str]] = {
     "footsense_leg_state": ("state", State, "1 for the state of the leg."),
     "footsense_leg_phase": ("phase", Phase, "1 for the phase of the leg."),
     "footsense_leg_cause": ("cause", Cause, "1 for the cause of the leg's state."),
-    "footsense_baseline_status": ("status", ZeroStatus, "1 for the status of the leg's baseline tracking."),
+    "footsense_baseline_status": (
+        "status",
+        BaselineStatus,
+        "1 for the status of the leg's baseline tracking.",
+    ),
 }
 
-#: Counters of the CAN channel, by field of `CanStats`.
+#: Counters of the CAN channel, by field of `CanStatistics`.
 CAN_COUNTERS = {
     "sent": ("footsense_can_sent_frames_total", "Frames handed to CAN."),
     "dropped": ("footsense_can_dropped_frames_total", "Frames that CAN did not take; never sent late."),

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Protocol
 
 from firmware_interface.can_codes import phase_of
-from footsense.frames import CanStats, CommandKind, ContactFrame, Cycle, Flag, Result, State
+from footsense.frames import CanStatistics, CommandKind, ContactFrame, Cycle, Flag, Result, State
 from footsense.telemetry.metric_families import (
     AGE_BOUNDS_S,
     CAN_COUNTERS,
@@ -69,7 +69,7 @@ class Metrics:
     def __init__(
         self,
         legs: tuple[str, ...],
-        can: CanStats,
+        can: CanStatistics,
         path: Path,
         *,
         wakeups: Sequence[Wakeups] = (),

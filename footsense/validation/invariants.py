@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, decode_quality
 from firmware_interface.socketcan import split_frames
 from footsense.frames import USABLE, ContactFrame, Cycle, State
-from footsense.sim.faults.can_faults import CanFault
-from footsense.sim.faults.scene_faults import Fault
+from footsense.sim.faults.scene_faults import CanFault, Fault
 from footsense.validation.tolerances import Rules, Spans, excused_s, gap_costs_s
 
 __all__ = ["Invariants", "Lost"]

@@ -1,5 +1,6 @@
 """A sink on a virtual channel, and a consumer that listens to it."""
 
+import errno
 import math
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 from firmware_interface.can_codes import NODE_IDS, USABLE, Cause, State
 from firmware_interface.socketcan import split_frames
 from footsense.can.sink import CanSink
+from footsense.errors import CanError
 from footsense.frames import BaselineDrift, ContactFrame
 
 MS = 1_000_000
@@ -28,14 +30,28 @@ class FakeClock:
 
 
 class NarrowWire:
-    """A CAN interface that takes as many frames of each call as it is told to."""
+    """A CAN interface that takes as many frames of each call as it is told to, and may be gone.
+
+    Attributes:
+        opened_ns: When it was tried to open it.
+    """
 
     def __init__(self) -> None:
         self.room = 100
+        self.gone = False
         self.taken: list[tuple[int, bytes]] = []
+        self.opened_ns: list[int] = []
+
+    def open(self, t_ns: int) -> "NarrowWire":
+        self.opened_ns.append(t_ns)
+        if self.gone:
+            raise CanError("it is not there")
+        return self
 
     def send(self, frames: bytes, t_ns: int) -> int:
         del t_ns
+        if self.gone:
+            raise OSError(errno.ENODEV, "No such device")
         taken = list(split_frames(frames))[: self.room]
         self.taken += taken
         return len(taken)
@@ -64,7 +80,7 @@ class Robot:
             legs=legs,
             clock=self.clock,
             log_file=log_file,
-            connect=None if wire is None else lambda: wire,
+            connect=None if wire is None else lambda: wire.open(self.clock.t_ns),
         )
         self.legs = legs
         self.heard()

@@ -10,7 +10,7 @@ from firmware_interface.socketcan import split_frames
 from footsense.can.sink import CanSink
 from footsense.frames import BaselineDrift, ContactFrame
 from footsense.sim.can.interface import AS_DEPLOYED, CanSettings, SimulatedCan
-from footsense.sim.faults.can_faults import CanFault
+from footsense.sim.faults.scene_faults import CanFault
 from tests.support.can_robot import MS, FakeClock
 
 LEGS = tuple(NODE_IDS)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from footsense.errors import RecordingError
 from footsense.frames import (
     BaselineDrift,
+    BaselineStatus,
     CapFrame,
     Cause,
     Command,
@@ -19,11 +20,10 @@ from footsense.frames import (
     Reading,
     Reference,
     State,
-    ZeroStatus,
 )
 from footsense.recording.compare import compare
+from footsense.recording.cycle_records import Numbered
 from footsense.recording.mcap_writer import McapFile
-from footsense.recording.pipe_format import Numbered
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream
 
@@ -66,7 +66,7 @@ def cycle(
         rng.choice([int(f) for f in Flag], n_legs).astype(np.uint8),
         rng.choice([int(c) for c in Cause], n_legs).astype(np.uint8),
         BaselineDrift(
-            rng.choice([int(z) for z in ZeroStatus], n_legs).astype(np.uint8),
+            rng.choice([int(z) for z in BaselineStatus], n_legs).astype(np.uint8),
             floats(n_legs),
             floats(n_legs),
             rng.integers(0, 2**63, n_legs),

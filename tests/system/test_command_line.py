@@ -15,8 +15,8 @@ from footsense import daemon
 from footsense.cli import main
 from footsense.config import DEFAULT
 from footsense.errors import HardwareError
+from footsense.recording.cycle_records import Loss, Numbered
 from footsense.recording.mcap_writer import McapFile
-from footsense.recording.pipe_format import Loss, Numbered
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream
 from footsense.sim.clock import VirtualClock

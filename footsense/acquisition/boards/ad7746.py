@@ -190,7 +190,7 @@ BOARD = Board(
     identify=identify,
     configure=configure,
     decode_result=decode_result,
-    afresh=(_settings(CAPDAC), READ_RESULT),
+    restart=(_settings(CAPDAC), READ_RESULT),
     # A lost CAPDAC would read as another capacitance; a chip that has lost the rest does not convert.
     setting_check=Check(
         read_registers(Register.CAPDAC_A, 4), bytes((chip.capdac(CAPDAC), 0)) + chip.RESET_VALUES[-2:]

@@ -36,11 +36,11 @@ class Done(NamedTuple):
 
     Attributes:
         ask: A read that changes nothing.
-        says: What the answer means: OK, NOT_READY or CORRUPT.
+        decode: Meaning of the answer: OK, NOT_READY or CORRUPT.
     """
 
     ask: Transaction
-    says: Callable[[bytes], Reading]
+    decode: Callable[[bytes], Reading]
 
 
 class Element(NamedTuple):
@@ -87,7 +87,8 @@ class Board(NamedTuple):
             result [pF]; or why it is of no use. Raises BusError.
         decode_result: What the answers to `Element.read` say, and the capacitance [pF], CAPDAC not included; NaN
             unless the reading is OK.
-        afresh: Lets a converter of which nothing is known begin: its settings, and no result left to be read.
+        restart: Brings a converter in an unknown state to where it can convert: its settings, and no result left to be
+            read.
         setting_check: That it holds its settings, which a dip of its supply resets; asked once a scan.
         range_end_pf: What an element over its range has at least [pF].
         thermometer: How it tells its temperature; None if it has no sensor.
@@ -99,7 +100,7 @@ class Board(NamedTuple):
     identify: Callable[[I2cBus, Clock], None]
     configure: Callable[[I2cBus, Clock], tuple[Reading, float]]
     decode_result: Callable[[list[bytes]], tuple[Reading, float]]
-    afresh: tuple[Transaction, ...]
+    restart: tuple[Transaction, ...]
     setting_check: Check
     range_end_pf: float
     thermometer: Thermometer | None

@@ -30,7 +30,7 @@ _CHIPS = {
         "a row line that is shorted or leaks to ground",
     ),
     Reading.CORRUPT: (
-        Cause.GARBLED,
+        Cause.CORRUPT,
         "its answers are such as no healthy chip gives",
         "pull-ups, cable length and ground of this leg",
     ),
@@ -40,7 +40,7 @@ _CHIPS = {
         "its 3.3 V supply",
     ),
     Reading.DELAYED: (
-        Cause.HELD_UP,
+        Cause.DELAYED,
         "its readings came too late",
         "what else loads this computer or this bus",
     ),
@@ -172,7 +172,7 @@ def _over_range(over: NDArray[np.bool_], opened: NDArray[np.bool_]) -> list[Find
             else:
                 what = f"element {element} reads more than the converter can: its gap is shut"
                 found.append(
-                    Finding(Cause.GAP_SHUT, (element,), what, "water in the gap, and what presses the foot")
+                    Finding(Cause.GAP_CLOSED, (element,), what, "water in the gap, and what presses the foot")
                 )
     return found
 

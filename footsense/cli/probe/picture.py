@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from firmware_interface import ad7746, adg715, fdc1004
-from footsense.acquisition.probe.address_scan import Census
+from footsense.acquisition.probe.address_scan import AddressScan
 from footsense.daemon.probe.report import Adapter, BusReport, LegReport, Probed
 from footsense.frames import Cause, Reading
 
@@ -30,12 +30,12 @@ _MARKS = {
     Cause.ROW_OPEN: "open",
     Cause.COLUMN_OPEN: "open",
     Cause.ELEMENT_SHORTED: "short",
-    Cause.GAP_SHUT: "shut",
+    Cause.GAP_CLOSED: "shut",
     Cause.CANNOT_EXCITE: "drive",
     Cause.NEVER_FINISHES: "busy",
     Cause.SETTINGS_LOST: "reset",
-    Cause.GARBLED: "garbled",
-    Cause.HELD_UP: "late",
+    Cause.CORRUPT: "garbled",
+    Cause.DELAYED: "late",
 }
 
 
@@ -79,10 +79,10 @@ def adapters_picture(found: list[Adapter]) -> Group:
     parts: list[RenderableType] = []
     for adapter in found:
         parts.append(Text(adapter.device, "bold"))
-        if adapter.census is None:
+        if adapter.addresses is None:
             parts.append(Text(f"  {adapter.error}", "bold red"))
         else:
-            parts += [Text(f"  {line}") for line in _census(adapter.census, adapter.claimed, {})]
+            parts += [Text(f"  {line}") for line in _addresses(adapter.addresses, adapter.claimed, {})]
     parts += [
         Text(),
         Text("Feet are behind a mux (TCA9548A, 0x70 to 0x77): name it and the legs with --config FILE."),
@@ -137,28 +137,29 @@ def _bus(report: BusReport) -> Iterator[Text]:
             f"a scan; the {limits.holds} holds"
         )
     names = {device.address: device.name for device in bus.other_devices} | {bus.mux.address: "mux"}
-    if seen.trunk is None:
-        yield Text("  on the trunk: a line is held low", "bold red")
+    if seen.upstream is None:
+        yield Text("  on the upstream bus: a line is held low", "bold red")
         return
-    for line in _census(seen.trunk, claimed, names):
-        yield Text(f"  on the trunk: {line}")
+    for line in _addresses(seen.upstream, claimed, names):
+        yield Text(f"  on the upstream bus: {line}")
 
 
-def _census(census: Census, claimed: object, names: dict[int, str]) -> Iterator[str]:
+def _addresses(addresses: AddressScan, claimed: object, names: dict[int, str]) -> Iterator[str]:
     """Tell who answers.
 
     Yields:
         One line about each kind.
     """
     answering = [
-        f"{address:#04x}" + (f" {names[address]}" if address in names else "") for address in census.answering
+        f"{address:#04x}" + (f" {names[address]}" if address in names else "")
+        for address in addresses.answering
     ]
     yield ", ".join(answering) or "nobody answers"
     if isinstance(claimed, dict) and claimed:
         held = ", ".join(f"{address:#04x} {driver}" for address, driver in sorted(claimed.items()))
         yield f"{held}: held by the kernel, not asked"
-    if census.unasked:
-        yield f"{len(census.unasked)} addresses could not be asked: this adapter does no empty writes"
+    if addresses.unasked:
+        yield f"{len(addresses.unasked)} addresses could not be asked: this adapter does no empty writes"
 
 
 def _legs(legs: tuple[LegReport, ...]) -> Table:
@@ -172,9 +173,9 @@ def _legs(legs: tuple[LegReport, ...]) -> Table:
     for report in legs:
         chips, foot = Text("-", "dim"), Text("not seen", "bold red")
         capacitance, noise = "-", "-"
-        if report.place is not None:
-            known = _CHIPS if report.place.outcome is Reading.OK else {}
-            answering = (known.get(address, f"{address:#04x} ?") for address in report.place.answering)
+        if report.channel is not None:
+            known = _CHIPS if report.channel.outcome is Reading.OK else {}
+            answering = (known.get(address, f"{address:#04x} ?") for address in report.channel.answering)
             chips = Text(", ".join(answering) or "nobody", "" if known else "bold red")
         if report.scans is not None:
             sound = [element for element, (_, wrong) in enumerate(element_marks(report)) if not wrong]

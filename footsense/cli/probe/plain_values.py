@@ -29,8 +29,8 @@ def plain_adapters(found: list[Adapter]) -> dict[str, Any]:
         "adapters": [
             {
                 "device": adapter.device,
-                "answering": None if adapter.census is None else _addresses(adapter.census.answering),
-                "unasked": None if adapter.census is None else _addresses(adapter.census.unasked),
+                "answering": None if adapter.addresses is None else _addresses(adapter.addresses.answering),
+                "unasked": None if adapter.addresses is None else _addresses(adapter.addresses.unasked),
                 "kernel_drivers": _drivers(adapter.claimed),
                 "error": adapter.error or None,
             }
@@ -45,10 +45,10 @@ def _bus(report: BusReport) -> dict[str, Any]:
     return {
         "device": bus.device,
         "mux": None if bus.adapters else {"address": f"{bus.mux.address:#04x}", "answers": seen.mux_answers},
-        "trunk": None if seen.trunk is None else _addresses(seen.trunk.answering),
-        "unasked": None if seen.trunk is None else _addresses(seen.trunk.unasked),
+        "upstream": None if seen.upstream is None else _addresses(seen.upstream.answering),
+        "unasked": None if seen.upstream is None else _addresses(seen.upstream.unasked),
         "kernel_drivers": _drivers(claimed),
-        "behind": {str(number): _addresses(place.answering) for number, place in seen.places.items()},
+        "behind": {str(number): _addresses(channel.answering) for number, channel in seen.channels.items()},
         "configured_rate_hz": bus.rate_hz,
         "rate_hz": None if timing is None else round(timing.costs.rate_hz),
         "host_cost_us": None if timing is None else round(timing.costs.host_cost_ns * 1e-3, 1),
@@ -59,12 +59,12 @@ def _bus(report: BusReport) -> dict[str, Any]:
 
 
 def _leg(report: LegReport) -> dict[str, Any]:
-    place, scans = report.place, report.scans
+    channel, scans = report.channel, report.scans
     return {
         "bus": report.device,
         "where": report.where,
-        "answering": None if place is None else _addresses(place.answering),
-        "chips": None if place is None else place.outcome.name.lower(),
+        "answering": None if channel is None else _addresses(channel.answering),
+        "chips": None if channel is None else channel.outcome.name.lower(),
         "mean_pf": None if scans is None else [_number(value, 4) for value in scans.mean_pf.tolist()],
         "noise_ff": None if scans is None else [_number(value, 2) for value in scans.noise_ff.tolist()],
         "reading": None if scans is None else [Reading(code).name.lower() for code in scans.worst.tolist()],

@@ -6,11 +6,11 @@ from contextlib import ExitStack
 import numpy as np
 
 from footsense.acquisition.linux_i2c import LinuxI2cBus, adapters, kernel_drivers
-from footsense.acquisition.probe.address_scan import take_census
-from footsense.acquisition.probe.bus_scan import Place, look_at_adapters, look_at_bus
+from footsense.acquisition.probe.address_scan import scan_addresses
+from footsense.acquisition.probe.bus_scan import ChannelScan, scan_adapters, scan_bus
 from footsense.acquisition.probe.foot_check import Finding, FootScans, findings
 from footsense.acquisition.scan_plan import ScanPlan
-from footsense.acquisition.upstream_bus import Trunk
+from footsense.acquisition.transports import UpstreamBus
 from footsense.config import Config
 from footsense.daemon.acquisition import open_buses, plan_for, scanning, simulated_robot
 from footsense.daemon.estimation import load_network
@@ -52,7 +52,7 @@ def _adapter_seen(device: str) -> Adapter:
     except HardwareError as error:
         return Adapter(device, None, claimed, str(error))
     try:
-        return Adapter(device, take_census(bus, claimed), claimed)
+        return Adapter(device, scan_addresses(bus, claimed), claimed)
     except HardwareError as error:
         return Adapter(device, None, claimed, str(error))
     finally:
@@ -100,11 +100,10 @@ def _buses_seen(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterator
         for opened in open_buses(config, robot, stack):
             bus = opened.bus
             claimed = kernel_drivers(bus.device) if robot is None else {}
-            if opened.trunk is None:
-                seen = look_at_adapters(opened.adapters, opened.clock, plan, claimed)
+            if isinstance(opened.transport, UpstreamBus):
+                seen = scan_bus(opened.transport, opened.clock, plan, bus.channels, claimed)
             else:
-                trunk = Trunk(opened.trunk, bus.mux.address, opened.reset_line)
-                seen = look_at_bus(trunk, opened.clock, plan, bus.channels, claimed)
+                seen = scan_adapters(opened.transport.adapters, opened.clock, plan, claimed)
             yield BusReport(bus, seen, claimed)
 
 
@@ -126,18 +125,18 @@ def _legs_seen(
         What is known of each, in the order of the configuration.
     """
     rest_pf = load_network(config).card.calibration.design.rest_pf
-    for number, (leg, device, where, place) in enumerate(_places(config, buses)):
+    for number, (leg, device, where, channel) in enumerate(_channel_scans(config, buses)):
         scans = scanned[number] if scanned is not None else None
         if scans is not None and np.isin(scans.reading, _SILENT).all():
             scans = None
         # What a loose contact spoils says nothing of the foot.
         found = () if scans is None or scans.is_intermittent else _found(config, leg, scans, rest_pf)
-        yield LegReport(leg, device, where, place, scans, found)
+        yield LegReport(leg, device, where, channel, scans, found)
 
 
-def _places(
+def _channel_scans(
     config: Config, buses: tuple[BusReport, ...]
-) -> Iterator[tuple[str, str, int | str, Place | None]]:
+) -> Iterator[tuple[str, str, int | str, ChannelScan | None]]:
     """Tell where each leg is, in the order of the configuration.
 
     Yields:
@@ -145,8 +144,8 @@ def _places(
     """
     for report in buses:
         for number, (leg, where) in enumerate(report.bus.legs.items()):
-            place = report.seen.places.get(where if isinstance(where, int) else number)
-            yield leg, report.bus.device, where, place
+            channel = report.seen.channels.get(where if isinstance(where, int) else number)
+            yield leg, report.bus.device, where, channel
     if config.serial is not None:
         for name in config.legs:
             yield name, config.serial.device, "mcu", None

@@ -24,11 +24,11 @@ def bus_complaints(report: BusReport, plan: ScanPlan) -> Iterator[Complaint]:
         One complaint after the other.
     """
     bus, seen, claimed = report
-    if seen.trunk is None:
+    if seen.upstream is None:
         yield Complaint(
             bus.device,
-            "SDA or SCL is held low on the trunk, and the mux cannot free it",
-            "short, missing pull-ups or an unpowered chip on the trunk"
+            "SDA or SCL is held low on the upstream bus, and the mux cannot free it",
+            "short, missing pull-ups or an unpowered chip on the upstream bus"
             + (
                 ""
                 if bus.mux.reset
@@ -37,7 +37,7 @@ def bus_complaints(report: BusReport, plan: ScanPlan) -> Iterator[Complaint]:
         )
         return
     for address in leg_addresses(plan):
-        if not bus.adapters and address in (*seen.trunk.answering, *claimed):
+        if not bus.adapters and address in (*seen.upstream.answering, *claimed):
             name = next((d.name for d in bus.other_devices if d.address == address), "something")
             yield Complaint(
                 bus.device,
@@ -52,7 +52,7 @@ def bus_complaints(report: BusReport, plan: ScanPlan) -> Iterator[Complaint]:
             f"it runs at {seen.timing.costs.rate_hz * 1e-3:.0f} kHz, {bus.rate_hz * 1e-3:.0f} kHz are configured",
             "dtparam=i2c_arm_baudrate and core_freq_min on a Raspberry Pi, or correct rate_hz",
         )
-    unseen = [leg for leg, channel in bus.channels.items() if channel not in seen.places]
+    unseen = [leg for leg, channel in bus.channels.items() if channel not in seen.channels]
     if seen.mux_answers and unseen:
         yield Complaint(
             bus.device,
@@ -62,14 +62,14 @@ def bus_complaints(report: BusReport, plan: ScanPlan) -> Iterator[Complaint]:
     lacking = {
         leg
         for leg, channel in bus.channels.items()
-        if channel in seen.places and seen.places[channel].outcome is Reading.NO_ANSWER
+        if channel in seen.channels and seen.channels[channel].outcome is Reading.NO_ANSWER
     }
-    for channel, place in seen.places.items():
-        of_no_leg = not bus.adapters and channel not in bus.channels.values()
-        if of_no_leg and set(leg_addresses(plan)) <= {*place.answering}:
+    for number, channel in seen.channels.items():
+        of_no_leg = not bus.adapters and number not in bus.channels.values()
+        if of_no_leg and set(leg_addresses(plan)) <= {*channel.answering}:
             yield Complaint(
                 bus.device,
-                f"a leg's chips answer on channel {channel}, which is no leg's",
+                f"a leg's chips answer on channel {number}, which is no leg's",
                 f"whether they are those of {', '.join(lacking)}"
                 if lacking
                 else "whether the configuration lacks a leg",
@@ -79,19 +79,19 @@ def bus_complaints(report: BusReport, plan: ScanPlan) -> Iterator[Complaint]:
 def _no_mux(report: BusReport) -> tuple[str, str]:
     """Return what is wrong with a mux, and what to check."""
     bus, seen, claimed = report
-    assert seen.trunk is not None
+    assert seen.upstream is not None
     address = bus.mux.address
     if address in claimed:
         return (
             f"the kernel's driver {claimed[address]} holds the mux at {address:#04x}",
             "name each leg's adapter instead of its channel, or unbind the driver; never both",
         )
-    if address in seen.trunk.answering:
+    if address in seen.upstream.answering:
         return (
             f"what answers at {address:#04x} does not hold what it is told, as a TCA9548A does",
             "which chip that is; LED and servo drivers have such addresses too",
         )
-    others = [other for other in seen.trunk.answering if other in _MUXES]
+    others = [other for other in seen.upstream.answering if other in _MUXES]
     found = f"; {', '.join(f'{other:#04x}' for other in others)} does" if others else ""
     return (
         f"no mux (TCA9548A) answers at {address:#04x}{found}",
@@ -110,18 +110,18 @@ def leg_complaints(report: LegReport) -> Iterator[Complaint]:
         One complaint after the other.
     """
     where = f"channel {report.where}" if isinstance(report.where, int) else f"adapter {report.where}"
-    place, scans = report.place, report.scans
+    channel, scans = report.channel, report.scans
     if scans is not None and (
-        scans.is_intermittent or (place is not None and place.outcome is not Reading.OK)
+        scans.is_intermittent or (channel is not None and channel.outcome is not Reading.OK)
     ):
         n_lost = int(np.isin(scans.reading, CHIP_READINGS).sum())
         what = f"{where}: its chips answer now and then; {n_lost} of {scans.reading.size} readings were lost"
         yield Complaint(report.leg, what, "its plug and cable: a loose contact")
-    elif place is not None and place.outcome is Reading.BUS_STUCK:
+    elif channel is not None and channel.outcome is Reading.BUS_STUCK:
         what = f"it holds SDA or SCL low as soon as {where} is connected"
         yield Complaint(report.leg, what, "short in its cable or plug, and whether its chips have power")
-    elif place is not None and place.outcome is not Reading.OK:
-        yield Complaint(report.leg, f"{where}: {place.why}", _CHECKS[place.outcome])
+    elif channel is not None and channel.outcome is not Reading.OK:
+        yield Complaint(report.leg, f"{where}: {channel.why}", _CHECKS[channel.outcome])
     for found in report.found:
         yield Complaint(report.leg, found.what, found.check)
 

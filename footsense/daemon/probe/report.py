@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.acquisition.probe.address_scan import Census
-from footsense.acquisition.probe.bus_scan import BusSeen, Place
+from footsense.acquisition.probe.address_scan import AddressScan
+from footsense.acquisition.probe.bus_scan import BusScan, ChannelScan
 from footsense.acquisition.probe.foot_check import Finding, FootScans
 from footsense.config import Bus
 
@@ -37,7 +37,7 @@ class BusReport(NamedTuple):
     """
 
     bus: Bus
-    seen: BusSeen
+    seen: BusScan
     claimed: Mapping[int, str]
 
 
@@ -48,7 +48,7 @@ class LegReport(NamedTuple):
         leg: Its name.
         device: Its bus.
         where: Its channel of the mux, or its adapter where the kernel drives that.
-        place: What answers there; None if that could not be looked at.
+        channel: What answers there; None if that could not be looked at.
         scans: Its foot; None if it could not be scanned.
         found: What is wrong with the foot.
     """
@@ -56,7 +56,7 @@ class LegReport(NamedTuple):
     leg: str
     device: str
     where: int | str
-    place: Place | None
+    channel: ChannelScan | None
     scans: FootScans | None
     found: tuple[Finding, ...]
 
@@ -97,12 +97,12 @@ class Adapter(NamedTuple):
 
     Attributes:
         device: Its device file.
-        census: Who answers on it; None if a line is held, or it cannot be opened.
+        addresses: Who answers on it; None if a line is held, or it cannot be opened.
         claimed: As in `BusReport`.
-        error: Why there is no census.
+        error: Why there is no addresses.
     """
 
     device: str
-    census: Census | None
+    addresses: AddressScan | None
     claimed: Mapping[int, str]
     error: str = ""

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import ELEMENTS, ZeroStatus
+from footsense.frames import ELEMENTS, BaselineStatus
 
 Vector = NDArray[np.float64]
 
@@ -94,7 +94,7 @@ class LegBaseline:
     def discard(self) -> None:
         """Discard the baseline: the leg may carry another foot."""
         self.baseline_pf = self._tared_pf = self._anchor_pf = np.full(ELEMENTS, np.nan)
-        self.status = ZeroStatus.NONE
+        self.status = BaselineStatus.NONE
         self.moved_ns = 0
         self.offset_pf = (math.nan, math.nan)
         self.variance_pf2 = math.nan
@@ -111,7 +111,7 @@ class LegBaseline:
         self.variance_pf2 = _TARE_PF2
         self.hold()
 
-    def hold(self, reason: ZeroStatus = ZeroStatus.HELD) -> None:
+    def hold(self, reason: BaselineStatus = BaselineStatus.HELD) -> None:
         """Stop following."""
         self._before = None
         self.status = reason
@@ -141,9 +141,9 @@ class LegBaseline:
         step_pf2 = 0.5 * step_pf * step_pf
         self._step_pf2 = np.where(known, self._step_pf2 + _NEWEST_REL * (step_pf2 - self._step_pf2), 0.0)
         if math.sqrt(self._step_pf2.max()) * 1e3 > self._limits.noise_limit_ff:
-            self.status = ZeroStatus.NOT_QUIET
+            self.status = BaselineStatus.NOT_QUIET
             return False
-        self.status = ZeroStatus.TRACKING
+        self.status = BaselineStatus.TRACKING
         self._move(before_pf, known, newest_ns)
         if np.isnan(self.baseline_pf).any():
             self._adopt((capacitance_pf + before_pf) / 2, step_pf2)
@@ -168,7 +168,7 @@ class LegBaseline:
             distance_pf > np.abs(self.baseline_pf - self._unloaded_pf)
         )
         if too_far.any():
-            self.status = ZeroStatus.TOO_FAR
+            self.status = BaselineStatus.TOO_FAR
         followed = known & np.isfinite(innovation_pf) & ~too_far
         moved_pf = np.where(followed, wanted_pf - self.baseline_pf, 0.0)
         innovation_sum_pf = float(np.abs(np.where(followed, innovation_pf, 0.0)).sum())

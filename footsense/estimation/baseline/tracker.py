@@ -26,7 +26,7 @@ from footsense.frames import (
     Reading,
     Result,
     State,
-    ZeroStatus,
+    BaselineStatus,
 )
 
 Vector = NDArray[np.float64]
@@ -201,9 +201,9 @@ class BaselineTracker:
             if leg in self._untared:
                 continue
             if in_contact or not (self._track and contact.in_swing):
-                held = ZeroStatus.HELD
+                held = BaselineStatus.HELD
             elif not contact.explained_by_drift:
-                held = ZeroStatus.TOO_FAST
+                held = BaselineStatus.TOO_FAST
             else:
                 self._swinging.append(leg)
                 continue

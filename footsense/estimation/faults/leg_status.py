@@ -26,13 +26,13 @@ _IS_USABLE = np.isin(np.arange(256), sorted(USABLE))
 
 #: State and cause of a leg by the readings of its elements, the most severe last.
 _BY_READING = {
-    Reading.DELAYED: (State.STALE, Cause.HELD_UP),
+    Reading.DELAYED: (State.STALE, Cause.DELAYED),
     Reading.NOT_READY: (State.CONVERTER_FAULT, Cause.NEVER_FINISHES),
-    Reading.CORRUPT: (State.CONVERTER_FAULT, Cause.GARBLED),
+    Reading.CORRUPT: (State.CONVERTER_FAULT, Cause.CORRUPT),
     Reading.MISCONFIGURED: (State.CONVERTER_FAULT, Cause.SETTINGS_LOST),
     Reading.EXCITATION: (State.CONVERTER_FAULT, Cause.CANNOT_EXCITE),
     Reading.WRONG_CHIP: (State.ABSENT, Cause.WRONG_CHIP),
-    Reading.BUS_STUCK: (State.ABSENT, Cause.LINE_HELD),
+    Reading.BUS_STUCK: (State.ABSENT, Cause.BUS_STUCK),
     Reading.NO_ANSWER: (State.ABSENT, Cause.NO_ANSWER),
 }
 #: Readings of a leg whose foot does not answer: it may come back with another foot.
@@ -235,7 +235,7 @@ def causes(reading: Codes, state: Codes, faults: ElementFaults, drift_cause: Cod
         drift_cause: Causes by the drift of the baselines, as of `drift_causes`: told, though it is still followed.
     """
     cause = drift_cause.copy()
-    cause[state == State.SATURATED] = Cause.GAP_SHUT
+    cause[state == State.SATURATED] = Cause.GAP_CLOSED
     if faults.any.any():
         cause[faults.drifting.any(axis=1)] = Cause.ELEMENT_DRIFTS
         cause[faults.stuck.any(axis=1)] = Cause.ELEMENT_STUCK

@@ -7,6 +7,7 @@ from click.testing import CliRunner
 
 from footsense.cli.check_config import check_config
 from footsense.config import DEFAULT, Metrics, load_config
+from footsense.config.contradictions import warnings
 from footsense.config.former_keys import with_present_keys
 from footsense.errors import ConfigError
 from footsense.frames import LEGS
@@ -35,7 +36,7 @@ def test_the_examples_are_right(name: str) -> None:
     """The example files hold all six legs and nothing to warn of."""
     config = load_config(DEPLOY / name)
     assert config.legs == LEGS == DEFAULT.legs
-    assert config.warnings == ()
+    assert warnings(config) == ()
 
 
 def test_the_commented_values_are_the_defaults(file: Path) -> None:
@@ -118,14 +119,14 @@ def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
         ),
         (
             ONE_BUS + "board: mcu\nserial: {device: sim}",
-            ":1: buses: the board mcu has no I2C bus of ours; take buses away, or use another board",
+            ":1: buses: the board mcu has no I2C bus; take buses away, or use another board",
         ),
         (
             ONE_BUS + "serial: {device: sim}",
             ":5: serial: is for board: mcu; the board fdc1004 is read over",
         ),
         ("can: {interface: virtual}", "the board fdc1004 is read over I2C: name its buses, with their legs"),
-        (MCU + "scan: {rate_sps: 100}", "scan: the microcontroller scans by itself, at serial.rate_hz"),
+        (MCU + "scan: {rate_sps: 100}", "scan: the microcontroller scans at serial.rate_hz"),
         (MCU + "publish: element", "publish: the microcontroller sends whole scans; use publish: frame"),
         (MCU + "max_age_ms: 6", "max_age_ms: a scan takes 5 ms and more at 200 scans/s"),
         (MCU.replace("sim", "sim, legs: [lf, rf, lf]"), "serial.legs[2]: lf is named twice"),
@@ -174,7 +175,7 @@ def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
         ),
         (
             ONE_BUS + "publish: element\naverage_scans: 2",
-            "average_scans: is of use with publish: frame only",
+            "average_scans: is for publish: frame only",
         ),
         (ONE_BUS + "feet: {lm: foot-0001}", "feet.lm: no bus has the leg lm; the legs are lf, rf"),
         (ONE_BUS + "metrics: {address: localhost}", "metrics.address: 'localhost' is not an IP address"),
@@ -195,14 +196,14 @@ def test_a_contradiction_names_its_path_and_remedy(file: Path, text: str, wanted
 def test_a_multiplexer_at_0x70_is_warned_of(file: Path) -> None:
     """0x70 works until somebody adds a servo board, so it is said but not refused."""
     file.write_text(ONE_BUS.replace("can:", "    mux: {address: 0x70}\ncan:"))
-    (warning,) = load_config(file).warnings
+    (warning,) = warnings(load_config(file))
     assert warning.startswith("buses[0].mux.address: 0x70 is also the ALLCALL address of PCA9685")
 
 
 def test_a_serial_port_that_may_change_its_name_is_warned_of(file: Path) -> None:
     """So is CAN that stays in the process, as with I2C."""
     file.write_text(MCU.replace("sim", "/dev/ttyACM0"))
-    assert [warning.partition(":")[0] for warning in load_config(file).warnings] == [
+    assert [warning.partition(":")[0] for warning in warnings(load_config(file))] == [
         "serial.device",
         "can.interface",
     ]

@@ -9,9 +9,9 @@ import msgspec
 import pytest
 from rich.console import Console
 
-from footsense.acquisition.probe.bus_scan import look_at_bus
+from footsense.acquisition.probe.bus_scan import scan_bus
 from footsense.acquisition.scan_plan import scan_plan
-from footsense.acquisition.upstream_bus import Trunk
+from footsense.acquisition.transports import UpstreamBus
 from footsense.cli.probe.figure import draw
 from footsense.cli.probe.picture import probe_picture, unloaded_yaml
 from footsense.cli.probe.plain_values import plain
@@ -76,10 +76,10 @@ def test_nothing_is_wrong_with_a_sound_robot() -> None:
             "element 4 is shorted",
             "row 1, column 1 touch",
         ),
-        (scene_faults.GapShut(at_s=0, leg="lm", element=4), "its gap is shut", "water"),
+        (scene_faults.GapClosed(at_s=0, leg="lm", element=4), "its gap is shut", "water"),
         (scene_faults.StuckSda(at_s=0, leg="lm"), "low as soon as channel 1 is connected", "short"),
         (scene_faults.StuckConverter(at_s=0, leg="lm"), "does not finish", "supply"),
-        (scene_faults.DeafSwitch(at_s=0, leg="lm"), "does not hold what it is told", "RESET"),
+        (scene_faults.SwitchIgnoresWrites(at_s=0, leg="lm"), "does not hold what it is told", "RESET"),
         (scene_faults.NackAtRandom(at_s=0, leg="lm", rate_rel=0.01), "now and then", "loose contact"),
     ],
 )
@@ -116,7 +116,7 @@ def test_feet_of_other_boards_are_judged_alike(config: Config, scan_ms: float | 
 
 def test_a_trunk_that_is_held_is_the_bus_s_fault_alone() -> None:
     """Of its legs nothing can be known, and nothing is said."""
-    found = probed(scene_faults.StuckTrunk(at_s=0))
+    found = probed(scene_faults.StuckUpstreamBus(at_s=0))
     assert [(complaint.where, "held low" in complaint.what) for complaint in found.complaints] == [
         ("sim", True)
     ]
@@ -178,7 +178,7 @@ def told_of_bus(
     plan = scan_plan("lo_shu", 400)
     servos = OtherDevice(name="servo board", address=0x49)
     bus = Bus(device="sim", legs=CHANNELS, other_devices=(servos,))  # type: ignore[arg-type]
-    seen = look_at_bus(Trunk(wires, 0x71), clock, plan, CHANNELS)
+    seen = scan_bus(UpstreamBus(wires, 0x71), clock, plan, CHANNELS)
     return [
         f"{complaint.what}; check {complaint.check}"
         for complaint in bus_complaints(BusReport(bus, seen, {}), plan)

@@ -34,12 +34,13 @@ class Leg:
         self.t_ns = 0
 
     def test(self, closure_rel: NDArray[np.float64], *unread: int) -> ConsistencyResult:
-        """Judge the next scan, in which some elements could not be read."""
+        """Judge the next scan, without some elements; those that are remembered are measured, but not aligned."""
         self.t_ns += SCAN_NS
-        row = closure_rel[None]
+        measured_rel = closure_rel[None]
         missing = self.consistency.excluded.copy()
+        aligned_rel = np.where(missing, np.nan, measured_rel)
         missing[0, list(unread)] = True
-        return self.consistency.test(row, row, missing, np.array([self.t_ns]))
+        return self.consistency.test(aligned_rel, measured_rel, missing, np.array([self.t_ns]))
 
 
 def pressed(load: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> NDArray[np.float64]:

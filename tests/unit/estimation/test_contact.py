@@ -22,11 +22,11 @@ class Leg:
         self.t_ns = 1_000 * MS
         self.contact.reset(self.t_ns)
 
-    def carry(self, load_n: float, n_frames: int = 1, drift_n: float = 0.0) -> bool:
+    def carry(self, load_n: float, n_frames: int = 1, drift_n: float = 0.0, each_ns: int = 25 * MS) -> bool:
         """Return whether the foot is in contact after these frames; it has to be the same after each of them."""
         in_contact = set()
         for _ in range(n_frames):
-            self.t_ns += 25 * MS
+            self.t_ns += each_ns
             self.contact.observe(load_n, drift_n, self.t_ns, self.t_ns)
             in_contact.add(self.contact.in_contact)
         [same] = in_contact
@@ -76,6 +76,15 @@ def test_a_glitch_downwards_makes_no_contact() -> None:
     leg.carry(1.0, 20)
     assert not leg.carry(0.0)
     assert not leg.carry(0.0, 20)
+
+
+def test_how_many_readings_a_glitch_has_does_not_matter() -> None:
+    """Forty within 40 ms do not lower the floor; what lasts for 110 ms does."""
+    for n_frames, lowers in ((40, False), (110, True)):
+        leg = Leg()
+        leg.carry(0.0, 200, each_ns=MS)
+        leg.carry(-0.3, n_frames, each_ns=MS)
+        assert leg.carry(0.0, each_ns=MS) is lowers
 
 
 def test_a_glitch_right_after_a_lift_off_makes_no_contact() -> None:

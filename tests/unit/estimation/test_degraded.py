@@ -161,7 +161,7 @@ def test_an_element_over_the_range_of_a_pressed_foot_is_pressed() -> None:
     for _ in range(8):
         forces = feet.feed(over_range(feet, np.full((2, 9), 16.0), 4))
     assert forces.state.tolist() == [State.SATURATED, State.VALID]
-    assert forces.cause.tolist() == [Cause.GAP_SHUT, Cause.NONE]
+    assert forces.cause.tolist() == [Cause.GAP_CLOSED, Cause.NONE]
 
 
 def test_an_element_over_the_range_of_a_free_foot_is_shorted() -> None:
@@ -204,9 +204,9 @@ def test_the_gravest_reading_gives_state_and_cause() -> None:
     whole = np.zeros((1, 9), bool)
     faulty = ElementFaults(opened(4), whole, whole, whole)
     for readings, state, cause in (
-        ([Reading.DELAYED], State.STALE, Cause.HELD_UP),
-        ([Reading.DELAYED, Reading.CORRUPT], State.CONVERTER_FAULT, Cause.GARBLED),
-        ([Reading.CORRUPT, Reading.BUS_STUCK], State.ABSENT, Cause.LINE_HELD),
+        ([Reading.DELAYED], State.STALE, Cause.DELAYED),
+        ([Reading.DELAYED, Reading.CORRUPT], State.CONVERTER_FAULT, Cause.CORRUPT),
+        ([Reading.CORRUPT, Reading.BUS_STUCK], State.ABSENT, Cause.BUS_STUCK),
         ([Reading.WRONG_CHIP], State.ABSENT, Cause.WRONG_CHIP),
         ([Reading.NOT_READY, Reading.NO_ANSWER], State.ABSENT, Cause.NO_ANSWER),
     ):

@@ -9,11 +9,11 @@ from footsense.estimation.baseline.drift import (
     DRIFT_PF2_PER_S,
     FASTEST_PF_PER_S,
     MARGIN_PF,
-    BaselineLimits,
     LegBaseline,
+    BaselineLimits,
     baseline_sigma_pf,
 )
-from footsense.frames import ZeroStatus
+from footsense.frames import BaselineStatus
 
 UNLOADED_PF = np.full(9, 5.4)
 LIMITS = BaselineLimits(noise_limit_ff=5.0, unloaded_limit_rel=0.03)
@@ -115,7 +115,7 @@ def test_it_stops_where_a_tare_would_be_refused() -> None:
     """TOO_FAR, element by element; the way back is open."""
     foot = Swinging(UNLOADED_PF * 1.0299)
     foot.read(5.4 * 0.05 * 1e3 * np.eye(9)[3] + 5.4 * 0.0299 * 1e3 * (1 - np.eye(9)[3]), 200)
-    assert foot.baseline.status is ZeroStatus.TOO_FAR
+    assert foot.baseline.status is BaselineStatus.TOO_FAR
     assert foot.baseline.baseline_pf[3] <= 5.4 * 1.03
     foot.read(5.4 * 0.02 * 1e3, 60)
     assert foot.baseline.offset_pf[0] < -0.5e-3

@@ -152,6 +152,38 @@ def test_a_leg_that_was_away_is_tared_anew() -> None:
             assert states == starting + [State.NO_BASELINE] * 2
 
 
+@pytest.mark.parametrize("held", [0, 1])
+def test_a_held_bus_keeps_the_baseline_of_its_leg_alone(held: int) -> None:
+    """Half a second: the leg on the held bus is as before, the other that gave no answer is tared anew."""
+    feet = Feet().tared()
+    for _ in range(20):
+        scan = feet.scan()
+        scan.capacitance_pf[:] = np.nan
+        scan.t_ns[:] = 0
+        scan.reading[:] = Reading.NO_ANSWER
+        scan.reading[held] = Reading.BUS_STUCK
+        feet.feed(scan)
+    states = [feet.feed(feet.scan(3.0)).state.tolist() for _ in range(WINDOW)]
+    assert [state[held] for state in states] == [State.STALE] + [State.VALID] * (WINDOW - 1)
+    assert {state[1 - held] for state in states} <= {State.STARTING, State.TARING, State.NO_BASELINE}
+
+
+def test_every_leg_that_was_silent_is_tared_anew() -> None:
+    """Also those behind one that has no baseline anyway."""
+    feet = Feet(n_legs=3).tared()
+    for silent in ((0,), (0, 2)):
+        for _ in range(12):
+            scan = feet.scan()
+            rows = list(silent)
+            scan.capacitance_pf[rows] = np.nan
+            scan.t_ns[rows] = 0
+            scan.reading[rows] = Reading.NO_ANSWER
+            feet.feed(scan)
+    for _ in range(3):
+        forces = feet.feed(feet.scan(3.0))
+    assert forces.state.tolist() == [State.TARING, State.VALID, State.TARING]
+
+
 def test_a_new_foot_is_not_mistrusted_for_the_old_one() -> None:
     """An element that contradicted the others counts again once the leg has been away for long enough."""
     feet = Feet(n_legs=1).tared()

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.estimation.alignment.element_by_element import ElementByElement
-from footsense.estimation.alignment.prediction import _DECAY_S, _DENSITY, _OWN_REL, Prediction
+from footsense.estimation.alignment.prediction import _DECAY_S, _OWN_REL, _DENSITY, Prediction
+from footsense.estimation.alignment.scan_by_scan import AlignedSample
 from footsense.estimation.faults.missing_sets import MISSING_SETS, missing_set_index
 from tests.support.feet import SIGMA_N, SumOfClosures
 
@@ -116,14 +117,18 @@ class Leg:
 
     def read(self, value: float = 1.3, missing: NDArray[np.bool_] | None = None) -> bool:
         """Read the next element; return whether the leg is together."""
+        return bool(self._align(value, np.zeros(9, bool) if missing is None else missing).time_aligned[0])
+
+    def predict(self, value: float, missing: NDArray[np.bool_]) -> Vector:
+        """Read the next element; return what all are predicted to be, shape (9,)."""
+        predicted: Vector = self._align(value, missing).distance_rel[0]
+        return predicted
+
+    def _align(self, value: float, missing: NDArray[np.bool_]) -> AlignedSample:
         element = ORDER[self.n % 9]
         self.n += 1
         self.t_ns[0, element], self.values[0, element] = self.n * STEP_NS, value
-        none = np.zeros((1, 9), bool)
-        sample = self.alignment.align(
-            self.values.copy(), self.t_ns.copy(), self.n * STEP_NS, none if missing is None else missing[None]
-        )
-        return bool(sample.time_aligned[0])
+        return self.alignment.align(self.values.copy(), self.t_ns.copy(), self.n * STEP_NS, missing[None])
 
     def sigma_n(self) -> Vector:
         closed, none = np.zeros((1, 9)), np.zeros((1, 9), bool)
@@ -146,6 +151,16 @@ def test_a_leg_is_together_without_what_is_missing(number: int) -> None:
     together = [leg.read(np.nan if missing[ORDER[n % 9]] else 1.3, missing) for n in range(18)]
     assert all(together[9:])
     assert missing_set_index(missing[None])[0] == number
+
+
+@pytest.mark.parametrize("number", [0, 1, 5, 10, 15])
+def test_a_load_that_grows_is_followed_without_what_is_missing(number: int) -> None:
+    """The filter goes on from scan to scan, whatever a leg lacks: no element is a scan's growth behind."""
+    leg, missing = Leg(), MISSING_SETS[number]
+    for n in range(90):
+        truth = 1.3 - 0.002 * n
+        predicted = leg.predict(truth, missing)
+    assert np.abs(predicted[~missing] - truth).max() < 0.1 * 9 * 0.002
 
 
 def test_sigma_rises_with_motion_and_falls_with_rest() -> None:

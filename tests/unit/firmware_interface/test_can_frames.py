@@ -9,15 +9,16 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from firmware_interface.can_baseline import BASELINE_ID, decode_baseline, encode_baseline
 from firmware_interface.can_codes import (
     USABLE,
+    BaselineStatus,
     Cause,
     CommandKind,
     NmtState,
     Phase,
     Result,
     State,
-    ZeroStatus,
     phase_of,
 )
 from firmware_interface.can_events import (
@@ -25,7 +26,7 @@ from firmware_interface.can_events import (
     COMMAND_ID,
     FAULT_ID,
     HEARTBEAT_ID,
-    UNASKED,
+    UNSOLICITED,
     UnknownCommandError,
     decode_answer,
     decode_command,
@@ -39,13 +40,14 @@ from firmware_interface.can_events import (
 from firmware_interface.can_frames import (
     FORCE_ID,
     QUALITY_ID,
+    ForceQualityEncoder,
     decode_force,
     decode_quality,
     encode_force,
     encode_quality,
 )
-from firmware_interface.can_zero import ZERO_ID, decode_zero, encode_zero
 from firmware_interface.crc8 import FrameError, protect
+from firmware_interface.socketcan import pack_frame
 
 VECTORS = json.loads((Path(__file__).parents[3] / "firmware_interface/vectors/can_frames.json").read_text())
 DECODERS: list[Callable[[int, bytes], object]] = [
@@ -55,7 +57,7 @@ DECODERS: list[Callable[[int, bytes], object]] = [
     decode_command,
     decode_answer,
     decode_heartbeat,
-    decode_zero,
+    decode_baseline,
 ]
 
 nodes = st.integers(1, 6)
@@ -159,21 +161,25 @@ def test_a_command_comes_back(node: int, counter: int, kind: CommandKind) -> Non
     assert decode_command(COMMAND_ID + node, encode_command(node, counter, kind)) == (node, counter, kind)
 
 
-@given(nodes, counters, st.sampled_from(Result), st.integers(0, 255), st.integers(0, UNASKED))
+@given(nodes, counters, st.sampled_from(Result), st.integers(0, 255), st.integers(0, UNSOLICITED))
 def test_an_answer_comes_back(node: int, counter: int, result: Result, kind: int, asked: int) -> None:
     """decode(encode(x)) is x, for an unknown kind of command too."""
     expected = (node, counter, result, kind, asked)
     assert decode_answer(ANSWER_ID + node, encode_answer(*expected)) == expected
 
 
-@given(nodes, counters, st.sampled_from(ZeroStatus), numbers, numbers, st.one_of(st.none(), st.integers()))
-@example(1, 0, ZeroStatus.HELD, -3.2768, math.inf, 6_553_400_000_000)
-@example(1, 0, ZeroStatus.HELD, 0.00005, 1e-9, 1)
+@given(
+    nodes, counters, st.sampled_from(BaselineStatus), numbers, numbers, st.one_of(st.none(), st.integers())
+)
+@example(1, 0, BaselineStatus.HELD, -3.2768, math.inf, 6_553_400_000_000)
+@example(1, 0, BaselineStatus.HELD, 0.00005, 1e-9, 1)
 def test_a_zero_comes_back_saturated_and_never_younger(
-    node: int, counter: int, status: ZeroStatus, mean_pf: float, worst_pf: float, age_ns: int | None
+    node: int, counter: int, status: BaselineStatus, mean_pf: float, worst_pf: float, age_ns: int | None
 ) -> None:
     """Offsets are limited to +-3276.7 fF and rounded, the age is rounded up; none is taken for `no value`."""
-    zero = decode_zero(ZERO_ID + node, encode_zero(node, counter, status, mean_pf, worst_pf, age_ns))
+    zero = decode_baseline(
+        BASELINE_ID + node, encode_baseline(node, counter, status, mean_pf, worst_pf, age_ns)
+    )
     assert zero[:3] == (node, counter, status)
     for wire_pf, true_pf in ((zero.mean_pf, mean_pf), (zero.worst_pf, worst_pf)):
         assert wire_pf == pytest.approx(max(-3.2767, min(3.2767, true_pf)), abs=0.5001e-4)
@@ -186,7 +192,7 @@ def test_a_zero_comes_back_saturated_and_never_younger(
 
 def test_no_offset_has_its_own_code() -> None:
     """NaN is `no value`, not zero and not an end of the range."""
-    zero = decode_zero(0x381, encode_zero(1, 0, ZeroStatus.NONE, math.nan, 0.0, None))
+    zero = decode_baseline(0x381, encode_baseline(1, 0, BaselineStatus.NONE, math.nan, 0.0, None))
     assert math.isnan(zero.mean_pf)
     assert (zero.worst_pf, zero.age_ns) == (0.0, None)
 
@@ -267,12 +273,12 @@ def test_event_vectors() -> None:
     """The vectors that the C code shares hold for faults, zeros, commands and answers."""
     for vector in VECTORS["fault"]:
         assert encode_fault(*vector["fields"]).hex() == vector["data"]
-    for vector in VECTORS["zero"]:
+    for vector in VECTORS["baseline"]:
         node, counter, status, mean, worst, age_ns = vector["fields"]
         mean_pf, worst_pf = numbers_of([mean, worst])
-        data = encode_zero(node, counter, status, mean_pf, worst_pf, age_ns)
+        data = encode_baseline(node, counter, status, mean_pf, worst_pf, age_ns)
         assert data.hex() == vector["data"]
-        assert decode_zero(ZERO_ID + node, data) == pytest.approx(
+        assert decode_baseline(BASELINE_ID + node, data) == pytest.approx(
             (node, counter, status, mean_pf, worst_pf, age_ns), nan_ok=True
         )
     for vector in VECTORS["command"]:
@@ -281,3 +287,35 @@ def test_event_vectors() -> None:
     for vector in VECTORS["answer"]:
         node, counter, result, kind, asked = vector["fields"]
         assert encode_answer(node, counter, result, kind, asked).hex() == vector["data"]
+
+
+@given(st.data())
+def test_legs_encoded_together_are_those_encoded_one_by_one(data: st.DataObject) -> None:
+    """Any numbers in any state, and both frames of a leg with their right crc."""
+    number = st.floats() | st.floats(-2.0, 2.0)
+    vector = st.tuples(number, number, number)
+    nodes = data.draw(st.permutations(range(1, 7)))
+    legs = [
+        data.draw(
+            st.tuples(
+                *(st.integers(0, 10**9), st.sampled_from(State), vector, vector),
+                *(st.integers(0, 15), st.integers(0, 511)),
+            )
+        )
+        for _ in nodes
+    ]
+    counter, t_sent_ns = data.draw(st.integers(0, 14)), data.draw(st.integers(0, 10**9))
+    together = ForceQualityEncoder(nodes).encode(counter, t_sent_ns, *zip(*legs, strict=True))
+    for node, (t_ns, state, force_n, sigma_n, flags, mask), pair in zip(
+        nodes, legs, batched_bytes(together, 32), strict=True
+    ):
+        age_ns = t_sent_ns - t_ns if t_ns else None
+        force = encode_force(node, counter, state, force_n)
+        quality = encode_quality(node, counter, flags, age_ns, mask, sigma_n)
+        assert pair == pack_frame(FORCE_ID + node, force) + pack_frame(QUALITY_ID + node, quality)
+        assert force == protect(FORCE_ID + node, force[1:])
+        assert quality == protect(QUALITY_ID + node, quality[1:])
+
+
+def batched_bytes(data: bytes, n: int) -> list[bytes]:
+    return [data[at : at + n] for at in range(0, len(data), n)]

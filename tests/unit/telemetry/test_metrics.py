@@ -17,7 +17,8 @@ from footsense.clock import Wakeups
 from footsense.errors import FootsenseError
 from footsense.frames import (
     BaselineDrift,
-    CanStats,
+    BaselineStatus,
+    CanStatistics,
     CapFrame,
     Cause,
     Command,
@@ -28,7 +29,6 @@ from footsense.frames import (
     Flag,
     Result,
     State,
-    ZeroStatus,
 )
 from footsense.telemetry.exporter import CountersCollector
 from footsense.telemetry.metric_families import STATE_SETS
@@ -68,7 +68,7 @@ def cycle(
 @pytest.fixture
 def metrics(tmp_path: Path) -> Iterator[Metrics]:
     """Metrics of two legs with a file of their own."""
-    metrics = Metrics(LEGS, CanStats(), tmp_path / "counters")
+    metrics = Metrics(LEGS, CanStatistics(), tmp_path / "counters")
     yield metrics
     metrics.close()
 
@@ -132,7 +132,7 @@ def test_a_fault_counts_once_per_fall_and_the_state_is_shown(
 
 def test_can_recorder_and_tares_are_counted(tmp_path: Path, scraped: CollectorRegistry) -> None:
     """What the CAN channel, the recorder and the tares report is shown as it is."""
-    can = CanStats(
+    can = CanStatistics(
         sent=120,
         dropped=3,
         received=4,
@@ -167,7 +167,9 @@ def test_what_the_clocks_count_is_one_histogram_of_all_threads(
 ) -> None:
     """Two buses add up; what happens between two copies is shown by the next, a tenth of a second later."""
     wakeups = (Wakeups(), Wakeups())
-    metrics = Metrics(LEGS, CanStats(), tmp_path / "counters", wakeups=wakeups, missed_deadlines=lambda: 3)
+    metrics = Metrics(
+        LEGS, CanStatistics(), tmp_path / "counters", wakeups=wakeups, missed_deadlines=lambda: 3
+    )
     both = (State.VALID, State.VALID)
     metrics.observe(cycle(1000, both))
     for thread, late_s in zip(wakeups, (8e-5, 9e-5), strict=True):
@@ -200,7 +202,7 @@ def test_a_leg_is_shown_with_phase_cause_contact_and_zero(
     """Each changes by itself; a zero that does not exist is NaN, not 0."""
     plain = cycle(2000, (State.VALID, State.ELEMENT_FAULT))
     zero = BaselineDrift(
-        np.array([ZeroStatus.HELD, ZeroStatus.NONE], np.uint8),
+        np.array([BaselineStatus.HELD, BaselineStatus.NONE], np.uint8),
         np.array([0.002, np.nan]),
         np.array([-0.003, np.nan]),
         np.array([500 * MS, 0]),
@@ -219,7 +221,7 @@ def test_a_leg_is_shown_with_phase_cause_contact_and_zero(
     assert codes_set(scraped, "footsense_leg_cause", "rr", Cause) == [Cause.ELEMENT_SHORTED]
     assert (get("footsense_leg_contact", lf), get("footsense_leg_contact", rr)) == (1, 0)
     assert get("footsense_degraded_timing") == 1
-    assert codes_set(scraped, "footsense_baseline_status", "lf", ZeroStatus) == [ZeroStatus.HELD]
+    assert codes_set(scraped, "footsense_baseline_status", "lf", BaselineStatus) == [BaselineStatus.HELD]
     assert get("footsense_baseline_mean_offset_farads", lf) == pytest.approx(2e-15)
     assert get("footsense_baseline_worst_offset_farads", lf) == pytest.approx(-3e-15)
     assert get("footsense_baseline_age_seconds", lf) == pytest.approx(1.5)
@@ -274,7 +276,7 @@ def test_two_services_do_not_count_into_one_file(metrics: Metrics, tmp_path: Pat
     """The second one is refused in one line, and the first one's counters stay."""
     metrics.observe(cycle(0, (State.VALID, State.VALID)))
     with pytest.raises(FootsenseError, match="another running service counts into this file"):
-        Metrics(LEGS, CanStats(), tmp_path / "counters")
+        Metrics(LEGS, CanStatistics(), tmp_path / "counters")
     families, cells = read_counters(tmp_path / "counters")
     assert cells[sum(family.n_cells for family in families[: _place(families, "footsense_scans_total")])] == 1
 
@@ -290,7 +292,7 @@ def test_a_service_that_starts_ends_and_starts_again_is_shown_as_such(
     get = scraped.get_sample_value
     assert (get("footsense_up"), get("footsense_scans_total")) == (0, None)
     for _ in range(2):
-        metrics = Metrics(LEGS, CanStats(), tmp_path / "counters")
+        metrics = Metrics(LEGS, CanStatistics(), tmp_path / "counters")
         assert (get("footsense_up"), get("footsense_scans_total")) == (1, 0)
         metrics.observe(cycle(0, (State.VALID, State.VALID)))
         assert get("footsense_scans_total") == 1
@@ -302,16 +304,16 @@ def test_a_killed_service_is_not_shown_as_running(tmp_path: Path, scraped: Colle
     """SIGKILL leaves its file behind, without its lock; the next service replaces the file."""
     service = (
         "import os, signal, sys; from pathlib import Path\n"
-        "from footsense.frames import CanStats\n"
+        "from footsense.frames import CanStatistics\n"
         "from footsense.telemetry.metrics import Metrics\n"
-        "metrics = Metrics(('lf', 'rr'), CanStats(), Path(sys.argv[1]))\n"
+        "metrics = Metrics(('lf', 'rr'), CanStatistics(), Path(sys.argv[1]))\n"
         "os.kill(os.getpid(), signal.SIGKILL)\n"
     )
     path = tmp_path / "counters"
     killed = subprocess.run([sys.executable, "-c", service, str(path)], check=False)
     assert (killed.returncode, path.exists()) == (-9, True)
     assert scraped.get_sample_value("footsense_up") == 0
-    metrics = Metrics(LEGS, CanStats(), path)
+    metrics = Metrics(LEGS, CanStatistics(), path)
     assert scraped.get_sample_value("footsense_up") == 1
     metrics.close()
     assert list(tmp_path.iterdir()) == []

@@ -6,8 +6,7 @@ import pytest
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, encode_force, encode_quality
 from firmware_interface.socketcan import pack_frame
 from footsense.frames import LEGS, BaselineDrift, ContactFrame, Cycle, State
-from footsense.sim.faults.can_faults import CanDown
-from footsense.sim.faults.scene_faults import Absent, ElementDrifts, Fault, StuckSda
+from footsense.sim.faults.scene_faults import Absent, CanDown, ElementDrifts, Fault, StuckSda
 from footsense.validation.invariants import Invariants
 from footsense.validation.random_faults import random_faults
 from footsense.validation.soak_stretches import day
