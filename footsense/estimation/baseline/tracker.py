@@ -19,6 +19,7 @@ from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.frames import (
     BaselineDrift,
+    BaselineStatus,
     Command,
     CommandKind,
     CommandResult,
@@ -26,7 +27,6 @@ from footsense.frames import (
     Reading,
     Result,
     State,
-    BaselineStatus,
 )
 
 Vector = NDArray[np.float64]

@@ -23,9 +23,9 @@ def test_twenty_kelvin_in_ten_minutes_of_walking() -> None:
             lifted_s = t_s
         elif stance_n(t_s) == 0.0 and t_s - lifted_s > 0.1:
             assert not feet.in_contact.any(), t_s
-        worst_ff = max(worst_ff, float(np.abs((feet.zero_ff - now_ff).mean(axis=1)).max()))
+        worst_ff = max(worst_ff, float(np.abs((feet.baseline_ff - now_ff).mean(axis=1)).max()))
     assert worst_ff * MN_PER_FF < 1.0
-    assert np.abs(feet.zero_ff - drift_ff).max() < 1.5
+    assert np.abs(feet.baseline_ff - drift_ff).max() < 1.5
     np.testing.assert_allclose(feet.tracker.drift.mean_pf * 1e3, [-30.0, 0.0, 30.0], atol=1.0)
 
 
@@ -36,7 +36,7 @@ def test_drift_makes_no_contact_even_if_the_zero_does_not_follow() -> None:
         feet.feed(0.0, 0.15 * 0.25 * step * np.array([1.0, -1.0]), 0.25)
         assert not feet.in_contact.any()
     assert (feet.tracker.drift.status == BaselineStatus.HELD).all()
-    assert np.abs(feet.zero_ff).max() < 1.0
+    assert np.abs(feet.baseline_ff).max() < 1.0
     feet.feed(1.3 * TOUCH_N, 90.0 * np.array([1.0, -1.0]))
     assert feet.in_contact.all()
 
@@ -91,7 +91,7 @@ def test_a_load_that_comes_slowly_in_the_air_is_contact(
         assert force_n < found_n
     for _ in range(1000):
         feet.feed(force_n)
-    assert feet.zero_ff.mean() * MN_PER_FF < swallowed_mn
+    assert feet.baseline_ff.mean() * MN_PER_FF < swallowed_mn
 
 
 def test_a_load_as_slow_as_drift_is_followed_up_to_what_drift_explains() -> None:
@@ -101,7 +101,7 @@ def test_a_load_as_slow_as_drift_is_followed_up_to_what_drift_explains() -> None
         feet.feed(step * 0.1 / 3600, passed_s=0.1)
     assert feet.tracker.drift.status[0] == BaselineStatus.TOO_FAST
     assert not feet.in_contact[0]
-    assert feet.zero_ff.mean() * MN_PER_FF < 1e3 * TOUCH_N / 2
+    assert feet.baseline_ff.mean() * MN_PER_FF < 1e3 * TOUCH_N / 2
 
 
 def test_conversion_by_conversion_is_like_scan_by_scan() -> None:
@@ -118,7 +118,7 @@ def test_conversion_by_conversion_is_like_scan_by_scan() -> None:
                 found_s.append(t_s)
             was = bool(feet.in_contact[0])
         touchdowns_s.append(found_s)
-        zeros_ff.append(feet.zero_ff.mean())
+        zeros_ff.append(feet.baseline_ff.mean())
     np.testing.assert_allclose(touchdowns_s[0], touchdowns_s[1], atol=0.03)
     assert len(touchdowns_s[0]) == 11
     np.testing.assert_allclose(zeros_ff, 1.2, atol=0.5)

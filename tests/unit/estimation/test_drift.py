@@ -9,8 +9,8 @@ from footsense.estimation.baseline.drift import (
     DRIFT_PF2_PER_S,
     FASTEST_PF_PER_S,
     MARGIN_PF,
-    LegBaseline,
     BaselineLimits,
+    LegBaseline,
     baseline_sigma_pf,
 )
 from footsense.frames import BaselineStatus

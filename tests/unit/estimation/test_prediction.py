@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.estimation.alignment.element_by_element import ElementByElement
-from footsense.estimation.alignment.prediction import _DECAY_S, _OWN_REL, _DENSITY, Prediction
+from footsense.estimation.alignment.prediction import _DECAY_S, _DENSITY, _OWN_REL, Prediction
 from footsense.estimation.alignment.scan_by_scan import AlignedSample
 from footsense.estimation.faults.missing_sets import MISSING_SETS, missing_set_index
 from tests.support.feet import SIGMA_N, SumOfClosures
