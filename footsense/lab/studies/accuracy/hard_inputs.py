@@ -81,9 +81,9 @@ class _Leg:
         self.design = context.response.design
         calibration = read_card(json.dumps(context.network.card), str(context.models)).calibration
         stray_pf, unloaded_pf = np.zeros((1, 9)), np.full((1, 9), self.design.rest_pf)
-        reckoning = ScanByScan(context.network, 1, calibration.moments)
+        alignment = ScanByScan(context.network, 1, calibration.moments)
         self._pipeline = Pipeline(
-            reckoning,
+            alignment,
             calibration,
             stray_pf,
             unloaded_pf,

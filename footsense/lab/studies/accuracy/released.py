@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.imputation import Filling
+from footsense.estimation.faults.imputation import Imputation
 from footsense.lab.evaluation.evaluate import Errors, coverage, errors
 from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
@@ -102,11 +102,11 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     context.say("released: held-out loads drawn")
     size = np.linalg.norm(cases.force_n, axis=1)
     counted = size >= loads.judged_from_n
-    filling = Filling(np.array(network.card["moments"]))
+    imputation = Imputation(np.array(network.card["moments"]))
     missing, missing_coverage = {}, {}
     for name, index in MISSING.items():
         mask = np.tile(MASKS[index], (len(closure_rel), 1))
-        force_n, sigma_n = network.estimate(filling.fill(closure_rel, mask), mask)
+        force_n, sigma_n = network.estimate(imputation.impute(closure_rel, mask), mask)
         missing[name] = errors(cases.force_n[counted], force_n[counted])
         missing_coverage[name] = coverage(cases.force_n, force_n, sigma_n)
     force_n, sigma_n = network.estimate(closure_rel)
