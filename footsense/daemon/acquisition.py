@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from firmware_interface.serial_frames import RECORD_BITS
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.bus_timing import Timing
-from footsense.acquisition.gpio import LinuxResetLine
 from footsense.acquisition.linux_i2c import LinuxI2cBus
 from footsense.acquisition.mcu_source import RecordSource
 from footsense.acquisition.robot_scanner import RobotScanner
@@ -34,7 +33,7 @@ from footsense.sim.scene import Scene
 _log = logging.getLogger(__name__)
 
 #: Share of the configured clock below which a bus is said to be slow.
-_SLOW_REL = 0.9
+SLOW_REL = 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +154,9 @@ def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -
 def _opened_line(bus: Bus, stack: ExitStack) -> ResetLine | None:
     if bus.mux.reset is None:
         return None
+    # Only a robot with a RESET line pays for gpiod: 1 MB and 5 ms.
+    from footsense.acquisition.gpio import LinuxResetLine
+
     line = LinuxResetLine.open(bus.mux.reset.device, bus.mux.reset.line)
     stack.callback(line.close)
     return line
@@ -171,7 +173,7 @@ def _tell(bus: Bus, timing: Timing | None) -> None:
     if timing is None:
         return
     _log.info("%s: %s", bus.device, timing)
-    if timing.costs.rate_hz < _SLOW_REL * bus.rate_hz:
+    if timing.costs.rate_hz < SLOW_REL * bus.rate_hz:
         _log.warning(
             "%s runs at %.0f kHz, not at the %.0f kHz of the configuration: a Raspberry Pi's follows the core clock; "
             "set core_freq_min, or correct rate_hz",

@@ -13,7 +13,7 @@ import msgspec
 import ngsolve as ng
 import numpy as np
 
-from footsense.estimation.faults.imputation import Filling
+from footsense.estimation.faults.imputation import Imputation
 from footsense.foot.checksum_trailer import seal
 from footsense.foot.network_card import FORMAT, INPUT_ORDER, INPUT_UNIT, OUTPUT_ORDER, OUTPUT_UNIT
 from footsense.foot.response_table import FootResponse
@@ -216,8 +216,8 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
         cases = wide(response, loads, recipe.wide_cases, TRAINING_SEED)
         report(f"{recipe.wide_cases} wide cases, gaps in contact")
         closure_rel = cases.closure_um / design.gap_um
-        filling = Filling(_rounded_moments(cases.with_symmetric_copies().closure_um / design.gap_um))
-        weights = train(cases, design, recipe.shipped, filling)
+        imputation = Imputation(_rounded_moments(cases.with_symmetric_copies().closure_um / design.gap_um))
+        weights = train(cases, design, recipe.shipped, imputation)
         report(f"trained on them: {weights.size} weights")
         table = error_table(response, loads, _readout(weights, design.gap_um), alone)
         # What goes into the card is computed before there is a file, by JAX, and may differ in the last digit from

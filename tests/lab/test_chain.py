@@ -17,7 +17,7 @@ from footsense.cli.lab.group import lab
 from footsense.config import DEFAULT, load_config
 from footsense.daemon import load_network, service
 from footsense.errors import FootsenseError, ModelError
-from footsense.estimation.faults.imputation import Filling
+from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.network import Network
 from footsense.foot.network_card import METADATA_KEY, read_card
 from footsense.foot.response_table import FootResponse
@@ -203,11 +203,11 @@ def test_sigma_is_honest_with_and_without_all_elements(built: Built, folder: Pat
     response, network = open_models(folder)
     cases = load_cases.wide(response, SOLE.loads, 4000, 9)
     measured = load_cases.measured_closure_rel(response.design, cases.closure_um, np.random.default_rng(9))
-    filling = Filling(np.array(network.card["moments"]))
+    imputation = Imputation(np.array(network.card["moments"]))
     means = []
     for mask in (np.zeros(9, bool), np.arange(9) == 4, np.arange(9) < 3):
         missing = np.broadcast_to(mask, measured.shape)
-        force_n, sigma_n = network.estimate(filling.fill(measured, missing), missing)
+        force_n, sigma_n = network.estimate(imputation.impute(measured, missing), missing)
         shares = coverage(cases.force_n, force_n, sigma_n)
         assert min(shares["within_2_sigma"]) > 0.75  # the release has to do better, see test_released.py
         assert max(shares["within_1_sigma"]) < 0.95

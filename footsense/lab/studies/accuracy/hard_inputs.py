@@ -81,9 +81,9 @@ class _Leg:
         self.design = bench.response.design
         calibration = read_card(json.dumps(bench.network.card), str(bench.models)).calibration
         stray_pf, unloaded_pf = np.zeros((1, 9)), np.full((1, 9), self.design.rest_pf)
-        reckoning = ScanByScan(bench.network, 1, calibration.moments)
+        alignment = ScanByScan(bench.network, 1, calibration.moments)
         self._pipeline = Pipeline(
-            reckoning,
+            alignment,
             calibration,
             stray_pf,
             unloaded_pf,

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.imputation import Filling
+from footsense.estimation.faults.imputation import Imputation
 from footsense.lab.evaluation.evaluate import Errors, coverage, errors
 from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
@@ -63,12 +63,12 @@ def _masked(
     bench: Workbench, cases: Cases, closure_rel: Vector
 ) -> dict[str, tuple[Errors, dict[str, list[float]]]]:
     """Return errors and coverage for everything that may be missing."""
-    filling = Filling(np.array(bench.network.card["moments"]))
+    imputation = Imputation(np.array(bench.network.card["moments"]))
     felt = np.linalg.norm(cases.force_n, axis=1) >= bench.sole.loads.judged_from_n
     found = {}
     for name, index in MISSING.items():
         missing = np.tile(MASKS[index], (len(closure_rel), 1))
-        force_n, sigma_n = bench.network.estimate(filling.fill(closure_rel, missing), missing)
+        force_n, sigma_n = bench.network.estimate(imputation.impute(closure_rel, missing), missing)
         found[name] = (
             errors(cases.force_n[felt], force_n[felt]),
             coverage(cases.force_n, force_n, sigma_n),
