@@ -42,8 +42,8 @@ is edited by hand:
 | `response.npz` | the simulator's foot: contact normals above {response.min_elevation_deg:g} deg |
 
 `paper_*`: the paper's 180 verification cases (100 gf, centred), no noise; read-outs fitted to the paper's 362 training
-cases, but for `paper_network`, the network beside this page. `random_*`: {HELD_OUT_CASES} held-out random loads of {span},
-contact normals leaning from the force by {lean} rms sideways and along, {loads.friction_angle_deg:g} deg at most,
+cases, but for `paper_network`, the network beside this page. `random_*`: {HELD_OUT_CASES} held-out random loads of
+{span}, contact normals leaning from the force by {lean} rms sideways and along, {loads.friction_angle_deg:g} deg at most,
 gaps closing in part, converter noise of {noise}.
 
 {as_markdown(table)}
@@ -57,8 +57,8 @@ in each of three symmetry classes. x and y differ by {asymmetry} (rms, averaged 
 field's samples by {residual}, and from a series of four degrees less by {cut_off}.
 
 Known limits: near the diagonals, far from upright, a light centred load is ambiguous: another load, its force far
-aside and its contact leaning a little, closes all nine gaps alike, and no read-out of one scan distinguishes them for certain.
-Near there a network also has its own largest errors. The studies `cramer-rao` and `error-map` measure both; for the
+aside and its contact leaning a little, closes all nine gaps alike, and no read-out of one scan tells them apart with
+certainty. Near there a network also has its own largest errors. The studies `cramer-rao` and `error-map` measure both; for the
 released foot they lie at about 44 deg and below about 50 gf.
 
 Not modelled: large strain, creep, air trapped in the cavities.

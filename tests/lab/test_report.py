@@ -9,7 +9,16 @@ import pytest
 
 from footsense.cli.lab.study import DAEMON_STUDIES
 from footsense.errors import FootsenseError
-from footsense.lab.report import OTHERS, STUDIES, bind, is_made, make_page, noted_stale, page_values, why_stale
+from footsense.lab.report import (
+    OTHERS,
+    STUDIES,
+    bind,
+    is_made,
+    make_page,
+    noted_stale,
+    page_values,
+    why_stale,
+)
 from footsense.lab.studies.page import Page, StudyContext
 from footsense.lab.targets import targets
 
