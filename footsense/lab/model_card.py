@@ -58,8 +58,8 @@ field's samples by {residual}, and from a series of four degrees less by {cut_of
 
 Known limits: near the diagonals, far from upright, a light centred load is ambiguous: another load, its force far
 aside and its contact leaning a little, closes all nine gaps alike, and no read-out of one scan tells them apart with
-certainty. Near there a network also has its own largest errors. The studies `cramer-rao` and `error-map` measure both; for the
-released foot they lie at about 44 deg and below about 50 gf.
+certainty. Near there a network also has its own largest errors. The studies `cramer-rao` and `error-map` measure both;
+for the released foot they lie at about 44 deg and below about 50 gf.
 
 Not modelled: large strain, creep, air trapped in the cavities.
 """
