@@ -43,8 +43,8 @@ is edited by hand:
 
 `paper_*`: the paper's 180 verification cases (100 gf, centred), no noise; read-outs fitted to the paper's 362 training
 cases, but for `paper_network`, the network beside this page. `random_*`: {HELD_OUT_CASES} held-out random loads of
-{span}, contact normals leaning from the force by {lean} rms sideways and along, {loads.friction_angle_deg:g} deg at most,
-gaps closing in part, converter noise of {noise}.
+{span}, contact normals leaning from the force by {lean} rms sideways and along, at most
+{loads.friction_angle_deg:g} deg, gaps closing in part, converter noise of {noise}.
 
 {as_markdown(table)}
 
