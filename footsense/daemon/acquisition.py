@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from firmware_interface.serial_frames import RECORD_BITS
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.bus_timing import Timing
-from footsense.acquisition.gpio import LinuxResetLine
 from footsense.acquisition.linux_i2c import LinuxI2cBus
 from footsense.acquisition.mcu_source import RecordSource
 from footsense.acquisition.robot_scanner import RobotScanner
@@ -108,6 +107,9 @@ def _transport(bus: Bus, stack: ExitStack) -> UpstreamBus | KernelMux:
         return KernelMux(adapters)
     line = None
     if bus.mux.reset is not None:
+        # Only a robot with a RESET line pays for gpiod: 1 MB and 5 ms.
+        from footsense.acquisition.gpio import LinuxResetLine
+
         line = LinuxResetLine.open(bus.mux.reset.device, bus.mux.reset.line)
         stack.callback(line.close)
     return UpstreamBus(adapters[0], bus.mux.address, line)

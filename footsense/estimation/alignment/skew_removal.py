@@ -1,14 +1,14 @@
-"""Brings the elements of a scan, which are converted one after the other, to one common time.
+"""Removal of scan skew: elements that are converted one after the other, extrapolated to one common time.
 
-A foot's elements are read over 22 ms, and while a heel strikes the load changes by a sixth in that time. The order of
-the scan cancels the false tilt of a force that grows evenly on all elements, but a leaning foot loads one row far more
-than the others, and its shear is a small difference of large closures. So each element is moved along the parabola
-through its last three readings to the mean time of the scan: those read before it by extrapolation, those after it by
-interpolation. What changes with the square of time comes out exact. docs/adr/0005 has the figures.
+A foot's elements are read over 22 ms, and at heel strike the load changes by a sixth in that time. The order of the
+scan cancels the false tilt of a force that grows evenly on all elements, but a leaning foot loads one row far more than
+the others, and its shear is a small difference of large closures. So each element is moved along the parabola through
+its last three readings to the mean time of the scan: those read before it by extrapolation, those after it by
+interpolation. Motion up to the square of time comes out exact. docs/adr/0005 has the figures.
 
-All elements of a leg are moved the same way: along a parabola if each has three readings, along a line if each has
-two. The step between the best two of these ways tells how far the result may be off, as embedded methods for
-differential equations do. A leg whose elements cannot be moved at all, after a gap or a stall, is not `together`.
+All elements of a leg are moved the same way: along a parabola if each has three readings, along a line if each has two.
+The difference between the best two of these ways estimates the error, as embedded methods for differential equations
+do. A leg whose elements cannot be moved, after a gap or a stall, is not time-aligned.
 """
 
 import math
@@ -20,30 +20,30 @@ from numpy.typing import NDArray
 Vector = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-#: Farthest that an element is moved, in its own scan periods. Even steps need 0.44; more means that the scan stalled.
+#: Largest move of an element, in its own scan periods. Even steps need 0.44; more means that the scan stalled. As an
+#: array, as the next one: numpy would convert Python's numbers in every call.
 _FARTHEST_REL = np.array(0.75)
-#: As an array, like the former: numpy has to make arrays of Python's numbers each time.
 _ONE_NS = np.array(1)
 
 
-class Aligned(NamedTuple):
+class AlignedScan(NamedTuple):
     """A scan as of one time.
 
     Attributes:
         values: Moved the best way that each leg allows, shape (legs, elements).
         coarser: Moved the next simpler way, same shape.
-        together: Whether the leg's elements could be moved, shape (legs,).
-        t_ns: The one time of each leg [ns], shape (legs,).
+        time_aligned: Whether the leg's elements could be moved, shape (legs,).
+        t_ns: Common time of each leg [ns], shape (legs,).
     """
 
     values: Vector
     coarser: Vector
-    together: NDArray[np.bool_]
+    time_aligned: NDArray[np.bool_]
     t_ns: Stamps
 
 
 class SkewRemoval:
-    """Remembers each element's last two readings.
+    """Keeps each element's last two readings.
 
     Args:
         n_legs: Legs in a scan.
@@ -59,19 +59,19 @@ class SkewRemoval:
         self._n_elements = np.array(n_elements)
         self._all_legs = np.ones(n_legs, bool)
 
-    def apply(self, values: Vector, t_ns: Stamps, spared: NDArray[np.bool_] | None = None) -> Aligned:
+    def apply(self, values: Vector, t_ns: Stamps, ignored: NDArray[np.bool_] | None = None) -> AlignedScan:
         """Return every value as of the mean stamp of its leg.
 
         Args:
             values: One scan in any unit, shape (legs, elements), NaN where there is no reading.
             t_ns: Stamp of each [ns], same shape.
-            spared: Elements that nobody asks for, same shape; the leg is together without them. None: none.
+            ignored: Elements that need no value, same shape; None: none.
 
         Example:
             >>> skew = SkewRemoval(1, 2)
             >>> _ = skew.apply(np.array([[0.0, 1.0]]), np.array([[0, 10]]))
             >>> aligned = skew.apply(np.array([[2.0, 3.0]]), np.array([[20, 30]]))
-            >>> aligned.values.tolist(), aligned.coarser.tolist(), aligned.together.tolist()
+            >>> aligned.values.tolist(), aligned.coarser.tolist(), aligned.time_aligned.tolist()
             ([[2.5, 2.5]], [[2.0, 3.0]], [True])
         """
         # Newton's divided differences, in float: a leg without readings has stamps of 0, and ns squared overflow.
@@ -85,15 +85,15 @@ class SkewRemoval:
         line = values + slope * ahead_ns
         parabola = line + bend * (ahead_ns * (ahead_ns + elapsed_ns))
         near = np.abs(ahead_ns) <= _FARTHEST_REL * elapsed_ns
-        # As almost always, there is nothing to choose.
+        # In almost every scan, every element of every leg has three readings.
         if np.count_nonzero(near) == near.size and math.isfinite(np.add.reduce(parabola, axis=None)):
-            return Aligned(parabola, line, self._all_legs, middle_ns)
-        ignored = np.False_ if spared is None else spared
-        has_two = (np.isfinite(line) | ignored).all(axis=1, keepdims=True)
-        has_three = (np.isfinite(parabola) | ignored).all(axis=1, keepdims=True)
-        return Aligned(
+            return AlignedScan(parabola, line, self._all_legs, middle_ns)
+        exempt = np.False_ if ignored is None else ignored
+        has_two = (np.isfinite(line) | exempt).all(axis=1, keepdims=True)
+        has_three = (np.isfinite(parabola) | exempt).all(axis=1, keepdims=True)
+        return AlignedScan(
             values=np.where(has_three, parabola, np.where(has_two, line, values)),
             coarser=np.where(has_three, line, values),
-            together=has_two[:, 0] & near.all(axis=1),
+            time_aligned=has_two[:, 0] & near.all(axis=1),
             t_ns=middle_ns,
         )

@@ -1,65 +1,52 @@
-"""Judges every element and leg: which readings may be used, which state a leg is in, and what lies behind it.
+"""State, cause and fault mask of every leg, from its elements, its closures and its baseline."""
 
-Thresholds that are physics, not taste: a gap that is shut to 95 % no longer tells its load, and an element that has
-lost half of its unloaded capacitance cannot be a pressed one (pressing only adds): its line is open. Whether an element
-that reads something possible reads the right thing is `estimation/faults/consistency.py`'s question.
-"""
-
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface import fdc1004
-from footsense.estimation.faults.missing_sets import KNOWN_MISSING
-from footsense.frames import ELEMENTS, BaselineDrift, Cause, Reading, State
+from footsense.estimation.alignment.scan_by_scan import AlignedSample
+from footsense.estimation.faults.consistency import ConsistencyResult
+from footsense.estimation.faults.element_status import ElementStatus
+from footsense.estimation.faults.missing_sets import COLUMNS, ROWS
+from footsense.foot.network_card import TrainedInputs
+from footsense.frames import ELEMENTS, USABLE, BaselineDrift, Cause, Reading, State
 
-OPEN_REL = 0.5
-#: What an element over the range of an FDC1004 has at least [pF].
-RANGE_END_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
-#: Farthest that an element's zero may move from the mean of its leg's [pF]: 20 K take all 30 fF along, and elements
+Mask = NDArray[np.bool_]
+Codes = NDArray[np.uint8]
+
+#: Largest distance of an element's drift from the mean of its leg's [pF]: all drift by 30 fF over 20 K, and elements
 #: differ in that by a fifth.
 DRIFT_LIMIT_PF = 20e-3
 
-_LINES = KNOWN_MISSING[1 + ELEMENTS :]
-_ROWS, _COLUMNS = _LINES[:3], _LINES[3:]
 _BITS = (1 << np.arange(ELEMENTS)).astype(np.uint16)
+#: By state: to search the few usable ones for each leg costs ten times as much.
+_IS_USABLE = np.isin(np.arange(256), sorted(USABLE))
 
-#: What the readings say of a leg, the gravest last.
-_STATES = {
-    Reading.DELAYED: State.STALE,
-    Reading.NOT_READY: State.CONVERTER_FAULT,
-    Reading.CORRUPT: State.CONVERTER_FAULT,
-    Reading.MISCONFIGURED: State.CONVERTER_FAULT,
-    Reading.EXCITATION: State.CONVERTER_FAULT,
-    Reading.WRONG_CHIP: State.ABSENT,
-    Reading.BUS_STUCK: State.ABSENT,
-    Reading.NO_ANSWER: State.ABSENT,
+#: State and cause of a leg by the readings of its elements, the most severe last.
+_BY_READING = {
+    Reading.DELAYED: (State.STALE, Cause.DELAYED),
+    Reading.NOT_READY: (State.CONVERTER_FAULT, Cause.NEVER_FINISHES),
+    Reading.CORRUPT: (State.CONVERTER_FAULT, Cause.CORRUPT),
+    Reading.MISCONFIGURED: (State.CONVERTER_FAULT, Cause.SETTINGS_LOST),
+    Reading.EXCITATION: (State.CONVERTER_FAULT, Cause.CANNOT_EXCITE),
+    Reading.WRONG_CHIP: (State.ABSENT, Cause.WRONG_CHIP),
+    Reading.BUS_STUCK: (State.ABSENT, Cause.BUS_STUCK),
+    Reading.NO_ANSWER: (State.ABSENT, Cause.NO_ANSWER),
 }
-_CAUSES = {
-    Reading.DELAYED: Cause.DELAYED,
-    Reading.NOT_READY: Cause.NEVER_FINISHES,
-    Reading.CORRUPT: Cause.CORRUPT,
-    Reading.MISCONFIGURED: Cause.SETTINGS_LOST,
-    Reading.EXCITATION: Cause.CANNOT_EXCITE,
-    Reading.WRONG_CHIP: Cause.WRONG_CHIP,
-    Reading.BUS_STUCK: Cause.BUS_STUCK,
-    Reading.NO_ANSWER: Cause.NO_ANSWER,
-}
-#: Nothing is heard of a leg's foot: when it comes back, it may be another one.
+#: Readings of a leg whose foot does not answer: it may come back with another foot.
 SILENT = np.array([Reading.NO_ANSWER, Reading.BUS_STUCK, Reading.WRONG_CHIP], np.uint8)
 
-Mask = NDArray[np.bool_]
 
-
-class Faulty(NamedTuple):
-    """Elements that do not read what they should, shape (legs, 9) each.
+class ElementFaults(NamedTuple):
+    """Faulty elements by kind, shape (legs, 9) each.
 
     Attributes:
-        opened: Have lost their electrode.
-        shorted: Read more than the converter can, while the others are not pressed like that.
-        stuck: No longer move.
-        drifting: Move, beside where they should.
+        opened: The electrode is disconnected.
+        shorted: Over the converter's range, while the other elements are not pressed like that.
+        stuck: The reading does not follow the load.
+        drifting: The reading follows the load with an offset.
     """
 
     opened: Mask
@@ -69,51 +56,133 @@ class Faulty(NamedTuple):
 
     @property
     def any(self) -> Mask:
-        """Those with any of it."""
+        """Elements with any fault."""
         return self.opened | self.shorted | self.stuck | self.drifting
 
 
-def missing_elements(opened: Mask) -> Mask:
-    """Return which elements the network has to do without, shape (legs, 9): one open one, or the open ones' line.
+class LegStatus(NamedTuple):
+    """Status of every leg, shape (legs,) each; fields as in `ContactFrame`.
 
-    A leg whose open elements do not lie in one row or column has none: that is more than the network knows of.
-
-    Example:
-        >>> two_of_row_0 = np.zeros((1, 9), bool)
-        >>> two_of_row_0[0, [0, 2]] = True
-        >>> missing_elements(two_of_row_0)[0].astype(int).tolist()
-        [1, 1, 1, 0, 0, 0, 0, 0, 0]
+    Attributes:
+        state: Whether its force may be used, and if not, why.
+        usable: Whether its force may be used.
+        fault_mask: Elements that are not usable.
+        cause: Cause of the state.
+        t_ns: Time of its measurement [ns]; 0 without one.
+        all_usable: Whether every leg is usable.
+        in_range: Whether no element of any leg has a closed gap or is out of the trained range.
     """
-    if not np.count_nonzero(opened):
-        return opened
-    missing = np.zeros_like(opened)
-    for leg in np.flatnonzero(opened.any(axis=1)):
-        if opened[leg].sum() == 1:
-            missing[leg] = opened[leg]
-            continue
-        for line in _LINES:
-            if not (opened[leg] & ~line).any():
-                missing[leg] = line
-    return missing
+
+    state: Codes
+    usable: Mask
+    fault_mask: NDArray[np.uint16]
+    cause: Codes
+    t_ns: NDArray[np.int64]
+    all_usable: bool
+    in_range: bool
 
 
-def floating_pf(capacitance_pf: NDArray[np.float64], opened: Mask) -> NDArray[np.float64]:
-    """Return what rows that nothing drives add to the readings of the other rows [pF], shape (legs, 9).
-
-    A row whose three elements are open has lost its line. Its electrodes float, and each column sees them in series
-    with their small capacitance to ground whichever row is selected: as much as the open element itself reads. Where
-    that is under the converter's range, it is a board that grounds the other columns: nothing is added there.
+class LegClassifier:
+    """Classifies the legs frame by frame.
 
     Args:
-        capacitance_pf: Readings, stray included [pF], shape (legs, 9), NaN under the range.
-        opened: Open elements, shape (legs, 9).
+        n_legs: Legs in a frame.
+        trained: Range of closures that the network was trained for.
+        gap_um: Air gap of each element [um], shape (legs, 9).
+        max_age_ns: Age of the oldest reading from which a measurement is stale [ns].
+
+    Attributes:
+        stopped: Legs that a command has stopped, shape (legs,).
     """
-    rows = opened.reshape(-1, 3, 3)
-    floating = rows.all(axis=2, keepdims=True)
-    readings_pf = capacitance_pf.reshape(-1, 3, 3)
-    per_column_pf = np.where(floating & ~np.isnan(readings_pf), readings_pf, 0.0).sum(axis=1, keepdims=True)
-    added_pf: NDArray[np.float64] = np.where(floating, 0.0, per_column_pf).reshape(-1, ELEMENTS)
-    return added_pf
+
+    def __init__(
+        self, n_legs: int, trained: TrainedInputs, gap_um: NDArray[np.float64], max_age_ns: int
+    ) -> None:
+        self.stopped: Mask = np.zeros(n_legs, bool)
+        self._closure_min_rel = trained.closure_rel_min
+        self._closure_max_rel = trained.usable_max_rel(gap_um)
+        self._gap_closed_rel = trained.gap_closed_rel(gap_um)
+        self._max_age_ns = max_age_ns
+        # Of healthy legs; shared by their frames and never written to.
+        self._valid = np.full(n_legs, State.VALID, np.uint8)
+        self._all = np.ones(n_legs, bool)
+        self._no_fault = np.zeros(n_legs, np.uint16)
+
+    def classify(
+        self,
+        reading: Codes,
+        elements: ElementStatus,
+        missing: Mask,
+        sample: AlignedSample,
+        measured_rel: NDArray[np.float64],
+        consistency: ConsistencyResult,
+        untared: Mask,
+        untared_legs: Mapping[int, State],
+        drift_cause: Codes,
+        now_ns: int,
+    ) -> LegStatus:
+        """Classify the legs of a frame.
+
+        Args:
+            reading: How each element answered, shape (legs, 9).
+            elements: Status of the elements.
+            missing: Elements missing before the consistency test, shape (legs, 9).
+            sample: The elements as of one time.
+            measured_rel: Measured closures over the gap [1], shape (legs, 9).
+            consistency: Result of the consistency test.
+            untared: Elements without a baseline on legs that have others, shape (legs, 9).
+            untared_legs: State of every leg without a baseline, by row.
+            drift_cause: Cause of each leg by the drift of its baseline, shape (legs,).
+            now_ns: Current time [ns].
+        """
+        out_of_range = (measured_rel < self._closure_min_rel) | (measured_rel > self._closure_max_rel)
+        in_range = not np.count_nonzero(out_of_range)
+        oldest_ns = min(sample.oldest_ns.tolist())
+        fresh = oldest_ns > 0 and now_ns - oldest_ns <= self._max_age_ns
+        aligned = np.count_nonzero(sample.time_aligned) == len(sample.time_aligned)
+        # A leg without a baseline has no closures, and fails the consistency test.
+        if (
+            elements.ok
+            and consistency.ok
+            and fresh
+            and aligned
+            and in_range
+            and not np.count_nonzero(self.stopped)
+        ):
+            return LegStatus(
+                self._valid,
+                self._all,
+                self._no_fault,
+                drift_cause,
+                sample.t_ns,
+                all_usable=True,
+                in_range=True,
+            )
+        excluded = consistency.stuck | consistency.drifting
+        shorted = elements.over_range & (missing | excluded)
+        faulty = elements.opened | untared | excluded | (consistency.missing & ~missing)
+        kept = ~consistency.missing
+        closed = measured_rel > self._gap_closed_rel
+        state = self._valid.copy()
+        state[~kept.all(axis=1) | (consistency.inconsistency_rel > 0.0)] = State.DEGRADED
+        state[(out_of_range & kept).any(axis=1)] = State.OUT_OF_RANGE
+        state[(now_ns - sample.oldest_ns > self._max_age_ns) | ~sample.time_aligned] = State.STALE
+        for leg, untared_state in untared_legs.items():
+            state[leg] = untared_state
+        state[(state == State.TARING) & ~sample.time_aligned] = State.STARTING
+        converter_states(state, reading, faulty & kept, closed & kept | elements.over_range & ~shorted)
+        state[self.stopped] = State.STOPPED
+        faults = ElementFaults(elements.opened, shorted, consistency.stuck, consistency.drifting)
+        usable = _IS_USABLE[state]
+        return LegStatus(
+            state=state,
+            usable=usable,
+            fault_mask=fault_mask((reading != 0) | faulty | closed),
+            cause=causes(reading, state, faults, drift_cause),
+            t_ns=np.where(sample.oldest_ns > 0, sample.t_ns, 0),
+            all_usable=bool(usable.all()),
+            in_range=in_range,
+        )
 
 
 def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
@@ -129,55 +198,53 @@ def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
     return masks
 
 
-def converter_states(state: NDArray[np.uint8], reading: NDArray[np.uint8], faulty: Mask, shut: Mask) -> None:
-    """Write the states that forbid any value over `state`, shape (legs,); the gravest is written last.
+def converter_states(state: Codes, reading: Codes, faulty: Mask, closed: Mask) -> None:
+    """Write the states that forbid any value over `state`, shape (legs,), the most severe last.
 
     Args:
         state: The states so far.
         reading: How each element answered, shape (legs, 9).
-        faulty: Elements that are broken and cannot be done without, shape (legs, 9).
-        shut: Elements that are pressed beyond what they can tell, shape (legs, 9).
+        faulty: Faulty elements that the network cannot do without, shape (legs, 9).
+        closed: Elements pressed beyond their range, shape (legs, 9).
     """
-    if shut.any():
-        state[shut.any(axis=1)] = State.SATURATED
+    if closed.any():
+        state[closed.any(axis=1)] = State.SATURATED
     if faulty.any():
         state[faulty.any(axis=1)] = State.ELEMENT_FAULT
     if reading.any():
-        for kind, worse in _STATES.items():
+        for kind, (worse, _) in _BY_READING.items():
             state[(reading == kind).any(axis=1)] = worse
 
 
-def drifting_zeros(zero: BaselineDrift) -> NDArray[np.uint8]:
-    """Return ELEMENT_DRIFTS for legs of which one zero has left the others', else NONE, shape (legs,)."""
-    parted = np.abs(zero.worst_pf - zero.mean_pf) > DRIFT_LIMIT_PF
-    return np.where(parted, np.uint8(Cause.ELEMENT_DRIFTS), np.uint8(Cause.NONE))
+def drift_causes(drift: BaselineDrift) -> Codes:
+    """Return ELEMENT_DRIFTS for legs with an element whose drift differs from the others', else NONE, shape (legs,)."""
+    apart = np.abs(drift.worst_pf - drift.mean_pf) > DRIFT_LIMIT_PF
+    return np.where(apart, np.uint8(Cause.ELEMENT_DRIFTS), np.uint8(Cause.NONE))
 
 
-def causes(
-    reading: NDArray[np.uint8], state: NDArray[np.uint8], faulty: Faulty, zero: BaselineDrift
-) -> NDArray[np.uint8]:
-    """Return what lies behind each leg's state, shape (legs,): `Cause.NONE` where nothing is known to be wrong.
+def causes(reading: Codes, state: Codes, faults: ElementFaults, drift_cause: Codes) -> Codes:
+    """Return the cause of each leg's state, shape (legs,), NONE where no fault is known.
 
-    A line is told from single faults by all three of its elements being open. An element that is shorted ties its
-    column to its row, and takes the other two of its column along.
+    An open line shows as all three of its elements being open. A shorted element ties its column to its row and takes
+    the other two elements of its column along.
 
     Args:
         reading: How each element answered, shape (legs, 9).
-        state: What follows from it, shape (legs,).
-        faulty: Elements that do not read what they should.
-        zero: Where the legs' zeros stand: one that has left the others' is told, though it is still followed.
+        state: State of each leg, shape (legs,).
+        faults: Faulty elements.
+        drift_cause: Causes by the drift of the baselines, as of `drift_causes`: told, though it is still followed.
     """
-    cause = drifting_zeros(zero)
+    cause = drift_cause.copy()
     cause[state == State.SATURATED] = Cause.GAP_CLOSED
-    if faulty.any.any():
-        cause[faulty.drifting.any(axis=1)] = Cause.ELEMENT_DRIFTS
-        cause[faulty.stuck.any(axis=1)] = Cause.ELEMENT_STUCK
-        cause[faulty.opened.any(axis=1)] = Cause.ELEMENT_OPEN
-        for lines, broken in ((_COLUMNS, Cause.COLUMN_OPEN), (_ROWS, Cause.ROW_OPEN)):
+    if faults.any.any():
+        cause[faults.drifting.any(axis=1)] = Cause.ELEMENT_DRIFTS
+        cause[faults.stuck.any(axis=1)] = Cause.ELEMENT_STUCK
+        cause[faults.opened.any(axis=1)] = Cause.ELEMENT_OPEN
+        for lines, broken in ((COLUMNS, Cause.COLUMN_OPEN), (ROWS, Cause.ROW_OPEN)):
             for line in lines:
-                cause[faulty.opened[:, line].all(axis=1)] = broken
-        cause[faulty.shorted.any(axis=1)] = Cause.ELEMENT_SHORTED
+                cause[faults.opened[:, line].all(axis=1)] = broken
+        cause[faults.shorted.any(axis=1)] = Cause.ELEMENT_SHORTED
     if reading.any():
-        for kind, reason in _CAUSES.items():
+        for kind, (_, reason) in _BY_READING.items():
             cause[(reading == kind).any(axis=1)] = reason
     return cause
