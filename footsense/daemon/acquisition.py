@@ -17,7 +17,7 @@ from footsense.acquisition.mcu_source import RecordSource
 from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import ScanPlan, scan_plan
 from footsense.acquisition.serial_port import SerialLink
-from footsense.acquisition.transports import KernelMux, UpstreamBus
+from footsense.acquisition.transports import KernelMux, Transport, UpstreamBus
 from footsense.clock import MonotonicClock, Wakeups
 from footsense.config import Bus, Config, Serial
 from footsense.daemon.foot_types import artefact, require_foot_type
@@ -119,7 +119,7 @@ class OpenBus(NamedTuple):
 
     bus: Bus
     clock: Clock
-    transport: UpstreamBus | KernelMux
+    transport: Transport
 
 
 def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> list[OpenBus]:
@@ -135,7 +135,7 @@ def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -
     """
     opened = []
     for number, bus in enumerate(config.buses):
-        transport: UpstreamBus | KernelMux
+        transport: Transport
         if bus.adapters and robot is not None:
             transport = KernelMux(tuple(robot.adapters[number].values()))
         elif bus.adapters:
