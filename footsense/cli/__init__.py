@@ -8,8 +8,8 @@ import errno
 import importlib
 import logging
 import os
-import pathlib
 import sys
+from pathlib import Path
 from typing import Any
 
 import click
@@ -98,7 +98,7 @@ class LazyGroup(click.Group):
 
 def _give_up_output() -> None:
     """Redirect buffered output to /dev/null, so that Python's flush at exit does not fail again."""
-    with contextlib.suppress(OSError, ValueError, AttributeError), pathlib.Path(os.devnull).open("wb") as devnull:
+    with contextlib.suppress(OSError, ValueError, AttributeError), Path(os.devnull).open("wb") as devnull:
         os.dup2(devnull.fileno(), sys.stdout.fileno())
 
 
