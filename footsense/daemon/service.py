@@ -248,7 +248,7 @@ def _counted(
             stats,
             Path(config.counters),
             wakeups=wakeups,
-            missed_deadlines=lambda: scan.source.late_ticks,
+            missed_deadlines=lambda: scan.source.missed_deadlines,
             recorder_lost=recorder_lost,
             log_lost=lost_lines,
         )
