@@ -17,7 +17,7 @@ from footsense.acquisition.mcu_source import RecordSource
 from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import ScanPlan, scan_plan
 from footsense.acquisition.serial_port import SerialLink
-from footsense.acquisition.transports import KernelMux, UpstreamBus
+from footsense.acquisition.transports import KernelMux, Transport, UpstreamBus
 from footsense.clock import MonotonicClock, Wakeups
 from footsense.config import Bus, Config, Serial
 from footsense.daemon.simulation import simulated_robot
@@ -70,7 +70,7 @@ class OpenBus(NamedTuple):
 
     bus: Bus
     clock: Clock
-    transport: UpstreamBus | KernelMux
+    transport: Transport
 
 
 def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> list[OpenBus]:
@@ -90,14 +90,14 @@ def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -
     for bus, wires, adapters, mux, clock in zip(
         config.buses, robot.buses, robot.adapters, robot.muxes, robot.clocks, strict=True
     ):
-        transport: UpstreamBus | KernelMux = KernelMux(tuple(adapters.values()))
+        transport: Transport = KernelMux(tuple(adapters.values()))
         if not bus.adapters:
             transport = UpstreamBus(wires, bus.mux.address, mux if bus.mux.reset else None)
         opened.append(OpenBus(bus, clock, transport))
     return opened
 
 
-def _transport(bus: Bus, stack: ExitStack) -> UpstreamBus | KernelMux:
+def _transport(bus: Bus, stack: ExitStack) -> Transport:
     """Open the adapters of a bus, and its reset line."""
     adapters = []
     for device in bus.adapters.values() or [bus.device]:
