@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from footsense.foot.directions import paper_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.foot.symmetry import mirrored_series
 from footsense.foot.hertz import contact_radius_mm
+from footsense.foot.symmetry import mirrored_series
 from footsense.lab.evaluation.evaluate import errors
 from footsense.lab.fem.block import BLOCK_SIZE, COARSE_BLOCK, Column, block_fields
 from footsense.lab.fem.mesh import MeshSize
