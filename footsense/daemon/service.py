@@ -32,8 +32,7 @@ from footsense.sim.scene import Scene
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.log_lines import lost_lines
 from footsense.telemetry.metrics import Metrics
-from footsense.telemetry.supervision import Supervision
-from footsense.telemetry.systemd import SystemdNotifier
+from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
 
 if TYPE_CHECKING:
     from footsense.daemon.test_stand import BenchRun, FigureSensor
@@ -188,7 +187,7 @@ def service(
             _log.warning("the network was trained on another response table than the simulated feet follow")
         observers: list[Observer] = [
             Journal(legs, on_bench=bench is not None),
-            Supervision(SystemdNotifier(), legs),
+            SystemdObserver(SystemdNotifier(), legs),
         ]
         source: FrameSource = scan.source
         wakeups = scan.wakeups
