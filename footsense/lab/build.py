@@ -35,7 +35,7 @@ from footsense.lab.response import make_response
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork, library_versions, onnx_model
 from footsense.lab.training.forward_inversion import unbending
-from footsense.lab.training.load_cases import Cases, paper_training, wide
+from footsense.lab.training.load_cases import Cases, paper_training, random_loads
 from footsense.lab.training.network import Weights
 from footsense.lab.training.train import MASKS, Protocol, moments, predict, train
 
@@ -213,7 +213,7 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
         recipe = replace(recipe, shipped=replace(recipe.shipped, floor_n=loads.floor_n))
         alone = _alone(response, recipe.only_362, report)
         report(f"trained on the paper's 362 cases: {', '.join(alone)}")
-        cases = wide(response, loads, recipe.wide_cases, TRAINING_SEED)
+        cases = random_loads(response, loads, recipe.wide_cases, TRAINING_SEED)
         report(f"{recipe.wide_cases} wide cases, gaps in contact")
         closure_rel = cases.closure_um / design.gap_um
         imputation = Imputation(_rounded_moments(cases.with_symmetric_copies().closure_um / design.gap_um))
