@@ -107,9 +107,7 @@ class Recorder:
         self._pipe = CyclePipe(fd, legs, header, blocking=blocking, on_broken=self._log_failure)
         self._n_written: int | None = None
         self._report = b""
-        self.observe: Callable[[Cycle], None] = (
-            self._pipe.send
-        )  # not a method: the loop calls it after every scan
+        self.observe = self._pipe.send  # the loop calls it after every scan
 
     @property
     def lost(self) -> int:
