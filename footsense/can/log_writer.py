@@ -13,7 +13,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from firmware_interface.socketcan import split_frames
 from footsense.can.frame_log import RECORD_HEAD
-from footsense.child_process import yield_to_the_loop
+from footsense.child_process import drop_realtime
 
 if TYPE_CHECKING:
     from can.io.generic import FileIOMessageWriter
@@ -116,7 +116,7 @@ def _abandon(opened: IO[Any]) -> None:
 
 
 if __name__ == "__main__":
-    yield_to_the_loop()
+    drop_realtime()
     failure = main(sys.argv[1], sys.argv[2])
     if failure:
         with contextlib.suppress(BrokenPipeError):  # without a reader if the service was killed
