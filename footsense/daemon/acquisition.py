@@ -18,7 +18,7 @@ from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import ScanPlan, scan_plan
 from footsense.acquisition.serial_port import SerialLink
 from footsense.acquisition.transports import KernelMux, Transport, UpstreamBus
-from footsense.clock import MonotonicClock, Wakeups
+from footsense.clock import MonotonicClock, WakeupLatency
 from footsense.config import Bus, Config, Serial
 from footsense.daemon.simulation import simulated_robot
 from footsense.ports import Clock, SerialPort
@@ -50,7 +50,7 @@ class Scanning:
     clock: Clock
     response_sha256: str | None = None
     true_force_n: Callable[[int], NDArray[np.float64]] | None = None
-    wakeups: tuple[Wakeups, ...] = ()
+    wakeups: tuple[WakeupLatency, ...] = ()
     has_thermometers: bool = False
 
 
