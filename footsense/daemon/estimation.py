@@ -19,7 +19,7 @@ from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.estimation.faults.element_status import RANGE_END_PF
+from footsense.estimation.faults.status import RANGE_END_PF
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Alignment, Pipeline
 from footsense.estimation.sensitivity import sensitivity

@@ -18,13 +18,14 @@ from footsense.estimation.baseline.tracker import BaselineTracker
 from footsense.estimation.baseline.unloaded import UnloadedFeet
 from footsense.estimation.faults.calibration_monitor import CalibrationMonitor
 from footsense.estimation.faults.consistency import ConsistencyResult, ConsistencyTest
-from footsense.estimation.faults.element_status import (
+from footsense.estimation.faults.open_elements import missing_elements
+from footsense.estimation.faults.status import (
     RANGE_END_PF,
     ElementClassifier,
     ElementStatus,
-    missing_elements,
+    LegClassifier,
+    LegStatus,
 )
-from footsense.estimation.faults.leg_status import LegClassifier, LegStatus
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.network_card import TrainedInputs
 from footsense.frames import (

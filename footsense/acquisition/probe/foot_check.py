@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.element_status import OPEN_REL, floating_pf
+from footsense.estimation.faults.open_elements import OPEN_REL, floating_pf
 from footsense.frames import ELEMENTS, Cause, Reading
 
 __all__ = ["CHIP_READINGS", "Finding", "FootScans", "findings"]

@@ -13,10 +13,11 @@ from footsense.acquisition.probe.foot_check import Finding, FootScans, findings
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.config import Config
-from footsense.daemon.acquisition import open_buses, plan_for, scanning, simulated_robot
+from footsense.daemon.acquisition import open_buses, plan_for, scanning
 from footsense.daemon.estimation import load_network
 from footsense.daemon.probe.diagnosis import bus_diagnoses, leg_diagnoses
 from footsense.daemon.probe.report import Diagnosis, ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
+from footsense.daemon.simulation import simulated_robot
 from footsense.errors import HardwareError
 from footsense.frames import ELEMENTS, Reading
 from footsense.sim.scene import Scene

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.element_status import OPEN_REL
-from footsense.estimation.faults.leg_status import SILENT
+from footsense.estimation.faults.causes import SILENT
+from footsense.estimation.faults.open_elements import OPEN_REL
 from footsense.frames import ELEMENTS, Reading, Result
 
 Vector = NDArray[np.float64]

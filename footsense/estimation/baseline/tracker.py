@@ -14,7 +14,7 @@ from footsense.estimation.baseline.contact import ContactDetector, ContactLimits
 from footsense.estimation.baseline.drift import FARTHEST_PF, BaselineLimits, LegBaseline, baseline_sigma_pf
 from footsense.estimation.baseline.tare import TareLimits, TareResult, TareWindow
 from footsense.estimation.baseline.unloaded import unloaded_feet
-from footsense.estimation.faults.leg_status import SILENT, drift_causes
+from footsense.estimation.faults.causes import SILENT, drift_causes
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.frames import (

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.estimation.alignment.skew_removal import AlignedScan, SkewRemoval
+from footsense.estimation.alignment.scan_by_scan import AlignedScan, SkewRemoval
 
 PERIOD_NS = 22_500_000
 STEP_NS = PERIOD_NS // 9

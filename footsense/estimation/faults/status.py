@@ -1,4 +1,8 @@
-"""State, cause and fault mask of every leg, from its elements, its closures and its baseline."""
+"""Status of every element and of every leg in a frame.
+
+An element is classified by its reading alone: usable, open, over range, or missing for the network. Whether a possible
+reading is the right one is decided by `consistency.py`. A leg is classified by its elements, closures and baseline.
+"""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -6,58 +10,93 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_interface import fdc1004
 from footsense.estimation.alignment.scan_by_scan import AlignedSample
+from footsense.estimation.faults.causes import ElementFaults, causes, converter_states, fault_mask
 from footsense.estimation.faults.consistency import ConsistencyResult
-from footsense.estimation.faults.element_status import ElementStatus
-from footsense.estimation.faults.missing_sets import COLUMNS, ROWS
+from footsense.estimation.faults.open_elements import OPEN_REL, floating_pf, missing_elements
 from footsense.foot.network_card import TrainedInputs
-from footsense.frames import ELEMENTS, USABLE, BaselineDrift, Cause, Reading, State
+from footsense.frames import USABLE, CapFrame, Reading, State
 
+Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Codes = NDArray[np.uint8]
 
-#: Largest distance of an element's drift from the mean of its leg's [pF]: all drift by 30 fF over 20 K, and elements
-#: differ in that by a fifth.
-DRIFT_LIMIT_PF = 20e-3
-
-_BITS = (1 << np.arange(ELEMENTS)).astype(np.uint16)
+#: Least capacitance of an element over the range of an FDC1004 [pF].
+RANGE_END_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 #: By state: to search the few usable ones for each leg costs ten times as much.
 _IS_USABLE = np.isin(np.arange(256), sorted(USABLE))
 
-#: State and cause of a leg by the readings of its elements, the most severe last.
-_BY_READING = {
-    Reading.DELAYED: (State.STALE, Cause.DELAYED),
-    Reading.NOT_READY: (State.CONVERTER_FAULT, Cause.NEVER_FINISHES),
-    Reading.CORRUPT: (State.CONVERTER_FAULT, Cause.CORRUPT),
-    Reading.MISCONFIGURED: (State.CONVERTER_FAULT, Cause.SETTINGS_LOST),
-    Reading.EXCITATION: (State.CONVERTER_FAULT, Cause.CANNOT_EXCITE),
-    Reading.WRONG_CHIP: (State.ABSENT, Cause.WRONG_CHIP),
-    Reading.BUS_STUCK: (State.ABSENT, Cause.BUS_STUCK),
-    Reading.NO_ANSWER: (State.ABSENT, Cause.NO_ANSWER),
-}
-#: Readings of a leg whose foot does not answer: it may come back with another foot.
-SILENT = np.array([Reading.NO_ANSWER, Reading.BUS_STUCK, Reading.WRONG_CHIP], np.uint8)
 
-
-class ElementFaults(NamedTuple):
-    """Faulty elements by kind, shape (legs, 9) each.
+class ElementStatus(NamedTuple):
+    """Status of every element in a frame, shape (legs, 9) each.
 
     Attributes:
-        opened: The electrode is disconnected.
-        shorted: Over the converter's range, while the other elements are not pressed like that.
-        stuck: The reading does not follow the load.
-        drifting: The reading follows the load with an offset.
+        capacitance_pf: Capacitances without stray [pF], NaN where there is none to be used.
+        opened: Elements whose electrode is disconnected.
+        over_range: Elements above the converter's range.
+        faulty: Elements that are open, or excluded by the consistency test.
+        missing: Elements that a tare and the network do without.
+        ok: Whether no reading of the frame has a fault.
     """
 
+    capacitance_pf: Vector
     opened: Mask
-    shorted: Mask
-    stuck: Mask
-    drifting: Mask
+    over_range: Mask
+    faulty: Mask
+    missing: Mask
+    ok: bool
 
-    @property
-    def any(self) -> Mask:
-        """Elements with any fault."""
-        return self.opened | self.shorted | self.stuck | self.drifting
+
+class ElementClassifier:
+    """Classifies the elements frame by frame.
+
+    Args:
+        stray_pf: Known capacitance in parallel with each element [pF], shape (legs, 9).
+        unloaded_pf: Expected reading of each element of the free foot, without stray [pF], shape (legs, 9).
+        range_end_pf: Least capacitance of an element over the converter's range [pF].
+    """
+
+    def __init__(self, stray_pf: Vector, unloaded_pf: Vector, range_end_pf: float = RANGE_END_PF) -> None:
+        self._stray_pf = stray_pf
+        self._range_end_pf = range_end_pf
+        self._open_below_pf = OPEN_REL * unloaded_pf
+        self._none: Mask = np.zeros(stray_pf.shape, bool)
+        self._opened = self._none
+        self._any_opened = False
+
+    def classify(self, scan: CapFrame, excluded: Mask, baseline_pf: Vector) -> ElementStatus:
+        """Classify the elements of a frame.
+
+        Args:
+            scan: The frame.
+            excluded: Elements that the consistency test excludes, shape (legs, 9).
+            baseline_pf: Baselines [pF], shape (legs, 9), NaN where there is none.
+        """
+        capacitance_pf = scan.capacitance_pf - self._stray_pf
+        # NaN compares as False: an element that was not read is not open.
+        opened = capacitance_pf < self._open_below_pf
+        all_ok = not np.count_nonzero(scan.reading)
+        if not all_ok:
+            opened |= scan.reading == Reading.UNDER_RANGE
+        before, self._opened = self._opened, opened
+        any_before, self._any_opened = self._any_opened, bool(np.count_nonzero(opened))
+        if all_ok and not (self._any_opened or any_before):
+            missing = missing_elements(excluded) if np.count_nonzero(excluded) else excluded
+            return ElementStatus(capacitance_pf, self._none, self._none, excluded, missing, ok=True)
+        over_range = scan.reading == Reading.OVER_RANGE
+        if over_range.any():  # at least that much: the consistency test decides whether it can be
+            capacitance_pf = np.where(over_range, self._range_end_pf - self._stray_pf, capacitance_pf)
+        if self._any_opened:
+            capacitance_pf = capacitance_pf - floating_pf(scan.capacitance_pf, opened)
+        # A line that breaks or returns was intact for a part of the scan, and so was its effect on other elements.
+        unsettled = opened | (opened != before).any(axis=1, keepdims=True)
+        faulty = opened | excluded
+        # Pressed or shorted? The other closures tell, and without a baseline there are none.
+        missing = missing_elements(faulty | over_range & np.isnan(baseline_pf))
+        # A parabola through an unsettled reading would take the element's return for a load.
+        settled_pf = np.where(unsettled, np.nan, capacitance_pf)
+        return ElementStatus(settled_pf, opened, over_range, faulty, missing, ok=False)
 
 
 class LegStatus(NamedTuple):
@@ -183,68 +222,3 @@ class LegClassifier:
             all_usable=bool(usable.all()),
             in_range=in_range,
         )
-
-
-def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
-    """Return bit e for each unusable element e of each leg, shape (legs,).
-
-    Example:
-        >>> unusable = np.zeros((1, 9), bool)
-        >>> unusable[0, [0, 8]] = True
-        >>> bin(int(fault_mask(unusable)[0]))
-        '0b100000001'
-    """
-    masks: NDArray[np.uint16] = unusable @ _BITS
-    return masks
-
-
-def converter_states(state: Codes, reading: Codes, faulty: Mask, closed: Mask) -> None:
-    """Write the states that forbid any value over `state`, shape (legs,), the most severe last.
-
-    Args:
-        state: The states so far.
-        reading: How each element answered, shape (legs, 9).
-        faulty: Faulty elements that the network cannot do without, shape (legs, 9).
-        closed: Elements pressed beyond their range, shape (legs, 9).
-    """
-    if closed.any():
-        state[closed.any(axis=1)] = State.SATURATED
-    if faulty.any():
-        state[faulty.any(axis=1)] = State.ELEMENT_FAULT
-    if reading.any():
-        for kind, (worse, _) in _BY_READING.items():
-            state[(reading == kind).any(axis=1)] = worse
-
-
-def drift_causes(drift: BaselineDrift) -> Codes:
-    """Return ELEMENT_DRIFTS for legs with an element whose drift differs from the others', else NONE, shape (legs,)."""
-    apart = np.abs(drift.worst_pf - drift.mean_pf) > DRIFT_LIMIT_PF
-    return np.where(apart, np.uint8(Cause.ELEMENT_DRIFTS), np.uint8(Cause.NONE))
-
-
-def causes(reading: Codes, state: Codes, faults: ElementFaults, drift_cause: Codes) -> Codes:
-    """Return the cause of each leg's state, shape (legs,), NONE where no fault is known.
-
-    An open line shows as all three of its elements being open. A shorted element ties its column to its row and takes
-    the other two elements of its column along.
-
-    Args:
-        reading: How each element answered, shape (legs, 9).
-        state: State of each leg, shape (legs,).
-        faults: Faulty elements.
-        drift_cause: Causes by the drift of the baselines, as of `drift_causes`: told, though it is still followed.
-    """
-    cause = drift_cause.copy()
-    cause[state == State.SATURATED] = Cause.GAP_CLOSED
-    if faults.any.any():
-        cause[faults.drifting.any(axis=1)] = Cause.ELEMENT_DRIFTS
-        cause[faults.stuck.any(axis=1)] = Cause.ELEMENT_STUCK
-        cause[faults.opened.any(axis=1)] = Cause.ELEMENT_OPEN
-        for lines, broken in ((COLUMNS, Cause.COLUMN_OPEN), (ROWS, Cause.ROW_OPEN)):
-            for line in lines:
-                cause[faults.opened[:, line].all(axis=1)] = broken
-        cause[faults.shorted.any(axis=1)] = Cause.ELEMENT_SHORTED
-    if reading.any():
-        for kind, (_, reason) in _BY_READING.items():
-            cause[(reading == kind).any(axis=1)] = reason
-    return cause
