@@ -137,7 +137,9 @@ def test_a_dask_cluster_judges_alike(file: Path) -> None:
     """The workers of a scheduler get the jobs by its address."""
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
         workers = parallel(cluster.scheduler_address)
-        assert run_resumable(ABOUT, JOBS, double, workers=workers, file=file) == {job: double(job) for job in JOBS}
+        assert run_resumable(ABOUT, JOBS, double, workers=workers, file=file) == {
+            job: double(job) for job in JOBS
+        }
 
 
 def test_each_foot_is_reproducible_by_itself(released: FootResponse) -> None:
