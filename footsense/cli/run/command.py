@@ -1,6 +1,5 @@
 """`footsense run`: the service, on a robot or in simulation."""
 
-import json
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from footsense.cli.options import (
     can_log_option,
     config_option,
     duration_option,
+    echo_json,
     pace_option,
 )
 from footsense.cli.run.live_table import LiveTable
@@ -23,7 +23,7 @@ from footsense.config import DEFAULT, load_config
 from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
 from footsense.errors import ConfigError
 from footsense.frames import Cycle
-from footsense.sim.scene import Scene, load_scene
+from footsense.sim.scene import load_scene
 from footsense.telemetry.run_statistics import Score
 
 _DEFAULT_SCENE = "tripod"
@@ -31,12 +31,12 @@ _NS_PER_S = 1_000_000_000
 
 
 class FirstFrame:
-    """An observer that notes how long the process had run when the first frame was out."""
+    """An observer that notes the age of the process when the first frame was out."""
 
     after_s: float | None = None
 
     def observe(self, cycle: Cycle) -> None:
-        """Note the first one."""
+        """Note the age of the process at the first cycle."""
         del cycle
         if self.after_s is None:
             self.after_s = process_age_ns() * 1e-9
@@ -80,14 +80,15 @@ def run(
     """Read the feet, estimate their forces, publish them on CAN.
 
     Without --config this is the built-in simulation of a walking robot.
-    """
+    """  # noqa: DOC501 - click shows this text
     config = load_config(config_file) if config_file else DEFAULT
     if operating_point is not None:
         config = at_operating_point(config, operating_point)
     if scene_name is None and daemon.is_simulated(config):
         scene_name = _DEFAULT_SCENE
     scene = load_scene(scene_name) if scene_name else None
-    _check_pace(scene, realtime)
+    if scene is None and realtime is not None:
+        raise ConfigError("--realtime and --fast are for simulations; this configuration names real buses")
     console = Console()
     live = console.is_terminal and summary is None
     paced = scene is not None and (live if realtime is None else realtime)
@@ -116,16 +117,6 @@ def run(
         "resident_mib": resident_mib(),
     }
     if summary == "json":
-        click.echo(json.dumps(figures, indent=2))
+        echo_json(figures)
     else:
         print_summary(console, figures)
-
-
-def _check_pace(scene: Scene | None, realtime: bool | None) -> None:  # noqa: FBT001 - the option as it is
-    """Check that only a simulation is asked to keep a pace.
-
-    Raises:
-        ConfigError: A robot is.
-    """
-    if scene is None and realtime is not None:
-        raise ConfigError("--realtime and --fast are for simulations; this configuration names real buses")
