@@ -161,7 +161,7 @@ def tared_floor(folder: Path, scans: list[CapFrame]) -> Floor:
     Raises:
         FootsenseError: It cannot be compiled.
     """
-    floor = Floor(folder, DEFAULT, daemon.load_network(DEFAULT).card.calibration)
+    floor = Floor(folder, DEFAULT, daemon.load_network(DEFAULT).card.trained_inputs)
     floor.tare(np.mean([scan.capacitance_pf for scan in scans[: DEFAULT.tare.window_frames]], axis=0))
     return floor
 

@@ -1,4 +1,4 @@
-"""The card of a foot pack: what a person wants to know of a calibrated foot."""
+"""The card of a calibration: what a person wants to know of a calibrated foot."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ def card_text(manifest: Manifest, parameters: Parameters) -> str:
     """Return the card as Markdown.
 
     Args:
-        manifest: What the pack says of itself; the hashes of its files are not needed.
+        manifest: What the calibration says of itself; the hashes of its files are not needed.
         parameters: How the foot differs from its design.
     """
     recordings = "\n".join(f"| {name} | `{sha256}` |" for name, sha256 in manifest.recordings.items())
@@ -22,7 +22,7 @@ def card_text(manifest: Manifest, parameters: Parameters) -> str:
     return f"""# {manifest.foot}
 
 A foot of type {manifest.foot_type}, calibrated {manifest.made} by footsense {manifest.footsense}
-on {_count(manifest.n_pokes, "poke")} in {_count(manifest.n_sessions, "session")}{_temperature(parameters)}. The
+on {_count(manifest.n_loads, "load")} in {_count(manifest.n_sessions, "session")}{_temperature(parameters)}. The
 robot takes these files as they are, or not at all: whatever is edited here by hand is refused.
 
 ## Errors
@@ -39,7 +39,7 @@ robot takes these files as they are, or not at all: whatever is edited here by h
 {_grid("gain of the closure [1]", parameters.gain_rel, 3)}
 
 Stiffness {parameters.stiffness_rel:+.1%}; mounted {_turned_deg(parameters):.1f} deg off; largest term of the
-correction {np.abs(parameters.correction).max():.3f}. What the pokes left unexplained: {parameters.error_rel:.1%} of
+correction {np.abs(parameters.correction).max():.3f}. What the loads left unexplained: {parameters.error_rel:.1%} of
 the force.
 
 ## Made of
@@ -67,13 +67,13 @@ def _temperature(parameters: Parameters) -> str:
 def _errors(manifest: Manifest) -> str:
     held_out = manifest.held_out
     if held_out is None:
-        return "Not known: no poke was kept from the fit to tell."
-    return f"""{held_out.protocol}, {_count(held_out.calibrated.n, "poke")}:
+        return "Not known: no load was kept from the fit to tell."
+    return f"""{held_out.protocol}, {_count(held_out.calibrated.n, "load")}:
 
 | mean / p95 / largest | direction [deg] | magnitude [gf] |
 |---|---:|---:|
 {_row("network of the design alone", held_out.design_only)}
-{_row("this pack", held_out.calibrated)}"""
+{_row("this calibration", held_out.calibrated)}"""
 
 
 def _row(name: str, errors: Errors) -> str:

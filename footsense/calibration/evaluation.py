@@ -1,7 +1,7 @@
-"""What a foot's pack is worth: forces of its pokes by the network alone, and by its pack, beside the reference.
+"""What a foot's calibration is worth: forces of its loads by the network alone, and by its calibration, beside the reference.
 
 Both are made as the robot makes them: closures against the foot's own rest, what lies outside of what the network was
-taught is no force. Errors are compared on the pokes that both can read, and the others are counted.
+taught is no force. Errors are compared on the loads that both can read, and the others are counted.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.loads.detection import Poke
-from footsense.calibration.session.recorded_session import BenchSession
+from footsense.calibration.loads.detection import CalibrationLoad
+from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
@@ -20,12 +20,12 @@ from footsense.foot.parameters import FootParameters
 from footsense.frames import ELEMENTS
 from footsense.ports import Estimator
 
-__all__ = ["BANDS", "LEAST_POKES", "Band", "Evaluation", "Read", "evaluate", "read_pokes"]
+__all__ = ["BANDS", "MIN_LOADS", "Band", "Evaluation", "Read", "evaluate", "read_loads"]
 
 Vector = NDArray[np.float64]
 
-#: Below so many, a 95th percentile is one poke.
-LEAST_POKES = 20
+#: Below so many, a 95th percentile is one load.
+MIN_LOADS = 20
 
 
 class Band(NamedTuple):
@@ -46,7 +46,7 @@ BANDS = (
 
 
 class Read(NamedTuple):
-    """What one way of reading makes of the pokes.
+    """What one way of reading makes of the loads.
 
     Attributes:
         closure_rel: Closures that the network was given [1], shape (n, 9).
@@ -60,7 +60,7 @@ class Read(NamedTuple):
 
     @property
     def usable(self) -> NDArray[np.bool_]:
-        """Which pokes have a force, shape (n,)."""
+        """Which loads have a force, shape (n,)."""
         usable: NDArray[np.bool_] = np.asarray(np.isfinite(self.force_n).all(axis=1))
         return usable
 
@@ -71,7 +71,7 @@ class Evaluation(NamedTuple):
     Attributes:
         truth_n: What the reference said [N], shape (n, 3), leg's frame.
         design_only: What the network alone makes of it.
-        calibrated: What the pack makes of it; None without one.
+        calibrated: What the calibration makes of it; None without one.
     """
 
     truth_n: Vector
@@ -80,7 +80,7 @@ class Evaluation(NamedTuple):
 
     @property
     def compared(self) -> NDArray[np.bool_]:
-        """Which pokes can be read either way, shape (n,)."""
+        """Which loads can be read either way, shape (n,)."""
         ways = [self.design_only, *([self.calibrated] if self.calibrated else [])]
         both: NDArray[np.bool_] = np.all([way.usable for way in ways], axis=0)
         return both
@@ -92,28 +92,33 @@ class Evaluation(NamedTuple):
         return errors(self.truth_n[chosen], read.force_n[chosen]) if chosen.any() else None
 
 
-def read_pokes(
-    pokes: Sequence[Poke], network: Estimator, calibration: TrainedInputs, foot: FootParameters | None
+def read_loads(
+    loads: Sequence[CalibrationLoad],
+    network: Estimator,
+    trained_inputs: TrainedInputs,
+    foot: FootParameters | None,
 ) -> Read:
-    """Return what a robot would make of pokes.
+    """Return what a robot would make of loads.
 
     Args:
-        pokes: Those that count, at least one.
+        loads: Those that count, at least one.
         network: For as many rows.
-        calibration: What its card says.
+        trained_inputs: What its card says.
         foot: How the foot differs from its design; None to take it as designed.
     """
     stray_pf = np.zeros(ELEMENTS) if foot is None else foot.stray_pf
-    pressed_pf = np.array([poke.capacitance_pf for poke in pokes]) - stray_pf
-    rest_pf = np.array([poke.rest_pf for poke in pokes]) - stray_pf
-    design = calibration.design
+    pressed_pf = np.array([load.capacitance_pf for load in loads]) - stray_pf
+    rest_pf = np.array([load.rest_pf for load in loads]) - stray_pf
+    design = trained_inputs.design
     gain_rel = np.ones(ELEMENTS) if foot is None else foot.gain_rel
     closure_rel = design.closure_um(pressed_pf, rest_pf) / design.gap_um / gain_rel
     gap_um = np.full(ELEMENTS, design.gap_um) if foot is None else foot.gap_um
     # A NaN fails every comparison.
-    inside = (closure_rel >= calibration.closure_rel_min) & (closure_rel <= calibration.most_rel(gap_um))
+    inside = (closure_rel >= trained_inputs.closure_rel_min) & (
+        closure_rel <= trained_inputs.most_rel(gap_um)
+    )
     taught: NDArray[np.bool_] = np.asarray(inside.all(axis=1))
-    estimator = CalibratedFeet(network, [foot], len(pokes))
+    estimator = CalibratedFeet(network, [foot], len(loads))
     force_n, sigma_n = estimator.estimate(
         np.where(taught[:, None], closure_rel, 0.0), np.zeros(closure_rel.shape, bool)
     )
@@ -122,38 +127,38 @@ def read_pokes(
 
 
 def evaluate(
-    sessions: Sequence[BenchSession],
+    sessions: Sequence[RecordedSession],
     network: Callable[[int], Estimator],
-    calibration: TrainedInputs,
+    trained_inputs: TrainedInputs,
     foot: FootParameters | None,
 ) -> Evaluation:
-    """Return what the network alone and a foot's pack make of its pokes.
+    """Return what the network alone and a foot's calibration make of its loads.
 
     Args:
         sessions: The recordings.
         network: Makes the network for a number of rows.
-        calibration: What its card says.
-        foot: What the pack says of the foot; None without one.
+        trained_inputs: What its card says.
+        foot: What the calibration says of the foot; None without one.
 
     Raises:
-        CalibrationError: There are too few pokes, or hardly any that can be read.
+        CalibrationError: There are too few loads, or hardly any that can be read.
     """
-    pokes = [poke for session in sessions for poke in session.pokes]
-    if len(pokes) < LEAST_POKES:
+    loads = [load for session in sessions for load in session.loads]
+    if len(loads) < MIN_LOADS:
         raise CalibrationError(
-            f"{len(pokes)} pokes that count in {len(sessions)} recordings; "
-            f"at least {LEAST_POKES} are needed to say how wrong a foot is"
+            f"{len(loads)} loads that count in {len(sessions)} recordings; "
+            f"at least {MIN_LOADS} are needed to say how wrong a foot is"
         )
-    estimator = network(len(pokes))
+    estimator = network(len(loads))
     found = Evaluation(
-        truth_n=np.array([poke.force_n for poke in pokes]),
-        design_only=read_pokes(pokes, estimator, calibration, None),
-        calibrated=read_pokes(pokes, estimator, calibration, foot) if foot is not None else None,
+        truth_n=np.array([load.force_n for load in loads]),
+        design_only=read_loads(loads, estimator, trained_inputs, None),
+        calibrated=read_loads(loads, estimator, trained_inputs, foot) if foot is not None else None,
     )
     n_compared = int(found.compared.sum())
-    if n_compared < LEAST_POKES:
+    if n_compared < MIN_LOADS:
         raise CalibrationError(
-            f"{n_compared} of {len(pokes)} pokes lie within what the network was taught, at least {LEAST_POKES} are "
+            f"{n_compared} of {len(loads)} loads lie within what the network was taught, at least {MIN_LOADS} are "
             "needed; press less hard, and check that the recordings are of this foot type"
         )
     return found

@@ -1,6 +1,6 @@
-"""A foot pack, written: whole under its name, or not there.
+"""A calibration, written: whole under its name, or not there.
 
-The files are made in a directory beside, read back with the eyes of the robot, and only then take the name. A pack
+The files are made in a directory beside, read back with the eyes of the robot, and only then take the name. A calibration
 that stands there already is kept under the first free number, `foot-0007.1`, and only if that was asked for.
 """
 
@@ -28,16 +28,16 @@ from footsense.foot.calibration_format import (
     Manifest,
     Parameters,
 )
-from footsense.foot.calibration_reader import FootPack, read_pack
+from footsense.foot.calibration_reader import FootCalibration, read_calibration
 from footsense.foot.checksum_trailer import unsealed_sha256
 from footsense.foot.parameters import FootParameters
 
-__all__ = ["PackContent", "check_pack_target", "file_sha256", "write_pack"]
+__all__ = ["CalibrationContent", "check_calibration_target", "file_sha256", "write_calibration"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PackContent:
-    """What goes into a pack.
+class CalibrationContent:
+    """What goes into a calibration.
 
     Attributes:
         foot: Which foot it is for, such as `foot-0007`.
@@ -45,10 +45,10 @@ class PackContent:
         parameters: How the foot differs from its design.
         network: File of the network that they were fitted on, sealed.
         made: Now, UTC, ISO 8601.
-        n_pokes: On how many pokes it rests.
+        n_loads: On how many loads it rests.
         n_sessions: In how many sessions they were made.
-        held_out: How good it is; None if no poke was kept to tell.
-        recordings: SHA-256 of every recording with those pokes, by file name.
+        held_out: How good it is; None if no load was kept to tell.
+        recordings: SHA-256 of every recording with those loads, by file name.
         temperature_c: At which the foot was on the bench [degC]; None if nothing there measured it.
         stiffness_per_k: By how much the foot grows stiffer with each kelvin [1/K]; None if nobody measured it.
     """
@@ -58,7 +58,7 @@ class PackContent:
     parameters: FootParameters
     network: Path
     made: str
-    n_pokes: int
+    n_loads: int
     n_sessions: int
     held_out: HeldOut | None
     recordings: Mapping[str, str]
@@ -79,8 +79,8 @@ def file_sha256(path: Path) -> str:
         raise CalibrationError(f"{path}: cannot be read: {error.strerror}") from None
 
 
-def check_pack_target(folder: Path, *, replace: bool) -> None:
-    """Check that a pack may be written to `folder`; to be called before the work is done. Nothing is made yet.
+def check_calibration_target(folder: Path, *, replace: bool) -> None:
+    """Check that a calibration may be written to `folder`; to be called before the work is done. Nothing is made yet.
 
     Raises:
         CalibrationError: Its name is not that of a foot; one is there, and it was not asked to replace it; or nothing
@@ -101,26 +101,26 @@ def check_pack_target(folder: Path, *, replace: bool) -> None:
         raise CalibrationError(f"{there}: cannot be written to: {error.strerror}") from None
 
 
-def write_pack(feet: Path, content: PackContent, *, replace: bool = False) -> FootPack:
-    """Write a pack and return it as the robot will read it.
+def write_calibration(feet: Path, content: CalibrationContent, *, replace: bool = False) -> FootCalibration:
+    """Write a calibration and return it as the robot will read it.
 
     Args:
-        feet: Directory of all packs, made if missing.
+        feet: Directory of all calibrations, made if missing.
         content: What goes into it.
-        replace: Whether a pack of this foot that is there already makes room.
+        replace: Whether a calibration of this foot that is there already makes room.
 
     Raises:
         CalibrationError: It is there and may not be replaced, or cannot be written.
         ModelError: The network is none, or what was written is not what a robot would take.
     """
     folder = feet / content.foot
-    check_pack_target(folder, replace=replace)
+    check_calibration_target(folder, replace=replace)
     try:
         feet.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(dir=feet, prefix=f".{content.foot}."))
         try:
             _write_files(draft, content)
-            read_pack(draft, content.foot_type, content.foot)
+            read_calibration(draft, content.foot_type, content.foot)
             if folder.exists():
                 folder.rename(_kept(folder))
             draft.rename(folder)
@@ -129,18 +129,18 @@ def write_pack(feet: Path, content: PackContent, *, replace: bool = False) -> Fo
         _to_disk(feet)
     except OSError as error:
         raise CalibrationError(f"{folder}: cannot be written: {error.strerror}") from None
-    return read_pack(folder, content.foot_type)
+    return read_calibration(folder, content.foot_type)
 
 
 def _kept(folder: Path) -> Path:
-    """Return the first free name for the pack that is replaced."""
+    """Return the first free name for the calibration that is replaced."""
     number = 1
     while (kept := folder.with_name(f"{folder.name}.{number}")).exists():
         number += 1
     return kept
 
 
-def _write_files(draft: Path, content: PackContent) -> None:
+def _write_files(draft: Path, content: CalibrationContent) -> None:
     draft.chmod(0o755)  # the service that reads it is another user
     network = content.network.read_bytes()
     own = content.parameters
@@ -164,7 +164,7 @@ def _write_files(draft: Path, content: PackContent) -> None:
         foot_type=content.foot_type,
         footsense=footsense.__version__,
         made=content.made,
-        n_pokes=content.n_pokes,
+        n_loads=content.n_loads,
         n_sessions=content.n_sessions,
         held_out=content.held_out,
         recordings=dict(content.recordings),

@@ -34,7 +34,10 @@ _COMMANDS = {
         "footsense.cli.record.command:record",
         "Record presses of a foot on the bench beside a force sensor.",
     ),
-    "calibrate": ("footsense.cli.calibrate:calibrate", "Make a foot's pack of its recordings on a bench."),
+    "calibrate": (
+        "footsense.cli.calibrate:calibrate",
+        "Make a foot's calibration of its recordings on a bench.",
+    ),
     "evaluate": (
         "footsense.cli.evaluate.command:evaluate",
         "Compare a foot's forces with the reference of a bench.",

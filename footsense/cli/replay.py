@@ -65,10 +65,10 @@ class Comparison:
 )
 @click.option("--realtime", is_flag=True, help="Play at the speed of the recording.")
 @click.option(
-    "--packs",
+    "--calibrations",
     "folder",
     type=click.Path(file_okay=False, path_type=Path),
-    help="Where the packs of the recorded feet are; without it where they were on the robot.",
+    help="Where the calibrations of the recorded feet are; without it where they were on the robot.",
 )
 def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, folder: Path | None) -> None:
     """Run the recorded scans of FILE through the pipeline again and publish the forces.
@@ -85,15 +85,15 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
     clock = ReplayClock(source)
     config = daemon.recorded_config(recording)
     _require_same_legs(file, recording, config)
-    if folder is not None and config.packs is not None:
-        config = msgspec.structs.replace(config, packs=str(folder))
-    packs = daemon.load_packs(config)
-    network = daemon.load_network(config, packs)
+    if folder is not None and config.calibrations is not None:
+        config = msgspec.structs.replace(config, calibrations=str(folder))
+    calibrations = daemon.load_calibrations(config)
+    network = daemon.load_network(config, calibrations)
     comparison = Comparison(file, recording) if check else None
     if comparison:
         _require_same_network(file, recording, network)
-    _judge_packs(file, daemon.packs_difference(recording.header, packs), comparison)
-    pipeline = daemon.pipeline_for(config, network, daemon.recorded_flags(recording), packs)
+    _judge_calibrations(file, daemon.calibrations_difference(recording.header, calibrations), comparison)
+    pipeline = daemon.pipeline_for(config, network, daemon.recorded_flags(recording), calibrations)
     n_frames = 0
     with ExitStack() as stack:
         sink = stack.enter_context(daemon.can_sink(config, clock, can_log, real_time=realtime))
@@ -135,8 +135,8 @@ def _require_same_network(file: Path, recording: Replay, network: Network) -> No
         )
 
 
-def _judge_packs(file: Path, difference: str | None, comparison: Comparison | None) -> None:
-    """Say if the forces are not made with the packs that were recorded.
+def _judge_calibrations(file: Path, difference: str | None, comparison: Comparison | None) -> None:
+    """Say if the forces are not made with the calibrations that were recorded.
 
     Raises:
         ModelError: And they are to be compared.

@@ -24,12 +24,12 @@ class FootFiles(NamedTuple):
     Attributes:
         network: File of its network.
         response: File of its response table.
-        calibration: What the network's card says.
+        trained_inputs: What the network's card says.
     """
 
     network: Path
     response: Path
-    calibration: TrainedInputs
+    trained_inputs: TrainedInputs
 
 
 def foot_files(foot_type: str, folder: Path | None) -> FootFiles:
@@ -51,4 +51,4 @@ def foot_files(foot_type: str, folder: Path | None) -> FootFiles:
     card = Network(network, 1).card
     if card.foot_type != foot_type:
         raise ConfigError(f"{folder}: of foot type {card.foot_type!r}, recorded is {foot_type!r}; {remedy}")
-    return FootFiles(network, response, card.calibration)
+    return FootFiles(network, response, card.trained_inputs)

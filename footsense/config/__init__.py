@@ -59,7 +59,7 @@ def load_config(path: Path) -> Config:
         path: The file.
 
     Returns:
-        The configuration, with `model`, `packs` and the folder of `foot_type` resolved against the directory of
+        The configuration, with `model`, `calibrations` and the folder of `foot_type` resolved against the directory of
         the file.
 
     Raises:
@@ -67,5 +67,5 @@ def load_config(path: Path) -> Config:
     """
     config = load(path, Config, check=first_contradiction)
     folder = config.foot_type if "/" in config.foot_type else None
-    paths = {"model": config.model, "packs": config.packs, "foot_type": folder}
+    paths = {"model": config.model, "calibrations": config.calibrations, "foot_type": folder}
     return replace(config, **{key: str(path.parent / value) for key, value in paths.items() if value})

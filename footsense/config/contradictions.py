@@ -53,7 +53,7 @@ def _contradictions(config: Config) -> Iterator[Problem]:
         )
     yield from _can_load(config)
     yield from _feet(config)
-    yield from _packs(config)
+    yield from _calibrations(config)
     if config.metrics is not None:
         yield from _metrics(config.metrics.address)
 
@@ -235,20 +235,24 @@ def _feet(config: Config) -> Iterator[Problem]:
                 )
 
 
-def _packs(config: Config) -> Iterator[Problem]:
-    if config.packs is None:
+def _calibrations(config: Config) -> Iterator[Problem]:
+    if config.calibrations is None:
         return
     if not config.feet:
-        yield Problem(("packs",), "no foot is named that a pack could be for; name them under feet")
+        yield Problem(
+            ("calibrations",), "no foot is named that a calibration could be for; name them under feet"
+        )
     if config.model is not None:
         yield Problem(
-            ("model",), "each pack brings the network that it was fitted on; take model or packs away"
+            ("model",),
+            "each calibration brings the network that it was fitted on; take model or calibrations away",
         )
     for section, legs in (("stray_pf", set(config.stray_pf)), ("unloaded_pf", set(config.unloaded_pf))):
         for leg in sorted(legs):
             if leg in config.feet:
                 yield Problem(
-                    (section, leg), f"the pack of {config.feet[leg]} says what it is; take this entry away"
+                    (section, leg),
+                    f"the calibration of {config.feet[leg]} says what it is; take this entry away",
                 )
 
 

@@ -262,8 +262,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         feet: Which foot is mounted on which leg.
         body_weight_n: What all legs carry together while the robot walks [N], to tell feet whose calibration no longer
             holds; None compares their sum with what it was at first.
-        packs: Directory of the packs that feet were calibrated into, relative to the file; every foot in `feet` needs
-            one there, and brings its stray_pf, unloaded_pf and network. None takes every foot for the designed one.
+        calibrations: Folder of the feet's calibrations, relative to the file; every foot in `feet` needs one there, which
+            brings its stray_pf, unloaded_pf and network. None reads every foot as designed.
         metrics: Where the counters are shown; None for nowhere.
         realtime: What the loop asks of the scheduler; None for nothing.
     """
@@ -291,7 +291,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     model: Annotated[str, Meta(min_length=1)] | None = None
     feet: dict[Leg, FootId] = {}
     body_weight_n: Annotated[float, Meta(gt=0.0, le=1000.0)] | None = None
-    packs: Annotated[str, Meta(min_length=1)] | None = None
+    calibrations: Annotated[str, Meta(min_length=1)] | None = None
     metrics: Metrics | None = None
     realtime: Realtime | None = None
 

@@ -10,7 +10,17 @@ from msgspec import Meta, Struct
 from footsense import strict_yaml
 from footsense.reference.record_decoder import TIMES, integer_bits
 
-__all__ = ["Axes", "Bench", "Binary", "FileSensor", "Lines", "NetFt", "Serial", "Simulated", "load_bench"]
+__all__ = [
+    "Axes",
+    "Binary",
+    "FileSensor",
+    "Lines",
+    "NetFt",
+    "Serial",
+    "Simulated",
+    "StandConfig",
+    "load_test_stand",
+]
 
 Column = Literal["time_s", "time_ms", "time_us", "sequence", "fx", "fy", "fz", "saturated", "-"]
 Columns = Annotated[tuple[Column, ...], Meta(min_length=3, max_length=40)]
@@ -20,7 +30,7 @@ Range = Annotated[float, Meta(gt=0.0, le=1e9)]
 
 
 class _Part(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A strict part of a bench."""
+    """A strict part of a test stand."""
 
 
 class Lines(_Part, frozen=True, tag="lines", tag_field="kind"):
@@ -93,7 +103,7 @@ class FileSensor(_Part, frozen=True, tag="file", tag_field="kind"):
     """A recorded sensor, played from the first scan on.
 
     Attributes:
-        path: A .csv with columns `time_s` (or ms, us), `fx`, `fy`, `fz`; or a recording of a bench, which is in N and
+        path: A .csv with columns `time_s` (or ms, us), `fx`, `fy`, `fz`; or a recording of a test stand, which is in N and
             in the foot's axes already.
     """
 
@@ -123,7 +133,7 @@ class Axes(_Part, frozen=True):
     z: Axis
 
 
-class Bench(_Part, frozen=True):
+class StandConfig(_Part, frozen=True):
     """What stands under the foot.
 
     Attributes:
@@ -149,29 +159,29 @@ class Bench(_Part, frozen=True):
     description: str = ""
 
 
-def load_bench(path: Path) -> Bench:
-    """Return the bench in a YAML file, the path of a recorded sensor resolved against the file's directory.
+def load_test_stand(path: Path) -> StandConfig:
+    """Return the test stand in a YAML file, the path of a recorded sensor resolved against the file's directory.
 
     Raises:
         ConfigError: The file is missing, is not such YAML, does not fit, or contradicts itself.
     """
-    bench = strict_yaml.load(path, Bench, check=_contradiction)
-    if not isinstance(bench.sensor, FileSensor):
-        return bench
-    sensor = msgspec.structs.replace(bench.sensor, path=str(path.parent / bench.sensor.path))
-    return msgspec.structs.replace(bench, sensor=sensor)
+    test_stand = strict_yaml.load(path, StandConfig, check=_contradiction)
+    if not isinstance(test_stand.sensor, FileSensor):
+        return test_stand
+    sensor = msgspec.structs.replace(test_stand.sensor, path=str(path.parent / test_stand.sensor.path))
+    return msgspec.structs.replace(test_stand, sensor=sensor)
 
 
-def _contradiction(bench: Bench) -> strict_yaml.Problem | None:
+def _contradiction(test_stand: StandConfig) -> strict_yaml.Problem | None:
     """Return what is right by itself and cannot be meant."""
-    axes = (bench.axes.x, bench.axes.y, bench.axes.z)
+    axes = (test_stand.axes.x, test_stand.axes.y, test_stand.axes.z)
     if len({axis[-1] for axis in axes}) < len(axes):
         said = ", ".join(axes)
         return strict_yaml.Problem(
             ("axes",), f"{said} names an axis of the sensor twice; each belongs to one of x, y, z"
         )
-    if isinstance(bench.sensor, Serial):
-        return _framing(bench.sensor.framing)
+    if isinstance(test_stand.sensor, Serial):
+        return _framing(test_stand.sensor.framing)
     return None
 
 

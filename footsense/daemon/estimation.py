@@ -12,7 +12,7 @@ from firmware_interface import fdc1004
 from footsense.acquisition.ganged_scanner import CAPDAC
 from footsense.acquisition.scan_plan import BOARDS, ORDERS
 from footsense.config import Can, Config
-from footsense.daemon.calibrations import packs_of
+from footsense.daemon.calibrations import calibrations_of
 from footsense.daemon.contact_limits import closure_rel_per_pf, contact_limits
 from footsense.daemon.foot_types import artefact, foot_type_of, require_foot_type
 from footsense.errors import ConfigError, RecordingError
@@ -25,14 +25,14 @@ from footsense.estimation.ganged import Ganged, unknown_rel
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Pipeline, Reckoning
 from footsense.estimation.sensitivity import sensitivity
-from footsense.foot.calibration_reader import FootPack
+from footsense.foot.calibration_reader import FootCalibration
 from footsense.foot.network_card import TrainedInputs
 from footsense.frames import ELEMENTS
 from footsense.ports import Estimator
 from footsense.recording.replay import Replay
 
-#: Packs by leg.
-Packs = Mapping[str, FootPack]
+#: Calibrations by leg.
+Calibrations = Mapping[str, FootCalibration]
 PerElement = Sequence[float] | NDArray[np.float64]
 
 #: Scans in which a step of the load has passed through all elements, and what was made of them.
@@ -40,50 +40,52 @@ _SETTLED_SCANS = 4
 _ROWS = 3
 
 
-def load_packs(config: Config) -> dict[str, FootPack]:
-    """Return the pack of every leg whose foot is named; none if the configuration names no packs.
+def load_calibrations(config: Config) -> dict[str, FootCalibration]:
+    """Return the calibration of every leg whose foot is named; none if the configuration names no calibrations.
 
     Raises:
         ModelError: One is missing, or cannot be used for that foot.
     """
-    return packs_of(config, foot_type_of(config))
+    return calibrations_of(config, foot_type_of(config))
 
 
-def load_network(config: Config, packs: Packs | None = None) -> Network:
+def load_network(config: Config, calibrations: Calibrations | None = None) -> Network:
     """Return the network that the configuration names, or that of its foot type.
 
     Args:
         config: The robot.
-        packs: Those of its feet, which bring their network; None to read them.
+        calibrations: Those of its feet, which bring their network; None to read them.
 
     Raises:
         ModelError: There is none, or it is made for another foot.
     """
     path = Path(config.model) if config.model else artefact(config, "network.onnx")
-    for pack in (load_packs(config) if packs is None else packs).values():
-        path = pack.network
+    for calibration in (load_calibrations(config) if calibrations is None else calibrations).values():
+        path = calibration.network
     network = Network(path, n_rows=_n_rows(config))
     require_foot_type(path, network.card.foot_type, config)
     return network
 
 
-def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | None = None) -> Pipeline:
+def pipeline_for(
+    config: Config, network: Network, flags: int, calibrations: Calibrations | None = None
+) -> Pipeline:
     """Return the pipeline of a robot whose frames carry these flags.
 
     Args:
         config: The robot.
         network: Its network.
         flags: The flags.
-        packs: Those of its feet; None to read them.
+        calibrations: Those of its feet; None to read them.
 
     Raises:
-        ModelError: A pack is missing, or cannot be used for its foot.
+        ModelError: A calibration is missing, or cannot be used for its foot.
         ConfigError: What is configured cannot be told with these feet.
     """
-    packs = load_packs(config) if packs is None else packs
-    feet = {leg: pack.parameters for leg, pack in packs.items()}
-    calibration = network.card.calibration
-    # A leg has these from its foot's pack or from the configuration, never from both.
+    calibrations = load_calibrations(config) if calibrations is None else calibrations
+    feet = {leg: calibration.parameters for leg, calibration in calibrations.items()}
+    trained_inputs = network.card.trained_inputs
+    # A leg has these from its foot's calibration or from the configuration, never from both.
     strays_pf: dict[str, PerElement] = dict(config.stray_pf.items())
     strays_pf |= {leg: foot.stray_pf for leg, foot in feet.items()}
     stray_pf = _per_leg(config, strays_pf, 0.0)
@@ -91,12 +93,12 @@ def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | No
     readings_pf: dict[str, PerElement] = dict(config.unloaded_pf.items())
     readings_pf |= {leg: foot.unloaded_pf for leg, foot in feet.items()}
     expected_pf = _per_leg(config, readings_pf, np.nan)
-    unloaded_pf = np.where(np.isnan(expected_pf), calibration.design.rest_pf, expected_pf - stray_pf)
-    worth = sensitivity(network, _n_rows(config), calibration.moments)
-    estimator, warm = _estimator(config, network, packs)
+    unloaded_pf = np.where(np.isnan(expected_pf), trained_inputs.design.rest_pf, expected_pf - stray_pf)
+    worth = sensitivity(network, _n_rows(config), trained_inputs.moments)
+    estimator, warm = _estimator(config, network, calibrations)
     return Pipeline(
-        reckoning=_reckoning(config, calibration, estimator),
-        calibration=calibration,
+        reckoning=_reckoning(config, trained_inputs, estimator),
+        calibration=trained_inputs,
         stray_pf=stray_pf,
         unloaded_pf=unloaded_pf,
         sensitivity=worth,
@@ -105,15 +107,17 @@ def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | No
             noise_limit_ff=config.tare.noise_limit_ff,
             unloaded_limit_rel=config.tare.unloaded_limit_rel,
         ),
-        contact=contact_limits(config, calibration.design, worth),
+        contact=contact_limits(config, trained_inputs.design, worth),
         track_zero=config.zero.track,
         max_age_ns=round(config.stale_after_ms * 1e6),
         settled_ns=round(_SETTLED_SCANS * config.shortest_scan_ms * 1e6),
         flags=flags,
         ganged=_ganged(config, network) if config.scan.gang else None,
-        gap_um=_per_leg(config, {leg: foot.gap_um for leg, foot in feet.items()}, calibration.design.gap_um),
+        gap_um=_per_leg(
+            config, {leg: foot.gap_um for leg, foot in feet.items()}, trained_inputs.design.gap_um
+        ),
         gain_rel=_per_leg(config, {leg: foot.gain_rel for leg, foot in feet.items()}, 1.0),
-        feet=[packs[leg].manifest.foot if leg in packs else "" for leg in config.legs],
+        feet=[calibrations[leg].manifest.foot if leg in calibrations else "" for leg in config.legs],
         body_weight_n=config.body_weight_n,
         warm=warm,
         range_end_pf=BOARDS[config.board].range_end_pf if config.board in BOARDS else leg_status.RANGE_END_PF,
@@ -126,8 +130,8 @@ def _ganged(config: Config, network: Network) -> Ganged:
     Raises:
         ConfigError: The columns of these feet are beyond what the converter reads at once.
     """
-    calibration = network.card.calibration
-    design = calibration.design
+    trained_inputs = network.card.trained_inputs
+    design = trained_inputs.design
     most_pf = CAPDAC * fdc1004.CAPDAC_STEP_PF + fdc1004.capacitance_pf(fdc1004.CODE_MAX)
     column_pf = _ROWS * float(design.capacitance_pf(np.array([0.5 * design.gap_um]))[0])
     if column_pf > most_pf:
@@ -135,9 +139,9 @@ def _ganged(config: Config, network: Network) -> Ganged:
             f"scan.gang: a column of {foot_type_of(config)} has {column_pf:.1f} pF with its gaps half shut, "
             f"{most_pf:.1f} pF can be read; use gang: false"
         )
-    unknown = unknown_rel(network, _n_rows(config), calibration.moments)
+    unknown = unknown_rel(network, _n_rows(config), trained_inputs.moments)
     scan_ns = ELEMENTS * _step_ns(config)
-    return Ganged(len(config.legs), calibration.moments, calibration.design, scan_ns, unknown)
+    return Ganged(len(config.legs), trained_inputs.moments, trained_inputs.design, scan_ns, unknown)
 
 
 def _step_ns(config: Config) -> int:
@@ -150,29 +154,32 @@ def _n_rows(config: Config) -> int:
     return len(config.legs) * (1 if config.publish == "element" else 2)
 
 
-def _reckoning(config: Config, calibration: TrainedInputs, estimator: Estimator) -> Reckoning:
+def _reckoning(config: Config, trained_inputs: TrainedInputs, estimator: Estimator) -> Reckoning:
     """Return what makes forces of closures: of whole scans, or of single elements."""
     if config.publish == "frame":
-        return ScanByScan(estimator, len(config.legs), calibration.moments, config.average_scans)
-    noise_rel = config.rate.noise_ff * 1e-3 * closure_rel_per_pf(calibration.design)
+        return ScanByScan(estimator, len(config.legs), trained_inputs.moments, config.average_scans)
+    noise_rel = config.rate.noise_ff * 1e-3 * closure_rel_per_pf(trained_inputs.design)
     order = ORDERS[config.order]
     return ElementByElement(
-        estimator, len(config.legs), calibration.moments, order, _step_ns(config), noise_rel
+        estimator, len(config.legs), trained_inputs.moments, order, _step_ns(config), noise_rel
     )
 
 
 def _estimator(
-    config: Config, network: Network, packs: Packs
+    config: Config, network: Network, calibrations: Calibrations
 ) -> tuple[Estimator, Callable[[NDArray[np.float64]], None] | None]:
-    """Return what reads these feet, and who there is told how warm they are: for feet without packs nobody."""
-    if not packs:
+    """Return what reads these feet, and who there is told how warm they are: for feet without calibrations nobody."""
+    if not calibrations:
         return network, None
-    mounted = [packs.get(leg) for leg in config.legs]
+    mounted = [calibrations.get(leg) for leg in config.legs]
     feet = CalibratedFeet(
-        network, [None if pack is None else pack.parameters for pack in mounted], _n_rows(config)
+        network,
+        [None if calibration is None else calibration.parameters for calibration in mounted],
+        _n_rows(config),
     )
     warm = partial(
-        feet.warm, calibrated_at=[None if pack is None else pack.calibrated_at for pack in mounted]
+        feet.warm,
+        calibrated_at=[None if calibration is None else calibration.calibrated_at for calibration in mounted],
     )
     warm(np.full(len(mounted), np.nan))
     return feet, warm

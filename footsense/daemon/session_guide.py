@@ -6,13 +6,13 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.evaluation import read_pokes
-from footsense.calibration.loads.detection import Poke
+from footsense.calibration.evaluation import read_loads
+from footsense.calibration.loads.detection import CalibrationLoad
 from footsense.calibration.session.guide import Guide
 from footsense.calibration.session.reference_judge import judge_of
-from footsense.config.test_stand import Bench
+from footsense.config.test_stand import StandConfig
 from footsense.estimation.network import Network
-from footsense.sim.scene import Effects, Fabrication, Pokes, Scene
+from footsense.sim.scene import CalibrationLoads, Effects, Fabrication, Scene
 from footsense.sim.test_stand.calibration_loads import paper_presses
 
 __all__ = ["guide_of", "practice_scene"]
@@ -20,23 +20,23 @@ __all__ = ["guide_of", "practice_scene"]
 Vector = NDArray[np.float64]
 
 
-def guide_of(bench: Bench, row: int, wanted: int, network: Network) -> Guide:
+def guide_of(test_stand: StandConfig, row: int, wanted: int, network: Network) -> Guide:
     """Return what guides a session.
 
     Args:
-        bench: Its force sensor.
+        test_stand: Its force sensor.
         row: Row of the leg in the frames.
-        wanted: How many pokes make a set.
+        wanted: How many loads make a set.
         network: That of the design: its forces tell whether those of the sensor may be right.
     """
-    return Guide(row, wanted, _estimate_of(network), judge_of(bench))
+    return Guide(row, wanted, _estimate_of(network), judge_of(test_stand))
 
 
-def _estimate_of(network: Network) -> Callable[[Poke], Vector]:
+def _estimate_of(network: Network) -> Callable[[CalibrationLoad], Vector]:
     one = _OneRow(network)
 
-    def estimate(poke: Poke) -> Vector:
-        force_n: Vector = read_pokes([poke], one, network.card.calibration, None).force_n[0]
+    def estimate(load: CalibrationLoad) -> Vector:
+        force_n: Vector = read_loads([load], one, network.card.trained_inputs, None).force_n[0]
         return force_n
 
     return estimate
@@ -66,8 +66,8 @@ def practice_scene(foot: str, row: int, session: str) -> Scene:
     presses = presses[np.random.default_rng(mounting).permutation(len(presses))]
     number = int(foot.rpartition("-")[2])
     return Scene(
-        description=f"{foot} on the bench, pressed as in the paper.",
-        load=Pokes(
+        description=f"{foot} on the test_stand, pressed as in the paper.",
+        load=CalibrationLoads(
             presses=tuple((float(x), float(y), float(z)) for x, y, z in presses), lean_deg=1.0, seed=mounting
         ),
         lead_in_s=1.5,

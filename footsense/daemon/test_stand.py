@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from footsense.acquisition.serial_port import SerialLink
-from footsense.config.test_stand import Bench, Binary, FileSensor, Lines, NetFt, Serial, Simulated
+from footsense.config.test_stand import Binary, FileSensor, Lines, NetFt, Serial, Simulated, StandConfig
 from footsense.daemon.acquisition import Scanning
 from footsense.errors import ConfigError, RecordingError
 from footsense.frames import Reference
@@ -20,26 +20,26 @@ from footsense.reference.mounting import Mounting
 from footsense.reference.net_ft import NetFtReference
 from footsense.reference.record_decoder import BinaryDecoder, Decoder, LineDecoder
 from footsense.reference.recorded_file import FileReference, read_csv
-from footsense.reference.sample_stream import ReferenceFigures, ReferenceStream
+from footsense.reference.sample_stream import ReferenceStream, SensorStatistics
 from footsense.reference.sample_times import SampleTimes
 from footsense.reference.serial_sensor import SerialReference
 from footsense.sim.test_stand import reference_sensor as simulated
 
-__all__ = ["BenchRun", "FigureSensor", "is_live", "sensor_of"]
+__all__ = ["StandSensor", "StandSession", "is_live", "sensor_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BenchRun:
+class StandSession:
     """What is recorded on a bench.
 
     Attributes:
-        bench: Its force sensor.
+        test_stand: Its force sensor.
         leg: The leg whose foot is pressed.
         foot: The identity of that foot.
         session: Name of this mounting of the foot.
     """
 
-    bench: Bench
+    test_stand: StandConfig
     leg: str
     foot: str
     session: str
@@ -50,25 +50,25 @@ class BenchRun:
             "foot": self.foot,
             "session": self.session,
             "leg": self.leg,
-            "reference": msgspec.json.encode(self.bench).decode(),
+            "reference": msgspec.json.encode(self.test_stand).decode(),
         }
 
 
-class FigureSensor(ReferenceSensor, Protocol):
+class StandSensor(ReferenceSensor, Protocol):
     """A force sensor that tells how it went."""
 
-    def figures(self) -> ReferenceFigures:
+    def figures(self) -> SensorStatistics:
         """Return the figures so far."""
         ...
 
 
-def is_live(bench: Bench) -> bool:
+def is_live(test_stand: StandConfig) -> bool:
     """Tell whether a sensor lives in real time: one that is no simulation, and no file."""
-    return isinstance(bench.sensor, Serial | NetFt)
+    return isinstance(test_stand.sensor, Serial | NetFt)
 
 
 @contextmanager
-def sensor_of(run: BenchRun, row: int, scanning: Scanning) -> Iterator[FigureSensor]:
+def sensor_of(run: StandSession, row: int, scanning: Scanning) -> Iterator[StandSensor]:
     """Open a bench's force sensor, and close it at the end.
 
     Args:
@@ -84,27 +84,27 @@ def sensor_of(run: BenchRun, row: int, scanning: Scanning) -> Iterator[FigureSen
         ConfigError: It is simulated, and the robot is not.
         RecordingError: The recording that it is to be read from is none of a bench.
     """
-    with closing(_opened(run.bench, row, scanning)) as sensor:
+    with closing(_opened(run.test_stand, row, scanning)) as sensor:
         yield sensor
 
 
-def _opened(bench: Bench, row: int, scanning: Scanning) -> FigureSensor:
-    match bench.sensor:
+def _opened(test_stand: StandConfig, row: int, scanning: Scanning) -> StandSensor:
+    match test_stand.sensor:
         case Serial() as described:
             link = SerialLink(described.device, described.baud, scanning.clock)
-            stream = _stream(described.device, bench, described.rate_hz, described.unit_per_count)
+            stream = _stream(described.device, test_stand, described.rate_hz, described.unit_per_count)
             return SerialReference(link, _decoder(described.framing), stream, described.start.encode())
         case NetFt() as described:
             name = f"{described.host}:{described.port}"
-            stream = _stream(name, bench, described.rate_hz, 1 / described.counts_per_force)
+            stream = _stream(name, test_stand, described.rate_hz, 1 / described.counts_per_force)
             return NetFtReference(described.host, described.port, stream)
         case FileSensor() as described:
-            return FileReference(_recorded(Path(described.path), bench))
+            return FileReference(_recorded(Path(described.path), test_stand))
         case Simulated() as described:
-            return _simulated(described, bench, row, scanning)
+            return _simulated(described, test_stand, row, scanning)
 
 
-def _simulated(described: Simulated, bench: Bench, row: int, scanning: Scanning) -> FigureSensor:
+def _simulated(described: Simulated, test_stand: StandConfig, row: int, scanning: Scanning) -> StandSensor:
     felt_n = scanning.felt_n
     if felt_n is None:
         raise ConfigError(
@@ -114,18 +114,18 @@ def _simulated(described: Simulated, bench: Bench, row: int, scanning: Scanning)
         lambda t_ns: felt_n(t_ns)[row], described.seed, described.linearity_rel
     )
     port: SerialPort = simulated.SimulatedPort(sensor, scanning.clock)
-    stream = _stream("simulated sensor", bench, simulated.RATE_HZ, 1.0)
+    stream = _stream("simulated sensor", test_stand, simulated.RATE_HZ, 1.0)
     return SerialReference(port, LineDecoder(simulated.COLUMNS, ","), stream, b"start")
 
 
-def _stream(name: str, bench: Bench, rate_hz: float, unit_per_count: float) -> ReferenceStream:
-    times = SampleTimes(rate_hz, round(bench.latency_ms * 1e6))
-    return ReferenceStream(name, _mounting(bench, unit_per_count), times)
+def _stream(name: str, test_stand: StandConfig, rate_hz: float, unit_per_count: float) -> ReferenceStream:
+    times = SampleTimes(rate_hz, round(test_stand.latency_ms * 1e6))
+    return ReferenceStream(name, _mounting(test_stand, unit_per_count), times)
 
 
-def _mounting(bench: Bench, unit_per_count: float) -> Mounting:
-    axes = {"x": bench.axes.x, "y": bench.axes.y, "z": bench.axes.z}
-    return Mounting(axes, bench.mount_deg, bench.units, unit_per_count, bench.rated)
+def _mounting(test_stand: StandConfig, unit_per_count: float) -> Mounting:
+    axes = {"x": test_stand.axes.x, "y": test_stand.axes.y, "z": test_stand.axes.z}
+    return Mounting(axes, test_stand.mount_deg, test_stand.units, unit_per_count, test_stand.rated)
 
 
 def _decoder(framing: Lines | Binary) -> Decoder:
@@ -134,9 +134,9 @@ def _decoder(framing: Lines | Binary) -> Decoder:
     return BinaryDecoder(framing.columns, framing.layout, bytes.fromhex(framing.sync), framing.checksum)
 
 
-def _recorded(path: Path, bench: Bench) -> Reference:
+def _recorded(path: Path, test_stand: StandConfig) -> Reference:
     if path.suffix == ".csv":
-        return read_csv(path, _mounting(bench, 1.0), round(bench.latency_ms * 1e6))
+        return read_csv(path, _mounting(test_stand, 1.0), round(test_stand.latency_ms * 1e6))
     blocks = [cycle.reference for cycle in Replay(path) if cycle.reference is not None]
     if not any(len(block.t_ns) for block in blocks):
         raise RecordingError(f"{path}: holds no reference; a recording of `footsense record` does")

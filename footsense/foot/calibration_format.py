@@ -1,6 +1,6 @@
-"""The files of a foot pack, as they stand on disk.
+"""The files of a calibration, as they stand on disk.
 
-A pack is the directory that a calibrated foot ships with, `foot-0007/`:
+A calibration is the directory that a calibrated foot ships with, `foot-0007/`:
 
     manifest.json    what it is, of what it was made, how good it is, and the SHA-256 of every other file
     parameters.json  how this foot differs from its design
@@ -8,7 +8,7 @@ A pack is the directory that a calibrated foot ships with, `foot-0007/`:
     card.md          the same for people
 
 The manifest seals itself too: its last entry is the SHA-256 of the others, written without space and in the order of
-`Manifest`. So a pack has one hash, by which recordings name it, and whatever is edited in it by hand shows.
+`Manifest`. So a calibration has one hash, by which recordings name it, and whatever is edited in it by hand shows.
 """
 
 import hashlib
@@ -43,10 +43,10 @@ class Format(msgspec.Struct, frozen=True):
 
 
 class HeldOut(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How good a pack is, by pokes that were kept from the fit.
+    """How good a calibration is, by loads that were kept from the fit.
 
     Attributes:
-        protocol: Which pokes those were, in words.
+        protocol: Which loads those were, in words.
         design_only: Errors of the network alone on them.
         calibrated: Errors with the parameters of a fit without them.
     """
@@ -57,7 +57,7 @@ class HeldOut(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
 
 
 class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What a pack says of itself.
+    """What a calibration says of itself.
 
     Attributes:
         format: Of these files.
@@ -65,10 +65,10 @@ class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         foot_type: Of which type that is.
         footsense: Version that made it.
         made: When, UTC, ISO 8601.
-        n_pokes: On how many pokes it rests.
+        n_loads: On how many loads it rests.
         n_sessions: In how many sessions they were made.
-        held_out: How good it is; None if no poke was kept to tell.
-        recordings: SHA-256 of every recording with those pokes, by file name.
+        held_out: How good it is; None if no load was kept to tell.
+        recordings: SHA-256 of every recording with those loads, by file name.
         files: SHA-256 of every other file, by name.
         sha256: Of all entries above.
     """
@@ -78,7 +78,7 @@ class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     foot_type: Annotated[str, Meta(min_length=1)]
     footsense: str
     made: Annotated[str, Meta(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ$")]
-    n_pokes: Annotated[int, Meta(ge=1)]
+    n_loads: Annotated[int, Meta(ge=1)]
     n_sessions: Annotated[int, Meta(ge=1)]
     held_out: HeldOut | None
     recordings: Annotated[dict[str, Sha256], Meta(min_length=1)]

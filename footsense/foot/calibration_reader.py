@@ -1,4 +1,4 @@
-"""A foot pack, read and checked: it is used whole and for its own foot, or not at all."""
+"""A calibration, read and checked: it is used whole and for its own foot, or not at all."""
 
 import hashlib
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from footsense.foot.checksum_trailer import unsealed_sha256
 from footsense.foot.parameters import FootParameters
 from footsense.foot.temperature import STIFFNESS_PER_K, CalibratedAt
 
-__all__ = ["FootPack", "read_pack"]
+__all__ = ["FootCalibration", "read_calibration"]
 
 #: Largest file that is read [bytes]; a network has 18 thousand.
 MAX_BYTES = 1 << 24
@@ -32,7 +32,7 @@ _Struct = TypeVar("_Struct", Manifest, Parameters)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FootPack:
+class FootCalibration:
     """All that is known of one foot.
 
     Attributes:
@@ -52,22 +52,22 @@ class FootPack:
     calibrated_at: CalibratedAt
 
 
-def read_pack(folder: Path, foot_type: str, foot: str | None = None) -> FootPack:
-    """Return the pack in a directory.
+def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> FootCalibration:
+    """Return the calibration in a directory.
 
     Args:
         folder: The directory.
         foot_type: Of which type the foot has to be.
-        foot: Which foot it has to be for; None for the one that the directory is named after, where the packs that
+        foot: Which foot it has to be for; None for the one that the directory is named after, where the calibrations that
             were replaced end in a number: `foot-0007`, `foot-0007.1`.
 
     Raises:
-        ModelError: A file is missing, was edited, is of another format or not readable, or the pack is for another
+        ModelError: A file is missing, was edited, is of another format or not readable, or the calibration is for another
             foot or foot type, or its parameters are none.
     """
     if not folder.is_dir():
         raise ModelError(
-            f"{folder}: no such foot pack; `footsense calibrate` makes one from recordings of the foot"
+            f"{folder}: no such calibration; `footsense calibrate` makes one from recordings of the foot"
         )
     path = folder / MANIFEST
     manifest = _decoded(path, _content(path), Manifest)
@@ -76,15 +76,17 @@ def read_pack(folder: Path, foot_type: str, foot: str | None = None) -> FootPack
         raise ModelError(_edited(path, "what it says"))
     if manifest.foot != foot:
         raise ModelError(
-            f"{folder}: the pack of {manifest.foot}, not of {foot}; a pack stays in the directory of its foot"
+            f"{folder}: the calibration of {manifest.foot}, not of {foot}; a calibration stays in the directory of its foot"
         )
     if manifest.foot_type != foot_type:
         raise ModelError(
             f"{folder}: for foot type {manifest.foot_type!r}, this robot's feet are {foot_type!r}; "
-            f"take the pack of a {foot_type} foot"
+            f"take the calibration of a {foot_type} foot"
         )
     if set(manifest.files) != set(FILES):
-        raise ModelError(f"{path}: lists {', '.join(sorted(manifest.files))}; a pack has {', '.join(FILES)}")
+        raise ModelError(
+            f"{path}: lists {', '.join(sorted(manifest.files))}; a calibration has {', '.join(FILES)}"
+        )
     contents = {name: _content(folder / name) for name in FILES}
     for name, content in contents.items():
         if hashlib.sha256(content).hexdigest() != manifest.files[name]:
@@ -96,7 +98,7 @@ def read_pack(folder: Path, foot_type: str, foot: str | None = None) -> FootPack
             f"{folder / NETWORK}: network {network_sha256[:12]}, but the parameters were fitted on "
             f"{found.network_sha256[:12]}; calibrate the foot on this one"
         )
-    return FootPack(
+    return FootCalibration(
         folder=folder,
         manifest=manifest,
         parameters=_parameters(folder / PARAMETERS, found),
@@ -110,13 +112,11 @@ def read_pack(folder: Path, foot_type: str, foot: str | None = None) -> FootPack
 
 
 def _edited(path: Path, than: str) -> str:
-    return (
-        f"{path}: is not {than}: edited by hand, or damaged; copy the pack again, or calibrate the foot again"
-    )
+    return f"{path}: is not {than}: edited by hand, or damaged; copy the calibration again, or calibrate the foot again"
 
 
 def _content(path: Path) -> bytes:
-    """Return the bytes of a file of a pack.
+    """Return the bytes of a file of a calibration.
 
     Raises:
         ModelError: It is missing, cannot be read, or is larger than any such file.
@@ -126,7 +126,7 @@ def _content(path: Path) -> bytes:
             raise ModelError(f"{path}: has {path.stat().st_size} bytes, at most {MAX_BYTES} are read")
         return path.read_bytes()
     except FileNotFoundError:
-        raise ModelError(f"{path}: missing; a pack is whole or of no use, copy it again") from None
+        raise ModelError(f"{path}: missing; a calibration is whole or of no use, copy it again") from None
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
 
@@ -144,7 +144,7 @@ def _decoded(path: Path, content: bytes, kind: type[_Struct]) -> _Struct:
     except (msgspec.DecodeError, RecursionError) as error:
         raise ModelError(f"{path}: does not fit: {error}") from None
     raise ModelError(
-        f"{path}: pack format {found}, this version reads format {FORMAT}; calibrate the foot again"
+        f"{path}: calibration format {found}, this version reads format {FORMAT}; calibrate the foot again"
     )
 
 

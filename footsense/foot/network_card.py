@@ -87,7 +87,7 @@ class Card(msgspec.Struct, frozen=True):
     response_sha256: str
 
     @property
-    def calibration(self) -> TrainedInputs:
+    def trained_inputs(self) -> TrainedInputs:
         """What the pipeline needs of it."""
         return TrainedInputs(
             design=CapacitorDesign(

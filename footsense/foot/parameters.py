@@ -1,4 +1,4 @@
-"""What makes one foot differ from its design, as found on a bench: all that the daemon needs to read it right.
+"""What makes one foot differ from its design, as found on a test stand: all that the daemon needs to read it right.
 
 The first three belong to the electrodes and go before the network, the rest goes behind it. With p the forces that the
 network of the design makes of the foot's own closures,
@@ -35,7 +35,7 @@ class FootParameters:
         stiffness_rel: Stiffness of the whole foot over the design's, less one [1].
         mount: Rotation from the leg's frame to the foot's, shape (3, 3).
         correction: C above, shape (3, FEATURES); zero for none.
-        error_rel: Standard deviation of what the pokes leave unexplained, of the force [1].
+        error_rel: Standard deviation of what the loads leave unexplained, of the force [1].
     """
 
     stray_pf: Vector

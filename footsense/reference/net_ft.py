@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from footsense.errors import SensorError
 from footsense.frames import Reference
 from footsense.reference.record_decoder import Rows
-from footsense.reference.sample_stream import ReferenceFigures, ReferenceStream
+from footsense.reference.sample_stream import ReferenceStream, SensorStatistics
 
 __all__ = ["RDT_PORT", "NetFtReference", "rdt_request"]
 
@@ -96,7 +96,7 @@ class NetFtReference:
             self._asked_ns = now_ns
         return self._stream.take(rows, sum(map(len, packets)), now_ns, self._bad)
 
-    def figures(self) -> ReferenceFigures:
+    def figures(self) -> SensorStatistics:
         """Return how it went so far."""
         return self._stream.figures(self._n_bad, self._n_asked)
 

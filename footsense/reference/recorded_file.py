@@ -10,7 +10,7 @@ from footsense.errors import SensorError
 from footsense.frames import Reference
 from footsense.reference.mounting import Mounting
 from footsense.reference.record_decoder import TIMES, most
-from footsense.reference.sample_stream import ReferenceFigures
+from footsense.reference.sample_stream import SensorStatistics
 
 __all__ = ["FileReference", "read_csv"]
 
@@ -39,10 +39,10 @@ class FileReference:
             t_ns[span] + self._offset_ns, self._reference.force_n[span], self._reference.saturated[span]
         )
 
-    def figures(self) -> ReferenceFigures:
+    def figures(self) -> SensorStatistics:
         """Return how it went so far."""
         n_saturated = int(np.count_nonzero(self._reference.saturated[: self._n_read]))
-        return ReferenceFigures(self._n_read, 0, 0, n_saturated, 0, 1, 0.0)
+        return SensorStatistics(self._n_read, 0, 0, n_saturated, 0, 1, 0.0)
 
     def close(self) -> None:
         """Nothing is held."""

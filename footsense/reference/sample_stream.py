@@ -11,7 +11,7 @@ from footsense.reference.mounting import Mounting
 from footsense.reference.record_decoder import Rows
 from footsense.reference.sample_times import SampleTimes
 
-__all__ = ["ReferenceFigures", "ReferenceStream"]
+__all__ = ["ReferenceStream", "SensorStatistics"]
 
 #: A sensor that says nothing for this long is said to be silent, and one that never spoke is not there [ns].
 _SILENT_NS = 500_000_000
@@ -22,7 +22,7 @@ _SENSELESS_BYTES = 4096
 _log = logging.getLogger(__name__)
 
 
-class ReferenceFigures(NamedTuple):
+class SensorStatistics(NamedTuple):
     """How it went with a sensor so far.
 
     Attributes:
@@ -90,11 +90,11 @@ class ReferenceStream:
         self._n_saturated += int(np.count_nonzero(saturated[fresh]))
         return Reference(t_ns[fresh], force_n[fresh], saturated[fresh])
 
-    def figures(self, n_bad: int, n_opened: int) -> ReferenceFigures:
+    def figures(self, n_bad: int, n_opened: int) -> SensorStatistics:
         """Return how it went so far."""
         times = self._times
         counts = (self._n_samples, times.n_missing, n_bad, self._n_saturated, times.n_jumps, n_opened)
-        return ReferenceFigures(*counts, residual_ms=times.residual_ns * 1e-6)
+        return SensorStatistics(*counts, residual_ms=times.residual_ns * 1e-6)
 
     def _watch(self, n: int, n_bytes: int, now_ns: int, example: bytes) -> None:
         if self._heard_ns is None:

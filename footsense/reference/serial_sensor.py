@@ -3,7 +3,7 @@
 from footsense.frames import Reference
 from footsense.ports import SerialPort
 from footsense.reference.record_decoder import Decoder
-from footsense.reference.sample_stream import ReferenceFigures, ReferenceStream
+from footsense.reference.sample_stream import ReferenceStream, SensorStatistics
 
 __all__ = ["SerialReference"]
 
@@ -43,7 +43,7 @@ class SerialReference:
         rows = self._decoder.feed(data)
         return self._stream.take(rows, len(data), now_ns, self._decoder.last_bad or data[:60])
 
-    def figures(self) -> ReferenceFigures:
+    def figures(self) -> SensorStatistics:
         """Return how it went so far."""
         return self._stream.figures(self._decoder.n_bad, self._opened)
 

@@ -11,7 +11,7 @@ from footsense.frames import EXPECTED, Cause, CommandKind, Cycle, Result, State
 _log = logging.getLogger(__name__)
 
 #: What a foot that is not calibrated yet goes through all the time while it is pressed.
-_NO_NEWS_ON_A_BENCH = frozenset({State.VALID, State.DEGRADED, State.SATURATED, State.OUT_OF_RANGE})
+_NO_NEWS_ON_TEST_STAND = frozenset({State.VALID, State.DEGRADED, State.SATURATED, State.OUT_OF_RANGE})
 
 _LINES_PER_MINUTE = 10
 _MINUTE_NS = 60_000_000_000
@@ -22,12 +22,12 @@ class Journal:
 
     Args:
         legs: Names of the legs in the order of the frames' rows.
-        on_bench: Whether a foot is being measured that contradicts its design, which is no news.
+        on_test_stand: Whether a foot is being measured that contradicts its design, which is no news.
     """
 
-    def __init__(self, legs: tuple[str, ...], *, on_bench: bool = False) -> None:
+    def __init__(self, legs: tuple[str, ...], *, on_test_stand: bool = False) -> None:
         self._legs = legs
-        self._no_news = _NO_NEWS_ON_A_BENCH if on_bench else frozenset[State]()
+        self._no_news = _NO_NEWS_ON_TEST_STAND if on_test_stand else frozenset[State]()
         # What a leg begins with; to get there is no news.
         self._seen = (bytes([State.STARTING] * len(legs)), bytes(len(legs)))
         self._lines = [0] * len(legs)

@@ -1,4 +1,4 @@
-"""A made foot on a simulated bench: poked, read by the daemon through the chips' bytes, recorded, and found again.
+"""A made foot on a simulated test_stand: poked, read by the daemon through the chips' bytes, recorded, and found again.
 
 Two sessions: one to learn, with the paper's 362 presses, one to judge, with its 180, in which the foot was put on anew
 and the reference was zeroed anew. Forces are those of the reference; what the foot really felt is kept beside them.
@@ -11,17 +11,16 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.session.recorded_session import BenchSession, read_session
+from footsense.calibration.session.recorded_session import RecordedSession, read_session
 from footsense.config import Bus, Can, Config
-from footsense.config.test_stand import Axes, Bench, Simulated
+from footsense.config.test_stand import Axes, Simulated, StandConfig
 from footsense.daemon.acquisition import scanning
 from footsense.daemon.foot_types import FOOT_TYPE
 from footsense.daemon.service import service
-from footsense.daemon.test_stand import BenchRun
+from footsense.daemon.test_stand import StandSession
 from footsense.sim.loads.ground_load import Load
-from footsense.sim.scene import Effects, Fabrication, Pokes, Scene, Unloaded
-from footsense.sim.test_stand.calibration_loads import Pokes as PokingStick
-from footsense.sim.test_stand.calibration_loads import paper_presses
+from footsense.sim.scene import CalibrationLoads, Effects, Fabrication, Scene, Unloaded
+from footsense.sim.test_stand.calibration_loads import PressSequence, paper_presses
 from footsense.sim.test_stand.reference_sensor import RATED_GF, TRANSMISSION_NS
 
 Vector = NDArray[np.float64]
@@ -41,7 +40,7 @@ _REST_SCANS = 40
 
 _RATED = (float(RATED_GF[0]), float(RATED_GF[1]), float(RATED_GF[2]))
 
-#: What is not ideal on a bench, all at once.
+#: What is not ideal on a test stand, all at once.
 _EFFECTS = Effects(converter_noise=True, converter_clock_rel=0.02, gap_contact=True, rubber=True)
 
 
@@ -63,16 +62,16 @@ class Trial(NamedTuple):
     Attributes:
         learning: Its session with the 362 presses.
         judging: Its session with the 180.
-        felt_n: What it really felt in each poke of the second that counts [N], shape (n, 3).
+        felt_n: What it really felt in each load of the second that counts [N], shape (n, 3).
     """
 
-    learning: BenchSession
-    judging: BenchSession
+    learning: RecordedSession
+    judging: RecordedSession
     felt_n: Vector
 
 
-def poke_foot(workshop: Workshop, number: int, folder: Path, *, every: int = 1) -> Trial:
-    """Poke a foot in both sessions and read the recordings.
+def run_test_stand(workshop: Workshop, number: int, folder: Path, *, every: int = 1) -> Trial:
+    """CalibrationLoad a foot in both sessions and read the recordings.
 
     Args:
         workshop: Where it was made.
@@ -85,8 +84,8 @@ def poke_foot(workshop: Workshop, number: int, folder: Path, *, every: int = 1) 
     """
     config = _config(workshop, number)
     learning, _ = _session(workshop, number, config, "training", folder, every)
-    judging, load = _session(workshop, number, config, "verification", folder, every)
-    felt_n = np.array([load.contact(LEG, poke.t_ns).force_n for poke in judging.pokes])
+    judging, presses = _session(workshop, number, config, "verification", folder, every)
+    felt_n = np.array([presses.contact(LEG, load.t_ns).force_n for load in judging.loads])
     return Trial(learning, judging, felt_n)
 
 
@@ -97,15 +96,15 @@ def name_of(number: int) -> str:
 
 def _session(
     workshop: Workshop, number: int, config: Config, presses: str, folder: Path, every: int
-) -> tuple[BenchSession, Load]:
-    """Record a session on the bench, and read it; return what was done to the foot beside it."""
+) -> tuple[RecordedSession, Load]:
+    """Record a session on the test_stand, and read it; return what was done to the foot beside it."""
     judging = presses == "verification"
     scene = Scene(
-        description=f"{name_of(number)} on the bench, {presses}",
-        load=Pokes(
+        description=f"{name_of(number)} on the test_stand, {presses}",
+        load=CalibrationLoads(
             presses=tuple((x, y, z) for x, y, z in paper_presses(presses)[::every].tolist()),
             rise_s=_RISE_S,
-            hold_s=_HOLD_S,
+            dwell_s=_HOLD_S,
             rest_s=_REST_S,
             lean_deg=_LEAN_DEG,
             seed=_seed(workshop, number) + judging,
@@ -116,18 +115,18 @@ def _session(
         fabrication=Fabrication.as_badly_made(seed=workshop.seed, first=number, mounting=1 + judging),
     )
     sensor = Simulated(seed=_seed(workshop, number))
-    bench = Bench(
+    test_stand = StandConfig(
         sensor=sensor,
         axes=Axes(x="-x", y="-y", z="-z"),
         units="gf",
         rated=_RATED,
         latency_ms=TRANSMISSION_NS / 1e6,
     )
-    run = BenchRun(bench=bench, leg=LEG, foot=name_of(number), session=presses)
+    run = StandSession(test_stand=test_stand, leg=LEG, foot=name_of(number), session=presses)
     path = folder / f"{name_of(number)}-{presses}.mcap"
     load = scene.load.build(round(scene.lead_in_s * 1e9))
-    assert isinstance(load, PokingStick), "a bench pokes"
-    with service(config, scene, real_time=False, record=path, bench=run) as running:
+    assert isinstance(load, PressSequence), "a bench loads"
+    with service(config, scene, real_time=False, record=path, test_stand=run) as running:
         clock = running.scanning.clock
         running.run(lambda: clock.now_ns() > load.ends_ns)
     return read_session(path, name_of(number)), load

@@ -1,8 +1,8 @@
 """The experiment of the paper on feet that were never made: many of them poked, calibrated and judged, side by side.
 
-Every way of reading a foot is judged by the same pokes, those of a session that none of them learnt from, and by the
-same truth: the reference of the bench, as in the paper. What the foot really felt, which only a simulation knows, is
-kept too. A poke that one of the ways gives no force for is left out for all, and counted.
+Every way of reading a foot is judged by the same loads, those of a session that none of them learnt from, and by the
+same truth: the reference of the test_stand, as in the paper. What the foot really felt, which only a simulation knows, is
+kept too. A load that one of the ways gives no force for is left out for all, and counted.
 """
 
 import logging
@@ -17,10 +17,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.evaluation import Read, read_pokes
+from footsense.calibration.evaluation import Read, read_loads
 from footsense.calibration.fit.calibrate import Design, calibrate
-from footsense.calibration.loads.load_set import PokeSet
-from footsense.calibration.session.recorded_session import BenchSession, read_session
+from footsense.calibration.loads.load_set import LoadSet
+from footsense.calibration.session.recorded_session import RecordedSession, read_session
 from footsense.clock import stopwatch_ns
 from footsense.config import Bus, Can, Config
 from footsense.daemon.foot_types import artefact
@@ -28,11 +28,11 @@ from footsense.errors import CalibrationError
 from footsense.estimation.network import Network
 from footsense.foot.force_errors import errors
 from footsense.foot.response_table import FootResponse
-from footsense.validation.test_stand_trial import Trial, Workshop, name_of, poke_foot
+from footsense.validation.test_stand_trial import Trial, Workshop, name_of, run_test_stand
 
 Vector = NDArray[np.float64]
 
-#: Pokes of which a calibration is made; the last is all there are.
+#: CalibrationLoads of which a calibration is made; the last is all there are.
 FEW = (5, 10, 20, 50, 100)
 ALL = 362
 
@@ -61,12 +61,12 @@ class FootJudged(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         foot: Its identity.
-        n_learnt: Pokes that count of those to learn from.
-        n_judged: Pokes by which all ways are judged.
-        n_unread: Pokes of the judging session that some way gives no force for.
+        n_learnt: CalibrationLoads that count of those to learn from.
+        n_judged: CalibrationLoads by which all ways are judged.
+        n_unread: CalibrationLoads of the judging session that some way gives no force for.
         wrong: Errors by way: `design_only`, `calibrated_<n>`, `linear_per_foot`, `scratch_per_foot`.
         refused: Why a calibration was refused, by way.
-        calibrate_s: From the recording to the parameters, all pokes [s].
+        calibrate_s: From the recording to the parameters, all loads [s].
     """
 
     foot: str
@@ -81,7 +81,7 @@ class FootJudged(msgspec.Struct, frozen=True, kw_only=True):
 def run_experiment(
     workshop: Workshop, numbers: Sequence[int], scratch: Scratch | None, *, jobs: int, every: int = 1
 ) -> Iterator[FootJudged]:
-    """Make, poke, calibrate and judge feet, in processes of their own.
+    """Make, load, calibrate and judge feet, in processes of their own.
 
     Args:
         workshop: Where they are made.
@@ -100,9 +100,9 @@ def run_experiment(
 
 
 def judge_foot(workshop: Workshop, number: int, *, scratch: Scratch | None, every: int = 1) -> FootJudged:
-    """Make, poke, calibrate and judge one foot."""
+    """Make, load, calibrate and judge one foot."""
     with tempfile.TemporaryDirectory(prefix="footsense-bench-") as folder:
-        trial = poke_foot(workshop, number, Path(folder), every=every)
+        trial = run_test_stand(workshop, number, Path(folder), every=every)
         began_ns = stopwatch_ns()
         learning = read_session(trial.learning.path, name_of(number))
         return _judged(design_of(workshop.foot_type), trial, learning, began_ns, scratch)
@@ -129,36 +129,36 @@ def design_of(foot_type: str) -> Design:
     folder = models_of(foot_type)
     network = lru_cache(maxsize=8)(partial(Network, folder / "network.onnx"))
     response = FootResponse.load(folder / "response.npz")
-    return Design(response, network, network(1).card.calibration)
+    return Design(response, network, network(1).card.trained_inputs)
 
 
 def _judged(
-    design: Design, trial: Trial, learning: BenchSession, began_ns: int, scratch: Scratch | None
+    design: Design, trial: Trial, learning: RecordedSession, began_ns: int, scratch: Scratch | None
 ) -> FootJudged:
-    pokes = PokeSet.of(learning.pokes)
+    loads = LoadSet.of(learning.loads)
     refused: dict[str, str] = {}
-    network = design.network(len(trial.judging.pokes))
-    reads: dict[str, Read] = {"design_only": read_pokes(trial.judging.pokes, network, design.card, None)}
+    network = design.network(len(trial.judging.loads))
+    reads: dict[str, Read] = {"design_only": read_loads(trial.judging.loads, network, design.card, None)}
     calibrate_s = 0.0
-    order = pokes.spread()
+    order = loads.spread()
     for wanted in (ALL, *FEW):
         way = f"calibrated_{wanted}"
-        if wanted != ALL and wanted >= len(pokes):
+        if wanted != ALL and wanted >= len(loads):
             continue
         try:
-            found = calibrate(design, pokes if wanted == ALL else pokes.some(order[:wanted]))
+            found = calibrate(design, loads if wanted == ALL else loads.some(order[:wanted]))
         except CalibrationError as error:
             refused[way] = str(error)
             continue
         finally:
             calibrate_s = calibrate_s or (stopwatch_ns() - began_ns) * 1e-9
-        reads[way] = read_pokes(trial.judging.pokes, network, design.card, found.parameters)
+        reads[way] = read_loads(trial.judging.loads, network, design.card, found.parameters)
     both = np.logical_and.reduce([read.usable for read in reads.values()])
-    forces_n = {way: read.force_n for way, read in reads.items()} | _without_physics(pokes, trial, scratch)
-    truth_n = np.array([poke.force_n for poke in trial.judging.pokes])
+    forces_n = {way: read.force_n for way, read in reads.items()} | _without_physics(loads, trial, scratch)
+    truth_n = np.array([load.force_n for load in trial.judging.loads])
     return FootJudged(
         foot=learning.foot,
-        n_learnt=len(pokes),
+        n_learnt=len(loads),
         n_judged=int(both.sum()),
         n_unread=int((~both).sum()) + trial.judging.refused.total(),
         wrong={
@@ -169,14 +169,14 @@ def _judged(
     )
 
 
-def _without_physics(pokes: PokeSet, trial: Trial, scratch: Scratch | None) -> dict[str, Vector]:
-    """Return what is made of the judging pokes by what learnt this foot alone [N], shape (n, 3) each."""
-    asked = PokeSet.of(trial.judging.pokes)
-    learnt_pf, asked_pf = pokes.capacitance_pf - pokes.rest_pf, asked.capacitance_pf - asked.rest_pf
-    linear = np.linalg.lstsq(learnt_pf, pokes.force_n, rcond=None)[0]
+def _without_physics(loads: LoadSet, trial: Trial, scratch: Scratch | None) -> dict[str, Vector]:
+    """Return what is made of the judging loads by what learnt this foot alone [N], shape (n, 3) each."""
+    asked = LoadSet.of(trial.judging.loads)
+    learnt_pf, asked_pf = loads.capacitance_pf - loads.rest_pf, asked.capacitance_pf - asked.rest_pf
+    linear = np.linalg.lstsq(learnt_pf, loads.force_n, rcond=None)[0]
     found = {"linear_per_foot": asked_pf @ linear}
     if scratch is not None:
-        found["scratch_per_foot"] = scratch(learnt_pf, pokes.force_n, asked_pf)
+        found["scratch_per_foot"] = scratch(learnt_pf, loads.force_n, asked_pf)
     return found
 
 

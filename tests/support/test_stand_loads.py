@@ -1,4 +1,4 @@
-"""Pokes of a made foot as a bench would measure them, without the electronics between."""
+"""CalibrationLoads of a made foot as a bench would measure them, without the electronics between."""
 
 from functools import lru_cache
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.calibration.fit.calibrate import Design
-from footsense.calibration.loads.load_set import PokeSet
+from footsense.calibration.loads.load_set import LoadSet
 from footsense.daemon import released
 from footsense.estimation.network import Network
 from footsense.foot.response_table import FootResponse
@@ -22,7 +22,7 @@ MADE = FootTolerances(gap_um=2.5, film_um=1.0, stray_pf=0.35, stiffness_rel=0.2,
 def design() -> Design:
     """Return the released foot type."""
     network = lru_cache(maxsize=None)(lambda n_rows: Network(released("network.onnx"), n_rows))
-    return Design(FootResponse.load(released("response.npz")), network, network(1).card.calibration)
+    return Design(FootResponse.load(released("response.npz")), network, network(1).card.trained_inputs)
 
 
 def made(number: int) -> Deviations:
@@ -32,8 +32,8 @@ def made(number: int) -> Deviations:
 
 def poked(
     own: Deviations, force_n: Vector, rng: np.random.Generator | None = None, lean_deg: float = 0.7
-) -> PokeSet:
-    """Return pokes of a foot; exact without a random generator, else with a leaning stick and noise.
+) -> LoadSet:
+    """Return loads of a foot; exact without a random generator, else with a leaning stick and noise.
 
     Args:
         own: The foot.
@@ -47,7 +47,7 @@ def poked(
     leaning = normal + np.cross(np.radians(lean_deg) * np.sqrt(0.5) * noise[0], normal)
     leaning /= np.linalg.norm(leaning, axis=1, keepdims=True)
     felt_n = force_n * (1.0 + 0.01 * noise[1, :, :1])
-    return PokeSet(
+    return LoadSet(
         force_n=force_n + 0.003 * noise[2],
         sigma_n=np.full(force_n.shape, 0.003),
         capacitance_pf=foot.capacitance_pf(leaning, felt_n),

@@ -1,11 +1,11 @@
-"""What the physics leaves: a small linear layer on the network's forces, as strong as the pokes tell and no stronger.
+"""What the physics leaves: a small linear layer on the network's forces, as strong as the loads tell and no stronger.
 
-For the designed forces p of pokes whose reference felt f, ridge regression of the relative errors
+For the designed forces p of loads whose reference felt f, ridge regression of the relative errors
 
     (f - M p) / |f| = C phi(p) / |f|
 
 Its strength is chosen by leaving out one side of the ball at one magnitude after the other: neighbours err alike, so
-that leaving out one poke alone would believe what is only true where it was pressed. Between two strengths that do
+that leaving out one load alone would believe what is only true where it was pressed. Between two strengths that do
 about as well the weaker is taken, and no correction at all if none is clearly better.
 """
 
@@ -18,9 +18,9 @@ from footsense.foot.parameters import FEATURES, features
 
 Vector = NDArray[np.float64]
 
-#: Weights of the penalty that are tried, per poke, for features that are scaled to a root mean square of one.
+#: Weights of the penalty that are tried, per load, for features that are scaled to a root mean square of one.
 _PENALTIES = np.logspace(-4.0, 1.0, 11)
-#: Pokes, and sides and magnitudes among them, without which nothing is believed that physics does not say.
+#: CalibrationLoads, and sides and magnitudes among them, without which nothing is believed that physics does not say.
 _LEAST_POKES, _LEAST_GROUPS = 40, 6
 
 
@@ -29,7 +29,7 @@ class Correction(NamedTuple):
 
     Attributes:
         matrix: C above, shape (3, FEATURES); zeros if nothing was worth it.
-        left_rel: Error of each poke by a layer that did not know it, over its force [1], shape (n, 3).
+        left_rel: Error of each load by a layer that did not know it, over its force [1], shape (n, 3).
     """
 
     matrix: Vector
@@ -83,7 +83,7 @@ def _groups(force_n: Vector) -> NDArray[np.intp]:
 
 
 def _score(error_rel: Vector) -> tuple[float, float]:
-    """Return the mean size of errors and its standard error, a poke that slipped counting no more than a bad one."""
+    """Return the mean size of errors and its standard error, a load that slipped counting no more than a bad one."""
     size = np.linalg.norm(error_rel, axis=1)
     size = np.minimum(size, 5.0 * np.median(size))
     return float(size.mean()), float(size.std() / np.sqrt(len(size)))

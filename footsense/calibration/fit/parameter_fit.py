@@ -1,11 +1,11 @@
-"""What makes a foot differ from its design, found from pokes: the most probable, the bench's own errors as noise.
+"""What makes a foot differ from its design, found from loads: the most probable, the bench's own errors as noise.
 
-A poke's nine readings share errors: the reference's, the lean of the stick, the creep of the rubber. Each is a known
-direction in the space of readings, so the covariance of a poke is
+A load's nine readings share errors: the reference's, the lean of the stick, the creep of the rubber. Each is a known
+direction in the space of readings, so the covariance of a load is
 
     S = diag(sigma^2) + L L^T lean^2 + F (diag(sigma_f^2) + rubber^2 f f^T) F^T
 
-with L and F the twin's slopes by the contact's normal and the force. Pokes that do not fit (a slip that nobody saw)
+with L and F the twin's slopes by the contact's normal and the force. CalibrationLoads that do not fit (a slip that nobody saw)
 count less (Huber). Solved by Levenberg-Marquardt; closures whose gap shuts are solved anew at each step.
 """
 
@@ -25,7 +25,7 @@ from footsense.calibration.fit.twin import (
     Load,
     unchanged,
 )
-from footsense.calibration.loads.load_set import PokeSet
+from footsense.calibration.loads.load_set import LoadSet
 from footsense.frames import ELEMENTS
 
 Vector = NDArray[np.float64]
@@ -55,12 +55,12 @@ _STEP = np.concatenate(
 _TURN_RAD, _PUSH_REL = 2e-3, 1e-3
 #: A cell as near to its gap is shut [um].
 _SHUT_WITHIN_UM = 1e-6
-#: Mahalanobis distance of nine readings from which a poke counts less: the 99th percentile of chi with 9 degrees.
+#: Mahalanobis distance of nine readings from which a load counts less: the 99th percentile of chi with 9 degrees.
 _FITS_WITHIN = 4.65
 _MOST_STEPS, _WON_REL = 25, 1e-5
 #: The step before which the shape of the noise is found again, as of parameters that are nearly right.
 _SHAPED_ANEW = 3
-#: How many light pokes there have to be for a beginning, and how many are taken.
+#: How many light loads there have to be for a beginning, and how many are taken.
 _FEWEST_TO_BEGIN, _MOST_TO_BEGIN = 15, 40
 _MOST_DAMPING = 1e8
 
@@ -70,8 +70,8 @@ class Fit(NamedTuple):
 
     Attributes:
         parameters: As the twin has them, shape (N_PARAMETERS,).
-        covariance: Of them, given the pokes, shape (N_PARAMETERS, N_PARAMETERS).
-        distance: Mahalanobis distance of each poke [1], shape (n,); about 3 where all is as supposed.
+        covariance: Of them, given the loads, shape (N_PARAMETERS, N_PARAMETERS).
+        distance: Mahalanobis distance of each load [1], shape (n,); about 3 where all is as supposed.
     """
 
     parameters: Vector
@@ -80,43 +80,43 @@ class Fit(NamedTuple):
 
     @property
     def told_rel(self) -> Vector:
-        """How much the pokes told of each parameter: 0 nothing, 1 all, shape (N_PARAMETERS,)."""
+        """How much the loads told of each parameter: 0 nothing, 1 all, shape (N_PARAMETERS,)."""
         told: Vector = 1.0 - np.sqrt(np.diag(self.covariance)) / PRIOR
         return told
 
 
-def fit(twin: FootTwin, pokes: PokeSet) -> Fit:
-    """Fit a twin to pokes.
+def fit(twin: FootTwin, loads: LoadSet) -> Fit:
+    """Fit a twin to loads.
 
     Where there are enough, light ones from all sides come first: under them no gap shuts, and the way is straight.
 
     Args:
         twin: Of the foot, at its readings at rest.
-        pokes: At least one.
+        loads: At least one.
     """
     begin = unchanged()
-    size_n = np.linalg.norm(pokes.force_n, axis=1)
-    light = pokes.some(size_n <= np.median(size_n))
+    size_n = np.linalg.norm(loads.force_n, axis=1)
+    light = loads.some(size_n <= np.median(size_n))
     if len(light) >= _FEWEST_TO_BEGIN:
         begin = _descend(twin, light.some(light.spread()[:_MOST_TO_BEGIN]), begin, lends=True).parameters
     # A gap that shuts in the foot and not yet in the twin has no slope, and never would shut. So each is lent that of
     # all gaps together on the way; in the end it has its own, and one that never shuts is as designed.
-    lent = _descend(twin, pokes, begin, lends=True)
-    state = _descend(twin, pokes, lent.parameters, lends=False)
+    lent = _descend(twin, loads, begin, lends=True)
+    state = _descend(twin, loads, lent.parameters, lends=False)
     slopes = state.slopes(lends=False)
     covariance = np.asarray(np.linalg.inv(slopes.T @ slopes), dtype=np.float64)
     return Fit(state.parameters, covariance, state.distance)
 
 
-def _descend(twin: FootTwin, pokes: PokeSet, parameters: Vector, *, lends: bool) -> "_State":
-    """Return the nearest parameters that explain the pokes best; `lends` as of `_State.slopes`."""
-    load, read_pf = Load.centred(pokes.force_n), pokes.undrifted_pf
-    whiten = _whitening(twin, parameters, load, pokes)
+def _descend(twin: FootTwin, loads: LoadSet, parameters: Vector, *, lends: bool) -> "_State":
+    """Return the nearest parameters that explain the loads best; `lends` as of `_State.slopes`."""
+    load, read_pf = Load.centred(loads.force_n), loads.undrifted_pf
+    whiten = _whitening(twin, parameters, load, loads)
     state = _State(twin, load, read_pf, whiten, parameters)
     damping = 1e-3
     for number in range(_MOST_STEPS):
         if number == _SHAPED_ANEW:
-            whiten = _whitening(twin, state.parameters, load, pokes)
+            whiten = _whitening(twin, state.parameters, load, loads)
             state = _State(twin, load, read_pf, whiten, state.parameters)
         slopes = state.slopes(lends=lends)
         curvature, gradient = slopes.T @ slopes, slopes.T @ state.residual
@@ -136,7 +136,7 @@ def _descend(twin: FootTwin, pokes: PokeSet, parameters: Vector, *, lends: bool)
 
 
 class _State:
-    """The twin at some parameters, held against the pokes."""
+    """The twin at some parameters, held against the loads."""
 
     def __init__(
         self, twin: FootTwin, load: Load, read_pf: Vector, whiten: Vector, parameters: Vector
@@ -197,8 +197,8 @@ class _State:
         return slope
 
 
-def _whitening(twin: FootTwin, parameters: Vector, load: Load, pokes: PokeSet) -> Vector:
-    """Return for each poke the matrix that makes its residual white, shape (n, 9, 9)."""
+def _whitening(twin: FootTwin, parameters: Vector, load: Load, loads: LoadSet) -> Vector:
+    """Return for each load the matrix that makes its residual white, shape (n, 9, 9)."""
     model_pf = twin.capacitance_pf(parameters, load)
     size_n = np.linalg.norm(load.force_n, axis=1, keepdims=True)
     across = _across(load.normal)
@@ -217,9 +217,9 @@ def _whitening(twin: FootTwin, parameters: Vector, load: Load, pokes: PokeSet) -
     ]
     leaning = np.stack(by_lean, axis=2) * np.radians(_LEAN_DEG) * np.sqrt(0.5)
     slope = np.stack(by_force, axis=2)
-    pushed = slope * np.maximum(pokes.sigma_n, _LEAST_SIGMA_N)[:, None, :]
+    pushed = slope * np.maximum(loads.sigma_n, _LEAST_SIGMA_N)[:, None, :]
     crept = np.einsum("nij,nj->ni", slope, load.force_n)[:, :, None] * _RUBBER_REL
-    alone = _READING_PF**2 + (_UNEXPLAINED_REL * (model_pf - pokes.unloaded_pf)) ** 2
+    alone = _READING_PF**2 + (_UNEXPLAINED_REL * (model_pf - loads.unloaded_pf)) ** 2
     covariance = sum(part @ part.transpose(0, 2, 1) for part in (leaning, pushed, crept))
     covariance = covariance + alone[:, :, None] * np.eye(ELEMENTS)
     whiten: Vector = np.linalg.inv(np.linalg.cholesky(covariance))

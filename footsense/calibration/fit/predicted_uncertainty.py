@@ -14,13 +14,13 @@ from footsense.sim.test_stand.calibration_loads import GRAM_FORCE_N
 
 Vector = NDArray[np.float64]
 
-#: Beyond this no pack is made: what a foot as designed would do after a careless assembly is not much worse.
+#: Beyond this no calibration is made: what a foot as designed would do after a careless assembly is not much worse.
 _MOST_DEG, _MOST_REL = 4.0, 0.1
 #: Closure over the thinnest gap from which a load is not asked for.
 _OPEN_REL = 0.7
 _DRAWS, _DRAWS_OF_KIND = 24, 6
 _SEED = 1
-#: Said to be told by the pokes if they took half of what was not known.
+#: Said to be told by the loads if they took half of what was not known.
 TOLD_REL = 0.5
 
 
@@ -31,7 +31,7 @@ class Foreseen(NamedTuple):
         direction_deg: Half of the loads are off by less [deg].
         magnitude_rel: The same of the magnitude, relative [1].
         least_known: The kind of parameter that most of it comes from.
-        untold: Names of the parameters of which the pokes told little, and which are nearly as designed therefore.
+        untold: Names of the parameters of which the loads told little, and which are nearly as designed therefore.
     """
 
     direction_deg: float
@@ -120,7 +120,7 @@ class _Moves:
         return float(np.median(angles_deg)), float(np.median(sizes_rel))
 
 
-def require_known(foreseen: Foreseen, n_pokes: int) -> None:
+def require_known(foreseen: Foreseen, n_loads: int) -> None:
     """Refuse a foot of which too little is known.
 
     Raises:
@@ -128,7 +128,7 @@ def require_known(foreseen: Foreseen, n_pokes: int) -> None:
     """
     if foreseen.direction_deg > _MOST_DEG or foreseen.magnitude_rel > _MOST_REL:
         raise CalibrationError(
-            f"{n_pokes} pokes leave half of all forces uncertain by {foreseen.direction_deg:.1f} deg and "
-            f"{foreseen.magnitude_rel:.0%} or more, at most {_MOST_DEG:g} deg and {_MOST_REL:.0%} make a pack; "
+            f"{n_loads} loads leave half of all forces uncertain by {foreseen.direction_deg:.1f} deg and "
+            f"{foreseen.magnitude_rel:.0%} or more, at most {_MOST_DEG:g} deg and {_MOST_REL:.0%} make a calibration; "
             f"what they tell least is the {foreseen.least_known}; press from more sides, at two magnitudes"
         )

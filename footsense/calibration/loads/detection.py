@@ -1,4 +1,4 @@
-"""Pokes in a recording, or as they happen: a foot is pressed, held still, and let go.
+"""CalibrationLoads in a recording, or as they happen: a foot is pressed, held still, and let go.
 
 When a foot is pressed, its own capacitances tell: they step by a hundred times their noise where the force of a robust
 reference does so by a few times its. What the press is worth, `dwell.py` says once it is let go and
@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.calibration.loads.dwell import weigh
-from footsense.calibration.loads.press import Poke, Press, WhyNot
+from footsense.calibration.loads.press import CalibrationLoad, Press, Rejection
 from footsense.calibration.session.reference_log import ReferenceLog
 from footsense.frames import Cycle, Reading
 
-__all__ = ["Poke", "PokeFinder", "WhyNot", "find_pokes"]
+__all__ = ["CalibrationLoad", "LoadDetector", "Rejection", "find_loads"]
 
 Vector = NDArray[np.float64]
 
@@ -49,8 +49,8 @@ class _Phase(Enum):
     LET_GO = auto()
 
 
-class PokeFinder:
-    """Finds the pokes of one leg, cycle by cycle.
+class LoadDetector:
+    """Finds the loads of one leg, cycle by cycle.
 
     Args:
         row: Row of the leg in the frames.
@@ -84,8 +84,8 @@ class PokeFinder:
             total_n, n = total_n + now_n, n + n_now
         return total_n / n if n else np.full(3, np.nan)
 
-    def take(self, cycle: Cycle) -> Poke | None:
-        """Take note of a cycle; return the poke that it brings to its end, if one."""
+    def take(self, cycle: Cycle) -> CalibrationLoad | None:
+        """Take note of a cycle; return the load that it brings to its end, if one."""
         self._reference.add(cycle.reference)
         scan, row = cycle.scan, self._row
         stamps = scan.t_ns[row]
@@ -100,17 +100,17 @@ class PokeFinder:
         self._scans.append((t_ns, capacitance_pf, scan.reading[row], cycle.forces.force_n[row]))
         return self._step(t_ns, capacitance_pf)
 
-    def finish(self) -> Poke | None:
+    def finish(self) -> CalibrationLoad | None:
         """Return what the end of the recording leaves: a press that was let go a moment before, or was not."""
         if self._phase is _Phase.REST or not self._scans:
             return None
         phase, self._phase = self._phase, _Phase.REST
         if phase is _Phase.LET_GO:
-            return self._poke(None)
+            return self._load(None)
         self._let_go_ns = self._scans[-1][0]
-        return self._without(WhyNot.NOT_LET_GO, "the recording ends in it")
+        return self._without(Rejection.NOT_LET_GO, "the recording ends in it")
 
-    def _step(self, t_ns: int, capacitance_pf: Vector) -> Poke | None:
+    def _step(self, t_ns: int, capacitance_pf: Vector) -> CalibrationLoad | None:
         match self._phase:
             case _Phase.REST:
                 self._look_for_a_press(t_ns, capacitance_pf)
@@ -141,7 +141,7 @@ class PokeFinder:
         if n:
             self._zeros.append((self._before_ns[1], total_n, n))
 
-    def _look_for_the_end(self, t_ns: int, capacitance_pf: Vector) -> Poke | None:
+    def _look_for_the_end(self, t_ns: int, capacitance_pf: Vector) -> CalibrationLoad | None:
         change_rel = self._change_rel(capacitance_pf)
         self._peak_rel = max(self._peak_rel, change_rel)
         if self._agrees(change_rel < max(_PRESSED_REL, _LET_GO_REL * self._peak_rel)):
@@ -151,26 +151,26 @@ class PokeFinder:
         if t_ns - self._pressed_ns < _LONGEST_NS:
             return None
         self._let_go_ns = t_ns
-        poke = self._without(WhyNot.TOO_LONG, f"pressed for more than {_LONGEST_NS / 1e9:g} s")
+        load = self._without(Rejection.TOO_LONG, f"pressed for more than {_LONGEST_NS / 1e9:g} s")
         self._rest(t_ns)
-        return poke
+        return load
 
-    def _wait_for_rest(self, t_ns: int, capacitance_pf: Vector) -> Poke | None:
+    def _wait_for_rest(self, t_ns: int, capacitance_pf: Vector) -> CalibrationLoad | None:
         again = self._change_rel(capacitance_pf) > max(_PRESSED_REL, 2 * _LET_GO_REL * self._peak_rel)
         if self._agrees(again):
             # Pressed again at once: what stood before the first may have to stand before the second, too.
             between_ns = (self._let_go_ns + _RECOVERY_NS, self._scans[-_AGREED][0] - _SLOW_START_NS)
             rested = [entry[1] for entry in self._scans if between_ns[0] <= entry[0] <= between_ns[1]]
-            poke = self._poke(between_ns if len(rested) >= _LEAST_REST else None)
+            load = self._load(between_ns if len(rested) >= _LEAST_REST else None)
             if len(rested) >= _LEAST_REST:
                 self._before_ns, self._rest_pf = between_ns, _mean(np.array(rested))
             self._begin()
-            return poke
+            return load
         if t_ns - self._let_go_ns < _RECOVERY_NS + _AFTER_NS:
             return None
-        poke = self._poke((self._let_go_ns + _RECOVERY_NS, t_ns))
+        load = self._load((self._let_go_ns + _RECOVERY_NS, t_ns))
         self._rest(self._let_go_ns + _RECOVERY_NS)
-        return poke
+        return load
 
     def _agrees(self, holds: bool) -> bool:  # noqa: FBT001 - reads like the sentence it counts
         """Tell whether enough scans in a row have said so; the count begins anew then."""
@@ -204,14 +204,16 @@ class PokeFinder:
             self._scans.popleft()
         self._reference.forget_until(t_ns)
 
-    def _poke(self, after_ns: tuple[int, int] | None) -> Poke:
+    def _load(self, after_ns: tuple[int, int] | None) -> CalibrationLoad:
         return weigh(self._press(after_ns))
 
-    def _without(self, why: WhyNot, words: str) -> Poke:
+    def _without(self, why: Rejection, words: str) -> CalibrationLoad:
         nothing, none_pf = np.full(3, np.nan), np.full(9, np.nan)
         t_ns = (self._pressed_ns + self._let_go_ns) // 2
         values = (nothing, nothing, none_pf, none_pf, none_pf, nothing)
-        return Poke(t_ns, 0.0, *values, n_samples=0, n_scans=0, saturated=False, why_not=why, words=words)
+        return CalibrationLoad(
+            t_ns, 0.0, *values, n_samples=0, n_scans=0, saturated=False, rejection=why, words=words
+        )
 
     def _press(self, after_ns: tuple[int, int] | None) -> Press:
         t_ns, capacitance_pf, reading, estimate_n = zip(*self._scans, strict=True)
@@ -229,16 +231,16 @@ class PokeFinder:
         )
 
 
-def find_pokes(cycles: Iterable[Cycle], row: int) -> list[Poke]:
+def find_loads(cycles: Iterable[Cycle], row: int) -> list[CalibrationLoad]:
     """Return every press of a leg's foot, in its order, those that do not count among them.
 
     Args:
         cycles: Those of a recording with a reference.
         row: Row of the leg in the frames.
     """
-    finder = PokeFinder(row)
+    finder = LoadDetector(row)
     found = [finder.take(cycle) for cycle in cycles]
-    return [poke for poke in (*found, finder.finish()) if poke is not None]
+    return [load for load in (*found, finder.finish()) if load is not None]
 
 
 def _mean(values: Vector) -> Vector:

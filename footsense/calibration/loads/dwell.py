@@ -1,7 +1,7 @@
 """One press of a foot, as arrays: where it was held still, and what it tells.
 
 A press is worth as much as its hold: the time in which neither the reference's force nor the foot's capacitances
-moved. The means over the longest such time are the poke; what went wrong has a reason and no numbers.
+moved. The means over the longest such time are the load; what went wrong has a reason and no numbers.
 """
 
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.loads.press import Poke, Press, WhyNot
+from footsense.calibration.loads.press import CalibrationLoad, Press, Rejection
 from footsense.calibration.loads.steady_span import longest_steady
 from footsense.calibration.session.reference_lag import lag_s
 from footsense.frames import ELEMENTS, Reading
@@ -47,51 +47,51 @@ class _Rest(NamedTuple):
     n_samples: int
 
 
-def weigh(press: Press) -> Poke:
+def weigh(press: Press) -> CalibrationLoad:
     """Return what a press tells, or why it does not count."""
     before = _rest(press, press.before_ns)
     after = None if press.after_ns is None else _rest(press, press.after_ns)
-    hold_ns = _longest_hold(press, before)
-    spoilt = next(_spoils(press, before, hold_ns), None)
-    return _held(press, hold_ns, before, after) if spoilt is None else _refused(press, *spoilt)
+    dwell_ns = _longest_hold(press, before)
+    spoilt = next(_spoils(press, before, dwell_ns), None)
+    return _held(press, dwell_ns, before, after) if spoilt is None else _refused(press, *spoilt)
 
 
-def _spoils(press: Press, before: _Rest, hold_ns: tuple[int, int]) -> Iterator[tuple[WhyNot, str]]:
+def _spoils(press: Press, before: _Rest, dwell_ns: tuple[int, int]) -> Iterator[tuple[Rejection, str]]:
     """Yield what keeps a press from counting, the cause before what it entails."""
     reading = press.reading[_within(press.t_ns, press.pressed_ns)]
     over, silent = reading == Reading.OVER_RANGE, (reading != Reading.OK).mean(axis=0) > 1 - _PRESENT_REL
     # Nor is anything known of one that was not read at rest, or in the hold.
-    held_pf = press.capacitance_pf[_within(press.t_ns, hold_ns)]
+    held_pf = press.capacitance_pf[_within(press.t_ns, dwell_ns)]
     silent |= np.isnan(before.capacitance_pf) | (len(held_pf) > 0) & np.isnan(held_pf).all(axis=0)
     if over.any():
         words = f"element {_elements(over.any(axis=0))} at the end of the converter's range"
-        yield WhyNot.OVER_RANGE, words
+        yield Rejection.OVER_RANGE, words
     if silent.any():
-        yield WhyNot.NOT_READ, f"element {_elements(silent)} did not answer"
+        yield Rejection.NOT_READ, f"element {_elements(silent)} did not answer"
     if before.n_samples == 0:
         yield (
-            WhyNot.REFERENCE_MISSING,
+            Rejection.REFERENCE_MISSING,
             "no sample of the reference just before it that is no end of its range",
         )
-    hold_s, lasted_s = _seconds(hold_ns), _seconds(press.pressed_ns)
-    held = hold_s >= HOLD_S
-    samples = _within(press.sample_ns, hold_ns if held else press.pressed_ns)
+    dwell_s, lasted_s = _seconds(dwell_ns), _seconds(press.pressed_ns)
+    held = dwell_s >= HOLD_S
+    samples = _within(press.sample_ns, dwell_ns if held else press.pressed_ns)
     if press.saturated[samples].any():
         most_n = np.abs(press.force_n[samples]).max()
-        yield WhyNot.REFERENCE_SATURATED, f"an axis stands at its end, {most_n:.1f} N"
-    expected = round((hold_s if held else lasted_s) * _NS_PER_S / _sample_period_ns(press))
+        yield Rejection.REFERENCE_SATURATED, f"an axis stands at its end, {most_n:.1f} N"
+    expected = round((dwell_s if held else lasted_s) * _NS_PER_S / _sample_period_ns(press))
     if samples.sum() < _PRESENT_REL * expected:
         words = f"{samples.sum()} of about {expected} samples are there"
-        yield WhyNot.REFERENCE_MISSING, words
+        yield Rejection.REFERENCE_MISSING, words
     if not held:
-        words = f"held still for {hold_s:.2f} s of {lasted_s:.2f} s, at least {HOLD_S:g} s are needed"
-        yield WhyNot.TOO_SHORT if lasted_s < 2 * HOLD_S else WhyNot.SLIPPED, words
+        words = f"held still for {dwell_s:.2f} s of {lasted_s:.2f} s, at least {HOLD_S:g} s are needed"
+        yield Rejection.TOO_SHORT if lasted_s < 2 * HOLD_S else Rejection.SLIPPED, words
 
 
-def _held(press: Press, hold_ns: tuple[int, int], before: _Rest, after: _Rest | None) -> Poke:
+def _held(press: Press, dwell_ns: tuple[int, int], before: _Rest, after: _Rest | None) -> CalibrationLoad:
     """Return the means over a hold, what rest says of the zeros taken off."""
-    scans, samples = _within(press.t_ns, hold_ns), _within(press.sample_ns, hold_ns)
-    middle_ns = (hold_ns[0] + hold_ns[1]) // 2
+    scans, samples = _within(press.t_ns, dwell_ns), _within(press.sample_ns, dwell_ns)
+    middle_ns = (dwell_ns[0] + dwell_ns[1]) // 2
     rest_pf, zero_sum_n, zero_samples = before.capacitance_pf, press.zero_sum_n, press.zero_samples
     shift_pf = np.full(ELEMENTS, np.nan)
     if after is not None and after.n_samples and not np.isnan(after.capacitance_pf).any():
@@ -102,9 +102,9 @@ def _held(press: Press, hold_ns: tuple[int, int], before: _Rest, after: _Rest | 
         zero_samples += after.n_samples
     zero_n = zero_sum_n / zero_samples
     force_n = press.force_n[samples].mean(axis=0) - zero_n
-    poke = Poke(
+    load = CalibrationLoad(
         t_ns=middle_ns,
-        hold_s=_seconds(hold_ns),
+        dwell_s=_seconds(dwell_ns),
         force_n=force_n,
         force_noise_n=press.force_n[samples].std(axis=0),
         capacitance_pf=_mean(press.capacitance_pf[scans]),
@@ -118,8 +118,8 @@ def _held(press: Press, hold_ns: tuple[int, int], before: _Rest, after: _Rest | 
     magnitude_n = float(np.linalg.norm(force_n))
     if magnitude_n < LEAST_FORCE_N:
         words = f"the reference felt {magnitude_n:.3f} N, at least {LEAST_FORCE_N:g} N are needed"
-        return poke._replace(why_not=WhyNot.TOO_LIGHT, words=words)
-    return poke._replace(lag_s=lag_s(press, hold_ns, rest_pf, zero_n, force_n))
+        return load._replace(rejection=Rejection.TOO_LIGHT, words=words)
+    return load._replace(lag_s=lag_s(press, dwell_ns, rest_pf, zero_n, force_n))
 
 
 def _longest_hold(press: Press, before: _Rest) -> tuple[int, int]:
@@ -173,12 +173,12 @@ def _rest(press: Press, span_ns: tuple[int, int]) -> _Rest:
     )
 
 
-def _refused(press: Press, why: WhyNot, words: str) -> Poke:
+def _refused(press: Press, why: Rejection, words: str) -> CalibrationLoad:
     samples = _within(press.sample_ns, press.pressed_ns)
     nothing, none_pf = np.full(3, np.nan), np.full(ELEMENTS, np.nan)
-    return Poke(
+    return CalibrationLoad(
         t_ns=sum(press.pressed_ns) // 2,
-        hold_s=0.0,
+        dwell_s=0.0,
         force_n=nothing,
         force_noise_n=nothing,
         capacitance_pf=none_pf,
@@ -188,7 +188,7 @@ def _refused(press: Press, why: WhyNot, words: str) -> Poke:
         n_samples=int(samples.sum()),
         n_scans=int(_within(press.t_ns, press.pressed_ns).sum()),
         saturated=bool(press.saturated[samples].any()),
-        why_not=why,
+        rejection=why,
         words=words,
     )
 

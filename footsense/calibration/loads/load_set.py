@@ -1,4 +1,4 @@
-"""The pokes of a foot as arrays, drift taken out: what a calibration is made of."""
+"""The loads of a foot as arrays, drift taken out: what a calibration is made of."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,14 +7,14 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.loads.press import Poke
+from footsense.calibration.loads.press import CalibrationLoad
 
 Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PokeSet:
-    """Pokes that count.
+class LoadSet:
+    """CalibrationLoads that count.
 
     Attributes:
         force_n: What the reference felt [N], shape (n, 3), frame of the leg.
@@ -29,14 +29,14 @@ class PokeSet:
     rest_pf: Vector
 
     @classmethod
-    def of(cls, pokes: Sequence[Poke]) -> Self:
-        """Take those of some pokes that count."""
-        good = [poke for poke in pokes if poke.why_not is None]
+    def of(cls, loads: Sequence[CalibrationLoad]) -> Self:
+        """Take those of some loads that count."""
+        good = [load for load in loads if load.rejection is None]
         return cls(
-            force_n=np.array([poke.force_n for poke in good]).reshape(-1, 3),
-            sigma_n=np.array([poke.force_noise_n / np.sqrt(poke.n_samples) for poke in good]).reshape(-1, 3),
-            capacitance_pf=np.array([poke.capacitance_pf for poke in good]).reshape(-1, 9),
-            rest_pf=np.array([poke.rest_pf for poke in good]).reshape(-1, 9),
+            force_n=np.array([load.force_n for load in good]).reshape(-1, 3),
+            sigma_n=np.array([load.force_noise_n / np.sqrt(load.n_samples) for load in good]).reshape(-1, 3),
+            capacitance_pf=np.array([load.capacitance_pf for load in good]).reshape(-1, 9),
+            rest_pf=np.array([load.rest_pf for load in good]).reshape(-1, 9),
         )
 
     def __len__(self) -> int:
@@ -54,7 +54,7 @@ class PokeSet:
 
     @property
     def unloaded_pf(self) -> Vector:
-        """What each element of the free foot reads [pF], shape (9,): the median over the pokes, drift left out."""
+        """What each element of the free foot reads [pF], shape (9,): the median over the loads, drift left out."""
         unloaded_pf: Vector = np.median(self.rest_pf, axis=0)
         return unloaded_pf
 
@@ -64,7 +64,7 @@ class PokeSet:
         return self.capacitance_pf - self.rest_pf + self.unloaded_pf
 
     def spread(self) -> NDArray[np.intp]:
-        """Return the pokes in an order of which any beginning covers the forces well, shape (n,).
+        """Return the loads in an order of which any beginning covers the forces well, shape (n,).
 
         The first is the one nearest to the mean; each next is the one farthest from all before it, by the angle between
         them and by their magnitudes.

@@ -1,4 +1,4 @@
-"""A press of a foot as arrays, and the poke that is made of it."""
+"""A press of a foot as arrays, and the load that is made of it."""
 
 import math
 from enum import StrEnum
@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Poke", "Press", "WhyNot"]
+__all__ = ["CalibrationLoad", "Press", "Rejection"]
 
 Vector = NDArray[np.float64]
 
 
-class WhyNot(StrEnum):
+class Rejection(StrEnum):
     """Why a press does not count."""
 
     SLIPPED = "slipped"
@@ -26,12 +26,12 @@ class WhyNot(StrEnum):
     NOT_READ = "element not read"
 
 
-class Poke(NamedTuple):
-    """One press. Where `why_not` is given, the values are what is known of it, NaN where nothing is.
+class CalibrationLoad(NamedTuple):
+    """One press. Where `rejection` is given, the values are what is known of it, NaN where nothing is.
 
     Attributes:
         t_ns: Middle of the hold, or of the press [ns].
-        hold_s: How long it was held still [s].
+        dwell_s: How long it was held still [s].
         force_n: Mean force of the reference, its zero of the last rests taken off [N], shape (3,), foot frame.
         force_noise_n: Standard deviation of a single sample of it [N], shape (3,).
         capacitance_pf: Mean of each element, stray included [pF], shape (9,).
@@ -42,13 +42,13 @@ class Poke(NamedTuple):
         n_samples: Samples of the reference in the hold.
         n_scans: Scans in the hold.
         saturated: Whether an axis of the reference stood at its end.
-        why_not: Why it does not count; None if it does.
+        rejection: Why it does not count; None if it does.
         words: The same with the numbers that decided it.
         lag_s: By how much the reference was later than the capacitances [s]; NaN if that cannot be told.
     """
 
     t_ns: int
-    hold_s: float
+    dwell_s: float
     force_n: Vector
     force_noise_n: Vector
     capacitance_pf: Vector
@@ -58,7 +58,7 @@ class Poke(NamedTuple):
     n_samples: int
     n_scans: int
     saturated: bool
-    why_not: WhyNot | None = None
+    rejection: Rejection | None = None
     words: str = ""
     lag_s: float = math.nan
 

@@ -1,8 +1,8 @@
-"""Which directions and magnitudes the pokes of a session cover, and what to press next.
+"""Which directions and magnitudes the loads of a session cover, and what to press next.
 
 A calibration knows a foot where it was pressed. The directions are those of the paper's protocol, from an elevation of
-40 deg up; its magnitudes 50, 100 and 150 gf have a band each. A direction is covered in a band if a poke lies within
-reach. So many pokes as are wanted, spread as evenly as can be, would each have to reach as far as the cells of a
+40 deg up; its magnitudes 50, 100 and 150 gf have a band each. A direction is covered in a band if a load lies within
+reach. So many loads as are wanted, spread as evenly as can be, would each have to reach as far as the cells of a
 hexagonal covering; people do not press that evenly, and are allowed 1.6 times that.
 """
 
@@ -19,7 +19,7 @@ __all__ = ["BANDS_GF", "ENOUGH_REL", "LOWEST_DEG", "Coverage", "Wish", "angles_d
 
 Vector = NDArray[np.float64]
 
-#: Magnitudes that are told apart [gf]; a poke belongs to the nearest.
+#: Magnitudes that are told apart [gf]; a load belongs to the nearest.
 BANDS_GF = (50.0, 100.0, 150.0)
 #: Bands that have to be covered: what is pressed with one force says nothing of how a gap shuts with it.
 N_BANDS = 2
@@ -49,14 +49,14 @@ class Wish(NamedTuple):
 
 
 class Coverage:
-    """Counts pokes and the directions that they cover.
+    """Counts loads and the directions that they cover.
 
     Args:
-        wanted: How many pokes make a set.
+        wanted: How many loads make a set.
 
     Attributes:
-        reach_deg: How far from a poke a direction is covered by it [deg].
-        counts: Pokes in each band.
+        reach_deg: How far from a load a direction is covered by it [deg].
+        counts: CalibrationLoads in each band.
     """
 
     def __init__(self, wanted: int) -> None:
@@ -67,16 +67,16 @@ class Coverage:
         reach_rad = _LENIENCE * math.sqrt(_HEXAGONAL * cap_sr / (math.pi * per_band))
         self.reach_deg = math.degrees(reach_rad)
         self.counts = [0] * len(BANDS_GF)
-        # Angle from each direction to the nearest poke of each band.
+        # Angle from each direction to the nearest load of each band.
         self._away_deg = np.full((len(BANDS_GF), _N_DIRECTIONS), np.inf)
 
     @property
-    def n_pokes(self) -> int:
-        """How many pokes there are."""
+    def n_loads(self) -> int:
+        """How many loads there are."""
         return sum(self.counts)
 
     def add(self, force_n: Vector) -> None:
-        """Take note of a poke of this force [N], shape (3,)."""
+        """Take note of a load of this force [N], shape (3,)."""
         size_n = float(np.linalg.norm(force_n))
         band = int(np.argmin(np.abs(np.array(BANDS_GF) * GRAM_FORCE_N - size_n)))
         self.counts[band] += 1
@@ -94,13 +94,13 @@ class Coverage:
 
     @property
     def enough(self) -> bool:
-        """Tell whether there are enough pokes, spread over the directions in two bands."""
+        """Tell whether there are enough loads, spread over the directions in two bands."""
         spread = sorted(self.shares_rel)[-N_BANDS:]
-        return self.n_pokes >= self._wanted and min(spread) >= ENOUGH_REL
+        return self.n_loads >= self._wanted and min(spread) >= ENOUGH_REL
 
     @property
     def next(self) -> Wish:
-        """Return what to press next: in the emptier one of the two fullest bands, where no poke is for farthest."""
+        """Return what to press next: in the emptier one of the two fullest bands, where no load is for farthest."""
         shares = self.shares_rel
         # Of bands that are as empty, those far from each other come first, as the paper's.
         fullest = sorted(range(len(BANDS_GF)), key=lambda band: (-shares[band], band == 1, band))[:N_BANDS]
@@ -113,7 +113,7 @@ class Coverage:
         shares = ", ".join(
             f"{100 * share:.0f} % at {gf:.0f} gf" for gf, share in zip(BANDS_GF, self.shares_rel, strict=True)
         )
-        return f"{self.n_pokes} of {self._wanted} pokes; directions covered: {shares}"
+        return f"{self.n_loads} of {self._wanted} loads; directions covered: {shares}"
 
 
 def angles_deg(force: Sequence[float] | Vector) -> tuple[float, float]:

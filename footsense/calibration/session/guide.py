@@ -1,4 +1,4 @@
-"""What guides a session on the bench: the pokes as they happen, what they cover, and what is wrong with them."""
+"""What guides a session on the test_stand: the loads as they happen, what they cover, and what is wrong with them."""
 
 from collections import Counter, deque
 from collections.abc import Callable
@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.loads.detection import Poke, PokeFinder, WhyNot
+from footsense.calibration.loads.detection import CalibrationLoad, LoadDetector, Rejection
 from footsense.calibration.session.coverage import Coverage, angles_deg
 from footsense.calibration.session.reference_lag import lag_words
 from footsense.foot.force_errors import GRAM_FORCE_N
@@ -16,7 +16,7 @@ __all__ = ["Guide", "Judge"]
 
 Vector = NDArray[np.float64]
 
-#: Says what cannot be right about a reference, of its forces and the foot's own for the same pokes [N], shapes (n, 3).
+#: Says what cannot be right about a reference, of its forces and the foot's own for the same loads [N], shapes (n, 3).
 Judge = Callable[[Vector, Vector], list[str]]
 
 #: The reference's force that is shown is the mean of its last [ns].
@@ -24,23 +24,25 @@ _SHOWN_NS = 100_000_000
 
 
 class Guide:
-    """An observer that finds pokes and keeps count of them.
+    """An observer that finds loads and keeps count of them.
 
     Args:
         row: Row of the leg in the frames.
-        wanted: How many pokes make a set.
-        estimate: What the foot's network makes of a poke [N], shape (3,), NaN where it cannot.
+        wanted: How many loads make a set.
+        estimate: What the foot's network makes of a load [N], shape (3,), NaN where it cannot.
         judge: Tells whether the reference may be believed.
 
     Attributes:
-        coverage: What the pokes that count cover.
+        coverage: What the loads that count cover.
         refused: How many do not count, by reason.
         last: The last press, counted or not.
-        doubts: What cannot be right about the reference, as of the last poke.
+        doubts: What cannot be right about the reference, as of the last load.
     """
 
-    def __init__(self, row: int, wanted: int, estimate: Callable[[Poke], Vector], judge: Judge) -> None:
-        self._finder = PokeFinder(row)
+    def __init__(
+        self, row: int, wanted: int, estimate: Callable[[CalibrationLoad], Vector], judge: Judge
+    ) -> None:
+        self._finder = LoadDetector(row)
         self._estimate = estimate
         self._judge = judge
         self._reference_n: list[Vector] = []
@@ -50,13 +52,13 @@ class Guide:
         self._lag_told = False
         self._news: list[str] = []
         self.coverage = Coverage(wanted)
-        self.refused: Counter[WhyNot] = Counter()
-        self.last: Poke | None = None
+        self.refused: Counter[Rejection] = Counter()
+        self.last: CalibrationLoad | None = None
         self.doubts: list[str] = []
 
     @property
     def directions_n(self) -> Vector:
-        """Forces of the pokes that count [N], shape (n, 3)."""
+        """Forces of the loads that count [N], shape (n, 3)."""
         return np.array(self._reference_n).reshape(-1, 3)
 
     @property
@@ -86,27 +88,27 @@ class Guide:
         self._take(self._finder.take(cycle))
 
     def close(self) -> None:
-        """Take the poke that has just ended."""
+        """Take the load that has just ended."""
         self._take(self._finder.finish())
 
-    def _take(self, poke: Poke | None) -> None:
-        if poke is None:
+    def _take(self, load: CalibrationLoad | None) -> None:
+        if load is None:
             return
-        self.last = poke
-        number = self.coverage.n_pokes + self.refused.total() + 1
-        if poke.why_not is not None:
-            self.refused[poke.why_not] += 1
-            self._news.append(f"press {number} does not count: {poke.why_not}: {poke.words}")
+        self.last = load
+        number = self.coverage.n_loads + self.refused.total() + 1
+        if load.rejection is not None:
+            self.refused[load.rejection] += 1
+            self._news.append(f"press {number} does not count: {load.rejection}: {load.words}")
             return
-        self.coverage.add(poke.force_n)
-        self._reference_n.append(poke.force_n)
-        self._estimate_n.append(self._estimate(poke))
-        azimuth_deg, elevation_deg = map(round, angles_deg(poke.force_n))
-        size_gf = np.linalg.norm(poke.force_n) / GRAM_FORCE_N
+        self.coverage.add(load.force_n)
+        self._reference_n.append(load.force_n)
+        self._estimate_n.append(self._estimate(load))
+        azimuth_deg, elevation_deg = map(round, angles_deg(load.force_n))
+        size_gf = np.linalg.norm(load.force_n) / GRAM_FORCE_N
         self._news.append(
             f"press {number}: {size_gf:.0f} gf from azimuth {azimuth_deg % 360}, elevation {elevation_deg} deg"
         )
-        self._lags_s.append(poke.lag_s)
+        self._lags_s.append(load.lag_s)
         if not self._lag_told and (words := lag_words(self._lags_s)):
             self._lag_told = True
             self._news.append(f"warning: {words}")

@@ -1,4 +1,4 @@
-"""A recording from the bench, read as what it is for: one session of pokes of one foot."""
+"""A recording from the test_stand, read as what it is for: one session of loads of one foot."""
 
 import math
 from collections import Counter
@@ -9,21 +9,21 @@ from statistics import fmean
 
 import msgspec
 
-from footsense.calibration.loads.detection import Poke, PokeFinder, WhyNot
+from footsense.calibration.loads.detection import CalibrationLoad, LoadDetector, Rejection
 from footsense.calibration.session.reference_lag import lag_words
 from footsense.calibration.writer import file_sha256
-from footsense.config.test_stand import Bench
+from footsense.config.test_stand import StandConfig
 from footsense.errors import CalibrationError, RecordingError
 from footsense.frames import Cycle
 from footsense.recording.pipe_format import Loss
 from footsense.recording.replay import Replay
 
-__all__ = ["BenchSession", "read_session", "read_sessions"]
+__all__ = ["RecordedSession", "read_session", "read_sessions"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BenchSession:
-    """One mounting of a foot on the bench, as recorded.
+class RecordedSession:
+    """One mounting of a foot on the test_stand, as recorded.
 
     Attributes:
         path: The recording.
@@ -31,9 +31,9 @@ class BenchSession:
         name: The session's name; the file's where it was given none.
         foot: The foot, such as `foot-0007`.
         foot_type: Its type.
-        bench: What the recording says of its reference; None if nothing that this version reads.
+        test_stand: What the recording says of its reference; None if nothing that this version reads.
         temperature_c: Mean temperature of the foot's converter [degC]; None if it has no sensor.
-        pokes: Those that count, in their order.
+        loads: Those that count, in their order.
         refused: How many do not count, by reason.
         n_lost: Cycles that the recorder could not keep.
         damage: Why the recording ends early; empty if it is whole.
@@ -44,10 +44,10 @@ class BenchSession:
     name: str
     foot: str
     foot_type: str
-    bench: Bench | None
+    test_stand: StandConfig | None
     temperature_c: float | None
-    pokes: tuple[Poke, ...]
-    refused: Counter[WhyNot]
+    loads: tuple[CalibrationLoad, ...]
+    refused: Counter[Rejection]
     n_lost: int
     damage: str
 
@@ -57,19 +57,19 @@ class BenchSession:
         found = []
         if self.refused:
             n, why = self.refused.total(), ", ".join(f"{n} {why}" for why, n in self.refused.most_common())
-            found.append(f"{self.path}: {n} of {n + len(self.pokes)} pokes do not count: {why}")
-        if lag := lag_words([poke.lag_s for poke in self.pokes]):
+            found.append(f"{self.path}: {n} of {n + len(self.loads)} loads do not count: {why}")
+        if lag := lag_words([load.lag_s for load in self.loads]):
             found.append(f"{self.path}: {lag}")
-        if self.bench is None:
+        if self.test_stand is None:
             found.append(f"{self.path}: does not describe its bench; nobody can tell its units and axes")
         if self.n_lost:
             found.append(f"{self.path}: {self.n_lost} cycles were lost when it was recorded")
         if self.damage:
-            found.append(f"{self.damage}; the {len(self.pokes)} pokes before that are used")
+            found.append(f"{self.damage}; the {len(self.loads)} loads before that are used")
         return tuple(found)
 
 
-def read_sessions(paths: Sequence[Path], foot: str) -> list[BenchSession]:
+def read_sessions(paths: Sequence[Path], foot: str) -> list[RecordedSession]:
     """Return the sessions in recordings of one foot.
 
     Args:
@@ -80,7 +80,7 @@ def read_sessions(paths: Sequence[Path], foot: str) -> list[BenchSession]:
         RecordingError: One is no recording.
         CalibrationError: One is of another foot or foot type, has no reference, or is there twice.
     """
-    sessions: list[BenchSession] = []
+    sessions: list[RecordedSession] = []
     for path in paths:
         session = read_session(path, foot)
         for other in sessions:
@@ -88,7 +88,7 @@ def read_sessions(paths: Sequence[Path], foot: str) -> list[BenchSession]:
                 raise CalibrationError(f"{path}: the same recording as {other.path}; name each one once")
             if path.name == other.path.name:
                 raise CalibrationError(
-                    f"{path}: has the name of {other.path}, by which the pack lists it; rename one"
+                    f"{path}: has the name of {other.path}, by which the calibration lists it; rename one"
                 )
             if session.foot_type != other.foot_type:
                 raise CalibrationError(
@@ -99,7 +99,7 @@ def read_sessions(paths: Sequence[Path], foot: str) -> list[BenchSession]:
     return sessions
 
 
-def read_session(path: Path, foot: str) -> BenchSession:
+def read_session(path: Path, foot: str) -> RecordedSession:
     """Return the session in a recording; of one that was cut short, what is whole.
 
     Args:
@@ -119,39 +119,39 @@ def read_session(path: Path, foot: str) -> BenchSession:
         )
     row = recording.legs.index(leg_of[foot])
     cycles = _Cycles(recording, row)
-    finder = PokeFinder(row)
+    finder = LoadDetector(row)
     found = [finder.take(cycle) for cycle in cycles]
-    pokes = [poke for poke in (*found, finder.finish()) if poke is not None]
+    loads = [load for load in (*found, finder.finish()) if load is not None]
     if not cycles.n_samples:
         raise CalibrationError(
             f"{path}: holds no sample of a reference sensor; record it with `footsense record --reference`"
         )
-    return BenchSession(
+    return RecordedSession(
         path=path,
         sha256=file_sha256(path),
         name=recording.header.get("session") or path.stem,
         foot=foot,
         foot_type=recording.header.get("foot_type", ""),
-        bench=_bench(recording.header),
+        test_stand=_bench(recording.header),
         temperature_c=cycles.temperature_c,
-        pokes=tuple(poke for poke in pokes if poke.why_not is None),
-        refused=Counter(poke.why_not for poke in pokes if poke.why_not is not None),
+        loads=tuple(load for load in loads if load.rejection is None),
+        refused=Counter(load.rejection for load in loads if load.rejection is not None),
         n_lost=cycles.n_lost,
         damage=cycles.damage,
     )
 
 
 def _mounted(header: dict[str, str]) -> dict[str, str]:
-    """Return the leg of each foot that a recording names: the one on the bench, or those of a robot."""
+    """Return the leg of each foot that a recording names: the one on the test_stand, or those of a robot."""
     if "foot" in header and header.get("leg") in header["legs"].split(","):
         return {header["foot"]: header["leg"]}
     pairs = [entry.partition("=") for entry in header.get("feet", "").split(",") if entry]
     return {foot: leg for leg, _, foot in pairs if leg in header["legs"].split(",")}
 
 
-def _bench(header: dict[str, str]) -> Bench | None:
+def _bench(header: dict[str, str]) -> StandConfig | None:
     try:
-        return msgspec.json.decode(header["reference"], type=Bench)
+        return msgspec.json.decode(header["reference"], type=StandConfig)
     except (KeyError, msgspec.DecodeError):
         return None
 

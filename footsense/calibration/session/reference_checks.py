@@ -1,4 +1,4 @@
-"""Whether a reference may be believed: held against what the foot itself makes of the same pokes.
+"""Whether a reference may be believed: held against what the foot itself makes of the same loads.
 
 A foot that is badly made is off by some 20 deg and 20 %, and still knows a kilogram-force from a newton and left from
 right. So it tells which units and which axes would fit, but never by how much the reference is right.
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from footsense.foot.force_errors import direction_errors_deg
 
-__all__ = ["LEAST_POKES", "implausible"]
+__all__ = ["MIN_LOADS", "implausible"]
 
 Vector = NDArray[np.float64]
 
-#: So many pokes have to say the same.
-LEAST_POKES = 5
+#: So many loads have to say the same.
+MIN_LOADS = 5
 #: What no foot is off by; another unit has to explain it to within `_EXPLAINED`.
 _OFF, _EXPLAINED = 2.0, 1.5
 #: Angles in the mean [deg]: what hardly a foot is off by, what another map has to gain and to lead others by, and from
@@ -37,7 +37,7 @@ def implausible(
     """Return what cannot be right about a reference, one line each; nothing if it may be, or if nobody can tell.
 
     Args:
-        reference_n: Forces of the pokes as the reference says them [N], shape (n, 3), foot frame.
+        reference_n: Forces of the loads as the reference says them [N], shape (n, 3), foot frame.
         estimate_n: The same as the foot's network says them [N], NaN where it cannot, shape (n, 3).
         newton_per: Every unit that there is [N].
         units: The one that the bench's file names.
@@ -45,7 +45,7 @@ def implausible(
         to_sensor: What turns a force on the foot into those three axes, shape (3, 3): the mount's turn undone.
     """
     known = np.isfinite(estimate_n).all(axis=1) & (np.linalg.norm(estimate_n, axis=1) > 0.0)
-    if known.sum() < LEAST_POKES:
+    if known.sum() < MIN_LOADS:
         return []
     reference, estimate = reference_n[known], estimate_n[known]
     return [

@@ -24,12 +24,12 @@ _SAID_S = 0.06
 _LEAST_PRESSES = 5
 
 
-def lag_s(press: Press, hold_ns: tuple[int, int], rest_pf: Vector, zero_n: Vector, force_n: Vector) -> float:
+def lag_s(press: Press, dwell_ns: tuple[int, int], rest_pf: Vector, zero_n: Vector, force_n: Vector) -> float:
     """Return by how much the reference is later than the capacitances [s]; NaN if the press was not seen to its end.
 
     Args:
         press: The press.
-        hold_ns: From and until when it was held still [ns].
+        dwell_ns: From and until when it was held still [ns].
         rest_pf: What the elements read unloaded [pF], shape (9,).
         zero_n: What the reference says unloaded [N], shape (3,).
         force_n: The force in the hold [N], shape (3,), its zero taken off.
@@ -37,16 +37,16 @@ def lag_s(press: Press, hold_ns: tuple[int, int], rest_pf: Vector, zero_n: Vecto
     # Closures are nearly linear in the force; strays bend them a little.
     closed = (1.0 - rest_pf / press.capacitance_pf).mean(axis=1)
     read = np.isfinite(closed)
-    holding = read & (press.t_ns >= hold_ns[0]) & (press.t_ns <= hold_ns[1])
+    holding = read & (press.t_ns >= dwell_ns[0]) & (press.t_ns <= dwell_ns[1])
     felt = (press.force_n - zero_n) @ force_n / (force_n @ force_n)
     ends_ns = min(press.t_ns[-1], press.sample_ns[-1])
     if not holding.any() or ends_ns < press.pressed_ns[1] + _LEAST_AFTER_NS:
         return np.nan
-    inside_ns = min(_BESIDE_NS, (hold_ns[1] - hold_ns[0]) // 2)
+    inside_ns = min(_BESIDE_NS, (dwell_ns[1] - dwell_ns[0]) // 2)
     apart_ns = 0.0
     for begin_ns, end_ns, sign in (
-        (press.before_ns[1] - _BESIDE_NS, hold_ns[0] + inside_ns, 1),
-        (hold_ns[1] - inside_ns, ends_ns, -1),
+        (press.before_ns[1] - _BESIDE_NS, dwell_ns[0] + inside_ns, 1),
+        (dwell_ns[1] - inside_ns, ends_ns, -1),
     ):
         t_ns = np.arange(begin_ns, end_ns, _STEP_NS)
         moved = np.interp(t_ns, press.t_ns[read], closed[read] / closed[holding].mean())

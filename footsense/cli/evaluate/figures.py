@@ -39,7 +39,7 @@ class Pattern(NamedTuple):
 
 
 def error_map(truth_n: Vector, read_n: Mapping[str, Vector]) -> Figure:
-    """Return where on the ball each way of reading errs: one dot for each poke, where it touches the ball.
+    """Return where on the ball each way of reading errs: one dot for each load, where it touches the ball.
 
     Args:
         truth_n: What the reference said [N], shape (n, 3).
@@ -92,7 +92,7 @@ def histograms(truth_n: Vector, read_n: Mapping[str, Vector]) -> Figure:
             share = np.full(len(values), 100.0 / len(values))
             axes.hist(values, bins, weights=share, histtype="stepfilled", alpha=0.5, label=name)
         axes.axvline(paper, color="r", ls="--", label="the paper's mean")
-        axes.set(xlabel=label, ylabel="share of pokes [%]")
+        axes.set(xlabel=label, ylabel="share of loads [%]")
         axes.grid(alpha=0.3)
     axes.legend(fontsize=8)
     return figure

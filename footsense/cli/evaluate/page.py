@@ -39,7 +39,7 @@ def write_page(
         figures: The numbers.
         warnings: What is missing of the recordings.
         found: The forces.
-        foot: What the pack says of the foot; None without one.
+        foot: What the calibration says of the foot; None without one.
         table: The response table of the foot's type.
     """
     compared = found.compared
@@ -64,7 +64,7 @@ def write_page(
     page.write_text(
         f"""# {headline(figures)}
 
-Mean and 95th percentile of the angle to the reference's force, and of the difference of the magnitudes, on the pokes
+Mean and 95th percentile of the angle to the reference's force, and of the difference of the magnitudes, on the loads
 that can be read either way.
 
 | {" | ".join(header)} |
@@ -75,7 +75,7 @@ that can be read either way.
 
 ## Where on the ball
 
-Each dot is a poke, where it touches the ball, seen from below; heavier ones are larger. The red circle is the mean
+Each dot is a load, where it touches the ball, seen from below; heavier ones are larger. The red circle is the mean
 error around a contact as in the paper's Fig. 19, the dashed one the paper's own.
 
 ![]({_MAP})
@@ -104,24 +104,24 @@ def _patterns(found: Evaluation, foot: FootParameters | None, response: FootResp
     simulated = found.compared & (normal[:, 2] > np.sin(np.radians(response.min_elevation_deg)))
     chosen = dict.fromkeys(_nearest(direction, simulated, shown_deg) for shown_deg in _SHOWN_DEG)
     gap_um, shown = response.design.gap_um, []
-    for poke in chosen:
-        loaded_pf = specimen.capacitance_pf(direction[poke][None], found.truth_n[poke][None])[0]
-        closure_um = {f"measured, {DESIGN_ONLY}": gap_um * found.design_only.closure_rel[poke]}
+    for load in chosen:
+        loaded_pf = specimen.capacitance_pf(direction[load][None], found.truth_n[load][None])[0]
+        closure_um = {f"measured, {DESIGN_ONLY}": gap_um * found.design_only.closure_rel[load]}
         if found.calibrated is not None:
-            closure_um[f"measured, {CALIBRATED}"] = gap_um * found.calibrated.closure_rel[poke]
+            closure_um[f"measured, {CALIBRATED}"] = gap_um * found.calibrated.closure_rel[load]
         closure_um["simulated"] = response.design.closure_um(loaded_pf, specimen.rest_pf)
-        shown.append(Pattern(_title(found.truth_n[poke]), closure_um))
+        shown.append(Pattern(_title(found.truth_n[load]), closure_um))
     return shown
 
 
 def _described(foot: FootParameters, response: FootResponse) -> Deviations:
-    """Return the foot as its pack describes it; strays drop out of closures."""
+    """Return the foot as its calibration describes it; strays drop out of closures."""
     gap_um = foot.gap_um - response.design.gap_um
     return Deviations(gap_um=gap_um, stiffness_rel=foot.stiffness_rel, mount=foot.mount)
 
 
 def _nearest(direction: Vector, allowed: NDArray[np.bool_], shown_deg: tuple[float, float]) -> int:
-    """Return the poke whose direction is nearest to two angles [deg]."""
+    """Return the load whose direction is nearest to two angles [deg]."""
     azimuth, elevation = np.radians(shown_deg)
     wanted = np.array(
         [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]

@@ -1,4 +1,4 @@
-"""`footsense record`: a session on the bench, guided."""
+"""`footsense record`: a session on the test_stand, guided."""
 
 import math
 from contextlib import ExitStack
@@ -13,13 +13,13 @@ from footsense.calibration.session.guide import Guide
 from footsense.cli.record.table import RecordTable
 from footsense.cli.run.command import Seconds, StopRequest
 from footsense.config import DEFAULT, Config, load_config
-from footsense.config.test_stand import Bench, load_bench
+from footsense.config.test_stand import StandConfig, load_test_stand
 from footsense.daemon.session_guide import guide_of, practice_scene
-from footsense.daemon.test_stand import BenchRun, FigureSensor, is_live
+from footsense.daemon.test_stand import StandSensor, StandSession, is_live
 from footsense.errors import CalibrationError, ConfigError
 from footsense.frames import LEGS, Cycle
 from footsense.sim.scene import Scene, load_scene
-from footsense.sim.test_stand.calibration_loads import Pokes
+from footsense.sim.test_stand.calibration_loads import PressSequence
 
 _NS_PER_S = 1_000_000_000
 #: What stays of a simulated bench after its last press, so that its zero is known [s].
@@ -32,12 +32,14 @@ _AS_MADE_REL = 0.5
 @click.argument("out", type=click.Path(dir_okay=False, path_type=Path))
 @click.option(
     "--reference",
-    "bench_file",
+    "test_stand_file",
     required=True,
     type=click.Path(dir_okay=False, path_type=Path),
     help="The bench's force sensor, as a YAML file.",
 )
-@click.option("--foot", required=True, metavar="FOOT", help="Which foot is on the bench, such as foot-0007.")
+@click.option(
+    "--foot", required=True, metavar="FOOT", help="Which foot is on the test_stand, such as foot-0007."
+)
 @click.option(
     "--leg", type=click.Choice(LEGS), default="lf", show_default=True, help="Leg that it is wired as."
 )
@@ -47,7 +49,7 @@ _AS_MADE_REL = 0.5
     "--scene", "scene_name", help="What a simulated bench does: a name, or the path of a YAML file."
 )
 @click.option(
-    "--pokes",
+    "--loads",
     "wanted",
     type=click.IntRange(min=5, max=10_000),
     default=100,
@@ -62,7 +64,7 @@ _AS_MADE_REL = 0.5
 )
 def record(
     out: Path,
-    bench_file: Path,
+    test_stand_file: Path,
     foot: str,
     leg: str,
     session: str | None,
@@ -76,25 +78,25 @@ def record(
     """Record presses of a foot beside a force sensor to the new file OUT.
 
     Press the foot, hold it still for a second, let it go; the picture shows what is covered and what to press next. A
-    set is enough when so many pokes as wanted lie so that in two of the bands of 50, 100 and 150 gf 95 % of the
+    set is enough when so many loads as wanted lie so that in two of the bands of 50, 100 and 150 gf 95 % of the
     directions from 40 deg of elevation up are within their reach. Ctrl-C ends it before; the recording is whole
     then, too. Without --config, a simulated foot is pressed.
     """
-    bench = load_bench(bench_file)
+    test_stand = load_test_stand(test_stand_file)
     config = _mounted(load_config(config_file) if config_file else _simulated(leg), leg, foot)
     row = config.legs.index(leg)
     session = session or out.stem
     scene = _scene(config, scene_name, foot, row, session)
     console = Console()
     live = console.is_terminal
-    paced = _paced(bench, scene, realtime, live=live)
-    run = BenchRun(bench=bench, leg=leg, foot=foot, session=session)
+    paced = _paced(test_stand, scene, realtime, live=live)
+    run = StandSession(test_stand=test_stand, leg=leg, foot=foot, session=session)
     stop = StopRequest()
     with ExitStack() as stack:
         service = stack.enter_context(
-            daemon.service(config, scene, record=out, real_time=paced or scene is None, bench=run)
+            daemon.service(config, scene, record=out, real_time=paced or scene is None, test_stand=run)
         )
-        guide = guide_of(bench, row, wanted, service.network)
+        guide = guide_of(test_stand, row, wanted, service.network)
         service.observers.append(guide)
         if live:
             table = RecordTable(console, guide, row, f"{foot} on {leg}, session {run.session}")
@@ -151,12 +153,12 @@ def _mounted(config: Config, leg: str, foot: str) -> Config:
     feet[leg] = foot
     if list(feet.values()).count(foot) > 1:
         raise ConfigError(f"--foot {foot}: the configuration says that it is on another leg than {leg}")
-    # A foot that is not calibrated yet has no pack, and may be far from the designed one, which is no reason to refuse
+    # A foot that is not calibrated yet has no calibration, and may be far from the designed one, which is no reason to refuse
     # its tare.
     plain = msgspec.to_builtins(config)
     changed = {
         "feet": feet,
-        "packs": None,
+        "calibrations": None,
         "tare": plain["tare"] | {"unloaded_limit_rel": _AS_MADE_REL},
         "scan": plain["scan"] | {"gang": False},  # a column's sum is of no use to a calibration
     }
@@ -172,7 +174,7 @@ def _scene(config: Config, name: str | None, foot: str, row: int, session: str) 
     return practice_scene(foot, row, session) if daemon.is_simulated(config) else None
 
 
-def _paced(bench: Bench, scene: Scene | None, realtime: bool | None, *, live: bool) -> bool:  # noqa: FBT001
+def _paced(test_stand: StandConfig, scene: Scene | None, realtime: bool | None, *, live: bool) -> bool:  # noqa: FBT001
     """Tell whether a simulation keeps the pace of the clock on the wall: it has to beside a sensor that does.
 
     Raises:
@@ -184,7 +186,7 @@ def _paced(bench: Bench, scene: Scene | None, realtime: bool | None, *, live: bo
                 "--realtime and --fast are for simulations; this configuration names real buses"
             )
         return False
-    if is_live(bench):
+    if is_live(test_stand):
         if realtime is False:
             raise ConfigError(
                 "--fast: the force sensor lives in real time; only a simulated one or a file can hurry"
@@ -198,14 +200,14 @@ def _ends_s(scene: Scene | None) -> float | None:
     if scene is None:
         return None
     load = scene.load.build(round(scene.lead_in_s * _NS_PER_S))
-    return load.ends_ns / _NS_PER_S + _AFTER_S if isinstance(load, Pokes) else None
+    return load.ends_ns / _NS_PER_S + _AFTER_S if isinstance(load, PressSequence) else None
 
 
 def _seconds(value_s: float | None) -> float:
     return math.inf if value_s is None else value_s
 
 
-def _report(out: Path, guide: Guide, sensor: FigureSensor | None) -> None:
+def _report(out: Path, guide: Guide, sensor: StandSensor | None) -> None:
     """Say what came of it, and what did not come."""
     for line in guide.news():
         click.echo(line)

@@ -28,7 +28,7 @@ class Glyphs(NamedTuple):
 
     bare: str
     covered: str
-    poke: str
+    load: str
     wish: str
 
 
@@ -39,19 +39,19 @@ PLAIN_GLYPHS = Glyphs(".", ":", "o", "X")
 _STYLES = Glyphs("dim", "green", "bold green", "bold yellow")
 
 
-def discs(coverage: Coverage, pokes_n: Vector, wish: Wish, glyphs: Glyphs) -> list[Text]:
+def discs(coverage: Coverage, loads_n: Vector, wish: Wish, glyphs: Glyphs) -> list[Text]:
     """Return the lines of three discs beside each other.
 
     Args:
         coverage: What is covered.
-        pokes_n: Forces of the pokes [N], shape (n, 3).
+        loads_n: Forces of the loads [N], shape (n, 3).
         wish: What to press next.
         glyphs: What to draw with.
     """
-    pokes: list[set[tuple[int, int]]] = [set() for _ in BANDS_GF]
-    for force_n in pokes_n:
+    loads: list[set[tuple[int, int]]] = [set() for _ in BANDS_GF]
+    for force_n in loads_n:
         azimuth_deg, elevation_deg = angles_deg(force_n)
-        pokes[_band(float(np.linalg.norm(force_n)) / GRAM_FORCE_N)].add(_cell(azimuth_deg, elevation_deg))
+        loads[_band(float(np.linalg.norm(force_n)) / GRAM_FORCE_N)].add(_cell(azimuth_deg, elevation_deg))
     wished = _band(wish.magnitude_gf), _cell(wish.azimuth_deg, wish.elevation_deg)
     titles = [
         f"{gf:.0f} gf: {100 * share:.0f} %".center(COLUMNS)
@@ -67,8 +67,8 @@ def discs(coverage: Coverage, pokes_n: Vector, wish: Wish, glyphs: Glyphs) -> li
                     line.append(" ")
                 elif (band, (row, column)) == wished:
                     line.append(glyphs.wish, _STYLES.wish)
-                elif (row, column) in pokes[band]:
-                    line.append(glyphs.poke, _STYLES.poke)
+                elif (row, column) in loads[band]:
+                    line.append(glyphs.load, _STYLES.load)
                 elif coverage.covers(band, direction):
                     line.append(glyphs.covered, _STYLES.covered)
                 else:

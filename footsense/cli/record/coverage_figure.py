@@ -14,19 +14,19 @@ __all__ = ["draw_coverage"]
 _RINGS_DEG = (40.0, 50.0, 60.0, 70.0, 80.0)
 
 
-def draw_coverage(path: Path, coverage: Coverage, pokes_n: NDArray[np.float64], title: str) -> None:
-    """Draw the pokes of each magnitude and what they reach, seen from above, forward up.
+def draw_coverage(path: Path, coverage: Coverage, loads_n: NDArray[np.float64], title: str) -> None:
+    """Draw the loads of each magnitude and what they reach, seen from above, forward up.
 
     Args:
         path: The PNG to make.
         coverage: What is covered.
-        pokes_n: Forces of the pokes [N], shape (n, 3).
+        loads_n: Forces of the loads [N], shape (n, 3).
         title: Which session it is.
     """
     figure = Figure(figsize=(4.2 * len(BANDS_GF), 4.9), layout="constrained")
-    size_gf = np.linalg.norm(pokes_n, axis=1) / GRAM_FORCE_N
+    size_gf = np.linalg.norm(loads_n, axis=1) / GRAM_FORCE_N
     band_of = np.argmin(np.abs(size_gf[:, None] - np.array(BANDS_GF)), axis=1)
-    azimuth, lean_deg = np.arctan2(pokes_n[:, 1], pokes_n[:, 0]), _lean_deg(pokes_n)
+    azimuth, lean_deg = np.arctan2(loads_n[:, 1], loads_n[:, 0]), _lean_deg(loads_n)
     panels = figure.subplots(1, len(BANDS_GF), subplot_kw={"projection": "polar"})
     for band, (axes, band_gf) in enumerate(zip(panels, BANDS_GF, strict=True)):
         axes.set_theta_zero_location("N")
@@ -38,9 +38,9 @@ def draw_coverage(path: Path, coverage: Coverage, pokes_n: NDArray[np.float64], 
         )
         axes.set_thetagrids([0, 90, 180, 270], ["forward", "left", "rear", "right"], fontsize=8)
         share = 100 * coverage.shares_rel[band]
-        axes.set_title(f"about {band_gf:.0f} gf: {own.sum()} pokes, {share:.0f} % covered", fontsize=10)
+        axes.set_title(f"about {band_gf:.0f} gf: {own.sum()} loads, {share:.0f} % covered", fontsize=10)
     figure.suptitle(
-        f"{title}: rings of elevation [deg], each poke reaches {coverage.reach_deg:.0f} deg", fontsize=10
+        f"{title}: rings of elevation [deg], each load reaches {coverage.reach_deg:.0f} deg", fontsize=10
     )
     figure.savefig(path, dpi=110)
 

@@ -1,4 +1,4 @@
-"""The live picture of a session on the bench: what is covered, what to press next, and what the reference says."""
+"""The live picture of a session on the test_stand: what is covered, what to press next, and what the reference says."""
 
 import logging
 
@@ -66,8 +66,8 @@ class RecordTable:
         guide = self._guide
         self._news = [*self._news, *guide.news()][-_LINES:]
         wish = guide.coverage.next
-        if guide.coverage.n_pokes != self._n_drawn:  # a thousand cells are looked up for it
-            self._n_drawn = guide.coverage.n_pokes
+        if guide.coverage.n_loads != self._n_drawn:  # a thousand cells are looked up for it
+            self._n_drawn = guide.coverage.n_loads
             self._discs = discs(guide.coverage, guide.directions_n, wish, self._glyphs)
         state = State(int(cycle.forces.state[self._row]))
         foot_n = cycle.forces.force_n[self._row] if state in USABLE else np.full(3, np.nan)

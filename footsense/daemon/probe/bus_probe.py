@@ -125,7 +125,7 @@ def _legs_seen(
     Yields:
         What is known of each, in the order of the configuration.
     """
-    rest_pf = load_network(config).card.calibration.design.rest_pf
+    rest_pf = load_network(config).card.trained_inputs.design.rest_pf
     for number, (leg, device, where, place) in enumerate(_places(config, buses)):
         scans = scanned[number] if scanned is not None else None
         if scans is not None and np.isin(scans.reading, _SILENT).all():

@@ -1,7 +1,7 @@
-"""A bench that pokes a foot: a stick is pressed against the ball, held, and let go, once after the other.
+"""A bench that loads a foot: a stick is pressed against the ball, held, and let go, once after the other.
 
 The paper's stick is fixed between rails (Fig. 16): its direction is set, so the force goes nearly through the centre of
-the ball. By how much the contact's normal leans away from the force differs from poke to poke.
+the ball. By how much the contact's normal leans away from the force differs from load to load.
 """
 
 from collections.abc import Sequence
@@ -48,14 +48,14 @@ def paper_presses(name: str) -> Vector:
     return np.concatenate([size * GRAM_FORCE_N * directions for size in sizes_gf])
 
 
-class Pokes:
+class PressSequence:
     """Presses one after the other, the same on every leg.
 
     Args:
         force_n: Force of each press [N], shape (n, 3), leg's frame, none of them zero.
         from_ns: When the first begins [ns].
         rise_ns: How long the force grows evenly, and how long it goes [ns].
-        hold_ns: How long it stands between [ns].
+        dwell_ns: How long it stands between [ns].
         rest_ns: How long the foot is free before the next [ns].
         lean_deg: Root mean square angle between the contact's normal and the force [deg].
         seed: Of how each one leans.
@@ -67,7 +67,7 @@ class Pokes:
         *,
         from_ns: int,
         rise_ns: int,
-        hold_ns: int,
+        dwell_ns: int,
         rest_ns: int,
         lean_deg: float = 0.0,
         seed: int = 0,
@@ -78,8 +78,8 @@ class Pokes:
         turn = np.radians(lean_deg) * np.sqrt(0.5) * np.random.default_rng(seed).normal(size=direction.shape)
         leaning = direction + np.cross(turn, direction)
         self._normal = leaning / np.linalg.norm(leaning, axis=1, keepdims=True)
-        self._from_ns, self._rise_ns, self._hold_ns = from_ns, rise_ns, hold_ns
-        self._lasts_ns = 2 * rise_ns + hold_ns + rest_ns
+        self._from_ns, self._rise_ns, self._dwell_ns = from_ns, rise_ns, dwell_ns
+        self._lasts_ns = 2 * rise_ns + dwell_ns + rest_ns
 
     @property
     def ends_ns(self) -> int:
@@ -90,7 +90,7 @@ class Pokes:
         """Return the same for every leg."""
         del leg
         number, since_ns = divmod(t_ns - self._from_ns, self._lasts_ns)
-        pressed_ns = 2 * self._rise_ns + self._hold_ns
+        pressed_ns = 2 * self._rise_ns + self._dwell_ns
         if not 0 <= number < len(self._force_n) or since_ns >= pressed_ns:
             return IN_THE_AIR
         share = min(since_ns, pressed_ns - since_ns, self._rise_ns) / self._rise_ns if self._rise_ns else 1.0

@@ -14,15 +14,15 @@ from tests.support.presses import direction
 
 
 def test_the_wishes_make_a_set_that_is_enough() -> None:
-    """Whoever presses what is wished for covers two magnitudes, with few more pokes than are wanted."""
+    """Whoever presses what is wished for covers two magnitudes, with few more loads than are wanted."""
     coverage = Coverage(40)
     while not coverage.enough:
         azimuth_deg, elevation_deg, magnitude_gf = coverage.next
         assert LOWEST_DEG <= elevation_deg <= 90.0
         coverage.add(magnitude_gf * GRAM_FORCE_N * direction(azimuth_deg, elevation_deg))
-    assert 40 <= coverage.n_pokes <= 44
+    assert 40 <= coverage.n_loads <= 44
     assert coverage.counts[1] == 0
-    assert coverage.words().startswith(f"{coverage.n_pokes} of 40 pokes; directions covered: ")
+    assert coverage.words().startswith(f"{coverage.n_loads} of 40 loads; directions covered: ")
 
 
 @pytest.mark.parametrize(
@@ -34,7 +34,7 @@ def test_the_wishes_make_a_set_that_is_enough() -> None:
     ],
     ids=["one direction", "one magnitude", "one side"],
 )
-def test_many_pokes_are_not_enough_where_they_are_alike(
+def test_many_loads_are_not_enough_where_they_are_alike(
     forces_n: np.ndarray[tuple[int, int], np.dtype[np.float64]],
 ) -> None:
     """A hundred from one direction, with one magnitude, or from one side only."""
@@ -45,7 +45,7 @@ def test_many_pokes_are_not_enough_where_they_are_alike(
 
 
 def test_the_papers_protocol_is_enough() -> None:
-    """Its 362 pokes are a set of 362."""
+    """Its 362 loads are a set of 362."""
     coverage = Coverage(362)
     for force_n in paper_presses("training"):
         coverage.add(force_n)
@@ -73,7 +73,7 @@ def judged(
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_reference_that_may_be_right_is_believed(seed: int) -> None:
-    """A foot that is off by a fifth contradicts nobody, nor does one that says nothing, nor do four pokes."""
+    """A foot that is off by a fifth contradicts nobody, nor does one that says nothing, nor do four loads."""
     forces_n, estimate_n = feet(seed)
     assert judged(forces_n, estimate_n, "gf", ["-x", "-y", "-z"], (0, 0, 10)) == []
     assert judged(9.8 * forces_n, np.full_like(forces_n, np.nan), "gf", ["x", "y", "z"], (0, 0, 0)) == []

@@ -50,12 +50,12 @@ def test_the_commented_values_are_the_defaults(file: Path) -> None:
     assert short.metrics is None
 
 
-def test_model_and_packs_are_found_beside_the_file(file: Path) -> None:
+def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
     """A relative path does not depend on the directory in which the daemon is started."""
     file.write_text(ONE_BUS + "model: my.onnx")
     assert load_config(file).model == str(file.parent / "my.onnx")
-    file.write_text(ONE_BUS + "feet: {lf: foot-0007}\npacks: feet/")
-    assert load_config(file).packs == str(file.parent / "feet")
+    file.write_text(ONE_BUS + "feet: {lf: foot-0007}\ncalibrations: feet/")
+    assert load_config(file).calibrations == str(file.parent / "feet")
 
 
 @pytest.mark.parametrize(
@@ -134,14 +134,18 @@ def test_model_and_packs_are_found_beside_the_file(file: Path) -> None:
         (MCU.replace("sim", "sim, legs: [lf, rf, lf]"), "serial.legs[2]: lf is named twice"),
         (MCU.replace("sim", "ttyACM0"), "serial.device"),
         (ONE_BUS + "feet: {lf: foot-0001, rf: foot-0001}", "feet.rf: foot-0001 is already mounted on lf"),
-        (ONE_BUS + "packs: feet/", "packs: no foot is named that a pack could be for; name them under feet"),
         (
-            ONE_BUS + "feet: {lf: foot-0001}\npacks: feet/\nmodel: my.onnx",
-            "model: each pack brings the network that it was fitted on; take model or packs away",
+            ONE_BUS + "calibrations: feet/",
+            "calibrations: no foot is named that a calibration could be for; name them under feet",
         ),
         (
-            ONE_BUS + "feet: {lf: foot-0001}\npacks: feet/\nunloaded_pf: {lf: [5, 5, 5, 5, 5, 5, 5, 5, 5]}",
-            "unloaded_pf.lf: the pack of foot-0001 says what it is; take this entry away",
+            ONE_BUS + "feet: {lf: foot-0001}\ncalibrations: feet/\nmodel: my.onnx",
+            "model: each calibration brings the network that it was fitted on; take model or calibrations away",
+        ),
+        (
+            ONE_BUS
+            + "feet: {lf: foot-0001}\ncalibrations: feet/\nunloaded_pf: {lf: [5, 5, 5, 5, 5, 5, 5, 5, 5]}",
+            "unloaded_pf.lf: the calibration of foot-0001 says what it is; take this entry away",
         ),
         (ONE_BUS + "unloaded_pf: {lr: [5, 5, 5, 5, 5, 5, 5, 5, 5]}", "unloaded_pf.lr: no bus has the leg lr"),
         (

@@ -79,7 +79,7 @@ class _Leg:
 
     def __init__(self, bench: Workbench) -> None:
         self.design = bench.response.design
-        calibration = read_card(json.dumps(bench.network.card), str(bench.models)).calibration
+        calibration = read_card(json.dumps(bench.network.card), str(bench.models)).trained_inputs
         stray_pf, unloaded_pf = np.zeros((1, 9)), np.full((1, 9), self.design.rest_pf)
         reckoning = ScanByScan(bench.network, 1, calibration.moments)
         self._pipeline = Pipeline(

@@ -165,7 +165,7 @@ class _Chain:
 
     def __init__(self, bench: Workbench, way: str, n_feet: int) -> None:
         network = bench.network
-        calibration = read_card(json.dumps(network.card), str(bench.models)).calibration
+        calibration = read_card(json.dumps(network.card), str(bench.models)).trained_inputs
         design, moments = calibration.design, calibration.moments
         rate = fdc1004.RATES[_RATE_SPS]
         self.step_ns, self.lead_ns = pace(_RATE_SPS)

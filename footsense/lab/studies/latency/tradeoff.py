@@ -90,7 +90,7 @@ def _points(bench: Workbench, tried: Tried, card: TrainedInputs) -> tuple[list[P
 
 def page(bench: Workbench) -> Page:
     """Return the page."""
-    card = read_card(json.dumps(bench.network.card), str(bench.models)).calibration
+    card = read_card(json.dumps(bench.network.card), str(bench.models)).trained_inputs
     rows: dict[str, list[Row]] = {}
     tried = QUICK if bench.quick else FULL
     loads = scenes(tried.strides, tried.phases)
