@@ -132,15 +132,14 @@ CAPDAC_STEP_PF = 3.125
 SLOTS = 4
 
 
-def measurement_config(cin: int, capdac: int = 0) -> int:
-    """Return CONF_MEASn for CIN `cin` (0..3) to ground: range -16..+16 pF, moved up by `capdac` (0..31) steps.
+def measurement_config(cin: int) -> int:
+    """Return CONF_MEASn (section 8.6.1.2) for CIN `cin` (0..3) to ground, CAPDAC off: range -16..+16 pF.
 
     Example:
-        >>> [hex(measurement_config(cin)) for cin in range(3)], hex(measurement_config(2, capdac=5))
-        (['0x1c00', '0x3c00', '0x5c00'], '0x50a0')
+        >>> [hex(measurement_config(cin)) for cin in range(3)]
+        ['0x1c00', '0x3c00', '0x5c00']
     """
-    negative = CONF_CHB.encode(CHB_CAPDAC if capdac else CHB_DISABLED)
-    return CONF_CHA.encode(cin) | negative | CONF_CAPDAC.encode(capdac)
+    return CONF_CHA.encode(cin) | CONF_CHB.encode(CHB_DISABLED)
 
 
 def slot_bit(slot: int) -> int:

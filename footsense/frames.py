@@ -55,7 +55,6 @@ class Reading(IntEnum):
     WRONG_CHIP = 6  #: another chip answers at the converter's address
     GARBLED = 7  #: an answer that no healthy chip gives
     HELD_UP = 8  #: the bus was busy with what is wrong elsewhere
-    GANGED = 9  #: all rows were selected: the capacitance is the sum of the element's column, CAPDAC error included
     EXCITATION = 10  #: the converter cannot drive the leg's rows: a short, or a leak to ground
     UNDER_RANGE = 11  #: the code stands at the lower end of a range that begins above 0
 
@@ -67,8 +66,7 @@ class CapFrame:
     Attributes:
         sequence: Number of the scan since start, from 0, without gaps.
         t_ns: Middle of each element's conversion [ns, monotonic], shape (legs, 9), int64; 0 where there was none.
-        capacitance_pf: Capacitance as converted, stray included [pF], shape (legs, 9), float64, NaN unless OK
-            or GANGED.
+        capacitance_pf: Capacitance as converted, stray included [pF], shape (legs, 9), float64, NaN unless OK.
         reading: How each element answered, shape (legs, 9), uint8 of `Reading`.
     """
 

@@ -4,7 +4,7 @@ Behind every port stands either hardware or its simulation, chosen once in `foot
 cannot tell which.
 """
 
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,15 +131,6 @@ class FrameSource(Protocol):
 
     def close(self) -> None:
         """Stop the conversions and release what is held."""
-        ...
-
-
-@runtime_checkable
-class GangingSource(FrameSource, Protocol):
-    """A source that can read some legs column by column, all their rows at once."""
-
-    def gang(self, legs: NDArray[np.bool_]) -> None:
-        """Say which, shape (legs,), from the next conversion on."""
         ...
 
 

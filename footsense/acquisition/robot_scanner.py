@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from footsense.acquisition.bus_readings import BusScan
 from footsense.acquisition.bus_timing import Timing
-from footsense.acquisition.ganged_scanner import GangedBusScanner
 from footsense.frames import CapFrame
 
 
@@ -99,14 +98,6 @@ class RobotScanner:
         )
         self._sequence += 1
         return frame
-
-    def gang(self, legs: NDArray[np.bool_]) -> None:
-        """Say which legs are to be read column by column, shape (legs,); every bus has to be able to."""
-        first = 0
-        for bus in self._buses:
-            if isinstance(bus, GangedBusScanner):
-                bus.gang(legs[first : first + bus.n_legs])
-                first += bus.n_legs
 
     def close(self) -> None:
         """Release the buses."""

@@ -52,6 +52,12 @@ DEFAULT = Config(
 )
 
 
+#: Keys of earlier versions.
+_OLD_KEYS: dict[tuple[str, ...], str] = {
+    ("scan", "gang"): "the column-sum scan was removed; take this key away"
+}
+
+
 def load_config(path: Path) -> Config:
     """Return the configuration in a YAML file.
 
@@ -65,7 +71,7 @@ def load_config(path: Path) -> Config:
     Raises:
         ConfigError: The file is missing, is not such YAML, does not fit, or contradicts itself.
     """
-    config = load(path, Config, check=first_contradiction)
+    config = load(path, Config, check=first_contradiction, old_keys=_OLD_KEYS)
     folder = config.foot_type if "/" in config.foot_type else None
     paths = {"model": config.model, "calibrations": config.calibrations, "foot_type": folder}
     return replace(config, **{key: str(path.parent / value) for key, value in paths.items() if value})

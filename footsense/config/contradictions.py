@@ -45,7 +45,6 @@ def _contradictions(config: Config) -> Iterator[Problem]:
             ("average_scans",),
             "is of use with publish: frame only; a prediction weighs old readings by itself",
         )
-    yield from _gang(config)
     if config.can.interface == "udp_multicast" and not _is_multicast(config.can.channel):
         yield Problem(
             ("can", "channel"),
@@ -90,22 +89,6 @@ def _rate(config: Config) -> Iterator[Problem]:
         yield Problem(
             ("scan", "rate_sps"),
             f"{config.rate_sps} is no rate of the board {config.board}; use one of {rates}",
-        )
-
-
-def _gang(config: Config) -> Iterator[Problem]:
-    if not config.scan.gang:
-        return
-    path = ("scan", "gang")
-    if config.board != "fdc1004":
-        yield Problem(path, f"is for board: fdc1004; the board {config.board} reads no columns at once")
-    if config.publish != "element":
-        yield Problem(path, "a whole scan has no conversion to spare; use publish: element, or gang: false")
-    if not config.zero.track:
-        yield Problem(path, "what a column reads is judged by zeros that follow; use zero.track: true")
-    if any(bus.adapters for bus in config.buses):
-        yield Problem(
-            path, "needs all legs to convert at once: name a channel for every leg, or use gang: false"
         )
 
 

@@ -145,14 +145,10 @@ class Scan(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             11, 13, 16, 26, 50, 84 or 91 with board `ad7746`. None: the board's fastest.
         order: Order of the elements: `lo_shu` keeps opposite ones at the same mean time, `raster` switches half as many
             rows; brought to one time, they err alike. None: lo_shu, or raster where the kernel drives the multiplexer.
-        gang: Whether a foot in the air is read column by column, all its rows at once, to feel the ground at the first
-            conversion; with `publish: element` only. Off by default: three elements have 16.2 pF, beyond the
-            FDC1004's +-15 pF but for its CAPDAC, whose offset, drift and noise no data sheet bounds.
     """
 
     rate_sps: Literal[9, 11, 13, 16, 26, 50, 84, 91, 100, 200, 400] | None = None
     order: Literal["lo_shu", "raster"] | None = None
-    gang: bool = False
 
 
 class Tare(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

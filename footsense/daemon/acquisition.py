@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from firmware_interface.serial_frames import RECORD_BITS
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.bus_timing import Timing
-from footsense.acquisition.ganged_scanner import GangedBusScanner
 from footsense.acquisition.gpio import LinuxResetLine
 from footsense.acquisition.kernel_mux_scanner import KernelMuxScanner
 from footsense.acquisition.linux_i2c import LinuxI2cBus
@@ -46,7 +45,7 @@ class Scanning:
         source: The scanner, started; `source.temperature_c` is that of each leg's converter, NaN for none.
         clock: The time that its stamps are in.
         response_sha256: Hash of the response table that the simulated feet follow, None on a real robot.
-        felt_n: What every foot feels at a time, None on a real robot.
+        true_force_n: What every foot feels at a time, None on a real robot.
         wakeups: What became of the deadlines on each bus; none in virtual time.
         has_thermometers: Whether the converters have temperature sensors.
     """
@@ -54,7 +53,7 @@ class Scanning:
     source: RobotScanner | RecordSource
     clock: Clock
     response_sha256: str | None
-    felt_n: Callable[[int], NDArray[np.float64]] | None
+    true_force_n: Callable[[int], NDArray[np.float64]] | None
     wakeups: tuple[Wakeups, ...] = ()
     has_thermometers: bool = False
 
@@ -200,7 +199,7 @@ def _from_mcu(
     stack.callback(source.close)
     if robot is None:
         return Scanning(source, clock, None, None, (own.wakeups,))
-    return Scanning(source, clock, robot.response_sha256, robot.felt_n)
+    return Scanning(source, clock, robot.response_sha256, robot.true_force_n)
 
 
 @contextmanager
@@ -229,8 +228,7 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
             if trunk is None:
                 scanners.append(KernelMuxScanner(adapters, its_clock, plan))
             else:
-                scanner = GangedBusScanner if config.scan.gang else BusScanner
-                scanners.append(scanner(trunk, its_clock, bus.channels, bus.mux.address, plan, reset_line))
+                scanners.append(BusScanner(trunk, its_clock, bus.channels, bus.mux.address, plan, reset_line))
         source = RobotScanner(scanners, element_wise=config.publish == "element")
         stack.callback(source.close)
         source.start()
@@ -241,4 +239,4 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
             clocks = [own.clock for own in buses if isinstance(own.clock, MonotonicClock)]
             yield Scanning(source, MonotonicClock(), None, None, tuple(own.wakeups for own in clocks), warm)
         else:
-            yield Scanning(source, robot.clock, robot.response_sha256, robot.felt_n, (), warm)
+            yield Scanning(source, robot.clock, robot.response_sha256, robot.true_force_n, (), warm)

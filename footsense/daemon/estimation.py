@@ -8,20 +8,17 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface import fdc1004
-from footsense.acquisition.ganged_scanner import CAPDAC
 from footsense.acquisition.scan_plan import BOARDS, ORDERS
 from footsense.config import Can, Config
 from footsense.daemon.calibrations import calibrations_of
 from footsense.daemon.contact_limits import closure_rel_per_pf, contact_limits
 from footsense.daemon.foot_types import artefact, foot_type_of, require_foot_type
-from footsense.errors import ConfigError, RecordingError
+from footsense.errors import RecordingError
 from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.faults import leg_status
-from footsense.estimation.ganged import Ganged, unknown_rel
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Pipeline, Reckoning
 from footsense.estimation.sensitivity import sensitivity
@@ -37,7 +34,6 @@ PerElement = Sequence[float] | NDArray[np.float64]
 
 #: Scans in which a step of the load has passed through all elements, and what was made of them.
 _SETTLED_SCANS = 4
-_ROWS = 3
 
 
 def load_calibrations(config: Config) -> dict[str, FootCalibration]:
@@ -80,7 +76,7 @@ def pipeline_for(
 
     Raises:
         ModelError: A calibration is missing, or cannot be used for its foot.
-        ConfigError: What is configured cannot be told with these feet.
+        ConfigError: A limit of `contact` is below the noise of these feet.
     """
     calibrations = load_calibrations(config) if calibrations is None else calibrations
     feet = {leg: calibration.parameters for leg, calibration in calibrations.items()}
@@ -112,36 +108,13 @@ def pipeline_for(
         max_age_ns=round(config.stale_after_ms * 1e6),
         settled_ns=round(_SETTLED_SCANS * config.shortest_scan_ms * 1e6),
         flags=flags,
-        ganged=_ganged(config, network) if config.scan.gang else None,
-        gap_um=_per_leg(
-            config, {leg: foot.gap_um for leg, foot in feet.items()}, trained_inputs.design.gap_um
-        ),
+        gap_um=_per_leg(config, {leg: foot.gap_um for leg, foot in feet.items()}, trained_inputs.design.gap_um),
         gain_rel=_per_leg(config, {leg: foot.gain_rel for leg, foot in feet.items()}, 1.0),
         feet=[calibrations[leg].manifest.foot if leg in calibrations else "" for leg in config.legs],
         body_weight_n=config.body_weight_n,
         warm=warm,
         range_end_pf=BOARDS[config.board].range_end_pf if config.board in BOARDS else leg_status.RANGE_END_PF,
     )
-
-
-def _ganged(config: Config, network: Network) -> Ganged:
-    """Return what makes elements of column sums.
-
-    Raises:
-        ConfigError: The columns of these feet are beyond what the converter reads at once.
-    """
-    trained_inputs = network.card.trained_inputs
-    design = trained_inputs.design
-    most_pf = CAPDAC * fdc1004.CAPDAC_STEP_PF + fdc1004.capacitance_pf(fdc1004.CODE_MAX)
-    column_pf = _ROWS * float(design.capacitance_pf(np.array([0.5 * design.gap_um]))[0])
-    if column_pf > most_pf:
-        raise ConfigError(
-            f"scan.gang: a column of {foot_type_of(config)} has {column_pf:.1f} pF with its gaps half shut, "
-            f"{most_pf:.1f} pF can be read; use gang: false"
-        )
-    unknown = unknown_rel(network, _n_rows(config), trained_inputs.moments)
-    scan_ns = ELEMENTS * _step_ns(config)
-    return Ganged(len(config.legs), trained_inputs.moments, trained_inputs.design, scan_ns, unknown)
 
 
 def _step_ns(config: Config) -> int:
@@ -208,9 +181,20 @@ def recorded_config(recording: Replay) -> Config:
         RecordingError: The header holds none that this version reads.
     """
     try:
-        config = msgspec.json.decode(recording.header["config"], type=Config)
+        config = msgspec.convert(_without_gang(msgspec.json.decode(recording.header["config"])), Config)
     except (KeyError, msgspec.DecodeError) as error:
         raise RecordingError(
             f"{recording.path}: no configuration that this version reads: {error}"
         ) from error
     return msgspec.structs.replace(config, can=Can(interface="virtual"))
+
+
+def _without_gang(config: object) -> object:
+    """Return a recorded configuration without `scan.gang: false`, which versions with a column-sum scan wrote."""
+    if (
+        isinstance(config, dict)
+        and isinstance(scan := config.get("scan"), dict)
+        and scan.get("gang") is False
+    ):
+        return config | {"scan": {key: value for key, value in scan.items() if key != "gang"}}
+    return config

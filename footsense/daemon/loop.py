@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from footsense.estimation.pipeline import Pipeline
 from footsense.frames import CapFrame, Command, Cycle, Reference
-from footsense.ports import Clock, ForceSink, FrameSource, GangingSource, Observer, ReferenceSensor
+from footsense.ports import Clock, ForceSink, FrameSource, Observer, ReferenceSensor
 
 
 def run(
@@ -39,8 +39,6 @@ def run(
             None where none has a sensor.
     """
     told_c: NDArray[np.float64] | None = None
-    # A recording has been read already, as its legs were ganged then.
-    ganging = source if isinstance(source, GangingSource) and pipeline.to_gang is not None else None
     while not stop():
         scan = source.read()
         if scan is None:
@@ -52,8 +50,6 @@ def run(
             if told_c is None or not np.array_equal(now_c, told_c, equal_nan=True):
                 told_c = new_c = now_c
         step(scan, tuple(sink.commands()), pipeline, sink, observers, clock, felt, new_c)
-        if ganging is not None and (legs := pipeline.to_gang) is not None:
-            ganging.gang(legs)
 
 
 def step(
@@ -102,11 +98,6 @@ class Paced:
             self._offset_ns = self._real.now_ns() - self._played.now_ns()
         self._real.sleep_until_ns(self._played.now_ns() + self._offset_ns)
         return scan
-
-    def gang(self, legs: NDArray[np.bool_]) -> None:
-        """Pass on which legs are to be ganged, if the source can."""
-        if isinstance(self._source, GangingSource):
-            self._source.gang(legs)
 
     def close(self) -> None:
         """Close the source."""

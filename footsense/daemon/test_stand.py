@@ -105,13 +105,13 @@ def _opened(test_stand: StandConfig, row: int, scanning: Scanning) -> StandSenso
 
 
 def _simulated(described: Simulated, test_stand: StandConfig, row: int, scanning: Scanning) -> StandSensor:
-    felt_n = scanning.felt_n
-    if felt_n is None:
+    true_force_n = scanning.true_force_n
+    if true_force_n is None:
         raise ConfigError(
             "sensor.kind: simulated needs a simulated foot; this configuration names real buses"
         )
     sensor = simulated.SimulatedSensor(
-        lambda t_ns: felt_n(t_ns)[row], described.seed, described.linearity_rel
+        lambda t_ns: true_force_n(t_ns)[row], described.seed, described.linearity_rel
     )
     port: SerialPort = simulated.SimulatedPort(sensor, scanning.clock)
     stream = _stream("simulated sensor", test_stand, simulated.RATE_HZ, 1.0)

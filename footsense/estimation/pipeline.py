@@ -6,7 +6,6 @@ whole scan or the newest element and a prediction of the others, is a `Reckoning
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -21,7 +20,6 @@ from footsense.estimation.faults import leg_status
 from footsense.estimation.faults.calibration_monitor import Ageing
 from footsense.estimation.faults.consistency import Consistency, Judgement
 from footsense.estimation.faults.element_status import Readings, Seen
-from footsense.estimation.ganged import Ganged
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.network_card import TrainedInputs
 from footsense.frames import (
@@ -75,7 +73,6 @@ class Pipeline:
         max_age_ns: Age of the oldest reading from which a measurement may not be used any more [ns].
         settled_ns: Time after which readings from before a step are forgotten: a few scans [ns].
         flags: Flags that every frame carries.
-        ganged: What is known of the legs that are read column by column; None if none ever is.
         range_end_pf: What an element over the converter's range has at least [pF].
         gap_um: Air gap of each element [um], shape (legs, 9); None for the design's.
         gain_rel: Closure of each element by the design's electrodes, of its real closure [1], shape (legs, 9); None for
@@ -100,7 +97,6 @@ class Pipeline:
         settled_ns: int,
         track_zero: bool = True,
         flags: int = 0,
-        ganged: Ganged | None = None,
         range_end_pf: float = leg_status.RANGE_END_PF,
         gap_um: Vector | None = None,
         gain_rel: Vector | None = None,
@@ -118,7 +114,6 @@ class Pipeline:
         designed_pf = calibration.design.plate_distance_um(np.ones(1)) / calibration.design.gap_um
         self._gain_rel = np.ones_like(stray_pf) if gain_rel is None else gain_rel
         self._gap_pf = designed_pf / self._gain_rel
-        self._ganged = ganged
         self._warm = warm
         self._footing = Footing(
             unloaded_pf, calibration.design, tare, contact, sensitivity, track=track_zero, feet=feet
@@ -146,11 +141,6 @@ class Pipeline:
         """What each element reads unloaded, without stray [pF], shape (legs, 9), NaN where that is not known."""
         return self._footing.baseline_pf
 
-    @property
-    def to_gang(self) -> Mask | None:
-        """Which legs are to be read column by column from now on, shape (legs,); None if none ever is."""
-        return None if self._ganged is None else self._ganged.wanted
-
     def obey(self, command: Command) -> Outcome | None:
         """Begin what a command asks for, unless the foot is on the ground; a tare ends in a later scan."""
         if command.kind is CommandKind.TARE:
@@ -171,17 +161,6 @@ class Pipeline:
     @np.errstate(divide="ignore", invalid="ignore", over="ignore")
     def process(self, scan: CapFrame, now_ns: int) -> tuple[ForceFrame, tuple[Outcome, ...]]:
         """Return the forces of a scan as of `now_ns`, and the tares that ended with it."""
-        if self._ganged is None:
-            return self._process(scan, now_ns)
-        footing, ganged = self._footing, self._ganged
-        scan = ganged.stand_in(scan, footing.baseline_pf, self._stray_pf)
-        footing.standing_in = ganged.standing_in
-        forces, outcomes = self._process(scan, now_ns)
-        free = (forces.state == State.VALID) & ~footing.taring & (forces.flags & Flag.CONTACT == 0)
-        ganged.decide(footing.aloft, footing.followed, free, now_ns)
-        return replace(forces, sigma_n=ganged.widen(forces.sigma_n, forces.force_n)), outcomes
-
-    def _process(self, scan: CapFrame, now_ns: int) -> tuple[ForceFrame, tuple[Outcome, ...]]:
         calibration, footing = self._calibration, self._footing
         seen = self._readings.look(scan, self._consistency.remembered, footing.baseline_pf)
         outcomes = footing.tare(seen.settled_pf, scan.reading, scan.t_ns, seen.lacking, now_ns)

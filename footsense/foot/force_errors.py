@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.foot.directions import angles_between_deg
+
 Vector = NDArray[np.float64]
 
 #: One gram-force [N], by the standard acceleration of free fall.
@@ -37,19 +39,6 @@ class Errors:
     n: int
 
 
-def direction_errors_deg(truth_n: Vector, estimate_n: Vector) -> Vector:
-    """Return the angle of each estimate to the truth [deg], shape (n,).
-
-    Args:
-        truth_n: True forces [N], shape (n, 3), none of them zero.
-        estimate_n: Estimates [N], same shape.
-    """
-    # atan2 keeps small angles that arccos of a number near one would lose.
-    sine = np.linalg.norm(np.cross(truth_n, estimate_n), axis=1)
-    angle_deg: Vector = np.degrees(np.arctan2(sine, (truth_n * estimate_n).sum(axis=1)))
-    return angle_deg
-
-
 def magnitude_errors_gf(truth_n: Vector, estimate_n: Vector) -> Vector:
     """Return by how much the magnitude of each estimate is off [gf], shape (n,), never negative.
 
@@ -64,7 +53,7 @@ def magnitude_errors_gf(truth_n: Vector, estimate_n: Vector) -> Vector:
 
 def errors(truth_n: Vector, estimate_n: Vector) -> Errors:
     """Return the errors of estimated forces [N], both of shape (n, 3), n > 0, no true force zero."""
-    angle_deg = direction_errors_deg(truth_n, estimate_n)
+    angle_deg = angles_between_deg(truth_n, estimate_n)
     off_gf = magnitude_errors_gf(truth_n, estimate_n)
     return Errors(
         direction_deg=float(angle_deg.mean()),

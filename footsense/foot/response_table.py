@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from footsense.errors import ModelError
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.gap_contact import ALL_CELLS, element_means
+from footsense.foot.hertz import contact_radius_mm
 from footsense.foot.symmetry import HALF_SIDE, SIDE, whole_compliance, whole_series
 
 #: Version of the file's layout; a reader refuses any other.
@@ -193,10 +194,7 @@ class FootResponse:
     ) -> NDArray[np.float64]:
         """Return the Hertz radius a [mm] of the contact patch, shape (...), of loads as in `closure_um`."""
         pressing = np.abs((normal * force_n).sum(axis=-1))
-        radius_mm: NDArray[np.float64] = np.cbrt(
-            0.75 * self.ball_radius_mm / self.hertz_modulus_mpa * pressing
-        )
-        return radius_mm
+        return contact_radius_mm(pressing, self.ball_radius_mm, self.hertz_modulus_mpa)
 
     def free_closure_um(
         self, normal: NDArray[np.float64], force_n: NDArray[np.float64]

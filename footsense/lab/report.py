@@ -8,7 +8,7 @@ threads made the next one's small matrix products fifteen times as slow.
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from importlib import import_module
@@ -22,8 +22,7 @@ from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
 from footsense.lab.studies.page import Page, Workbench
 from footsense.lab.targets import targets
 
-#: The studies in the order of the report, each with its module below `footsense.lab.studies`.
-STUDIES = {
+_LAB_STUDIES = {
     "shipped": "accuracy.released",
     "sensors": "accuracy.sensors",
     "paper-way": "networks.paper_procedure",
@@ -40,28 +39,29 @@ STUDIES = {
     "limit": "accuracy.cramer_rao",
     "network-size": "networks.network_size",
     "history": "networks.history",
-    "tradeoff": "latency.tradeoff",
-    "touchdown": "latency.touchdown",
     "hard-cases": "accuracy.hard_cases",
 }
-#: Pages about the daemon, which the lab does not know: their commands make them.
-OTHERS = ("faults", "experiment")
+#: The studies in the order of the report, each with its module.
+STUDIES = {name: f"footsense.lab.studies.{module}" for name, module in _LAB_STUDIES.items()}
+#: Pages about the daemon, which the lab does not import: `footsense.cli.lab` makes them.
+OTHERS = ("tradeoff", "touchdown", "faults", "experiment")
 README, BUILD = "README.md", "build.json"
 
 
-def make_page(name: str, bench: Workbench) -> Page:
+def make_page(name: str, bench: Workbench, studies: Mapping[str, str] = STUDIES) -> Page:
     """Run one study.
 
     Args:
-        name: Of `STUDIES`.
+        name: Key of `studies`.
         bench: What it works on.
+        studies: Module of each study; its function `page` makes the page.
 
     Raises:
         FootsenseError: There is no such study.
     """
-    if name not in STUDIES:
-        raise FootsenseError(f"no study {name!r}: there are {', '.join(STUDIES)}")
-    return timed_page(import_module(f"footsense.lab.studies.{STUDIES[name]}").page, bench)
+    if name not in studies:
+        raise FootsenseError(f"no study {name!r}: there are {', '.join(studies)}")
+    return timed_page(import_module(studies[name]).page, bench)
 
 
 def timed_page(study: Callable[[Workbench], Page], bench: Workbench) -> Page:
@@ -89,13 +89,20 @@ def is_made(name: str, folder: Path, bench: Workbench) -> bool:
 
 
 def make_report(
-    folder: Path, bench: Workbench, *, build_s: float | None, resume: bool, report: Callable[[str], None]
+    folder: Path,
+    bench: Workbench,
+    studies: Mapping[str, str] = STUDIES,
+    *,
+    build_s: float | None,
+    resume: bool,
+    report: Callable[[str], None],
 ) -> Path:
     """Run the studies and bind their pages.
 
     Args:
         folder: Where the pages go.
         bench: What the studies work on.
+        studies: Module of each study.
         build_s: What building the models took [s]; None if they were there.
         resume: Whether pages that are there already, about this very network, are kept.
         report: Told what has just been done, one line each.
@@ -107,19 +114,21 @@ def make_report(
         folder.mkdir(parents=True, exist_ok=True)
         built = {"seconds": round(build_s, 1), "network_sha256": _network_hash(bench), "quick": bench.quick}
         (folder / BUILD).write_text(json.dumps(built, indent=2, sort_keys=True) + "\n", encoding="utf-8")
-    for name in STUDIES:
+    for name in studies:
         if resume and is_made(name, folder, bench):
             report(f"{name}: kept")
             continue
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
-            seconds = process.submit(_write_page, name, bench.models, folder, quick=bench.quick).result()
+            seconds = process.submit(
+                _write_page, name, studies, bench.models, folder, quick=bench.quick
+            ).result()
         report(f"{name}: {seconds:.0f} s")
     return bind(folder, bench)
 
 
-def _write_page(name: str, models: Path, folder: Path, *, quick: bool) -> float:
+def _write_page(name: str, studies: Mapping[str, str], models: Path, folder: Path, *, quick: bool) -> float:
     """Run one study in this process, write its page, and return what it took [s]."""
-    page = make_page(name, Workbench(models=models, quick=quick, say=_say))
+    page = make_page(name, Workbench(models=models, quick=quick, say=_say), studies)
     page.write(folder)
     return page.seconds
 

@@ -238,6 +238,6 @@ class SimulatedRobot:
                 }
             )
 
-    def felt_n(self, t_ns: int) -> NDArray[np.float64]:
+    def true_force_n(self, t_ns: int) -> NDArray[np.float64]:
         """Return the force that every foot really feels at a time [N], shape (legs, 3), foot frame."""
         return np.array([self._load.contact(leg, t_ns).force_n for leg in self._legs])

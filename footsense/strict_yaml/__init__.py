@@ -8,8 +8,9 @@ field is quoted in the error as the reason for its range.
 It leaves out what makes YAML surprising: merge keys, dates, tags, several documents, NaN and infinities.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TypeVar
 
 import msgspec
@@ -31,6 +32,7 @@ def load(
     type_: type[T],
     where: str | None = None,
     check: Callable[[T], Problem | None] | None = None,
+    old_keys: Mapping[tuple[str, ...], str] = MappingProxyType({}),
 ) -> T:
     """Return the object that a YAML text describes.
 
@@ -39,6 +41,7 @@ def load(
         type_: The struct that the text has to fit.
         where: Name of the text in errors; the path of the file if not given.
         check: Finds the first contradiction between fields that are each right by themselves.
+        old_keys: Paths of keys of earlier versions, each with the message that names what replaces it.
 
     Returns:
         The object.
@@ -52,6 +55,9 @@ def load(
         document = parse(_text(source))
     except YamlError as fault:
         raise ConfigError(_line(where, fault.line, "", str(fault))) from None
+    for path, message in old_keys.items():
+        if _has(document.data, path):
+            raise ConfigError(_located(where, document, Problem(path, message)))
     try:
         result = msgspec.convert(document.data, type_)
     except msgspec.ValidationError as error:
@@ -77,6 +83,14 @@ def _text(source: Path | str | bytes) -> str:
         raise YamlError("no such file") from None
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         raise YamlError(f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def _has(data: object, path: tuple[str, ...]) -> bool:
+    for key in path:
+        if not (isinstance(data, dict) and key in data):
+            return False
+        data = data[key]
+    return True
 
 
 def _located(where: str, document: Document, problem: Problem) -> str:

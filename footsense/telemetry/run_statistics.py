@@ -67,12 +67,14 @@ class Score:
 
     Args:
         legs: Names of the legs in the order of the frames' rows.
-        felt_n: What every foot felt at a time [ns -> N, shape (legs, 3)]; None where nobody knows.
+        true_force_n: What every foot felt at a time [ns -> N, shape (legs, 3)]; None where nobody knows.
     """
 
-    def __init__(self, legs: tuple[str, ...], felt_n: Callable[[int], NDArray[np.float64]] | None) -> None:
+    def __init__(
+        self, legs: tuple[str, ...], true_force_n: Callable[[int], NDArray[np.float64]] | None
+    ) -> None:
         self._legs = legs
-        self._felt_n = felt_n
+        self._true_force_n = true_force_n
         self._scans = 0
         self._first_ns = self._last_ns = 0
         self._states = np.zeros((len(legs), len(State)), np.int64)
@@ -93,19 +95,19 @@ class Score:
         if not valid.any():
             return
         self._age_ms.add(np.asarray(forces.age_ns[valid] * 1e-6, np.float64))
-        if self._felt_n is not None:
-            self._compare(forces.force_n[valid], self._felt_n(forces.t_sent_ns)[valid])
+        if self._true_force_n is not None:
+            self._compare(forces.force_n[valid], self._true_force_n(forces.t_sent_ns)[valid])
 
     def close(self) -> None:
         """Nothing is held."""
 
-    def _compare(self, said_n: NDArray[np.float64], felt_n: NDArray[np.float64]) -> None:
-        self._squared_n2 += np.square(said_n - felt_n).sum(axis=0)
+    def _compare(self, said_n: NDArray[np.float64], true_force_n: NDArray[np.float64]) -> None:
+        self._squared_n2 += np.square(said_n - true_force_n).sum(axis=0)
         self._valid += len(said_n)
-        felt = np.linalg.norm(felt_n, axis=1)
+        felt = np.linalg.norm(true_force_n, axis=1)
         said = np.linalg.norm(said_n, axis=1)
         loaded = (felt >= LOADED_N) & (said > 0)
-        cosine = (said_n[loaded] * felt_n[loaded]).sum(axis=1) / (felt[loaded] * said[loaded])
+        cosine = (said_n[loaded] * true_force_n[loaded]).sum(axis=1) / (felt[loaded] * said[loaded])
         self._direction_deg.add(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
     def summary(self) -> dict[str, object]:
@@ -121,7 +123,7 @@ class Score:
             },
             "faults": int(self._states.sum() - self._states[:, sorted(EXPECTED)].sum()),
         }
-        if self._felt_n is not None:
+        if self._true_force_n is not None:
             rmse_n = np.sqrt(self._squared_n2 / self._valid).tolist() if self._valid else [None] * 3
             summary["force_rmse_n"] = dict(zip("xyz", rmse_n, strict=True))
             summary["direction_error_deg"] = {

@@ -140,7 +140,7 @@ def _of_nothing(whole: Walk) -> Figures:
     """Return the figures of a walk in which nothing breaks, with the leg's largest error over its sigma."""
     row = whole.legs.index(LEG)
     late = whole.t_sent_ns > BREAKS_AT_S * 1e9
-    over_sigma = np.abs(whole.force_n - whole.felt_n)[late, row] / whole.sigma_n[late, row]
+    over_sigma = np.abs(whole.force_n - whole.true_force_n)[late, row] / whole.sigma_n[late, row]
     return figures(whole, whole, BREAKS_AT_S, None)._replace(worst_error_sigma=float(over_sigma.max()))
 
 

@@ -45,7 +45,7 @@ class Walk(NamedTuple):
         fault_mask: Elements that are not usable.
         force_n: Forces [N], NaN where there is none.
         sigma_n: Their standard deviations [N].
-        felt_n: What each foot felt at `t_ns` [N].
+        true_force_n: What each foot felt at `t_ns` [N].
     """
 
     legs: tuple[str, ...]
@@ -56,7 +56,7 @@ class Walk(NamedTuple):
     fault_mask: NDArray[np.uint16]
     force_n: NDArray[np.float64]
     sigma_n: NDArray[np.float64]
-    felt_n: NDArray[np.float64]
+    true_force_n: NDArray[np.float64]
 
 
 class Figures(NamedTuple):
@@ -112,10 +112,10 @@ def walk(*faults: Fault, config: Config = DEFAULT, effects: Effects = WALK.effec
         scanning = running.scanning
         running.observers.append(watch)
         running.run(lambda: scanning.clock.now_ns() > DURATION_S * 1e9)
-        assert scanning.felt_n is not None, "a scene is simulated"
+        assert scanning.true_force_n is not None, "a scene is simulated"
         forces = [cycle.forces for cycle in watch.cycles]
-        felt_n = [
-            [scanning.felt_n(int(t_ns))[row] for row, t_ns in enumerate(frame.t_ns)] for frame in forces
+        true_force_n = [
+            [scanning.true_force_n(int(t_ns))[row] for row, t_ns in enumerate(frame.t_ns)] for frame in forces
         ]
     return Walk(
         legs=running.legs,
@@ -126,7 +126,7 @@ def walk(*faults: Fault, config: Config = DEFAULT, effects: Effects = WALK.effec
         fault_mask=np.array([frame.fault_mask for frame in forces]),
         force_n=np.array([frame.force_n for frame in forces]),
         sigma_n=np.array([frame.sigma_n for frame in forces]),
-        felt_n=np.array(felt_n),
+        true_force_n=np.array(true_force_n),
     )
 
 
@@ -150,7 +150,7 @@ def figures(broken: Walk, whole: Walk, begins_s: float, ends_s: float | None, le
     after_s = t_s[shows]
     over_s = begins_s if ends_s is None else ends_s
     recovered = bool(len(after_s)) and not shows[-1]
-    error_n = np.abs(broken.force_n - broken.felt_n)
+    error_n = np.abs(broken.force_n - broken.true_force_n)
     own = (t_s > begins_s) & np.isin(broken.state[:, row], _USABLE)
     affected = own & shows
     return Figures(

@@ -61,7 +61,7 @@ class Invariants:
     Args:
         rules: What the walk is held to.
         script: What breaks in it.
-        felt_n: What every foot feels at a time.
+        true_force_n: What every foot feels at a time.
 
     Attributes:
         well_again_s: When every leg has to be well again for good [s].
@@ -77,10 +77,10 @@ class Invariants:
     """
 
     def __init__(
-        self, rules: Rules, script: Sequence[Fault], felt_n: Callable[[int], NDArray[np.float64]]
+        self, rules: Rules, script: Sequence[Fault], true_force_n: Callable[[int], NDArray[np.float64]]
     ) -> None:
         self._rules = rules
-        self._felt_n = felt_n
+        self._true_force_n = true_force_n
         spans_of = [excused_s(rules, script, leg) for leg in rules.legs]
         self._excused = [Spans(spans_s) for spans_s in spans_of]
         self.well_again_s = max((until_s for spans_s in spans_of for _, until_s in spans_s), default=0.0)
@@ -185,10 +185,10 @@ class Invariants:
         """Count the errors of the legs that have a force."""
         sent_ns = frame.t_sent_ns
         as_of_ns = {leg: sent_ns if self._rules.element else int(frame.t_ns[leg]) for leg in usable}
-        felt_n = {t_ns: self._felt_n(t_ns).tolist() for t_ns in set(as_of_ns.values())}
+        true_force_n = {t_ns: self._true_force_n(t_ns).tolist() for t_ns in set(as_of_ns.values())}
         self.n_checked += len(usable)
         for leg, t_ns in as_of_ns.items():
-            for axis, true_n in enumerate(felt_n[t_ns][leg]):
+            for axis, true_n in enumerate(true_force_n[t_ns][leg]):
                 if abs(force_n[leg][axis] - true_n) > _SIGMAS * sigma_n[leg][axis]:
                     self.n_beyond[axis] += 1
 

@@ -184,9 +184,9 @@ class _Course:
         """Walk up to a time [s], and look at the memory when all has been used once, and at the end."""
         with service(self._config, self._scene, real_time=False) as running:
             scanning = running.scanning
-            assert scanning.felt_n is not None, "a scene is simulated"
+            assert scanning.true_force_n is not None, "a scene is simulated"
             assert running.can is not None, "the script has something on CAN"
-            self.seen = Invariants(self._rules, self._scene.faults, scanning.felt_n)
+            self.seen = Invariants(self._rules, self._scene.faults, scanning.true_force_n)
             running.observers.append(self.seen)
             running.can.controller.hear = self.seen.hear
             clock = scanning.clock

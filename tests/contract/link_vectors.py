@@ -144,6 +144,35 @@ def cases() -> list[Case]:
         .pair(4, WRONG)
         .pair(5, WRONG)
         .pair(7, LOST, before=WRONG),
+        Case("a wrong frame between the two of a force takes the first away", {"min_good": 1})
+        .pair(9, OK, before=STALE)
+        .feed(force(10), OK)
+        .feed(_spoilt(quality(10)), WRONG)
+        .feed(quality(10), WRONG)
+        .feed(force(10), OK),
+        Case("the same with the quality first", {"min_good": 1})
+        .pair(9, OK, before=STALE)
+        .feed(quality(10), OK)
+        .feed(_spoilt(force(10)), WRONG)
+        .feed(force(10), WRONG)
+        .feed(quality(10), OK),
+        Case("the first of the two comes twice", {"min_good": 1})
+        .pair(9, OK, before=STALE)
+        .feed(force(10), OK)
+        .feed(force(10), REPEATED)
+        .feed(quality(10), OK)
+        .feed(quality(11), OK)
+        .feed(quality(11), REPEATED)
+        .feed(force(11), OK),
+        Case("wrong twice: three forces in order each time, whatever came before")
+        .trusted()
+        .feed(_spoilt(force(3)), WRONG)
+        .pair(3, WRONG)
+        .pair(4, WRONG)
+        .feed(_spoilt(force(5)), WRONG)
+        .pair(5, WRONG)
+        .pair(6, WRONG)
+        .pair(7, OK, before=WRONG),
         Case("another leg's frame under this leg's id")
         .trusted()
         .feed((FORCE_ID + NODE, force(3, node=5)[1]), WRONG),

@@ -66,6 +66,20 @@ STREAMS: tuple[tuple[str, bytes, list[int], dict[str, int]], ...] = (
         [0, 1, 2, 0, 1],
         {"restarts": 1},
     ),
+    ("one comes twice while it starts", _line(0, 1, 1, 2, flags=STARTING), [0, 1, 2], {"repeated": 1}),
+    ("one comes three times", _line(5, 5, 5, 6), [5, 6], {"repeated": 2}),
+    (
+        "the first record after a start has the number of the last before it",
+        _line(7) + _line(7, 8, flags=STARTING),
+        [7, 7, 8],
+        {"restarts": 1},
+    ),
+    (
+        "no zero for long, twice",
+        (_line(0) + bytes([7]) * 300 + b"\0") * 2 + _line(1),
+        [0, 1],
+        {"overflow": 600, "repeated": 1},
+    ),
 )
 
 

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from footsense.acquisition.scan_plan import ORDERS
+from footsense.acquisition.scan_plan import ORDERS, scan_plan
 from footsense.errors import BusError, BusTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import Transaction
-from tests.contract.boards import AD7746, DISTINCT_PF, FDC1004, Board, Robot, distinct, only
+from tests.contract.boards import AD7746, DISTINCT_PF, FDC1004, Board, LateError, Robot, distinct, only
 
 BOTH = (FDC1004, AD7746)
 both = pytest.mark.parametrize("board", BOTH, ids=lambda board: board.name)
@@ -120,6 +120,7 @@ def test_readings_of_all_legs_belong_to_the_same_conversion(board: Board) -> Non
         *((FDC1004, order, error) for order in ORDERS for error in (NackError("none"), BusError("garbled"))),
         (AD7746, "lo_shu", NackError("none")),
         (AD7746, "raster", BusError("garbled")),
+        *((board, "lo_shu", LateError("not heard")) for board in BOTH),
     ],
     ids=lambda value: getattr(value, "name", str(value)),
 )
@@ -173,6 +174,31 @@ def test_a_deaf_line_switch_is_noticed(board: Board, switch: int) -> None:
         assert (frame.reading[[0, 2, 3, 4, 5]] == Reading.OK).all()
 
 
+@pytest.mark.parametrize("rate_sps", AD7746.rates_sps)
+@pytest.mark.parametrize("element_wise", [False, True])
+def test_a_temperature_costs_no_reading_and_is_no_stall(rate_sps: int, element_wise: bool) -> None:  # noqa: FBT001
+    """Every ten seconds, at every rate: each element stays right, and nothing counts as late."""
+    robot = Robot(distinct, AD7746, rate_sps=rate_sps, element_wise=element_wise)
+    robot.read(9)
+    thermometer = scan_plan("lo_shu", rate_sps, "ad7746").board.thermometer
+    assert thermometer is not None
+    n_asked = 0
+
+    def count(transaction: Transaction, n: int) -> None:
+        nonlocal n_asked
+        n_asked += transaction == thermometer.start[0]
+
+    robot.saboteurs[0].arm(count)
+    until_ns = robot.clock.now_ns() + 25_000_000_000
+    while robot.clock.now_ns() < until_ns:
+        frame = robot.read()
+        assert (frame.reading == Reading.OK).all()
+        assert robot.is_right(frame).all()
+    assert np.isfinite(robot.scanner.temperature_c).all()
+    assert n_asked in {2, 3}
+    assert [bus.late_ticks for bus in robot.buses] == [0]
+
+
 @both
 def test_a_result_from_before_a_stall_is_not_used(board: Board) -> None:
     """If the loop was held up, the conversion that had been running is done again."""
@@ -200,7 +226,9 @@ TROUBLES = st.lists(
     st.tuples(
         st.integers(0, 1500),  # transaction at which it begins
         st.integers(1, 200),  # transactions that it lasts
-        st.sampled_from([NackError("no acknowledge"), BusError("garbled"), BusTimeoutError("held low")]),
+        st.sampled_from(
+            [NackError("no acknowledge"), BusError("garbled"), BusTimeoutError("held low"), LateError("late")]
+        ),
     ),
     max_size=6,
 )

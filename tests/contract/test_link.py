@@ -177,6 +177,21 @@ def test_both_read_the_vectors_of_events(name: str) -> None:
         assert c_decodes(name, can_id, data) == ours_decodes(name, can_id, data) is not None
 
 
+@pytest.mark.parametrize("vector", FRAMES["refused_events"], ids=lambda vector: vector["why"])
+def test_both_refuse_codes_that_do_not_exist(vector: dict[str, Any]) -> None:
+    """The first code beyond the highest of each kind, under a right crc."""
+    frame = vector["kind"], vector["can_id"], bytes.fromhex(vector["data"])
+    assert c_decodes(*frame) is None
+    assert ours_decodes(*frame) is None
+
+
+@pytest.mark.parametrize(("name", "place"), [("fault", 5), ("zero", 2), ("answer", 2)])
+def test_the_vectors_of_events_have_the_highest_code(name: str, place: int) -> None:
+    """A decoder that refuses the newest code is found by the vectors alone."""
+    highest = {"fault": max(Cause), "zero": max(ZeroStatus), "answer": max(Result)}[name]
+    assert max(vector["fields"][place] for vector in FRAMES[name]) == highest
+
+
 @given(st.integers(0, 8), st.integers(0, 16), st.integers(0, 5))
 def test_c_writes_the_commands_of_python_and_none_other(node: int, counter: int, kind: int) -> None:
     """The id is 0 for a node, counter or kind that does not exist."""

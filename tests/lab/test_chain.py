@@ -274,7 +274,7 @@ def test_a_robot_walks_on_feet_of_another_type(built: Built, folder: Path, tmp_p
         f"buses: [{{device: sim, legs: {{lf: 0, rr: 1}}}}]\ncan: {{interface: virtual}}\nfoot_type: {folder}\n"
     )
     with service(load_config(config), load_scene("tripod"), real_time=False) as robot:
-        score = Score(robot.legs, robot.scanning.felt_n)
+        score = Score(robot.legs, robot.scanning.true_force_n)
         robot.observers.append(score)
         robot.run(lambda: robot.scanning.clock.now_ns() > 2_000_000_000)
     assert robot.network.card.foot_type == "large-3x3"

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from footsense.cli.lab.study import DAEMON_STUDIES
 from footsense.errors import FootsenseError
 from footsense.lab.report import OTHERS, STUDIES, bind, is_made, make_page
 from footsense.lab.studies.page import Page, Workbench
@@ -24,10 +25,10 @@ def bench() -> Workbench:
     return Workbench(models=RELEASED, quick=True, say=lambda _: None)
 
 
-@pytest.mark.parametrize("name", STUDIES)
+@pytest.mark.parametrize("name", STUDIES | DAEMON_STUDIES)
 def test_a_study_makes_its_page(name: str, bench: Workbench, tmp_path: Path) -> None:
     """It says that it is quick, has a table and every figure that it shows, and its numbers are JSON."""
-    page = make_page(name, bench)
+    page = make_page(name, bench, STUDIES | DAEMON_STUDIES)
     page.write(tmp_path)
     text = (tmp_path / f"{name}.md").read_text(encoding="utf-8")
     assert text.startswith("## ")

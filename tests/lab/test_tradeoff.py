@@ -7,11 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.foot.capacitor import CapacitorDesign
-from footsense.foot.network_card import TrainedInputs
-from footsense.foot.specimen import Foot
-from footsense.lab.evaluation.evaluate_models import open_models
-from footsense.lab.studies.latency.tradeoff_chain import (
+from footsense.benchmarks.latency_vs_error.chain import (
     ORDERS,
     Published,
     Readings,
@@ -20,7 +16,11 @@ from footsense.lab.studies.latency.tradeoff_chain import (
     felt_by,
     pace,
 )
-from footsense.lab.studies.latency.tradeoff_errors import Truth, judge, settled_ms
+from footsense.benchmarks.latency_vs_error.errors import Truth, judge, settled_ms
+from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.network_card import TrainedInputs
+from footsense.foot.specimen import Foot
+from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.sim.loads.ground_load import Ramp
 from tests.system.command import run_json
 

@@ -7,6 +7,7 @@ import can
 import numpy as np
 
 from firmware_interface.can_codes import NODE_IDS, USABLE, Cause, State
+from firmware_interface.socketcan import split_frames
 from footsense.can.sink import CanSink
 from footsense.frames import ForceFrame, Zero
 
@@ -26,14 +27,44 @@ class FakeClock:
         self.t_ns = max(self.t_ns, t_ns)
 
 
+class NarrowWire:
+    """A CAN interface that takes as many frames of each call as it is told to."""
+
+    def __init__(self) -> None:
+        self.room = 100
+        self.taken: list[tuple[int, bytes]] = []
+
+    def send(self, frames: bytes, t_ns: int) -> int:
+        del t_ns
+        taken = list(split_frames(frames))[: self.room]
+        self.taken += taken
+        return len(taken)
+
+    def receive(self) -> list[bytes]:
+        return []
+
+    def close(self) -> None: ...
+
+
 class Robot:
     """A sink on a channel of its own, and a consumer that listens to it."""
 
-    def __init__(self, channel: str, legs: tuple[str, ...] = ("lf",), log_file: Path | None = None) -> None:
+    def __init__(
+        self,
+        channel: str,
+        legs: tuple[str, ...] = ("lf",),
+        log_file: Path | None = None,
+        wire: NarrowWire | None = None,
+    ) -> None:
         self.clock = FakeClock()
         self.consumer = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True)
         self.sink = CanSink(
-            interface="virtual", channel=channel, legs=legs, clock=self.clock, log_file=log_file
+            interface="virtual",
+            channel=channel,
+            legs=legs,
+            clock=self.clock,
+            log_file=log_file,
+            connect=None if wire is None else lambda: wire,
         )
         self.legs = legs
         self.heard()

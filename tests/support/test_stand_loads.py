@@ -31,7 +31,11 @@ def made(number: int) -> Deviations:
 
 
 def poked(
-    own: Deviations, force_n: Vector, rng: np.random.Generator | None = None, lean_deg: float = 0.7
+    own: Deviations,
+    force_n: Vector,
+    rng: np.random.Generator | None = None,
+    lean_deg: float = 0.7,
+    rubber_rel: float = 0.01,
 ) -> LoadSet:
     """Return loads of a foot; exact without a random generator, else with a leaning stick and noise.
 
@@ -40,13 +44,14 @@ def poked(
         force_n: Forces [N], shape (n, 3).
         rng: Of what a bench cannot hold still.
         lean_deg: Root mean square angle between normal and force [deg].
+        rubber_rel: Root mean square share of each force that the rubber's memory adds [1].
     """
     foot = Foot(design().response, own)
     normal = force_n / np.linalg.norm(force_n, axis=1, keepdims=True)
     noise = np.zeros((3, *force_n.shape)) if rng is None else rng.normal(size=(3, *force_n.shape))
     leaning = normal + np.cross(np.radians(lean_deg) * np.sqrt(0.5) * noise[0], normal)
     leaning /= np.linalg.norm(leaning, axis=1, keepdims=True)
-    felt_n = force_n * (1.0 + 0.01 * noise[1, :, :1])
+    felt_n = force_n * (1.0 + rubber_rel * noise[1, :, :1])
     return LoadSet(
         force_n=force_n + 0.003 * noise[2],
         sigma_n=np.full(force_n.shape, 0.003),

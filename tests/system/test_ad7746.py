@@ -56,11 +56,11 @@ def test_it_walks() -> None:
         watch = Watch(running.scanning)
         running.observers.append(watch)
         running.run(lambda: running.scanning.clock.now_ns() > 9e9)
-        felt_n = running.scanning.felt_n
-        assert felt_n is not None
+        true_force_n = running.scanning.true_force_n
+        assert true_force_n is not None
         for cycle in watch.cycles:
             usable = np.isin(cycle.forces.state, sorted(USABLE))
-            errors_n.append((cycle.forces.force_n - felt_n(int(cycle.forces.t_ns.max())))[usable])
+            errors_n.append((cycle.forces.force_n - true_force_n(int(cycle.forces.t_ns.max())))[usable])
     states = np.array([cycle.forces.state for cycle in watch.cycles[12:]])
     assert (states == State.VALID).all()
     assert np.sqrt(np.mean(np.concatenate(errors_n) ** 2)) < 0.03

@@ -152,7 +152,7 @@ def test_what_is_left_of_a_foot_is_worth_having(whole: Walk) -> None:
     broken = walk(scene_faults.BrokenRow(row=1, **ON_LEG), config=ROBOT)
     row = whole.legs.index(LEG)
     late = broken.t_sent_ns > (BREAKS_AT_S + 0.15) * 1e9
-    error_n = (broken.force_n - broken.felt_n)[late, row]
+    error_n = (broken.force_n - broken.true_force_n)[late, row]
     assert (broken.state[late, row] == State.DEGRADED).all()
     assert np.sqrt(np.mean(error_n[:, 2] ** 2)) < 0.1
     assert (np.median(broken.sigma_n[late, row] / whole.sigma_n[late, row], axis=0) > 1.0).all()
@@ -211,8 +211,8 @@ def test_what_fails_now_and_then_makes_no_error_without_its_sigma(fault: Fault, 
     """A force that is further off than any is in a walk in which nothing fails has the sigma for it."""
     broken, seen = trial(fault, whole)
     row = whole.legs.index(LEG)
-    error_n = np.abs(broken.force_n - broken.felt_n)[:, row]
-    far_n = 1.1 * np.nanmax(np.abs(whole.force_n - whole.felt_n)[:, row])
+    error_n = np.abs(broken.force_n - broken.true_force_n)[:, row]
+    far_n = 1.1 * np.nanmax(np.abs(whole.force_n - whole.true_force_n)[:, row])
     assert not (error_n > np.maximum(far_n, 5.0 * broken.sigma_n[:, row])).any()
     assert seen.shown_after_s is not None
     assert seen.recovered_after_s is not None

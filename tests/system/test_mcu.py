@@ -78,8 +78,10 @@ def test_a_walk_is_felt_as_it_is_and_through_a_line_that_fails() -> None:
         if now_ns < 0.6 * S:
             continue
         good = np.isin(forces.state, sorted(USABLE))
-        felt_n = np.stack([feet.robot.felt_n(int(t_ns))[leg] for leg, t_ns in enumerate(forces.t_ns)])
-        errors_n.append(np.where(good[:, None], forces.force_n - felt_n, 0.0))
+        true_force_n = np.stack(
+            [feet.robot.true_force_n(int(t_ns))[leg] for leg, t_ns in enumerate(forces.t_ns)]
+        )
+        errors_n.append(np.where(good[:, None], forces.force_n - true_force_n, 0.0))
         ages_ns.append(forces.age_ns[good])
         usable.append((now_ns, good))
     assert np.abs(np.concatenate(errors_n)).max() < 0.2

@@ -26,7 +26,7 @@ def test_nothing_grows_with_the_cycles(tmp_path: Path) -> None:
     config = load_config(robot(tmp_path, more=f"metrics: {{port: {free_port()}}}\n"))
     record = tmp_path / "walk.mcap"
     with daemon.service(config, load_scene("hanging"), real_time=False, record=record) as service:
-        service.observers.append(Score(service.legs, service.scanning.felt_n))
+        service.observers.append(Score(service.legs, service.scanning.true_force_n))
 
         def run(n_cycles: int) -> None:
             left = iter(range(n_cycles))

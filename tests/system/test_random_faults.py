@@ -105,9 +105,9 @@ def walk(publish: str, script: list[Fault]) -> Invariants:
     scene = msgspec.structs.replace(SCENE, faults=tuple(script))
     with daemon.service(config, scene, real_time=False) as service:
         clock = service.scanning.clock
-        assert service.scanning.felt_n is not None
+        assert service.scanning.true_force_n is not None
         assert service.can is not None
-        seen = Invariants(rules, script, service.scanning.felt_n)
+        seen = Invariants(rules, script, service.scanning.true_force_n)
         service.can.controller.hear = seen.hear
         ends_s = max(seen.well_again_s, ends_s + 2.1, TARED_S)
         tail = Tail(ends_s)

@@ -11,7 +11,7 @@ from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
 #: Readings behind which stands a conversion of the element, whatever came of it.
-CONVERTED = frozenset({Reading.OK, Reading.GANGED, Reading.OVER_RANGE, Reading.UNDER_RANGE})
+CONVERTED = frozenset({Reading.OK, Reading.OVER_RANGE, Reading.UNDER_RANGE})
 
 
 class Check(NamedTuple):

@@ -78,23 +78,10 @@ def identify(bus: I2cBus, clock: Clock) -> None:
     raise WrongChipError(f"{found}, {wanted}; {why}")
 
 
-def configuration(capdac: int = 0) -> tuple[Transaction, ...]:
-    """Return the writes that let measurement n measure CIN n to ground, less so many steps of the CAPDAC."""
-    return tuple(
-        write_register(chip.Register.CONF_MEAS1 + slot, chip.measurement_config(slot, capdac))
-        for slot in range(COLUMNS)
-    )
-
-
-#: What the scanner asks of every element: CAPDAC off.
-SINGLE_ELEMENTS = configuration()
-
-
-def setting_check(capdac: int = 0) -> Check:
-    """Return the question for the second column's configuration: after a reset it reads as the first column's."""
-    return Check(
-        read_register(chip.Register.CONF_MEAS1 + 1), chip.measurement_config(1, capdac).to_bytes(2, "big")
-    )
+#: Writes that let measurement n measure CIN n to ground, CAPDAC off (section 8.6.1.2).
+_CONFIGURATION = tuple(
+    write_register(chip.Register.CONF_MEAS1 + slot, chip.measurement_config(slot)) for slot in range(COLUMNS)
+)
 
 
 def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
@@ -109,7 +96,7 @@ def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
     """
     del clock
     bus.transfer(_RESET)
-    for write in SINGLE_ELEMENTS:
+    for write in _CONFIGURATION:
         bus.transfer(write)
     return Reading.OK, 0.0
 
@@ -168,7 +155,10 @@ BOARD = Board(
     configure=configure,
     decode_result=decode_result,
     afresh=ALL_RESULTS,
-    setting_check=setting_check(),
+    # The second column's configuration: after a reset it reads as the first column's.
+    setting_check=Check(
+        read_register(chip.Register.CONF_MEAS1 + 1), chip.measurement_config(1).to_bytes(2, "big")
+    ),
     range_end_pf=chip.capacitance_pf(chip.CODE_MAX),
     thermometer=None,
     traffic=schedule.FDC1004,

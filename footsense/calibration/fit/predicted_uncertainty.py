@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from footsense.calibration.fit.parameter_fit import PRIOR, Fit
 from footsense.calibration.fit.twin import KINDS, ContactLoads, FootTwin, parameter_names
 from footsense.errors import CalibrationError
-from footsense.foot.force_errors import GRAM_FORCE_N, direction_errors_deg
+from footsense.foot.directions import angles_between_deg, direction_grid
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import element_means
 
 __all__ = ["IDENTIFIED_CONTRACTION", "PredictedUncertainty", "predict_uncertainty", "require_identified"]
@@ -43,11 +44,7 @@ class PredictedUncertainty(NamedTuple):
 
 def evaluation_loads_n() -> Vector:
     """Return forces from all sides down to 50 deg of elevation, of 50 and 120 gf [N], shape (50, 3)."""
-    azimuth, elevation = (
-        angle.ravel() for angle in np.meshgrid(np.radians(30.0 * np.arange(12)), np.radians([50.0, 70.0]))
-    )
-    across = np.cos(elevation)
-    ring = np.column_stack([across * np.cos(azimuth), across * np.sin(azimuth), np.sin(elevation)])
+    ring = direction_grid(30.0 * np.arange(12), [50.0, 70.0])
     directions = np.vstack([ring, [0.0, 0.0, 1.0]])
     return np.concatenate([size * GRAM_FORCE_N * directions for size in (50.0, 120.0)])
 
@@ -116,7 +113,7 @@ def _errors(
         drawn[which] += np.clip(root @ rng.normal(size=len(root)), -2.0 * PRIOR[which], 2.0 * PRIOR[which])
         change_pf = twin.capacitance_pf(np.clip(drawn, *twin.bounds()), loads) - at_pf
         estimate_n = force_n + np.einsum("nij,nj->ni", force_per_pf, change_pf)
-        angles_deg.append(direction_errors_deg(force_n, estimate_n))
+        angles_deg.append(angles_between_deg(force_n, estimate_n))
         magnitudes_rel.append(np.abs(np.linalg.norm(estimate_n, axis=1) / magnitude_n - 1.0))
     return float(np.median(angles_deg)), float(np.median(magnitudes_rel))
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.foot.force_errors import direction_errors_deg
+from footsense.foot.directions import angles_between_deg
 
 __all__ = ["MIN_LOADS", "implausible"]
 
@@ -72,7 +72,7 @@ def _wrong_units(
 def _wrong_axes(
     reference_n: Vector, estimate_n: Vector, axes: Sequence[str], to_sensor: Vector
 ) -> Iterator[str]:
-    given_deg = float(direction_errors_deg(reference_n, estimate_n).mean())
+    given_deg = float(angles_between_deg(reference_n, estimate_n).mean())
     if given_deg < _TURNED_DEG:
         return
     inner_n = reference_n @ to_sensor.T
@@ -80,7 +80,7 @@ def _wrong_axes(
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):
             turned_n = (inner_n[:, order] * signs) @ to_sensor
-            tried.append((float(direction_errors_deg(turned_n, estimate_n).mean()), order, signs))
+            tried.append((float(angles_between_deg(turned_n, estimate_n).mean()), order, signs))
     tried.sort()
     (best_deg, order, signs), (second_deg, *_) = tried[:2]
     says = f"the reference points {given_deg:.0f} deg away from the force that the foot itself makes of it"

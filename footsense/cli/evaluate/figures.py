@@ -8,7 +8,8 @@ from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from footsense.foot.force_errors import direction_errors_deg, magnitude_errors_gf
+from footsense.foot.directions import angles_between_deg
+from footsense.foot.force_errors import magnitude_errors_gf
 from footsense.frames import ELEMENTS
 from footsense.lab.ball import circle, rim, touch
 
@@ -52,7 +53,7 @@ def error_map(truth_n: Vector, read_n: Mapping[str, Vector]) -> Figure:
     # Heavy loads lie below: where two magnitudes have one direction, both are to be seen.
     order = np.argsort(-size_n)
     for axes, (name, force_n) in zip(row, read_n.items(), strict=True):
-        error_deg = direction_errors_deg(truth_n, force_n)
+        error_deg = angles_between_deg(truth_n, force_n)
         for elevation_deg in _ELEVATIONS_DEG:
             axes.plot(*circle(np.array([0.0, 0.0, 1.0]), 90.0 - elevation_deg), color="0.6", lw=0.7, ls=":")
             axes.text(0.0, rim(elevation_deg), f"{elevation_deg:g} deg", fontsize=7, color="0.4", ha="center")
@@ -81,7 +82,7 @@ def histograms(truth_n: Vector, read_n: Mapping[str, Vector]) -> Figure:
     """Return how often which error occurs; arguments as of `error_map`."""
     figure = Figure(figsize=(8.6, 3.6), layout="constrained")
     kinds = (
-        (direction_errors_deg, "direction error [deg]", PAPER_DEG),
+        (angles_between_deg, "direction error [deg]", PAPER_DEG),
         (magnitude_errors_gf, "magnitude error [gf]", PAPER_GF),
     )
     for axes, (error_of, label, paper) in zip(figure.subplots(1, 2), kinds, strict=True):

@@ -16,6 +16,12 @@ if TYPE_CHECKING:
 
     from footsense.lab.studies.page import Page, Workbench
 
+#: Studies of the daemon, which the lab does not import, with their modules.
+DAEMON_STUDIES = {
+    "tradeoff": "footsense.benchmarks.latency_vs_error.page",
+    "touchdown": "footsense.benchmarks.touchdown.page",
+}
+
 _quick_option = click.option("--quick", is_flag=True, help="Every step in seconds; its numbers say nothing.")
 _output_option = click.option(
     "--output",
@@ -93,12 +99,16 @@ def _study(
 ) -> None:
     """Run a study by name or function, write its page, bind it, and print it, or its numbers alone as JSON."""
     folder = _report_folder(output, quick=quick)
-    from footsense.lab.report import bind, make_page, timed_page
+    from footsense.lab.report import STUDIES, bind, make_page, timed_page
     from footsense.lab.studies.page import Workbench
 
     say = (lambda _: None) if as_json_text else stopwatch_report()
     bench = Workbench(models=models or released_folder(), quick=quick, say=say)
-    page = make_page(study, bench) if isinstance(study, str) else timed_page(study, bench)
+    page = (
+        make_page(study, bench, STUDIES | DAEMON_STUDIES)
+        if isinstance(study, str)
+        else timed_page(study, bench)
+    )
     page.write(folder)
     bind(folder, bench)
     if as_json_text:
@@ -198,7 +208,7 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
     from footsense.lab.build import FULL, QUICK, build
     from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
     from footsense.lab.foot_file import FOOT_FILE
-    from footsense.lab.report import is_made, make_report
+    from footsense.lab.report import STUDIES, is_made, make_report
     from footsense.lab.studies.page import Workbench
 
     say, started_ns, build_s = stopwatch_report(), stopwatch_ns(), None
@@ -208,4 +218,5 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
     bench = Workbench(models=folder, quick=quick, say=say)
     if not (resume and is_made("faults", pages, bench)):
         say(f"faults: {write_page_of_faults(pages, bench).seconds:.0f} s")
-    say(f"wrote {make_report(pages, bench, build_s=build_s, resume=resume, report=say)}")
+    studies = STUDIES | DAEMON_STUDIES
+    say(f"wrote {make_report(pages, bench, studies, build_s=build_s, resume=resume, report=say)}")

@@ -160,7 +160,6 @@ def _mounted(config: Config, leg: str, foot: str) -> Config:
         "feet": feet,
         "calibrations": None,
         "tare": plain["tare"] | {"unloaded_limit_rel": _AS_MADE_REL},
-        "scan": plain["scan"] | {"gang": False},  # a column's sum is of no use to a calibration
     }
     try:
         return msgspec.convert(plain | changed, Config)

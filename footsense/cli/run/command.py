@@ -141,13 +141,13 @@ def run(
         service = stack.enter_context(
             daemon.service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )
-        score = Score(service.legs, service.scanning.felt_n)
+        score = Score(service.legs, service.scanning.true_force_n)
         service.observers.append(score)
         first = FirstFrame()
         service.observers.append(first)
         if live:
             title = f"{scene_name}, simulated" if scene else "on the robot"
-            table = LiveTable(console, service.legs, title, service.scanning.felt_n)
+            table = LiveTable(console, service.legs, title, service.scanning.true_force_n)
             stack.callback(table.close)
             service.observers.append(table)
         clock = service.scanning.clock

@@ -40,7 +40,7 @@ class LiveTable:
         console: Where to draw.
         legs: Names of the legs in the order of the frames' rows.
         title: What runs.
-        felt_n: What every foot feels at a time, None where nobody knows.
+        true_force_n: What every foot feels at a time, None where nobody knows.
     """
 
     def __init__(
@@ -48,11 +48,11 @@ class LiveTable:
         console: Console,
         legs: tuple[str, ...],
         title: str,
-        felt_n: Callable[[int], NDArray[np.float64]] | None,
+        true_force_n: Callable[[int], NDArray[np.float64]] | None,
     ) -> None:
         self._legs = legs
         self._title = title
-        self._felt_n = felt_n
+        self._true_force_n = true_force_n
         self._blocks = _BLOCKS if can_show("".join(_BLOCKS), console.encoding) else _PLAIN
         self._drawn_ns = -_PERIOD_NS
         self._start_ns: int | None = None
@@ -79,14 +79,14 @@ class LiveTable:
 
     def _render(self, cycle: Cycle, elapsed_s: float) -> Group:
         forces = cycle.forces
-        felt_n = self._felt_n(forces.t_sent_ns) if self._felt_n else None
+        true_force_n = self._true_force_n(forces.t_sent_ns) if self._true_force_n else None
         table = Table(box=None, pad_edge=False, padding=(0, 1))  # fits 80 columns
         table.add_column("leg")
         table.add_column("state", min_width=max(map(len, _STATE_NAMES.values())), no_wrap=True)
         for axis in ("fx", "fy", "fz"):
             table.add_column(f"{axis} [N]", justify="right", min_width=7)
         table.add_column("load", min_width=_BAR_CELLS)
-        if felt_n is not None:
+        if true_force_n is not None:
             table.add_column("felt [N]", justify="right", min_width=8)
         table.add_column("age \\[ms]", justify="right", min_width=8)
         for row, leg in enumerate(self._legs):
@@ -99,8 +99,8 @@ class LiveTable:
                 *components,
                 Text(_bar(float(forces.force_n[row, 2]), self._blocks) if valid else "", "cyan"),
             ]
-            if felt_n is not None:
-                cells.append(Text(f"{felt_n[row, 2]:.3f}", "dim"))
+            if true_force_n is not None:
+                cells.append(Text(f"{true_force_n[row, 2]:.3f}", "dim"))
             cells.append(f"{forces.age_ns[row] * 1e-6:.1f}" if valid else "-")
             table.add_row(*cells)
         head = Text.assemble(

@@ -5,7 +5,7 @@ the drift of a foot in swing (`drift.py`); `contact.py` tells swing from stance.
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,8 +58,6 @@ class Footing:
         sigma_n: What the baseline leaves open of each leg's force, one sigma [N], shape (legs, 3), NaN without one.
         flags: CONTACT, and TARE_REFUSED where an older baseline is in use, shape (legs,).
         zero: What is published of the baselines.
-        standing_in: Legs whose elements the next frame does not tell one by one, shape (legs,); to be set from outside.
-            Their zeros stand still, and their tares wait.
     """
 
     def __init__(
@@ -99,7 +97,6 @@ class Footing:
         self._flags: list[int] = []
         self._nothing_foreseen = [math.nan] * n_legs
         self._doubts_n: list[float] = []
-        self.standing_in: Mask = np.zeros(n_legs, bool)
         self._aloft: tuple[int, ...] = ()
         self._gather()
 
@@ -121,22 +118,6 @@ class Footing:
         """Return why a command may not be obeyed now, or None if it may."""
         return self._contacts[leg].refusal(kind)
 
-    @property
-    def aloft(self) -> Mask:
-        """Who is surely in the air, with nothing on it that drift and creep could not explain, shape (legs,)."""
-        return self._those(self._aloft)
-
-    @property
-    def followed(self) -> Mask:
-        """Whose zero follows the foot now, shape (legs,)."""
-        followed: Mask = self.zero.status == ZeroStatus.TRACKING
-        return followed
-
-    @property
-    def taring(self) -> Mask:
-        """Whose tare is being taken, shape (legs,)."""
-        return self._those(self._windows)
-
     def tare(
         self, capacitance_pf: Vector, reading: NDArray[np.uint8], t_ns: Stamps, missing: Mask, now_ns: int
     ) -> tuple[Outcome, ...]:
@@ -154,8 +135,6 @@ class Footing:
             return ()
         outcomes = []
         for leg, window in list(self._windows.items()):
-            if self.standing_in[leg]:
-                continue
             verdict = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], missing[leg])
             outcome = None if verdict is None else self._conclude(leg, verdict, int(t_ns[leg].max()))
             if outcome is not None:
@@ -216,9 +195,7 @@ class Footing:
         self._turn = (self._turn + 1) % _TURNS
         moved = False
         for leg in self._aloft:
-            if self.standing_in[leg]:
-                self._zeros[leg].hold()
-            elif leg % _TURNS == self._turn:
+            if leg % _TURNS == self._turn:
                 zero = self._zeros[leg]
                 # What is missing only because it has no zero gets one.
                 disbelieved = missing[leg] & np.isfinite(zero.zero_pf)
@@ -259,9 +236,6 @@ class Footing:
         """Tell what the legs' zeros do now; where they are has been gathered."""
         self._statuses = [zero.status for zero in self._zeros]
         self.zero = Zero(np.array(self._statuses, np.uint8), *self._moved)
-
-    def _those(self, legs: Collection[int]) -> Mask:
-        return np.array([leg in legs for leg in self._legs])
 
     def _window(self, leg: int) -> TareWindow:
         return TareWindow(self._tare, self._unloaded_pf[leg], self._feet[leg])

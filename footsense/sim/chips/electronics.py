@@ -7,7 +7,7 @@ import numpy as np
 
 from firmware_interface import adg715
 from footsense.sim.chips.ad7746 import CAPDAC_GAIN_REL, TEMPERATURE_ERROR_K, SimulatedAd7746
-from footsense.sim.chips.fdc1004 import CAPDAC_ERROR_REL, SimulatedFdc1004
+from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.line_switch import LineStates, SimulatedLineSwitch
 from footsense.sim.faults.damage import Damage, mutual_capacitance_pf, pin_capacitance_pf
 from footsense.sim.scene import Effects
@@ -56,17 +56,10 @@ def electronics(board: str, foot: Wired, effects: Effects, seed: tuple[int, int]
     random = np.random.default_rng(seed)
     noise = random if effects.converter_noise else None
     clock_error_rel = effects.converter_clock_rel * random.uniform(-1, 1)
-    capdac = np.random.default_rng((*seed, _CAPDAC_DRAW))
     rows = SimulatedLineSwitch(adg715.ADDRESS)
     if board == "fdc1004":
         return Electronics(
-            SimulatedFdc1004(
-                _ColumnPins(foot, rows, effects.stray_pf),
-                noise,
-                clock_error_rel,
-                capdac_error_rel=capdac.uniform(-1, 1) * CAPDAC_ERROR_REL,
-            ),
-            (rows,),
+            SimulatedFdc1004(_ColumnPins(foot, rows, effects.stray_pf), noise, clock_error_rel), (rows,)
         )
     columns = SimulatedLineSwitch(adg715.COLUMN_ADDRESS)
     error_k = np.random.default_rng((*seed, _THERMOMETER_DRAW)).uniform(-1, 1) * TEMPERATURE_ERROR_K
@@ -76,7 +69,7 @@ def electronics(board: str, foot: Wired, effects: Effects, seed: tuple[int, int]
             _Crossings(foot, rows, columns),
             noise,
             clock_error_rel,
-            capdac_gain_rel=capdac.uniform(*CAPDAC_GAIN_REL),
+            capdac_gain_rel=np.random.default_rng((*seed, _CAPDAC_DRAW)).uniform(*CAPDAC_GAIN_REL),
             temperature_c=lambda t_ns: ROOM_C + error_k + (warming.kelvin_at(t_ns) if warming else 0.0),
         ),
         (rows, columns),

@@ -20,13 +20,6 @@ import numpy as np
 from firmware_interface import fdc1004 as chip
 from footsense.sim.faults.scene_faults import Span, during
 
-#: Largest error of a chip's CAPDAC steps [1]. Not specified: codes 1 to 7 of one chip agreed within 0.16 pF, 1 %.
-CAPDAC_ERROR_REL = 0.02
-#: What bit 3 of the CAPDAC takes off beyond its eight steps [pF]: the jump between codes 7 and 8 that was measured on
-#: one chip (TI E2E forum, thread 1178477), and seen on others.
-CAPDAC_JUMP_PF = 1.4
-_JUMP_BIT = 8
-
 #: Random numbers are drawn so many at a time, which is the same sequence as one by one.
 _DRAWN = 64
 
@@ -79,7 +72,6 @@ class SimulatedFdc1004:
         cin_capacitance_pf: What is connected to the pins.
         noise: Source of the converter's noise; None for a converter without.
         clock_error_rel: How much longer its conversions last than nominal [1].
-        capdac_error_rel: How much larger the steps of its CAPDAC are than nominal [1].
 
     Attributes:
         absent_ns: Spans in which it does not answer [ns].
@@ -94,7 +86,6 @@ class SimulatedFdc1004:
         cin_capacitance_pf: CinCapacitance,
         noise: np.random.Generator | None,
         clock_error_rel: float = 0.0,
-        capdac_error_rel: float = 0.0,
     ) -> None:
         self.absent_ns: list[Span] = []
         self.stuck_ns: list[Span] = []
@@ -102,7 +93,6 @@ class SimulatedFdc1004:
         self._cin_capacitance_pf = cin_capacitance_pf
         self._noise = repeat(0.0) if noise is None else _white(noise)
         self._clock_factor = 1.0 + clock_error_rel
-        self._capdac_step_pf = chip.CAPDAC_STEP_PF * (1.0 + capdac_error_rel)
         self._pointer = 0
         self._reset()
 
@@ -167,8 +157,7 @@ class SimulatedFdc1004:
     def _convert(self, conversion: _Conversion) -> int:
         cin, capdac = _measured(self._registers[_CONF_MEAS1 + conversion.slot])
         capacitance_pf = self._cin_capacitance_pf(cin, self._started_ns, self._ends_ns)
-        if capdac:
-            capacitance_pf -= capdac * self._capdac_step_pf + (CAPDAC_JUMP_PF if capdac & _JUMP_BIT else 0.0)
+        capacitance_pf -= capdac * chip.CAPDAC_STEP_PF
         capacitance_pf += conversion.noise_pf * next(self._noise)
         return min(max(round(capacitance_pf * chip.CODES_PER_PF), chip.CODE_MIN), chip.CODE_MAX)
 

@@ -45,15 +45,15 @@ class SimulatedSensor:
     """One specimen.
 
     Args:
-        felt_n: Ground reaction on the foot at a time [N], shape (3,).
+        true_force_n: Ground reaction on the foot at a time [N], shape (3,).
         seed: Of the specimen and its noise.
         linearity_rel: How far its readings are bent at most, of the rated value [1].
     """
 
     def __init__(
-        self, felt_n: Callable[[int], Vector], seed: int, linearity_rel: float = LINEARITY_REL
+        self, true_force_n: Callable[[int], Vector], seed: int, linearity_rel: float = LINEARITY_REL
     ) -> None:
-        self._felt_n = felt_n
+        self._true_force_n = true_force_n
         self._random = np.random.default_rng((seed, 6))
         self._bow_gf = linearity_rel / _BOW * RATED_GF * self._random.uniform(-1, 1, 3)
         self._offset_gf = STEP_GF * self._random.uniform(-_OFFSET_STEPS, _OFFSET_STEPS, 3)
@@ -80,7 +80,7 @@ class SimulatedSensor:
             lines.append(b"%d,%d,%d,%d\r\n" % (sensor_us, *self._counted_gf(taken_ns)))
 
     def _counted_gf(self, t_ns: int) -> list[int]:
-        load_gf = -self._felt_n(t_ns) / GRAM_FORCE_N
+        load_gf = -self._true_force_n(t_ns) / GRAM_FORCE_N
         share = np.clip(load_gf / RATED_GF, -1, 1)
         noise_gf = _NOISE_STEPS * STEP_GF * self._random.normal(size=3)
         reading_gf = load_gf + self._bow_gf * (share - share**3) + self._offset_gf + noise_gf

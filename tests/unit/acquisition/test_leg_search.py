@@ -78,6 +78,33 @@ def test_the_leg_that_holds_the_bus_is_found_and_the_others_go_on() -> None:
         assert (scan.reading[1] == (Reading.LINE_HELD if held else Reading.OK)).all()
 
 
+def test_every_outage_costs_a_leg_the_same() -> None:
+    """0.3 s away and back within half a second, the third time as the first: the pauses begin anew each time."""
+    outages_s = (0.5, 3.0, 5.5, 8.0)
+    robot = Robot([scene_faults.Absent(at_s=at_s, until_s=at_s + 0.3, leg="lm") for at_s in outages_s])
+    for at_s in outages_s:
+        robot.scan_until(at_s + 0.25)
+        assert (robot.scanner.scan().reading[1] == Reading.NO_ANSWER).all()
+        robot.scan_until(at_s + 0.8)
+        assert (robot.scanner.scan().reading == Reading.OK).all()
+
+
+def test_a_leg_is_left_out_after_three_bad_scans_in_a_row_and_not_after_three() -> None:
+    """A wire that fails once a second costs single scans, never a pause."""
+    robot = Robot(
+        [scene_faults.Absent(at_s=at_s, until_s=at_s + 0.01, leg="lm") for at_s in np.arange(1.0, 6.0)]
+    )
+    bad = [scan.reading[1] != Reading.OK for scan in robot.scan_until(6.5)]
+    assert 5 <= np.any(bad, axis=1).sum() <= 10
+
+
+def test_a_mux_that_forgets_its_selection_costs_no_reading() -> None:
+    """Whenever in a scan it happens: what fails is connected anew before it is tried again."""
+    for n in range(40):
+        robot = Robot([scene_faults.MuxLost(at_s=0.5 + n * 0.6e-3)])
+        assert all((scan.reading == Reading.OK).all() for scan in robot.scan_until(0.6))
+
+
 def test_two_legs_that_hold_the_bus_are_both_found() -> None:
     """One after the other."""
     robot = Robot([scene_faults.StuckSda(at_s=0.5, leg=leg) for leg in ("lf", "lr")])

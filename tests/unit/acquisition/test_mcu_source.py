@@ -201,6 +201,26 @@ def test_codes_become_readings_and_strangers_are_counted() -> None:
     assert source.losses["unused"] == 1
 
 
+def test_half_a_record_before_the_line_was_opened_again_is_no_loss() -> None:
+    """It is not joined to what comes after, and nothing wrong is counted."""
+    clock = VirtualClock()
+    port = Script(clock)
+    source = RecordSource(port, clock, ("lf",), rate_hz=RATE_HZ)
+    port.due = [((n + 10) * PERIOD_NS + MS, line(1, n)) for n in range(1, 6)]
+    port.due.append((16 * PERIOD_NS + MS, line(1, 6)[:30]))
+    while clock.now_ns() < 15 * PERIOD_NS:
+        source.read()
+    while port.due:
+        source.read()
+    port.opened += 1
+    start = clock.now_ns() // PERIOD_NS + 1
+    port.due = [((start + n) * PERIOD_NS + MS, line(1, start - 10 + n)) for n in range(5)]
+    readings = [int(source.read().reading[0, 0]) for _ in range(5)]
+    assert readings[-1] == Reading.OK
+    losses = {kind: n for kind, n in source.losses.items() if n}
+    assert losses.keys() <= {"lost"}
+
+
 @pytest.mark.parametrize(("first", "faulty_us"), [(1, 700), (1, 60_000), (2, 60_000)])
 def test_steps_that_would_end_in_the_future_are_garbled(first: int, faulty_us: int) -> None:
     """The leg has no reading then, and the stamps of the other are not moved by it, whichever record comes first."""

@@ -29,7 +29,7 @@ from firmware_interface.can_frames import decode_force, decode_quality
 from firmware_interface.can_zero import decode_zero
 from firmware_interface.crc8 import protect
 from footsense.frames import Command, Outcome, Zero
-from tests.support.can_robot import MS, Robot
+from tests.support.can_robot import MS, NarrowWire, Robot
 
 
 @pytest.fixture
@@ -136,6 +136,21 @@ def test_what_does_not_fit_beside_the_forces_waits_for_the_next_scan(request: py
         kinds.append([m.arbitration_id & ~7 for m in robot.heard()][12:])
     assert kinds == [[0x080] * 4, [0x080] * 2 + [0x700, 0x380], [0x700], []]
     robot.close()
+
+
+@pytest.mark.parametrize("room", range(19))
+def test_each_fault_report_goes_out_once_whatever_part_of_a_scan_is_taken(
+    request: pytest.FixtureRequest, room: int
+) -> None:
+    """A report counts as sent only if the interface took it; the others follow, and none comes twice."""
+    wire = NarrowWire()
+    robot = Robot(request.node.nodeid, tuple(NODE_IDS), wire=wire)
+    for scan in range(5):
+        wire.room = room if scan == 0 else 100
+        robot.publish(scan * 20 * MS)
+    robot.close()
+    reported = sorted(can_id for can_id, _ in wire.taken if can_id - 0x080 in NODE_IDS.values())
+    assert reported == [0x080 + node for node in NODE_IDS.values()]
 
 
 def test_heartbeats_tell_degraded_timing(robot: Robot) -> None:

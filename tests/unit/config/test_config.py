@@ -42,7 +42,7 @@ def test_the_commented_values_are_the_defaults(file: Path) -> None:
     file.write_text(ONE_BUS)
     short, long = load_config(file), load_config(DEPLOY / "footsense.yaml")
     assert (short.board, short.tare, short.max_age_ms) == (long.board, long.tare, long.max_age_ms)
-    assert (short.rate_sps, short.order, short.scan.gang) == (long.rate_sps, long.order, long.scan.gang)
+    assert (short.rate_sps, short.order) == (long.rate_sps, long.order)
     assert (short.publish, short.average_scans) == (long.publish, long.average_scans)
     assert (short.zero, short.contact) == (long.zero, long.contact)
     assert (short.buses[0].mux, short.buses[0].rate_hz) == (long.buses[0].mux, long.buses[0].rate_hz)
@@ -68,10 +68,6 @@ def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
         (
             ONE_BUS + "scan: {rate_sps: 91}",
             "line 5: scan.rate_sps: 91 is no rate of the board fdc1004; use one of 100, 200, 400",
-        ),
-        (
-            ONE_BUS + "board: ad7746\npublish: element\nscan: {gang: true}",
-            "line 7: scan.gang: is for board: fdc1004; the board ad7746 reads no columns at once",
         ),
         (
             ONE_BUS.replace("rf: 1", "rf: 0"),
@@ -165,17 +161,8 @@ def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
             "can.bitrate: 4 legs at 400 forces/s take 432 kbit/s, more than 70% of 500 kbit/s; use 1000000, or",
         ),
         (
-            ONE_BUS + "scan: {gang: true}",
-            "scan.gang: a whole scan has no conversion to spare; use publish: element, or gang: false",
-        ),
-        (
-            ONE_BUS + "scan: {gang: true}\npublish: element\nzero: {track: false}",
-            "scan.gang: what a column reads is judged by zeros that follow; use zero.track: true",
-        ),
-        (
-            ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: /dev/i2c-11, rf: /dev/i2c-12}")
-            + "scan: {gang: true}\npublish: element",
-            "scan.gang: needs all legs to convert at once: name a channel for every leg, or use gang: false",
+            ONE_BUS + "scan:\n  gang: false",
+            "line 6: scan.gang: the column-sum scan was removed; take this key away",
         ),
         (
             ONE_BUS + "publish: element\naverage_scans: 2",

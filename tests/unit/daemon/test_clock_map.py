@@ -66,14 +66,15 @@ def test_a_jump_is_followed_at_once(jump_s: float) -> None:
     assert errors[400:].max() < 1.0
 
 
-def test_a_backlog_at_the_start_leaves_no_trace() -> None:
-    """Two seconds' worth that is read within a moment: right as soon as it is read, and no jump."""
+@pytest.mark.parametrize("each_ns", [MS // 10, MS, 2 * MS, 4 * MS])
+def test_a_backlog_at_the_start_leaves_no_trace(each_ns: int) -> None:
+    """Two seconds' worth that is read faster than it grows: right as soon as it is read, and no jump."""
     stream = Stream()
     backlog_ns = 2_000 * MS
     while backlog_ns > 0:
         stream.foreign_ns += PERIOD_NS
-        backlog_ns -= PERIOD_NS - MS // 10
-        stream.now_ns += MS // 10
+        backlog_ns -= PERIOD_NS - each_ns
+        stream.now_ns += each_ns
         stream.clock.map(stream.foreign_ns, stream.now_ns)
     errors = np.array(stream.run(3.0)) * 1e-6
     assert np.abs(errors[200:] - errors[-1]).max() < 1.0

@@ -28,10 +28,12 @@ class Leg:
         self.consistency = Consistency(1, MOMENTS, SETTLED_NS)
         self.t_ns = 0
 
-    def judge(self, closure_rel: NDArray[np.float64]) -> Judgement:
+    def judge(self, closure_rel: NDArray[np.float64], *unread: int) -> Judgement:
+        """Judge the next scan, in which some elements could not be read."""
         self.t_ns += SCAN_NS
         row = closure_rel[None]
         missing = self.consistency.remembered.copy()
+        missing[0, list(unread)] = True
         return self.consistency.judge(row, row, missing, np.array([self.t_ns]))
 
 
@@ -71,6 +73,23 @@ def test_a_line_that_is_wrong_is_left_out(line: NDArray[np.bool_]) -> None:
     np.testing.assert_array_equal(Leg().judge(closure_rel).missing[0], line)
 
 
+@pytest.mark.parametrize(
+    ("unread", "wrong", "line"), [(0, 1, (0, 1, 2)), (4, 7, (1, 4, 7)), (8, 6, (6, 7, 8))]
+)
+def test_a_wrong_element_beside_one_that_cannot_be_read_takes_their_line(
+    unread: int, wrong: int, line: tuple[int, ...]
+) -> None:
+    """No force does without two single elements, so their row or column is left out, and remembered."""
+    leg = Leg()
+    closure_rel = pressed((1.0, 0.2, 0.3))
+    closure_rel[wrong] += 0.6
+    closure_rel[unread] = np.nan
+    for _ in range(SETTLED_NS // SCAN_NS + 1):
+        judgement = leg.judge(closure_rel, unread)
+        assert np.flatnonzero(judgement.missing[0]).tolist() == list(line)
+    assert leg.consistency.remembered[0, wrong]
+
+
 def test_what_nobody_explains_is_only_doubted() -> None:
     """A load that steps while the elements are read: nothing is left out, and all is in doubt for a while."""
     closure_rel = pressed()
@@ -106,6 +125,59 @@ def test_a_stuck_element_is_not_trusted_at_rest() -> None:
         judgement = leg.judge(pressed())
         assert judgement.missing[0, 0] == (n + 1 < scans)
     assert not leg.consistency.remembered.any()
+
+
+def test_a_gap_is_not_time_in_which_an_element_agreed() -> None:
+    """Ten seconds without a scan count as the few scans that settle a step."""
+    leg = Leg()
+    stuck = pressed()
+    stuck[0] = 0.0
+    for _ in range(10):
+        leg.judge(stuck)
+    for _ in range(200):
+        leg.judge(np.zeros(9))
+    leg.t_ns += 10_000_000_000
+    for _ in range((TRUSTED_AFTER_NS - SETTLED_NS) // SCAN_NS):
+        assert leg.judge(pressed()).missing[0, 0]
+    assert not leg.judge(pressed()).missing[0, 0]
+
+
+def test_an_element_that_is_wrong_again_is_left_out_again_for_as_long() -> None:
+    """The second time as the first: nothing that it had agreed before counts."""
+    leg = Leg()
+    stuck = pressed()
+    stuck[0] = 0.0
+    for _ in range(2):
+        for _ in range(SETTLED_NS // SCAN_NS + 1):
+            assert leg.judge(stuck).missing[0, 0]
+        for _ in range(200):
+            assert leg.judge(np.zeros(9)).missing[0, 0]
+        scans = TRUSTED_AFTER_NS // SCAN_NS
+        missing = [bool(leg.judge(pressed()).missing[0, 0]) for _ in range(scans)]
+        assert missing == [True] * (scans - 1) + [False]
+    beside = pressed()
+    for n in range(40):
+        beside = pressed((1.0 + 0.5 * np.sin(n / 3), 0.0, 0.0))
+        beside[0] -= 0.5
+        judgement = leg.judge(beside)
+    assert judgement.drifting[0, 0]
+    assert not judgement.stuck.any()
+
+
+def test_one_scan_that_disagrees_takes_back_four_that_agreed() -> None:
+    """Eleven of twelve scans, one that contradicts, and five more until the element is trusted."""
+    leg = Leg()
+    stuck = pressed()
+    stuck[0] = 0.0
+    for _ in range(10):
+        leg.judge(stuck)
+    for _ in range(200):
+        leg.judge(np.zeros(9))
+    for _ in range(TRUSTED_AFTER_NS // SCAN_NS - 1):
+        leg.judge(pressed())
+    leg.judge(stuck)
+    missing = [bool(leg.judge(pressed()).missing[0, 0]) for _ in range(5)]
+    assert missing == [True] * 4 + [False]
 
 
 def test_a_drift_that_a_load_hides_is_not_trusted() -> None:

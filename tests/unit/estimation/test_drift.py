@@ -71,12 +71,28 @@ def test_it_is_less_sure_the_longer_it_stands_still() -> None:
 
 
 def test_the_newest_reading_is_never_used() -> None:
-    """It may be the first of a touchdown: the zero moves by the one before it, and not at all after one alone."""
+    """It may be the first of a touchdown: whatever it is, the zero moves by the one before it."""
+    moved_pf = []
+    for newest_ff in (0.5, -3.0, 4.0):
+        foot = Aloft()
+        foot.read(0.5)
+        np.testing.assert_array_equal(foot.zero.zero_pf, UNLOADED_PF)
+        foot.read(newest_ff)
+        moved_pf.append(foot.zero.zero_pf - UNLOADED_PF)
+    assert (moved_pf[0] > 0.0).all()
+    np.testing.assert_array_equal(moved_pf[1:], moved_pf[:1] * 2)
+
+
+def test_a_lift_off_begins_with_two_new_readings() -> None:
+    """The last reading before a stance confirms nothing after it."""
     foot = Aloft()
-    foot.read(0.5)
-    np.testing.assert_array_equal(foot.zero.zero_pf, UNLOADED_PF)
-    foot.read(4.0)
-    assert 0.0 < foot.zero.offset_pf[0] < 0.5e-3
+    foot.read(0.5, 3)
+    foot.zero.hold()
+    held_pf = foot.zero.zero_pf
+    foot.read(0.6)
+    np.testing.assert_array_equal(foot.zero.zero_pf, held_pf)
+    foot.read(0.6)
+    assert (foot.zero.zero_pf > held_pf).all()
 
 
 def test_a_frame_counts_only_if_every_element_was_read_anew() -> None:

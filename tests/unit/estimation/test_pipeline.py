@@ -152,6 +152,26 @@ def test_a_leg_that_was_away_is_tared_anew() -> None:
             assert states == starting + [State.NO_BASELINE] * 2
 
 
+def test_a_new_foot_is_not_mistrusted_for_the_old_one() -> None:
+    """An element that contradicted the others counts again once the leg has been away for long enough."""
+    feet = Feet(n_legs=1).tared()
+    stuck_um = np.full((1, 9), 5.0)
+    stuck_um[0, 4] = 0.0
+    for _ in range(3 * WINDOW):
+        forces = feet.feed(feet.scan(stuck_um))
+    assert (forces.state.tolist(), forces.fault_mask.tolist()) == ([State.DEGRADED], [1 << 4])
+    for _ in range(11):
+        scan = feet.scan()
+        scan.capacitance_pf[0] = np.nan
+        scan.t_ns[0] = 0
+        scan.reading[0] = Reading.NO_ANSWER
+        feet.feed(scan)
+    for _ in range(2 * WINDOW):
+        forces = feet.feed(feet.scan())
+    assert [(result, reason) for _, result, reason in feet.outcomes][-1][0] is Result.DONE
+    assert (forces.state.tolist(), forces.fault_mask.tolist()) == ([State.VALID], [0])
+
+
 def test_elements_that_cannot_be_brought_to_one_time_have_no_value() -> None:
     """After a missing element, and after a stall within a scan, the leg is STALE for one scan."""
     feet = Feet().tared()

@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -53,6 +54,18 @@ def test_an_existing_file_is_not_overwritten(tmp_path: Path) -> None:
             Recorder(tmp_path / name, LEGS, {}, blocking=True)
 
 
+def test_a_file_that_appears_during_the_recording_is_not_overwritten(tmp_path: Path) -> None:
+    """It stays as it is, the recording stays under its name in the making, and the end says why."""
+    path = tmp_path / "walk.mcap"
+    recorder = Recorder(path, LEGS, {}, blocking=True)
+    recorder.observe(cycle(0))
+    path.write_text("somebody else's")
+    with pytest.raises(RecordingError, match="it appeared in the meantime and is not overwritten"):
+        recorder.close()
+    assert path.read_text() == "somebody else's"
+    assert len(list(Replay(partial_path(path)))) == 1
+
+
 @pytest.mark.parametrize("name", ["walk.txt", "-", "walk", "walk.mcap.partial"])
 def test_a_recording_ends_in_mcap(tmp_path: Path, name: str) -> None:
     """Another suffix is a mistake, `-` among them; no file is made."""
@@ -94,6 +107,27 @@ def test_a_full_pipe_loses_cycles_and_says_so(tmp_path: Path) -> None:
     numbered = [entry for entry in entries if isinstance(entry, Numbered)]
     assert [entry.counter for entry in numbered] == [*range(100 - lost), 100]
     assert all(same(entry.cycle, cycle(entry.counter)) for entry in numbered)
+
+
+def test_a_writer_never_counts_a_cycle_that_a_crash_would_lose(tmp_path: Path) -> None:
+    """After each cycle: what is counted can be read back, and no more than one that can is not counted."""
+    read_end, write_end = os.pipe()
+    pipe = CyclePipe(write_end, LEGS, {}, blocking=False)
+    path = tmp_path / "walk.mcap.partial"
+    seen = set()
+    with path.open("wb") as file:
+        writer = PipeWriter(file.fileno())
+        for number in range(500):
+            one = cycle(number)
+            pipe.send(one._replace(forces=replace(one.forces, t_sent_ns=1_000 + number)))
+            writer.feed(os.read(read_end, 1 << 20))
+            if writer.n_cycles not in seen:
+                seen.add(writer.n_cycles)
+                read, _ = read_until_damage(path)
+                assert writer.n_cycles <= len(read) <= writer.n_cycles + 1
+    pipe.close(0.0)
+    os.close(read_end)
+    assert len(seen) > 2
 
 
 @pytest.mark.parametrize("blocking", [True, False])

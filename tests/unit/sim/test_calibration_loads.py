@@ -64,18 +64,18 @@ def test_rubber_creeps_as_its_chain_says_whatever_the_sampling() -> None:
         rubber = RememberingRubber()
         rubber.felt(0, _UP, load_n)
         for t_ns in range(step_ns, 3400 * _MS + 1, step_ns):
-            felt_n = rubber.felt(t_ns, _UP, load_n)[1]
+            true_force_n = rubber.felt(t_ns, _UP, load_n)[1]
         loop_n = PLAY_REL @ PLAY_N
         crept = CREEP_REL @ (1.0 - np.exp(-3.4 / CREEP_TIME_S))
-        assert felt_n[2] == pytest.approx(1.0 - loop_n + crept, rel=1e-12)
+        assert true_force_n[2] == pytest.approx(1.0 - loop_n + crept, rel=1e-12)
 
 
 def test_the_loop_is_as_wide_as_its_plays_and_the_rubber_is_at_rest_at_first() -> None:
     """On the way up and on the way down the plays lie on the two sides of the load; nothing pressed, nothing felt."""
     rubber = RememberingRubber()
     np.testing.assert_array_equal(rubber.felt(0, _UP, np.zeros(3))[1], np.zeros(3))
-    felt_n = [rubber.felt(0, _UP, size_n * _UP)[1][2] for size_n in (0.5, 1.0, 0.5)]
-    assert felt_n[2] - felt_n[0] == pytest.approx(2 * PLAY_REL @ PLAY_N)
+    true_force_n = [rubber.felt(0, _UP, size_n * _UP)[1][2] for size_n in (0.5, 1.0, 0.5)]
+    assert true_force_n[2] - true_force_n[0] == pytest.approx(2 * PLAY_REL @ PLAY_N)
 
 
 def test_made_feet_differ_and_are_the_same_each_time() -> None:

@@ -58,7 +58,7 @@ def test_a_frame_that_nobody_acknowledges_is_sent_until_somebody_does_or_once() 
     bench.wire.send(SCAN, 0)
     errors = bench.wait_until(999 * MS)
     assert (bench.heard, errors) == ([], [ErrorClass.CONTROLLER])
-    bench.wait_until(1100 * MS)
+    assert bench.wait_until(1100 * MS) == [ErrorClass.CONTROLLER]  # active again: each delivery takes one off
     assert len(bench.heard) == 12
     bench = Bench(fault, settings=PLAIN._replace(one_shot=True))
     bench.wire.send(SCAN, 0)
@@ -88,6 +88,18 @@ def test_bus_off_after_32_errors_and_back_after_the_restart() -> None:
     bench.wire.send(SCAN, 0)
     bench.wait_until(200 * MS)
     assert len(bench.heard) == 12
+
+
+def test_each_delivery_takes_one_off_the_errors_that_count_eight() -> None:
+    """Eleven failures and 36 deliveries leave 52, so that eleven failures more make it passive for a moment."""
+    failure_s = 18 * 2e-6
+    shorts = [CanBusOff(at_s=at_s, until_s=at_s + 10.5 * failure_s) for at_s in (0.0, 0.1)]
+    bench = Bench(*shorts, settings=PLAIN._replace(queue_frames=40))
+    errors = []
+    for at_ms in (0, 100, 200):
+        errors.append(bench.wait_until(at_ms * MS))
+        bench.wire.send(SCAN * 3, 0)
+    assert errors == [[], [], [ErrorClass.CONTROLLER, ErrorClass.CONTROLLER]]
 
 
 def test_without_a_restart_bus_off_is_for_good() -> None:

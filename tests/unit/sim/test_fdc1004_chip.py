@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from firmware_interface.fdc1004 import CODES_PER_PF, RATES, signed_code
-from footsense.sim.chips.fdc1004 import CAPDAC_JUMP_PF, SimulatedFdc1004
+from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 
 TRIGGER_1_AT_400 = b"\x0c\x0c\x80"
 READ_CONF = b"\x0c"
@@ -40,6 +40,10 @@ def test_a_conversion_is_not_ready_before_its_time_and_done_until_it_is_read() -
     assert word(chip, READ_CONF, T_CONV_NS) == 0x0C88
     assert word(chip, MEAS1_MSB, T_CONV_NS) == 0x2B00
     assert word(chip, READ_CONF, T_CONV_NS) == 0x0C80
+    chip.write(TRIGGER_1_AT_400, T_CONV_NS)
+    assert word(chip, MEAS1_MSB, 2 * T_CONV_NS - 1) == 0x7FFF
+    assert word(chip, READ_CONF, 2 * T_CONV_NS - 1) == 0x0C80
+    assert word(chip, MEAS1_MSB, 2 * T_CONV_NS) == 0x2B00
 
 
 def test_only_one_measurement_at_a_time_without_repeat() -> None:
@@ -108,17 +112,14 @@ def test_noise_grows_with_the_rate_as_specified(rate_sps: int) -> None:
 @pytest.mark.parametrize(
     ("capdac", "seen_pf", "read_pf"),
     [
-        (5, 16.25, 16.25 - 5 * 3.125 * 1.01),
-        (7, 20.0, 20.0 - 7 * 3.125 * 1.01),
-        (8, 20.0, 20.0 - 8 * 3.125 * 1.01 - CAPDAC_JUMP_PF),
+        (5, 16.25, 16.25 - 5 * 3.125),
+        (8, 20.0, 20.0 - 8 * 3.125),
         (5, 40.0, 16.0),
     ],
 )
-def test_the_capdac_takes_off_what_its_own_steps_are_and_jumps_at_bit_3(
-    capdac: int, seen_pf: float, read_pf: float
-) -> None:
-    """Code 5 of a chip whose steps are 1 % too large; code 8 takes off 1.4 pF more; the range ends 16 pF above."""
-    chip = SimulatedFdc1004(lambda cin, t_start, t_end: seen_pf, None, capdac_error_rel=0.01)
+def test_the_capdac_takes_off_its_nominal_steps(capdac: int, seen_pf: float, read_pf: float) -> None:
+    """One step takes 3.125 pF off; the range ends 16 pF above."""
+    chip = SimulatedFdc1004(lambda cin, t_start, t_end: seen_pf, None)
     chip.write(bytes((0x08, 0x10 | capdac >> 3, capdac << 5 & 0xFF)), 0)
     chip.write(TRIGGER_1_AT_400, 0)
     upper, lower = word(chip, MEAS1_MSB, T_CONV_NS), word(chip, b"\x01", T_CONV_NS)

@@ -40,8 +40,8 @@ def test_errors_are_against_the_truth_at_the_time_of_sending() -> None:
 
 def test_the_direction_counts_only_where_the_foot_is_loaded() -> None:
     """45 degrees off in the loaded frames, whatever the unloaded ones say."""
-    felt_n = {True: [0.0, 0.0, 1.0], False: [0.0, 0.0, 0.01]}
-    score = Score(("lf",), lambda t_ns: np.array([felt_n[t_ns % (50 * MS) > 25 * MS]]))
+    true_force_n = {True: [0.0, 0.0, 1.0], False: [0.0, 0.0, 0.01]}
+    score = Score(("lf",), lambda t_ns: np.array([true_force_n[t_ns % (50 * MS) > 25 * MS]]))
     for n in range(10):
         score.observe(cycle(n, [1.0, 0.0, 1.0] if n % 2 else [1.0, 0.0, 0.0]))
     direction = score.summary()["direction_error_deg"]

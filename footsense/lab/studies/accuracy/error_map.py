@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from footsense.foot.force_errors import direction_errors_deg, magnitude_errors_gf
+from footsense.foot.directions import angles_between_deg
+from footsense.foot.force_errors import magnitude_errors_gf
 from footsense.foot.specimen import Foot
 from footsense.lab.ball import circle, rim, touch
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF
@@ -86,7 +87,7 @@ def _read(bench: Workbench, cases: Cases, draws: int) -> _Errors:
         if draws:
             closure_rel = measured_closure_rel(design, cases.closure_um, rng)
         read_n = bench.network.force_n(closure_rel)
-        direction.append(direction_errors_deg(cases.force_n, read_n))
+        direction.append(angles_between_deg(cases.force_n, read_n))
         magnitude.append(magnitude_errors_gf(cases.force_n, read_n))
     return _Errors(np.stack(direction), np.stack(magnitude))
 

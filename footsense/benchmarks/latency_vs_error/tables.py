@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from footsense.lab.studies.latency.tradeoff_chain import BUS_HZ, HOST_COST_NS, pace
-from footsense.lab.studies.latency.tradeoff_errors import SIGMAS, Judged
-from footsense.lab.studies.latency.tradeoff_grid import FRAME_BITS, Point, grid_table
-from footsense.lab.studies.latency.tradeoff_loads import Scene
+from footsense.benchmarks.latency_vs_error.chain import BUS_HZ, HOST_COST_NS, pace
+from footsense.benchmarks.latency_vs_error.errors import SIGMAS, Judged
+from footsense.benchmarks.latency_vs_error.grid import FRAME_BITS, Point, grid_table
+from footsense.benchmarks.latency_vs_error.loads import Scene
 from footsense.lab.studies.page import table
 
 FIGURE = "tradeoff.png"

@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from footsense.lab.studies.latency.touchdown_run import (
+from footsense.benchmarks.latency_vs_error.chain import pace
+from footsense.benchmarks.touchdown.run import (
     ELEMENT,
     FRAME,
     KINDS,
@@ -17,7 +18,6 @@ from footsense.lab.studies.latency.touchdown_run import (
     Steps,
     run,
 )
-from footsense.lab.studies.latency.tradeoff_chain import pace
 from footsense.lab.studies.page import Page, Workbench, table
 
 Vector = NDArray[np.float64]
@@ -59,7 +59,7 @@ def _judge(result: Run, steps: Steps, until_s: float, kind: int) -> Found:
         times = steps.begins_s[foot, over], steps.crossed_s[foot, over]
         contact_ms += _latencies_ms(result.contact[:, foot], result, *times)
         force_ms += _latencies_ms(result.force_n[:, foot] > TOUCH_N, result, *times)
-        error_n = result.force_n[:, foot] - result.felt_n[:, foot]
+        error_n = result.force_n[:, foot] - result.true_force_n[:, foot]
         for crossed_s in times[1]:
             after = (result.sent_s > crossed_s) & (result.sent_s < crossed_s + _AFTER_S)
             squares_n2.append(np.nanmean(error_n[after] ** 2))
@@ -68,7 +68,7 @@ def _judge(result: Run, steps: Steps, until_s: float, kind: int) -> Found:
 
 def _false(seen: NDArray[np.bool_], result: Run) -> str:
     """Return how often something began to be seen in swing, and of feet that had just lifted off."""
-    begun = seen[1:] & ~seen[:-1] & (result.felt_n[1:] == 0.0)
+    begun = seen[1:] & ~seen[:-1] & (result.true_force_n[1:] == 0.0)
     swings = result.swings[1:]
     return f"{(begun & swings).sum()} / {(begun & ~swings).sum()}"
 
@@ -82,7 +82,7 @@ def _figure(found: dict[str, dict[str, Found]]) -> Figure:
     """Draw the share of touchdowns that are known over the time since."""
     figure = Figure(figsize=(9.0, 3.4), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
-    colours = dict(zip(WAYS, ("tab:gray", "tab:blue", "tab:orange"), strict=True))
+    colours = dict(zip(WAYS, ("tab:gray", "tab:blue"), strict=True))
     for axis, speed in zip(axes, ("hard", "soft"), strict=True):
         for way in WAYS:
             kinds = [kind for kind in KINDS if kind.startswith(speed)]
@@ -120,7 +120,6 @@ def _swing_rows(runs: dict[str, Run]) -> list[list[str]]:
                 _false(result.force_n > TOUCH_N, result),
                 f"{3 / hours:.0f}",
                 f"{1e3 * np.nanmax(result.force_n[result.swings]):.1f}",
-                f"{result.ganged[result.swings].mean():.0%}",
             ]
         )
     return rows
@@ -137,7 +136,7 @@ def page(bench: Workbench) -> Page:
         bench.say(f"touchdown: {way}")
     return Page(
         name="touchdown",
-        title="Touchdown: ganged, element by element, scan by scan",
+        title="Touchdown: element by element, scan by scan",
         body=_body(runs, found, quick=bench.quick),
         figures={_FIGURE: _figure(found)},
         values={"touch_n": TOUCH_N, "found": {way: _plain(found[way]) for way in WAYS}},
@@ -163,11 +162,9 @@ def _body(runs: dict[str, Run], found: dict[str, dict[str, Found]], *, quick: bo
     """Return what was asked, the tables, and what they say."""
     step_ms, lead_ms = (time_ns * 1e-6 for time_ns in pace(400))
     after_ms, touch_mn = 1e3 * _AFTER_S, 1e3 * TOUCH_N
-    scan_ms, element_ms, ganged_ms = (f"{_median_ms(found[way], 'contact_ms'):.1f}" for way in WAYS)
+    scan_ms, element_ms = (f"{_median_ms(found[way], 'contact_ms'):.1f}" for way in WAYS)
     by_force_ms = f"{_median_ms(found[ELEMENT], 'force_ms'):.1f}"
-    _, element_mn, ganged_mn = (
-        f"{np.mean([one.error_mn for one in found[way].values()]):.0f}" for way in WAYS
-    )
+    scan_mn, element_mn = (f"{np.mean([one.error_mn for one in found[way].values()]):.0f}" for way in WAYS)
     n_each = len(found[FRAME][next(iter(KINDS))].contact_ms)
     header = ["touchdown", "read", "Contact p50 / p99 [ms]", f"fz > {touch_mn:g} mN [ms]", "error rms [mN]"]
     swing_header = [
@@ -177,17 +174,16 @@ def _body(runs: dict[str, Run], found: dict[str, dict[str, Found]], *, quick: bo
         f"fz > {touch_mn:g} mN",
         "rate below [1/h], if none",
         "largest fz [mN]",
-        "read column by column",
     ]
     short = "**Quick run: few feet and steps. The figures are not those of the study.**\n\n" if quick else ""
     return f"""
 {short}How soon is a consumer told that a foot has met the ground? {n_each} touchdowns of each kind: within 5 ms to
 0.5 N, or as softly as a step of the walk, 1 N in 144 ms; in the middle of the ball, or 25 degrees beside it on any
-side. Legs are read by whole scans (`publish: frame`), by single elements (`publish: element`), or also column by column
-while they are in confirmed swing (`scan.gang: true`). A conversion every {step_ms:.2f} ms, sent {lead_ms:.2f} ms after
-its middle: no way to read can tell sooner than {lead_ms:.1f} ms, or than {lead_ms + step_ms / 2:.1f} ms on average. The
-daemon's own pipeline and the shipped network, converters with noise, steps and an unknown CAPDAC, a drift of 20 K in
-ten minutes, and in swing a tremor of {1e3 * SHAKE_N:g} mN after every step of a neighbour (an assumption).
+side. Legs are read by whole scans (`publish: frame`) or by single elements (`publish: element`). A conversion every
+{step_ms:.2f} ms, sent {lead_ms:.2f} ms after its middle: no way to read can tell sooner than {lead_ms:.1f} ms, or than
+{lead_ms + step_ms / 2:.1f} ms on average. The daemon's own pipeline and the shipped network, converters with noise and
+steps, a drift of 20 K in ten minutes, and in swing a tremor of {1e3 * SHAKE_N:g} mN after every step of a neighbour (an
+assumption).
 
 Latency from the moment at which the foot carries {touch_mn:g} mN, which is the threshold, to the frame that says so:
 with the flag `Contact`, or by its force alone. Error: of fz within {after_ms:g} ms after it, at the time of sending.
@@ -201,10 +197,8 @@ than the given rate, at 95 %.
 
 {table(swing_header, _swing_rows(runs))}
 
-Median latencies of the flag over all kinds: {scan_ms} ms by whole scans, {element_ms} ms by single elements,
-{ganged_ms} ms ganged. The flag is set as soon as the filter foresees the load from the first element that shows it,
-except in the first tenth of a second after lift-off, in which its prediction rings; the force alone, which rings
-then, tells it after {by_force_ms} ms. A sum of three elements can hardly tell sooner, and after the touchdown a ganged
-leg has to go back to its elements: one conversion is lost, and it takes a scan until all are read. Its force is off by
-{ganged_mn} mN instead of {element_mn} mN in the first {after_ms:g} ms. So ganging is off by default.
+Median latencies of the flag over all kinds: {scan_ms} ms by whole scans, {element_ms} ms by single elements. The flag
+is set as soon as the filter predicts the load from the first element that shows it, except in the first tenth of a
+second after lift-off, in which its prediction rings; the force alone, which rings then, tells it after {by_force_ms}
+ms. In the first {after_ms:g} ms the force is off by {element_mn} mN by single elements, by {scan_mn} mN by whole scans.
 """

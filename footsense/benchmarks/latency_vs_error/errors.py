@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.lab.studies.latency.tradeoff_chain import Felt, Published, Stamps, felt_by
+from footsense.benchmarks.latency_vs_error.chain import Felt, Published, Stamps, felt_by
 
 Vector = NDArray[np.float64]
 
@@ -98,12 +98,12 @@ def held(published: Published, truth: Truth) -> tuple[Vector, Vector, Vector]:
 def judge(published: Published, truth: Truth) -> Judged:
     """Return the errors of published forces between the two times of a truth."""
     counts = (published.sent_ns >= truth.begin_ns) & (published.sent_ns < truth.end_ns)
-    felt_n = felt_by(truth.feet, published.sent_ns[counts])[1]
+    true_force_n = felt_by(truth.feet, published.sent_ns[counts])[1]
     predicted = published.of_ns is published.sent_ns
-    then_n = felt_n if predicted else felt_by(truth.feet, published.of_ns[counts])[1]
+    then_n = true_force_n if predicted else felt_by(truth.feet, published.of_ns[counts])[1]
     force_n, sigma_n = published.force_n[counts], published.sigma_n[counts]
-    error_n = force_n - felt_n
-    angle_deg = angles_deg(felt_n, force_n)
+    error_n = force_n - true_force_n
+    angle_deg = angles_deg(true_force_n, force_n)
     look_ms, held_n, age_used_ms = held(published, truth)
     first = round(look_ms[0])
     looked_n = truth.look_n[first : first + len(look_ms)]
@@ -115,7 +115,7 @@ def judge(published: Published, truth: Truth) -> Judged:
         direction_deg=(float(angle_deg.mean()), float(np.percentile(angle_deg, 95))),
         used_total_mn=rms_mn(held_n - looked_n),
         used_direction_deg=float(angles_deg(looked_n, held_n).mean()),
-        within_sigma=_within(felt_n, force_n, sigma_n),
+        within_sigma=_within(true_force_n, force_n, sigma_n),
         within_sigma_then=_within(then_n, force_n, sigma_n),
         behind_ms=_behind_ms(held_n, truth.look_n, first),
     )

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footsense.benchmarks.latency_vs_error.chain import Felt, pace
+from footsense.benchmarks.latency_vs_error.errors import Truth
 from footsense.frames import ELEMENTS, LEGS
-from footsense.lab.studies.latency.tradeoff_chain import Felt, pace
-from footsense.lab.studies.latency.tradeoff_errors import Truth
 from footsense.sim.loads.ground_load import Contact, Load, Ramp, Walk, measured_walk, smooth_step
 
 #: Largest vertical force of a walk [N] and lean of its legs [deg].

@@ -13,10 +13,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
 from firmware_interface.can_frames import NODE_IDS
-from footsense.foot.network_card import TrainedInputs
-from footsense.foot.specimen import Foot
-from footsense.frames import ELEMENTS
-from footsense.lab.studies.latency.tradeoff_chain import (
+from footsense.benchmarks.latency_vs_error.chain import (
     ORDERS,
     Published,
     Readings,
@@ -25,7 +22,10 @@ from footsense.lab.studies.latency.tradeoff_chain import (
     convert,
     pace,
 )
-from footsense.lab.studies.latency.tradeoff_errors import Judged, Truth, judge, rms_mn
+from footsense.benchmarks.latency_vs_error.errors import Judged, Truth, judge, rms_mn
+from footsense.foot.network_card import TrainedInputs
+from footsense.foot.specimen import Foot
+from footsense.frames import ELEMENTS
 from footsense.lab.studies.page import table
 from footsense.lab.training.export import OnnxNetwork, onnx_model
 from footsense.lab.training.network import Weights

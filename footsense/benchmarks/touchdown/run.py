@@ -1,8 +1,6 @@
-"""Feet that touch down again and again, read three ways: what the study `touchdown` lets run.
+"""Feet that touch down repeatedly, read by whole scans and by single elements: the runs of the study `touchdown`.
 
-All feet of a run are legs of one daemon's pipeline, which is the real one. The bus is the pace of the study
-`tradeoff`, and for ganged legs what the ganged scanner does in bytes: what a frame asks for is left out of the
-conversion after the one that runs, and holds from the next on; a row switch costs one more selection of the mux.
+All feet of a run are legs of one daemon's pipeline. The bus has the pace of the study `tradeoff`.
 """
 
 import json
@@ -13,19 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface import fdc1004
-from firmware_interface.i2c_timing import transaction_bits, wire_time_ns
+from footsense.benchmarks.latency_vs_error.chain import ORDERS, pace
 from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
-from footsense.estimation.ganged import Ganged, unknown_rel
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import sensitivity
 from footsense.foot.gap_contact import capacitance_pf
 from footsense.foot.network_card import read_card
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, Flag, Reading, State
-from footsense.lab.studies.latency.tradeoff_chain import BUS_HZ, HOST_COST_NS, ORDERS, pace
 from footsense.lab.studies.page import Workbench
 
 Vector = NDArray[np.float64]
@@ -33,11 +29,10 @@ Mask = NDArray[np.bool_]
 
 TOUCH_N = 0.03
 #: Ways to read a foot.
-FRAME, ELEMENT, GANGED = WAYS = ("full scan per frame", "element by element", "ganged in swing")
+FRAME, ELEMENT = WAYS = ("full scan per frame", "element by element")
 
 _RATE_SPS = 400
 _ORDER = ORDERS["lo_shu"]
-_ROW_SWITCHES = 6
 #: First touchdown, and how long a foot is in the air and on the ground after that [s].
 _FIRST_S, _SWING_S, _STANCE_S = 1.6, (0.55, 0.75), 0.35
 #: How long a load takes to go [s].
@@ -46,7 +41,6 @@ _LIFT_S = 0.05
 _DRIFT_PF_PER_S, _DRIFT_SPREAD_REL = -1.5e-3 * 20 / 600, 0.2
 #: What a neighbour's step does to a foot in the air [N, Hz, s]: an assumption, a quarter of what counts as contact.
 SHAKE_N, _SHAKE_HZ, _SHAKE_S = TOUCH_N / 4, 25.0, 0.05
-_CAPDAC_ERROR_PF = 0.3
 _PROBE_N = 1e-3
 
 
@@ -145,19 +139,17 @@ class Run:
         sent_s: When [s], shape (frames,).
         contact: Whether CONTACT was said.
         force_n: Force along the leg [N], NaN without one.
-        felt_n: What the foot felt along the leg when it was sent [N].
+        true_force_n: What the foot felt along the leg when it was sent [N].
         usable: Whether the leg was valid.
         swings: Whether the foot was in the air for certain.
-        ganged: Whether it was read column by column, wholly or in part.
     """
 
     sent_s: Vector
     contact: Mask
     force_n: Vector
-    felt_n: Vector
+    true_force_n: Vector
     usable: Mask
     swings: Mask
-    ganged: Mask
 
 
 class _Chain:
@@ -169,14 +161,9 @@ class _Chain:
         design, moments = calibration.design, calibration.moments
         rate = fdc1004.RATES[_RATE_SPS]
         self.step_ns, self.lead_ns = pace(_RATE_SPS)
-        if way == GANGED:
-            select_ns = wire_time_ns(transaction_bits(1), BUS_HZ) + HOST_COST_NS
-            self.step_ns += _ROW_SWITCHES * select_ns // ELEMENTS
         rest_rel = float(design.plate_distance_um(np.array([design.rest_pf]))[0]) / design.gap_um
         noise_rel = rate.noise_ff * 1e-3 / design.rest_pf * rest_rel
-        unknown = unknown_rel(network, 1, moments)
         scan_ns = ELEMENTS * self.step_ns
-        self.ganged = Ganged(n_feet, moments, design, scan_ns, unknown) if way == GANGED else None
         self.pipeline = Pipeline(
             ScanByScan(network, n_feet, moments)
             if way == FRAME
@@ -189,7 +176,6 @@ class _Chain:
             contact=ContactLimits(touch_n=TOUCH_N),
             max_age_ns=4 * scan_ns,
             settled_ns=4 * scan_ns,
-            ganged=self.ganged,
         )
 
 
@@ -201,7 +187,6 @@ class _Converters:
         self._foot, self._steps, self._rng = foot, steps, rng
         spread = 1.0 + _DRIFT_SPREAD_REL * rng.standard_normal((n_feet, ELEMENTS))
         self._drift_pf_per_s = _DRIFT_PF_PER_S * spread
-        self._capdac_pf = rng.uniform(-_CAPDAC_ERROR_PF, _CAPDAC_ERROR_PF, n_feet)
         normals = steps.normals()
         # No gap shuts, so that closures are in proportion to the force.
         cells_um = foot.cells_um(normals.reshape(-1, 3), normals.reshape(-1, 3) * _PROBE_N)
@@ -212,8 +197,8 @@ class _Converters:
         self.pf = np.full((n_feet, ELEMENTS), np.nan)
         self.reading = np.full((n_feet, ELEMENTS), Reading.NOT_READY, np.uint8)
 
-    def convert(self, element: int, t_ns: int, ganged: Mask, converts: Mask) -> None:
-        """Convert one element, or its column, of some feet."""
+    def convert(self, element: int, t_ns: int) -> None:
+        """Convert one element of all feet."""
         t_s = t_ns * 1e-9
         force_n = self._steps.force_n(t_s)
         loaded = np.flatnonzero(force_n)
@@ -222,14 +207,12 @@ class _Converters:
         all_pf = np.tile(self._foot.rest_pf, (len(force_n), 1))
         all_pf[loaded] = capacitance_pf(design, design.gap_um - cells_um + design.film_equivalent_um)
         all_pf += self._drift_pf_per_s * t_s + self._steps.shakes_n(t_s)[:, None] * self._pf_per_n
-        column_pf = all_pf[:, element % 3 :: 3].sum(axis=1) + self._capdac_pf
-        seen_pf = np.where(ganged, column_pf, all_pf[:, element])
         noise_ff = fdc1004.RATES[_RATE_SPS].noise_ff
-        seen_pf = seen_pf + noise_ff * 1e-3 * self._rng.standard_normal(len(seen_pf))
+        read_pf = all_pf[:, element] + noise_ff * 1e-3 * self._rng.standard_normal(len(all_pf))
         codes_per_pf = fdc1004.CODES_PER_PF >> 8
-        self.pf[converts, element] = (np.floor(seen_pf * codes_per_pf) / codes_per_pf)[converts]
-        self.t_ns[converts, element] = t_ns
-        self.reading[converts, element] = np.where(ganged, Reading.GANGED, Reading.OK)[converts]
+        self.pf[:, element] = np.floor(read_pf * codes_per_pf) / codes_per_pf
+        self.t_ns[:, element] = t_ns
+        self.reading[:, element] = Reading.OK
 
 
 def run(bench: Workbench, way: str, steps: Steps, until_s: float, seed: int) -> Run:
@@ -245,21 +228,15 @@ def run(bench: Workbench, way: str, steps: Steps, until_s: float, seed: int) -> 
     n_feet = len(steps.kind)
     chain = _Chain(bench, way, n_feet)
     converters = _Converters(Foot(bench.response, contact=False), steps, np.random.default_rng(seed))
-    nobody = np.zeros(n_feet, bool)
-    ganged, left_out, left_out_next = nobody, nobody, nobody
     sent_s, rows = [], []
     for n in range(int(until_s * 1e9) // chain.step_ns):
         t_ns = (n + 1) * chain.step_ns
-        converters.convert(_ORDER[n % ELEMENTS], t_ns, ganged, ~left_out)
-        ganged = ganged ^ left_out
-        left_out = left_out_next
+        converters.convert(_ORDER[n % ELEMENTS], t_ns)
         if n < ELEMENTS - 1 or (way == FRAME and n % ELEMENTS != ELEMENTS - 1):
             continue
         now_ns = t_ns + chain.lead_ns
         frame = CapFrame(n, converters.t_ns.copy(), converters.pf.copy(), converters.reading.copy())
         forces, _ = chain.pipeline.process(frame, now_ns)
-        wanted = chain.pipeline.to_gang
-        left_out_next = nobody if wanted is None else wanted != ganged ^ left_out
         now_s = now_ns * 1e-9
         sent_s.append(now_s)
         rows.append(
@@ -269,7 +246,6 @@ def run(bench: Workbench, way: str, steps: Steps, until_s: float, seed: int) -> 
                 steps.force_n(now_s) * steps.upright,
                 forces.state == State.VALID,
                 steps.swings(now_s),
-                (frame.reading == Reading.GANGED).any(axis=1),
             )
         )
     return Run(np.array(sent_s), *(np.array(column) for column in zip(*rows, strict=True)))

@@ -7,9 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from footsense.foot.network_card import TrainedInputs, read_card
-from footsense.foot.specimen import Foot
-from footsense.lab.studies.latency.tradeoff_chain import (
+from footsense.benchmarks.latency_vs_error.chain import (
     ORDERS,
     Published,
     along,
@@ -19,10 +17,12 @@ from footsense.lab.studies.latency.tradeoff_chain import (
     convert,
     pace,
 )
-from footsense.lab.studies.latency.tradeoff_errors import judge, settled_ms
-from footsense.lab.studies.latency.tradeoff_grid import Bench, Point, as_runtime, grid_figure
-from footsense.lab.studies.latency.tradeoff_loads import Scene, measured_truth, scenes
-from footsense.lab.studies.latency.tradeoff_text import FIGURE, Row, Tried, body
+from footsense.benchmarks.latency_vs_error.errors import judge, settled_ms
+from footsense.benchmarks.latency_vs_error.grid import Bench, Point, as_runtime, grid_figure
+from footsense.benchmarks.latency_vs_error.loads import Scene, measured_truth, scenes
+from footsense.benchmarks.latency_vs_error.tables import FIGURE, Row, Tried, body
+from footsense.foot.network_card import TrainedInputs, read_card
+from footsense.foot.specimen import Foot
 from footsense.lab.studies.networks.network_size import learn_sizes
 from footsense.lab.studies.page import Page, Workbench
 

@@ -1,0 +1,120 @@
+"""Count what one scan runs through: `python -m footsense.benchmarks.trace [--list]`.
+
+A simulated robot walks, with the CAN sink and the observers of `footsense run --record`: journal, supervision, metrics,
+recorder, run statistics. While the loop runs, the interpreter's profiler hook counts every Python call of `footsense`
+and `firmware_interface`, clock and loop included; a comprehension or a resumed generator is a call, as it is to the
+interpreter. Left out: the simulator with its clock (`footsense/sim`), the command line, C functions, and libraries.
+What the simulator calls is left out as well: `footsense/foot`, and the register layouts that the simulated chips read
+too. The latter are given as a figure of their own, since a count by file name alone includes them.
+
+A scan of six legs is nine conversions, one turn of the loop, and two frames on CAN per leg. Counted are the scans after
+the tare. A function counts from one call in two scans on; what runs less often (a stride, a step of drift tracking) is
+in the total of calls, and marked in the list.
+"""
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import CodeType, FrameType
+
+import click
+
+import footsense
+from footsense import daemon
+from footsense.config import DEFAULT
+from footsense.sim.scene import load_scene
+from footsense.telemetry.run_statistics import Score
+
+#: Scans before anything is counted: a second of walk, which includes the tare.
+_WARM_UP = 50
+_COUNTED = 500
+#: Calls per scan from which a function counts as part of every scan.
+_LEAST_PER_SCAN = 0.5
+
+_ROOT = Path(footsense.__file__).parent.parent
+_SIMULATOR = f"{_ROOT.as_posix()}/footsense/sim/"
+_LEFT_OUT = ("footsense/sim/", "footsense/cli/", "footsense/benchmarks/")
+
+Calls = dict[tuple[str, str], float]
+
+
+def calls_per_scan() -> tuple[Calls, Calls]:
+    """Count the calls of a virtual walk.
+
+    Returns:
+        Calls per scan by module and qualified name: of the service, and of our code under the simulator.
+    """
+    service_calls: Counter[CodeType] = Counter()
+    simulator_calls: Counter[CodeType] = Counter()
+
+    def count(frame: FrameType, event: str, _argument: object) -> None:
+        if event == "call":
+            (simulator_calls if _is_simulated(frame) else service_calls)[frame.f_code] += 1
+
+    with (
+        TemporaryDirectory() as folder,
+        daemon.service(
+            DEFAULT, load_scene("measured_walk"), real_time=False, record=Path(folder) / "walk.mcap"
+        ) as service,
+    ):
+        service.observers.append(Score(service.legs, service.scanning.true_force_n))
+        service.run(_after(_WARM_UP))
+        sys.setprofile(count)
+        try:
+            service.run(_after(_COUNTED))
+        finally:
+            sys.setprofile(None)
+    return _by_function(service_calls), _by_function(simulator_calls)
+
+
+def _is_simulated(frame: FrameType | None) -> bool:
+    """Tell whether a frame belongs to the simulator, or was called by it."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith(_SIMULATOR):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _by_function(calls: Counter[CodeType]) -> Calls:
+    found: Counter[tuple[str, str]] = Counter()
+    for code, n in calls.items():
+        path = Path(code.co_filename)
+        module = path.relative_to(_ROOT).as_posix() if path.is_relative_to(_ROOT) else ""
+        if module.startswith(("footsense/", "firmware_interface/")) and not module.startswith(_LEFT_OUT):
+            found[module, code.co_qualname] += n
+    return {function: n / _COUNTED for function, n in found.items()}
+
+
+def _after(n_scans: int) -> Callable[[], bool]:
+    """Return a stop condition that is met after a number of turns of the loop."""
+    turns = iter(range(n_scans))
+    return lambda: next(turns, None) is None
+
+
+def main() -> None:
+    """Print the totals per scan; with `--list` every module and its functions before them."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--list", action="store_true", help="list modules and functions with their calls")
+    listed = parser.parse_args().list
+    calls, simulator_calls = calls_per_scan()
+    if listed:
+        for module in sorted({module for module, _ in calls}):
+            inside = {name: n for (path, name), n in calls.items() if path == module}
+            click.echo(f"{sum(inside.values()):8.1f} {module}")
+            for name, n in sorted(inside.items(), key=lambda function: -function[1]):
+                click.echo(f"{n:17.2f} {name}{'' if n >= _LEAST_PER_SCAN else '  (not in every scan)'}")
+    steady = [function for function, n in calls.items() if n >= _LEAST_PER_SCAN]
+    n_modules = len({module for module, _ in steady})
+    layouts = sum(n for (module, _), n in simulator_calls.items() if module.startswith("firmware_interface/"))
+    click.echo(
+        f"{n_modules} modules, {len(steady)} functions, {sum(calls.values()):.0f} calls per scan of six legs"
+    )
+    click.echo(f"(and {layouts:.0f} calls of register layouts by the simulated chips)")
+
+
+if __name__ == "__main__":
+    main()

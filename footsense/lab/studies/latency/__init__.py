@@ -1,1 +1,0 @@
-"""Studies of time against error."""

@@ -1,0 +1,43 @@
+"""What is connected to a bus is known for certain, or is written again."""
+
+import pytest
+
+from footsense.acquisition.upstream_bus import Trunk
+from footsense.errors import BusError
+from footsense.ports import Transaction
+
+
+class FlakyBus:
+    """A bus that takes every transaction, and fails to say so where it is told to."""
+
+    def __init__(self) -> None:
+        self.selected: list[int] = []
+        self.fails = False
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        self.selected.append(transaction.write[0])
+        if self.fails:
+            raise BusError("not heard")
+        return b""
+
+    def close(self) -> None: ...
+
+
+def test_a_selection_that_may_have_been_taken_is_written_again() -> None:
+    """After a failure neither the old legs nor the new ones count as connected."""
+    bus = FlakyBus()
+    trunk = Trunk(bus, 0x71)
+    trunk.connect((0, 1))
+    trunk.connect((0, 1))
+    assert bus.selected == [0b11]
+    bus.fails = True
+    with pytest.raises(BusError):
+        trunk.connect((2,))
+    assert not trunk.is_connected((0, 1))
+    assert not trunk.is_connected((2,))
+    bus.fails = False
+    trunk.connect((0, 1))
+    assert bus.selected == [0b11, 0b100, 0b11]
+    assert trunk.is_connected((0, 1))
+    trunk.doubt()
+    assert not trunk.is_connected((0, 1))
