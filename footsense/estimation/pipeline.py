@@ -132,8 +132,8 @@ class Pipeline:
         # Beyond either, an element is shut or out of range.
         self._least_rel = calibration.closure_rel_min
         own_um = np.full_like(stray_pf, calibration.design.gap_um) if gap_um is None else gap_um
-        self._shut_rel = calibration.shut_rel(own_um)
-        self._most_rel = calibration.most_rel(own_um)
+        self._shut_rel = calibration.gap_closed_rel(own_um)
+        self._most_rel = calibration.closure_limit_rel(own_um)
         self._at_rest = AtRest(self._footing.baseline_pf, calibration.design, self._gain_rel)
 
     @property
