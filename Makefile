@@ -1,13 +1,14 @@
 # make run       a six-legged robot walks in simulation; its foot forces, live
 # make install   the same without the walk: `. .venv/bin/activate`, then footsense
 # make test      format, lint, types, import contracts, tests: exactly what CI runs
+# make mutants ROOM=footsense/can   changes the code of a room or module in small ways, and lists what no test notices
 # All make their own .venv; only Python 3.11+, make and git are needed.
 
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: run install test format golden clean
+.PHONY: run install test mutants format golden clean
 
 run: $(VENV)/robot.stamp
 	$(BIN)/footsense run --duration 10
@@ -20,6 +21,11 @@ test: $(VENV)/dev.stamp
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n auto --dist worksteal
+
+# ARGS="--sample 200" draws some of the changes; a whole room takes an hour.
+mutants: $(VENV)/dev.stamp
+	$(BIN)/python -m pip install --quiet --group mutants
+	$(BIN)/python -m tests.mutants $(ROOM) $(ARGS)
 
 format: $(VENV)/dev.stamp
 	$(BIN)/ruff format .

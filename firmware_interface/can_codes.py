@@ -9,6 +9,7 @@ __all__ = [
     "EXPECTED",
     "NODE_IDS",
     "USABLE",
+    "BaselineStatus",
     "Cause",
     "CommandKind",
     "Flag",
@@ -16,7 +17,6 @@ __all__ = [
     "Phase",
     "Result",
     "State",
-    "ZeroStatus",
     "phase_of",
 ]
 
@@ -97,26 +97,26 @@ class Cause(IntEnum):
 
     NONE = 0  #: nothing is wrong, or nothing is known
     NO_ANSWER = 1  #: the leg's chips do not acknowledge: cable, power, or mux channel
-    LINE_HELD = 2  #: SDA or SCL is held low while the leg is connected
+    BUS_STUCK = 2  #: SDA or SCL is held low while the leg is connected
     WRONG_CHIP = 3  #: another chip answers at the converter's address
     NEVER_FINISHES = 4  #: conversions do not end
     SETTINGS_LOST = 5  #: a chip does not hold what it was told: a dip of its supply, or a deaf switch
-    GARBLED = 6  #: answers that no healthy chip gives
+    CORRUPT = 6  #: answers that no healthy chip gives
     ELEMENT_OPEN = 7  #: single elements have lost their electrode
     ELEMENT_SHORTED = 8  #: an element reads beyond anything a foot can be pressed to
     ELEMENT_STUCK = 9  #: an element no longer moves, not even by its noise
     ELEMENT_DRIFTS = 10  #: an element's zero has left the others'
     ROW_OPEN = 11  #: the line of a row is interrupted
     COLUMN_OPEN = 12  #: the line of a column is interrupted
-    GAP_SHUT = 13  #: a gap is shut: more load than the foot can tell
-    HELD_UP = 14  #: the loop or the bus was held up
+    GAP_CLOSED = 13  #: a gap is shut: more load than the foot can tell
+    DELAYED = 14  #: the loop or the bus was held up
     CANNOT_EXCITE = 15  #: the converter cannot drive the leg's rows: a short, or a leak to ground
     CALIBRATION_STALE = (
         16  #: its loads or its elements no longer fit together with the robot's; the force is as before
     )
 
 
-class ZeroStatus(IntEnum):
+class BaselineStatus(IntEnum):
     """What the tracking of a leg's zero does at the moment."""
 
     NONE = 0  #: there is no zero yet

@@ -18,7 +18,7 @@ __all__ = [
     "COMMAND_ID",
     "FAULT_ID",
     "HEARTBEAT_ID",
-    "UNASKED",
+    "UNSOLICITED",
     "WORDS",
     "Answer",
     "Command",
@@ -45,8 +45,8 @@ HEARTBEAT_ID = 0x700
 #: Source: CiA 404 auto-zero is started by writing "zero" to object 0x6125; the others follow its manner.
 WORDS = {CommandKind.TARE: b"zero", CommandKind.START: b"strt", CommandKind.STOP: b"stop"}
 
-#: Stands for the counter of the command in an answer that no command frame asked for.
-UNASKED = COUNTER_PERIOD
+#: Stands for the counter of the command in an answer that no command frame command_counter for.
+UNSOLICITED = COUNTER_PERIOD
 
 
 class UnknownCommandError(FrameError):
@@ -105,14 +105,14 @@ class Answer(NamedTuple):
         counter: Running number of the frame, 0..14.
         result: DONE, or why it was refused.
         kind: Kind byte of the command, known or not.
-        asked: Counter of the command; `UNASKED` for the tare that the service takes by itself.
+        command_counter: Counter of the command; `UNSOLICITED` for the tare that the service takes by itself.
     """
 
     node: int
     counter: int
     result: Result
     kind: int
-    asked: int
+    command_counter: int
 
 
 class Heartbeat(NamedTuple):
@@ -121,7 +121,7 @@ class Heartbeat(NamedTuple):
     Attributes:
         node: CAN node id of the leg, 1..6.
         state: State of the node.
-        degraded_timing: Whether the service runs without the scheduling that it asked for.
+        degraded_timing: Whether the service runs without the scheduling that it command_counter for.
     """
 
     node: int
@@ -203,14 +203,14 @@ def decode_command(can_id: int, data: bytes) -> Command:
     raise UnknownCommandError(code, counter, word)
 
 
-def encode_answer(node: int, counter: int, result: int, kind: int, asked: int) -> bytes:
+def encode_answer(node: int, counter: int, result: int, kind: int, command_counter: int) -> bytes:
     """Return the 4 data bytes of `Answer`.
 
     ::
 
         byte    0        1            2        3
              +-------+------+-----+------+---+-----+
-             | crc8  |result| cnt | kind | 0 |asked|   asked: counter of the command, 15: none
+             | crc8  |result| cnt | kind | 0 |command_counter|   command_counter: counter of the command, 15: none
              +-------+------+-----+------+---+-----+
                       7..4   3..0         7..4 3..0
 
@@ -218,7 +218,7 @@ def encode_answer(node: int, counter: int, result: int, kind: int, asked: int) -
         >>> encode_answer(1, 3, Result.LOADED, CommandKind.TARE, 0).hex(" ")
         '6a 23 01 00'
     """
-    return protect(ANSWER_ID + node, _ANSWER.pack(result << 4 | counter, kind, asked))
+    return protect(ANSWER_ID + node, _ANSWER.pack(result << 4 | counter, kind, command_counter))
 
 
 def decode_answer(can_id: int, data: bytes) -> Answer:
@@ -229,12 +229,12 @@ def decode_answer(can_id: int, data: bytes) -> Answer:
     """
     node = node_of(can_id, ANSWER_ID)
     counter = check(can_id, data, 4)
-    head, kind, asked = _ANSWER.unpack_from(data, 1)
+    head, kind, command_counter = _ANSWER.unpack_from(data, 1)
     try:
         result = Result(head >> 4)
     except ValueError:
         raise FrameError(f"no result has the code {head >> 4}") from None
-    return Answer(node, counter, result, kind, asked & 0xF)
+    return Answer(node, counter, result, kind, command_counter & 0xF)
 
 
 def encode_heartbeat(state: NmtState, *, degraded_timing: bool = False) -> bytes:

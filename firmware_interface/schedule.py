@@ -1,7 +1,7 @@
 """How fast a scan can be: what chips, bus and host allow, whatever program drives them.
 
-`README.md` in this folder derives it in words. The scanner plans with these figures, and `footsense bench` holds what
-it reaches against them.
+`README.md` in this folder derives it in words. The scanner plans with these figures, and `footsense benchmark`
+compares the measured scan with them.
 """
 
 from typing import NamedTuple

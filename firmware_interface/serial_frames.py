@@ -100,7 +100,7 @@ class NoValue(IntEnum):
     OVER_RANGE = 3  #: it stands at an end of the converter's range
     MISCONFIGURED = 4  #: the switches or the converter do not hold their setting
     WRONG_CHIP = 6  #: another chip answers
-    GARBLED = 7  #: an answer that no healthy chip gives
+    CORRUPT = 7  #: an answer that no healthy chip gives
 
 
 class Record(NamedTuple):

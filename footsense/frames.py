@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface.can_codes import EXPECTED, USABLE, Cause, ZeroStatus
+from firmware_interface.can_codes import EXPECTED, USABLE, BaselineStatus, Cause
 from firmware_interface.can_frames import NODE_IDS, CommandKind, Flag, Result, State
 
 __all__ = [
@@ -20,20 +20,20 @@ __all__ = [
     "EXPECTED",
     "LEGS",
     "USABLE",
+    "BaselineDrift",
+    "BaselineStatus",
     "CapFrame",
     "Cause",
     "Command",
     "CommandKind",
+    "CommandResult",
+    "ContactFrame",
     "Cycle",
     "Flag",
-    "ForceFrame",
-    "Outcome",
     "Reading",
     "Reference",
     "Result",
     "State",
-    "Zero",
-    "ZeroStatus",
 ]
 
 #: Elements of a foot: a 3 x 3 grid, flat index 3 * row + column, row 0 the most forward, column 0 the leftmost.
@@ -51,10 +51,10 @@ class Reading(IntEnum):
     NOT_READY = 2  #: the conversion had not finished when it was read
     OVER_RANGE = 3  #: the code stands at the end of the converter's range
     MISCONFIGURED = 4  #: the leg's row switch or converter does not hold the setting that it was given
-    LINE_HELD = 5  #: SDA or SCL is held low while the leg is connected
+    BUS_STUCK = 5  #: SDA or SCL is held low while the leg is connected
     WRONG_CHIP = 6  #: another chip answers at the converter's address
-    GARBLED = 7  #: an answer that no healthy chip gives
-    HELD_UP = 8  #: the bus was busy with what is wrong elsewhere
+    CORRUPT = 7  #: an answer that no healthy chip gives
+    DELAYED = 8  #: the bus was busy with what is wrong elsewhere
     EXCITATION = 10  #: the converter cannot drive the leg's rows: a short, or a leak to ground
     UNDER_RANGE = 11  #: the code stands at the lower end of a range that begins above 0
 
@@ -89,11 +89,11 @@ class CapFrame:
             )
 
 
-class Zero(NamedTuple):
+class BaselineDrift(NamedTuple):
     """Where the zero of every leg stands and why.
 
     Attributes:
-        status: What its tracking does, shape (legs,), uint8 of `ZeroStatus`.
+        status: What its tracking does, shape (legs,), uint8 of `BaselineStatus`.
         mean_pf: Mean over the elements of how far it has moved since the leg's last tare [pF], shape (legs,).
         worst_pf: The same of the element that moved farthest [pF], shape (legs,).
         moved_ns: When it was last moved or tared [ns], shape (legs,), int64; 0 where there is none.
@@ -105,14 +105,14 @@ class Zero(NamedTuple):
     moved_ns: NDArray[np.int64]
 
     @classmethod
-    def none(cls, n_legs: int) -> "Zero":
+    def none(cls, n_legs: int) -> "BaselineDrift":
         """Return that of legs without any."""
         nan = np.full(n_legs, np.nan)
-        return cls(np.full(n_legs, ZeroStatus.NONE, np.uint8), nan, nan, np.zeros(n_legs, np.int64))
+        return cls(np.full(n_legs, BaselineStatus.NONE, np.uint8), nan, nan, np.zeros(n_legs, np.int64))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ForceFrame:
+class ContactFrame:
     """The contact force of every leg, as the consumer is to believe it.
 
     Attributes:
@@ -127,7 +127,7 @@ class ForceFrame:
         fault_mask: Bit e set where element e is not usable, shape (legs,), uint16.
         flags: Notes that do not forbid the value, shape (legs,), uint8 of `Flag`.
         cause: What lies behind the state, shape (legs,), uint8 of `Cause`.
-        zero: Where the legs' zeros stand.
+        baseline: Status and drift of the baselines.
     """
 
     sequence: int
@@ -139,7 +139,7 @@ class ForceFrame:
     fault_mask: NDArray[np.uint16]
     flags: NDArray[np.uint8]
     cause: NDArray[np.uint8]
-    zero: Zero
+    baseline: BaselineDrift
 
     @property
     def age_ns(self) -> NDArray[np.int64]:
@@ -159,7 +159,7 @@ class Command(NamedTuple):
     leg: int
 
 
-class Outcome(NamedTuple):
+class CommandResult(NamedTuple):
     """What became of a command, or of the tare that the daemon takes by itself at start.
 
     Attributes:
@@ -178,7 +178,7 @@ class Reference(NamedTuple):
 
     Attributes:
         t_ns: When each sample was taken, in the daemon's clock [ns, monotonic], shape (n,), int64.
-        force_n: Ground reaction on the foot in the leg's frame, as in `ForceFrame` [N], shape (n, 3).
+        force_n: Ground reaction on the foot in the leg's frame, as in `ContactFrame` [N], shape (n, 3).
         saturated: Whether an axis stood at the end of its range, shape (n,).
     """
 
@@ -202,14 +202,14 @@ class Cycle(NamedTuple):
 
     scan: CapFrame
     commands: tuple[Command, ...]
-    forces: ForceFrame
-    outcomes: tuple[Outcome, ...]
+    forces: ContactFrame
+    outcomes: tuple[CommandResult, ...]
     reference: Reference | None = None
     temperature_c: NDArray[np.float64] | None = None
 
 
 @dataclass(slots=True)
-class CanStats:
+class CanStatistics:
     """Numbers of frames and events since the channel was first opened.
 
     Attributes:

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import CapFrame, Command, Cycle, ForceFrame, Outcome, Reference
+from footsense.frames import CapFrame, Command, CommandResult, ContactFrame, Cycle, Reference
 
 
 class Transaction(NamedTuple):
@@ -171,7 +171,7 @@ class Estimator(Protocol):
 class ForceSink(Protocol):
     """Where forces go, and where commands come from."""
 
-    def publish(self, frame: ForceFrame) -> None:
+    def publish(self, frame: ContactFrame) -> None:
         """Send one frame; a value that cannot be sent now is dropped and counted, never sent late."""
         ...
 
@@ -179,7 +179,7 @@ class ForceSink(Protocol):
         """Return the commands that have arrived since the last call, oldest first; never waits."""
         ...
 
-    def answer(self, outcome: Outcome) -> None:
+    def answer(self, outcome: CommandResult) -> None:
         """Tell whoever asked what became of a command."""
         ...
 

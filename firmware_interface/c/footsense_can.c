@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-enum { LAST_STATE = FOOTSENSE_STARTING, LAST_CAUSE = 16, LAST_ZERO_STATUS = 5, LAST_RESULT = 5 };
+enum { LAST_STATE = FOOTSENSE_STARTING, LAST_CAUSE = 16, LAST_BASELINE_STATUS = 5, LAST_RESULT = 5 };
 
 /* The word that a command spells out beside its kind, so that no stray frame is one. */
 static const uint8_t words[4][4] = {
@@ -105,13 +105,13 @@ static int32_t offset_af(int16_t code)
     return code == INT16_MIN ? FOOTSENSE_NO_OFFSET : code * 100;
 }
 
-bool footsense_decode_zero(uint16_t id, const uint8_t *data, uint8_t len, footsense_zero *out)
+bool footsense_decode_baseline(uint16_t id, const uint8_t *data, uint8_t len, footsense_baseline *out)
 {
-    if (!is_whole(id, data, len, FOOTSENSE_ZERO_ID, 8) || data[1] >> 4 > LAST_ZERO_STATUS) {
+    if (!is_whole(id, data, len, FOOTSENSE_BASELINE_ID, 8) || data[1] >> 4 > LAST_BASELINE_STATUS) {
         return false;
     }
     uint16_t age = u16(data + 6);
-    out->node = node_of(id, FOOTSENSE_ZERO_ID);
+    out->node = node_of(id, FOOTSENSE_BASELINE_ID);
     out->counter = data[1] & 0x0Fu;
     out->status = data[1] >> 4;
     out->mean_af = offset_af(i16(data + 2));
@@ -129,7 +129,7 @@ bool footsense_decode_answer(uint16_t id, const uint8_t *data, uint8_t len, foot
     out->result = data[1] >> 4;
     out->counter = data[1] & 0x0Fu;
     out->kind = data[2];
-    out->asked = data[3] & 0x0Fu;
+    out->command_counter = data[3] & 0x0Fu;
     return true;
 }
 

@@ -1,6 +1,6 @@
 /* The CAN frames of footsense as bytes and numbers, for the gait controller. C99, no allocation, no floats.
  *
- * The same frames as ../can_frames.py, ../can_zero.py, ../can_events.py and ../footsense.dbc; ../vectors holds for
+ * The same frames as ../can_frames.py, ../can_baseline.py, ../can_events.py and ../footsense.dbc; ../vectors holds for
  * all of them. What a stream of frames is worth, frame after frame, is judged in footsense_link.h.
  *
  * Every decoder returns false, and leaves *out alone, unless id, length, crc, counter and codes are right: a code
@@ -21,7 +21,7 @@ extern "C" {
 #define FOOTSENSE_FORCE_ID 0x180u
 #define FOOTSENSE_COMMAND_ID 0x200u
 #define FOOTSENSE_QUALITY_ID 0x280u
-#define FOOTSENSE_ZERO_ID 0x380u
+#define FOOTSENSE_BASELINE_ID 0x380u
 #define FOOTSENSE_ANSWER_ID 0x580u
 #define FOOTSENSE_HEARTBEAT_ID 0x700u
 
@@ -35,7 +35,7 @@ extern "C" {
 #define FOOTSENSE_NO_AGE UINT32_MAX
 
 /* Stands for the counter of the command in an answer that no command asked for. */
-#define FOOTSENSE_UNASKED 15u
+#define FOOTSENSE_UNSOLICITED 15u
 
 enum footsense_state {
     FOOTSENSE_ABSENT = 0,
@@ -92,18 +92,18 @@ typedef struct {
 typedef struct {
     uint8_t node;
     uint8_t counter;
-    uint8_t status;   /* ../can_codes.py, ZeroStatus */
-    int32_t mean_af;  /* how far the zero has moved since the last tare, mean of the elements [aF] */
-    int32_t worst_af; /* the same of the element that moved farthest [aF]; FOOTSENSE_NO_OFFSET */
+    uint8_t status;   /* ../can_codes.py, BaselineStatus */
+    int32_t mean_af;  /* baseline offset since the last tare, mean of the elements [aF] */
+    int32_t worst_af; /* that of the element with the largest [aF]; FOOTSENSE_NO_OFFSET */
     uint32_t age_ms;  /* since it last moved; 6553400: or more; FOOTSENSE_NO_AGE: there is none */
-} footsense_zero;
+} footsense_baseline;
 
 typedef struct {
     uint8_t node;
     uint8_t result; /* FOOTSENSE_DONE, or why not */
     uint8_t counter;
     uint8_t kind;  /* that of the command */
-    uint8_t asked; /* counter of the command, or FOOTSENSE_UNASKED */
+    uint8_t command_counter; /* counter of the command, or FOOTSENSE_UNSOLICITED */
 } footsense_answer;
 
 typedef struct {
@@ -119,7 +119,7 @@ uint8_t footsense_crc8(uint16_t id, const uint8_t *data, uint8_t len);
 bool footsense_decode_force(uint16_t id, const uint8_t *data, uint8_t len, footsense_force *out);
 bool footsense_decode_quality(uint16_t id, const uint8_t *data, uint8_t len, footsense_quality *out);
 bool footsense_decode_fault(uint16_t id, const uint8_t *data, uint8_t len, footsense_fault *out);
-bool footsense_decode_zero(uint16_t id, const uint8_t *data, uint8_t len, footsense_zero *out);
+bool footsense_decode_baseline(uint16_t id, const uint8_t *data, uint8_t len, footsense_baseline *out);
 bool footsense_decode_answer(uint16_t id, const uint8_t *data, uint8_t len, footsense_answer *out);
 bool footsense_decode_heartbeat(uint16_t id, const uint8_t *data, uint8_t len, footsense_heartbeat *out);
 

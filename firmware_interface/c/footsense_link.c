@@ -147,9 +147,9 @@ static footsense_status status_of(const footsense_link *link, const footsense_le
     return leg->status;
 }
 
-footsense_view footsense_look(const footsense_link *link, uint8_t node, uint64_t now_us)
+footsense_leg_force footsense_get_leg_force(const footsense_link *link, uint8_t node, uint64_t now_us)
 {
-    footsense_view view;
+    footsense_leg_force view;
     memset(&view, 0, sizeof view);
     view.age_us = FOOTSENSE_NO_AGE;
     for (int axis = 0; axis < 3; axis++) {

@@ -61,9 +61,9 @@ typedef struct {
     int16_t force_mn[3];  /* FOOTSENSE_NO_FORCE unless usable */
     uint16_t sigma_mn[3]; /* FOOTSENSE_NO_SIGMA unless usable */
     uint32_t age_us;      /* of the measurement, now; FOOTSENSE_NO_AGE unless usable */
-} footsense_view;
+} footsense_leg_force;
 
-/* One leg's memory; read it through footsense_look. */
+/* One leg's memory; read it through footsense_get_leg_force. */
 typedef struct {
     footsense_force force;     /* the last that came with its quality */
     footsense_quality quality;
@@ -93,7 +93,7 @@ void footsense_link_init(footsense_link *link, const footsense_limits *limits);
 bool footsense_feed(footsense_link *link, uint16_t id, const uint8_t *data, uint8_t len, uint64_t now_us);
 
 /* What is known of the leg of `node`, 1..6, at `now_us`. Any other node is STALE and not usable. */
-footsense_view footsense_look(const footsense_link *link, uint8_t node, uint64_t now_us);
+footsense_leg_force footsense_get_leg_force(const footsense_link *link, uint8_t node, uint64_t now_us);
 
 #ifdef __cplusplus
 }

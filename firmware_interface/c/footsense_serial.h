@@ -27,7 +27,7 @@ enum footsense_no_value {
     FOOTSENSE_OVER_RANGE = 3,
     FOOTSENSE_MISCONFIGURED = 4,
     FOOTSENSE_WRONG_CHIP = 6,
-    FOOTSENSE_GARBLED = 7
+    FOOTSENSE_CORRUPT = 7
 };
 
 /* What stands in place of a capacitance that is not there. */

@@ -146,7 +146,7 @@ class BusScanner:
     def _held_up(self, elements: int | slice) -> BusScan:
         """Return the latest readings without those of these elements, which could not be read in time."""
         for row, leg in enumerate(self._legs):
-            self._latest.void((row, elements), Reading.HELD_UP if leg.in_scan else leg.outcome)
+            self._latest.void((row, elements), Reading.DELAYED if leg.in_scan else leg.outcome)
         return self._latest.copied()
 
     def _take_temperatures(self) -> None:
@@ -235,7 +235,7 @@ class BusScanner:
             except BusError as error:
                 self._look_for_holder(error)
                 self._trunk.doubt()  # the mux may have lost its selection: then nobody is there to answer
-                unread = Reading.NO_ANSWER if isinstance(error, NackError) else Reading.HELD_UP
+                unread = Reading.NO_ANSWER if isinstance(error, NackError) else Reading.DELAYED
             else:
                 return Conversion(step, self._clock.now_ns(), legs, bool(select), Reading.NO_ANSWER)
         return Conversion(step, self._clock.now_ns(), (), bool(select), unread)
@@ -284,7 +284,7 @@ class BusScanner:
                 self._trunk.connect((leg.channel,))
                 if step.done and not all_done:
                     reading = step.done.says(self._trunk.bus.transfer(step.done.ask))
-                    if reading is Reading.GARBLED:
+                    if reading is Reading.CORRUPT:
                         continue
                     if reading is Reading.NOT_READY:
                         return reading, _NAN
@@ -294,7 +294,7 @@ class BusScanner:
             except BusError as error:
                 self._look_for_holder(error)
                 self._trunk.doubt()
-                reading = Reading.NO_ANSWER if isinstance(error, NackError) else Reading.HELD_UP
+                reading = Reading.NO_ANSWER if isinstance(error, NackError) else Reading.DELAYED
         return reading, _NAN
 
     def _is_checked(self, conversion: Conversion) -> bool:

@@ -182,8 +182,8 @@ class KernelMuxScanner:
         """Say what an error means; a leg that holds a line is left alone for a while: each try costs a timeout."""
         if not isinstance(error, BusTimeoutError):
             return Reading.NO_ANSWER
-        leg.leave(Reading.LINE_HELD, str(error), self._clock.now_ns())
-        return Reading.LINE_HELD
+        leg.leave(Reading.BUS_STUCK, str(error), self._clock.now_ns())
+        return Reading.BUS_STUCK
 
     def _begin_anew(self, row: int, step: Step) -> None:
         """Start a conversion on a leg of which nothing is known; what its converter has left is read away first."""

@@ -31,8 +31,8 @@ _WORDS = {
     Reading.NO_ANSWER: "does not answer",
     Reading.NOT_READY: "does not finish its conversions",
     Reading.MISCONFIGURED: "does not hold its settings",
-    Reading.GARBLED: "answers as no converter does",
-    Reading.LINE_HELD: "holds a line of the bus low",
+    Reading.CORRUPT: "answers as no converter does",
+    Reading.BUS_STUCK: "holds a line of the bus low",
     Reading.EXCITATION: "cannot excite its rows: look for a short or a leak from one to ground",
 }
 
@@ -76,7 +76,7 @@ class LegLink:
             for write in select:
                 bus.transfer(write)
         except BusTimeoutError as error:
-            self.leave(Reading.LINE_HELD, str(error), now_ns, pauses=HOLDER_PAUSES)
+            self.leave(Reading.BUS_STUCK, str(error), now_ns, pauses=HOLDER_PAUSES)
         except WrongChipError as error:
             self.leave(Reading.WRONG_CHIP, str(error), now_ns)
         except HardwareError as error:

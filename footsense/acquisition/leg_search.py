@@ -36,13 +36,13 @@ def leave_out_holders(trunk: Trunk, legs: Sequence[LegLink], ask: Transaction, c
             except BusTimeoutError:
                 free = trunk.free()
                 leg.leave(
-                    Reading.LINE_HELD, "holds a line of the bus low", clock.now_ns(), pauses=HOLDER_PAUSES
+                    Reading.BUS_STUCK, "holds a line of the bus low", clock.now_ns(), pauses=HOLDER_PAUSES
                 )
             except BusError as error:  # its own trouble, which the scan will see too
                 _log.debug("leg %s: %s", leg.name, error)
         else:
             why = "the bus is held low and does not get free"
-            leg.leave(Reading.LINE_HELD, why, clock.now_ns(), pauses=HELD_PAUSES)
+            leg.leave(Reading.BUS_STUCK, why, clock.now_ns(), pauses=HELD_PAUSES)
 
 
 def probe(
@@ -67,7 +67,7 @@ def probe(
     try:
         trunk.connect((leg.channel,))
     except BusTimeoutError as error:
-        leg.leave(Reading.LINE_HELD, str(error), clock.now_ns(), pauses=HELD_PAUSES)
+        leg.leave(Reading.BUS_STUCK, str(error), clock.now_ns(), pauses=HELD_PAUSES)
         for other in others:
             if not other.in_scan:
                 other.retry_at_ns = max(other.retry_at_ns, leg.retry_at_ns)
@@ -75,7 +75,7 @@ def probe(
         leg.leave(Reading.NO_ANSWER, str(error), clock.now_ns())
     else:
         leg.probe(trunk.bus, board, select, clock)
-        if leg.outcome is Reading.LINE_HELD:
+        if leg.outcome is Reading.BUS_STUCK:
             trunk.free()
 
 
@@ -94,5 +94,5 @@ def probe_due(
         probe(trunk, leg, legs, board, select, clock)
         if leg.in_scan:
             leg.outcome = outcome  # it was not told of the conversion that runs, and joins with the next scan
-        elif leg.outcome is Reading.LINE_HELD:
+        elif leg.outcome is Reading.BUS_STUCK:
             return

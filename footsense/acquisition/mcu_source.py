@@ -44,9 +44,9 @@ _LONGEST_SCANS = 1.5
 _TELL_NS, _LOOK_NS = 10 * _NS_PER_S, _NS_PER_S
 
 _NO_VALUE_ENDS = NO_VALUE + N_CODES
-_READING_OF_CODE = np.full(N_CODES, Reading.GARBLED, np.uint8)
+_READING_OF_CODE = np.full(N_CODES, Reading.CORRUPT, np.uint8)
 _READING_OF_CODE[list(NoValue)] = list(NoValue)
-_GARBLED = pack_values([NO_VALUE + Reading.GARBLED] * ELEMENTS)
+_CORRUPT = pack_values([NO_VALUE + Reading.CORRUPT] * ELEMENTS)
 
 #: Place of each element in the scan, by the flag that tells the order, shape (2, 9).
 _PLACES = np.array([np.argsort(ORDERS[order]) for order in ("raster", "lo_shu")])
@@ -169,7 +169,7 @@ class RecordSource:
                 self._expected |= {row}
             self._deadline_ns = now_ns + self._silent_ns
             if record.step_us > self._longest_step_us:
-                record = sent._replace(step_us=0, values=_GARBLED)
+                record = sent._replace(step_us=0, values=_CORRUPT)
             scan = self._scan
             if scan is not None and (row in scan.records or not self._is_near(record.t_us, scan.t_us)):
                 self._emit(now_ns)
@@ -205,7 +205,7 @@ class RecordSource:
         t_ns = np.zeros((n_legs, ELEMENTS), np.int64)
         capacitance_pf = np.full((n_legs, ELEMENTS), np.nan)
         reading = np.full((n_legs, ELEMENTS), Reading.NO_ANSWER, np.uint8)
-        reading[list(speaking)] = Reading.HELD_UP
+        reading[list(speaking)] = Reading.DELAYED
         if self._scan is not None:
             rows = list(self._scan.records)
             t_ns[rows], capacitance_pf[rows], reading[rows] = _readings(self._scan, now_ns)
@@ -253,7 +253,7 @@ def _readings(scan: _Scan, now_ns: int) -> tuple[NDArray[np.int64], NDArray[np.f
     without = values_af < _NO_VALUE_ENDS
     if without.any() or ahead.any():
         reading[without] = _READING_OF_CODE[values_af[without] - NO_VALUE]
-        reading[ahead] = Reading.GARBLED
+        reading[ahead] = Reading.CORRUPT
         without |= ahead[:, None]
         capacitance_pf[without] = np.nan
         t_ns[without & (reading != Reading.OVER_RANGE)] = 0

@@ -1,4 +1,4 @@
-/* The floor of `footsense bench`: what one cycle of six legs costs where nothing is Python.
+/* The floor of `footsense benchmark`: what one cycle of six legs costs where nothing is Python.
  *
  * The same way as the service's, in one call: commands asked for, codes to capacitances to distances, stray and
  * baseline, the elements brought to one time and held against each other, the network two ways for every leg, states,
@@ -217,10 +217,10 @@ struct record {
     int64_t sequence, force_sequence, sent_ns, scan_t_ns[N];
     double capacitance_pf[N];
     int64_t force_t_ns[LEGS];
-    double force_n[LEGS][3], sigma_n[LEGS][3], zero_mean_pf[LEGS], zero_worst_pf[LEGS];
-    int64_t zero_moved_ns[LEGS];
+    double force_n[LEGS][3], sigma_n[LEGS][3], baseline_mean_pf[LEGS], baseline_worst_pf[LEGS];
+    int64_t baseline_moved_ns[LEGS];
     uint16_t fault_mask[LEGS];
-    uint8_t reading[N], state[LEGS], flags[LEGS], cause[LEGS], zero_status[LEGS];
+    uint8_t reading[N], state[LEGS], flags[LEGS], cause[LEGS], baseline_status[LEGS];
 };
 
 /* One cycle; returns 0, or 1 + the first leg that gives no force. `force_n` gets shape (legs, 3). */

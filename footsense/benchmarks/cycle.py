@@ -1,4 +1,4 @@
-"""The part of `footsense bench` about one cycle: what it costs us, a floor in C, and a naive program, in turns.
+"""The part of `footsense benchmark` about one cycle: what it costs us, a floor in C, and a naive program, in turns.
 
 A whole cycle: estimate, publish, count, record. Each of the three sends to a socket of the same kind, a stand-in for
 CAN's that any machine has, and records into a pipe of the same kind; both are drained between cycles.
@@ -24,7 +24,7 @@ from footsense.clock import foremost, stopwatch_ns, undisturbed
 from footsense.config import DEFAULT, Realtime
 from footsense.daemon.loop import step
 from footsense.errors import FootsenseError
-from footsense.frames import CanStats, CapFrame, Cycle, Flag, State
+from footsense.frames import CanStatistics, CapFrame, Cycle, Flag, State
 from footsense.recording.cycle_pipe import CyclePipe
 from footsense.sim.clock import VirtualClock
 from footsense.sim.scene import load_scene
@@ -104,13 +104,13 @@ class OurCycle(NamedTuple):
     Attributes:
         run: Does one cycle with a scan, as of a time [ns].
         baseline_pf: Returns the zeros that the next cycle begins with [pF], shape (legs, 9).
-        metrics: Its counters.
+        counters: File of its metrics.
         outlets: Where its frames and records go.
     """
 
     run: Callable[[CapFrame, int], Cycle]
     baseline_pf: Callable[[], NDArray[np.float64]]
-    metrics: Metrics
+    counters: Path
     outlets: Outlets
 
 
@@ -121,24 +121,28 @@ def our_cycle() -> Iterator[OurCycle]:
     Yields:
         The cycle; its counters are there until the end.
     """
-    clock, stats, outlets = VirtualClock(), CanStats(), Outlets()
+    clock, stats, outlets = VirtualClock(), CanStatistics(), Outlets()
     pipeline = daemon.pipeline_for(DEFAULT, daemon.load_network(DEFAULT), Flag.SIMULATED)
     wire = SocketWire(outlets.socket, lambda: None)
-    metrics = Metrics(DEFAULT.legs, stats)
-    observers = (
-        Journal(DEFAULT.legs),
-        Supervision(SystemdNotifier({}), DEFAULT.legs),
-        metrics,
-        _Recording(outlets.pipe, DEFAULT.legs),
-    )
-    with daemon.can_sink(DEFAULT, clock, None, stats, connect=lambda: wire) as sink:
+    with (
+        TemporaryDirectory(dir="/dev/shm") as folder,
+        daemon.can_sink(DEFAULT, clock, None, stats, connect=lambda: wire) as sink,
+    ):
+        counters = Path(folder) / "counters"
+        metrics = Metrics(DEFAULT.legs, stats, counters)
+        observers = (
+            Journal(DEFAULT.legs),
+            Supervision(SystemdNotifier({}), DEFAULT.legs),
+            metrics,
+            _Recording(outlets.pipe, DEFAULT.legs),
+        )
 
         def run(scan: CapFrame, now_ns: int) -> Cycle:
             clock.sleep_until_ns(now_ns)
             return step(scan, tuple(sink.commands()), pipeline, sink, observers, clock)
 
         try:
-            yield OurCycle(run, lambda: pipeline.baseline_pf, metrics, outlets)
+            yield OurCycle(run, lambda: pipeline.baseline_pf, counters, outlets)
         finally:
             metrics.close()
     outlets.close()
@@ -162,7 +166,7 @@ def tared_floor(folder: Path, scans: list[CapFrame]) -> Floor:
         FootsenseError: It cannot be compiled.
     """
     floor = Floor(folder, DEFAULT, daemon.load_network(DEFAULT).card.trained_inputs)
-    floor.tare(np.mean([scan.capacitance_pf for scan in scans[: DEFAULT.tare.window_frames]], axis=0))
+    floor.tare(np.mean([scan.capacitance_pf for scan in scans[: DEFAULT.tare.window_scans]], axis=0))
     return floor
 
 

@@ -1,4 +1,4 @@
-"""The yardstick of `footsense bench`: the same work as a straightforward program does it.
+"""The yardstick of `footsense benchmark`: the same work as a straightforward program does it.
 
 It scans leg by leg and element by element and waits for each conversion; it infers leg by leg, encodes with cantools,
 builds every CAN message anew, looks every metric up by its labels, and records JSON. Nothing of the daemon uses this.
@@ -21,7 +21,7 @@ from firmware_interface import crc8, tca9548a
 from footsense import daemon
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.config import Bus, Config
-from footsense.frames import CapFrame, Flag, ForceFrame, State
+from footsense.frames import CapFrame, ContactFrame, Flag, State
 from footsense.ports import Clock, I2cBus, Transaction
 
 __all__ = ["NaiveCycle", "naive_cycle", "sequential_scan"]
@@ -113,7 +113,7 @@ class NaiveCycle:
             }
         os.write(pipe, json.dumps(record).encode() + b"\n")
 
-    def _count(self, leg: str, forces: ForceFrame) -> None:
+    def _count(self, leg: str, forces: ContactFrame) -> None:
         state = State(int(forces.state[0])).name.lower()
         self._scans.labels(leg=leg, state=state).inc()
         self._state.labels(leg=leg).set(int(forces.state[0]))
@@ -121,12 +121,12 @@ class NaiveCycle:
         for axis, force_n in zip("xyz", forces.force_n[0], strict=True):
             self._force.labels(leg=leg, axis=axis).set(float(force_n))
 
-    def _force_signals(self, forces: ForceFrame) -> dict[str, float]:
+    def _force_signals(self, forces: ContactFrame) -> dict[str, float]:
         force_n = np.nan_to_num(forces.force_n[0], nan=-32.768)
         axes = dict(zip(("ForceX", "ForceY", "ForceZ"), force_n.round(3).tolist(), strict=True))
         return {"State": int(forces.state[0]), **axes}
 
-    def _quality_signals(self, forces: ForceFrame) -> dict[str, float]:
+    def _quality_signals(self, forces: ContactFrame) -> dict[str, float]:
         sigma_n = np.nan_to_num(forces.sigma_n[0], nan=1.022)
         flags = Flag(int(forces.flags[0]))
         return {

@@ -1,4 +1,4 @@
-"""The part of `footsense bench` in virtual time: how long a scan takes, and how old a force is when it is sent.
+"""The part of `footsense benchmark` in virtual time: how long a scan takes, and how old a force is when it is sent.
 
 Bus bits, conversions and host costs are exact there: the same figures on every machine.
 """

@@ -1,4 +1,4 @@
-"""The part of `footsense bench` about time: how late the loop wakes at 500 Hz, beside a loop in C in the same run.
+"""The part of `footsense benchmark` about time: how late the loop wakes at 500 Hz, beside a loop in C in the same run.
 
     python -m footsense.benchmarks.wakeup_latency ours|c FOLDER
 
@@ -28,7 +28,6 @@ from footsense.benchmarks.cycle import PRIORITY, WARM_UP, Outlets, our_cycle, se
 from footsense.clock import MonotonicClock, request_realtime, undisturbed
 from footsense.errors import FootsenseError
 from footsense.frames import CapFrame
-from footsense.telemetry.exporter_process import start_exporter
 
 __all__ = ["jitter_figures"]
 
@@ -190,14 +189,29 @@ def _rounds(played: list[tuple[CapFrame, int]]) -> Iterator[tuple[CapFrame, int]
             )
 
 
+@contextlib.contextmanager
+def _exporter(counters: Path) -> Iterator[int]:
+    """Run `footsense exporter`; yield its port."""  # noqa: DOC402 - one line
+    with subprocess.Popen(  # noqa: S603 - our own module
+        [sys.executable, "-P", "-m", "footsense", "exporter", "--counters", str(counters), "--port", "0"],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        try:
+            yield int(process.stdout.readline().rpartition(":")[2].partition("/")[0])
+        finally:
+            process.terminate()
+
+
 def _serve_ours(scans: list[CapFrame]) -> None:
-    with our_cycle() as cycle:
-        exporter = start_exporter(cycle.metrics.path, "127.0.0.1", 0)
+    with our_cycle() as cycle, _exporter(cycle.counters) as port:
         refusals = request_realtime(PRIORITY, None)
         for scan in scans[:WARM_UP]:
             cycle.run(scan, sent_ns(scan))
             cycle.outlets.drain()
-        _say({"port": exporter.port, "refusals": refusals})
+        _say({"port": port, "refusals": refusals})
         clock = MonotonicClock()
         rounds = _rounds([(scan, sent_ns(scan)) for scan in scans[WARM_UP:]])
         for line in sys.stdin:
@@ -212,7 +226,6 @@ def _serve_ours(scans: list[CapFrame]) -> None:
                     cycle.run(*next(rounds))
                     cycle.outlets.drain()
             _say({"late_ns": late_ns})
-        exporter.close()
 
 
 def _serve_c(scans: list[CapFrame], folder: Path) -> None:

@@ -6,7 +6,7 @@ A broken bus is bus-off ten times a second; one line tells that it began and one
 import logging
 
 from firmware_interface.socketcan import CONTROLLER_PASSIVE, ErrorClass
-from footsense.frames import CanStats
+from footsense.frames import CanStatistics
 
 __all__ = ["BusHealth"]
 
@@ -24,7 +24,7 @@ class BusHealth:
         stats: Where to count.
     """
 
-    def __init__(self, channel: str, stats: CanStats) -> None:
+    def __init__(self, channel: str, stats: CanStatistics) -> None:
         self._channel = channel
         self._stats = stats
         self._ill_ns: int | None = None  # time of the last error frame of an illness that was told

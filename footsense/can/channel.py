@@ -18,7 +18,7 @@ from footsense.can.bus_health import BusHealth
 from footsense.can.frame_log import CanLog, check_log_suffix
 from footsense.can.python_can import open_wire, what_is_wrong
 from footsense.errors import CanError
-from footsense.frames import CanStats
+from footsense.frames import CanStatistics
 from footsense.ports import CanWire
 
 __all__ = ["CanChannel"]
@@ -59,7 +59,7 @@ class CanChannel:
         accept: Collection[int],
         greeting: Mapping[int, bytes],
         log_file: Path | None,
-        stats: CanStats,
+        stats: CanStatistics,
         log_waits: bool = False,
         connect: Callable[[], CanWire] | None = None,
     ) -> None:

@@ -7,7 +7,7 @@ from firmware_interface.can_codes import Result
 from firmware_interface.crc8 import FrameError, next_counter
 from firmware_interface.socketcan import pack_frame
 from footsense.can.channel import CanChannel
-from footsense.frames import CanStats, Command, CommandKind, Outcome
+from footsense.frames import CanStatistics, Command, CommandKind, CommandResult
 from footsense.ports import Clock
 
 __all__ = ["CanCommands"]
@@ -39,7 +39,7 @@ class CanCommands:
         stats: Where the refused are counted.
     """
 
-    def __init__(self, channel: CanChannel, nodes: Sequence[int], clock: Clock, stats: CanStats) -> None:
+    def __init__(self, channel: CanChannel, nodes: Sequence[int], clock: Clock, stats: CanStatistics) -> None:
         self._channel = channel
         self._clock = clock
         self._stats = stats
@@ -75,7 +75,7 @@ class CanCommands:
             commands.append(Command(kind, asker.row))
         return commands
 
-    def answer(self, outcome: Outcome) -> None:
+    def answer(self, outcome: CommandResult) -> None:
         """Send a command's result on its leg's answer id, with the counter of the command.
 
         A tare that is asked for while one runs begins that one anew: both have one end, and each its answer. What
@@ -96,7 +96,7 @@ class CanCommands:
         if not self._unasked:
             return []
         return [
-            self._encode(self._askers[row], *self._unasked.pop(row), can_events.UNASKED)
+            self._encode(self._askers[row], *self._unasked.pop(row), can_events.UNSOLICITED)
             for row in list(self._unasked)[:room]
         ]
 

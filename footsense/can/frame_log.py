@@ -14,7 +14,7 @@ from pathlib import Path
 from firmware_interface.socketcan import FRAME_BYTES
 from footsense.child_process import start_writer
 from footsense.errors import ConfigError, RecordingError
-from footsense.frames import CanStats
+from footsense.frames import CanStatistics
 
 __all__ = ["LOG_SUFFIXES", "RECORD_HEAD", "CanLog", "check_log_suffix", "check_log_target"]
 
@@ -75,7 +75,7 @@ class CanLog:
         RecordingError: The file cannot be opened.
     """
 
-    def __init__(self, path: Path, channel: str, stats: CanStats, *, waits: bool) -> None:
+    def __init__(self, path: Path, channel: str, stats: CanStatistics, *, waits: bool) -> None:
         self._path = path
         self._stats = stats
         self._writer, self._pipe = _start_writer(path, channel)

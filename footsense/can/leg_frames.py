@@ -1,10 +1,10 @@
 """One leg's frames beside Force and Quality: fault report, heartbeat and zero, and where their counters stand."""
 
-from firmware_interface import can_events, can_frames, can_zero
+from firmware_interface import can_baseline, can_events, can_frames
 from firmware_interface.can_codes import Cause, NmtState, State
 from firmware_interface.crc8 import next_counter
 from firmware_interface.socketcan import pack_frame
-from footsense.frames import ForceFrame
+from footsense.frames import ContactFrame
 
 __all__ = ["CanLeg"]
 
@@ -77,15 +77,15 @@ class CanLeg:
         self.due_ns = min(self.heartbeat_due_ns, self.zero_due_ns)
         return self.heartbeat(_NMT_OF_STATE.get(state, NmtState.OPERATIONAL))
 
-    def next_zero(self, frame: ForceFrame) -> bytes:
+    def next_zero(self, frame: ContactFrame) -> bytes:
         """Return the zero that is due."""
         self.zero_due_ns = _next_due(self.zero_due_ns, _ZERO_PERIOD_NS, frame.t_sent_ns)
         self.due_ns = min(self.heartbeat_due_ns, self.zero_due_ns)
-        status, mean_pf, worst_pf, moved_ns = (column[self._row].item() for column in frame.zero)
+        status, mean_pf, worst_pf, moved_ns = (column[self._row].item() for column in frame.baseline)
         age_ns = frame.t_sent_ns - moved_ns if moved_ns else None
-        data = can_zero.encode_zero(self.node, self._zero_counter, status, mean_pf, worst_pf, age_ns)
+        data = can_baseline.encode_baseline(self.node, self._zero_counter, status, mean_pf, worst_pf, age_ns)
         self._zero_counter = next_counter(self._zero_counter)
-        return pack_frame(can_zero.ZERO_ID + self.node, data)
+        return pack_frame(can_baseline.BASELINE_ID + self.node, data)
 
 
 def _next_due(due_ns: int, period_ns: int, now_ns: int) -> int:

@@ -22,7 +22,7 @@ from firmware_interface.socketcan import FRAME_BYTES
 from footsense.can.channel import CanChannel
 from footsense.can.commands import CanCommands
 from footsense.can.leg_frames import CanLeg
-from footsense.frames import CanStats, Command, ForceFrame, Outcome
+from footsense.frames import CanStatistics, Command, CommandResult, ContactFrame
 from footsense.ports import CanWire, Clock
 
 __all__ = ["CanSink"]
@@ -73,11 +73,11 @@ class CanSink:
         clock: Clock,
         log_file: Path | None = None,
         bitrate: int = 500_000,
-        stats: CanStats | None = None,
+        stats: CanStatistics | None = None,
         log_waits: bool = False,
         connect: Callable[[], CanWire] | None = None,
     ) -> None:
-        self.stats = stats or CanStats()
+        self.stats = stats or CanStatistics()
         nodes = [NODE_IDS[leg] for leg in legs]
         boot = can_events.encode_heartbeat(NmtState.BOOT)
         self._channel = CanChannel(
@@ -101,7 +101,7 @@ class CanSink:
         self._due_ns = now_ns  # of the next heartbeat or zero
         self._closed = False
 
-    def publish(self, frame: ForceFrame) -> None:
+    def publish(self, frame: ContactFrame) -> None:
         """Send each leg's force and quality, and the fault reports, heartbeats and zeros that are due."""
         t_ns = frame.t_sent_ns
         states: list[int] = frame.state.tolist()
@@ -129,7 +129,7 @@ class CanSink:
         """Return the good commands among the frames that have arrived; the others are counted."""
         return self._commands.take()
 
-    def answer(self, outcome: Outcome) -> None:
+    def answer(self, outcome: CommandResult) -> None:
         """Send a command's result on its leg's answer id, with the counter of the command."""
         self._commands.answer(outcome)
 
@@ -146,7 +146,7 @@ class CanSink:
         self._channel.send(last, self._clock.now_ns())
         self._channel.close()
 
-    def _encode(self, frame: ForceFrame, states: list[int], masks: list[int]) -> bytes:
+    def _encode(self, frame: ContactFrame, states: list[int], masks: list[int]) -> bytes:
         """Return Force and Quality of every leg.
 
         Leg by leg: for six legs, numpy's calls take as long as the arithmetic that they would save.
@@ -184,7 +184,7 @@ class CanSink:
             if leg.reported != (state, mask, cause)
         ]
 
-    def _periodic(self, frame: ForceFrame, states: list[int], room: int) -> list[bytes]:
+    def _periodic(self, frame: ContactFrame, states: list[int], room: int) -> list[bytes]:
         """Return the heartbeats and zeros that are due, as many as there is room for.
 
         Those that were missed are not made up for.

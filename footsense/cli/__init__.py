@@ -14,6 +14,7 @@ from typing import Any
 import click
 
 import footsense
+from footsense.cli.former_words import with_present_word
 from footsense.errors import FootsenseError
 from footsense.telemetry.log_lines import LogLines
 
@@ -26,6 +27,10 @@ _COMMANDS = {
     "monitor": (
         "footsense.cli.monitor.command:monitor",
         "Show the legs on CAN, as a consumer of their forces sees them.",
+    ),
+    "exporter": (
+        "footsense.cli.exporter:exporter",
+        "Serve the metrics of a running service to Prometheus.",
     ),
     "replay": ("footsense.cli.replay:replay", "Run a recording through the pipeline again, or check it."),
     "recover": ("footsense.cli.recover:recover", "Rewrite a recording that was cut short."),
@@ -43,7 +48,7 @@ _COMMANDS = {
         "Compare a foot's forces with the reference of a bench.",
     ),
     "probe": ("footsense.cli.probe.command:probe", "Say what is on the buses, and what is wrong with it."),
-    "bench": ("footsense.cli.benchmark:bench", "Measure scan, cycle and start beside their limits."),
+    "benchmark": ("footsense.cli.benchmark:benchmark", "Measure scan, cycle and start beside their limits."),
     "soak": (
         "footsense.cli.soak:soak",
         "Walk for a virtual day while things break, and count what must not be.",
@@ -76,12 +81,19 @@ class LazyGroup(click.Group):
             formatter.write_dl([(name, line) for name, (_, line) in _COMMANDS.items()])
 
     def invoke(self, ctx: click.Context) -> Any:  # noqa: ANN401 - click's signature
-        """Run a command; an error of footsense is one line and its exit code, never a traceback."""
+        """Run a command; an error of footsense is one line and its exit code, never a traceback.
+
+        Raises:
+            UsageError: The command line is wrong; click prints it.
+        """
         try:
             return super().invoke(ctx)
         except FootsenseError as error:
             click.echo(f"footsense: {error}", err=True)
             sys.exit(error.exit_code)
+        except click.UsageError as error:
+            error = with_present_word(error)
+            raise error from None
         except KeyboardInterrupt:
             sys.exit(_INTERRUPTED)
 

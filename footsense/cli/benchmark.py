@@ -1,4 +1,4 @@
-"""`footsense bench`: what limits the scan, how old a force is, what a cycle costs, and how late the loop wakes.
+"""`footsense benchmark`: what limits the scan, how old a force is, what a cycle costs, and how late the loop wakes.
 
 Ratios only: each figure stands beside its physical limit, or beside the same work done in C or naively in the same run.
 """
@@ -16,6 +16,7 @@ from rich.table import Table
 from footsense.benchmarks.cycle import WARM_UP, cycle_figures, recorded_scans
 from footsense.benchmarks.scan import conversion_limit_ms, publish_age_ms, scan_figures
 from footsense.benchmarks.wakeup_latency import jitter_figures
+from footsense.cli.options import json_option
 from footsense.errors import FootsenseError
 
 _CYCLES, _QUICK_CYCLES = 400, 60
@@ -23,12 +24,12 @@ _JITTER_S, _QUICK_JITTER_S = 10.0, 1.0
 
 
 @click.command()
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
+@json_option
 @click.option("--quick", is_flag=True, help="In seconds: the tails are then of few wake-ups.")
 @click.option(
     "--cycles", type=click.IntRange(min=1), help=f"Cycles to time, three ways in turns.  [default: {_CYCLES}]"
 )
-def bench(*, as_json: bool, quick: bool, cycles: int | None) -> None:
+def benchmark(*, as_json: bool, quick: bool, cycles: int | None) -> None:
     """Measure scan, age, cycle, lateness, start and memory, each beside its limit, C, or a naive program."""
     scan = scan_figures()
     figures: dict[str, Any] = {

@@ -7,14 +7,16 @@ from pathlib import Path
 import click
 
 from footsense import daemon
+from footsense.cli.options import FILE
 from footsense.clock import wall_time_iso
 from footsense.config import Bus, Config, load_config
+from footsense.config.contradictions import warnings
 from footsense.estimation.network import Network
 from footsense.foot.calibration_reader import FootCalibration
 
 
 @click.command("check-config")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=FILE)
 def check_config(file: Path) -> None:
     """Say what the configuration FILE means, or which key is wrong and what would be right."""
     config = load_config(file)
@@ -25,7 +27,7 @@ def check_config(file: Path) -> None:
     )  # refuses what these feet cannot tell, as a run would
     for line in _summary(config, network, calibrations):
         click.echo(line)
-    for warning in config.warnings:
+    for warning in warnings(config):
         click.echo(f"warning: {warning}", err=True)
 
 
@@ -42,11 +44,11 @@ def _summary(config: Config, network: Network, calibrations: Mapping[str, FootCa
         f"forces: {_forces(config)}",
         *(_bus_line(bus, config) for bus in config.buses),
         *(_calibration_line(leg, calibration) for leg, calibration in calibrations.items()),
-        f"tare: over {config.tare.window_frames} scans",
+        f"tare: over {config.tare.window_scans} scans",
         f"  quiet below {config.tare.noise_limit_ff:g} fF of noise",
         f"  unloaded within {config.tare.unloaded_limit_rel:.1%} of what the free foot reads",
-        f"zero: {'follows the foot in the air' if config.zero.track else 'stands still between tares'}",
-        f"contact from {config.contact.touch_n:g} N",
+        f"baseline: {'follows the foot in swing' if config.baseline.track else 'constant between tares'}",
+        f"contact from {config.contact.threshold_n:g} N",
         f"all legs carry {_weight(config)}",
         f"stale after {config.stale_after_ms:g} ms",
         f"network: {model or 'that of the foot type'}, {network.sha256[:12]}",

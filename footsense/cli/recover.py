@@ -4,15 +4,14 @@ from pathlib import Path
 
 import click
 
+from footsense.cli.options import FILE
 from footsense.recording.recover import recover as rewrite
 from footsense.recording.recover import recovered_path
 
 
 @click.command("recover")
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="The file to make; FILE is left as it is."
-)
+@click.argument("file", type=FILE)
+@click.option("-o", "--output", type=FILE, help="New file; FILE is left as it is.")
 def recover(file: Path, output: Path | None) -> None:
     """Rewrite the recording FILE with its index, as far as it is whole."""
     target = output or recovered_path(file)

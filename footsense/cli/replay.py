@@ -8,12 +8,13 @@ import msgspec
 
 from footsense import daemon
 from footsense.can.frame_log import check_log_target
+from footsense.cli.options import FILE, FOLDER, can_log_option
 from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.daemon.loop import Paced, step
 from footsense.errors import FootsenseError, ModelError, RecordingError
 from footsense.estimation.network import Network
-from footsense.frames import ForceFrame
+from footsense.frames import ContactFrame
 from footsense.recording.compare import compare, same_machine
 from footsense.recording.machine import this_machine
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
@@ -37,7 +38,7 @@ class Comparison:
         self._exact = same_machine(recording.header, this_machine())
         self.n_equal = 0
 
-    def take(self, recorded: ForceFrame, forces: ForceFrame) -> None:
+    def take(self, recorded: ContactFrame, forces: ContactFrame) -> None:
         """Compare one frame.
 
         Raises:
@@ -54,21 +55,17 @@ class Comparison:
 
 
 @click.command()
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=FILE)
 @click.option(
     "--check", is_flag=True, help="Compare with the recorded forces: exit 1 at the first difference."
 )
-@click.option(
-    "--can-log",
-    type=click.Path(path_type=Path),
-    help="Write what was sent on CAN: .log (candump), .asc or .blf.",
-)
+@can_log_option
 @click.option("--realtime", is_flag=True, help="Play at the speed of the recording.")
 @click.option(
     "--calibrations",
     "folder",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Where the calibrations of the recorded feet are; without it where they were on the robot.",
+    type=FOLDER,
+    help="Folder of the calibrations of the recorded feet; default: where it was on the robot.",
 )
 def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, folder: Path | None) -> None:
     """Run the recorded scans of FILE through the pipeline again and publish the forces.

@@ -1,25 +1,25 @@
-"""For whoever uses the forces: frames as they come from CAN in, forces that may be used out.
+"""The consumer's end of CAN: frames in, forces that may be used out.
 
 link       frames -> status, state, force, sigma, age of every leg     pure; the same in C: firmware_interface/c
-reports    frames -> cause, zero and heartbeat of every leg               pure
-commands   tare, start, stop, and the answers to them                  pure
+reports    frames -> cause, baseline and heartbeat of every leg           pure
+commands   tare, start, stop, and their results                        pure
 
 Nothing here opens a channel or reads a clock, and nothing but `firmware_interface` is imported.
 """
 
-from footsense.client.commands import Commands, Ended
-from footsense.client.link import LINK_IDS, Limits, Link, Status, View
-from footsense.client.reports import REPORT_IDS, Report, Reports
+from footsense.client.commands import CommandResult, PendingCommands
+from footsense.client.link import LINK_IDS, LegForce, Limits, Link, Status
+from footsense.client.reports import REPORT_IDS, LegReport, Reports
 
 __all__ = [
     "LINK_IDS",
     "REPORT_IDS",
-    "Commands",
-    "Ended",
+    "CommandResult",
+    "LegForce",
+    "LegReport",
     "Limits",
     "Link",
-    "Report",
+    "PendingCommands",
     "Reports",
     "Status",
-    "View",
 ]

@@ -1,4 +1,4 @@
-"""Commands to the service, each with a counter of its own, and the answers to them."""
+"""Commands to the service, each with its own sequence counter, and their results."""
 
 from typing import NamedTuple
 
@@ -6,60 +6,66 @@ from firmware_interface.can_codes import NODE_IDS, CommandKind, Result
 from firmware_interface.can_events import ANSWER_ID, COMMAND_ID, decode_answer, encode_command
 from firmware_interface.crc8 import FrameError, next_counter
 
-__all__ = ["Commands", "Ended"]
+__all__ = ["CommandResult", "PendingCommands"]
 
 
-class Ended(NamedTuple):
-    """A command that was answered.
+class CommandResult(NamedTuple):
+    """Result of a command that the service has answered.
 
     Attributes:
         node: CAN node id of the leg, 1..6.
-        kind: What was asked for.
+        kind: The command.
         result: DONE, or why it was refused.
-        took_ns: From asking to the answer [ns].
+        duration_ns: From the command to the answer [ns].
     """
 
     node: int
     kind: CommandKind
     result: Result
-    took_ns: int
+    duration_ns: int
 
 
-class Commands:
-    """What was asked of each leg and not answered yet. It has no clock of its own.
+class PendingCommands:
+    """Commands to each leg that have no answer yet.
 
-    An answer counts if it repeats node, kind and counter of a command that is open. A command that nobody answers
-    in time is yours to give up, with `overdue`, and to ask again: that is a new command with a new counter.
+    An answer counts if it repeats node, kind and counter of a pending command. A command without an answer is dropped
+    with `pop_overdue` and may be sent again, as a new command with a new counter. Times are the caller's.
 
     Args:
-        first_counter: Counter of the first command to each leg, 0..14. The service takes the same command with the
-            same counter within one second for a repetition: who may restart faster than that begins elsewhere.
+        first_counter: Counter of the first command to each leg, 0..14. The service ignores the same command with the
+            same counter within one second as a repetition: a client that may restart faster starts elsewhere.
 
     Example:
-        >>> can_id, data = Commands().ask(1, CommandKind.TARE, now_ns=0)
+        >>> can_id, data = PendingCommands().encode(1, CommandKind.TARE, now_ns=0)
         >>> hex(can_id), data.hex(" ")
         ('0x201', '98 00 01 00 7a 65 72 6f')
     """
 
     def __init__(self, first_counter: int = 0) -> None:
         self._counters = dict.fromkeys(NODE_IDS.values(), first_counter)
-        self._open: dict[tuple[int, CommandKind, int], int] = {}
+        self._sent_ns: dict[tuple[int, CommandKind, int], int] = {}
 
-    def ask(self, node: int, kind: CommandKind, now_ns: int) -> tuple[int, bytes]:
-        """Return CAN id and data of a command, which is open from now on.
+    def encode(self, node: int, kind: CommandKind, now_ns: int) -> tuple[int, bytes]:
+        """Return CAN id and data of a command, pending from now on.
 
         Args:
             node: CAN node id of the leg, 1..6.
-            kind: What to do.
+            kind: The command.
             now_ns: The time of sending [ns].
         """
         counter = self._counters[node]
         self._counters[node] = next_counter(counter)
-        self._open[node, kind, counter] = now_ns
+        self._sent_ns[node, kind, counter] = now_ns
         return COMMAND_ID + node, encode_command(node, counter, kind)
 
-    def feed(self, can_id: int, data: bytes, now_ns: int) -> Ended | None:
-        """Return the command that a frame answers; None if it answers none that is open, or is no answer."""
+    def feed(self, can_id: int, data: bytes, now_ns: int) -> CommandResult | None:
+        """Return the result that a frame of any id carries; None if it answers no pending command.
+
+        Args:
+            can_id: Its 11-bit id.
+            data: Its bytes.
+            now_ns: Time of arrival [ns].
+        """
         if can_id - ANSWER_ID not in self._counters:
             return None
         try:
@@ -67,14 +73,14 @@ class Commands:
             kind = CommandKind(answer.kind)
         except (FrameError, ValueError):
             return None
-        asked_ns = self._open.pop((answer.node, kind, answer.asked), None)
-        if asked_ns is None:
+        sent_ns = self._sent_ns.pop((answer.node, kind, answer.command_counter), None)
+        if sent_ns is None:
             return None
-        return Ended(answer.node, kind, answer.result, now_ns - asked_ns)
+        return CommandResult(answer.node, kind, answer.result, now_ns - sent_ns)
 
-    def overdue(self, now_ns: int, limit_ns: int) -> list[tuple[int, CommandKind]]:
-        """Return node and kind of the commands that nobody answered within `limit_ns`, and give them up."""
-        late = [key for key, asked_ns in self._open.items() if now_ns - asked_ns > limit_ns]
-        for key in late:
-            del self._open[key]
-        return [(node, kind) for node, kind, _ in late]
+    def pop_overdue(self, now_ns: int, limit_ns: int) -> list[tuple[int, CommandKind]]:
+        """Drop the commands without an answer for more than `limit_ns` [ns], and return node and kind of each."""
+        overdue = [key for key, sent_ns in self._sent_ns.items() if now_ns - sent_ns > limit_ns]
+        for key in overdue:
+            del self._sent_ns[key]
+        return [(node, kind) for node, kind, _ in overdue]

@@ -1,8 +1,10 @@
-"""How far the forces of every leg may be trusted at this moment; the same machine as `footsense_link.h`.
+"""Whether each leg's force may be used now: the state machine of `firmware_interface/c/footsense_link.h` in Python.
 
-Feed it every frame that arrives, and ask it whenever you need a force. What the five statuses mean, when a force
-may be used, and why it needs its quality, stands in `firmware_interface/c/footsense_link.h`; the two run on the
-same vectors.
+Feed it every frame that arrives, and read a leg whenever a force is needed. `footsense_link.h` explains the five
+statuses, when a force may be used, and why it needs its `Quality`; both implementations run on the same vectors.
+
+Source:
+    AUTOSAR FO R22-11, PRS E2EProtocol, E2E state machine; here with a timeout and an age limit.
 """
 
 from dataclasses import dataclass
@@ -13,9 +15,9 @@ from firmware_interface.can_codes import NODE_IDS, USABLE, Flag, State
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, Force, Quality, decode_force, decode_quality
 from firmware_interface.crc8 import COUNTER_PERIOD, FrameError
 
-__all__ = ["LINK_IDS", "Limits", "Link", "Status", "View"]
+__all__ = ["LINK_IDS", "LegForce", "Limits", "Link", "Status"]
 
-#: CAN ids of the frames that are taken.
+#: CAN ids of the accepted frames.
 LINK_IDS = tuple(base + node for base in (FORCE_ID, QUALITY_ID) for node in NODE_IDS.values())
 
 _NAN = float("nan")
@@ -23,24 +25,24 @@ _NO_FORCE = (_NAN, _NAN, _NAN)
 
 
 class Status(IntEnum):
-    """What the stream of a leg's frames is worth."""
+    """Status of a leg's stream of frames."""
 
-    STALE = 0  #: nothing has come for too long, or not enough since then; or the force is too old
-    OK = 1  #: the last force is whole, in order, and young enough
-    LOST = 2  #: the same, but some before it did not arrive
-    REPEATED = 3  #: the last frame came a second time: the counter stands still
-    WRONG = 4  #: a frame failed its check, and not enough good ones have come since
+    STALE = 0  #: no force for `timeout_ns`, or fewer than `min_good` since then; or the force is too old
+    OK = 1  #: the last force is valid, in sequence, and young enough
+    LOST = 2  #: the same, but up to `max_delta` - 1 forces before it did not arrive
+    REPEATED = 3  #: the last frame came again: its counter has not advanced
+    WRONG = 4  #: a frame failed its check, and fewer than `min_good` forces have come since
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """When to trust; the defaults are for forces every 25 ms.
+    """Limits for using a force; the defaults suit forces every 25 ms.
 
     Attributes:
         max_age_ns: A force older than this is stale [ns].
         timeout_ns: Without a force for this long, the link is down [ns].
-        max_delta: Largest step of the counter, 1..14: one less forces may be lost in a row.
-        min_good: Forces in order that it takes to trust the link (again), at least 1.
+        max_delta: Largest step of the sequence counter, 1..14; `max_delta` - 1 forces may be lost in a row.
+        min_good: Forces in sequence before the link is OK (again), at least 1.
         accept_degraded: Whether forces of state DEGRADED are used; weigh them by sigma.
     """
 
@@ -51,18 +53,18 @@ class Limits:
     accept_degraded: bool = False
 
 
-class View(NamedTuple):
-    """What is known of a leg at a moment.
+class LegForce(NamedTuple):
+    """A leg's force at one time, and whether it may be used.
 
     Attributes:
-        status: What its frames are worth.
+        status: Status of its frames.
         usable: Whether the force may be used.
-        state: State of the leg, as last said; ABSENT before anything was said.
-        flags: Notes that came with the last force.
+        state: Last reported state of the leg; ABSENT before the first report.
+        flags: Flags of the last force.
         fault_mask: Bit e set where element e is not usable, 9 bits.
         force_n: Ground reaction on the foot in the foot frame [N]; NaN unless usable.
         sigma_n: Standard deviation of each component [N]; NaN unless usable.
-        age_ns: Age of the measurement, now [ns]; None unless usable.
+        age_ns: Present age of the measurement [ns]; None unless usable.
     """
 
     status: Status
@@ -76,11 +78,14 @@ class View(NamedTuple):
 
 
 class Link:
-    """The legs of a robot, as a consumer of CAN may believe them. It has no clock of its own.
+    """The forces of a robot's legs as a CAN consumer may use them; times are the caller's.
+
+    Args:
+        limits: Limits for using a force; None for the defaults.
 
     Example:
         >>> link = Link()
-        >>> link.look(1, now_ns=0).status
+        >>> link.leg(1, now_ns=0).status
         <Status.STALE: 0>
     """
 
@@ -97,7 +102,7 @@ class Link:
             now_ns: Time of arrival, on a clock that does not step [ns].
 
         Returns:
-            Whether it was a `Force` or `Quality` of a leg, good or not.
+            Whether it was a `Force` or `Quality` of a leg, valid or not.
         """
         for base, decode in ((FORCE_ID, decode_force), (QUALITY_ID, decode_quality)):
             if can_id - base in self._legs:
@@ -111,33 +116,33 @@ class Link:
                 return True
         return False
 
-    def look(self, node: int, now_ns: int) -> View:
-        """Return what is known of a leg.
+    def leg(self, node: int, now_ns: int) -> LegForce:
+        """Return a leg's force and whether it may be used.
 
         Args:
             node: Its CAN node id, 1..6.
-            now_ns: The time to judge it at [ns].
+            now_ns: The present time [ns].
         """
-        return self._legs[node].look(now_ns)
+        return self._legs[node].force_at(now_ns)
 
 
 class _Leg:
-    """One leg's memory."""
+    """State machine of one leg."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
-        self._force: Force | None = None  # the last that came with its quality
+        self._force: Force | None = None  # the last one complete with its quality
         self._quality: Quality | None = None
-        self._state = State.ABSENT  # as last said
+        self._state = State.ABSENT  # as last reported
         self._arrived_ns = 0
-        self._next: dict[type, Force | Quality] = {}  # the halves of the one that is arriving
+        self._next: dict[type, Force | Quality] = {}  # the halves received so far
         self._next_ns = 0
         self._wrong_ns = 0
         self._n_good = 0
         self._status = Status.STALE
 
     def take(self, half: Force | Quality, now_ns: int) -> None:
-        """Take a frame that is right in itself."""
+        """Take a frame that passed its check."""
         if not self._is_silent(now_ns) and self._force and half.counter == self._force.counter:
             self._take_repeated()
             return
@@ -151,7 +156,7 @@ class _Leg:
             self._next_ns = now_ns
         self._next[type(half)] = half
         if isinstance(half, Force) and half.state not in USABLE:
-            self._state = half.state  # bad news needs no proof
+            self._state = half.state  # a state without force takes effect at once
         force, quality = self._next.get(Force), self._next.get(Quality)
         if isinstance(force, Force) and isinstance(quality, Quality):
             self._next.clear()
@@ -159,48 +164,48 @@ class _Leg:
 
     def take_wrong(self, now_ns: int) -> None:
         """Take a frame that failed its check."""
-        self._distrust(Status.WRONG)
+        self._reset(Status.WRONG)
         self._wrong_ns = now_ns
         self._next.clear()
 
-    def look(self, now_ns: int) -> View:
-        """Return what is known of the leg."""
+    def force_at(self, now_ns: int) -> LegForce:
+        """Return the force and whether it may be used."""
         status = self._status_at(now_ns)
         state, force, quality = self._state, self._force, self._quality
         allowed = state == State.VALID or (state == State.DEGRADED and self._limits.accept_degraded)
         usable = status in {Status.OK, Status.LOST} and allowed
         flags, mask = (quality.flags, quality.fault_mask) if quality else (Flag(0), 0)
         if not usable or force is None or quality is None or quality.age_ns is None or _has_hole(force):
-            return View(status, False, state, flags, mask, _NO_FORCE, _NO_FORCE, None)
+            return LegForce(status, False, state, flags, mask, _NO_FORCE, _NO_FORCE, None)
         age_ns = quality.age_ns + now_ns - self._arrived_ns
-        return View(status, True, state, flags, mask, force.force_n, quality.sigma_n, age_ns)
+        return LegForce(status, True, state, flags, mask, force.force_n, quality.sigma_n, age_ns)
 
     def _take_force(self, force: Force, quality: Quality, now_ns: int) -> None:
-        """Take a force that came with its quality."""
+        """Take a force that is complete with its quality."""
         counts, delta = True, 1
         if self._is_silent(now_ns) or self._force is None:
-            self._distrust(Status.STALE)  # whatever the counter says: who was silent may have begun anew
+            self._reset(Status.STALE)  # after a silence the sender may have restarted: ignore the counter
         else:
             delta = (force.counter - self._force.counter) % COUNTER_PERIOD
             if delta > self._limits.max_delta:
-                self._distrust(Status.WRONG)
+                self._reset(Status.WRONG)
                 self._wrong_ns = now_ns
                 counts = False
         self._force, self._quality, self._state = force, quality, force.state
         self._arrived_ns = self._next_ns
         self._n_good += counts
-        if self._is_trusted():
+        if self._has_enough():
             self._status = Status.OK if delta == 1 else Status.LOST
 
     def _take_repeated(self) -> None:
-        if self._is_trusted():
+        if self._has_enough():
             self._status = Status.REPEATED
 
-    def _distrust(self, why: Status) -> None:
+    def _reset(self, why: Status) -> None:
         self._status = why
         self._n_good = 0
 
-    def _is_trusted(self) -> bool:
+    def _has_enough(self) -> bool:
         return self._n_good >= max(1, self._limits.min_good)
 
     def _is_silent(self, now_ns: int) -> bool:
@@ -210,7 +215,7 @@ class _Leg:
         if self._is_silent(now_ns):
             over = _is_over(now_ns, self._wrong_ns, self._limits.timeout_ns)
             return Status.WRONG if self._status is Status.WRONG and not over else Status.STALE
-        # Only a force has an age; that a leg is absent stays true.
+        # Only a force ages; a state without force stays valid.
         if self._status is not Status.WRONG and self._state in USABLE and self._is_too_old(now_ns):
             return Status.STALE
         return self._status
@@ -221,7 +226,7 @@ class _Leg:
 
 
 def _is_over(now_ns: int, since_ns: int, limit_ns: int) -> bool:
-    """Return whether more than `limit_ns` has passed; a clock that ran backwards has run out."""
+    """Return whether more than `limit_ns` has passed; a clock that ran backwards counts as over."""
     return not 0 <= now_ns - since_ns <= limit_ns
 
 

@@ -1,10 +1,11 @@
-"""What the service tells of a leg beside its force: why it is in its state, where its zero stands, that it lives."""
+"""The legs' slower frames: cause of the state, baseline, heartbeat."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from firmware_interface.can_codes import NODE_IDS, Cause, NmtState, State, ZeroStatus
+from firmware_interface.can_baseline import BASELINE_ID, Baseline, decode_baseline
+from firmware_interface.can_codes import NODE_IDS, BaselineStatus, Cause, NmtState, State
 from firmware_interface.can_events import (
     FAULT_ID,
     HEARTBEAT_ID,
@@ -13,42 +14,41 @@ from firmware_interface.can_events import (
     decode_fault,
     decode_heartbeat,
 )
-from firmware_interface.can_zero import ZERO_ID, Zero, decode_zero
 from firmware_interface.crc8 import FrameError
 
-__all__ = ["REPORT_IDS", "Report", "Reports"]
+__all__ = ["REPORT_IDS", "LegReport", "Reports"]
 
-#: A heartbeat comes every 200 ms, a zero every second; what has not come three times in a row is not known any more.
-_BEAT_LIMIT_NS = 600_000_000
-_ZERO_LIMIT_NS = 3_000_000_000
+#: Three periods of heartbeat (200 ms) and baseline (1 s) [ns]: without a frame for so long, their content is unknown.
+_HEARTBEAT_LIMIT_NS = 600_000_000
+_BASELINE_LIMIT_NS = 3_000_000_000
 
-_DECODERS: dict[int, Callable[[int, bytes], Fault | Zero | Heartbeat]] = {
+_DECODERS: dict[int, Callable[[int, bytes], Fault | Baseline | Heartbeat]] = {
     FAULT_ID: decode_fault,
-    ZERO_ID: decode_zero,
+    BASELINE_ID: decode_baseline,
     HEARTBEAT_ID: decode_heartbeat,
 }
 
-#: CAN ids of the frames that are taken.
+#: CAN ids of the accepted frames.
 REPORT_IDS = tuple(base + node for base in _DECODERS for node in NODE_IDS.values())
 
 
-class Report(NamedTuple):
-    """What was told of a leg; None, or NaN, wherever that is not known at the moment.
+class LegReport(NamedTuple):
+    """Last reports of a leg; None, or NaN, where the present value is unknown.
 
     Attributes:
-        cause: What lies behind its state. It is told on change: who came later does not know it.
-        cause_state: The state that the cause was told with.
-        zero: What the tracking of its zero does.
-        mean_pf: Mean over the elements of how far the zero has moved since the last tare [pF].
-        worst_pf: The same of the element that moved farthest [pF].
-        moved_ago_ns: Since the zero last moved [ns].
-        node_state: What its heartbeat says; None also when it has stopped beating.
+        cause: Cause of its state. Sent on change alone, so unknown to a client that started later.
+        cause_state: The state sent with the cause.
+        baseline: Status of the baseline tracking.
+        mean_pf: Offset of the baseline since the last tare, mean over the elements [pF].
+        worst_pf: Offset of the element with the largest [pF].
+        moved_ago_ns: Time since the baseline last moved [ns].
+        node_state: NMT state of the heartbeat; None also without heartbeats.
         degraded_timing: Whether the service runs without the scheduling that it asked for.
     """
 
     cause: Cause | None
     cause_state: State | None
-    zero: ZeroStatus | None
+    baseline: BaselineStatus | None
     mean_pf: float
     worst_pf: float
     moved_ago_ns: int | None
@@ -58,17 +58,17 @@ class Report(NamedTuple):
 
 @dataclass(slots=True)
 class _Last:
-    """The last frame of each kind, and when it came [ns]."""
+    """The last frame of each kind, and its time of arrival [ns]."""
 
     fault: Fault | None = None
-    zero: Zero | None = None
-    zero_ns: int = 0
-    beat: Heartbeat | None = None
-    beat_ns: int = 0
+    baseline: Baseline | None = None
+    baseline_ns: int = 0
+    heartbeat: Heartbeat | None = None
+    heartbeat_ns: int = 0
 
 
 class Reports:
-    """The legs of a robot, as they report. It has no clock of its own.
+    """The reports of a robot's legs; times are the caller's.
 
     Attributes:
         n_wrong: Reports that failed their check.
@@ -79,44 +79,52 @@ class Reports:
         self.n_wrong = 0
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> bool:
-        """Take a frame of any id, and return whether it was a report of a leg, good or not."""
+        """Take a frame of any id, and return whether it was a report of a leg, valid or not.
+
+        Args:
+            can_id: Its 11-bit id.
+            data: Its bytes.
+            now_ns: Time of arrival [ns].
+        """
         node = can_id & 0xF
         decode = _DECODERS.get(can_id - node)
         if decode is None or node not in self._legs:
             return False
+        last = self._legs[node]
         try:
-            self._take(self._legs[node], decode(can_id, data), now_ns)
+            report = decode(can_id, data)
         except FrameError:
             self.n_wrong += 1
+            return True
+        if isinstance(report, Fault):
+            last.fault = report
+        elif isinstance(report, Baseline):
+            last.baseline, last.baseline_ns = report, now_ns
+        else:
+            last.heartbeat, last.heartbeat_ns = report, now_ns
         return True
 
-    def look(self, node: int, now_ns: int) -> Report:
-        """Return what is known of a leg.
+    def leg(self, node: int, now_ns: int) -> LegReport:
+        """Return the last reports of a leg.
 
         Args:
             node: Its CAN node id, 1..6.
-            now_ns: The time to judge it at [ns].
+            now_ns: The present time [ns].
         """
         last = self._legs[node]
         fault = last.fault
-        zero = last.zero if now_ns - last.zero_ns <= _ZERO_LIMIT_NS else None
-        beat = last.beat if now_ns - last.beat_ns <= _BEAT_LIMIT_NS else None
-        return Report(
+        baseline = last.baseline if now_ns - last.baseline_ns <= _BASELINE_LIMIT_NS else None
+        beat = last.heartbeat if now_ns - last.heartbeat_ns <= _HEARTBEAT_LIMIT_NS else None
+        moved_ago_ns = None
+        if baseline is not None and baseline.age_ns is not None:
+            moved_ago_ns = baseline.age_ns + now_ns - last.baseline_ns
+        return LegReport(
             cause=fault.cause if fault else None,
             cause_state=fault.state if fault else None,
-            zero=zero.status if zero else None,
-            mean_pf=zero.mean_pf if zero else float("nan"),
-            worst_pf=zero.worst_pf if zero else float("nan"),
-            moved_ago_ns=None if zero is None or zero.age_ns is None else zero.age_ns + now_ns - last.zero_ns,
+            baseline=baseline.status if baseline else None,
+            mean_pf=baseline.mean_pf if baseline else float("nan"),
+            worst_pf=baseline.worst_pf if baseline else float("nan"),
+            moved_ago_ns=moved_ago_ns,
             node_state=beat.state if beat else None,
             degraded_timing=beat.degraded_timing if beat else None,
         )
-
-    @staticmethod
-    def _take(last: _Last, report: Fault | Zero | Heartbeat, now_ns: int) -> None:
-        if isinstance(report, Fault):
-            last.fault = report
-        elif isinstance(report, Zero):
-            last.zero, last.zero_ns = report, now_ns
-        else:
-            last.beat, last.beat_ns = report, now_ns

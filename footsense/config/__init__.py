@@ -8,10 +8,11 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from footsense.config.contradictions import first_contradiction
-from footsense.config.schema import (
+from footsense.config.former_keys import FORMER_KEYS
+from footsense.config.schema import Config
+from footsense.config.sections import (
     Bus,
     Can,
-    Config,
     Metrics,
     Mux,
     OtherDevice,
@@ -52,12 +53,6 @@ DEFAULT = Config(
 )
 
 
-#: Keys of earlier versions.
-_OLD_KEYS: dict[tuple[str, ...], str] = {
-    ("scan", "gang"): "the column-sum scan was removed; take this key away"
-}
-
-
 def load_config(path: Path) -> Config:
     """Return the configuration in a YAML file.
 
@@ -71,7 +66,7 @@ def load_config(path: Path) -> Config:
     Raises:
         ConfigError: The file is missing, is not such YAML, does not fit, or contradicts itself.
     """
-    config = load(path, Config, check=first_contradiction, old_keys=_OLD_KEYS)
+    config = load(path, Config, check=first_contradiction, former=FORMER_KEYS)
     folder = config.foot_type if "/" in config.foot_type else None
     paths = {"model": config.model, "calibrations": config.calibrations, "foot_type": folder}
     return replace(config, **{key: str(path.parent / value) for key, value in paths.items() if value})

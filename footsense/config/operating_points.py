@@ -38,9 +38,11 @@ class OperatingPoint(NamedTuple):
 
 
 OPERATING_POINTS = {
-    "quiet": OperatingPoint(100, 8, "frame", 423.0, 516.0, 0.13, "weighing and calibrating, feet at rest"),
-    "steady": OperatingPoint(400, 1, "frame", 26.3, 98.0, 1.22, "walking, the default"),
-    "fresh": OperatingPoint(
+    "low-noise": OperatingPoint(
+        100, 8, "frame", 423.0, 516.0, 0.13, "weighing and calibrating, feet at rest"
+    ),
+    "default": OperatingPoint(400, 1, "frame", 26.3, 98.0, 1.22, "walking, the default"),
+    "low-latency": OperatingPoint(
         400, 1, "element", 4.6, 32.0, 1.40, "control of a walk, six legs need 1 Mbit/s of CAN"
     ),
 }

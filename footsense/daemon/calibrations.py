@@ -12,8 +12,8 @@ __all__ = ["calibrations_difference", "calibrations_entry", "calibrations_of"]
 
 _log = logging.getLogger(__name__)
 
-#: Entry of a recording's header, and its name before it was renamed.
-_KEY, _OLD_KEY = "calibrations", "packs"
+#: Entry of a recording's header.
+_KEY = "calibrations"
 
 
 def calibrations_of(config: Config, foot_type: str) -> dict[str, FootCalibration]:
@@ -62,8 +62,6 @@ def calibrations_difference(
         header: Header of the recording; without an entry it was made without calibrations.
         calibrations: Those used now, by leg.
     """
-    if header.get(_OLD_KEY):
-        return f"its header says {_OLD_KEY}, which is {_KEY} now: the recorded calibrations cannot be compared"
     entries = [entry.partition("=") for entry in header.get(_KEY, "").split(",") if entry]
     then = {leg: sha256 for leg, _, sha256 in entries}
     here = {leg: calibration.manifest.sha256 for leg, calibration in calibrations.items()}

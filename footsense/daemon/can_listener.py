@@ -1,4 +1,4 @@
-"""A consumer of CAN, put together: the legs as whoever uses their forces sees them."""
+"""A consumer of CAN: the legs as a user of their forces sees them."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,45 +7,45 @@ from typing import NamedTuple
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.socketcan import split_frames
 from footsense.can.python_can import open_wire
-from footsense.client import LINK_IDS, REPORT_IDS, Limits, Link, Report, Reports, Status, View
+from footsense.client import LINK_IDS, REPORT_IDS, LegForce, LegReport, Limits, Link, Reports, Status
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 
-__all__ = ["Listener", "Seen", "listening"]
+__all__ = ["LegSnapshot", "Listener", "listening"]
 
 #: How often the channel is read [ns].
 _POLL_NS = 5_000_000
 
 
-class Seen(NamedTuple):
-    """One leg at a moment.
+class LegSnapshot(NamedTuple):
+    """One leg at one time, as its CAN frames show it.
 
     Attributes:
         leg: Its name.
-        view: What its forces are worth.
-        report: What it tells beside them.
-        n_forces: Frames of `Force` that came since the service or this listener began.
+        force: Its force and whether it may be used.
+        report: Its last reports.
+        n_forces: `Force` frames received so far.
     """
 
     leg: str
-    view: View
-    report: Report
+    force: LegForce
+    report: LegReport
     n_forces: int
 
     @property
     def is_known(self) -> bool:
-        """Whether the leg has spoken lately; else its state is only the last that it had."""
-        silent = self.view.status is Status.STALE and self.report.node_state is None
+        """Whether frames of the leg have come lately; else its state is only the last one reported."""
+        silent = self.force.status is Status.STALE and self.report.node_state is None
         return self.n_forces > 0 and not silent
 
 
 class Listener:
-    """Hears everything that the legs say, and says nothing.
+    """Receives the frames of all legs and sends nothing.
 
     Args:
         wire: The open channel.
         clock: The time of arrival.
-        limits: When a force is trusted.
+        limits: Limits for using a force.
     """
 
     def __init__(self, wire: CanWire, clock: Clock, limits: Limits) -> None:
@@ -59,7 +59,7 @@ class Listener:
     def listen(self, until_ns: int) -> None:
         """Take what arrives until a time [ns].
 
-        A frame counts as arrived when the channel was read before it: the age may look 5 ms too old, never too young.
+        A frame counts as arrived at the previous poll: the age may be 5 ms too high, never too low.
 
         Raises:
             CanError: The channel is down or gone.
@@ -78,11 +78,13 @@ class Listener:
             self._read_ns = now_ns
             self._clock.sleep_until_ns(min(until_ns, now_ns + _POLL_NS))
 
-    def look(self) -> list[Seen]:
-        """Return every leg as it is now."""
+    def snapshot(self) -> list[LegSnapshot]:
+        """Return every leg at the present time."""
         now_ns = self._clock.now_ns()
         return [
-            Seen(leg, self._link.look(node, now_ns), self._reports.look(node, now_ns), self._n_forces[node])
+            LegSnapshot(
+                leg, self._link.leg(node, now_ns), self._reports.leg(node, now_ns), self._n_forces[node]
+            )
             for leg, node in NODE_IDS.items()
         ]
 

@@ -37,11 +37,11 @@ def contact_limits(config: Config, design: CapacitorDesign, worth: Sensitivity) 
     """
     n_per_pf = worth.load_n * closure_rel_per_pf(design)
     least_n = _OVER_NOISE_REL * config.rate.noise_ff * 1e-3 * n_per_pf
-    if config.contact.touch_n < least_n:
+    if config.contact.threshold_n < least_n:
         raise ConfigError(
-            f"contact.touch_n: {config.contact.touch_n:g} N are lost in the noise of these feet; "
+            f"contact.threshold_n: {config.contact.threshold_n:g} N are lost in the noise of these feet; "
             f"use at least {least_n:.2g}"
         )
     drift_n_per_s = _OVER_DRIFT_REL * FASTEST_PF_PER_S * n_per_pf
-    limits = ContactLimits(touch_n=config.contact.touch_n)
+    limits = ContactLimits(touch_n=config.contact.threshold_n)
     return replace(limits, floor_n_per_s=max(limits.floor_n_per_s, drift_n_per_s))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from footsense.acquisition.scan_plan import BOARDS, ORDERS
 from footsense.config import Can, Config
+from footsense.config.former_keys import with_present_keys
 from footsense.daemon.calibrations import calibrations_of
 from footsense.daemon.contact_limits import closure_rel_per_pf, contact_limits
 from footsense.daemon.foot_types import artefact, foot_type_of, require_foot_type
@@ -99,12 +100,12 @@ def pipeline_for(
         unloaded_pf=unloaded_pf,
         sensitivity=worth,
         tare=TareLimits(
-            window_frames=config.tare.window_frames,
+            window_frames=config.tare.window_scans,
             noise_limit_ff=config.tare.noise_limit_ff,
             unloaded_limit_rel=config.tare.unloaded_limit_rel,
         ),
         contact=contact_limits(config, trained_inputs.design, worth),
-        track_zero=config.zero.track,
+        track_zero=config.baseline.track,
         max_age_ns=round(config.stale_after_ms * 1e6),
         settled_ns=round(_SETTLED_SCANS * config.shortest_scan_ms * 1e6),
         flags=flags,
@@ -181,20 +182,10 @@ def recorded_config(recording: Replay) -> Config:
         RecordingError: The header holds none that this version reads.
     """
     try:
-        config = msgspec.convert(_without_gang(msgspec.json.decode(recording.header["config"])), Config)
-    except (KeyError, msgspec.DecodeError) as error:
+        data = msgspec.json.decode(recording.header["config"])
+        config = msgspec.convert(with_present_keys(data), Config)
+    except (KeyError, msgspec.DecodeError, RecursionError) as error:
         raise RecordingError(
             f"{recording.path}: no configuration that this version reads: {error}"
         ) from error
     return msgspec.structs.replace(config, can=Can(interface="virtual"))
-
-
-def _without_gang(config: object) -> object:
-    """Return a recorded configuration without `scan.gang: false`, which versions with a column-sum scan wrote."""
-    if (
-        isinstance(config, dict)
-        and isinstance(scan := config.get("scan"), dict)
-        and scan.get("gang") is False
-    ):
-        return config | {"scan": {key: value for key, value in scan.items() if key != "gang"}}
-    return config

@@ -2,7 +2,7 @@
 
 It runs the same over hardware, over the simulator and over a recording; all that differs is behind its ports. The
 source sets the pace: a scanner waits for its conversions. Nothing else may run Python in this process while the loop
-does: recorder and metrics exporter are processes of their own.
+does: recorder and CAN log write in processes of their own, and metrics are served by another.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,7 +1,7 @@
 """The daemon, put together: scans in, forces out, and everyone who watches."""
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,23 +12,23 @@ import msgspec
 from footsense import __version__
 from footsense.can.frame_log import check_log_target
 from footsense.can.sink import CanSink
-from footsense.clock import MonotonicClock, request_realtime, undisturbed, wall_time_iso
+from footsense.clock import MonotonicClock, Wakeups, request_realtime, undisturbed, wall_time_iso
 from footsense.config import Can, Config
+from footsense.config import Metrics as MetricsConfig
 from footsense.daemon import loop
 from footsense.daemon.acquisition import Scanning, is_simulated, scanning
 from footsense.daemon.calibrations import calibrations_entry
-from footsense.daemon.estimation import Calibrations, load_calibrations, load_network, pipeline_for
-from footsense.errors import ConfigError, RecordingError
+from footsense.daemon.estimation import Calibrations, load_network, load_calibrations, pipeline_for
+from footsense.errors import ConfigError, FootsenseError, RecordingError
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Pipeline
-from footsense.frames import CanStats, Flag
+from footsense.frames import CanStatistics, Flag
 from footsense.ports import CanWire, Clock, FrameSource, Observer
 from footsense.recording.machine import this_machine
 from footsense.recording.recorder import Recorder, check_target
 from footsense.sim.can.interface import SimulatedCan
-from footsense.sim.faults.can_faults import CanFault
+from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Scene
-from footsense.telemetry.exporter_process import start_exporter
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.log_lines import lost_lines
 from footsense.telemetry.metrics import Metrics
@@ -46,7 +46,7 @@ def can_sink(
     config: Config,
     clock: Clock,
     log_file: Path | None,
-    stats: CanStats | None = None,
+    stats: CanStatistics | None = None,
     *,
     real_time: bool = False,
     connect: Callable[[], CanWire] | None = None,
@@ -169,7 +169,7 @@ def service(
         FootsenseError: Something is missing or wrong; the message says what.
     """
     legs = config.legs
-    stats = CanStats()
+    stats = CanStatistics()
     recorder: Recorder | None = None
     with ExitStack() as stack:
         if record is not None:
@@ -181,7 +181,7 @@ def service(
             config = msgspec.structs.replace(config, can=Can(interface="virtual"))
         calibrations = load_calibrations(config)
         network = load_network(config, calibrations)
-        # Before any chip is touched; the recorder's and the exporter's processes give up again what they inherit of it.
+        # Before any chip is touched; the recorder's process gives up again what they inherit of it.
         flags = _flags(config, simulated=scene is not None)
         scan = stack.enter_context(scanning(config, scene))
         if scan.response_sha256 not in {None, network.card.response_sha256}:
@@ -195,18 +195,9 @@ def service(
         if scene is not None and real_time:
             pace = MonotonicClock()
             source, wakeups = loop.Paced(source, scan.clock, pace), (pace.wakeups,)
-        if config.metrics is not None:
-            metrics = Metrics(
-                legs,
-                stats,
-                wakeups=wakeups,
-                late_ticks=lambda: scan.source.late_ticks,
-                recorder_lost=lambda: recorder.lost if recorder else 0,
-                log_lost=lost_lines,
-            )
+        lost = lambda: recorder.lost if recorder else 0  # noqa: E731 - the recorder begins later
+        for metrics in _counted(config.metrics, legs, stats, wakeups, scan, lost):
             stack.callback(metrics.close)
-            exporter = start_exporter(metrics.path, config.metrics.address, config.metrics.port)
-            stack.callback(exporter.close)
             observers.append(metrics)
         can = _breaking_can(config, scene, scan.clock)
         connect = can.connect if can is not None else None
@@ -237,6 +228,33 @@ def service(
             can=can,
             reference=reference,
         )
+
+
+def _counted(
+    config: MetricsConfig | None,
+    legs: tuple[str, ...],
+    stats: CanStatistics,
+    wakeups: Sequence[Wakeups],
+    scan: Scanning,
+    recorder_lost: Callable[[], int],
+) -> list[Metrics]:
+    """Return the metrics, none where their file cannot be written: that costs metrics, and no forces."""
+    if config is None:
+        return []
+    try:
+        metrics = Metrics(
+            legs,
+            stats,
+            Path(config.counters),
+            wakeups=wakeups,
+            missed_deadlines=lambda: scan.source.late_ticks,
+            recorder_lost=recorder_lost,
+            log_lost=lost_lines,
+        )
+    except FootsenseError as error:
+        _log.warning("%s; the forces go on without metrics", error)
+        return []
+    return [metrics]
 
 
 def _breaking_can(config: Config, scene: Scene | None, clock: Clock) -> SimulatedCan | None:

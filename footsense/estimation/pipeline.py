@@ -28,9 +28,9 @@ from footsense.frames import (
     Cause,
     Command,
     CommandKind,
+    CommandResult,
+    ContactFrame,
     Flag,
-    ForceFrame,
-    Outcome,
     Result,
     State,
 )
@@ -141,16 +141,16 @@ class Pipeline:
         """What each element reads unloaded, without stray [pF], shape (legs, 9), NaN where that is not known."""
         return self._footing.baseline_pf
 
-    def obey(self, command: Command) -> Outcome | None:
+    def obey(self, command: Command) -> CommandResult | None:
         """Begin what a command asks for, unless the foot is on the ground; a tare ends in a later scan."""
         if command.kind is CommandKind.TARE:
             return self._footing.begin(command.leg)
         reason = self._footing.refusal(command.kind, command.leg)
         if reason is not None:
-            return Outcome(command, Result.LOADED, reason)
+            return CommandResult(command, Result.LOADED, reason)
         self._stopped[command.leg] = command.kind is CommandKind.STOP
         self._any_stopped = bool(self._stopped.any())
-        return Outcome(command, Result.DONE, f"{command.kind.name.lower()} obeyed")
+        return CommandResult(command, Result.DONE, f"{command.kind.name.lower()} obeyed")
 
     def warm(self, temperature_c: Vector) -> None:
         """Take note of the temperature of each leg's foot [degC], shape (legs,), NaN where nothing measures it."""
@@ -159,7 +159,7 @@ class Pipeline:
 
     # A code of zero divides by zero; what comes of it is judged like any other reading.
     @np.errstate(divide="ignore", invalid="ignore", over="ignore")
-    def process(self, scan: CapFrame, now_ns: int) -> tuple[ForceFrame, tuple[Outcome, ...]]:
+    def process(self, scan: CapFrame, now_ns: int) -> tuple[ContactFrame, tuple[CommandResult, ...]]:
         """Return the forces of a scan as of `now_ns`, and the tares that ended with it."""
         calibration, footing = self._calibration, self._footing
         seen = self._readings.look(scan, self._consistency.remembered, footing.baseline_pf)
@@ -207,7 +207,7 @@ class Pipeline:
         if self._ageing.in_doubt:
             unexplained = self._ageing.stale & usable & (cause == Cause.NONE)
             cause = np.where(unexplained, np.uint8(Cause.CALIBRATION_STALE), cause)
-        return ForceFrame(
+        return ContactFrame(
             sequence=scan.sequence,
             t_sent_ns=now_ns,
             t_ns=verdict.t_ns,
@@ -217,7 +217,7 @@ class Pipeline:
             fault_mask=verdict.fault_mask,
             flags=footing.flags | self._flags,
             cause=cause,
-            zero=footing.zero,
+            baseline=footing.zero,
         ), outcomes
 
     def _look_for_ageing(
@@ -296,7 +296,7 @@ class Pipeline:
 
 
 class _Verdict(NamedTuple):
-    """What each leg is worth, shape (legs,) each; as in `ForceFrame`.
+    """What each leg is worth, shape (legs,) each; as in `ContactFrame`.
 
     Attributes:
         state: Whether and why its force may be used.

@@ -2,7 +2,7 @@
 
     loop's process            writer's process                     later
     Recorder.observe ──pipe──▶ writer ──▶ FILE.mcap.partial ──▶ FILE.mcap ──▶ Replay, ReplaySource, compare
-    (pipe_format)              (pipe_unpack, messages, mcap_writer)           (mcap_reader, replay)
+    (cycle_records)            (cycle_records, messages, mcap_writer)         (mcap_reader, replay)
 
 The loop's process imports `recorder` alone, which costs it no MCAP library and microseconds per cycle.
 """

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import Cause, ForceFrame, State, Zero, ZeroStatus
+from footsense.frames import BaselineDrift, BaselineStatus, Cause, ContactFrame, State
 from footsense.recording.messages import NOT_RECORDED
 
 __all__ = ["TOLERANCE_N", "compare", "same_machine"]
@@ -13,7 +13,7 @@ __all__ = ["TOLERANCE_N", "compare", "same_machine"]
 #: Largest difference of a force made on another processor or by other library versions [N].
 TOLERANCE_N = 1e-3
 
-#: Largest difference of how far a zero has moved, made likewise [pF]: half a code of the converter.
+#: Largest difference of a baseline offset, made likewise [pF]: half a code of the converter.
 TOLERANCE_PF = 1e-6
 
 #: Entries of the header that have to be equal for bits to be equal.
@@ -27,7 +27,9 @@ def same_machine(header: Mapping[str, str], here: Mapping[str, str]) -> bool:
     return all(key in header and header[key] == here.get(key) for key in MACHINE_KEYS)
 
 
-def compare(recorded: ForceFrame, recomputed: ForceFrame, *, exact: bool, legs: Sequence[str]) -> str | None:
+def compare(
+    recorded: ContactFrame, recomputed: ContactFrame, *, exact: bool, legs: Sequence[str]
+) -> str | None:
     """Return the first difference between two frames in words.
 
     Args:
@@ -51,7 +53,7 @@ def compare(recorded: ForceFrame, recomputed: ForceFrame, *, exact: bool, legs: 
     return None
 
 
-def _leg_difference(recorded: ForceFrame, recomputed: ForceFrame, row: int, *, exact: bool) -> str | None:
+def _leg_difference(recorded: ContactFrame, recomputed: ContactFrame, row: int, *, exact: bool) -> str | None:
     then, now = int(recorded.state[row]), int(recomputed.state[row])
     if then != now:
         return f"state was {State(then).name}, is now {State(now).name}"
@@ -70,20 +72,22 @@ def _leg_difference(recorded: ForceFrame, recomputed: ForceFrame, row: int, *, e
     then, now = int(recorded.cause[row]), int(recomputed.cause[row])
     if then != now:
         return f"cause was {Cause(then).name}, is now {Cause(now).name}"
-    return _zero_difference(recorded.zero, recomputed.zero, row, exact=exact)
+    return _baseline_difference(recorded.baseline, recomputed.baseline, row, exact=exact)
 
 
-def _zero_difference(recorded: Zero, recomputed: Zero, row: int, *, exact: bool) -> str | None:
+def _baseline_difference(
+    recorded: BaselineDrift, recomputed: BaselineDrift, row: int, *, exact: bool
+) -> str | None:
     then, now = int(recorded.status[row]), int(recomputed.status[row])
     if then != now:
-        return f"zero_status was {ZeroStatus(then).name}, is now {ZeroStatus(now).name}"
+        return f"baseline_status was {BaselineStatus(then).name}, is now {BaselineStatus(now).name}"
     then, now = int(recorded.moved_ns[row]), int(recomputed.moved_ns[row])
     if then != now:
-        return f"zero_moved_ns was {then}, is now {now}"
+        return f"baseline_moved_ns was {then}, is now {now}"
     for field in ("mean_pf", "worst_pf"):
         a, b = getattr(recorded, field)[row], getattr(recomputed, field)[row]
         if not _equal(a, b, None if exact else TOLERANCE_PF).all():
-            return f"zero_{field} was {a!s}, is now {b!s}"
+            return f"baseline_{field} was {a!s}, is now {b!s}"
     return None
 
 

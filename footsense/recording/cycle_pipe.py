@@ -9,7 +9,7 @@ import select
 from collections.abc import Mapping, Sequence
 
 from footsense.frames import Cycle
-from footsense.recording.pipe_format import Loss, pack_cycle, pack_header, pack_loss
+from footsense.recording.cycle_records import Loss, pack_cycle, pack_header, pack_loss
 
 __all__ = ["CyclePipe"]
 

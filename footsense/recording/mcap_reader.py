@@ -19,10 +19,10 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from zstandard import ZstdError, frame_content_size
 
 from footsense.errors import RecordingError
-from footsense.frames import LEGS, CapFrame, Command, Cycle, Outcome
+from footsense.frames import LEGS, CapFrame, Command, CommandResult, Cycle
 from footsense.recording import messages
+from footsense.recording.cycle_records import Loss, Numbered
 from footsense.recording.mcap_writer import HEADER_CRC, METADATA, PROFILE, header_crc
-from footsense.recording.pipe_format import Loss, Numbered
 from footsense.recording.reference_messages import decode_reference
 
 __all__ = ["read_entries", "read_header"]
@@ -160,7 +160,7 @@ class _Assembly:
         self._expected = 0
         self._scan: CapFrame | None = None
         self._commands: list[Command] = []
-        self._outcomes: list[Outcome] = []
+        self._outcomes: list[CommandResult] = []
         self._samples: list[bytes] = []
         self._warmth: dict[str, Any] | None = None
         self._on_bench = False

@@ -14,7 +14,7 @@ from mcap.writer import CompressionType, Writer
 
 from footsense.frames import Reference
 from footsense.recording import messages
-from footsense.recording.pipe_format import Loss, Numbered
+from footsense.recording.cycle_records import Loss, Numbered
 from footsense.recording.reference_messages import encode_reference, reference_schema
 
 __all__ = ["HEADER_CRC", "METADATA", "PROFILE", "McapFile", "Stream", "header_crc"]

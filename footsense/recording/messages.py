@@ -6,8 +6,9 @@ which JSON has no word, is the number 1e999.
 Every scan is written whole, also where forces go out after each conversion and one ninth of it is new: the
 container's compression finds what repeats, and writing the changes alone would save a tenth of the file.
 
-A recording from before there were causes and zeros has no such entries. They are read as `NOT_RECORDED` and as no
-zero, are not compared, and stay out when the recording is recovered.
+Recordings from before causes and baselines were recorded lack these entries: they are read as `NOT_RECORDED` and as
+no baseline, are not compared, and stay out when the recording is recovered. Older names of entries and causes are read
+as their present ones.
 """
 
 import json
@@ -19,17 +20,17 @@ from numpy.typing import NDArray
 
 from footsense.frames import (
     ELEMENTS,
+    BaselineDrift,
+    BaselineStatus,
     CapFrame,
     Cause,
     Command,
     CommandKind,
-    ForceFrame,
-    Outcome,
+    CommandResult,
+    ContactFrame,
     Reading,
     Result,
     State,
-    Zero,
-    ZeroStatus,
 )
 
 __all__ = [
@@ -68,6 +69,9 @@ NOT_RECORDED = 255
 
 _AXES = ("x", "y", "z")
 
+#: Names of causes in recordings whose baseline is still called zero.
+_OLD_CAUSES = {"LINE_HELD": "BUS_STUCK", "GARBLED": "CORRUPT", "HELD_UP": "DELAYED", "GAP_SHUT": "GAP_CLOSED"}
+
 
 def encode_scan(scan: CapFrame, legs: Sequence[str]) -> bytes:
     """Return a scan as a JSON object with one entry per leg."""
@@ -91,10 +95,10 @@ def decode_scan(data: bytes, legs: Sequence[str]) -> CapFrame:
     )
 
 
-def encode_force(forces: ForceFrame, legs: Sequence[str]) -> bytes:
+def encode_force(forces: ContactFrame, legs: Sequence[str]) -> bytes:
     """Return forces as a JSON object with one entry per leg."""
     force_n, sigma_n = forces.force_n.tolist(), forces.sigma_n.tolist()
-    zero = forces.zero
+    baseline = forces.baseline
     message: dict[str, Any] = {"sequence": forces.sequence, "t_sent_ns": forces.t_sent_ns}
     for row, leg in enumerate(legs):
         message[leg] = {
@@ -108,20 +112,20 @@ def encode_force(forces: ForceFrame, legs: Sequence[str]) -> bytes:
         if forces.cause[row] != NOT_RECORDED:
             message[leg] |= {
                 "cause": Cause(forces.cause[row]).name,
-                "zero_status": ZeroStatus(zero.status[row]).name,
-                "zero_mean_pf": float(zero.mean_pf[row]),
-                "zero_worst_pf": float(zero.worst_pf[row]),
-                "zero_moved_ns": int(zero.moved_ns[row]),
+                "baseline_status": BaselineStatus(baseline.status[row]).name,
+                "baseline_mean_pf": float(baseline.mean_pf[row]),
+                "baseline_worst_pf": float(baseline.worst_pf[row]),
+                "baseline_moved_ns": int(baseline.moved_ns[row]),
             }
     return dump(message)
 
 
-def decode_force(data: bytes, legs: Sequence[str]) -> ForceFrame:
+def decode_force(data: bytes, legs: Sequence[str]) -> ContactFrame:
     """Return the forces that `encode_force` wrote."""
     message = json.loads(data)
-    rows = [message[leg] for leg in legs]
+    rows = [_renamed(message[leg]) for leg in legs]
     n = (len(legs),)
-    return ForceFrame(
+    return ContactFrame(
         whole(message["sequence"]),
         whole(message["t_sent_ns"]),
         wholes([row["t_ns"] for row in rows], np.int64, n),
@@ -131,13 +135,21 @@ def decode_force(data: bytes, legs: Sequence[str]) -> ForceFrame:
         wholes([row["fault_mask"] for row in rows], np.uint16, n, (1 << ELEMENTS) - 1),
         wholes([row["flags"] for row in rows], np.uint8, n, 255),
         np.array([_cause(row) for row in rows], dtype=np.uint8),
-        Zero(
-            np.array([ZeroStatus[row.get("zero_status", "NONE")] for row in rows], dtype=np.uint8),
-            floats([row.get("zero_mean_pf") for row in rows], n),
-            floats([row.get("zero_worst_pf") for row in rows], n),
-            wholes([row.get("zero_moved_ns", 0) for row in rows], np.int64, n),
+        BaselineDrift(
+            np.array([BaselineStatus[row.get("baseline_status", "NONE")] for row in rows], dtype=np.uint8),
+            floats([row.get("baseline_mean_pf") for row in rows], n),
+            floats([row.get("baseline_worst_pf") for row in rows], n),
+            wholes([row.get("baseline_moved_ns", 0) for row in rows], np.int64, n),
         ),
     )
+
+
+def _renamed(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a leg's entries with the present names for the older ones."""
+    if "zero_status" not in row:
+        return row
+    row = {key.replace("zero_", "baseline_", 1): value for key, value in row.items()}
+    return {**row, "cause": _OLD_CAUSES.get(row["cause"], row["cause"])}
 
 
 def _cause(row: Mapping[str, Any]) -> int:
@@ -190,7 +202,7 @@ def command_event(command: Command, legs: Sequence[str]) -> bytes:
     return json.dumps({"event": "command", "command": command.kind.name, "leg": legs[command.leg]}).encode()
 
 
-def outcome_event(outcome: Outcome, legs: Sequence[str]) -> bytes:
+def outcome_event(outcome: CommandResult, legs: Sequence[str]) -> bytes:
     """Return the event of a command that came to an end."""
     message = {
         "event": "outcome",
@@ -224,7 +236,7 @@ def decode_command(event: Mapping[str, Any], legs: Sequence[str]) -> Command:
     return Command(CommandKind[event["command"]], legs.index(event["leg"]))
 
 
-def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> Outcome:
+def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> CommandResult:
     """Return the outcome of an outcome event.
 
     Raises:
@@ -233,7 +245,7 @@ def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> Outcome:
     reason = event["reason"]
     if not isinstance(reason, str):
         raise TypeError("a reason is a text")
-    return Outcome(decode_command(event, legs), Result[event["result"]], reason)
+    return CommandResult(decode_command(event, legs), Result[event["result"]], reason)
 
 
 def dump(message: dict[str, Any]) -> bytes:
@@ -259,8 +271,13 @@ def schemas(legs: Sequence[str]) -> dict[str, bytes]:
 
     scan = record(t_ns=nine(whole), capacitance_pf=nine(number), reading=nine(whole))
     vectors = {f"{name}{axis}_n": number for name in ("f", "sigma_") for axis in _AXES}
-    zero = {"zero_status": text, "zero_mean_pf": number, "zero_worst_pf": number, "zero_moved_ns": whole}
-    force = record(**vectors, state=text, fault_mask=whole, flags=whole, t_ns=whole, cause=text, **zero)
+    baseline = {
+        "baseline_status": text,
+        "baseline_mean_pf": number,
+        "baseline_worst_pf": number,
+        "baseline_moved_ns": whole,
+    }
+    force = record(**vectors, state=text, fault_mask=whole, flags=whole, t_ns=whole, cause=text, **baseline)
     topics = {
         SCAN: record(sequence=whole, **dict.fromkeys(legs, scan)),
         FORCE: record(sequence=whole, t_sent_ns=whole, **dict.fromkeys(legs, force)),

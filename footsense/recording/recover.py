@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from footsense.errors import RecordingError
+from footsense.recording.cycle_records import Numbered
 from footsense.recording.mcap_writer import McapFile
-from footsense.recording.pipe_format import Numbered
 from footsense.recording.recorder import check_not_being_written, check_target, partial_path
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream

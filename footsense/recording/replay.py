@@ -5,8 +5,8 @@ from pathlib import Path
 
 from footsense.errors import RecordingError
 from footsense.frames import CapFrame, Command, Cycle
+from footsense.recording.cycle_records import Loss, Numbered
 from footsense.recording.mcap_reader import read_entries, read_header
-from footsense.recording.pipe_format import Loss, Numbered
 
 __all__ = ["Replay", "ReplayClock", "ReplaySource"]
 

@@ -17,9 +17,8 @@ from pathlib import Path
 
 from footsense.child_process import yield_to_the_loop
 from footsense.errors import RecordingError
+from footsense.recording.cycle_records import Loss, Numbered, unpack
 from footsense.recording.mcap_writer import McapFile
-from footsense.recording.pipe_format import Loss, Numbered
-from footsense.recording.pipe_unpack import unpack
 
 __all__ = ["FdStream", "PipeWriter", "main"]
 

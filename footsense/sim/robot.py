@@ -1,7 +1,7 @@
-"""The simulated robot: feet, chips, buses and time, put together for a scene.
+"""The simulated robot: feet, chips, buses and clocks of a scene.
 
-A foot is pressed by the scene's load; the response table turns contact into gap closures, those into capacitances;
-the row switch decides which of them a converter pin sees.
+The load of the scene presses each foot; the response table turns contacts into gap closures, those into capacitances;
+the row switch connects some of them to the pins of the converter.
 """
 
 from collections.abc import Sequence
@@ -14,17 +14,17 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
 from footsense.sim.bus.kernel_mux import SimulatedKernelMuxLeg
-from footsense.sim.chips.electronics import Wired, electronics
+from footsense.sim.chips.electronics import WiredFoot, electronics
 from footsense.sim.clock import JoinedClock, VirtualClock
 from footsense.sim.faults.bus_faults import FailingBus
 from footsense.sim.faults.chip_faults import failing_chips
 from footsense.sim.faults.damage import Damage
 from footsense.sim.faults.scene_faults import OnChips, OnFoot, OnWires, StuckSda
 from footsense.sim.foot.fabrication import fabricate, mounted
-from footsense.sim.foot.viscoelastic import RememberingRubber
+from footsense.sim.foot.viscoelastic import ViscoelasticElement
 from footsense.sim.foot.warming import WarmingFoot, softness_at
 from footsense.sim.loads.gait_table import GaitTable
-from footsense.sim.loads.ground_load import Load, Walk
+from footsense.sim.loads.ground_load import Contact, Load, Walk
 from footsense.sim.scene import Scene
 
 
@@ -47,20 +47,20 @@ class Wiring(NamedTuple):
 
 
 class SimulatedLeg:
-    """The electronics of one leg and the foot that it reads.
+    """The electronics of one leg and the foot that it measures.
 
     Args:
         leg: Name of the leg.
-        number: Its place among the legs, which seeds its noise.
-        scene: What the robot does.
-        load: The scene's load.
-        foot: The foot on it.
-        table: What its foot does over a gait cycle; None to ask the response each time.
-        board: Its electronics: `fdc1004` or `ad7746`.
+        number: Index of the leg, which seeds its noise.
+        scene: The scene.
+        load: The load of the scene.
+        foot: The foot on this leg.
+        table: Capacitances of the foot over a gait cycle; None to compute each load.
+        board: Electronics: `fdc1004` or `ad7746`.
 
     Attributes:
-        chips: Its chips, as its bus sees them.
-        wired: What these are wired to.
+        wired: The foot behind the electronics.
+        chips: The chips as their bus sees them, the converter first.
     """
 
     def __init__(
@@ -78,29 +78,26 @@ class SimulatedLeg:
         self._load = load
         self._table = table
         self._foot = foot
-        self._rubber = RememberingRubber() if effects.rubber else None
-        self._pressed: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
-        self._pressed_pf: list[float] = foot.rest_pf.tolist()
-        # What breaks draws from elsewhere, so that the same converters make the same noise.
+        self._rubber = ViscoelasticElement() if effects.rubber else None
+        self._last: Contact | None = None
+        self._last_pf: list[float] = []
+        # Faults draw from a stream of their own, so that converters make the same noise with and without them.
+        noise, faults, drift = ((scene.seed, number, *stream) for stream in ((), (1,), (2,)))
         own = [fault for fault in scene.faults if getattr(fault, "leg", None) == leg]
-        on_chips = [fault for fault in own if isinstance(fault, OnChips)]
-        on_foot = [fault for fault in own if isinstance(fault, OnFoot)]
-        self._damage = Damage(on_foot, self._foot) if on_foot else None
-        self.wired = Wired(self._elements_pf, self._damage)
-        converter, switches = electronics(board, self.wired, effects, (scene.seed, number))
+        damage = Damage([fault for fault in own if isinstance(fault, OnFoot)], foot)
+        self.wired = WiredFoot(self._elements_pf, damage)
         self.chips = failing_chips(
-            converter, switches, on_chips, np.random.default_rng((scene.seed, number, 1))
+            *electronics(board, self.wired, effects, noise),
+            [fault for fault in own if isinstance(fault, OnChips)],
+            np.random.default_rng(faults),
         )
-        softening = effects.softening
-        self._softening = softening if softening is not None and softening.leg == leg else None
+        self._softening = effects.softening if effects.softening and effects.softening.leg == leg else None
         self._warming = (
-            WarmingFoot(effects.warming, np.random.default_rng((scene.seed, number, 2)))
-            if effects.warming
-            else None
+            WarmingFoot(effects.warming, np.random.default_rng(drift)) if effects.warming else None
         )
 
     def _elements_pf(self, t_ns: int) -> list[float]:
-        """Return the capacitance of the foot's elements at a time [pF], nine, stray not included."""
+        """Return the capacitance of each element at a time [pF], nine, stray not included."""
         softness = 1.0 if self._warming is None else self._warming.softness(t_ns)
         if self._softening is not None:
             softness *= self._softening.softness(t_ns)
@@ -108,30 +105,26 @@ class SimulatedLeg:
             element_pf = self._table.capacitance_pf(self._load.phase(self._leg, t_ns), softness)
         else:
             contact = self._load.contact(self._leg, t_ns)
-            normal, force_n = contact
             if self._rubber is not None:
-                normal, force_n = self._rubber.felt(t_ns, normal, force_n)
-            # A solid that is stiffer yields as if it were loaded less.
-            element_pf = self._solid_pf(normal, force_n if softness == 1.0 else force_n * softness)
+                contact = Contact(*self._rubber.effective_load(t_ns, *contact))
+            if softness != 1.0:  # a stiffer solid yields as under a smaller load
+                contact = contact._replace(force_n=contact.force_n * softness)
+            element_pf = self._solid_pf(contact)
         if self._warming is not None:
             drift_pf = self._warming.drift_pf(t_ns)
             element_pf = [pf + by_pf for pf, by_pf in zip(element_pf, drift_pf, strict=True)]
-        if self._damage is not None:
-            element_pf = self._damage.elements_pf(element_pf, t_ns)
-        return element_pf
+        return self.wired.damage.elements_pf(element_pf, t_ns)
 
-    def _solid_pf(self, normal: NDArray[np.float64], force_n: NDArray[np.float64]) -> list[float]:
-        """Return the capacitances of a load [pF], nine; a load that stands still is computed once."""
-        if self._pressed is None or not (
-            np.array_equal(force_n, self._pressed[1]) and np.array_equal(normal, self._pressed[0])
-        ):
-            self._pressed = normal, force_n
-            self._pressed_pf = self._foot.capacitance_pf(normal[None], force_n[None])[0].tolist()
-        return self._pressed_pf
+    def _solid_pf(self, contact: Contact) -> list[float]:
+        """Return the capacitances under a load [pF], nine; a load that stays is computed once."""
+        if self._last is None or not all(map(np.array_equal, contact, self._last)):
+            normal, force_n = self._last = contact
+            self._last_pf = self._foot.capacitance_pf(normal[None], force_n[None])[0].tolist()
+        return self._last_pf
 
 
 def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str, Foot]:
-    """Return the foot on each leg: as designed, one for all; as made, each its own."""
+    """Return the foot on each leg: one as designed for all, or a fabricated one each."""
     made, contact = scene.fabrication, scene.effects.gap_contact
     if made is None:
         return dict.fromkeys(legs, Foot(response, contact=contact))
@@ -144,7 +137,7 @@ def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str
 
 
 def _gait_tables(scene: Scene, load: Load, feet: dict[str, Foot]) -> dict[str, GaitTable]:
-    """Return the table of each leg; those with the same foot and load share one."""
+    """Return the gait table of each leg; legs with the same foot and load share one."""
     if not isinstance(load, Walk):
         return {}
     warming = scene.effects.warming
@@ -162,19 +155,19 @@ class SimulatedRobot:
     """A robot in a scene.
 
     Args:
-        scene: What it does.
-        response: How its feet yield.
-        buses: Its wiring.
+        scene: The scene.
+        response: Response table of its feet.
+        buses: Wiring of each bus.
 
     Attributes:
-        clocks: The time of each bus.
-        clock: The time of whoever uses all buses together.
-        buses: The trunks: the adapters, unless the kernel drives the mux.
+        clocks: Clock of each bus.
+        clock: Clock of a user of all buses.
+        buses: The upstream buses: the adapters, unless the kernel drives the mux.
         adapters: Adapter of each leg by name, for every bus whose mux the kernel drives; empty for the others.
-        muxes: The mux of each, whose RESET pin a line of the host may drive.
-        response_sha256: Hash of the table that its feet follow.
-        feet: The foot on each leg.
-        legs: The legs by name.
+        muxes: Mux of each bus, whose RESET pin a line of the host may drive.
+        response_sha256: Hash of the response table.
+        feet: Foot on each leg.
+        legs: Legs by name.
     """
 
     def __init__(self, scene: Scene, response: FootResponse, buses: Sequence[Wiring]) -> None:
@@ -191,17 +184,10 @@ class SimulatedRobot:
         self.adapters: list[dict[str, SimulatedKernelMuxLeg]] = []
         for number, (wiring, clock) in enumerate(zip(buses, self.clocks, strict=True)):
             for leg in wiring.channels:
-                self.legs[leg] = SimulatedLeg(
-                    leg,
-                    self._legs.index(leg),
-                    scene,
-                    self._load,
-                    self.feet[leg],
-                    tables.get(leg),
-                    wiring.board,
-                )
+                index, foot, table = self._legs.index(leg), self.feet[leg], tables.get(leg)
+                self.legs[leg] = SimulatedLeg(leg, index, scene, self._load, foot, table, wiring.board)
             mux = SimulatedMux(wiring.mux_address)
-            # A mux that the kernel drives is switched without a system call: there each leg brings the host's cost.
+            # A mux that the kernel drives is switched without a system call: each leg adds the cost of the host.
             leg_cost_ns = round(scene.host_cost_us * 1e3)
             host_cost_ns = 0 if wiring.kernel_mux else leg_cost_ns
             bus: SimulatedBus | FailingBus = SimulatedBus(
@@ -239,5 +225,5 @@ class SimulatedRobot:
             )
 
     def true_force_n(self, t_ns: int) -> NDArray[np.float64]:
-        """Return the force that every foot really feels at a time [N], shape (legs, 3), foot frame."""
+        """Return the true force on every foot at a time [N], shape (legs, 3), foot frame."""
         return np.array([self._load.contact(leg, t_ns).force_n for leg in self._legs])

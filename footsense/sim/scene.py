@@ -14,7 +14,7 @@ from msgspec import Meta
 from footsense import strict_yaml
 from footsense.errors import ConfigError
 from footsense.frames import LEGS
-from footsense.sim.faults.scene_faults import Fault, Leg
+from footsense.sim.faults.scene_faults import FORMER_FAULTS, Fault, Leg
 from footsense.sim.foot.fabrication import AS_BADLY_MADE, REMOUNT_DEG, FootTolerances
 from footsense.sim.loads import ground_load
 from footsense.sim.test_stand.calibration_loads import PressSequence, paper_presses
@@ -279,22 +279,21 @@ def scene_names() -> list[str]:
 
 
 def load_scene(name_or_path: str) -> Scene:
-    """Return the scene of that name, or of that YAML file.
+    """Return a scene of the package by name, or the scene of a YAML file.
 
     Raises:
         ConfigError: There is no such scene, or it is not a valid one.
     """
+    source: Path | str = Path(name_or_path)
+    where = None
     if name_or_path in scene_names():
         resource = files("footsense.sim") / "scenes" / f"{name_or_path}.yaml"
-        return strict_yaml.load(
-            resource.read_text(encoding="utf-8"), Scene, where=f"scene {name_or_path}", check=_contradiction
-        )
-    path = Path(name_or_path)
-    if not path.suffix:
+        source, where = resource.read_text(encoding="utf-8"), f"scene {name_or_path}"
+    elif not Path(name_or_path).suffix:
         raise ConfigError(
             f"no scene {name_or_path!r}: there are {', '.join(scene_names())}, or give the path of a YAML file"
         )
-    return strict_yaml.load(path, Scene, check=_contradiction)
+    return strict_yaml.load(source, Scene, where, check=_contradiction, former=FORMER_FAULTS)
 
 
 def _contradiction(scene: Scene) -> strict_yaml.Problem | None:

@@ -1,11 +1,12 @@
-"""What shows the service's counters to Prometheus: the only file that knows prometheus_client.
+"""The service's counters as Prometheus metrics over HTTP: the only file that knows prometheus_client.
 
-It runs in a process of its own, which `exporter_keeper` starts, and starts again if it should die.
+It runs in `footsense exporter`, a process with a systemd unit of its own. Each scrape opens the counters' file anew,
+so a restarted service is picked up, and one that has ended or not started yet shows as `footsense_up 0`.
 """
 
 import errno
-import sys
-from collections.abc import Callable, Iterable, Sequence
+import logging
+from collections.abc import Iterable, Sequence
 from itertools import product
 from pathlib import Path
 
@@ -13,33 +14,45 @@ from prometheus_client import CollectorRegistry, start_http_server
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from footsense.errors import FootsenseError
+from footsense.errors import ConfigError, FootsenseError
 from footsense.telemetry.shared_counters import Family, read_counters
 
-__all__ = ["SharedCollector", "serve"]
+__all__ = ["CountersCollector", "serve"]
+
+_log = logging.getLogger(__name__)
 
 
-class SharedCollector(Collector):
-    """Makes Prometheus metrics of shared counters, at each scrape.
+class CountersCollector(Collector):
+    """Reads a service's counters at each scrape.
 
     Args:
-        families: What is counted.
-        cells: The living numbers, family after family.
+        path: File of the counters, as `metrics.counters` in the configuration.
     """
 
-    def __init__(self, families: list[Family], cells: "memoryview[float]") -> None:
-        self._families = families
-        self._cells = cells
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._logged = ""
 
     def collect(self) -> Iterable[Metric]:
-        """Read every metric.
+        """Read the counters.
 
         Yields:
-            One metric after the other, with its present values.
+            `footsense_up`, and while the service runs, all its metrics.
         """
+        families: list[Family] = []
+        cells: list[float] = []
+        reason = ""
+        try:
+            families, cells = read_counters(self._path)
+        except FootsenseError as error:
+            reason = str(error)
+        if reason != self._logged:
+            _log.warning("%s", f"no service: {reason}" if reason else f"{self._path}: the service runs")
+            self._logged = reason
+        yield GaugeMetricFamily("footsense_up", "1 while the service runs.", value=float(not reason))
         first = 0
-        for family in self._families:
-            yield _metric(family, self._cells[first : first + family.n_cells].tolist())
+        for family in families:
+            yield _metric(family, cells[first : first + family.n_cells])
             first += family.n_cells
 
 
@@ -66,38 +79,29 @@ def _metric(family: Family, cells: Sequence[float]) -> Metric:
     return metric
 
 
-def _remedy(error: OSError | OverflowError) -> str:
-    """Return what would be right instead: another port, or an address of this machine."""
-    if isinstance(error, OverflowError) or error.errno in {errno.EADDRINUSE, errno.EACCES}:
-        return "choose another metrics.port"
-    return "metrics.address has to be an address of this machine, such as 127.0.0.1"
-
-
-def serve(file: Path, address: str, port: int, say: Callable[[str], None]) -> int:
-    """Show one file of counters until standard input ends.
+def serve(path: Path, address: str, port: int) -> int:
+    """Serve the counters over HTTP from a daemon thread, until the process ends.
 
     Args:
-        file: What `SharedCounters` made; removed at the end, for a service that was killed could not do it itself.
+        path: File of the counters; need not exist yet.
         address: IP address to listen on.
-        port: TCP port; 0 for any that is free.
-        say: Gets one word and what follows from it: `ready PORT`, `refused REASON` or `failed REASON`.
+        port: TCP port; 0 for any free one.
 
     Returns:
-        The exit code of the process.
+        The TCP port.
+
+    Raises:
+        ConfigError: The port is in use or needs privileges, or the address is not of this machine.
     """
-    try:
-        families, cells = read_counters(file)
-    except FootsenseError as error:
-        say(f"failed {error}")
-        return error.exit_code
     registry = CollectorRegistry()
-    registry.register(SharedCollector(families, cells))
+    registry.register(CountersCollector(path))
     try:
         server, _ = start_http_server(port, address, registry)
-    except (OSError, OverflowError) as error:
-        say(f"refused {getattr(error, 'strerror', None) or error}; {_remedy(error)}")
-        return 2
-    say(f"ready {server.server_port}")
-    sys.stdin.buffer.read()
-    file.unlink(missing_ok=True)
-    return 0
+    except OSError as error:
+        remedy = "metrics.address has to be an address of this machine, such as 127.0.0.1"
+        if error.errno in {errno.EADDRINUSE, errno.EACCES}:
+            remedy = "choose another metrics.port"
+        raise ConfigError(
+            f"metrics cannot be served on {address}:{port}: {error.strerror}; {remedy}"
+        ) from error
+    return int(server.server_port)

@@ -1,11 +1,12 @@
-"""Every metric that the service has: its name, its labels, and what it tells."""
+"""Every metric of the service: name, labels, and meaning."""
 
 from collections.abc import Sequence
+from enum import IntEnum
 
-from firmware_interface.can_codes import EXPECTED, Cause, Phase, Result, State, ZeroStatus
+from firmware_interface.can_codes import EXPECTED, BaselineStatus, Cause, Phase, Result, State
 from footsense.telemetry.shared_counters import Family
 
-__all__ = ["AGE_BOUNDS_S", "FAULTS", "PERIOD_BOUNDS_S", "STATES", "families"]
+__all__ = ["AGE_BOUNDS_S", "CAN_COUNTERS", "FAULTS", "PERIOD_BOUNDS_S", "STATE_SETS", "families"]
 
 #: Close together around one conversion of 2.5 ms, and around nine of 2.5 ms and of 11 ms.
 PERIOD_BOUNDS_S = [
@@ -14,51 +15,50 @@ PERIOD_BOUNDS_S = [
 ]
 AGE_BOUNDS_S = [0.001, 0.002, 0.005, 0.01, 0.012, 0.014, 0.016, 0.02, 0.025, 0.03, 0.04, 0.05, 0.1, 0.2, 0.5]
 
-STATES = [state.name.lower() for state in State]
-#: States that nobody asked for.
+#: States that are faults.
 FAULTS = [state for state in State if state not in EXPECTED]
 
+#: Gauges of which exactly one series per leg is 1, as Prometheus enums are: label, codes, meaning.
+STATE_SETS: dict[str, tuple[str, type[IntEnum], str]] = {
+    "footsense_leg_state": ("state", State, "1 for the state of the leg."),
+    "footsense_leg_phase": ("phase", Phase, "1 for the phase of the leg."),
+    "footsense_leg_cause": ("cause", Cause, "1 for the cause of the leg's state."),
+    "footsense_baseline_status": (
+        "status",
+        BaselineStatus,
+        "1 for the status of the leg's baseline tracking.",
+    ),
+}
 
-def families(legs: tuple[str, ...], lateness_bounds_s: Sequence[float] | None) -> list[Family]:
-    """Return the metrics of a robot with these legs.
+#: Counters of the CAN channel, by field of `CanStatistics`.
+CAN_COUNTERS = {
+    "sent": ("footsense_can_sent_frames_total", "Frames handed to CAN."),
+    "dropped": ("footsense_can_dropped_frames_total", "Frames that CAN did not take; never sent late."),
+    "received": ("footsense_can_received_frames_total", "Command frames that arrived."),
+    "rejected": ("footsense_can_rejected_frames_total", "Command frames that were not executed."),
+    "bus_errors": ("footsense_can_bus_errors_total", "Error frames that the CAN controller reported."),
+    "bus_off": ("footsense_can_bus_off_total", "How often the controller has left the bus."),
+    "error_passive": (
+        "footsense_can_error_passive_total",
+        "How often the controller became error passive, or nobody acknowledged.",
+    ),
+    "reopened": ("footsense_can_reopened_total", "How often the CAN interface went and came back."),
+    "unlogged": ("footsense_can_unlogged_frames_total", "Frames sent that the CAN log lacks."),
+}
+
+
+def families(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | None) -> list[Family]:
+    """Return the metrics of a robot.
 
     Args:
         legs: Name of the leg in each row of the frames.
-        lateness_bounds_s: Bounds of the histogram of wake-ups [s]; None where nobody sleeps, in virtual time.
+        wakeup_bounds_s: Bounds of the wake-up latency's histogram [s]; None in virtual time, where nothing sleeps.
     """
-    return [*_timing(lateness_bounds_s), *_frames(legs), *_legs(legs), *_zeros(legs), *_losses()]
-
-
-def _timing(lateness_bounds_s: Sequence[float] | None) -> list[Family]:
-    degraded = Family(
-        "footsense_degraded_timing",
-        "gauge",
-        "1 while the loop runs without the scheduling that it asked for.",
-    )
-    if lateness_bounds_s is None:
-        return [degraded]
-    return [
-        degraded,
-        Family(
-            "footsense_wakeup_lateness_seconds",
-            "histogram",
-            "Time from the deadline that a thread slept for to its wake-up.",
-            bounds=list(lateness_bounds_s),
-        ),
-        Family(
-            "footsense_overruns_total", "counter", "Deadlines that had passed before they were waited for."
-        ),
-        Family(
-            "footsense_late_ticks_total",
-            "counter",
-            "Scans given up because a wake-up came too late for them; never made up for.",
-        ),
-    ]
-
-
-def _frames(legs: tuple[str, ...]) -> list[Family]:
     leg = {"leg": list(legs)}
+    offset = "baseline offset since the last tare; NaN without a baseline."
     return [
+        *(_wakeups(wakeup_bounds_s) if wakeup_bounds_s is not None else ()),
+        Family("footsense_degraded_timing", "gauge", "1 while the loop lacks the scheduling it asked for."),
         Family("footsense_scans_total", "counter", "Scans published."),
         Family(
             "footsense_scan_period_seconds",
@@ -73,75 +73,60 @@ def _frames(legs: tuple[str, ...]) -> list[Family]:
             leg,
             AGE_BOUNDS_S,
         ),
-    ]
-
-
-def _legs(legs: tuple[str, ...]) -> list[Family]:
-    leg = {"leg": list(legs)}
-    return [
-        Family("footsense_leg_phase", "gauge", f"Phase of the leg: {_codes(Phase)}.", leg),
-        Family("footsense_leg_state", "gauge", f"State of the leg: {_codes(State)}.", leg),
-        Family("footsense_leg_cause", "gauge", f"What lies behind the state: {_codes(Cause)}.", leg),
-        Family("footsense_leg_contact", "gauge", "1 while the foot is on the ground.", leg),
-        Family("footsense_leg_scans_total", "counter", "Scans by the leg's state.", {**leg, "state": STATES}),
+        *(
+            Family(name, "gauge", meaning, {**leg, label: _names(codes)})
+            for name, (label, codes, meaning) in STATE_SETS.items()
+        ),
+        Family("footsense_leg_contact", "gauge", "1 while the foot is in contact with the ground.", leg),
+        Family(
+            "footsense_leg_scans_total",
+            "counter",
+            "Scans by the leg's state.",
+            {**leg, "state": _names(State)},
+        ),
         Family(
             "footsense_faults_total",
             "counter",
-            "Times that a leg fell into a state that is a fault, by state.",
-            {**leg, "kind": [state.name.lower() for state in FAULTS]},
+            "Transitions of a leg into a state that is a fault.",
+            {**leg, "kind": _names(FAULTS)},
         ),
+        Family("footsense_tares_total", "counter", "Tares by result.", {**leg, "result": _names(Result)}),
         Family(
-            "footsense_tares_total",
-            "counter",
-            "Tares that came to an end, by result.",
-            {**leg, "result": [result.name.lower() for result in Result]},
+            "footsense_baseline_mean_offset_farads", "gauge", f"Mean over the elements of the {offset}", leg
         ),
-    ]
-
-
-def _zeros(legs: tuple[str, ...]) -> list[Family]:
-    leg = {"leg": list(legs)}
-    moved = "how far its zero has moved since the last tare; NaN without one."
-    return [
-        Family("footsense_zero_status", "gauge", f"What its tracking does: {_codes(ZeroStatus)}.", leg),
-        Family("footsense_zero_mean_offset_farads", "gauge", f"Mean over the elements of {moved}", leg),
-        Family("footsense_zero_worst_offset_farads", "gauge", f"Of the worst element, {moved}", leg),
+        Family("footsense_baseline_worst_offset_farads", "gauge", f"Largest element's {offset}", leg),
         Family(
-            "footsense_zero_age_seconds",
+            "footsense_baseline_age_seconds",
             "gauge",
-            "Time since the zero was moved or tared; NaN if never.",
+            "Time since the baseline was tared or moved; NaN if never.",
             leg,
         ),
+        *(Family(name, "counter", meaning) for name, meaning in CAN_COUNTERS.values()),
+        Family("footsense_recorder_lost_frames_total", "counter", "Scans missing in the recording."),
+        Family(
+            "footsense_log_lost_lines_total", "counter", "Log lines dropped because their reader was slow."
+        ),
     ]
 
 
-def _losses() -> list[Family]:
+def _wakeups(bounds_s: Sequence[float]) -> list[Family]:
     return [
-        Family("footsense_can_sent_frames_total", "counter", "Frames handed to CAN."),
         Family(
-            "footsense_can_dropped_frames_total", "counter", "Frames that CAN did not take; never sent late."
+            "footsense_wakeup_latency_seconds",
+            "histogram",
+            "Time from the deadline of a sleeping thread to its wake-up.",
+            bounds=list(bounds_s),
         ),
-        Family("footsense_can_received_frames_total", "counter", "Command frames that arrived."),
-        Family("footsense_can_rejected_frames_total", "counter", "Command frames that were not obeyed."),
-        Family("footsense_can_bus_errors_total", "counter", "Error frames that the CAN controller reported."),
-        Family("footsense_can_bus_off_total", "counter", "How often the controller has left the bus."),
         Family(
-            "footsense_can_error_passive_total",
+            "footsense_overruns_total", "counter", "Deadlines that had passed before the thread could sleep."
+        ),
+        Family(
+            "footsense_missed_deadlines_total",
             "counter",
-            "How often it was near that, or nobody acknowledged.",
-        ),
-        Family("footsense_can_reopened_total", "counter", "How often the CAN interface went and came back."),
-        Family("footsense_can_unlogged_frames_total", "counter", "Frames sent that the CAN log lacks."),
-        Family(
-            "footsense_recorder_lost_frames_total",
-            "counter",
-            "Scans that the recorder could not keep up with.",
-        ),
-        Family(
-            "footsense_log_lost_lines_total", "counter", "Lines of the log that its reader was too slow for."
+            "Scans given up because a wake-up came too late; never made up for.",
         ),
     ]
 
 
-def _codes(codes: type[Cause | Phase | State | ZeroStatus]) -> str:
-    return ", ".join(f"{code.value} {code.name.lower()}" for code in codes)
+def _names(codes: "type[IntEnum] | list[State]") -> list[str]:
+    return [code.name.lower() for code in codes]

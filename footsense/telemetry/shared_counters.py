@@ -1,8 +1,8 @@
-"""Numbers that one process counts and another reads, in a memory-mapped file that describes itself.
+"""Counters that one process writes and another reads, in a memory-mapped file that describes itself.
 
-The loop must not answer HTTP: rendering the metrics in its process costs it milliseconds. So it adds to plain
-doubles in shared memory, at some ten nanoseconds each, and the exporter reads them when it is asked. There is one
-writer and no lock: each number is whole by itself, and a scrape may fall between two of them.
+The loop must not answer HTTP: rendering the metrics in its process costs milliseconds. It adds to plain doubles in
+shared memory at some ten nanoseconds each, and `footsense exporter` reads them at each scrape. There is one writer
+and no lock on the cells: each double is whole by itself, and a scrape may fall between two of them.
 
 The file::
 
@@ -11,10 +11,13 @@ The file::
     n bytes   the description: a JSON list of families, padded with blanks to a multiple of 8
     rest      cells: doubles of this machine, family after family
 
-A family has a cell for each combination of its labels' values, the last label fastest; a histogram has for each
-combination its buckets, the one without a bound, and the sum.
+A family has one cell per combination of its label values, the last label fastest; a histogram has per combination
+its buckets, the unbounded one, and the sum. The writer holds an exclusive flock(2) on the file for as long as it
+lives, so a file without a lock is left over from a service that was killed.
 """
 
+import contextlib
+import fcntl
 import json
 import math
 import mmap
@@ -23,7 +26,7 @@ import struct
 import tempfile
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import BinaryIO, Literal
 
 import msgspec
 
@@ -40,9 +43,9 @@ class Family:
     """One metric with all its label values.
 
     Attributes:
-        name: As Prometheus shows it, with its unit; a counter's ends in `_total`.
-        kind: What Prometheus takes it for.
-        help: One sentence for whoever reads the metrics.
+        name: Name in Prometheus, with its unit; a counter's ends in `_total`.
+        kind: Type in Prometheus.
+        help: One sentence for readers of the metrics.
         labels: Values of each label, in order.
         bounds: Upper bounds of a histogram's buckets, rising, without infinity.
     """
@@ -65,19 +68,21 @@ class Family:
 
 
 class SharedCounters:
-    """The writer's side: makes the file, and removes it at the end.
+    """The writer's side: creates the file and removes it at the end.
 
     Args:
         families: What is counted, in the order of the cells.
-        directory: Where the file is made; by default in memory, /dev/shm, if there is such a place.
+        path: The file. It should lie in memory (/dev/shm, /run): on a disk, write-back can block the writer.
 
     Attributes:
-        path: The file.
-        cells: Its numbers, all zero at first.
+        cells: The counters, initially zero.
         first: Index of each family's first cell, by name.
+
+    Raises:
+        FootsenseError: Another running service writes this file, or it cannot be created.
     """
 
-    def __init__(self, families: list[Family], directory: Path | None = None) -> None:
+    def __init__(self, families: list[Family], path: Path) -> None:
         description = json.dumps([asdict(family) for family in families]).encode()
         description += b" " * (-len(description) % 8)
         self.first: dict[str, int] = {}
@@ -85,48 +90,60 @@ class SharedCounters:
         for family in families:
             self.first[family.name] = n_cells
             n_cells += family.n_cells
-        if directory is None:
-            memory = Path("/dev/shm")  # noqa: S108 - mkstemp makes a file that only this user can open
-            directory = memory if os.access(memory, os.W_OK) else Path(tempfile.gettempdir())
-        file, name = tempfile.mkstemp(prefix="footsense-", suffix=".counters", dir=directory)
-        self.path = Path(name)
+        start = _HEAD.size + len(description)
+        self._path = path
         try:
-            start = _HEAD.size + len(description)
-            os.write(file, _HEAD.pack(_MAGIC, len(description)) + description)
-            os.ftruncate(file, start + 8 * n_cells)
-            self._map = mmap.mmap(file, 0)
-        finally:
-            os.close(file)
-        self.cells = memoryview(self._map)[start:].cast("d")
+            with contextlib.suppress(FileNotFoundError), path.open("rb") as present:
+                if _is_locked(present):
+                    raise FootsenseError(f"{path}: another running service counts into this file")
+            # Complete and locked before a reader can see it.
+            self._fd, name = tempfile.mkstemp(prefix=f"{path.name}.", dir=path.parent)
+            fcntl.flock(self._fd, fcntl.LOCK_EX)
+            os.fchmod(self._fd, 0o644)
+            os.write(self._fd, _HEAD.pack(_MAGIC, len(description)) + description)
+            os.ftruncate(self._fd, start + 8 * n_cells)
+            self.cells = memoryview(mmap.mmap(self._fd, 0))[start:].cast("d")
+            Path(name).rename(path)
+        except OSError as error:
+            raise FootsenseError(f"{path}: cannot be written: {error.strerror}") from error
 
     def close(self) -> None:
-        """Remove the file; what a reader has mapped stays readable to it. A second call does nothing."""
-        self.path.unlink(missing_ok=True)
-        self.cells.release()
+        """Remove the file; a second call does nothing."""
+        if self._fd >= 0:
+            self._path.unlink(missing_ok=True)
+            os.close(self._fd)
+            self._fd = -1
+            self.cells.release()
 
 
-def read_counters(path: Path) -> "tuple[list[Family], memoryview[float]]":
-    """Return what is counted in a file and its living cells.
+def read_counters(path: Path) -> tuple[list[Family], list[float]]:
+    """Return the families of a running service and their present cells.
 
     Raises:
-        FootsenseError: The file is missing or was not made by `SharedCounters`.
+        FootsenseError: No running service writes the file, or `SharedCounters` did not create it.
     """
     try:
         with path.open("rb") as file:
-            shared = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        magic, length = _HEAD.unpack_from(shared)
-        if magic != _MAGIC:
-            raise FootsenseError(f"{path} does not hold footsense's counters")
+            content = file.read() if _is_locked(file) else b""
+        if not content:
+            raise FootsenseError(f"{path}: its service has ended")
+        magic, length = _HEAD.unpack_from(content)
         start = _HEAD.size + length
-        families = msgspec.json.decode(shared[_HEAD.size : start], type=list[Family])
-        cells = memoryview(shared)[start:].cast("d")
+        families = msgspec.json.decode(content[_HEAD.size : start], type=list[Family])
+        cells: list[float] = memoryview(content)[start:].cast("d").tolist()  # type: ignore[assignment]
     except OSError as error:
         raise FootsenseError(f"{path}: {error.strerror}") from error
     except (msgspec.DecodeError, ValueError, TypeError, struct.error) as error:
         raise FootsenseError(f"{path} does not hold footsense's counters: {error}") from error
-    described = sum(family.n_cells for family in families)
-    if len(cells) != described:
-        raise FootsenseError(
-            f"{path} does not hold footsense's counters: {len(cells)} cells instead of {described}"
-        )
+    if magic != _MAGIC or len(cells) != sum(family.n_cells for family in families):
+        raise FootsenseError(f"{path} does not hold footsense's counters")
     return families, cells
+
+
+def _is_locked(file: BinaryIO) -> bool:
+    """Return whether another process, or another open file of this one, holds the writer's lock."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    return False

@@ -11,7 +11,7 @@ from firmware_interface.socketcan import split_frames
 from footsense.config import DEFAULT, Config
 from footsense.daemon.service import service
 from footsense.frames import Cycle
-from footsense.sim.faults.can_faults import CanFault
+from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Scene, Tripod
 
 __all__ = ["CanFigures", "can_trial"]

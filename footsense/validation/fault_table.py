@@ -7,9 +7,8 @@ import msgspec
 import numpy as np
 
 from footsense.config import DEFAULT, Config, Mux
-from footsense.sim.faults import can_faults, scene_faults
-from footsense.sim.faults.can_faults import CanFault
-from footsense.sim.faults.scene_faults import Fault
+from footsense.sim.faults import scene_faults
+from footsense.sim.faults.scene_faults import CanFault, Fault
 from footsense.validation.can_trial import CanFigures, can_trial
 from footsense.validation.fault_trial import (
     BREAKS_AT_S,
@@ -74,11 +73,11 @@ _AT: dict[str, Any] = {"leg": LEG, "at_s": BREAKS_AT_S}
 TRIALS = (
     Trial("cable off and on", _passing(scene_faults.Absent)),
     Trial("2 % of the acknowledges lost", _passing(scene_faults.NackAtRandom, rate_rel=_LOOSE_REL)),
-    Trial("a wrong bit in 2 % of the answers", _passing(scene_faults.Garbled, rate_rel=_LOOSE_REL)),
+    Trial("a wrong bit in 2 % of the answers", _passing(scene_faults.CorruptReads, rate_rel=_LOOSE_REL)),
     Trial("conversions never finish", _passing(scene_faults.StuckConverter)),
     Trial("another chip at the address", _passing(scene_faults.WrongChip)),
     Trial("supply dips: all settings lost", (scene_faults.BrownOut(**_AT),)),
-    Trial("row switch deaf", _passing(scene_faults.DeafSwitch)),
+    Trial("row switch deaf", _passing(scene_faults.SwitchIgnoresWrites)),
     Trial("SDA held low by the leg", _passing(scene_faults.StuckSda)),
     Trial("the same, RESET pin not wired", _passing(scene_faults.StuckSda), config=_WITHOUT_RESET),
     Trial(
@@ -86,17 +85,17 @@ TRIALS = (
     ),
     Trial(
         "SDA held low on the trunk, 0.1 s",
-        (scene_faults.StuckTrunk(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + _TRUNK_HELD_S),),
+        (scene_faults.StuckUpstreamBus(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + _TRUNK_HELD_S),),
     ),
     Trial(
         "2 % of the arbitrations lost", (scene_faults.ArbitrationLost(at_s=BREAKS_AT_S, rate_rel=_LOOSE_REL),)
     ),
-    Trial("mux forgets its channels", (scene_faults.MuxLost(at_s=BREAKS_AT_S),)),
+    Trial("mux forgets its channels", (scene_faults.MuxReset(at_s=BREAKS_AT_S),)),
     Trial("element open", _passing(scene_faults.ElementOpen, element=4)),
     Trial("element shorted", _passing(scene_faults.ElementShorted, element=0)),
     Trial("element stuck", _passing(scene_faults.ElementStuck, element=0)),
     Trial("element drifts, 0.5 pF/s", _passing(scene_faults.ElementDrifts, element=0, rate_ff_per_s=500.0)),
-    Trial("gap full of water", _passing(scene_faults.GapShut, element=5)),
+    Trial("gap full of water", _passing(scene_faults.GapClosed, element=5)),
     Trial("row line broken", _passing(scene_faults.BrokenRow, row=1)),
     Trial("column line broken", _passing(scene_faults.BrokenColumn, column=1)),
     Trial(
@@ -107,12 +106,12 @@ TRIALS = (
 
 _CAN_SPAN: dict[str, Any] = {"at_s": BREAKS_AT_S, "until_s": PASSES_AT_S}
 CAN_TRIALS = (
-    CanTrial("nobody acknowledges", can_faults.CanNoAck(**_CAN_SPAN)),
-    CanTrial("high and low shorted: bus-off", can_faults.CanBusOff(**_CAN_SPAN)),
-    CanTrial("interface down and up", can_faults.CanDown(**_CAN_SPAN)),
-    CanTrial("adapter unplugged, and new", can_faults.CanDown(unplugged=True, **_CAN_SPAN)),
-    CanTrial("another program floods the queue", can_faults.CanQueueFull(**_CAN_SPAN)),
-    CanTrial("1000 frames/s before ours", can_faults.CanTraffic(rate_hz=1000.0, **_CAN_SPAN)),
+    CanTrial("nobody acknowledges", scene_faults.CanNoAck(**_CAN_SPAN)),
+    CanTrial("high and low shorted: bus-off", scene_faults.CanBusOff(**_CAN_SPAN)),
+    CanTrial("interface down and up", scene_faults.CanDown(**_CAN_SPAN)),
+    CanTrial("adapter unplugged, and new", scene_faults.CanDown(unplugged=True, **_CAN_SPAN)),
+    CanTrial("another program floods the queue", scene_faults.CanQueueFull(**_CAN_SPAN)),
+    CanTrial("1000 frames/s before ours", scene_faults.CanTraffic(rate_hz=1000.0, **_CAN_SPAN)),
 )
 
 

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, decode_quality
 from firmware_interface.socketcan import split_frames
-from footsense.frames import USABLE, Cycle, ForceFrame, State
-from footsense.sim.faults.can_faults import CanFault
-from footsense.sim.faults.scene_faults import Fault
+from footsense.frames import USABLE, ContactFrame, Cycle, State
+from footsense.sim.faults.scene_faults import CanFault, Fault
 from footsense.validation.tolerances import Rules, Spans, excused_s, gap_costs_s
 
 __all__ = ["Invariants", "Lost"]
@@ -180,7 +179,11 @@ class Invariants:
         )
 
     def _check_errors(
-        self, frame: ForceFrame, usable: Sequence[int], force_n: list[list[float]], sigma_n: list[list[float]]
+        self,
+        frame: ContactFrame,
+        usable: Sequence[int],
+        force_n: list[list[float]],
+        sigma_n: list[list[float]],
     ) -> None:
         """Count the errors of the legs that have a force."""
         sent_ns = frame.t_sent_ns

@@ -6,8 +6,16 @@ import msgspec
 import numpy as np
 
 from footsense.frames import ELEMENTS
-from footsense.sim.faults.can_faults import CanFault, CanQueueFull
-from footsense.sim.faults.scene_faults import ArbitrationLost, ElementDrifts, Fault, OnChips, OnFoot, OnWires
+from footsense.sim.faults.scene_faults import (
+    ArbitrationLost,
+    CanFault,
+    CanQueueFull,
+    ElementDrifts,
+    Fault,
+    OnChips,
+    OnFoot,
+    OnWires,
+)
 
 #: Kinds that strike a leg or its bus, and kinds that strike CAN; how often it is one of the latter.
 ON_ROBOT: tuple[type[Fault], ...] = get_args(OnChips | OnFoot | OnWires)

@@ -18,7 +18,7 @@ from footsense.clock import resident_mib, stopwatch_ns
 from footsense.config import DEFAULT, Config
 from footsense.daemon.service import service
 from footsense.frames import State
-from footsense.sim.faults.can_faults import CanTraffic
+from footsense.sim.faults.scene_faults import CanTraffic
 from footsense.sim.scene import Effects, Scene, Stand, Tripod, Warming
 from footsense.validation.invariants import Invariants, Lost
 from footsense.validation.random_faults import random_faults

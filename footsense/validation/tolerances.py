@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.sim.faults.can_faults import CanFault
-from footsense.sim.faults.scene_faults import ArbitrationLost, Fault, StuckSda, StuckTrunk
+from footsense.sim.faults.scene_faults import ArbitrationLost, CanFault, Fault, StuckSda, StuckUpstreamBus
 
 __all__ = ["Rules", "Spans", "excused_s", "gap_costs_s"]
 
@@ -74,7 +73,7 @@ def excused_s(rules: Rules, script: Sequence[Fault], leg: str) -> list[tuple[flo
             continue
         begins_s = spans[-1][0] if spans and fault.at_s <= spans[-1][1] else fault.at_s
         until_s = max(getattr(fault, "until_s", None) or fault.at_s, fault.at_s)
-        longest_s = _HOLDER_PAUSE_S if isinstance(fault, StuckSda | StuckTrunk) else _PAUSE_S
+        longest_s = _HOLDER_PAUSE_S if isinstance(fault, StuckSda | StuckUpstreamBus) else _PAUSE_S
         recovery_s = min(until_s - begins_s, longest_s) + _TRY_S + _STEPS * rules.gait_period_s
         later_s = _later_s(rules, until_s, recovery_s)
         if spans and fault.at_s <= spans[-1][1]:
@@ -106,7 +105,7 @@ def gap_costs_s(script: Sequence[Fault], period_s: float) -> list[tuple[float, f
     arbitration_s = max(_ARBITRATION_COSTS_S, _ARBITRATION_COSTS_SCANS * period_s)
     costs = []
     for fault in script:
-        if isinstance(fault, StuckSda | StuckTrunk):
+        if isinstance(fault, StuckSda | StuckUpstreamBus):
             until_s = fault.until_s if fault.until_s is not None else np.inf
             cost_s = holder_s if isinstance(fault, StuckSda) else _TRUNK_COSTS_S
             costs.append((fault.at_s, until_s + _HOLDER_PAUSE_S + _TRY_S, cost_s))

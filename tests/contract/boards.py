@@ -15,7 +15,7 @@ from footsense.errors import BusError, BusTimeoutError
 from footsense.frames import CapFrame, Reading
 from footsense.ports import Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
-from footsense.sim.chips.ad7746 import Seen, SimulatedAd7746
+from footsense.sim.chips.ad7746 import MutualCapacitance, SimulatedAd7746
 from footsense.sim.chips.fdc1004 import CinCapacitance, SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.clock import JoinedClock, VirtualClock
@@ -70,7 +70,7 @@ def column_through(switch: SimulatedLineSwitch, capacitance_pf: Capacitance) -> 
 
 def crossing_through(
     rows: SimulatedLineSwitch, columns: SimulatedLineSwitch, capacitance_pf: Capacitance
-) -> Seen:
+) -> MutualCapacitance:
     """Return what an input sees of the excited rows through the columns that are switched to it."""
 
     def seen(t_start_ns: int, t_end_ns: int) -> tuple[float, bool]:

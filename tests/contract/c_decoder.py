@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
-from footsense.client import Limits, Status, View
+from footsense.client import LegForce, Limits, Status
 
 __all__ = ["SOURCES", "CLink", "compile_c", "library"]
 
@@ -74,8 +74,8 @@ def library() -> ctypes.CDLL:
         built = ctypes.CDLL(str(folder / "footsense.so"))
     finally:
         shutil.rmtree(folder)
-    built.footsense_look.restype = _View
-    built.footsense_look.argtypes = [ctypes.c_char_p, ctypes.c_uint8, ctypes.c_uint64]
+    built.footsense_get_leg_force.restype = _View
+    built.footsense_get_leg_force.argtypes = [ctypes.c_char_p, ctypes.c_uint8, ctypes.c_uint64]
     built.footsense_feed.restype = ctypes.c_bool
     built.footsense_feed.argtypes = [
         ctypes.c_char_p,
@@ -109,7 +109,7 @@ class CLink:
 
     def look(self, node: int, t_us: int) -> tuple[object, ...]:
         """Return what is known of a leg, in the units of C: mN and us."""
-        view = self._library.footsense_look(self._link, node, t_us)
+        view = self._library.footsense_get_leg_force(self._link, node, t_us)
         return (
             Status(view.status),
             view.usable,
@@ -122,7 +122,7 @@ class CLink:
         )
 
 
-def in_c_units(view: View) -> tuple[object, ...]:
+def in_c_units(view: LegForce) -> tuple[object, ...]:
     """Return a view of Python as C says it."""
     forces = tuple(-32768 if force_n != force_n else round(force_n * 1000) for force_n in view.force_n)  # noqa: PLR0124
     sigmas = tuple(65535 if sigma_n != sigma_n else round(sigma_n * 1000) for sigma_n in view.sigma_n)  # noqa: PLR0124

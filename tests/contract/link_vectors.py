@@ -10,6 +10,7 @@ from pathlib import Path
 
 from firmware_interface.can_codes import State
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, encode_force, encode_quality
+from firmware_interface.crc8 import protect
 
 __all__ = ["PATH", "document"]
 
@@ -90,6 +91,12 @@ def _usable(status: str, usable: bool | None) -> bool:  # noqa: FBT001 - a value
 def _spoilt(frame: tuple[int, bytes]) -> tuple[int, bytes]:
     can_id, data = frame
     return can_id, data[:-1] + bytes([data[-1] ^ 0x10])
+
+
+def _holed(counter: int) -> tuple[int, bytes]:
+    """Return a force that no service sends: its state is VALID, and its second component is the code of no value."""
+    can_id = FORCE_ID + NODE
+    return can_id, protect(can_id, bytes((State.VALID << 4 | counter, 100, 0, 0, 0x80, 100, 0)))
 
 
 def cases() -> list[Case]:
@@ -215,6 +222,12 @@ def cases() -> list[Case]:
         .pair(6, OK, used_before=False)
         .pair(7, OK, state=State.DEGRADED, usable=False, used_before=True)
         .pair(8, OK, used_before=False),
+        Case("a valid force with a component that is no number is not used, and the next one is")
+        .trusted()
+        .look(PERIOD_US, OK)
+        .feed(_holed(3), OK)
+        .feed(quality(3), OK, usable=False)
+        .pair(4, OK, used_before=False),
         Case("degraded forces where they are accepted", {"accept_degraded": True})
         .trusted()
         .pair(3, OK, state=State.DEGRADED),

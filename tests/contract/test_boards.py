@@ -165,7 +165,7 @@ def test_a_deaf_line_switch_is_noticed(board: Board, switch: int) -> None:
     """The others acknowledge for it and its converter converts: only its own read-back tells."""
     robot = Robot(distinct, board)
     robot.read(2)
-    robot.switches[1][switch].deaf_ns = [(robot.clock.now_ns(), math.inf)]
+    robot.switches[1][switch].ignores_writes_ns = [(robot.clock.now_ns(), math.inf)]
     robot.read()
     for _ in range(40):
         frame = robot.read()

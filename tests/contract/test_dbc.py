@@ -10,22 +10,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from firmware_interface.can_baseline import BASELINE_ID, decode_baseline, encode_baseline
 from firmware_interface.can_codes import (
     NODE_IDS,
+    BaselineStatus,
     Cause,
     CommandKind,
     Flag,
     NmtState,
     Result,
     State,
-    ZeroStatus,
 )
 from firmware_interface.can_events import (
     ANSWER_ID,
     COMMAND_ID,
     FAULT_ID,
     HEARTBEAT_ID,
-    UNASKED,
+    UNSOLICITED,
     WORDS,
     decode_answer,
     decode_command,
@@ -43,14 +44,13 @@ from firmware_interface.can_frames import (
     encode_force,
     encode_quality,
 )
-from firmware_interface.can_zero import ZERO_ID, decode_zero, encode_zero
 from firmware_interface.crc8 import protect
 
 DBC = cantools.database.load_file(Path(__file__).parents[2] / "firmware_interface/footsense.dbc")
 SENDERS = {
     "Force": (FORCE_ID, 8, "Footsense"),
     "Quality": (QUALITY_ID, 8, "Footsense"),
-    "Zero": (ZERO_ID, 8, "Footsense"),
+    "Baseline": (BASELINE_ID, 8, "Footsense"),
     "Fault": (FAULT_ID, 6, "Footsense"),
     "Command": (COMMAND_ID, 8, "GaitController"),
     "Answer": (ANSWER_ID, 4, "Footsense"),
@@ -127,7 +127,7 @@ def test_the_legs_differ_in_nothing_but_name_and_id(name: str) -> None:
         ("FaultLf", "State", State),
         ("FaultLf", "PreviousState", State),
         ("FaultLf", "Cause", Cause),
-        ("ZeroLf", "Status", ZeroStatus),
+        ("BaselineLf", "Status", BaselineStatus),
         ("CommandLf", "Kind", CommandKind),
         ("AnswerLf", "Kind", CommandKind),
         ("AnswerLf", "Result", Result),
@@ -153,10 +153,10 @@ def test_flags_are_single_bits_and_the_words_are_the_commands() -> None:
 
 
 def test_cyclic_frames_tell_their_period_and_the_others_have_none() -> None:
-    """Heartbeats come at 5 Hz, zeros at 1 Hz, forces at the scan rate of the default board."""
+    """Heartbeats come at 5 Hz, baselines at 1 Hz, forces at the scan rate of the default board."""
     assert {m.name: m.cycle_time for m in DBC.messages if m.cycle_time} == {
         name + leg: period
-        for name, period in (("Force", 25), ("Quality", 25), ("Zero", 1000), ("Heartbeat", 200))
+        for name, period in (("Force", 25), ("Quality", 25), ("Baseline", 1000), ("Heartbeat", 200))
         for leg in LEGS
     }
 
@@ -230,16 +230,21 @@ def test_fault(leg: str, counter: int, state: State, previous: State, mask: int,
 
 
 @given(
-    legs, counters, st.sampled_from(ZeroStatus), offsets, offsets, st.one_of(st.none(), st.integers(0, 65534))
+    legs,
+    counters,
+    st.sampled_from(BaselineStatus),
+    offsets,
+    offsets,
+    st.one_of(st.none(), st.integers(0, 65534)),
 )
-def test_zero(
-    leg: str, counter: int, status: ZeroStatus, mean: int | None, worst: int | None, age: int | None
+def test_baseline(
+    leg: str, counter: int, status: BaselineStatus, mean: int | None, worst: int | None, age: int | None
 ) -> None:
     """Each reads what the other writes, in fF and s here and in pF and ns there."""
-    name, node = f"Zero{leg.capitalize()}", NODE_IDS[leg]
+    name, node = f"Baseline{leg.capitalize()}", NODE_IDS[leg]
     mean_pf, worst_pf = (math.nan if code is None else code / 10_000 for code in (mean, worst))
     age_ns = None if age is None else age * 100_000_000
-    data = encode_zero(node, counter, status, mean_pf, worst_pf, age_ns)
+    data = encode_baseline(node, counter, status, mean_pf, worst_pf, age_ns)
     signals = decode(name, data)
     assert signals == pytest.approx(
         {
@@ -252,24 +257,24 @@ def test_zero(
         }
     )
     theirs = encode(name, signals)
-    assert decode_zero(ZERO_ID + node, theirs)[:3] == (node, counter, status)
+    assert decode_baseline(BASELINE_ID + node, theirs)[:3] == (node, counter, status)
     assert theirs == data
 
 
 @given(legs, counters, st.sampled_from(CommandKind))
 def test_command(leg: str, counter: int, kind: CommandKind) -> None:
-    """A command written with the DBC's names is obeyed."""
+    """A command written with the DBC's names is executed."""
     node, name = NODE_IDS[leg], kind.name.title()
     theirs = encode(f"Command{leg.capitalize()}", {"COUNTER": counter, "Kind": name, "Word": name})
     assert decode_command(COMMAND_ID + node, theirs) == (node, counter, kind)
     assert theirs == encode_command(node, counter, kind)
 
 
-@given(legs, counters, st.sampled_from(Result), st.sampled_from(CommandKind), st.integers(0, UNASKED))
+@given(legs, counters, st.sampled_from(Result), st.sampled_from(CommandKind), st.integers(0, UNSOLICITED))
 def test_answer(leg: str, counter: int, result: Result, kind: CommandKind, asked: int) -> None:
     """Each reads what the other writes."""
     node = NODE_IDS[leg]
-    signals = {"COUNTER": counter, "Result": result, "Kind": kind, "AskedCounter": asked}
+    signals = {"COUNTER": counter, "Result": result, "Kind": kind, "CommandCounter": asked}
     theirs = encode(f"Answer{leg.capitalize()}", signals)
     assert decode_answer(ANSWER_ID + node, theirs) == (node, counter, result, kind, asked)
     assert theirs == encode_answer(node, counter, result, kind, asked)

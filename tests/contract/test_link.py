@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface.can_codes import Cause, CommandKind, Flag, Result, State, ZeroStatus
+from firmware_interface.can_baseline import BASELINE_ID, decode_baseline
+from firmware_interface.can_codes import BaselineStatus, Cause, CommandKind, Flag, Result, State
 from firmware_interface.can_events import (
     ANSWER_ID,
     COMMAND_ID,
@@ -23,9 +24,8 @@ from firmware_interface.can_events import (
     encode_command,
 )
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, encode_force, encode_quality
-from firmware_interface.can_zero import ZERO_ID, decode_zero
 from firmware_interface.crc8 import FrameError, protect
-from footsense.client import Commands, Ended, Limits, Link
+from footsense.client import CommandResult, Limits, Link, PendingCommands
 from tests.contract import link_vectors
 from tests.contract.c_decoder import SOURCES, CLink, compile_c, in_c_units, library
 
@@ -47,7 +47,7 @@ def test_both_see_what_the_vectors_say(case: dict[str, Any]) -> None:
         if can_id is not None:
             ours.feed(can_id, bytes.fromhex(data), t_us * 1000)
             theirs.feed(can_id, bytes.fromhex(data), t_us)
-        view = ours.look(LINK["node"], t_us * 1000)
+        view = ours.leg(LINK["node"], t_us * 1000)
         assert (view.status.name.lower(), view.usable) == (status, usable), t_us
         assert theirs.look(LINK["node"], t_us) == in_c_units(view), t_us
 
@@ -99,7 +99,7 @@ def test_both_see_the_same_in_any_frames(
         assert ours.feed(can_id, data, t_us * 1000) == theirs.feed(can_id, data, t_us)
         for node in (1, 2):
             for at_us in (t_us, t_us + later_us):
-                view = ours.look(node, at_us * 1000)
+                view = ours.leg(node, at_us * 1000)
                 assert theirs.look(node, at_us) == in_c_units(view)
                 assert not view.usable or (view.age_ns is not None and view.age_ns <= limits.max_age_ns)
 
@@ -108,8 +108,8 @@ def c_decodes(name: str, can_id: int, data: bytes) -> tuple[int, ...] | None:
     """Return the fields that C reads from a frame of events, each as a number; None if it refuses the frame."""
     fields = {
         "fault": "node counter state previous cause fault_mask:H",
-        "zero": "node counter status mean_af:i worst_af:i age_ms:I",
-        "answer": "node result counter kind asked",
+        "baseline": "node counter status mean_af:i worst_af:i age_ms:I",
+        "answer": "node result counter kind command_counter",
         "heartbeat": "node state degraded_timing:?",
     }[name]
     kinds = {
@@ -139,17 +139,17 @@ def ours_decodes(name: str, can_id: int, data: bytes) -> tuple[int, ...] | None:
             return node, result, counter, kind, asked
         if name == "heartbeat":
             return tuple(decode_heartbeat(can_id, data))
-        zero = decode_zero(can_id, data)
+        baseline = decode_baseline(can_id, data)
     except FrameError:
         return None
-    offsets = (-(2**31) if pf != pf else round(pf * 1e6) for pf in (zero.mean_pf, zero.worst_pf))  # noqa: PLR0124
-    age_ms = 0xFFFFFFFF if zero.age_ns is None else zero.age_ns // 1_000_000
-    return (zero.node, zero.counter, zero.status, *offsets, age_ms)
+    offsets = (-(2**31) if pf != pf else round(pf * 1e6) for pf in (baseline.mean_pf, baseline.worst_pf))  # noqa: PLR0124
+    age_ms = 0xFFFFFFFF if baseline.age_ns is None else baseline.age_ns // 1_000_000
+    return (baseline.node, baseline.counter, baseline.status, *offsets, age_ms)
 
 
 EVENTS = {
     "fault": (FAULT_ID, 6),
-    "zero": (ZERO_ID, 8),
+    "baseline": (BASELINE_ID, 8),
     "answer": (ANSWER_ID, 4),
     "heartbeat": (HEARTBEAT_ID, 1),
 }
@@ -169,7 +169,7 @@ def test_both_read_and_refuse_the_same_events(name: str, node: int, payload: byt
     assert c_decodes(name, base + node, data) == ours_decodes(name, base + node, data)
 
 
-@pytest.mark.parametrize("name", ["fault", "zero", "answer"])
+@pytest.mark.parametrize("name", ["fault", "baseline", "answer"])
 def test_both_read_the_vectors_of_events(name: str) -> None:
     """Every vector is read, and by both alike."""
     for vector in FRAMES[name]:
@@ -185,10 +185,10 @@ def test_both_refuse_codes_that_do_not_exist(vector: dict[str, Any]) -> None:
     assert ours_decodes(*frame) is None
 
 
-@pytest.mark.parametrize(("name", "place"), [("fault", 5), ("zero", 2), ("answer", 2)])
+@pytest.mark.parametrize(("name", "place"), [("fault", 5), ("baseline", 2), ("answer", 2)])
 def test_the_vectors_of_events_have_the_highest_code(name: str, place: int) -> None:
     """A decoder that refuses the newest code is found by the vectors alone."""
-    highest = {"fault": max(Cause), "zero": max(ZeroStatus), "answer": max(Result)}[name]
+    highest = {"fault": max(Cause), "baseline": max(BaselineStatus), "answer": max(Result)}[name]
     assert max(vector["fields"][place] for vector in FRAMES[name]) == highest
 
 
@@ -212,11 +212,11 @@ def test_the_codes_of_the_header_are_those_of_python() -> None:
     commands = {kind.name: kind.value for kind in CommandKind}
     assert named == states | flags | commands | {"DONE": Result.DONE.value}
     limits = re.search(
-        r"LAST_CAUSE = (\d+), LAST_ZERO_STATUS = (\d+), LAST_RESULT = (\d+)",
+        r"LAST_CAUSE = (\d+), LAST_BASELINE_STATUS = (\d+), LAST_RESULT = (\d+)",
         (SOURCES / "footsense_can.c").read_text(),
     )
     assert limits
-    assert list(map(int, limits.groups())) == [max(Cause), max(ZeroStatus), max(Result)]
+    assert list(map(int, limits.groups())) == [max(Cause), max(BaselineStatus), max(Result)]
 
 
 def test_the_example_in_the_readme_compiles(tmp_path: Path) -> None:
@@ -229,15 +229,18 @@ def test_the_example_in_the_readme_compiles(tmp_path: Path) -> None:
 
 def test_an_answer_ends_the_command_that_it_names() -> None:
     """Each command has its own counter; what answers nothing that is open, or is broken, ends nothing."""
-    commands = Commands(first_counter=14)
-    assert commands.ask(2, CommandKind.TARE, 0) == (0x202, encode_command(2, 14, CommandKind.TARE))
-    assert commands.ask(2, CommandKind.TARE, 10) == (0x202, encode_command(2, 0, CommandKind.TARE))
+    commands = PendingCommands(first_counter=14)
+    assert commands.encode(2, CommandKind.TARE, 0) == (0x202, encode_command(2, 14, CommandKind.TARE))
+    assert commands.encode(2, CommandKind.TARE, 10) == (0x202, encode_command(2, 0, CommandKind.TARE))
     answer = encode_answer(2, 5, Result.LOADED, CommandKind.TARE, 0)
     broken = answer[:-1] + b"\x03"
     others = [(0x583, answer), (0x582, broken), (0x702, b"\x05"), (0x582, encode_answer(2, 4, 0, 9, 0))]
     assert [commands.feed(*other, 20) for other in others] == [None] * 4
-    assert commands.feed(0x582, answer, 30) == Ended(2, CommandKind.TARE, Result.LOADED, 20)
+    assert commands.feed(0x582, answer, 30) == CommandResult(2, CommandKind.TARE, Result.LOADED, 20)
     assert commands.feed(0x582, answer, 40) is None
-    assert commands.overdue(50, 50) == []
-    assert commands.overdue(51, 50) == [(2, CommandKind.TARE)]
-    assert commands.overdue(99, 50) == []
+    assert commands.pop_overdue(50, 50) == []
+    assert commands.pop_overdue(51, 50) == [(2, CommandKind.TARE)]
+    assert commands.pop_overdue(99, 50) == []
+    commands.encode(3, CommandKind.STOP, 1000)
+    assert commands.pop_overdue(1050, 50) == []
+    assert commands.pop_overdue(1051, 50) == [(3, CommandKind.STOP)]

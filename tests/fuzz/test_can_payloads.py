@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface import can_events, can_frames, can_zero
+from firmware_interface import can_baseline, can_events, can_frames
 from firmware_interface.crc8 import FrameError, protect
 from footsense.client.link import Link
 from footsense.client.reports import Reports
@@ -19,7 +19,7 @@ DECODERS: list[tuple[int, int, Callable[[int, bytes], object]]] = [
     (can_events.COMMAND_ID, 8, can_events.decode_command),
     (can_events.ANSWER_ID, 4, can_events.decode_answer),
     (can_events.HEARTBEAT_ID, 1, can_events.decode_heartbeat),
-    (can_zero.ZERO_ID, 8, can_zero.decode_zero),
+    (can_baseline.BASELINE_ID, 8, can_baseline.decode_baseline),
 ]
 
 
@@ -57,5 +57,5 @@ def test_any_traffic(traffic: list[tuple[int, bytes, bool, int]]) -> None:
         link.feed(can_id, data, now_ns)
         reports.feed(can_id, data, now_ns)
         for node in range(1, 7):
-            link.look(node, now_ns)
-            reports.look(node, now_ns)
+            link.leg(node, now_ns)
+            reports.leg(node, now_ns)

@@ -1,31 +1,38 @@
 """The pipe between loop and writer, should either end go wrong."""
 
-import json
-import struct
 from pathlib import Path
 
+import msgspec
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from footsense.errors import RecordingError
-from footsense.frames import Outcome, Result
-from footsense.recording.pipe_format import Loss, Numbered, pack_cycle, pack_header, pack_loss
-from footsense.recording.pipe_unpack import unpack
+from footsense.frames import CommandResult, Result
+from footsense.recording.cycle_records import Loss, Numbered, pack_cycle, pack_header, pack_loss, unpack
 from footsense.recording.writer import PipeWriter
 from tests.fuzz.outcome import TRIED, refusal
 from tests.support.cycles import LEGS, TARE, cycle, same
 
-SHOWN = cycle(3, outcomes=(Outcome(TARE, Result.LOADED, "0.2 pF"),), n_samples=2, warm=True)
+SHOWN = cycle(3, outcomes=(CommandResult(TARE, Result.LOADED, "0.2 pF"),), n_samples=2, warm=True)
 HEADER = pack_header({"legs": ",".join(LEGS)})
 STREAM = HEADER + pack_cycle(0, SHOWN) + pack_loss(Loss(3, 5, 2))
-heads = st.builds(
-    struct.Struct("<IHHII").pack,
-    st.sampled_from([0, 1, 15, 16, 40, 1486, 2**24, 2**32 - 1]),
-    st.integers(0, 3) | st.just(65_535),
-    st.integers(0, 3) | st.just(65_535),
-    st.integers(0, 4),
-    st.integers(0, 4),
-)
+FIELDS = msgspec.msgpack.decode(pack_cycle(0, SHOWN)[4:])
+
+
+def framed(record: object) -> bytes:
+    """Return any object as a record of the pipe."""
+    data = msgspec.msgpack.encode(record)
+    return len(data).to_bytes(4, "little") + data
+
+
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.binary(max_size=9),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
+    max_leaves=6,
+) | st.text(max_size=9)
+lengths = st.sampled_from([0, 1, 15, 1486, 2**24, 2**32 - 1]).map(lambda length: length.to_bytes(4, "little"))
+heads = lengths | st.lists(anything, max_size=4).map(framed)
 
 
 @given(st.lists(heads | st.binary(max_size=60) | st.just(STREAM), max_size=6), st.none() | st.integers(1, 6))
@@ -55,13 +62,42 @@ def write(stream: bytes, fd: int) -> None:
     writer.finish()
 
 
-@given(st.dictionaries(st.text(max_size=5), st.text(max_size=9)) | st.text(max_size=9) | st.none())
+@given(anything)
 @TRIED
 def test_any_header(header: object) -> None:
-    """Whatever JSON stands in its place."""
-    data = json.dumps(header).encode()
-    record = struct.pack("<IHHII", 16 + len(data), 0, 0, 0, 0) + data
-    refusal(lambda: list(unpack(bytearray(record), None)), RecordingError)
+    """Whatever stands in its place."""
+    refusal(lambda: list(unpack(bytearray(framed(["header", header])), None)), RecordingError)
+
+
+@given(st.integers(1, len(FIELDS) - 1), anything)
+@TRIED
+def test_any_field_of_a_cycle(place: int, value: object) -> None:
+    """Each field in turn is something else: refused, or it may be so."""
+    fields = [*FIELDS[:place], value, *FIELDS[place + 1 :]]
+    refusal(lambda: list(unpack(bytearray(HEADER + framed(fields)), None)), RecordingError)
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (5, bytes(len(FIELDS[5]) - 1)),
+        (5, b"\xff" * len(FIELDS[5])),
+        (6, [[1, 6]]),
+        (6, [[9, 0]]),
+        (7, [[[1, -1], 0, ""]]),
+        (7, [[[1, 0], 99, ""]]),
+        (8, [bytes(8), bytes(24), b""]),
+        (8, [bytes(8), bytes(16), bytes(1)]),
+        (8, [b"\xff" * 8, bytes(24), bytes(1)]),
+        (8, [bytes(8), bytes(24), bytes([2])]),
+        (9, bytes(8)),
+        (9, bytes(7)),
+    ],
+)
+def test_a_field_without_a_meaning_is_refused(place: int, value: object) -> None:
+    """Codes and legs that do not exist, arrays that are too short, times before the start."""
+    fields = [*FIELDS[:place], value, *FIELDS[place + 1 :]]
+    assert refusal(lambda: list(unpack(bytearray(HEADER + framed(fields)), None)), RecordingError)
 
 
 def test_what_is_right_is_read() -> None:

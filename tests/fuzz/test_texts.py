@@ -1,5 +1,6 @@
 """Configurations, scenes, counters, and the configuration in a recording's header."""
 
+import fcntl
 import json
 from pathlib import Path
 from typing import Any
@@ -106,13 +107,13 @@ FAMILIES = [
 @TRIED
 def test_any_counters(tmp_path: Path, data: st.DataObject) -> None:
     """A file of counters that is damaged or another's: refused, or as many cells as its families have."""
-    counters = SharedCounters(FAMILIES, tmp_path)
-    whole = counters.path.read_bytes()
+    file = tmp_path / "counters"
+    counters = SharedCounters(FAMILIES, file)
+    whole = file.read_bytes()
     counters.close()
     changed = bytearray(whole)
     for _ in range(data.draw(st.integers(1, 4))):
         changed[data.draw(st.integers(0, len(changed) - 1))] = data.draw(st.integers(0, 255))
-    file = tmp_path / "counters"
     for content in (
         bytes(changed),
         whole[: data.draw(st.integers(0, len(whole)))],
@@ -124,7 +125,9 @@ def test_any_counters(tmp_path: Path, data: st.DataObject) -> None:
             families, cells = read_counters(file)
             assert len(cells) == sum(family.n_cells for family in families)
 
-        refusal(read)
+        with file.open("rb") as running:  # the lock of a running service
+            fcntl.flock(running, fcntl.LOCK_EX)
+            refusal(read)
 
 
 CONFIG: dict[str, Any] = json.loads(msgspec.json.encode(DEFAULT))

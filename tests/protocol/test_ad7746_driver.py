@@ -86,9 +86,9 @@ def test_what_the_capdac_takes_off_is_measured() -> None:
 def test_a_bit_that_a_wire_flipped_is_not_kept() -> None:
     """Both readings of one result must agree; a step beyond what a chip can have is no step."""
     zero = b"\x00\x80\x00\x00"
-    assert configured(zero, b"\x07\x80\x40\x00")[0] is Reading.GARBLED
+    assert configured(zero, b"\x07\x80\x40\x00")[0] is Reading.CORRUPT
     far = b"\x00\x30\x00\x00"  # 20 steps of 128 fF
-    assert configured(zero, zero, far, far, then=((settings(40), b""),))[0] is Reading.GARBLED
+    assert configured(zero, zero, far, far, then=((settings(40), b""),))[0] is Reading.CORRUPT
 
 
 def test_a_chip_of_no_use_says_why() -> None:
@@ -128,10 +128,10 @@ def test_an_element_is_a_row_at_the_excitation_and_a_column_at_the_input() -> No
         (b"\x00\x00\x00\x00", Reading.UNDER_RANGE, NAN),
         (b"\x07\x80\x00\x01", Reading.NOT_READY, NAN),
         (b"\x08\x80\x00\x01", Reading.EXCITATION, NAN),
-        (b"\x10\x80\x00\x01", Reading.GARBLED, NAN),
+        (b"\x10\x80\x00\x01", Reading.CORRUPT, NAN),
         (b"\x05\x80\x00\x01", Reading.NOT_READY, NAN),
-        (b"\x04\x80\x00\x01", Reading.GARBLED, NAN),
-        (b"\xff\xff\xff\xff", Reading.GARBLED, NAN),
+        (b"\x04\x80\x00\x01", Reading.CORRUPT, NAN),
+        (b"\xff\xff\xff\xff", Reading.CORRUPT, NAN),
     ],
 )
 def test_results_are_offset_binary_behind_their_status(

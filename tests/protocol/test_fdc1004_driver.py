@@ -122,5 +122,5 @@ def test_bits_that_no_converter_sends_are_noticed(answer: bytes, *, garbled: boo
 def test_a_lower_half_with_reserved_bits_is_garbled() -> None:
     """Its lowest eight bits are always zero."""
     reading, capacitance_pf = fdc1004.decode_result([b"\x2b\x00", b"\x01\x04"])
-    assert reading is Reading.GARBLED
+    assert reading is Reading.CORRUPT
     assert np.isnan(capacitance_pf)

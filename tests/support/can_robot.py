@@ -1,5 +1,6 @@
 """A sink on a virtual channel, and a consumer that listens to it."""
 
+import errno
 import math
 from pathlib import Path
 
@@ -9,7 +10,8 @@ import numpy as np
 from firmware_interface.can_codes import NODE_IDS, USABLE, Cause, State
 from firmware_interface.socketcan import split_frames
 from footsense.can.sink import CanSink
-from footsense.frames import ForceFrame, Zero
+from footsense.errors import CanError
+from footsense.frames import BaselineDrift, ContactFrame
 
 MS = 1_000_000
 
@@ -28,14 +30,28 @@ class FakeClock:
 
 
 class NarrowWire:
-    """A CAN interface that takes as many frames of each call as it is told to."""
+    """A CAN interface that takes as many frames of each call as it is told to, and may be gone.
+
+    Attributes:
+        opened_ns: When it was tried to open it.
+    """
 
     def __init__(self) -> None:
         self.room = 100
+        self.gone = False
         self.taken: list[tuple[int, bytes]] = []
+        self.opened_ns: list[int] = []
+
+    def open(self, t_ns: int) -> "NarrowWire":
+        self.opened_ns.append(t_ns)
+        if self.gone:
+            raise CanError("it is not there")
+        return self
 
     def send(self, frames: bytes, t_ns: int) -> int:
         del t_ns
+        if self.gone:
+            raise OSError(errno.ENODEV, "No such device")
         taken = list(split_frames(frames))[: self.room]
         self.taken += taken
         return len(taken)
@@ -64,7 +80,7 @@ class Robot:
             legs=legs,
             clock=self.clock,
             log_file=log_file,
-            connect=None if wire is None else lambda: wire,
+            connect=None if wire is None else lambda: wire.open(self.clock.t_ns),
         )
         self.legs = legs
         self.heard()
@@ -77,14 +93,14 @@ class Robot:
         mask: int = 0,
         cause: Cause = Cause.NONE,
         flags: int = 0,
-        zero: Zero | None = None,
+        zero: BaselineDrift | None = None,
     ) -> None:
         """Publish one frame at a time at which its measurement is `age_ns` old."""
         self.clock.t_ns = t_ns
         n = len(self.legs)
         force_n = 0.5 if state in USABLE else math.nan
         self.sink.publish(
-            ForceFrame(
+            ContactFrame(
                 sequence=0,
                 t_sent_ns=t_ns,
                 t_ns=np.full(n, t_ns - age_ns),
@@ -94,7 +110,7 @@ class Robot:
                 fault_mask=np.full(n, mask, np.uint16),
                 flags=np.full(n, flags, np.uint8),
                 cause=np.full(n, cause, np.uint8),
-                zero=zero or Zero.none(n),
+                baseline=zero or BaselineDrift.none(n),
             )
         )
 

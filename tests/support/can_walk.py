@@ -8,9 +8,9 @@ import numpy as np
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.socketcan import split_frames
 from footsense.can.sink import CanSink
-from footsense.frames import ForceFrame, Zero
+from footsense.frames import BaselineDrift, ContactFrame
 from footsense.sim.can.interface import AS_DEPLOYED, CanSettings, SimulatedCan
-from footsense.sim.faults.can_faults import CanFault
+from footsense.sim.faults.scene_faults import CanFault
 from tests.support.can_robot import MS, FakeClock
 
 LEGS = tuple(NODE_IDS)
@@ -71,7 +71,7 @@ class CanWalk:
             self.n_scans += 1
             self.sink.commands()
             self.sink.publish(
-                ForceFrame(
+                ContactFrame(
                     sequence=self.n_scans,
                     t_sent_ns=t_ns,
                     t_ns=np.full(self._n, t_ns - self.period_ns // 2),
@@ -81,7 +81,7 @@ class CanWalk:
                     fault_mask=np.zeros(self._n, np.uint16),
                     flags=np.zeros(self._n, np.uint8),
                     cause=np.zeros(self._n, np.uint8),
-                    zero=Zero.none(self._n),
+                    baseline=BaselineDrift.none(self._n),
                 )
             )
         self.clock.t_ns = max(self.clock.t_ns, round(until_s * 1e9))

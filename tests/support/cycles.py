@@ -7,23 +7,23 @@ from numpy.typing import NDArray
 
 from footsense.errors import RecordingError
 from footsense.frames import (
+    BaselineDrift,
+    BaselineStatus,
     CapFrame,
     Cause,
     Command,
     CommandKind,
+    CommandResult,
+    ContactFrame,
     Cycle,
     Flag,
-    ForceFrame,
-    Outcome,
     Reading,
     Reference,
     State,
-    Zero,
-    ZeroStatus,
 )
 from footsense.recording.compare import compare
+from footsense.recording.cycle_records import Numbered
 from footsense.recording.mcap_writer import McapFile
-from footsense.recording.pipe_format import Numbered
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream
 
@@ -37,7 +37,7 @@ def cycle(
     number: int,
     seed: int = 0,
     *,
-    outcomes: tuple[Outcome, ...] = (),
+    outcomes: tuple[CommandResult, ...] = (),
     n_legs: int = 6,
     n_samples: int | None = None,
     warm: bool = False,
@@ -55,7 +55,7 @@ def cycle(
         floats(n_legs, 9),
         rng.choice([int(r) for r in Reading], (n_legs, 9)).astype(np.uint8),
     )
-    forces = ForceFrame(
+    forces = ContactFrame(
         number,
         1_000 + number * PERIOD_NS,
         rng.integers(0, 2**63, n_legs),
@@ -65,8 +65,8 @@ def cycle(
         rng.integers(0, 512, n_legs).astype(np.uint16),
         rng.choice([int(f) for f in Flag], n_legs).astype(np.uint8),
         rng.choice([int(c) for c in Cause], n_legs).astype(np.uint8),
-        Zero(
-            rng.choice([int(z) for z in ZeroStatus], n_legs).astype(np.uint8),
+        BaselineDrift(
+            rng.choice([int(z) for z in BaselineStatus], n_legs).astype(np.uint8),
             floats(n_legs),
             floats(n_legs),
             rng.integers(0, 2**63, n_legs),

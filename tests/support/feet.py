@@ -10,7 +10,7 @@ from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.network_card import TrainedInputs
-from footsense.frames import CapFrame, Flag, ForceFrame, Result
+from footsense.frames import CapFrame, ContactFrame, Flag, Result
 
 DESIGN = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
 WINDOW = 4
@@ -79,7 +79,7 @@ class Feet:
             np.zeros((self.n_legs, 9), np.uint8),
         )
 
-    def feed(self, scan: CapFrame, age_ns: int = 0) -> ForceFrame:
+    def feed(self, scan: CapFrame, age_ns: int = 0) -> ContactFrame:
         forces, outcomes = self.pipeline.process(scan, scan.sequence * SCAN_NS + age_ns)
         self.outcomes += [(o.command.leg, o.result, o.reason) for o in outcomes]
         return forces

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import CapFrame, Cycle, ForceFrame, Reading, Reference, State, Zero
+from footsense.frames import BaselineDrift, CapFrame, ContactFrame, Cycle, Reading, Reference, State
 from tests.support.feet import DESIGN
 
 Vector = NDArray[np.float64]
@@ -105,8 +105,8 @@ def _reference(samples: list[tuple[int, Vector, bool]]) -> Reference:
     )
 
 
-def _forces(number: int, t_ns: int, force_n: Vector) -> ForceFrame:
-    return ForceFrame(
+def _forces(number: int, t_ns: int, force_n: Vector) -> ContactFrame:
+    return ContactFrame(
         number,
         t_ns + 1_000_000,
         np.array([t_ns]),
@@ -116,5 +116,5 @@ def _forces(number: int, t_ns: int, force_n: Vector) -> ForceFrame:
         np.zeros(1, np.uint16),
         np.zeros(1, np.uint8),
         np.zeros(1, np.uint8),
-        Zero.none(1),
+        BaselineDrift.none(1),
     )

@@ -9,7 +9,7 @@ from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.baseline.tracker import Footing
 from footsense.estimation.sensitivity import Sensitivity
-from footsense.frames import ELEMENTS, Flag, Outcome
+from footsense.frames import ELEMENTS, CommandResult, Flag
 from tests.support.feet import DESIGN
 
 Vector = NDArray[np.float64]
@@ -55,7 +55,7 @@ class Standing:
             SENSITIVITY,
             track=track,
         )
-        self.outcomes: list[Outcome] = []
+        self.outcomes: list[CommandResult] = []
         self.t_ns = 1_000_000_000
         self.period_s = CONVERSION_S if element_by_element else SCAN_S
         self._element_by_element = element_by_element

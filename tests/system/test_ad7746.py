@@ -106,7 +106,12 @@ def test_each_converter_tells_its_temperature_every_ten_seconds() -> None:
             None,
         ),
         (scene_faults.StuckConverter(at_s=2.0, leg="lm"), State.CONVERTER_FAULT, Cause.NEVER_FINISHES, None),
-        (scene_faults.DeafSwitch(at_s=2.0, leg="lm"), State.CONVERTER_FAULT, Cause.SETTINGS_LOST, None),
+        (
+            scene_faults.SwitchIgnoresWrites(at_s=2.0, leg="lm"),
+            State.CONVERTER_FAULT,
+            Cause.SETTINGS_LOST,
+            None,
+        ),
         (scene_faults.Absent(at_s=2.0, leg="lm"), State.ABSENT, Cause.NO_ANSWER, None),
         (scene_faults.WrongChip(at_s=2.0, leg="lm"), State.ABSENT, Cause.WRONG_CHIP, None),
     ],

@@ -109,7 +109,7 @@ def test_a_contact_that_a_stiff_foot_does_not_show_is_refused(tmp_path: Path) ->
     network_file(tmp_path, card(), weight=1e3)
     result = footsense("check-config", robot(tmp_path, more="model: network.onnx\n"))
     assert re.search(
-        r"contact\.touch_n: 0\.03 N are lost in the noise of these feet; use at least",
+        r"contact\.threshold_n: 0\.03 N are lost in the noise of these feet; use at least",
         one_line_error(result, 2),
     )
 

@@ -17,8 +17,8 @@ from footsense.daemon.test_stand import StandSession
 from footsense.errors import CalibrationError
 from footsense.foot.calibration_reader import read_calibration
 from footsense.frames import Cycle
+from footsense.recording.cycle_records import Numbered
 from footsense.recording.mcap_writer import McapFile
-from footsense.recording.pipe_format import Numbered
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream
 from footsense.reference.mounting import NEWTON_PER

@@ -11,7 +11,7 @@ from footsense import daemon
 from footsense.cli.check_config import check_config
 from footsense.cli.replay import replay
 from footsense.config import Bus, Can, Config
-from footsense.config.schema import Leg
+from footsense.config.sections import Leg
 from footsense.errors import ModelError
 from footsense.foot.checksum_trailer import seal
 from footsense.frames import Cycle, State

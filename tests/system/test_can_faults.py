@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from footsense.errors import ConfigError
-from footsense.sim.faults.can_faults import CanBusOff, CanDown, CanFault, CanNoAck
+from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck
 from footsense.sim.scene import load_scene
 from footsense.validation.can_trial import can_trial
 

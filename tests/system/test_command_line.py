@@ -15,8 +15,8 @@ from footsense import daemon
 from footsense.cli import main
 from footsense.config import DEFAULT
 from footsense.errors import HardwareError
+from footsense.recording.cycle_records import Loss, Numbered
 from footsense.recording.mcap_writer import McapFile
-from footsense.recording.pipe_format import Loss, Numbered
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream
 from footsense.sim.clock import VirtualClock
@@ -52,7 +52,7 @@ def gapped(walk: Path, tmp_path: Path) -> Path:
 
 
 def commands() -> Iterator[tuple[str, ...]]:
-    for name in ("run", "replay", "record", "recover", "check-config", "probe", "bench", "lab"):
+    for name in ("run", "replay", "record", "recover", "check-config", "probe", "benchmark", "lab"):
         yield (name,)
     for name in ("build", "evaluate", "compare"):
         yield ("lab", name)
@@ -73,8 +73,8 @@ def test_help_is_for_its_user(command: tuple[str, ...]) -> None:
         ("run", "--duration", "nan"),
         ("run", "--duration", "inf"),
         ("run", "--duration", "0"),
-        ("bench", "--cycles", "0"),
-        ("bench", "--cycles", "-5"),
+        ("benchmark", "--cycles", "0"),
+        ("benchmark", "--cycles", "-5"),
     ],
     ids=" ".join,
 )
@@ -85,6 +85,24 @@ def test_a_number_out_of_range_is_a_usage_error(tmp_path: Path, arguments: tuple
     assert result.exit_code == 2
     assert f"Invalid value for '{arguments[1]}'" in result.output
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "present"),
+    [
+        (("bench",), "benchmark"),
+        (("run", "--operating-point", "quiet"), "low-noise"),
+        (("run", "--operating-point", "steady"), "default"),
+        (("run", "--operating-point", "fresh"), "low-latency"),
+        (("replay", "a.mcap", "--packs", "feet"), "--calibrations"),
+    ],
+    ids=str,
+)
+def test_a_word_of_an_earlier_version_names_the_present_one(arguments: tuple[str, ...], present: str) -> None:
+    """Exit 2, as for any word that is not known, and the word to write instead."""
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 2
+    assert f"It is now called {present}." in result.output
 
 
 @pytest.mark.parametrize(

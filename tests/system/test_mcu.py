@@ -16,7 +16,7 @@ from footsense.acquisition.serial_port import SerialLink
 from footsense.config import Can, Config, Serial
 from footsense.errors import ConfigError
 from footsense.estimation.pipeline import Pipeline
-from footsense.frames import LEGS, CapFrame, Cause, ForceFrame, Reading, State
+from footsense.frames import LEGS, CapFrame, Cause, ContactFrame, Reading, State
 from footsense.sim.bus.serial_line import LineFaults, SimulatedLine
 from footsense.sim.chips.mcu import SimulatedMcu, simulated_mcu
 from footsense.sim.faults.scene_faults import ElementOpen, StuckSda
@@ -48,7 +48,7 @@ class Robot(NamedTuple):
     source: RecordSource
     pipeline: Pipeline
 
-    def run(self, until_ns: int) -> Iterator[tuple[int, ForceFrame]]:
+    def run(self, until_ns: int) -> Iterator[tuple[int, ContactFrame]]:
         """Yield the forces of every frame until a time, with the time at which they are ready."""
         while (now_ns := self.robot.clock.now_ns()) < until_ns:
             frame: CapFrame = self.source.read()

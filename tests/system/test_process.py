@@ -18,9 +18,9 @@ from footsense.recording.replay import Replay
 from tests.support.cycles import read_until_damage
 from tests.system.command import footsense, robot
 from tests.system.daemon import SIGN_OF_LIFE_S, Daemon, running
-from tests.system.test_service import free_port
+from tests.system.test_service import exporting, scraped
 
-WRITER, EXPORTER = "footsense.recording.writer", "footsense.telemetry.exporter"
+WRITER = "footsense.recording.writer"
 
 
 def recorded_s(path: Path) -> float:
@@ -87,12 +87,15 @@ def test_a_writer_that_is_killed(tmp_path: Path) -> None:
 
 
 def test_an_exporter_that_is_killed(tmp_path: Path) -> None:
-    """The forces go on."""
-    config = robot(tmp_path, more=f"metrics: {{port: {free_port()}}}\n")
+    """The forces go on, and the next exporter shows the same service."""
+    config = robot(tmp_path, more=f"metrics: {{counters: {tmp_path / 'counters'}}}\n")
     with running(tmp_path, "--config", config) as daemon:
         daemon.wait_until_ready()
-        os.kill(daemon.child(EXPORTER), signal.SIGKILL)
+        with exporting(config, port=0) as (process, _):
+            process.kill()
         daemon.live_on(5)
+        with exporting(config, port=0) as (_, url):
+            assert "footsense_up 1.0" in scraped(url)
         assert daemon.stop()[0] == 0
 
 

@@ -14,7 +14,6 @@ from footsense.config import load_config
 from footsense.sim.scene import load_scene
 from footsense.telemetry.run_statistics import Score
 from tests.system.command import robot
-from tests.system.test_service import free_port
 
 #: Until then pools fill up, such as those of the interpreter and of the allocator.
 WARM_CYCLES = 800
@@ -23,7 +22,7 @@ CYCLES = 1000
 
 def test_nothing_grows_with_the_cycles(tmp_path: Path) -> None:
     """Recorded, counted, logged and sent, a cycle leaves no object, no memory and no garbage behind."""
-    config = load_config(robot(tmp_path, more=f"metrics: {{port: {free_port()}}}\n"))
+    config = load_config(robot(tmp_path, more=f"metrics: {{counters: {tmp_path / 'counters'}}}\n"))
     record = tmp_path / "walk.mcap"
     with daemon.service(config, load_scene("hanging"), real_time=False, record=record) as service:
         service.observers.append(Score(service.legs, service.scanning.true_force_n))

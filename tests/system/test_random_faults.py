@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from footsense import daemon
 from footsense.config import DEFAULT, Config
 from footsense.frames import USABLE, Cycle
-from footsense.sim.faults.can_faults import CanTraffic
-from footsense.sim.faults.scene_faults import Fault, Leg
+from footsense.sim.faults.scene_faults import CanTraffic, Fault, Leg
 from footsense.sim.scene import Effects, Scene, Tripod
 from footsense.validation.invariants import Invariants
 from footsense.validation.random_faults import GRADES_REL, IDS, ON_CAN, ON_ROBOT, fault_of

@@ -1,10 +1,13 @@
 """The daemon as systemd sees it: ready, alive, and cleanly gone; its metrics as Prometheus sees them."""
 
 import os
+import re
 import signal
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -14,21 +17,41 @@ import pytest
 from tests.system.command import TIMEOUT_S, footsense, one_line_error, robot
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
+@contextmanager
+def exporting(config: Path, port: int | None = None) -> Iterator[tuple["subprocess.Popen[str]", str]]:
+    """Run `footsense exporter`; yield its process and the address of its page."""
+    options = () if port is None else ("--port", str(port))
+    with subprocess.Popen(
+        [sys.executable, "-m", "footsense", "exporter", "--config", str(config), *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        try:
+            yield process, process.stdout.readline().strip()
+        finally:
+            process.terminate()
+            process.communicate(timeout=TIMEOUT_S)
+
+
+def scraped(url: str) -> list[str]:
+    """Return the lines of the page, as Prometheus reads it."""
+    with urlopen(url, timeout=TIMEOUT_S) as page:
+        text: str = page.read().decode()
+    return text.splitlines()
 
 
 @pytest.fixture
 def config(tmp_path: Path) -> tuple[Path, int]:
     """A simulated robot of two legs with metrics on a free port."""
-    port = free_port()
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
     file = tmp_path / "robot.yaml"
     file.write_text(
         "buses: [{device: sim, legs: {lf: 0, rf: 1}}]\ncan: {interface: virtual}\n"
-        f"metrics: {{port: {port}}}\n"
+        f"metrics: {{port: {port}, counters: {tmp_path / 'counters'}}}\n"
     )
     return file, port
 
@@ -36,7 +59,9 @@ def config(tmp_path: Path) -> tuple[Path, int]:
 def test_it_gets_ready_shows_metrics_and_stops_cleanly(tmp_path: Path, config: tuple[Path, int]) -> None:
     """READY after the first forces; SIGTERM gives STOPPING, a last heartbeat `stopped`, a whole recording, exit 0."""
     file, port = config
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify:
+    with exporting(file) as (exporter, url), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify:
+        assert url == f"http://127.0.0.1:{port}/metrics"
+        assert "footsense_up 0.0" in scraped(url)
         notify.bind(str(tmp_path / "notify"))
         notify.settimeout(TIMEOUT_S)
         daemon = subprocess.Popen(
@@ -52,8 +77,7 @@ def test_it_gets_ready_shows_metrics_and_stops_cleanly(tmp_path: Path, config: t
         try:
             assert notify.recv(4096).startswith(b"READY=1\nSTATUS=lf starting")
             assert notify.recv(4096) == b"WATCHDOG=1"
-            with urlopen(f"http://127.0.0.1:{port}/metrics", timeout=TIMEOUT_S) as page:
-                text = page.read().decode()
+            text = "\n".join(scraped(url))
             daemon.send_signal(signal.SIGTERM)
             messages = [notify.recv(4096)]
             while messages[-1] != b"STOPPING=1":
@@ -62,8 +86,12 @@ def test_it_gets_ready_shows_metrics_and_stops_cleanly(tmp_path: Path, config: t
         finally:
             daemon.kill()
             daemon.wait()
+        assert "footsense_up 0.0" in scraped(url)
+        exporter.send_signal(signal.SIGTERM)
+        assert exporter.wait(TIMEOUT_S) == 0
     assert (daemon.returncode, errors) == (0, "")
     for name in (
+        "footsense_up 1.0",
         *("footsense_scan_period_seconds_bucket", "footsense_frame_age_seconds_bucket"),
         *("footsense_faults_total", "footsense_can_sent_frames_total", "footsense_can_dropped_frames_total"),
     ):
@@ -78,18 +106,43 @@ def test_it_gets_ready_shows_metrics_and_stops_cleanly(tmp_path: Path, config: t
     assert (result.returncode, result.stderr) == (0, "")
 
 
-def test_a_metrics_port_in_use_is_one_clear_line(config: tuple[Path, int], tmp_path: Path) -> None:
-    """It names the port and the key to change, and nothing is left behind."""
+def test_a_metrics_port_in_use_costs_metrics_and_no_forces(config: tuple[Path, int]) -> None:
+    """The exporter names the port and the key to change; the service needs no port."""
     file, port = config
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", port))
         taken.listen()
-        result = footsense(
-            *("run", "--config", file, "--duration", "1"),
-            *("--record", tmp_path / "a.mcap", "--can-log", tmp_path / "a.log"),
-        )
-    assert f"127.0.0.1:{port}" in one_line_error(result, 2)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["robot.yaml"]
+        line = one_line_error(footsense("exporter", "--config", file), 2)
+        result = footsense("run", "--config", file, "--duration", "1")
+    assert line == (
+        f"metrics cannot be served on 127.0.0.1:{port}: Address already in use; choose another metrics.port"
+    )
+    assert (result.returncode, result.stderr) == (0, "")
+
+
+def test_an_address_of_another_machine_is_not_blamed_on_the_port(config: tuple[Path, int]) -> None:
+    """The remedy names the key that is wrong; 192.0.2.0/24 is nobody's, by RFC 5737."""
+    file, port = config
+    file.write_text(file.read_text().replace("metrics: {", "metrics: {address: 192.0.2.1, "))
+    line = one_line_error(footsense("exporter", "--config", file), 2)
+    assert re.search(rf"192\.0\.2\.1:{port}: Cannot assign .*; metrics\.address has to be", line)
+
+
+def test_counters_that_cannot_be_written_cost_metrics_and_no_forces(tmp_path: Path) -> None:
+    """One warning names the file, and the forces go on."""
+    config = robot(tmp_path, more=f"metrics: {{counters: {tmp_path / 'none' / 'counters'}}}\n")
+    result = footsense("run", "--config", config, "--duration", "1")
+    assert result.returncode == 0
+    assert result.stderr == (
+        f"WARNING: {tmp_path}/none/counters: cannot be written: No such file or directory; "
+        "the forces go on without metrics\n"
+    )
+
+
+def test_an_exporter_of_a_service_without_metrics_is_one_line(tmp_path: Path) -> None:
+    """Nothing would ever be shown."""
+    line = one_line_error(footsense("exporter", "--config", robot(tmp_path)), 2)
+    assert line.endswith("has no section metrics, so the service counts nothing")
 
 
 def test_a_service_that_requires_its_place_refuses_to_start_without(tmp_path: Path) -> None:

@@ -10,8 +10,8 @@ from footsense.cli.replay import replay
 from footsense.config import Bus, Can, Config
 from footsense.foot.temperature import unknown_temperature_rel
 from footsense.frames import Cycle, State
+from footsense.recording.cycle_records import Numbered
 from footsense.recording.mcap_writer import McapFile
-from footsense.recording.pipe_format import Numbered
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream
 from footsense.sim.scene import Constant, Effects, Scene, Warming

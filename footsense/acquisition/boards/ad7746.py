@@ -140,12 +140,12 @@ def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
             return reading, _NAN
         # What is measured once and used for long is read twice: a bit that a wire flipped would stay.
         if reading is not Reading.OK or answer[1:] != again[1:]:
-            return Reading.GARBLED, _NAN
+            return Reading.CORRUPT, _NAN
         levels_pf.append(level_pf)
     bus.transfer(_settings(CAPDAC))
     step_pf = (levels_pf[0] - levels_pf[1]) / _KNOWN_CAPDAC
     if abs(step_pf / chip.CAPDAC_STEP_PF - 1) > _STEP_ERROR_REL:
-        return Reading.GARBLED, _NAN
+        return Reading.CORRUPT, _NAN
     return Reading.OK, CAPDAC * step_pf
 
 
@@ -157,7 +157,7 @@ def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
     status, code = answers[0][0], int.from_bytes(answers[0][1:4], "big")
     # Only capacitance is converted here, so that RDY must say the same as RDYCAP.
     if status & chip.STATUS_NEVER_SET or bool(status & chip.NOT_RDY) != bool(status & chip.NOT_RDYCAP):
-        return Reading.GARBLED, _NAN
+        return Reading.CORRUPT, _NAN
     if status & chip.EXCERR:
         return Reading.EXCITATION, _NAN
     if status & chip.NOT_RDYCAP:

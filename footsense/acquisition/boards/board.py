@@ -36,7 +36,7 @@ class Done(NamedTuple):
 
     Attributes:
         ask: A read that changes nothing.
-        says: What the answer means: OK, NOT_READY or GARBLED.
+        says: What the answer means: OK, NOT_READY or CORRUPT.
     """
 
     ask: Transaction

@@ -113,7 +113,7 @@ def is_done(conf_answer: bytes, slot: int) -> bool:
 
 def _says(conf_answer: bytes, slot: int) -> Reading:
     if is_garbled(conf_answer):
-        return Reading.GARBLED
+        return Reading.CORRUPT
     return Reading.OK if is_done(conf_answer, slot) else Reading.NOT_READY
 
 
@@ -133,7 +133,7 @@ def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
     """Return what the answers to `result_reads` say, and the capacitance [pF], NaN unless the reading is OK."""
     words = [_word(answer) for answer in answers]
     if any(word & 0xFF for word in words[1:]):  # the lower half of a lower register is reserved
-        return Reading.GARBLED, float("nan")
+        return Reading.CORRUPT, float("nan")
     # The upper word alone tells the ends of the range: 0x7FFF is also what an unfinished measurement reads as.
     if words[0] in {chip.CODE_MAX >> 8, chip.CODE_MIN >> 8 & 0xFFFF}:
         return Reading.OVER_RANGE, float("nan")

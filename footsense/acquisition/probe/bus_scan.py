@@ -27,7 +27,7 @@ class Place(NamedTuple):
 
     Attributes:
         answering: Addresses that answer there and not on the trunk.
-        outcome: OK if the leg's converter is the right one; NO_ANSWER, WRONG_CHIP, LINE_HELD, or HELD_UP where it could
+        outcome: OK if the leg's converter is the right one; NO_ANSWER, WRONG_CHIP, BUS_STUCK, or DELAYED where it could
             not be asked.
         why: What is wrong, in words; empty if nothing is.
     """
@@ -92,11 +92,11 @@ def look_at_bus(
                 return BusSeen(census, mux_answers=False, places={}, timing=None)
             places[channel] = _place(trunk.bus, clock, plan, known, is_leg=channel in channels.values())
         except BusTimeoutError as error:
-            places[channel] = Place((), Reading.LINE_HELD, str(error))
+            places[channel] = Place((), Reading.BUS_STUCK, str(error))
             if not trunk.free():
                 break
         except BusError as error:
-            places[channel] = Place((), Reading.HELD_UP, str(error))
+            places[channel] = Place((), Reading.DELAYED, str(error))
     trunk.free()
     return BusSeen(census, mux_answers=True, places=places, timing=limits)
 
@@ -111,7 +111,7 @@ def look_at_adapters(
         try:
             place = _place(bus, clock, plan, claimed, is_leg=True)
         except BusTimeoutError as error:
-            place = Place((), Reading.LINE_HELD, str(error))
+            place = Place((), Reading.BUS_STUCK, str(error))
         places[number] = place
         if limits is None and place.outcome is Reading.OK:
             costs = measure(bus, clock, plan.steps[0].select[0].address)
@@ -168,7 +168,7 @@ def _place(bus: I2cBus, clock: Clock, plan: ScanPlan, leave_alone: Collection[in
     except WrongChipError as error:
         return Place(answering, Reading.WRONG_CHIP, str(error))
     except (NackError, BusError) as error:
-        return Place(answering, Reading.HELD_UP, str(error))
+        return Place(answering, Reading.DELAYED, str(error))
     except HardwareError as error:
         return Place(answering, Reading.NO_ANSWER, str(error))
     for address in switches:

@@ -29,8 +29,8 @@ _CHIPS = {
         "its converter cannot drive the rows",
         "a row line that is shorted or leaks to ground",
     ),
-    Reading.GARBLED: (
-        Cause.GARBLED,
+    Reading.CORRUPT: (
+        Cause.CORRUPT,
         "its answers are such as no healthy chip gives",
         "pull-ups, cable length and ground of this leg",
     ),
@@ -39,8 +39,8 @@ _CHIPS = {
         "its converter does not finish its conversions",
         "its 3.3 V supply",
     ),
-    Reading.HELD_UP: (
-        Cause.HELD_UP,
+    Reading.DELAYED: (
+        Cause.DELAYED,
         "its readings came too late",
         "what else loads this computer or this bus",
     ),
@@ -172,7 +172,7 @@ def _over_range(over: NDArray[np.bool_], opened: NDArray[np.bool_]) -> list[Find
             else:
                 what = f"element {element} reads more than the converter can: its gap is shut"
                 found.append(
-                    Finding(Cause.GAP_SHUT, (element,), what, "water in the gap, and what presses the foot")
+                    Finding(Cause.GAP_CLOSED, (element,), what, "water in the gap, and what presses the foot")
                 )
     return found
 

@@ -16,7 +16,7 @@ from footsense.calibration.writer import file_sha256
 from footsense.config.test_stand import StandConfig
 from footsense.errors import CalibrationError, RecordingError
 from footsense.frames import Cycle
-from footsense.recording.pipe_format import Loss
+from footsense.recording.cycle_records import Loss
 from footsense.recording.replay import Replay
 
 __all__ = ["RecordedSession", "read_session", "read_sessions"]

@@ -12,10 +12,10 @@ from rich.live import Live
 
 from firmware_interface.can_codes import Flag, phase_of
 from footsense.cli.monitor.table import cause_text, monitor_table
-from footsense.cli.run.command import Seconds, StopRequest
+from footsense.cli.options import StopRequest, duration_option
 from footsense.client import Limits
 from footsense.clock import MonotonicClock
-from footsense.daemon.can_listener import Listener, Seen, listening
+from footsense.daemon.can_listener import LegSnapshot, Listener, listening
 
 #: Where python-can's multicast keeps its frames if nobody says otherwise; the same as in deploy/simulated.yaml.
 _CHANNELS = {"socketcan": "can0", "udp_multicast": "239.74.163.2"}
@@ -40,7 +40,7 @@ _DRAW_NS = 200_000_000
     show_default=True,
     help="From when a force is stale, and a leg that says nothing.",
 )
-@click.option("--duration", "duration_s", type=Seconds(), help="Stop after so many seconds.")
+@duration_option("Stop after this time.")
 @click.option(
     "--json",
     "as_json",
@@ -69,13 +69,13 @@ def monitor(
     with listening(interface, name, clock, limits) as listener:
         if as_json or not console.is_terminal:
             for t_ns in _moments(listener, start_ns, end_ns, _NS_PER_S, stop):
-                for seen in listener.look():
-                    click.echo(json.dumps({"t_s": round((t_ns - start_ns) * 1e-9, 3), **_plain(seen)}))
+                for snapshot in listener.snapshot():
+                    click.echo(json.dumps({"t_s": round((t_ns - start_ns) * 1e-9, 3), **_plain(snapshot)}))
             return
         with Live(console=console, auto_refresh=False, screen=False) as live:
             for t_ns in _moments(listener, start_ns, end_ns, _DRAW_NS, stop):
                 title = f"{name}   {(t_ns - start_ns) * 1e-9:5.1f} s"
-                live.update(monitor_table(listener.look(), title), refresh=True)
+                live.update(monitor_table(listener.snapshot(), title), refresh=True)
 
 
 def _moments(
@@ -104,26 +104,26 @@ def _is_multicast(name: str) -> bool:
         return False
 
 
-def _plain(seen: Seen) -> dict[str, Any]:
+def _plain(snapshot: LegSnapshot) -> dict[str, Any]:
     """Return what is known of a leg as plain values; null is what is not known."""
-    leg, view, report, n_forces = seen
-    known = seen.is_known
+    leg, force, report, n_forces = snapshot
+    known = snapshot.is_known
     return {
         "leg": leg,
-        "link": view.status.name.lower(),
+        "link": force.status.name.lower(),
         "forces": n_forces,
-        "phase": phase_of(view.state).name.lower() if known else None,
-        "state": view.state.name.lower() if known else None,
-        "cause": cause_text(seen),
-        "usable": view.usable,
-        "force_n": _numbers(view.force_n),
-        "sigma_n": _numbers(view.sigma_n),
-        "age_ms": None if view.age_ns is None else round(view.age_ns * 1e-6, 1),
-        "contact": bool(view.flags & Flag.CONTACT) if view.usable else None,
-        "simulated": bool(view.flags & Flag.SIMULATED) if known else None,
-        "elements_out": [e for e in range(9) if view.fault_mask >> e & 1] if known else None,
-        "zero": {
-            "status": None if report.zero is None else report.zero.name.lower(),
+        "phase": phase_of(force.state).name.lower() if known else None,
+        "state": force.state.name.lower() if known else None,
+        "cause": cause_text(snapshot),
+        "usable": force.usable,
+        "force_n": _numbers(force.force_n),
+        "sigma_n": _numbers(force.sigma_n),
+        "age_ms": None if force.age_ns is None else round(force.age_ns * 1e-6, 1),
+        "contact": bool(force.flags & Flag.CONTACT) if force.usable else None,
+        "simulated": bool(force.flags & Flag.SIMULATED) if known else None,
+        "elements_out": [e for e in range(9) if force.fault_mask >> e & 1] if known else None,
+        "baseline": {
+            "status": None if report.baseline is None else report.baseline.name.lower(),
             "mean_ff": _number(report.mean_pf * 1e3, 1),
             "worst_ff": _number(report.worst_pf * 1e3, 1),
             "moved_s_ago": None if report.moved_ago_ns is None else round(report.moved_ago_ns * 1e-9, 1),

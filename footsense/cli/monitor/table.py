@@ -1,4 +1,4 @@
-"""The monitor's picture: above the forces as a consumer may use them, below what the legs tell beside them."""
+"""The monitor's picture: above the forces that a consumer may use, below the legs' reports."""
 
 import math
 
@@ -6,36 +6,25 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from firmware_interface.can_codes import Cause, Flag, NmtState, Phase, phase_of
+from firmware_interface.can_codes import Cause, Flag, NmtState
+from footsense.cli.leg_table import EMPTY, FORCE_COLUMNS, force_cells, leg_table, number, state_text, words
 from footsense.client import Status
-from footsense.daemon.can_listener import Seen
+from footsense.daemon.can_listener import LegSnapshot
 
 __all__ = ["cause_text", "monitor_table"]
 
-_PHASE_STYLES = {
-    Phase.ABSENT: "bold red",
-    Phase.STARTING: "yellow",
-    Phase.TARING: "yellow",
-    Phase.VALID: "green",
-    Phase.DEGRADED: "yellow",
-    Phase.FAULTED: "bold red",
-    Phase.STOPPED: "dim",
-}
-
 _LINK_STYLES = {Status.OK: "green", Status.LOST: "yellow", Status.REPEATED: "yellow"}
 
-#: A heartbeat in a word of its own, short enough for the last column.
-_BEATS = {
+#: State of the node in a heartbeat, in words short enough for the last column.
+_NODE_STATES = {
     NmtState.BOOT: "boot",
     NmtState.STOPPED: "stopped",
     NmtState.OPERATIONAL: "runs",
     NmtState.PRE_OPERATIONAL: "waits",
 }
 
-_NOTHING = Text("-", "dim")
 
-
-def monitor_table(legs: list[Seen], title: str) -> Group:
+def monitor_table(legs: list[LegSnapshot], title: str) -> Group:
     """Return the picture of all legs; it fits 80 columns and 20 lines.
 
     Args:
@@ -43,64 +32,66 @@ def monitor_table(legs: list[Seen], title: str) -> Group:
         title: What is listened to.
     """
     head = Text.assemble(("footsense monitor  ", "bold"), title)
-    if any(seen.view.flags & Flag.SIMULATED for seen in legs):
+    if any(snapshot.force.flags & Flag.SIMULATED for snapshot in legs):
         head.append("   simulated", "dim")
-    if any(seen.report.degraded_timing for seen in legs):
+    if any(snapshot.report.degraded_timing for snapshot in legs):
         head.append("   timing degraded", "bold red")
     return Group(head, Text(), _forces(legs), Text(), _reports(legs))
 
 
-def cause_text(seen: Seen) -> str | None:
-    """Return what lies behind a leg's state in words; None if it was not told, with another state, or long ago."""
-    if not seen.is_known or seen.report.cause is None or seen.report.cause_state is not seen.view.state:
+def cause_text(snapshot: LegSnapshot) -> str | None:
+    """Return the cause of a leg's state in words; None if none was reported lately, or for another state."""
+    report = snapshot.report
+    if not snapshot.is_known or report.cause is None or report.cause_state is not snapshot.force.state:
         return None
-    return _words(seen.report.cause.name)
+    return words(report.cause.name)
 
 
-def _forces(legs: list[Seen]) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 1))
-    table.add_column("leg")
-    table.add_column("state", min_width=15, no_wrap=True)
-    table.add_column("link", min_width=8, no_wrap=True)
-    for name, width in (("fx [N]", 7), ("fy [N]", 7), ("fz [N]", 7), ("sigma", 5), ("age [ms]", 8)):
-        table.add_column(name.replace("[", "\\["), justify="right", min_width=width, no_wrap=True)
-    table.add_column("foot")
-    for seen in legs:
-        view = seen.view
-        state = Text(_words(view.state.name), _PHASE_STYLES[phase_of(view.state)])
-        link = Text(view.status.name.lower(), _LINK_STYLES.get(view.status, "bold red"))
-        numbers: list[str | Text] = [_NOTHING] * 6
-        if view.usable and view.age_ns is not None:
-            numbers = [f"{component:+.3f}" for component in view.force_n]
-            numbers += [_or_nothing(max(view.sigma_n), ".3f"), f"{view.age_ns * 1e-6:.1f}"]
-            numbers += [Text("down", "cyan") if view.flags & Flag.CONTACT else "up"]
-        table.add_row(seen.leg, state if seen.is_known else _NOTHING, link, *numbers)
+def _forces(legs: list[LegSnapshot]) -> Table:
+    table = leg_table(
+        {"state": "<15", "link": "<8", **FORCE_COLUMNS, "sigma": ">5", "age [ms]": ">8", "foot": "<4"}
+    )
+    for snapshot in legs:
+        force = snapshot.force
+        state = state_text(force.state) if snapshot.is_known else EMPTY
+        link = Text(force.status.name.lower(), _LINK_STYLES.get(force.status, "bold red"))
+        cells: list[str | Text] = [EMPTY] * 6
+        if force.usable and force.age_ns is not None:
+            cells = [
+                *force_cells(force.force_n),
+                number(max(force.sigma_n), ".3f"),
+                f"{force.age_ns * 1e-6:.1f}",
+            ]
+            cells.append(Text("down", "cyan") if force.flags & Flag.CONTACT else "up")
+        table.add_row(snapshot.leg, state, link, *cells)
     return table
 
 
-def _reports(legs: list[Seen]) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 1))
-    table.add_column("leg")
-    table.add_column("cause", min_width=15, no_wrap=True)
-    table.add_column("elements", min_width=11, no_wrap=True)
-    table.add_column("zero", min_width=9, no_wrap=True)
-    table.add_column("by \\[fF]", justify="right", min_width=7)
-    table.add_column("worst", justify="right", min_width=7)
-    table.add_column("ago \\[s]", justify="right", min_width=7)
-    table.add_column("beat", min_width=7)
-    for seen in legs:
-        report = seen.report
-        cause = cause_text(seen)
-        mask = seen.view.fault_mask
+def _reports(legs: list[LegSnapshot]) -> Table:
+    table = leg_table(
+        {
+            "cause": "<15",
+            "elements": "<11",
+            "baseline": "<9",
+            "mean fF": ">7",
+            "worst": ">7",
+            "ago [s]": ">7",
+            "node": "<7",
+        }
+    )
+    for snapshot in legs:
+        report = snapshot.report
+        cause = cause_text(snapshot)
+        moved_ago_s = math.nan if report.moved_ago_ns is None else report.moved_ago_ns * 1e-9
         table.add_row(
-            seen.leg,
-            _NOTHING if cause is None else Text(cause, "" if report.cause is Cause.NONE else "yellow"),
-            _grid(mask) if seen.is_known else _NOTHING,
-            _NOTHING if report.zero is None else _words(report.zero.name),
-            _or_nothing(report.mean_pf * 1e3, "+.1f"),
-            _or_nothing(report.worst_pf * 1e3, "+.1f"),
-            _NOTHING if report.moved_ago_ns is None else f"{report.moved_ago_ns * 1e-9:.1f}",
-            Text("silent", "bold red") if report.node_state is None else _BEATS[report.node_state],
+            snapshot.leg,
+            EMPTY if cause is None else Text(cause, "" if report.cause is Cause.NONE else "yellow"),
+            _grid(snapshot.force.fault_mask) if snapshot.is_known else EMPTY,
+            EMPTY if report.baseline is None else words(report.baseline.name),
+            number(report.mean_pf * 1e3, "+.1f"),
+            number(report.worst_pf * 1e3, "+.1f"),
+            number(moved_ago_s, ".1f"),
+            Text("silent", "bold red") if report.node_state is None else _NODE_STATES[report.node_state],
         )
     return table
 
@@ -114,11 +105,3 @@ def _grid(mask: int) -> Text:
     """
     marks = "".join("x" if mask >> element & 1 else "." for element in range(9))
     return Text(f"{marks[:3]} {marks[3:6]} {marks[6:]}", "yellow" if mask else "dim")
-
-
-def _or_nothing(value: float, form: str) -> str | Text:
-    return _NOTHING if math.isnan(value) else format(value, form)
-
-
-def _words(name: str) -> str:
-    return name.lower().replace("_", " ")

@@ -9,6 +9,7 @@ import click
 from rich.console import Console
 
 from footsense import daemon
+from footsense.cli.options import FILE, config_option, json_option
 from footsense.cli.probe.picture import adapters_picture, probe_picture
 from footsense.cli.probe.plain_values import plain, plain_adapters
 from footsense.config import DEFAULT, load_config
@@ -23,21 +24,14 @@ _SCENE = "hanging"
 
 
 @click.command()
-@click.option(
-    "--config",
-    "config_file",
-    type=click.Path(path_type=Path),
-    help="YAML file of a robot; default: only who answers on this computer's adapters.",
-)
+@config_option("none, only scan the addresses on this computer's adapters")
 @click.option(
     "--scene",
     "scene_name",
     help="Simulate this scene: a name or a YAML file. Its feet should hang in the air, as in `hanging`.",
 )
-@click.option("--json", "as_json", is_flag=True, help="All figures as JSON.")
-@click.option(
-    "--png", type=click.Path(path_type=Path), help="Draw the feet into this file (needs footsense[lab])."
-)
+@json_option
+@click.option("--png", type=FILE, help="Draw the feet into this file (needs footsense[lab]).")
 def probe(config_file: Path | None, scene_name: str | None, png: Path | None, *, as_json: bool) -> None:
     """Say what is on the buses, what it costs, and what every element of the free feet reads.
 

@@ -30,12 +30,12 @@ _MARKS = {
     Cause.ROW_OPEN: "open",
     Cause.COLUMN_OPEN: "open",
     Cause.ELEMENT_SHORTED: "short",
-    Cause.GAP_SHUT: "shut",
+    Cause.GAP_CLOSED: "shut",
     Cause.CANNOT_EXCITE: "drive",
     Cause.NEVER_FINISHES: "busy",
     Cause.SETTINGS_LOST: "reset",
-    Cause.GARBLED: "garbled",
-    Cause.HELD_UP: "late",
+    Cause.CORRUPT: "garbled",
+    Cause.DELAYED: "late",
 }
 
 

@@ -10,8 +10,8 @@ from rich.console import Console
 
 from footsense import daemon
 from footsense.calibration.session.guide import Guide
+from footsense.cli.options import StopRequest, config_option, duration_option, pace_option
 from footsense.cli.record.table import RecordTable
-from footsense.cli.run.command import Seconds, StopRequest
 from footsense.config import DEFAULT, Config, load_config
 from footsense.config.test_stand import StandConfig, load_test_stand
 from footsense.daemon.session_guide import guide_of, practice_scene
@@ -44,7 +44,7 @@ _AS_MADE_REL = 0.5
     "--leg", type=click.Choice(LEGS), default="lf", show_default=True, help="Leg that it is wired as."
 )
 @click.option("--session", help="Name of this mounting of the foot. Default: the name of the file.")
-@click.option("--config", "config_file", type=click.Path(path_type=Path), help="The wiring, as for `run`.")
+@config_option("a simulated foot")
 @click.option(
     "--scene", "scene_name", help="What a simulated bench does: a name, or the path of a YAML file."
 )
@@ -56,12 +56,8 @@ _AS_MADE_REL = 0.5
     show_default=True,
     help="How many make a set.",
 )
-@click.option("--duration", "duration_s", type=Seconds(), help="Stop after so many seconds at the latest.")
-@click.option(
-    "--realtime/--fast",
-    default=None,
-    help="Pace a simulation with the clock on the wall, or not. Default: paced if the picture is shown.",
-)
+@duration_option("Stop after this time at the latest.")
+@pace_option
 def record(
     out: Path,
     test_stand_file: Path,

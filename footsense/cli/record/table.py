@@ -1,18 +1,14 @@
 """The live picture of a session on the test_stand: what is covered, what to press next, and what the reference says."""
 
-import logging
-
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console, Group
-from rich.live import Live
-from rich.logging import RichHandler
 from rich.text import Text
 
 from footsense.calibration.session.coverage import angles_deg
 from footsense.calibration.session.guide import Guide
+from footsense.cli.live_view import LiveView, can_show
 from footsense.cli.record.coverage_ball import GLYPHS, PLAIN_GLYPHS, discs
-from footsense.cli.run.live_table import can_show
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import USABLE, Cycle, State
 
@@ -22,8 +18,8 @@ _PERIOD_NS = 100_000_000
 _LINES = 4
 
 
-class RecordTable:
-    """An observer that redraws the picture some ten times a second of the frames' own time; it fits 80 columns.
+class RecordTable(LiveView):
+    """An observer that redraws the picture some ten times a second.
 
     Args:
         console: Where to draw.
@@ -33,36 +29,17 @@ class RecordTable:
     """
 
     def __init__(self, console: Console, guide: Guide, row: int, title: str) -> None:
+        super().__init__(console, _PERIOD_NS)
         self._guide = guide
         self._row = row
         self._title = title
         self._glyphs = GLYPHS if can_show("".join(GLYPHS), console.encoding) else PLAIN_GLYPHS
-        self._began_ns: int | None = None
-        self._drawn_ns = -_PERIOD_NS
         self._news: list[str] = []
         self._n_drawn = -1
         self._discs: list[Text] = []
-        self._live = Live(console=console, auto_refresh=False)
-        self._live.start()
-        # Journal lines go above the picture instead of through it.
-        self._journal = logging.getLogger().handlers
-        logging.getLogger().handlers = [RichHandler(console=console, show_time=False, show_path=False)]
 
-    def observe(self, cycle: Cycle) -> None:
-        """Redraw if it is time to."""
-        t_ns = cycle.forces.t_sent_ns
-        if self._began_ns is None:
-            self._began_ns = t_ns
-        if t_ns - self._drawn_ns >= _PERIOD_NS:
-            self._drawn_ns = t_ns
-            self._live.update(self._render(cycle, (t_ns - self._began_ns) * 1e-9), refresh=True)
-
-    def close(self) -> None:
-        """Leave the last picture on the screen."""
-        self._live.stop()
-        logging.getLogger().handlers = self._journal
-
-    def _render(self, cycle: Cycle, lasts_s: float) -> Group:
+    def render(self, cycle: Cycle, elapsed_s: float) -> Group:
+        """Return ball, forces, the next load and what is left; they fit 80 columns."""
         guide = self._guide
         self._news = [*self._news, *guide.news()][-_LINES:]
         wish = guide.coverage.next
@@ -77,7 +54,7 @@ class RecordTable:
             f"elevation {5 * round(wish.elevation_deg / 5):.0f} deg"
         )
         return Group(
-            Text.assemble(("footsense record  ", "bold"), f"{self._title}, {lasts_s:.1f} s"),
+            Text.assemble(("footsense record  ", "bold"), f"{self._title}, {elapsed_s:.1f} s"),
             Text(),
             *self._discs,
             Text(),

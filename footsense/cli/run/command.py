@@ -1,17 +1,21 @@
 """`footsense run`: the service, on a robot or in simulation."""
 
 import json
-import math
-import signal
 from contextlib import ExitStack
 from pathlib import Path
-from types import FrameType
-from typing import Any
 
 import click
 from rich.console import Console
 
 from footsense import daemon
+from footsense.cli.options import (
+    FILE,
+    StopRequest,
+    can_log_option,
+    config_option,
+    duration_option,
+    pace_option,
+)
 from footsense.cli.run.live_table import LiveTable
 from footsense.cli.run.summary_text import print_summary
 from footsense.clock import process_age_ns, resident_mib
@@ -24,37 +28,6 @@ from footsense.telemetry.run_statistics import Score
 
 _DEFAULT_SCENE = "tripod"
 _NS_PER_S = 1_000_000_000
-
-
-class StopRequest:
-    """Becomes true when the process is asked to end, or when its time is over."""
-
-    def __init__(self) -> None:
-        self.requested = False
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, self._request)
-
-    def _request(self, number: int, frame: FrameType | None) -> None:
-        del number, frame
-        self.requested = True
-
-
-class Seconds(click.FloatRange):
-    """A duration: a number above zero that has an end."""
-
-    name = "seconds"
-
-    def __init__(self) -> None:
-        super().__init__(min=0, min_open=True)
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:  # noqa: ANN401 - click's signature
-        """Return the number of seconds, or fail as click's own types do."""
-        seconds: float = super().convert(value, param, ctx)
-        if not math.isfinite(seconds):
-            self.fail(
-                f"{value} is not a duration; without the option it runs until it is stopped", param, ctx
-            )
-        return seconds
 
 
 class FirstFrame:
@@ -73,12 +46,7 @@ class FirstFrame:
 
 
 @click.command()
-@click.option(
-    "--config",
-    "config_file",
-    type=click.Path(path_type=Path),
-    help="YAML file of a robot; default: six simulated legs.",
-)
+@config_option("six simulated legs")
 @click.option(
     "--scene",
     "scene_name",
@@ -91,26 +59,13 @@ class FirstFrame:
     + "; ".join(f"{name} for {point.purpose}" for name, point in OPERATING_POINTS.items())
     + ".",
 )
+@duration_option("Stop after this time of the robot.")
+@click.option("--record", type=FILE, help="Record every scan and force to this .mcap file.")
+@can_log_option
 @click.option(
-    "--duration",
-    "duration_s",
-    type=Seconds(),
-    help="Stop after so many seconds of the robot's time.",
+    "--summary", type=click.Choice(["text", "json"]), help="Print figures at the end; no live table."
 )
-@click.option(
-    "--record", type=click.Path(path_type=Path), help="Record every scan and force to this .mcap file."
-)
-@click.option(
-    "--can-log",
-    type=click.Path(path_type=Path),
-    help="Write what was sent on CAN: .log (candump), .asc or .blf.",
-)
-@click.option("--summary", type=click.Choice(["text", "json"]), help="Print how it went; no live table.")
-@click.option(
-    "--realtime/--fast",
-    default=None,
-    help="Pace a simulation with the clock on the wall, or not. Default: paced if a live table is shown.",
-)
+@pace_option
 def run(
     config_file: Path | None,
     scene_name: str | None,

@@ -27,7 +27,7 @@ _N_SCANS = 20
 #: Before them, converters that were just set up may still settle, and legs that fail are left out.
 _N_SETTLING = 4
 #: A foot behind such readings is not known.
-_SILENT = (Reading.NO_ANSWER, Reading.LINE_HELD, Reading.WRONG_CHIP)
+_SILENT = (Reading.NO_ANSWER, Reading.BUS_STUCK, Reading.WRONG_CHIP)
 
 
 def adapters_seen() -> list[Adapter]:

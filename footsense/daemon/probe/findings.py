@@ -117,7 +117,7 @@ def leg_complaints(report: LegReport) -> Iterator[Complaint]:
         n_lost = int(np.isin(scans.reading, CHIP_READINGS).sum())
         what = f"{where}: its chips answer now and then; {n_lost} of {scans.reading.size} readings were lost"
         yield Complaint(report.leg, what, "its plug and cable: a loose contact")
-    elif place is not None and place.outcome is Reading.LINE_HELD:
+    elif place is not None and place.outcome is Reading.BUS_STUCK:
         what = f"it holds SDA or SCL low as soon as {where} is connected"
         yield Complaint(report.leg, what, "short in its cable or plug, and whether its chips have power")
     elif place is not None and place.outcome is not Reading.OK:
@@ -129,5 +129,5 @@ def leg_complaints(report: LegReport) -> Iterator[Complaint]:
 _CHECKS = {
     Reading.NO_ANSWER: "its plug, its 3.3 V, and whether this is its channel",
     Reading.WRONG_CHIP: "what is plugged in there, and `board` in the configuration",
-    Reading.HELD_UP: "other masters on this bus, its pull-ups and its clock",
+    Reading.DELAYED: "other masters on this bus, its pull-ups and its clock",
 }

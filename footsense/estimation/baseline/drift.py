@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import ELEMENTS, ZeroStatus
+from footsense.frames import ELEMENTS, BaselineStatus
 
 Vector = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ class LegZero:
     def forget(self) -> None:
         """Have no zero: the leg may carry another foot."""
         self.zero_pf = self._tared_pf = self._anchor_pf = np.full(ELEMENTS, np.nan)
-        self.status = ZeroStatus.NONE
+        self.status = BaselineStatus.NONE
         self.moved_ns = 0
         self.offset_pf = (math.nan, math.nan)
         self._variance_pf2 = math.nan
@@ -99,7 +99,7 @@ class LegZero:
         """Return the standard deviation of the zero of any of its elements now [pF], NaN without a zero."""
         return math.sqrt(self._variance_pf2 + DRIFT_PF2_PER_S * max(now_ns - self._at_ns, 0) * 1e-9)
 
-    def hold(self, why: ZeroStatus = ZeroStatus.HELD) -> None:
+    def hold(self, why: BaselineStatus = BaselineStatus.HELD) -> None:
         """Stand still."""
         self._before = None
         self.status = why
@@ -129,9 +129,9 @@ class LegZero:
         step_pf2 = 0.5 * step_pf * step_pf
         self._step_pf2 = np.where(known, self._step_pf2 + _NEWEST_REL * (step_pf2 - self._step_pf2), 0.0)
         if math.sqrt(self._step_pf2.max()) * 1e3 > self._limits.noise_limit_ff:
-            self.status = ZeroStatus.NOT_QUIET
+            self.status = BaselineStatus.NOT_QUIET
             return False
-        self.status = ZeroStatus.TRACKING
+        self.status = BaselineStatus.TRACKING
         self._move(before_pf, known, newest_ns)
         if np.isnan(self.zero_pf).any():
             self._adopt((capacitance_pf + before_pf) / 2, step_pf2)
@@ -152,7 +152,7 @@ class LegZero:
         farther_pf = np.abs(wanted_pf - self._unloaded_pf)
         beyond = (farther_pf > self._farthest_pf) & (farther_pf > np.abs(self.zero_pf - self._unloaded_pf))
         if beyond.any():
-            self.status = ZeroStatus.TOO_FAR
+            self.status = BaselineStatus.TOO_FAR
         followed = known & np.isfinite(off_pf) & ~beyond
         moved_pf = np.where(followed, wanted_pf - self.zero_pf, 0.0)
         off_sum_pf = float(np.abs(np.where(followed, off_pf, 0.0)).sum())

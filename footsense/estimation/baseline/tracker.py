@@ -16,7 +16,17 @@ from footsense.estimation.baseline.tare import TareLimits, TareWindow, Verdict
 from footsense.estimation.faults.leg_status import SILENT
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.frames import Command, CommandKind, Flag, Outcome, Reading, Result, State, Zero, ZeroStatus
+from footsense.frames import (
+    BaselineDrift,
+    BaselineStatus,
+    Command,
+    CommandKind,
+    CommandResult,
+    Flag,
+    Reading,
+    Result,
+    State,
+)
 
 Vector = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -100,7 +110,7 @@ class Footing:
         self._aloft: tuple[int, ...] = ()
         self._gather()
 
-    def begin(self, leg: int) -> Outcome | None:
+    def begin(self, leg: int) -> CommandResult | None:
         """Tare a leg because it was asked for; a tare that is being taken already serves.
 
         Returns:
@@ -109,7 +119,7 @@ class Footing:
         reason = self.refusal(CommandKind.TARE, leg)
         if reason is not None:
             self._refused.add(leg)
-            return Outcome(Command(CommandKind.TARE, leg), Result.LOADED, reason)
+            return CommandResult(Command(CommandKind.TARE, leg), Result.LOADED, reason)
         self._windows.setdefault(leg, self._window(leg))
         self._commanded.add(leg)
         return None
@@ -120,7 +130,7 @@ class Footing:
 
     def tare(
         self, capacitance_pf: Vector, reading: NDArray[np.uint8], t_ns: Stamps, missing: Mask, now_ns: int
-    ) -> tuple[Outcome, ...]:
+    ) -> tuple[CommandResult, ...]:
         """Let the tares that are being taken see a frame of all legs, and return those that ended with it.
 
         Args:
@@ -182,7 +192,7 @@ class Footing:
             if touching or not (self._track and contact.aloft):
                 zero.hold()
             elif not contact.explained:
-                zero.hold(ZeroStatus.TOO_FAST)
+                zero.hold(BaselineStatus.TOO_FAST)
             else:
                 aloft.append(leg)
         self._aloft = tuple(aloft)
@@ -235,7 +245,7 @@ class Footing:
     def _tell_statuses(self) -> None:
         """Tell what the legs' zeros do now; where they are has been gathered."""
         self._statuses = [zero.status for zero in self._zeros]
-        self.zero = Zero(np.array(self._statuses, np.uint8), *self._moved)
+        self.zero = BaselineDrift(np.array(self._statuses, np.uint8), *self._moved)
 
     def _window(self, leg: int) -> TareWindow:
         return TareWindow(self._tare, self._unloaded_pf[leg], self._feet[leg])
@@ -246,7 +256,7 @@ class Footing:
             return
         silent = np.isin(reading, SILENT).all(axis=1)
         self._heard_ns[~silent] = now_ns
-        allowed_ns = np.where((reading == Reading.LINE_HELD).any(axis=1), _HELD_NS, _SILENT_NS)
+        allowed_ns = np.where((reading == Reading.BUS_STUCK).any(axis=1), _HELD_NS, _SILENT_NS)
         for leg in np.flatnonzero(now_ns - self._heard_ns >= allowed_ns).tolist():
             if leg in self._untared:
                 continue
@@ -257,7 +267,7 @@ class Footing:
             self._windows.setdefault(leg, self._window(leg))
             self._gather()
 
-    def _conclude(self, leg: int, verdict: Verdict, t_ns: int) -> Outcome | None:
+    def _conclude(self, leg: int, verdict: Verdict, t_ns: int) -> CommandResult | None:
         """Take or refuse a baseline; a tare that nobody asked for says the same refusal only once."""
         del self._windows[leg]
         commanded = leg in self._commanded
@@ -279,4 +289,4 @@ class Footing:
             self._refused.add(leg)
         if repeated and not commanded:
             return None
-        return Outcome(Command(CommandKind.TARE, leg), verdict.result, verdict.reason)
+        return CommandResult(Command(CommandKind.TARE, leg), verdict.result, verdict.reason)

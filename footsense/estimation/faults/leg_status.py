@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from firmware_interface import fdc1004
 from footsense.estimation.faults.missing_sets import KNOWN_MISSING
-from footsense.frames import ELEMENTS, Cause, Reading, State, Zero
+from footsense.frames import ELEMENTS, BaselineDrift, Cause, Reading, State
 
 OPEN_REL = 0.5
 #: What an element over the range of an FDC1004 has at least [pF].
@@ -27,27 +27,27 @@ _BITS = (1 << np.arange(ELEMENTS)).astype(np.uint16)
 
 #: What the readings say of a leg, the gravest last.
 _STATES = {
-    Reading.HELD_UP: State.STALE,
+    Reading.DELAYED: State.STALE,
     Reading.NOT_READY: State.CONVERTER_FAULT,
-    Reading.GARBLED: State.CONVERTER_FAULT,
+    Reading.CORRUPT: State.CONVERTER_FAULT,
     Reading.MISCONFIGURED: State.CONVERTER_FAULT,
     Reading.EXCITATION: State.CONVERTER_FAULT,
     Reading.WRONG_CHIP: State.ABSENT,
-    Reading.LINE_HELD: State.ABSENT,
+    Reading.BUS_STUCK: State.ABSENT,
     Reading.NO_ANSWER: State.ABSENT,
 }
 _CAUSES = {
-    Reading.HELD_UP: Cause.HELD_UP,
+    Reading.DELAYED: Cause.DELAYED,
     Reading.NOT_READY: Cause.NEVER_FINISHES,
-    Reading.GARBLED: Cause.GARBLED,
+    Reading.CORRUPT: Cause.CORRUPT,
     Reading.MISCONFIGURED: Cause.SETTINGS_LOST,
     Reading.EXCITATION: Cause.CANNOT_EXCITE,
     Reading.WRONG_CHIP: Cause.WRONG_CHIP,
-    Reading.LINE_HELD: Cause.LINE_HELD,
+    Reading.BUS_STUCK: Cause.BUS_STUCK,
     Reading.NO_ANSWER: Cause.NO_ANSWER,
 }
 #: Nothing is heard of a leg's foot: when it comes back, it may be another one.
-SILENT = np.array([Reading.NO_ANSWER, Reading.LINE_HELD, Reading.WRONG_CHIP], np.uint8)
+SILENT = np.array([Reading.NO_ANSWER, Reading.BUS_STUCK, Reading.WRONG_CHIP], np.uint8)
 
 Mask = NDArray[np.bool_]
 
@@ -147,14 +147,14 @@ def converter_states(state: NDArray[np.uint8], reading: NDArray[np.uint8], fault
             state[(reading == kind).any(axis=1)] = worse
 
 
-def drifting_zeros(zero: Zero) -> NDArray[np.uint8]:
+def drifting_zeros(zero: BaselineDrift) -> NDArray[np.uint8]:
     """Return ELEMENT_DRIFTS for legs of which one zero has left the others', else NONE, shape (legs,)."""
     parted = np.abs(zero.worst_pf - zero.mean_pf) > DRIFT_LIMIT_PF
     return np.where(parted, np.uint8(Cause.ELEMENT_DRIFTS), np.uint8(Cause.NONE))
 
 
 def causes(
-    reading: NDArray[np.uint8], state: NDArray[np.uint8], faulty: Faulty, zero: Zero
+    reading: NDArray[np.uint8], state: NDArray[np.uint8], faulty: Faulty, zero: BaselineDrift
 ) -> NDArray[np.uint8]:
     """Return what lies behind each leg's state, shape (legs,): `Cause.NONE` where nothing is known to be wrong.
 
@@ -168,7 +168,7 @@ def causes(
         zero: Where the legs' zeros stand: one that has left the others' is told, though it is still followed.
     """
     cause = drifting_zeros(zero)
-    cause[state == State.SATURATED] = Cause.GAP_SHUT
+    cause[state == State.SATURATED] = Cause.GAP_CLOSED
     if faulty.any.any():
         cause[faulty.drifting.any(axis=1)] = Cause.ELEMENT_DRIFTS
         cause[faulty.stuck.any(axis=1)] = Cause.ELEMENT_STUCK

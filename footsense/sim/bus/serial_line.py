@@ -13,7 +13,7 @@ import numpy as np
 from firmware_interface.serial_frames import FRAME_BYTES, RECORD_BITS
 from footsense.ports import Clock
 from footsense.sim.chips.mcu import SimulatedMcu
-from footsense.sim.faults.scene_faults import Span, during
+from footsense.sim.faults.schedule import Span, during
 
 __all__ = ["LineFaults", "SimulatedLine"]
 

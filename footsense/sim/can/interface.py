@@ -28,7 +28,7 @@ from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 from footsense.sim.can.controller import CanController, CanSettings, OtherNode
 from footsense.sim.can.transmit_queue import Queued, TransmitQueue
-from footsense.sim.faults.can_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanQueueFull, CanTraffic
+from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanQueueFull, CanTraffic
 
 __all__ = ["AS_DEPLOYED", "CanSettings", "SimulatedCan"]
 

@@ -19,7 +19,8 @@ import numpy as np
 
 from firmware_interface import ad7746 as chip
 from firmware_interface.ad7746 import Register
-from footsense.sim.faults.scene_faults import Span, during
+from footsense.sim.chips.leg_chip import LegChip
+from footsense.sim.faults.schedule import Span, during
 
 #: Smallest and largest step of a chip's CAPDAC over the nominal one [1]: 17 pF of full scale are guaranteed, 21 pF
 #: typical.
@@ -31,57 +32,49 @@ _RATE_OF_CODE = {rate.code: rate for rate in chip.RATES.values()}
 _CAP, _VT = chip.NOT_RDYCAP, chip.NOT_RDYVT
 
 #: Mean capacitance [pF] between EXCA and CIN1 between two times [ns], and whether EXCA was shorted to ground in it.
-Seen = Callable[[int, int], tuple[float, bool]]
+MutualCapacitance = Callable[[int, int], tuple[float, bool]]
 
 
-class SimulatedAd7746:
+class SimulatedAd7746(LegChip):
     """One converter.
 
     Args:
-        seen: What is connected to it.
+        mutual_capacitance: The foot between EXCA and CIN1.
         noise: Source of its noise; None for a converter without.
         clock_error_rel: How much longer its conversions last than nominal [1].
         capdac_gain_rel: Size of its CAPDAC's steps over the nominal one [1].
         temperature_c: What its thermometer reads at a time [ns], its error included [deg C].
 
     Attributes:
-        absent_ns: Spans in which it does not answer [ns].
         stuck_ns: Spans in which its conversions do not finish [ns].
-        brown_outs_ns: When its supply fails for a moment, which resets it [ns].
     """
-
-    address = chip.ADDRESS
 
     def __init__(
         self,
-        seen: Seen,
+        mutual_capacitance: MutualCapacitance,
         noise: np.random.Generator | None,
         clock_error_rel: float = 0.0,
         capdac_gain_rel: float = 1.0,
         temperature_c: Callable[[int], float] = lambda t_ns: 25.0,  # noqa: ARG005 - the same at any time
     ) -> None:
-        self.absent_ns: list[Span] = []
+        super().__init__(chip.ADDRESS)
         self.stuck_ns: list[Span] = []
-        self.brown_outs_ns: list[float] = []
-        self._seen = seen
+        self._mutual_capacitance = mutual_capacitance
         self._noise = noise
         self._clock_factor = 1.0 + clock_error_rel
         self._capdac_step_pf = chip.CAPDAC_STEP_PF * capdac_gain_rel
         self._temperature_c = temperature_c
-        self._reset(-chip.RESET_NS)
+        self.power_up(-chip.RESET_NS)
 
     def acknowledges(self, t_ns: int) -> bool:
-        """Answer as long as the leg is there, but not right after a reset."""
-        while self.brown_outs_ns and min(self.brown_outs_ns) <= t_ns:
-            self._reset(round(min(self.brown_outs_ns)))
-            self.brown_outs_ns.remove(min(self.brown_outs_ns))
-        return t_ns >= self._ready_ns and not during(self.absent_ns, t_ns)
+        """Return whether the chip answers at a time [ns]: not within 200 us of a reset."""
+        return super().acknowledges(t_ns) and t_ns >= self._ready_ns
 
     def write(self, data: bytes, t_ns: int) -> None:
         """Take a register pointer and the values of the registers from there on; or reset."""
         self._finish_by(t_ns)
         if data[0] == chip.RESET_COMMAND:
-            self._reset(t_ns)
+            self.power_up(t_ns)
             return
         self._pointer = data[0]
         for value in data[1:]:
@@ -103,7 +96,8 @@ class SimulatedAd7746:
         self._pointer += n
         return answer + b"\xff" * (n - len(answer))
 
-    def _reset(self, t_ns: int) -> None:
+    def power_up(self, t_ns: int) -> None:
+        """Take the settings of power-up, as after a reset command; deaf for 200 us."""
         self._registers = bytearray(chip.N_REGISTERS)
         self._registers[Register.STATUS] = chip.NOT_RDY | _CAP | _VT
         settings = chip.RESET_VALUES
@@ -155,7 +149,7 @@ class SimulatedAd7746:
         registers = self._registers
         capacitance_pf, shorted = 0.0, False
         if registers[Register.EXC_SETUP] & chip.EXC_A and not registers[Register.CAP_SETUP] & chip.CAP_CIN2:
-            capacitance_pf, shorted = self._seen(start_ns, end_ns)
+            capacitance_pf, shorted = self._mutual_capacitance(start_ns, end_ns)
         registers[Register.STATUS] &= ~chip.EXCERR
         registers[Register.STATUS] |= chip.EXCERR if shorted else 0
         if registers[Register.CAPDAC_A] & chip.CAPDAC_ENABLE:

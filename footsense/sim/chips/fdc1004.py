@@ -18,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from firmware_interface import fdc1004 as chip
-from footsense.sim.faults.scene_faults import Span, during
+from footsense.sim.chips.leg_chip import LegChip
+from footsense.sim.faults.schedule import Span, during
 
 #: Random numbers are drawn so many at a time, which is the same sequence as one by one.
 _DRAWN = 64
@@ -65,7 +66,7 @@ def _white(noise: np.random.Generator) -> Iterator[float]:
         yield from noise.standard_normal(_DRAWN).tolist()
 
 
-class SimulatedFdc1004:
+class SimulatedFdc1004(LegChip):
     """One converter.
 
     Args:
@@ -74,12 +75,8 @@ class SimulatedFdc1004:
         clock_error_rel: How much longer its conversions last than nominal [1].
 
     Attributes:
-        absent_ns: Spans in which it does not answer [ns].
         stuck_ns: Spans in which its conversions do not finish [ns].
-        brown_outs_ns: When its supply fails for a moment, which resets it [ns].
     """
-
-    address = chip.ADDRESS
 
     def __init__(
         self,
@@ -87,23 +84,18 @@ class SimulatedFdc1004:
         noise: np.random.Generator | None,
         clock_error_rel: float = 0.0,
     ) -> None:
-        self.absent_ns: list[Span] = []
+        super().__init__(chip.ADDRESS)
         self.stuck_ns: list[Span] = []
-        self.brown_outs_ns: list[float] = []
         self._cin_capacitance_pf = cin_capacitance_pf
         self._noise = repeat(0.0) if noise is None else _white(noise)
         self._clock_factor = 1.0 + clock_error_rel
         self._pointer = 0
         self._reset()
 
-    def acknowledges(self, t_ns: int) -> bool:
-        """Answer as long as the leg is there."""
-        if not (self.brown_outs_ns or self.absent_ns):
-            return True
-        while self.brown_outs_ns and min(self.brown_outs_ns) <= t_ns:
-            self.brown_outs_ns.remove(min(self.brown_outs_ns))
-            self._reset()
-        return not during(self.absent_ns, t_ns)
+    def power_up(self, t_ns: int) -> None:
+        """Take the settings of power-up."""
+        del t_ns
+        self._reset()
 
     def write(self, data: bytes, t_ns: int) -> None:
         """Take a register pointer and, if two bytes follow, the register's new value."""

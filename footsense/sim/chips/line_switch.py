@@ -4,7 +4,8 @@ from collections import deque
 from typing import NamedTuple
 
 from firmware_interface import adg715
-from footsense.sim.faults.scene_faults import Span, during
+from footsense.sim.chips.leg_chip import LegChip
+from footsense.sim.faults.schedule import Span, during
 
 #: Capacitance to ground of a row line that nothing drives [pF]: the electrode and a few millimetres of trace.
 FLOATING_ROW_PF = 1.0
@@ -18,37 +19,30 @@ class LineStates(NamedTuple):
     waiting: int
 
 
-class SimulatedLineSwitch:
+class SimulatedLineSwitch(LegChip):
     """An ADG715 behind a leg's mux channel: one data byte, readable, all switches open at power-up.
 
     Args:
         address: Its address on the bus.
 
     Attributes:
-        absent_ns: Spans in which it does not answer [ns].
-        deaf_ns: Spans in which it acknowledges its settings and ignores them [ns].
-        brown_outs_ns: When its supply fails for a moment [ns].
+        ignores_writes_ns: Spans in which it acknowledges its settings and ignores them [ns].
     """
 
     def __init__(self, address: int = adg715.ADDRESS) -> None:
-        self.address = address
-        self.absent_ns: list[Span] = []
-        self.deaf_ns: list[Span] = []
-        self.brown_outs_ns: list[float] = []
+        super().__init__(address)
+        self.ignores_writes_ns: list[Span] = []
         self._switches = 0
         # A conversion looks back one conversion time at most; lines change no faster than that.
         self._history: deque[LineStates] = deque([LineStates(0, 0, 0)], maxlen=8)
 
-    def acknowledges(self, t_ns: int) -> bool:
-        """Answer as long as the leg is there."""
-        while self.brown_outs_ns and min(self.brown_outs_ns) <= t_ns:
-            self._set(0, round(min(self.brown_outs_ns)))
-            self.brown_outs_ns.remove(min(self.brown_outs_ns))
-        return not during(self.absent_ns, t_ns)
+    def power_up(self, t_ns: int) -> None:
+        """Open all switches."""
+        self._set(0, t_ns)
 
     def write(self, data: bytes, t_ns: int) -> None:
         """Set the switches; the last byte counts."""
-        if not during(self.deaf_ns, t_ns):
+        if not during(self.ignores_writes_ns, t_ns):
             self._set(data[-1], t_ns)
 
     def _set(self, switches: int, t_ns: int) -> None:

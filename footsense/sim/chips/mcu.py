@@ -20,9 +20,9 @@ from firmware_interface.serial_frames import (
     encode_record,
     pack_values,
 )
-from footsense.sim.chips.electronics import Wired
+from footsense.sim.chips.electronics import WiredFoot
 from footsense.sim.chips.line_switch import LineStates
-from footsense.sim.faults.scene_faults import Span, during
+from footsense.sim.faults.schedule import Span, during
 from footsense.sim.robot import SimulatedRobot
 from footsense.sim.scene import Scene
 
@@ -139,24 +139,23 @@ def simulated_mcu(robot: SimulatedRobot, scene: Scene, rate_hz: float) -> Simula
     """
     noise = np.random.default_rng((scene.seed, _NOISE_DRAW)) if scene.effects.converter_noise else None
     return SimulatedMcu(
-        {name: _reading(leg.wired, scene.effects.stray_pf) for name, leg in robot.legs.items()},
+        {name: _measured(leg.wired, scene.effects.stray_pf) for name, leg in robot.legs.items()},
         step_us=round(_CONVERTING_REL * 1e6 / rate_hz / ELEMENTS),
         noise=noise,
     )
 
 
-def _reading(foot: Wired, stray_pf: float) -> Elements:
-    """Return what electronics without a fault of their own read of a foot, each row in turn."""
+def _measured(foot: WiredFoot, stray_pf: float) -> Elements:
+    """Return the elements of a foot as electronics without a fault of their own measure them, row by row."""
 
     def elements_pf(t_ns: int) -> NDArray[np.float64]:
         element_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)]
-        if foot.damage is None:
-            return np.array(element_pf)
-        seen_pf = [
-            foot.damage.seen_pf(column, element_pf[column::_COLUMNS], states, t_ns)
-            for states in _ALONE
-            for column in range(_COLUMNS)
-        ]
-        return np.array(seen_pf)
+        return np.array(
+            [
+                foot.damage.pin_pf(column, element_pf[column::_COLUMNS], states, t_ns)
+                for states in _ALONE
+                for column in range(_COLUMNS)
+            ]
+        )
 
     return elements_pf

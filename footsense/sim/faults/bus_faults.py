@@ -16,7 +16,7 @@ from footsense.errors import BusError, BusTimeoutError
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.bus.i2c_bus import SimulatedMux
 from footsense.sim.clock import VirtualClock
-from footsense.sim.faults.scene_faults import ArbitrationLost, MuxLost, OnWires, StuckSda, StuckTrunk
+from footsense.sim.faults.scene_faults import ArbitrationLost, MuxReset, OnWires, StuckSda, StuckUpstreamBus
 from footsense.sim.faults.schedule import Schedule
 
 #: What `footsense/acquisition/linux_i2c.py` asks the kernel for.
@@ -57,8 +57,8 @@ class FailingBus:
         self._host_cost_ns = host_cost_ns
         self._rng = rng
         self._channels = dict(channels)
-        self._faults = Schedule((fault.span_ns, fault) for fault in faults if not isinstance(fault, MuxLost))
-        self._forgets_ns = deque(sorted(fault.at_ns for fault in faults if isinstance(fault, MuxLost)))
+        self._faults = Schedule((fault.span_ns, fault) for fault in faults if not isinstance(fault, MuxReset))
+        self._forgets_ns = deque(sorted(fault.at_ns for fault in faults if isinstance(fault, MuxReset)))
 
     def transfer(self, transaction: Transaction) -> bytes:
         """Do one transaction, if the wires let it through.
@@ -91,7 +91,7 @@ class FailingBus:
         """Tell whether a fault that acts holds a line of the bus."""
         if isinstance(fault, StuckSda):
             return bool(self._mux.control >> self._channels[fault.leg] & 1)
-        return isinstance(fault, StuckTrunk)
+        return isinstance(fault, StuckUpstreamBus)
 
     def _wins(self, fault: OnWires) -> bool:
         """Tell whether a fault that acts wins an arbitration this time."""

@@ -1,21 +1,19 @@
-"""What is broken in a foot and on the lines to it, as a converter sees it.
+"""Damage of a foot and of the lines to it, in the capacitances that a converter measures.
 
-On board `fdc1004`, the pin of column j sees each element of its column to its row line, and what that line is tied to:
-ground counts in full, the shield drops out, nothing at all leaves the line's own small capacitance to ground in series.
+Board `fdc1004`: the pin of column j measures each element of its column against its row line. A row at ground counts in
+full, one at the shield drops out, a floating one counts in series with its own small capacitance to ground. A short
+ties the pin to the row line. A row at ground then exceeds any range. A row at the shield makes the pin read zero,
+whichever row is selected, because the shield driver delivers the charge that the converter counts: one shorted element
+disables the two others of its column. That follows from the wiring and was not measured.
 
-A short ties the pin itself to the row line. To ground, that is beyond any range. To the shield, the shield driver
-delivers the charge that the converter should count, so that nothing is read whichever row is selected: one shorted
-element takes the two others of its column along. That follows from the wiring and was not measured.
-
-On board `ad7746`, the input sees each element between an excited row and a selected column; all other lines are at
-ground, so that one that is interrupted takes nothing but its own elements along. A short ties a row to a column: both
-selected, that is beyond any range; the row alone, the excitation is shorted; the column alone, the input is, and reads
-nothing. Not simulated: what couples through two floating lines at once.
+Board `ad7746`: the input measures each element between an excited row and a selected column; all other lines are at
+ground, so that a broken line disables its own elements only. A short ties a row to a column. With both selected it
+exceeds any range; with the row selected it shorts the excitation; with the column selected it grounds the input, which
+reads zero. Not simulated: coupling through two floating lines at once.
 """
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -28,12 +26,12 @@ from footsense.sim.faults.scene_faults import (
     ElementOpen,
     ElementShorted,
     ElementStuck,
-    GapShut,
+    GapClosed,
     OnFoot,
 )
 from footsense.sim.faults.schedule import Schedule
 
-#: What is left of an element without its electrode, or of a column without its line: a piece of trace [pF].
+#: Capacitance of an element without electrode, or of a column without line: a piece of trace [pF].
 OPEN_PF = 0.1
 #: A capacitance to ground beyond any converter's range [pF].
 SHORT_PF = 1e6
@@ -45,17 +43,16 @@ _ROWS = 3
 def pin_capacitance_pf(
     column_pf: Sequence[float], states: LineStates, broken_rows: int = 0, shorted_rows: int = 0
 ) -> float:
-    """Return what a pin sees of its column [pF].
+    """Return the capacitance of a pin of board `fdc1004` to ground [pF].
 
     Args:
-        column_pf: Capacitance of each element of the column, shape (3,).
-        states: What the row switch ties to ground and to the shield.
+        column_pf: Capacitance of each element of its column [pF], three.
+        states: Rows that the switch ties to ground (selected) and to the shield (waiting).
         broken_rows: Bit r for each row line that is interrupted.
         shorted_rows: Bit r for each row to which the column is shorted.
     """
-    broken = (
-        broken_rows & ~shorted_rows
-    )  # a short is on the foot's side of a broken line: the row floats with the pin
+    # A short is on the foot's side of a broken line: the row floats with the pin.
+    broken = broken_rows & ~shorted_rows
     if shorted_rows & states.selected & ~broken_rows:
         return SHORT_PF
     if shorted_rows & states.waiting & ~broken_rows:
@@ -81,15 +78,18 @@ def mutual_capacitance_pf(
     broken_columns: int = 0,
     shorted: Sequence[int] = (),
 ) -> tuple[float, bool]:
-    """Return what an input sees of the excitation through the elements [pF], and whether that is shorted to ground.
+    """Return the capacitance between excitation and input of board `ad7746`, and whether the excitation is shorted.
 
     Args:
-        element_pf: Capacitance of each element, shape (9,).
-        rows: What the row switch ties to the excitation and to ground.
-        columns: What the column switch ties to the input and to ground.
+        element_pf: Capacitance of each element [pF], nine.
+        rows: Rows that the switch ties to the excitation (selected) and to ground (waiting).
+        columns: Columns that the switch ties to the input (selected) and to ground (waiting).
         broken_rows: Bit r for each row line that is interrupted.
         broken_columns: Bit c for each column line that is interrupted.
         shorted: Elements whose electrodes touch.
+
+    Returns:
+        Capacitance [pF], and whether a short ties the excitation to ground.
     """
     excited, earthed = rows.selected & ~broken_rows, rows.waiting & ~broken_rows
     sensed, idle = columns.selected & ~broken_columns, columns.waiting & ~broken_columns
@@ -107,64 +107,55 @@ def mutual_capacitance_pf(
     return (SHORT_PF if over else total_pf), to_ground
 
 
-class _Drift(NamedTuple):
-    """An element that drifts from a time [ns] until another."""
-
-    element: int
-    rate_ff_per_s: float
-    from_ns: float
-    until_ns: float
-
-
 class Damage:
-    """All that breaks in one foot and on its lines.
+    """Faults of one foot and of its lines.
 
     Args:
-        faults: What, and when.
+        faults: Faults on this foot.
         foot: The foot.
     """
 
     def __init__(self, faults: Sequence[OnFoot], foot: Foot) -> None:
-        self._on_lines = Schedule(
-            (fault.span_ns, fault)
-            for fault in faults
-            if isinstance(fault, BrokenColumn | BrokenRow | ElementShorted)
-        )
-        # What has drifted stays where it was.
+        on_lines = [fault for fault in faults if isinstance(fault, BrokenColumn | BrokenRow | ElementShorted)]
+        self._on_lines = Schedule((fault.span_ns, fault) for fault in on_lines)
         self._on_elements = Schedule(
-            ((fault.at_ns, math.inf), _Drift(fault.element, fault.rate_ff_per_s, *fault.span_ns))
-            if isinstance(fault, ElementDrifts)
-            else (fault.span_ns, fault)
+            # What has drifted stays.
+            ((fault.at_ns, math.inf) if isinstance(fault, ElementDrifts) else fault.span_ns, fault)
             for fault in faults
-            if isinstance(fault, ElementDrifts | ElementStuck | ElementOpen | GapShut)
+            if not isinstance(fault, BrokenColumn | BrokenRow | ElementShorted)
         )
         design = foot.response.design
-        self._shut_pf = float(design.capacitance_pf(np.full(1, design.gap_um))[0])
+        self._closed_pf = float(design.capacitance_pf(np.full(1, design.gap_um))[0])
         self._held_pf: dict[ElementStuck, float] = {}
 
-    def elements_pf(self, element_pf: list[float], t_ns: int) -> list[float]:
-        """Return what the elements have at a time, nine, of what they would have if they were whole [pF]."""
+    def elements_pf(self, whole_pf: list[float], t_ns: int) -> list[float]:
+        """Return the capacitance of each element of the damaged foot at a time [pF], nine.
+
+        Args:
+            whole_pf: Capacitance of each element of the whole foot [pF], nine.
+            t_ns: The time [ns].
+        """
         acting = self._on_elements.at(t_ns)
         if not acting:
-            return element_pf
-        element_pf = element_pf.copy()
+            return whole_pf
+        damaged_pf = whole_pf.copy()
         for fault in acting:
-            whole_pf = element_pf[fault.element]
+            pf = damaged_pf[fault.element]
             match fault:
-                case _Drift(_, rate_ff_per_s, from_ns, until_ns):
-                    span_s = (min(t_ns, until_ns) - from_ns) * 1e-9
-                    pf = max(whole_pf + rate_ff_per_s * span_s * 1e-3, OPEN_PF)
+                case ElementDrifts():
+                    drift_s = (min(t_ns, fault.until_ns) - fault.at_ns) * 1e-9
+                    pf = max(pf + fault.rate_ff_per_s * drift_s * 1e-3, OPEN_PF)
                 case ElementStuck():
-                    pf = self._held_pf.setdefault(fault, whole_pf)
+                    pf = self._held_pf.setdefault(fault, pf)
                 case ElementOpen():
                     pf = OPEN_PF
-                case GapShut():
-                    pf = self._shut_pf
-            element_pf[fault.element] = pf
-        return element_pf
+                case GapClosed():
+                    pf = self._closed_pf
+            damaged_pf[fault.element] = pf
+        return damaged_pf
 
-    def seen_pf(self, cin: int, column_pf: list[float], states: LineStates, t_ns: int) -> float:
-        """Return what pin `cin` sees of its column, three elements, through the row lines as they are [pF]."""
+    def pin_pf(self, cin: int, column_pf: list[float], states: LineStates, t_ns: int) -> float:
+        """Return the capacitance to ground of pin `cin` at a time [pF]; arguments as of `pin_capacitance_pf`."""
         broken_rows = shorted_rows = 0
         for fault in self._on_lines.at(t_ns):
             match fault:
@@ -178,10 +169,10 @@ class Damage:
                     pass
         return pin_capacitance_pf(column_pf, states, broken_rows, shorted_rows)
 
-    def sensed(
+    def mutual_pf(
         self, element_pf: list[float], rows: LineStates, columns: LineStates, t_ns: int
     ) -> tuple[float, bool]:
-        """Return what the input of a board with excited rows sees at a time, as `mutual_capacitance_pf` does."""
+        """Return mutual capacitance [pF] and short at a time, as `mutual_capacitance_pf` with its arguments."""
         broken_rows = broken_columns = 0
         shorted: list[int] = []
         for fault in self._on_lines.at(t_ns):

@@ -1,9 +1,9 @@
-"""What breaks in a scene, and when: the entries of its `faults`.
+"""Faults of a scene: the entries of its list `faults`.
 
-Each class is one fault; its name in the file is the class's in lower case: `{at_s: 3.2, leg: rm, fault: stuck_sda}`.
-Where `until_s` may stand, the fault ends there, else it is for good. What a fault does stands where the part is that
-it breaks: `bus_faults.py` for the bus, `chip_faults.py` for a leg's chips, `damage.py` for its foot,
-`can_faults.py` and `sim/can/` for the CAN bus.
+Each class is one kind of fault; its name in the file is the class name in lower case:
+`{at_s: 3.2, leg: rm, fault: stuck_sda}`. A fault lasts from `at_s` until `until_s`, or to the end without it. The
+mechanism is simulated where the part is that fails: `bus_faults.py` for the wires, `chip_faults.py` for the chips of a
+leg, `damage.py` for the foot, `sim/can/` for the CAN bus.
 """
 
 import math
@@ -14,7 +14,7 @@ import msgspec
 from msgspec import Meta
 
 from footsense.frames import ELEMENTS
-from footsense.sim.faults.can_faults import CanFault
+from footsense.sim.faults.schedule import Span
 
 _NS_PER_S = 1_000_000_000
 
@@ -22,17 +22,18 @@ Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr"]
 Element = Annotated[int, Meta(ge=0, le=ELEMENTS - 1)]
 Line = Annotated[int, Meta(ge=0, le=2)]
 Rate = Annotated[float, Meta(gt=0.0, le=1.0)]
+#: Index of one of the robot's buses, in the order of its configuration.
+Bus = Annotated[int, Meta(ge=0, le=5)]
 
-#: A time at which something begins, and one at which it is over [ns].
-Span = tuple[float, float]
-
-
-def during(spans: list[Span], t_ns: float) -> bool:
-    """Tell whether a time lies in one of the spans."""
-    for from_ns, until_ns in spans:  # noqa: SIM110 - `any` costs three times as much, and every transaction asks
-        if from_ns <= t_ns < until_ns:
-            return True
-    return False
+_RENAMED = {
+    "garbled": "corrupt_reads",
+    "deaf_switch": "switch_ignores_writes",
+    "stuck_trunk": "stuck_upstream_bus",
+    "mux_lost": "mux_reset",
+    "gap_shut": "gap_closed",
+}
+#: Names of faults in earlier versions, each with what replaces it.
+FORMER_FAULTS = {name: f"now called {present}" for name, present in _RENAMED.items()}
 
 
 def _tag(name: str) -> str:
@@ -46,7 +47,7 @@ class _Fault(
 
     @property
     def at_ns(self) -> int:
-        """When it happens [ns]."""
+        """Begin of the fault [ns]."""
         return round(self.at_s * _NS_PER_S)
 
 
@@ -54,41 +55,45 @@ class _Lasting(_Fault, frozen=True, kw_only=True):
     until_s: Annotated[float, Meta(gt=0.0)] | None = None
 
     @property
+    def until_ns(self) -> float:
+        """End of the fault [ns]; infinite if it stays."""
+        return math.inf if self.until_s is None else round(self.until_s * _NS_PER_S)
+
+    @property
     def span_ns(self) -> Span:
-        """From when until when [ns]."""
-        return self.at_ns, math.inf if self.until_s is None else round(self.until_s * _NS_PER_S)
+        """Begin and end of the fault [ns]."""
+        return self.at_ns, self.until_ns
 
 
 class _OnLeg(_Lasting, frozen=True, kw_only=True):
     leg: Leg
 
 
-class _OnBus(_Lasting, frozen=True, kw_only=True):
-    #: Which of the robot's buses, in the order of its configuration.
-    bus: Annotated[int, Meta(ge=0, le=5)] = 0
+class _OnElement(_OnLeg, frozen=True, kw_only=True):
+    element: Element
 
 
 # ---------------------------------------------------------------- the chips of a leg
 
 
 class Absent(_OnLeg, frozen=True, kw_only=True):
-    """The leg's chips do not answer: its cable is off."""
+    """No chip of the leg answers: its cable is off."""
 
 
 class NackAtRandom(_OnLeg, frozen=True, kw_only=True):
-    """The leg's chips now and then do not acknowledge: a loose contact."""
+    """An acknowledge of the leg is lost with a probability of `rate_rel`: a loose contact."""
 
     rate_rel: Rate
 
 
-class Garbled(_OnLeg, frozen=True, kw_only=True):
-    """Now and then a bit of what is read from the leg is wrong: noise on its lines."""
+class CorruptReads(_OnLeg, frozen=True, kw_only=True):
+    """One bit of an answer of the leg is wrong with a probability of `rate_rel`: noise on its lines."""
 
     rate_rel: Rate
 
 
 class StuckConverter(_OnLeg, frozen=True, kw_only=True):
-    """The leg's conversions no longer finish."""
+    """Conversions of the leg do not finish."""
 
 
 class WrongChip(_OnLeg, frozen=True, kw_only=True):
@@ -96,70 +101,64 @@ class WrongChip(_OnLeg, frozen=True, kw_only=True):
 
 
 class BrownOut(_Fault, frozen=True, kw_only=True):
-    """The leg's supply fails for a moment: its chips answer on, with the settings of power-up."""
+    """The supply of the leg dips: its chips answer on, with the settings of power-up."""
 
     leg: Leg
 
 
-class DeafSwitch(_OnLeg, frozen=True, kw_only=True):
-    """The leg's row switch acknowledges its settings and ignores them."""
+class SwitchIgnoresWrites(_OnLeg, frozen=True, kw_only=True):
+    """The row switch of the leg acknowledges its settings and ignores them."""
 
 
 # ---------------------------------------------------------------- the wires of a bus
 
 
 class StuckSda(_OnLeg, frozen=True, kw_only=True):
-    """The leg holds SDA low: nothing gets through on its bus, the mux included, while its channel is connected."""
+    """The leg holds SDA low: no transaction passes, the mux included, while its channel is connected."""
 
 
-class StuckTrunk(_OnBus, frozen=True, kw_only=True):
-    """SDA is held low on the trunk itself."""
+class StuckUpstreamBus(_Lasting, frozen=True, kw_only=True):
+    """SDA is held low between host and mux."""
+
+    bus: Bus = 0
 
 
-class ArbitrationLost(_OnBus, frozen=True, kw_only=True):
-    """Another master on the trunk wins now and then."""
+class ArbitrationLost(_Lasting, frozen=True, kw_only=True):
+    """Another master on the upstream bus wins an arbitration with a probability of `rate_rel`."""
 
+    bus: Bus = 0
     rate_rel: Rate
 
 
-class MuxLost(_Fault, frozen=True, kw_only=True):
-    """The mux forgets which channels it connects: a dip of its supply."""
+class MuxReset(_Fault, frozen=True, kw_only=True):
+    """A dip of its supply resets the mux: no channel is connected any more."""
 
-    bus: Annotated[int, Meta(ge=0, le=5)] = 0
+    bus: Bus = 0
 
 
 # ---------------------------------------------------------------- the foot and its lines
 
 
-class ElementOpen(_OnLeg, frozen=True, kw_only=True):
+class ElementOpen(_OnElement, frozen=True, kw_only=True):
     """An element has lost its electrode."""
 
-    element: Element
 
-
-class ElementShorted(_OnLeg, frozen=True, kw_only=True):
+class ElementShorted(_OnElement, frozen=True, kw_only=True):
     """The two electrodes of an element touch: its row is tied to its column."""
 
-    element: Element
+
+class ElementStuck(_OnElement, frozen=True, kw_only=True):
+    """An electrode has come off the rubber: its gap stays as it was, whatever the load."""
 
 
-class ElementStuck(_OnLeg, frozen=True, kw_only=True):
-    """An electrode has come off the rubber: its gap stays as it was, whatever the foot does."""
+class ElementDrifts(_OnElement, frozen=True, kw_only=True):
+    """The capacitance of an element drifts, as that of a film that takes up water; what has drifted stays."""
 
-    element: Element
-
-
-class ElementDrifts(_OnLeg, frozen=True, kw_only=True):
-    """An element's capacitance runs away, as that of a film that takes up water; it stays where it was at the end."""
-
-    element: Element
     rate_ff_per_s: Annotated[float, Meta(ge=-1000.0, le=1000.0)]
 
 
-class GapShut(_OnLeg, frozen=True, kw_only=True):
-    """Water has filled a gap: it reads as if it were shut."""
-
-    element: Element
+class GapClosed(_OnElement, frozen=True, kw_only=True):
+    """Water fills a gap: it reads as if it were closed."""
 
 
 class BrokenRow(_OnLeg, frozen=True, kw_only=True):
@@ -174,7 +173,38 @@ class BrokenColumn(_OnLeg, frozen=True, kw_only=True):
     column: Line
 
 
-OnChips = Absent | NackAtRandom | Garbled | StuckConverter | WrongChip | BrownOut | DeafSwitch
-OnWires = StuckSda | StuckTrunk | ArbitrationLost | MuxLost
-OnFoot = ElementOpen | ElementShorted | ElementStuck | ElementDrifts | GapShut | BrokenRow | BrokenColumn
+# ---------------------------------------------------------------- the CAN bus
+
+
+class CanNoAck(_Lasting, frozen=True, kw_only=True):
+    """No other node acknowledges: the plug is out, or the controller is switched off."""
+
+
+class CanBusOff(_Lasting, frozen=True, kw_only=True):
+    """CAN high and low are shorted: no bit passes, and the controller goes bus-off again and again."""
+
+
+class CanDown(_Lasting, frozen=True, kw_only=True):
+    """The interface is down; or gone, as an adapter that is unplugged and comes back as a new one."""
+
+    unplugged: bool = False
+
+
+class CanQueueFull(_Lasting, frozen=True, kw_only=True):
+    """Another program on the same computer sends more than the bus carries, with the lowest priority."""
+
+    rate_hz: Annotated[float, Meta(gt=0.0, le=100_000.0)] = 10_000.0
+
+
+class CanTraffic(_Lasting, frozen=True, kw_only=True):
+    """Another node sends frames of 8 bytes."""
+
+    can_id: Annotated[int, Meta(ge=0, le=0x7FF)] = 0x080
+    rate_hz: Annotated[float, Meta(gt=0.0, le=10_000.0)]
+
+
+OnChips = Absent | NackAtRandom | CorruptReads | StuckConverter | WrongChip | BrownOut | SwitchIgnoresWrites
+OnWires = StuckSda | StuckUpstreamBus | ArbitrationLost | MuxReset
+OnFoot = ElementOpen | ElementShorted | ElementStuck | ElementDrifts | GapClosed | BrokenRow | BrokenColumn
+CanFault = CanNoAck | CanBusOff | CanDown | CanQueueFull | CanTraffic
 Fault = OnChips | OnWires | OnFoot | CanFault

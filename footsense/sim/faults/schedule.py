@@ -1,20 +1,29 @@
-"""What acts when, asked at every step of a simulation in which it changes once in minutes."""
+"""Which faults act at a time, asked at every step of a simulation in which that changes once in minutes."""
 
 import math
 from bisect import bisect_right
 from collections.abc import Iterable
 from typing import Generic, TypeVar
 
-from footsense.sim.faults.scene_faults import Span
-
 _T = TypeVar("_T")
+
+#: Begin and end [ns].
+Span = tuple[float, float]
+
+
+def during(spans: list[Span], t_ns: float) -> bool:
+    """Return whether a time [ns] lies in one of the spans, its end excluded."""
+    for from_ns, until_ns in spans:  # noqa: SIM110 - `any` costs three times as much, and every transaction asks
+        if from_ns <= t_ns < until_ns:
+            return True
+    return False
 
 
 class Schedule(Generic[_T]):
-    """Things with the span of time in which each acts; the answer is kept until the next of them begins or ends.
+    """Values with the span of time in which each acts; the answer is kept until the next of them begins or ends.
 
     Args:
-        entries: Span [ns] and thing.
+        entries: Span [ns] and value.
     """
 
     def __init__(self, entries: Iterable[tuple[Span, _T]]) -> None:
@@ -24,12 +33,11 @@ class Schedule(Generic[_T]):
         self._since_ns, self._until_ns = math.inf, -math.inf  # no answer yet
 
     def at(self, t_ns: float) -> tuple[_T, ...]:
-        """Return what acts at a time, in the order of the entries."""
+        """Return the values that act at a time [ns], in the order of the entries."""
         if not self._since_ns <= t_ns < self._until_ns:
-            place = bisect_right(self._edges_ns, t_ns)
-            self._since_ns = self._edges_ns[place - 1] if place else -math.inf
-            self._until_ns = self._edges_ns[place] if place < len(self._edges_ns) else math.inf
+            passed = bisect_right(self._edges_ns, t_ns)
+            self._since_ns, self._until_ns = [-math.inf, *self._edges_ns, math.inf][passed : passed + 2]
             self._acting = tuple(
-                what for (from_ns, until_ns), what in self._entries if from_ns <= t_ns < until_ns
+                value for (from_ns, until_ns), value in self._entries if from_ns <= t_ns < until_ns
             )
         return self._acting

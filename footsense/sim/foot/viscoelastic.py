@@ -1,11 +1,11 @@
-"""Rubber that remembers: it creeps under a load that stands still, and gives less on the way up than on the way down.
+"""Viscoelastic rubber: creep under constant load, and hysteresis between loading and unloading.
 
-Both act on the load that the solid answers, as a chain in series with the elastic foot:
+Both act on the load of the elastic solid, as elements in series with the elastic foot:
 
     f_solid = (1 - sum_j w_j) f + sum_j w_j p_j + sum_k c_k z_k
 
     creep, a Kelvin chain:        tau_k dz_k/dt = f - z_k
-    hysteresis, play operators:   p_j follows f, and stays behind it by at most r_j; at any speed the same
+    hysteresis, play operators:   p_j follows f with a lag of at most r_j, at any speed
 
 z_k is integrated exactly for a load that stands still between two calls.
 
@@ -23,7 +23,7 @@ Vector = NDArray[np.float64]
 #: Share that creeps [1] and its retardation time [s].
 CREEP_REL = np.array([0.03, 0.02, 0.02])
 CREEP_TIME_S = np.array([0.1, 1.0, 10.0])
-#: Weight of each play [1] and how far it stays behind [N].
+#: Weight [1] and width [N] of each play operator.
 PLAY_REL = np.array([0.05, 0.05, 0.05])
 PLAY_N = np.array([0.02, 0.06, 0.12])
 
@@ -33,8 +33,8 @@ _AT_ONCE_REL = 1.0 - PLAY_REL.sum()
 _NOTHING_N = 1e-6
 
 
-class RememberingRubber:
-    """One foot's memory; asked in the order of time."""
+class ViscoelasticElement:
+    """State of the rubber of one foot, advanced in the order of time."""
 
     def __init__(self) -> None:
         self._crept_n = np.zeros((len(CREEP_REL), 3))
@@ -42,12 +42,12 @@ class RememberingRubber:
         self._normal = np.array([0.0, 0.0, 1.0])
         self._t_ns: int | None = None
 
-    def felt(self, t_ns: int, normal: Vector, force_n: Vector) -> tuple[Vector, Vector]:
-        """Return contact normal and load that the solid answers, as if it were elastic, shape (3,) each.
+    def effective_load(self, t_ns: int, normal: Vector, force_n: Vector) -> tuple[Vector, Vector]:
+        """Return normal and force [N] that deform an elastic foot as much, shape (3,) each.
 
         Args:
-            t_ns: The time, not before that of the last call [ns].
-            normal: Inward normal of the contact, shape (3,); of no meaning without a load.
+            t_ns: Time, not before that of the last call [ns].
+            normal: Inward normal of the contact, shape (3,); ignored without a load.
             force_n: Load since the last call [N], shape (3,).
         """
         if self._t_ns is not None:

@@ -50,10 +50,10 @@ def test_another_foot_than_expected_is_fit_to_be_configured() -> None:
         (ALL, 0.1, Reading.OK, [(Cause.ELEMENT_OPEN, ALL)]),
         ((0, 3, 6), np.nan, Reading.OVER_RANGE, [(Cause.ELEMENT_SHORTED, (0, 3, 6))]),
         ((2,), np.nan, Reading.UNDER_RANGE, [(Cause.ELEMENT_OPEN, (2,))]),
-        ((2,), np.nan, Reading.OVER_RANGE, [(Cause.GAP_SHUT, (2,))]),
+        ((2,), np.nan, Reading.OVER_RANGE, [(Cause.GAP_CLOSED, (2,))]),
         (ALL, np.nan, Reading.EXCITATION, [(Cause.CANNOT_EXCITE, ALL)]),
-        ((8,), np.nan, Reading.GARBLED, [(Cause.GARBLED, ALL)]),
-        ((8,), np.nan, Reading.HELD_UP, [(Cause.HELD_UP, ALL)]),
+        ((8,), np.nan, Reading.CORRUPT, [(Cause.CORRUPT, ALL)]),
+        ((8,), np.nan, Reading.DELAYED, [(Cause.DELAYED, ALL)]),
         # Row 0 and column 0 are open: their crossing belongs to both, and is told once.
         ((0, 1, 2, 3, 6), 0.1, Reading.OK, [(Cause.ROW_OPEN, (0, 1, 2)), (Cause.ELEMENT_OPEN, (3,))]),
     ],

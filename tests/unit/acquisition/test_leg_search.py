@@ -75,7 +75,7 @@ def test_the_leg_that_holds_the_bus_is_found_and_the_others_go_on() -> None:
     for scan in robot.scan_until(4.0):
         assert (scan.reading[[0, 2]] == Reading.OK).all()
         held = scan.t_ns[0].min() > 5e8
-        assert (scan.reading[1] == (Reading.LINE_HELD if held else Reading.OK)).all()
+        assert (scan.reading[1] == (Reading.BUS_STUCK if held else Reading.OK)).all()
 
 
 def test_every_outage_costs_a_leg_the_same() -> None:
@@ -101,7 +101,7 @@ def test_a_leg_is_left_out_after_three_bad_scans_in_a_row_and_not_after_three() 
 def test_a_mux_that_forgets_its_selection_costs_no_reading() -> None:
     """Whenever in a scan it happens: what fails is connected anew before it is tried again."""
     for n in range(40):
-        robot = Robot([scene_faults.MuxLost(at_s=0.5 + n * 0.6e-3)])
+        robot = Robot([scene_faults.MuxReset(at_s=0.5 + n * 0.6e-3)])
         assert all((scan.reading == Reading.OK).all() for scan in robot.scan_until(0.6))
 
 
@@ -109,13 +109,13 @@ def test_two_legs_that_hold_the_bus_are_both_found() -> None:
     """One after the other."""
     robot = Robot([scene_faults.StuckSda(at_s=0.5, leg=leg) for leg in ("lf", "lr")])
     robot.scan_until(0.6)
-    assert (robot.scanner.scan().reading[:, 0] == [Reading.LINE_HELD, Reading.OK, Reading.LINE_HELD]).all()
+    assert (robot.scanner.scan().reading[:, 0] == [Reading.BUS_STUCK, Reading.OK, Reading.BUS_STUCK]).all()
 
 
 def test_a_leg_that_holds_the_bus_at_start_is_left_out() -> None:
     """The service starts without it."""
     robot = Robot([scene_faults.StuckSda(at_s=0.0, until_s=0.5, leg="lf")])
-    assert (robot.scanner.scan().reading[:, 0] == [Reading.LINE_HELD, Reading.OK, Reading.OK]).all()
+    assert (robot.scanner.scan().reading[:, 0] == [Reading.BUS_STUCK, Reading.OK, Reading.OK]).all()
     assert (robot.scan_until(2.0)[-1].reading == Reading.OK).all()
 
 
@@ -123,7 +123,7 @@ def test_without_a_reset_pin_all_are_silent_until_it_lets_go() -> None:
     """And all come back with the first try that gets through."""
     robot = Robot([scene_faults.StuckSda(at_s=0.5, until_s=1.0, leg="lm")], reset=False)
     robot.scan_until(0.6)
-    assert (robot.scanner.scan().reading == Reading.LINE_HELD).all()
+    assert (robot.scanner.scan().reading == Reading.BUS_STUCK).all()
     assert (robot.scan_until(2.0)[-1].reading == Reading.OK).all()
 
 
@@ -149,15 +149,15 @@ def scripts(draw: st.DrawFn) -> list[OnChips | OnWires]:
             case "converter":
                 script.append(scene_faults.StuckConverter(at_s=at_s, until_s=until_s, leg=leg))
             case "switch":
-                script.append(scene_faults.DeafSwitch(at_s=at_s, until_s=until_s, leg=leg))
+                script.append(scene_faults.SwitchIgnoresWrites(at_s=at_s, until_s=until_s, leg=leg))
             case "brown_out":
                 script.append(scene_faults.BrownOut(at_s=at_s, leg=leg))
             case "sda":
                 script.append(scene_faults.StuckSda(at_s=at_s, until_s=until_s, leg=leg))
             case "trunk":
-                script.append(scene_faults.StuckTrunk(at_s=max(at_s, 0.05), until_s=max(until_s, 0.06)))
+                script.append(scene_faults.StuckUpstreamBus(at_s=max(at_s, 0.05), until_s=max(until_s, 0.06)))
             case "mux":
-                script.append(scene_faults.MuxLost(at_s=at_s))
+                script.append(scene_faults.MuxReset(at_s=at_s))
             case _:
                 script.append(
                     scene_faults.ArbitrationLost(
@@ -188,7 +188,7 @@ def test_whatever_breaks_a_reading_is_right_or_missing_and_all_come_back(
 
 def test_legs_that_are_found_together_begin_with_a_whole_conversion() -> None:
     """The search of all legs outlasts a wait for none; what follows is never two readings at one time."""
-    robot = Robot([scene_faults.StuckTrunk(at_s=0.1, until_s=0.3)])
+    robot = Robot([scene_faults.StuckUpstreamBus(at_s=0.1, until_s=0.3)])
     looks_ns = []
     while robot.clock.now_ns() < 1_500_000_000:
         robot.scanner.step()

@@ -77,8 +77,8 @@ def test_lost_and_garbled_bytes_cost_the_record_alone() -> None:
     robot = Robot(LineFaults(lost_rel=3e-4, garbled_rel=3e-4))
     frames = robot.run(20 * S)
     readings = np.array([frame.reading for _, frame in frames[20:]])
-    assert set(np.unique(readings)) == {Reading.OK, Reading.HELD_UP}
-    harmed = (readings == Reading.HELD_UP).any(axis=2)
+    assert set(np.unique(readings)) == {Reading.OK, Reading.DELAYED}
+    harmed = (readings == Reading.DELAYED).any(axis=2)
     losses = robot.source.losses
     assert 200 < harmed.sum() < 1000
     assert losses["lost"] == pytest.approx(harmed.sum(), abs=15)
@@ -174,8 +174,8 @@ def test_a_leg_that_stops_delays_the_others_no_longer_than_it_is_waited_for() ->
     second = {scan: reading for _, scan, reading in frames}
     assert [second[n] for n in (9, 10, 12, 13, 29, 31, 38)] == [
         Reading.OK,
-        Reading.HELD_UP,
-        Reading.HELD_UP,
+        Reading.DELAYED,
+        Reading.DELAYED,
         Reading.NO_ANSWER,
         Reading.NO_ANSWER,
         Reading.OK,
@@ -241,4 +241,4 @@ def test_steps_that_would_end_in_the_future_are_garbled(first: int, faulty_us: i
         assert (frame.t_ns <= clock.now_ns()).all()
         assert not frame.reading[0].any()
         assert frame.t_ns[0].tolist() == [(scan + 10) * PERIOD_NS + MS] * 9
-        assert (frame.reading[1] == (Reading.GARBLED if scan == 15 else Reading.OK)).all()
+        assert (frame.reading[1] == (Reading.CORRUPT if scan == 15 else Reading.OK)).all()

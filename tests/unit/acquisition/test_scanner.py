@@ -75,7 +75,7 @@ def test_a_stuck_bus_costs_the_other_bus_a_few_timeouts_and_comes_back() -> None
         frame = robot.read()
         slow += robot.clock.now_ns() - start_ns > 1.05 * period_ns
         assert (frame.reading[:3] == Reading.OK).all()
-        assert (frame.reading[3:] == Reading.LINE_HELD).all()
+        assert (frame.reading[3:] == Reading.BUS_STUCK).all()
     assert slow < 30
     assert robot.clock.now_ns() - before_ns < 1.1 * 400 * period_ns
     robot.saboteurs[1].arm(lambda transaction, n: None)

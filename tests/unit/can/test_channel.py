@@ -17,7 +17,7 @@ from firmware_interface.socketcan import pack_frame
 from footsense.can.frame_log import CanLog, check_log_target
 from footsense.can.sink import CanSink
 from footsense.errors import CanError, ConfigError, RecordingError
-from footsense.frames import CanStats, ForceFrame, Zero
+from footsense.frames import BaselineDrift, CanStatistics, ContactFrame
 from tests.support.can_robot import MS, FakeClock, Robot
 
 
@@ -116,7 +116,7 @@ def test_a_bus_on_which_nobody_listens_drops_everything_and_stops_nothing() -> N
     nan = np.full((1, 3), np.nan)
     one = np.ones(1, np.int64)
     sink.publish(
-        ForceFrame(
+        ContactFrame(
             sequence=0,
             t_sent_ns=1,
             t_ns=one,
@@ -126,7 +126,7 @@ def test_a_bus_on_which_nobody_listens_drops_everything_and_stops_nothing() -> N
             fault_mask=one.astype(np.uint16),
             flags=one.astype(np.uint8),
             cause=np.zeros(1, np.uint8),
-            zero=Zero.none(1),
+            baseline=BaselineDrift.none(1),
         )
     )
     assert sink.commands() == []
@@ -156,7 +156,7 @@ def test_a_log_that_takes_nothing_costs_its_own_frames_and_no_time(tmp_path: Pat
     path = tmp_path / "walk.log"
     os.mkfifo(path)
     reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
-    stats = CanStats()
+    stats = CanStatistics()
     log = CanLog(path, "can0", stats, waits=False)
     scan = pack_frame(0x181, bytes(8)) * 12
     for t_ns in range(20_000):
@@ -170,6 +170,19 @@ def test_a_log_that_takes_nothing_costs_its_own_frames_and_no_time(tmp_path: Pat
     os.close(reader)
 
 
+def test_a_log_with_a_gap_is_said_to_have_one(tmp_path: Path) -> None:
+    """Frames that found no room on the way to the file, and whoever owns the file may read it."""
+    stats = CanStatistics(unlogged=24)
+    log = CanLog(tmp_path / "walk.log", "can0", stats, waits=True)
+    log.add(0, pack_frame(0x181, bytes(8)))
+    with pytest.raises(
+        RecordingError, match=r"its writer was too slow: 24 frames are missing; what was sent"
+    ):
+        log.close()
+    assert (tmp_path / "walk.log").read_text().count(" 181#") == 1
+    assert (tmp_path / "walk.log").stat().st_mode & 0o600 == 0o600
+
+
 def test_a_log_that_nobody_could_read_is_refused(tmp_path: Path) -> None:
     """To open a named pipe without a reader would wait for one."""
     os.mkfifo(tmp_path / "walk.log")
@@ -181,7 +194,7 @@ def test_a_killed_writer_ends_the_log_and_not_the_forces(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """What follows is counted, the journal has one line, and the end says that the log is not whole."""
-    stats = CanStats()
+    stats = CanStatistics()
     log = CanLog(tmp_path / "walk.log", "can0", stats, waits=True)
     log._writer.kill()
     log._writer.wait()

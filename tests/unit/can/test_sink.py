@@ -8,27 +8,27 @@ import can
 import numpy as np
 import pytest
 
+from firmware_interface.can_baseline import decode_baseline
 from firmware_interface.can_codes import (
     NODE_IDS,
+    BaselineStatus,
     Cause,
     CommandKind,
     Flag,
     NmtState,
     Result,
     State,
-    ZeroStatus,
 )
 from firmware_interface.can_events import (
-    UNASKED,
+    UNSOLICITED,
     decode_answer,
     decode_fault,
     decode_heartbeat,
     encode_command,
 )
 from firmware_interface.can_frames import decode_force, decode_quality
-from firmware_interface.can_zero import decode_zero
 from firmware_interface.crc8 import protect
-from footsense.frames import Command, Outcome, Zero
+from footsense.frames import BaselineDrift, Command, CommandResult
 from tests.support.can_robot import MS, NarrowWire, Robot
 
 
@@ -168,12 +168,14 @@ def test_the_zero_is_told_once_a_second(robot: Robot) -> None:
     """Where it stands, and how long ago it moved; of a leg without one, that there is none."""
     robot.publish(0)
     row = np.ones(1)
-    zero = Zero((row * ZeroStatus.HELD).astype(np.uint8), row * 0.01, row * -0.02, np.array([500 * MS]))
+    zero = BaselineDrift(
+        (row * BaselineStatus.HELD).astype(np.uint8), row * 0.01, row * -0.02, np.array([500 * MS])
+    )
     for t_ms in range(20, 2000, 20):
         robot.publish(t_ms * MS, zero=zero)
-    none, held = (decode_zero(0x381, bytes(m.data)) for m in robot.heard(0x380))
-    assert (none.counter, none.status, none.age_ns) == (0, ZeroStatus.NONE, None)
-    assert (held.counter, held.status, held.mean_pf, held.worst_pf) == (1, ZeroStatus.HELD, 0.01, -0.02)
+    none, held = (decode_baseline(0x381, bytes(m.data)) for m in robot.heard(0x380))
+    assert (none.counter, none.status, none.age_ns) == (0, BaselineStatus.NONE, None)
+    assert (held.counter, held.status, held.mean_pf, held.worst_pf) == (1, BaselineStatus.HELD, 0.01, -0.02)
     assert held.age_ns == 500 * MS
 
 
@@ -182,13 +184,13 @@ def test_a_command_arrives_and_its_answer_names_its_counter(robot: Robot) -> Non
     robot.ask(encode_command(1, 7, CommandKind.TARE))
     (command,) = robot.sink.commands()
     assert command == Command(CommandKind.TARE, 0)
-    robot.sink.answer(Outcome(command, Result.LOADED, ""))
-    robot.sink.answer(Outcome(command, Result.DONE, "the service's own tare"))
+    robot.sink.answer(CommandResult(command, Result.LOADED, ""))
+    robot.sink.answer(CommandResult(command, Result.DONE, "the service's own tare"))
     robot.publish(20 * MS)
     answers = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
     assert answers == [
         (1, 0, Result.LOADED, CommandKind.TARE, 7),
-        (1, 1, Result.DONE, CommandKind.TARE, UNASKED),
+        (1, 1, Result.DONE, CommandKind.TARE, UNSOLICITED),
     ]
 
 
@@ -218,14 +220,15 @@ def test_whoever_asks_is_answered(robot: Robot) -> None:
         robot.ask(encode_command(1, counter, kind))
     robot.ask(encode_command(1, 4, CommandKind.STOP))
     assert len(robot.sink.commands()) == 4
+    answers = []
     for kind in (CommandKind.STOP, CommandKind.STOP, CommandKind.TARE):
-        robot.sink.answer(Outcome(Command(kind, 0), Result.DONE, ""))
-    answers = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
-    assert [(answer.kind, answer.asked) for answer in answers] == [
-        (CommandKind.STOP, 3),
-        (CommandKind.STOP, 4),
-        (CommandKind.TARE, 1),
-        (CommandKind.TARE, 2),
+        robot.sink.answer(CommandResult(Command(kind, 0), Result.DONE, ""))
+        heard = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
+        answers.append([(answer.kind, answer.command_counter) for answer in heard])
+    assert answers == [
+        [(CommandKind.STOP, 3)],
+        [(CommandKind.STOP, 4)],
+        [(CommandKind.TARE, 1), (CommandKind.TARE, 2)],
     ]
 
 
@@ -244,6 +247,9 @@ def test_an_unknown_command_is_refused_in_words(robot: Robot) -> None:
     assert robot.sink.commands() == []
     answers = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
     assert answers == [(1, 0, Result.UNKNOWN, 9, 5)]
+    robot.ask(protect(0x201, bytes([6, 9, 0]) + b"zero"))
+    assert robot.sink.commands() == []
+    assert robot.sink.stats.rejected == 2
 
 
 def test_foreign_traffic_neither_hides_a_command_nor_piles_up(robot: Robot) -> None:
@@ -258,6 +264,41 @@ def test_foreign_traffic_neither_hides_a_command_nor_piles_up(robot: Robot) -> N
     assert (robot.sink.stats.received, robot.sink.stats.bus_errors) == (1, 1)
     assert robot.sink.commands() == []
     assert robot.sink.stats.received == 1
+
+
+def test_only_plain_data_frames_are_commands(request: pytest.FixtureRequest) -> None:
+    """Neither a remote request nor an extended id counts as one, whatever the leg's id."""
+    robot = Robot(request.node.nodeid, ("lm",))
+    stop = encode_command(2, 3, CommandKind.STOP)
+    robot.consumer.send(can.Message(arbitration_id=0x202, is_remote_frame=True, dlc=8, is_extended_id=False))
+    robot.consumer.send(can.Message(arbitration_id=0x202, data=stop, is_extended_id=True))
+    assert robot.sink.commands() == []
+    robot.ask(stop, 0x202)
+    assert robot.sink.commands() == [Command(CommandKind.STOP, 0)]
+    robot.close()
+
+
+def test_an_interface_that_is_gone_is_tried_at_growing_intervals(
+    request: pytest.FixtureRequest, caplog: pytest.LogCaptureFixture
+) -> None:
+    """50, 100, 200 ms, then every 250 ms; back, it says for how long it was away, each time."""
+    wire = NarrowWire()
+    robot = Robot(request.node.nodeid, wire=wire)
+    for outage in range(2):
+        begin_ns = outage * 2_000 * MS
+        robot.publish(begin_ns)
+        wire.opened_ns.clear()
+        wire.gone = True
+        for t_ms in range(10, 900, 10):
+            robot.publish(begin_ns + t_ms * MS)
+        assert [(t_ns - begin_ns) // MS for t_ns in wire.opened_ns] == [60, 160, 360, 610, 860]
+        wire.gone = False
+        robot.publish(begin_ns + 1200 * MS)
+        assert robot.sink.stats.reopened == outage + 1
+    robot.close()
+    lines = [record.getMessage() for record in caplog.records]
+    assert all(line.endswith("; no frame goes out until it is back") for line in lines[::2])
+    assert lines[1::2] == [f"CAN channel {request.node.nodeid} (virtual) is back after 1.2 s"] * 2
 
 
 def test_a_full_channel_drops_frames_and_the_consumer_sees_the_gap(

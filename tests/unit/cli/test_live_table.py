@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from footsense.cli.run.live_table import LiveTable
-from footsense.frames import LEGS, CapFrame, Cycle, ForceFrame, State, Zero
+from footsense.frames import LEGS, BaselineDrift, CapFrame, ContactFrame, Cycle, State
 
 STATES = (
     State.VALID,
@@ -28,7 +28,7 @@ def cycle() -> Cycle:
     return Cycle(
         CapFrame(7, np.ones((n, 9), np.int64), np.ones((n, 9)), np.zeros((n, 9), np.uint8)),
         (),
-        ForceFrame(
+        ContactFrame(
             sequence=7,
             t_sent_ns=2_000_000_000,
             t_ns=np.full(n, 1_900_000_000),
@@ -38,7 +38,7 @@ def cycle() -> Cycle:
             fault_mask=np.zeros(n, np.uint16),
             flags=np.zeros(n, np.uint8),
             cause=np.zeros(n, np.uint8),
-            zero=Zero.none(n),
+            baseline=BaselineDrift.none(n),
         ),
         (),
     )
@@ -68,11 +68,11 @@ def test_each_leg_is_one_line_of_at_most_80_columns(encoding: str) -> None:
         assert line.count("12.346") == 1 + (2 if line.startswith("rr") else 0)
 
 
-@pytest.mark.parametrize(("encoding", "cell"), [("utf-8", "█"), ("latin-1", "#"), ("ascii", "#")])
+@pytest.mark.parametrize(("encoding", "cell"), [("utf-8", "━"), ("latin-1", "-"), ("ascii", "-")])
 def test_a_bar_is_drawn_with_what_the_terminal_has(encoding: str, cell: str) -> None:
     """Half the scale is half the cells, more than the scale all of them."""
     lines = drawn(encoding)
-    assert [lines[0].count(cell), lines[5].count(cell)] == [5, 10]
+    assert [lines[row].count(cell) - lines[row].count(f" {cell}1") for row in (0, 5)] == [5, 10]
 
 
 def test_zero_has_no_minus() -> None:

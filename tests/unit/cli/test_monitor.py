@@ -9,21 +9,21 @@ import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
-from firmware_interface.can_codes import NODE_IDS, Cause, Flag, NmtState, State, ZeroStatus
+from firmware_interface.can_baseline import BASELINE_ID, encode_baseline
+from firmware_interface.can_codes import NODE_IDS, BaselineStatus, Cause, Flag, NmtState, State
 from firmware_interface.can_events import FAULT_ID, HEARTBEAT_ID, encode_fault, encode_heartbeat
-from firmware_interface.can_zero import ZERO_ID, encode_zero
 from footsense.can.python_can import open_wire
 from footsense.cli.monitor.command import _plain, monitor
 from footsense.cli.monitor.table import monitor_table
-from footsense.client import Limits, Report, Reports, Status, View
-from footsense.daemon.can_listener import Listener, Seen
+from footsense.client import LegForce, LegReport, Limits, Reports, Status
+from footsense.daemon.can_listener import LegSnapshot, Listener
 from footsense.errors import CanError
 from tests.support.can_robot import MS, FakeClock, Robot
 
 
-def seen(leg: str = "lf") -> Seen:
+def snapshot(leg: str = "lf") -> LegSnapshot:
     """Return a leg of which everything is told, in the longest words."""
-    view = View(
+    force = LegForce(
         status=Status.REPEATED,
         usable=True,
         state=State.CONVERTER_FAULT,
@@ -33,17 +33,17 @@ def seen(leg: str = "lf") -> Seen:
         sigma_n=(0.1, math.nan, 1.02),
         age_ns=99_900_000,
     )
-    report = Report(
+    report = LegReport(
         cause=Cause.ELEMENT_SHORTED,
         cause_state=State.CONVERTER_FAULT,
-        zero=ZeroStatus.NOT_QUIET,
+        baseline=BaselineStatus.NOT_QUIET,
         mean_pf=-1.2345,
         worst_pf=3.2767,
         moved_ago_ns=6_553_400_000_000,
         node_state=NmtState.STOPPED,
         degraded_timing=True,
     )
-    return Seen(leg, view, report, 7)
+    return LegSnapshot(leg, force, report, 7)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
@@ -51,7 +51,7 @@ def test_the_longest_words_fit_into_80_columns_and_a_small_terminal(encoding: st
     """No line is folded or cut, on a terminal that knows ASCII alone."""
     screen = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
     console = Console(file=screen, width=80, force_terminal=True, color_system=None)
-    console.print(monitor_table([seen(leg) for leg in NODE_IDS], "239.74.163.2   12345.6 s"))
+    console.print(monitor_table([snapshot(leg) for leg in NODE_IDS], "239.74.163.2   12345.6 s"))
     screen.seek(0)
     text = screen.read()
     assert len(text.splitlines()) <= 20
@@ -64,7 +64,7 @@ def test_the_longest_words_fit_into_80_columns_and_a_small_terminal(encoding: st
 
 def plain(listener: Listener) -> list[dict[str, Any]]:
     """Return what one second of --json says, read back."""
-    return [json.loads(json.dumps(_plain(each), allow_nan=False)) for each in listener.look()]
+    return [json.loads(json.dumps(_plain(each), allow_nan=False)) for each in listener.snapshot()]
 
 
 def test_a_listener_sees_what_a_sink_sends_and_stops_believing_it(request: pytest.FixtureRequest) -> None:
@@ -82,7 +82,7 @@ def test_a_listener_sees_what_a_sink_sends_and_stops_believing_it(request: pytes
     for number in range(4):
         robot.publish(number * 25 * MS, State.VALID, age_ns=15 * MS)
         listener.listen(clock.t_ns + 25 * MS)
-        assert listener.look()[0].view.usable == (number >= 2)
+        assert listener.snapshot()[0].force.usable == (number >= 2)
     left, *others, right = plain(listener)
     assert (left["leg"], left["link"], left["phase"], left["cause"]) == ("lf", "ok", "valid", "none")
     assert (left["forces"], left["heartbeat"], left["force_n"]) == (4, "operational", [0.5, 0.5, 0.5])
@@ -116,23 +116,36 @@ def test_a_channel_that_goes_away_is_one_line() -> None:
 
 
 def test_reports_are_known_as_long_as_they_come() -> None:
-    """A zero for three seconds, a heartbeat for three beats, a cause until the next; a wrong one is counted."""
+    """A baseline for three seconds, a heartbeat for three beats, a cause until the next; a wrong one is counted."""
     reports = Reports()
-    nothing = reports.look(3, 0)
-    assert (nothing.cause, nothing.zero, nothing.node_state, nothing.degraded_timing) == (None,) * 4
-    reports.feed(ZERO_ID + 3, encode_zero(3, 0, ZeroStatus.HELD, 0.001, -0.002, 5_000_000_000), 0)
-    reports.feed(HEARTBEAT_ID + 3, encode_heartbeat(NmtState.OPERATIONAL, degraded_timing=True), 0)
-    reports.feed(FAULT_ID + 3, encode_fault(3, 0, State.DEGRADED, State.VALID, 1, Cause.ELEMENT_OPEN), 0)
-    told = reports.look(3, 600 * MS)
-    assert (told.zero, told.moved_ago_ns, told.cause) == (ZeroStatus.HELD, 5_600_000_000, Cause.ELEMENT_OPEN)
+    nothing = reports.leg(3, 0)
+    assert (nothing.cause, nothing.baseline, nothing.node_state, nothing.degraded_timing) == (None,) * 4
+    begin_ns = 70_000 * MS
+    reports.feed(
+        BASELINE_ID + 3, encode_baseline(3, 0, BaselineStatus.HELD, 0.001, -0.002, 5_000_000_000), begin_ns
+    )
+    reports.feed(HEARTBEAT_ID + 3, encode_heartbeat(NmtState.OPERATIONAL, degraded_timing=True), begin_ns)
+    reports.feed(
+        FAULT_ID + 3, encode_fault(3, 0, State.DEGRADED, State.VALID, 1, Cause.ELEMENT_OPEN), begin_ns
+    )
+    told = reports.leg(3, begin_ns + 600 * MS)
+    assert (told.baseline, told.moved_ago_ns, told.cause) == (
+        BaselineStatus.HELD,
+        5_600_000_000,
+        Cause.ELEMENT_OPEN,
+    )
+    assert (told.mean_pf, told.worst_pf) == (0.001, -0.002)
     assert (told.node_state, told.degraded_timing) == (NmtState.OPERATIONAL, True)
-    assert reports.look(3, 601 * MS).node_state is None
-    late = reports.look(3, 3001 * MS)
-    assert (late.zero, late.moved_ago_ns, late.cause) == (None, None, Cause.ELEMENT_OPEN)
+    assert reports.leg(3, begin_ns + 601 * MS).node_state is None
+    assert reports.leg(3, begin_ns + 3000 * MS).baseline is BaselineStatus.HELD
+    late = reports.leg(3, begin_ns + 3000 * MS + 1)
+    assert (late.baseline, late.moved_ago_ns, late.cause) == (None, None, Cause.ELEMENT_OPEN)
     assert math.isnan(late.mean_pf)
-    assert reports.feed(ZERO_ID + 3, bytes(8), 0)
-    assert not reports.feed(ZERO_ID + 7, bytes(8), 0)
-    assert reports.n_wrong == 1
+    assert math.isnan(late.worst_pf)
+    assert reports.feed(BASELINE_ID + 3, bytes(8), begin_ns)
+    assert reports.feed(BASELINE_ID + 4, bytes(8), begin_ns)
+    assert not reports.feed(BASELINE_ID + 7, bytes(8), begin_ns)
+    assert reports.n_wrong == 2
 
 
 def test_a_channel_that_cannot_be_is_refused_with_one_that_can() -> None:

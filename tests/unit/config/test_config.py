@@ -7,6 +7,8 @@ from click.testing import CliRunner
 
 from footsense.cli.check_config import check_config
 from footsense.config import DEFAULT, Metrics, load_config
+from footsense.config.contradictions import warnings
+from footsense.config.former_keys import with_present_keys
 from footsense.errors import ConfigError
 from footsense.frames import LEGS
 
@@ -34,7 +36,7 @@ def test_the_examples_are_right(name: str) -> None:
     """The example files hold all six legs and nothing to warn of."""
     config = load_config(DEPLOY / name)
     assert config.legs == LEGS == DEFAULT.legs
-    assert config.warnings == ()
+    assert warnings(config) == ()
 
 
 def test_the_commented_values_are_the_defaults(file: Path) -> None:
@@ -44,7 +46,7 @@ def test_the_commented_values_are_the_defaults(file: Path) -> None:
     assert (short.board, short.tare, short.max_age_ms) == (long.board, long.tare, long.max_age_ms)
     assert (short.rate_sps, short.order) == (long.rate_sps, long.order)
     assert (short.publish, short.average_scans) == (long.publish, long.average_scans)
-    assert (short.zero, short.contact) == (long.zero, long.contact)
+    assert (short.baseline, short.contact) == (long.baseline, long.contact)
     assert (short.buses[0].mux, short.buses[0].rate_hz) == (long.buses[0].mux, long.buses[0].rate_hz)
     assert long.metrics == Metrics()
     assert short.metrics is None
@@ -63,31 +65,31 @@ def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
     [
         (
             ONE_BUS + "board: ad7746\nscan: {rate_sps: 400}",
-            "line 6: scan.rate_sps: 400 is no rate of the board ad7746; use one of 9, 11, 13, 16, 26, 50, 84, 91",
+            ":6: scan.rate_sps: 400 is no rate of the board ad7746; use one of 9, 11, 13, 16, 26, 50, 84, 91",
         ),
         (
             ONE_BUS + "scan: {rate_sps: 91}",
-            "line 5: scan.rate_sps: 91 is no rate of the board fdc1004; use one of 100, 200, 400",
+            ":5: scan.rate_sps: 91 is no rate of the board fdc1004; use one of 100, 200, 400",
         ),
         (
             ONE_BUS.replace("rf: 1", "rf: 0"),
-            "line 3: buses[0].legs.rf: channel 0 is already that of lf; free",
+            ":3: buses[0].legs.rf: channel 0 is already that of lf; free",
         ),
         (
             ONE_BUS.replace("{lf: 0, rf: 1}", "{}"),
-            "line 3: buses[0].legs: expected at least 1 entries of lf, lm",
+            ":3: buses[0].legs: Expected object of length >= 1, got 0",
         ),
         (
             ONE_BUS.replace("device", "rate_hz: 1000000\n    device"),
-            "buses[0].rate_hz: 1000000 is out of range",
+            "buses[0].rate_hz: Expected int <= 400000, got 1000000 (FDC1004 and TCA9548A are 400 kHz parts)",
         ),
         (
             ONE_BUS.replace("can:", "  - device: /dev/i2c-2\n    legs: {lf: 2}\ncan:"),
-            "line 5: buses[1].legs.lf: lf is already a leg of buses[0]",
+            ":5: buses[1].legs.lf: lf is already a leg of buses[0]",
         ),
         (
             ONE_BUS.replace("can:", "  - device: /dev/i2c-1\n    legs: {lm: 2}\ncan:"),
-            "line 4: buses[1].device: /dev/i2c-1 is already the device of buses[0]",
+            ":4: buses[1].device: /dev/i2c-1 is already the device of buses[0]",
         ),
         (
             ONE_BUS.replace("can:", "    other_devices: [{name: HAT EEPROM, address: 0x50}]\ncan:"),
@@ -109,7 +111,7 @@ def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
                 "can:",
                 "    mux: {address: 0x70}\n    other_devices: [{name: my PCA9685, address: 0x40}]\ncan:",
             ),
-            "line 4: buses[0].mux.address: my PCA9685 answers at 0x70 too (ALLCALL)",
+            ":4: buses[0].mux.address: my PCA9685 answers at 0x70 too (ALLCALL)",
         ),
         (
             "board: mcu\ncan: {interface: virtual}",
@@ -117,23 +119,20 @@ def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
         ),
         (
             ONE_BUS + "board: mcu\nserial: {device: sim}",
-            "line 1: buses: the board mcu has no I2C bus of ours; take buses away, or use another board",
+            ":1: buses: the board mcu has no I2C bus; take buses away, or use another board",
         ),
         (
             ONE_BUS + "serial: {device: sim}",
-            "line 5: serial: is for board: mcu; the board fdc1004 is read over",
+            ":5: serial: is for board: mcu; the board fdc1004 is read over",
         ),
         ("can: {interface: virtual}", "the board fdc1004 is read over I2C: name its buses, with their legs"),
-        (MCU + "scan: {rate_sps: 100}", "scan: the microcontroller scans by itself, at serial.rate_hz"),
+        (MCU + "scan: {rate_sps: 100}", "scan: the microcontroller scans at serial.rate_hz"),
         (MCU + "publish: element", "publish: the microcontroller sends whole scans; use publish: frame"),
         (MCU + "max_age_ms: 6", "max_age_ms: a scan takes 5 ms and more at 200 scans/s"),
         (MCU.replace("sim", "sim, legs: [lf, rf, lf]"), "serial.legs[2]: lf is named twice"),
         (MCU.replace("sim", "ttyACM0"), "serial.device"),
         (ONE_BUS + "feet: {lf: foot-0001, rf: foot-0001}", "feet.rf: foot-0001 is already mounted on lf"),
-        (
-            ONE_BUS + "calibrations: feet/",
-            "calibrations: no foot is named that a calibration could be for; name them under feet",
-        ),
+        (ONE_BUS + "calibrations: feet/", "calibrations: no foot is named; name them under feet"),
         (
             ONE_BUS + "feet: {lf: foot-0001}\ncalibrations: feet/\nmodel: my.onnx",
             "model: each calibration brings the network that it was fitted on; take model or calibrations away",
@@ -141,16 +140,16 @@ def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
         (
             ONE_BUS
             + "feet: {lf: foot-0001}\ncalibrations: feet/\nunloaded_pf: {lf: [5, 5, 5, 5, 5, 5, 5, 5, 5]}",
-            "unloaded_pf.lf: the calibration of foot-0001 says what it is; take this entry away",
+            "unloaded_pf.lf: the calibration of foot-0001 has it; take this entry away",
         ),
         (ONE_BUS + "unloaded_pf: {lr: [5, 5, 5, 5, 5, 5, 5, 5, 5]}", "unloaded_pf.lr: no bus has the leg lr"),
         (
             ONE_BUS.replace("rf: 1", "rf: /dev/i2c-11"),
-            "line 3: buses[0].legs.rf: the multiplexer is driven by the kernel or by footsense, never by both",
+            ":3: buses[0].legs.rf: the multiplexer is driven by the kernel or by footsense, never by both",
         ),
         (
             ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: /dev/i2c-11, rf: /dev/i2c-11}"),
-            "line 3: buses[0].legs.rf: /dev/i2c-11 is already that of lf; `i2cdetect -l` lists them",
+            ":3: buses[0].legs.rf: /dev/i2c-11 is already that of lf; `i2cdetect -l` lists them",
         ),
         (
             ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: /dev/i2c-11, rf: sim}"),
@@ -160,19 +159,29 @@ def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
             ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: 0, rf: 1, lm: 2, rm: 3}") + "publish: element",
             "can.bitrate: 4 legs at 400 forces/s take 432 kbit/s, more than 70% of 500 kbit/s; use 1000000, or",
         ),
+        (ONE_BUS + "zero: {track: false}", ":5: zero: Object contains unknown field; now called baseline"),
+        (ONE_BUS + "packs: feet", ":5: packs: Object contains unknown field; now called calibrations"),
+        (
+            ONE_BUS + "contact: {touch_n: 1}",
+            "contact.touch_n: Object contains unknown field; now called threshold_n",
+        ),
+        (
+            ONE_BUS + "tare: {window_frames: 8}",
+            "tare.window_frames: Object contains unknown field; now called window_sc",
+        ),
         (
             ONE_BUS + "scan:\n  gang: false",
-            "line 6: scan.gang: the column-sum scan was removed; take this key away",
+            ":6: scan.gang: Object contains unknown field; the column-sum scan was removed; take this key away",
         ),
         (
             ONE_BUS + "publish: element\naverage_scans: 2",
-            "average_scans: is of use with publish: frame only",
+            "average_scans: is for publish: frame only",
         ),
         (ONE_BUS + "feet: {lm: foot-0001}", "feet.lm: no bus has the leg lm; the legs are lf, rf"),
         (ONE_BUS + "metrics: {address: localhost}", "metrics.address: 'localhost' is not an IP address"),
         (
             ONE_BUS.split("can:", maxsplit=1)[0],
-            "the key can is missing (interface: socketcan, channel: can0 on a robot)",
+            "Object missing required field can (interface: socketcan, channel: can0 on a robot)",
         ),
     ],
 )
@@ -187,14 +196,14 @@ def test_a_contradiction_names_its_path_and_remedy(file: Path, text: str, wanted
 def test_a_multiplexer_at_0x70_is_warned_of(file: Path) -> None:
     """0x70 works until somebody adds a servo board, so it is said but not refused."""
     file.write_text(ONE_BUS.replace("can:", "    mux: {address: 0x70}\ncan:"))
-    (warning,) = load_config(file).warnings
+    (warning,) = warnings(load_config(file))
     assert warning.startswith("buses[0].mux.address: 0x70 is also the ALLCALL address of PCA9685")
 
 
 def test_a_serial_port_that_may_change_its_name_is_warned_of(file: Path) -> None:
     """So is CAN that stays in the process, as with I2C."""
     file.write_text(MCU.replace("sim", "/dev/ttyACM0"))
-    assert [warning.partition(":")[0] for warning in load_config(file).warnings] == [
+    assert [warning.partition(":")[0] for warning in warnings(load_config(file))] == [
         "serial.device",
         "can.interface",
     ]
@@ -206,6 +215,17 @@ def test_check_config_explains_a_file() -> None:
     assert result.exit_code == 0
     assert "/dev/i2c-3 at 400 kHz, TCA9548A at 0x71: rf on channel 0" in result.output
     assert "CAN: socketcan can0, 500 kbit/s" in result.output
+
+
+def test_a_recorded_configuration_keeps_its_meaning() -> None:
+    """Keys of earlier versions are those of today, `gang: false` is nothing; `gang: true` stays, to be refused."""
+    then = {"zero": {"track": False}, "contact": {"touch_n": 1.0}, "scan": {"gang": False, "order": "raster"}}
+    assert with_present_keys(then) == {
+        "baseline": {"track": False},
+        "contact": {"threshold_n": 1.0},
+        "scan": {"order": "raster"},
+    }
+    assert with_present_keys({"scan": {"gang": True}}) == {"scan": {"gang": True}}
 
 
 def test_an_age_limit_below_a_scan_is_refused(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from footsense.sim.can.interface import AS_DEPLOYED
 
 DEPLOY = Path(__file__).parents[3] / "deploy"
-UNIT = DEPLOY / "footsense.service"
+UNIT, EXPORTER = DEPLOY / "footsense.service", DEPLOY / "footsense-exporter.service"
 
 
 def parsed(path: Path) -> RawConfigParser:
@@ -35,14 +35,14 @@ def test_the_service_is_watched_and_started_again() -> None:
 
 
 def test_the_service_may_do_what_the_loop_needs() -> None:
-    """Real-time priority below the interrupt threads, locked memory, I2C, CAN and local HTTP."""
+    """Real-time priority below the interrupt threads, locked memory, I2C and CAN."""
     service = parsed(UNIT)["Service"]
     assert service["CPUSchedulingPolicy"] == "fifo"
     assert int(service["CPUSchedulingPriority"]) < 50 <= int(service["LimitRTPRIO"])
     assert service["LimitMEMLOCK"] == "infinity"
     assert service["SupplementaryGroups"] == "i2c"
     assert service["DeviceAllow"] == "char-i2c rw"
-    assert set(service["RestrictAddressFamilies"].split()) == {"AF_UNIX", "AF_CAN", "AF_INET", "AF_INET6"}
+    assert set(service["RestrictAddressFamilies"].split()) == {"AF_UNIX", "AF_CAN"}
     forbidden = {"RestrictRealtime", "PrivateDevices", "PrivateNetwork", "CPUSchedulingResetOnFork"}
     assert not forbidden & set(service)
 
@@ -57,18 +57,37 @@ def test_the_service_may_do_little_else() -> None:
         assert service[key] == "yes"
 
 
+def test_the_exporter_always_comes_back_and_may_do_little() -> None:
+    """It restarts whatever ended it, takes no time of the loop's, and may reach nothing but loopback and counters."""
+    exporter, service = parsed(EXPORTER)["Service"], parsed(UNIT)["Service"]
+    assert exporter["Restart"] == "always"
+    assert (
+        exporter["ExecStart"]
+        == "/opt/footsense/bin/footsense exporter --config /etc/footsense/footsense.yaml"
+    )
+    assert exporter["User"] == service["User"]
+    assert exporter["RestrictRealtime"] == "yes"
+    assert "CPUSchedulingPolicy" not in exporter
+    assert set(exporter["RestrictAddressFamilies"].split()) == {"AF_INET", "AF_INET6"}
+    hardened = {
+        key for key in service if key.startswith(("Protect", "Restrict", "Private", "NoNew", "Capab"))
+    }
+    assert all(exporter[key] == service[key] for key in hardened - {"RestrictAddressFamilies"})
+
+
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
-def test_systemd_has_no_complaint(tmp_path: Path) -> None:
+@pytest.mark.parametrize("unit", [UNIT, EXPORTER])
+def test_systemd_has_no_complaint(tmp_path: Path, unit: Path) -> None:
     """The supervisor knows every key, once the program stands where the unit says."""
-    copy = tmp_path / UNIT.name
-    copy.write_text(UNIT.read_text().replace("/opt/footsense/bin/footsense", "/bin/true"))
+    copy = tmp_path / unit.name
+    copy.write_text(unit.read_text().replace("/opt/footsense/bin/footsense", "/bin/true"))
     done = subprocess.run(
         ["systemd-analyze", "verify", "--man=no", str(copy)],
         capture_output=True,
         text=True,
         check=False,
     )
-    assert [line for line in done.stderr.splitlines() if UNIT.name in line] == []
+    assert [line for line in done.stderr.splitlines() if unit.name in line] == []
 
 
 def test_can0_comes_up_by_itself_and_keeps_no_old_frame() -> None:

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from footsense.config import DEFAULT, Can
 from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
-from footsense.config.schema import Scan
+from footsense.config.sections import Scan
 from footsense.errors import ConfigError
 from tests.system.command import footsense, run_json
 
@@ -17,34 +17,36 @@ REPORT = Path(__file__).parents[3] / "docs" / "report" / "tradeoff.json"
 
 def test_a_point_replaces_three_settings_and_no_others() -> None:
     """The order of the scan stays that of the file."""
-    moved = at_operating_point(replace(DEFAULT, scan=Scan(order="raster"), publish="element"), "quiet")
-    quiet = OPERATING_POINTS["quiet"]
-    assert (moved.scan.rate_sps, moved.average_scans, moved.publish) == quiet[:3]
+    moved = at_operating_point(replace(DEFAULT, scan=Scan(order="raster"), publish="element"), "low-noise")
+    low_noise = OPERATING_POINTS["low-noise"]
+    assert (moved.scan.rate_sps, moved.average_scans, moved.publish) == low_noise[:3]
     assert moved.scan.order == "raster"
     assert replace(moved, scan=DEFAULT.scan, average_scans=1) == DEFAULT
 
 
 def test_the_default_is_a_point() -> None:
-    """A robot whose file says nothing of it runs at `steady`."""
+    """A robot whose file says nothing of it runs at `default`."""
     said = replace(DEFAULT, scan=replace(DEFAULT.scan, rate_sps=DEFAULT.rate_sps))
-    assert at_operating_point(DEFAULT, "steady") == said
+    assert at_operating_point(DEFAULT, "default") == said
 
 
 def test_a_point_that_can_does_not_carry_is_refused() -> None:
     """As the same settings in a file are, with what would be right."""
     robot = replace(DEFAULT, can=Can(interface="socketcan", bitrate=500_000))
-    with pytest.raises(ConfigError, match=r"operating point fresh: can\.bitrate: 6 legs .* use 1000000"):
-        at_operating_point(robot, "fresh")
-    assert at_operating_point(robot, "steady").publish == "frame"
+    with pytest.raises(
+        ConfigError, match=r"operating point low-latency: can\.bitrate: 6 legs .* use 1000000"
+    ):
+        at_operating_point(robot, "low-latency")
+    assert at_operating_point(robot, "default").publish == "frame"
 
 
 def test_run_obeys_the_name_and_refuses_another() -> None:
     """A name that is none is a usage error that lists those that are."""
-    figures = run_json("--operating-point", "quiet", "--duration", "2", "--fast")
+    figures = run_json("--operating-point", "low-noise", "--duration", "2", "--fast")
     assert figures["scan_rate_hz"] < 100 / 9
     result = footsense("run", "--operating-point", "loud", "--duration", "1")
     assert result.returncode == 2
-    assert "'quiet', 'steady', 'fresh'" in result.stderr
+    assert "'low-noise', 'default', 'low-latency'" in result.stderr
 
 
 @pytest.mark.parametrize("name", list(OPERATING_POINTS))

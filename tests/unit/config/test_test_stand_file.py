@@ -32,9 +32,9 @@ def test_the_files_that_come_with_footsense_are_right() -> None:
 @pytest.mark.parametrize(
     ("right", "wrong", "says"),
     [
-        ("y: -y", "y: -x", "line 9: axes: -x, -x, -z names an axis of the sensor twice"),
+        ("y: -y", "y: -x", ":9: axes: -x, -x, -z names an axis of the sensor twice"),
         ("z: -z", "z: down", "axes.z"),
-        ("kgf", "kg", "units: expected one of N, gf, kgf, lbf, mN; got the text 'kg', did you mean kgf?"),
+        ("kgf", "kg", "units: Invalid enum value 'kg'; expected N, gf, kgf, lbf, mN; did you mean kgf?"),
         ("fx, fy, fz]", "fx, fy, mz]", "sensor.framing.columns"),
         ("[time_us, fx, fy, fz]", "[time_us, fx, fy, '-']", "sensor.framing.columns: no column is fz"),
         ("[time_us, fx, fy, fz]", "[fx, fx, fy, fz]", "sensor.framing.columns: name one thing twice"),
@@ -42,7 +42,11 @@ def test_the_files_that_come_with_footsense_are_right() -> None:
         ("<Ihhh", "<Ihh", "sensor.framing.layout: has 3 values, but there are 4 columns"),
         ("<Ihhh", "<I3s", "sensor.framing.layout: '<I3s' is no layout of numbers: 's' is no number"),
         ("AA55", "A", "sensor.framing.sync"),
-        ("kind: serial", "kind: can", "sensor.kind: expected one of serial, net_ft, file, simulated"),
+        (
+            "kind: serial",
+            "kind: can",
+            "sensor.kind: Invalid value 'can'; expected serial, net_ft, file, simulated",
+        ),
         ("rate_hz: 200", "rate_hz: 0", "sensor.rate_hz"),
     ],
 )

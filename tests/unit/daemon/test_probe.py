@@ -76,10 +76,10 @@ def test_nothing_is_wrong_with_a_sound_robot() -> None:
             "element 4 is shorted",
             "row 1, column 1 touch",
         ),
-        (scene_faults.GapShut(at_s=0, leg="lm", element=4), "its gap is shut", "water"),
+        (scene_faults.GapClosed(at_s=0, leg="lm", element=4), "its gap is shut", "water"),
         (scene_faults.StuckSda(at_s=0, leg="lm"), "low as soon as channel 1 is connected", "short"),
         (scene_faults.StuckConverter(at_s=0, leg="lm"), "does not finish", "supply"),
-        (scene_faults.DeafSwitch(at_s=0, leg="lm"), "does not hold what it is told", "RESET"),
+        (scene_faults.SwitchIgnoresWrites(at_s=0, leg="lm"), "does not hold what it is told", "RESET"),
         (scene_faults.NackAtRandom(at_s=0, leg="lm", rate_rel=0.01), "now and then", "loose contact"),
     ],
 )
@@ -116,7 +116,7 @@ def test_feet_of_other_boards_are_judged_alike(config: Config, scan_ms: float | 
 
 def test_a_trunk_that_is_held_is_the_bus_s_fault_alone() -> None:
     """Of its legs nothing can be known, and nothing is said."""
-    found = probed(scene_faults.StuckTrunk(at_s=0))
+    found = probed(scene_faults.StuckUpstreamBus(at_s=0))
     assert [(complaint.where, "held low" in complaint.what) for complaint in found.complaints] == [
         ("sim", True)
     ]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from footsense.frames import Result, ZeroStatus
+from footsense.frames import BaselineStatus, Result
 from tests.support.standing import MN_PER_FF, SCAN_S, TOUCH_N, Creep, Standing, stance_n
 
 
@@ -35,7 +35,7 @@ def test_drift_makes_no_contact_even_if_the_zero_does_not_follow() -> None:
     for step in range(2400):
         feet.feed(0.0, 0.15 * 0.25 * step * np.array([1.0, -1.0]), 0.25)
         assert not feet.touching.any()
-    assert (feet.footing.zero.status == ZeroStatus.HELD).all()
+    assert (feet.footing.zero.status == BaselineStatus.HELD).all()
     assert np.abs(feet.zero_ff).max() < 1.0
     feet.feed(1.3 * TOUCH_N, 90.0 * np.array([1.0, -1.0]))
     assert feet.touching.all()
@@ -57,7 +57,7 @@ def test_a_stance_of_half_an_hour_is_not_eaten() -> None:
         assert feet.touching.all() or step < 4
         if step > 4:
             np.testing.assert_array_equal(feet.footing.baseline_pf, grounded_pf)
-            assert (feet.footing.zero.status == ZeroStatus.HELD).all()
+            assert (feet.footing.zero.status == BaselineStatus.HELD).all()
         grounded_pf = feet.footing.baseline_pf
     assert np.abs(grounded_pf - before_pf).max() * 1e3 < 2.0
     # Two standard deviations of ten minutes are 20 K: 26 fF after thirty, and 2.7 N per gap along the leg.
@@ -99,7 +99,7 @@ def test_a_load_as_slow_as_drift_is_followed_up_to_what_drift_explains() -> None
     feet = Standing(1).tared()
     for step in range(4000):
         feet.feed(step * 0.1 / 3600, passed_s=0.1)
-    assert feet.footing.zero.status[0] == ZeroStatus.TOO_FAST
+    assert feet.footing.zero.status[0] == BaselineStatus.TOO_FAST
     assert not feet.touching[0]
     assert feet.zero_ff.mean() * MN_PER_FF < 1e3 * TOUCH_N / 2
 
@@ -133,10 +133,10 @@ def test_what_a_zero_refuses_it_names() -> None:
         drift_ff[1] = -0.5 * step
         feet.feed(np.array([0.0, 0.0, 0.5, 0.0]), drift_ff)
     assert feet.footing.zero.status.tolist() == [
-        ZeroStatus.NOT_QUIET,
-        ZeroStatus.TOO_FAST,
-        ZeroStatus.HELD,
-        ZeroStatus.TRACKING,
+        BaselineStatus.NOT_QUIET,
+        BaselineStatus.TOO_FAST,
+        BaselineStatus.HELD,
+        BaselineStatus.TRACKING,
     ]
 
 

@@ -13,7 +13,7 @@ from footsense.estimation.faults.leg_status import (
     floating_pf,
     missing_elements,
 )
-from footsense.frames import USABLE, CapFrame, Cause, Reading, State, Zero
+from footsense.frames import USABLE, BaselineDrift, CapFrame, Cause, Reading, State
 from tests.support.feet import SCAN_NS, SIGMA_N, WINDOW, Feet
 
 #: What an element reads whose line is open [pF].
@@ -164,7 +164,7 @@ def test_an_element_over_the_range_of_a_pressed_foot_is_pressed() -> None:
     for _ in range(8):
         forces = feet.feed(over_range(feet, np.full((2, 9), 16.0), 4))
     assert forces.state.tolist() == [State.SATURATED, State.VALID]
-    assert forces.cause.tolist() == [Cause.GAP_SHUT, Cause.NONE]
+    assert forces.cause.tolist() == [Cause.GAP_CLOSED, Cause.NONE]
 
 
 def test_an_element_over_the_range_of_a_free_foot_is_shorted() -> None:
@@ -199,7 +199,7 @@ def test_a_line_is_told_from_single_faults(elements: list[int], cause: Cause) ->
     nothing = np.zeros((1, 9), bool)
     faulty = Faulty(opened(*elements), nothing, nothing, nothing)
     reading = np.zeros((1, 9), np.uint8)
-    assert causes(reading, np.array([State.DEGRADED]), faulty, Zero.none(1)).tolist() == [cause]
+    assert causes(reading, np.array([State.DEGRADED]), faulty, BaselineDrift.none(1)).tolist() == [cause]
 
 
 def test_the_gravest_reading_gives_state_and_cause() -> None:
@@ -207,9 +207,9 @@ def test_the_gravest_reading_gives_state_and_cause() -> None:
     whole = np.zeros((1, 9), bool)
     faulty = Faulty(opened(4), whole, whole, whole)
     for readings, state, cause in (
-        ([Reading.HELD_UP], State.STALE, Cause.HELD_UP),
-        ([Reading.HELD_UP, Reading.GARBLED], State.CONVERTER_FAULT, Cause.GARBLED),
-        ([Reading.GARBLED, Reading.LINE_HELD], State.ABSENT, Cause.LINE_HELD),
+        ([Reading.DELAYED], State.STALE, Cause.DELAYED),
+        ([Reading.DELAYED, Reading.CORRUPT], State.CONVERTER_FAULT, Cause.CORRUPT),
+        ([Reading.CORRUPT, Reading.BUS_STUCK], State.ABSENT, Cause.BUS_STUCK),
         ([Reading.WRONG_CHIP], State.ABSENT, Cause.WRONG_CHIP),
         ([Reading.NOT_READY, Reading.NO_ANSWER], State.ABSENT, Cause.NO_ANSWER),
     ):
@@ -218,13 +218,13 @@ def test_the_gravest_reading_gives_state_and_cause() -> None:
         states = np.array([State.VALID], np.uint8)
         converter_states(states, reading, whole, whole)
         assert states.tolist() == [state]
-        assert causes(reading, states, faulty, Zero.none(1)).tolist() == [cause]
+        assert causes(reading, states, faulty, BaselineDrift.none(1)).tolist() == [cause]
 
 
 def test_a_zero_that_left_the_others_is_told() -> None:
     """Though it is followed and the force is valid."""
     whole = np.zeros((2, 9), bool)
-    zero = Zero.none(2)._replace(mean_pf=np.array([-0.03, -0.03]), worst_pf=np.array([-0.036, 0.0]))
+    zero = BaselineDrift.none(2)._replace(mean_pf=np.array([-0.03, -0.03]), worst_pf=np.array([-0.036, 0.0]))
     cause = causes(
         np.zeros((2, 9), np.uint8), np.full(2, State.VALID), Faulty(whole, whole, whole, whole), zero
     )

@@ -12,7 +12,7 @@ from footsense.estimation.baseline.drift import (
     LegZero,
     ZeroLimits,
 )
-from footsense.frames import ZeroStatus
+from footsense.frames import BaselineStatus
 
 UNLOADED_PF = np.full(9, 5.4)
 LIMITS = ZeroLimits(noise_limit_ff=5.0, unloaded_limit_rel=0.03)
@@ -111,7 +111,7 @@ def test_it_stops_where_a_tare_would_be_refused() -> None:
     """TOO_FAR, element by element; the way back is open."""
     foot = Aloft(UNLOADED_PF * 1.0299)
     foot.read(5.4 * 0.05 * 1e3 * np.eye(9)[3] + 5.4 * 0.0299 * 1e3 * (1 - np.eye(9)[3]), 200)
-    assert foot.zero.status is ZeroStatus.TOO_FAR
+    assert foot.zero.status is BaselineStatus.TOO_FAR
     assert foot.zero.zero_pf[3] <= 5.4 * 1.03
     foot.read(5.4 * 0.02 * 1e3, 60)
     assert foot.zero.offset_pf[0] < -0.5e-3

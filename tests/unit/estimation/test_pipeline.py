@@ -49,8 +49,8 @@ def test_a_foot_with_other_gaps_is_measured_right() -> None:
     [
         (Reading.NO_ANSWER, State.ABSENT),
         (Reading.NOT_READY, State.CONVERTER_FAULT),
-        (Reading.GARBLED, State.CONVERTER_FAULT),
-        (Reading.HELD_UP, State.STALE),
+        (Reading.CORRUPT, State.CONVERTER_FAULT),
+        (Reading.DELAYED, State.STALE),
     ],
 )
 def test_a_missing_reading_is_a_state_and_no_number(reading: Reading, state: State) -> None:

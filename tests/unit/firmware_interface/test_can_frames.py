@@ -9,15 +9,16 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from firmware_interface.can_baseline import BASELINE_ID, decode_baseline, encode_baseline
 from firmware_interface.can_codes import (
     USABLE,
+    BaselineStatus,
     Cause,
     CommandKind,
     NmtState,
     Phase,
     Result,
     State,
-    ZeroStatus,
     phase_of,
 )
 from firmware_interface.can_events import (
@@ -25,7 +26,7 @@ from firmware_interface.can_events import (
     COMMAND_ID,
     FAULT_ID,
     HEARTBEAT_ID,
-    UNASKED,
+    UNSOLICITED,
     UnknownCommandError,
     decode_answer,
     decode_command,
@@ -44,7 +45,6 @@ from firmware_interface.can_frames import (
     encode_force,
     encode_quality,
 )
-from firmware_interface.can_zero import ZERO_ID, decode_zero, encode_zero
 from firmware_interface.crc8 import FrameError, protect
 
 VECTORS = json.loads((Path(__file__).parents[3] / "firmware_interface/vectors/can_frames.json").read_text())
@@ -55,7 +55,7 @@ DECODERS: list[Callable[[int, bytes], object]] = [
     decode_command,
     decode_answer,
     decode_heartbeat,
-    decode_zero,
+    decode_baseline,
 ]
 
 nodes = st.integers(1, 6)
@@ -159,21 +159,25 @@ def test_a_command_comes_back(node: int, counter: int, kind: CommandKind) -> Non
     assert decode_command(COMMAND_ID + node, encode_command(node, counter, kind)) == (node, counter, kind)
 
 
-@given(nodes, counters, st.sampled_from(Result), st.integers(0, 255), st.integers(0, UNASKED))
+@given(nodes, counters, st.sampled_from(Result), st.integers(0, 255), st.integers(0, UNSOLICITED))
 def test_an_answer_comes_back(node: int, counter: int, result: Result, kind: int, asked: int) -> None:
     """decode(encode(x)) is x, for an unknown kind of command too."""
     expected = (node, counter, result, kind, asked)
     assert decode_answer(ANSWER_ID + node, encode_answer(*expected)) == expected
 
 
-@given(nodes, counters, st.sampled_from(ZeroStatus), numbers, numbers, st.one_of(st.none(), st.integers()))
-@example(1, 0, ZeroStatus.HELD, -3.2768, math.inf, 6_553_400_000_000)
-@example(1, 0, ZeroStatus.HELD, 0.00005, 1e-9, 1)
+@given(
+    nodes, counters, st.sampled_from(BaselineStatus), numbers, numbers, st.one_of(st.none(), st.integers())
+)
+@example(1, 0, BaselineStatus.HELD, -3.2768, math.inf, 6_553_400_000_000)
+@example(1, 0, BaselineStatus.HELD, 0.00005, 1e-9, 1)
 def test_a_zero_comes_back_saturated_and_never_younger(
-    node: int, counter: int, status: ZeroStatus, mean_pf: float, worst_pf: float, age_ns: int | None
+    node: int, counter: int, status: BaselineStatus, mean_pf: float, worst_pf: float, age_ns: int | None
 ) -> None:
     """Offsets are limited to +-3276.7 fF and rounded, the age is rounded up; none is taken for `no value`."""
-    zero = decode_zero(ZERO_ID + node, encode_zero(node, counter, status, mean_pf, worst_pf, age_ns))
+    zero = decode_baseline(
+        BASELINE_ID + node, encode_baseline(node, counter, status, mean_pf, worst_pf, age_ns)
+    )
     assert zero[:3] == (node, counter, status)
     for wire_pf, true_pf in ((zero.mean_pf, mean_pf), (zero.worst_pf, worst_pf)):
         assert wire_pf == pytest.approx(max(-3.2767, min(3.2767, true_pf)), abs=0.5001e-4)
@@ -186,7 +190,7 @@ def test_a_zero_comes_back_saturated_and_never_younger(
 
 def test_no_offset_has_its_own_code() -> None:
     """NaN is `no value`, not zero and not an end of the range."""
-    zero = decode_zero(0x381, encode_zero(1, 0, ZeroStatus.NONE, math.nan, 0.0, None))
+    zero = decode_baseline(0x381, encode_baseline(1, 0, BaselineStatus.NONE, math.nan, 0.0, None))
     assert math.isnan(zero.mean_pf)
     assert (zero.worst_pf, zero.age_ns) == (0.0, None)
 
@@ -267,12 +271,12 @@ def test_event_vectors() -> None:
     """The vectors that the C code shares hold for faults, zeros, commands and answers."""
     for vector in VECTORS["fault"]:
         assert encode_fault(*vector["fields"]).hex() == vector["data"]
-    for vector in VECTORS["zero"]:
+    for vector in VECTORS["baseline"]:
         node, counter, status, mean, worst, age_ns = vector["fields"]
         mean_pf, worst_pf = numbers_of([mean, worst])
-        data = encode_zero(node, counter, status, mean_pf, worst_pf, age_ns)
+        data = encode_baseline(node, counter, status, mean_pf, worst_pf, age_ns)
         assert data.hex() == vector["data"]
-        assert decode_zero(ZERO_ID + node, data) == pytest.approx(
+        assert decode_baseline(BASELINE_ID + node, data) == pytest.approx(
             (node, counter, status, mean_pf, worst_pf, age_ns), nan_ok=True
         )
     for vector in VECTORS["command"]:

@@ -13,7 +13,7 @@ import pytest
 
 from footsense.errors import ConfigError, RecordingError
 from footsense.recording.cycle_pipe import CyclePipe
-from footsense.recording.pipe_format import Loss, Numbered
+from footsense.recording.cycle_records import Loss, Numbered
 from footsense.recording.recorder import Recorder, check_target, partial_path
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay

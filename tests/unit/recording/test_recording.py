@@ -1,6 +1,7 @@
 """A recording gives back every bit that it was given, or says what it cannot give."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,12 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from footsense.errors import RecordingError
-from footsense.frames import Cause, Cycle, Outcome, Result
+from footsense.frames import Cause, CommandResult, Cycle, Result
 from footsense.recording import messages
 from footsense.recording.compare import compare, same_machine
+from footsense.recording.cycle_records import Loss, Numbered, pack_cycle, pack_header, pack_loss, unpack
 from footsense.recording.machine import this_machine
 from footsense.recording.mcap_writer import McapFile
-from footsense.recording.pipe_format import Loss, Numbered, pack_cycle, pack_header, pack_loss
-from footsense.recording.pipe_unpack import unpack
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 from footsense.recording.writer import FdStream
@@ -35,7 +35,7 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("scratch") / "damaged.mcap"
 
 
-outcome = st.builds(Outcome, st.just(TARE), st.sampled_from(Result), st.text(max_size=40))
+outcome = st.builds(CommandResult, st.just(TARE), st.sampled_from(Result), st.text(max_size=40))
 
 
 samples = st.none() | st.integers(0, 6)
@@ -43,7 +43,7 @@ samples = st.none() | st.integers(0, 6)
 
 @given(st.integers(0, 2**32), st.integers(3, 6), st.lists(outcome, max_size=3), samples, st.integers(1, 4000))
 def test_the_pipe_keeps_every_bit(
-    seed: int, n_legs: int, outcomes: list[Outcome], n_samples: int | None, piece: int
+    seed: int, n_legs: int, outcomes: list[CommandResult], n_samples: int | None, piece: int
 ) -> None:
     """Cycles come out of the pipe as they went in, in whatever pieces they arrive."""
     shown = [
@@ -69,7 +69,7 @@ def test_the_pipe_keeps_every_bit(
 @given(st.integers(0, 2**32), st.lists(outcome, max_size=2), samples)
 @settings(max_examples=25)
 def test_the_file_keeps_every_bit(
-    scratch: Path, seed: int, outcomes: list[Outcome], n_samples: int | None
+    scratch: Path, seed: int, outcomes: list[CommandResult], n_samples: int | None
 ) -> None:
     """Floats of any value, NaN, infinities and -0.0, and reasons in any script come out of the file again."""
     shown = [
@@ -206,22 +206,42 @@ def test_compare_looks_behind_the_state_and_at_the_zero() -> None:
     then.cause[2], now.cause[2] = Cause.ROW_OPEN, Cause.COLUMN_OPEN
     assert "leg lr: cause was ROW_OPEN, is now COLUMN_OPEN" in str(compare(then, now, exact=False, legs=LEGS))
     now.cause[2] = then.cause[2]
-    then.zero.worst_pf[4], now.zero.worst_pf[4] = 0.5, 0.5 + 1e-9
+    then.baseline.worst_pf[4], now.baseline.worst_pf[4] = 0.5, 0.5 + 1e-9
     assert compare(then, now, exact=False, legs=LEGS) is None
-    assert "leg rm: zero_worst_pf was 0.5, is now" in str(compare(then, now, exact=True, legs=LEGS))
+    assert "leg rm: baseline_worst_pf was 0.5, is now" in str(compare(then, now, exact=True, legs=LEGS))
 
 
 def test_a_recording_from_before_there_were_causes(scratch: Path) -> None:
     """What it does not hold is neither invented, nor compared, nor written when it is recovered."""
     message = json.loads(messages.encode_force(cycle(0).forces, LEGS))
     for leg in LEGS:
-        for name in [key for key in message[leg] if key == "cause" or key.startswith("zero_")]:
+        for name in [key for key in message[leg] if key == "cause" or key.startswith("baseline_")]:
             del message[leg][name]
     old = messages.decode_force(json.dumps(message).encode(), LEGS)
     assert set(old.cause.tolist()) == {messages.NOT_RECORDED}
-    assert np.isnan(old.zero.mean_pf).all()
+    assert np.isnan(old.baseline.mean_pf).all()
     assert compare(old, cycle(0).forces, exact=True, legs=LEGS) is None
     assert json.loads(messages.encode_force(old, LEGS)) == message
+
+
+def test_integers_of_numpy_are_packed_as_numbers() -> None:
+    """A leg found with numpy, in a command or its result, does not end the loop."""
+    tare = TARE._replace(leg=np.int64(2))  # type: ignore[arg-type]
+    shown = cycle(3, outcomes=(CommandResult(tare, Result.DONE, "\ud800"),))._replace(commands=(tare,))
+    header = pack_header({"legs": ",".join(LEGS)})
+    _, read = unpack(bytearray(header + pack_cycle(0, shown)), None)
+    assert isinstance(read, Numbered)
+    assert read.cycle.commands == (TARE,)
+    assert read.cycle.outcomes == (CommandResult(TARE, Result.DONE, "\\ud800"),)
+
+
+def test_a_recording_with_the_older_names_is_the_same() -> None:
+    """A baseline that is still called zero, and causes by their older names."""
+    forces = replace(cycle(0).forces, cause=np.full(len(LEGS), Cause.BUS_STUCK, np.uint8))
+    data = messages.encode_force(forces, LEGS)
+    old = data.replace(b'"baseline_', b'"zero_').replace(b"BUS_STUCK", b"LINE_HELD")
+    assert old != data
+    assert compare(forces, messages.decode_force(old, LEGS), exact=True, legs=LEGS) is None
 
 
 def test_the_same_machine_has_the_same_processor_and_libraries() -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from footsense.daemon import released
 from footsense.errors import ConfigError
 from footsense.foot.response_table import FootResponse
-from footsense.sim.foot.viscoelastic import CREEP_REL, CREEP_TIME_S, PLAY_N, PLAY_REL, RememberingRubber
+from footsense.sim.foot.viscoelastic import CREEP_REL, CREEP_TIME_S, PLAY_N, PLAY_REL, ViscoelasticElement
 from footsense.sim.robot import SimulatedRobot, Wiring
 from footsense.sim.scene import Effects, Fabrication, Scene, Unloaded, load_scene
 from footsense.sim.test_stand.calibration_loads import PressSequence, paper_presses
@@ -61,10 +61,10 @@ def test_rubber_creeps_as_its_chain_says_whatever_the_sampling() -> None:
     """A load that stands still grows by c (1 - exp(-t / tau)) in the solid."""
     load_n = 1.0 * _UP
     for step_ns in (1 * _MS, 170 * _MS):
-        rubber = RememberingRubber()
-        rubber.felt(0, _UP, load_n)
+        rubber = ViscoelasticElement()
+        rubber.effective_load(0, _UP, load_n)
         for t_ns in range(step_ns, 3400 * _MS + 1, step_ns):
-            true_force_n = rubber.felt(t_ns, _UP, load_n)[1]
+            true_force_n = rubber.effective_load(t_ns, _UP, load_n)[1]
         loop_n = PLAY_REL @ PLAY_N
         crept = CREEP_REL @ (1.0 - np.exp(-3.4 / CREEP_TIME_S))
         assert true_force_n[2] == pytest.approx(1.0 - loop_n + crept, rel=1e-12)
@@ -72,9 +72,9 @@ def test_rubber_creeps_as_its_chain_says_whatever_the_sampling() -> None:
 
 def test_the_loop_is_as_wide_as_its_plays_and_the_rubber_is_at_rest_at_first() -> None:
     """On the way up and on the way down the plays lie on the two sides of the load; nothing pressed, nothing felt."""
-    rubber = RememberingRubber()
-    np.testing.assert_array_equal(rubber.felt(0, _UP, np.zeros(3))[1], np.zeros(3))
-    true_force_n = [rubber.felt(0, _UP, size_n * _UP)[1][2] for size_n in (0.5, 1.0, 0.5)]
+    rubber = ViscoelasticElement()
+    np.testing.assert_array_equal(rubber.effective_load(0, _UP, np.zeros(3))[1], np.zeros(3))
+    true_force_n = [rubber.effective_load(0, _UP, size_n * _UP)[1][2] for size_n in (0.5, 1.0, 0.5)]
     assert true_force_n[2] - true_force_n[0] == pytest.approx(2 * PLAY_REL @ PLAY_N)
 
 

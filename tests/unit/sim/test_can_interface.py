@@ -6,7 +6,7 @@ import pytest
 
 from firmware_interface.socketcan import ErrorClass, is_error, pack_frame, split_frames
 from footsense.sim.can.interface import AS_DEPLOYED, CanSettings, SimulatedCan
-from footsense.sim.faults.can_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanTraffic
+from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanTraffic
 from tests.support.can_robot import MS, FakeClock
 
 FRAME_NS = 270_000  # 135 bits at 500 kbit/s

@@ -80,7 +80,7 @@ def test_a_leg_that_holds_sda_blocks_all_until_the_mux_is_reset() -> None:
 
 def test_a_held_trunk_is_not_freed_by_the_mux() -> None:
     """Nothing behind the mux holds it."""
-    bench = Bench(scene_faults.StuckTrunk(at_s=0.0, until_s=1.0))
+    bench = Bench(scene_faults.StuckUpstreamBus(at_s=0.0, until_s=1.0))
     bench.mux.pulse()
     with pytest.raises(BusTimeoutError):
         bench.select(0)
@@ -103,7 +103,7 @@ def test_a_lost_arbitration_is_tried_again_once() -> None:
 
 def test_a_mux_forgets_its_channels_once() -> None:
     """Until it is told again."""
-    bench = Bench(scene_faults.MuxLost(at_s=1.0))
+    bench = Bench(scene_faults.MuxReset(at_s=1.0))
     bench.select(0b11)
     assert bench.bus.transfer(ASK_SWITCH) == b"\x00"
     with pytest.raises(NackError):
@@ -140,7 +140,7 @@ def test_a_wrong_chip_is_an_eeprom() -> None:
 def test_what_happens_at_random_happens_as_often_as_is_said(rate_rel: float) -> None:
     """Acknowledges that are lost, and single bits that are wrong; the other leg has none of it."""
     loose = Bench(on_leg_0=(scene_faults.NackAtRandom(at_s=0.0, leg="lf", rate_rel=rate_rel),))
-    noisy = Bench(on_leg_0=(scene_faults.Garbled(at_s=0.0, leg="lf", rate_rel=rate_rel),))
+    noisy = Bench(on_leg_0=(scene_faults.CorruptReads(at_s=0.0, leg="lf", rate_rel=rate_rel),))
     lost = wrong = 0
     for bench in (loose, noisy):
         bench.select(0b01)
@@ -205,4 +205,17 @@ def test_every_fault_has_a_name_in_a_scene(tmp_path: Path) -> None:
     assert names == ["StuckSda", "ElementDrifts", "ArbitrationLost", "CanBusOff"]
     scene.write_text(start + "  - {at_s: 2, until_s: 2, leg: lf, fault: absent}\n")
     with pytest.raises(ConfigError, match=r"faults\[0\].until_s: must be later than at_s"):
+        load_scene(str(scene))
+
+
+@pytest.mark.parametrize(
+    ("former", "present"), [("garbled", "corrupt_reads"), ("stuck_trunk", "stuck_upstream_bus")]
+)
+def test_a_former_name_of_a_fault_is_answered_with_the_present_one(
+    former: str, present: str, tmp_path: Path
+) -> None:
+    """One line that names both."""
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(f"description: x\nload: {{kind: unloaded}}\nfaults:\n  - {{at_s: 1, fault: {former}}}\n")
+    with pytest.raises(ConfigError, match=f"{former}.*now called {present}"):
         load_scene(str(scene))

@@ -42,12 +42,12 @@ def test_a_change_of_state_or_cause_is_one_line(caplog: pytest.LogCaptureFixture
     """It says what was, what is, and why; a state that stays says nothing."""
     caplog.set_level(logging.INFO)
     journal = Journal(LEGS)
-    for cause in (Cause.NO_ANSWER, Cause.NO_ANSWER, Cause.LINE_HELD):
+    for cause in (Cause.NO_ANSWER, Cause.NO_ANSWER, Cause.BUS_STUCK):
         journal.observe(at(1, State.ABSENT, cause))
     journal.observe(at(1, State.STARTING))
     assert lines(caplog) == [
         "WARNING leg lm: starting -> absent (no_answer)",
-        "WARNING leg lm: absent -> absent (line_held)",
+        "WARNING leg lm: absent -> absent (bus_stuck)",
         "INFO leg lm: absent -> starting",
     ]
 

@@ -1,13 +1,11 @@
+import fcntl
 import math
-import os
-import select
-import signal
 import subprocess
 import sys
-import urllib.request
 from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import replace
+from enum import IntEnum
 from pathlib import Path
 
 import numpy as np
@@ -16,24 +14,24 @@ from prometheus_client import CollectorRegistry
 
 from firmware_interface.can_codes import Phase
 from footsense.clock import Wakeups
-from footsense.errors import ConfigError, FootsenseError
+from footsense.errors import FootsenseError
 from footsense.frames import (
-    CanStats,
+    BaselineDrift,
+    BaselineStatus,
+    CanStatistics,
     CapFrame,
     Cause,
     Command,
     CommandKind,
+    CommandResult,
+    ContactFrame,
     Cycle,
     Flag,
-    ForceFrame,
-    Outcome,
     Result,
     State,
-    Zero,
-    ZeroStatus,
 )
-from footsense.telemetry.exporter import SharedCollector
-from footsense.telemetry.exporter_process import start_exporter
+from footsense.telemetry.exporter import CountersCollector
+from footsense.telemetry.metric_families import STATE_SETS
 from footsense.telemetry.metrics import Metrics
 from footsense.telemetry.shared_counters import Family, SharedCounters, read_counters
 
@@ -42,7 +40,7 @@ LEGS = ("lf", "rr")
 
 
 def cycle(
-    t_ms: float, states: tuple[State, State], age_ms: float = 12, outcomes: tuple[Outcome, ...] = ()
+    t_ms: float, states: tuple[State, State], age_ms: float = 12, outcomes: tuple[CommandResult, ...] = ()
 ) -> Cycle:
     """Return a turn of the loop with two legs; a leg in the state ABSENT was not measured."""
     t_ns = round(t_ms * MS)
@@ -51,7 +49,7 @@ def cycle(
     return Cycle(
         scan=CapFrame(0, np.zeros((2, 9), np.int64), np.full((2, 9), math.nan), np.zeros((2, 9), np.uint8)),
         commands=(),
-        forces=ForceFrame(
+        forces=ContactFrame(
             sequence=0,
             t_sent_ns=t_ns,
             t_ns=np.where(state == State.ABSENT, 0, t_ns - round(age_ms * MS)),
@@ -61,7 +59,7 @@ def cycle(
             fault_mask=np.zeros(2, np.uint16),
             flags=np.zeros(2, np.uint8),
             cause=np.zeros(2, np.uint8),
-            zero=Zero.none(2),
+            baseline=BaselineDrift.none(2),
         ),
         outcomes=outcomes,
     )
@@ -70,24 +68,33 @@ def cycle(
 @pytest.fixture
 def metrics(tmp_path: Path) -> Iterator[Metrics]:
     """Metrics of two legs with a file of their own."""
-    metrics = Metrics(LEGS, CanStats(), directory=tmp_path)
+    metrics = Metrics(LEGS, CanStatistics(), tmp_path / "counters")
     yield metrics
     metrics.close()
 
 
-def shown(metrics: Metrics) -> CollectorRegistry:
-    """Return the metrics as the exporter would read them, in a process of its own or not."""
+@pytest.fixture
+def scraped(tmp_path: Path) -> CollectorRegistry:
+    """The metrics as the exporter reads them, at each call anew."""
     registry = CollectorRegistry()
-    registry.register(SharedCollector(*read_counters(metrics.path)))
+    registry.register(CountersCollector(tmp_path / "counters"))
     return registry
 
 
-def test_scan_period_and_age_are_histograms_in_seconds(metrics: Metrics) -> None:
+def codes_set(scraped: CollectorRegistry, name: str, leg: str, codes: type[IntEnum]) -> list[IntEnum]:
+    """Return the codes of a leg whose series is 1, of a state set in which all others are 0."""
+    label = STATE_SETS[name][0]
+    values = {code: scraped.get_sample_value(name, {"leg": leg, label: code.name.lower()}) for code in codes}
+    assert set(values.values()) == {0, 1}
+    return [code for code, value in values.items() if value]
+
+
+def test_scan_period_and_age_are_histograms_in_seconds(metrics: Metrics, scraped: CollectorRegistry) -> None:
     """The first scan has no period; a leg that was not measured has no age; a bound belongs to its bucket."""
     both, one = (State.VALID, State.VALID), (State.VALID, State.ABSENT)
     for t_ms, states, age_ms in ((1000, both, 12), (1022.5, one, 13), (1500, one, 900)):
         metrics.observe(cycle(t_ms, states, age_ms))
-    get = shown(metrics).get_sample_value
+    get = scraped.get_sample_value
     assert get("footsense_scans_total") == 3
     assert get("footsense_scan_period_seconds_bucket", {"le": "0.0225"}) == 1
     assert get("footsense_scan_period_seconds_bucket", {"le": "0.02"}) == 0
@@ -100,7 +107,9 @@ def test_scan_period_and_age_are_histograms_in_seconds(metrics: Metrics) -> None
     assert get("footsense_frame_age_seconds_count", {"leg": "rr"}) == 1
 
 
-def test_a_fault_counts_once_per_fall_and_the_state_is_shown(metrics: Metrics) -> None:
+def test_a_fault_counts_once_per_fall_and_the_state_is_shown(
+    metrics: Metrics, scraped: CollectorRegistry
+) -> None:
     """A wire that breaks twice is two faults, each of several scans; a tare is none; the other leg has none."""
     for state in (
         State.TARING,
@@ -111,19 +120,19 @@ def test_a_fault_counts_once_per_fall_and_the_state_is_shown(metrics: Metrics) -
         State.ELEMENT_FAULT,
     ):
         metrics.observe(cycle(0, (State.VALID, state)))
-    get = shown(metrics).get_sample_value
+    get = scraped.get_sample_value
     assert get("footsense_faults_total", {"leg": "rr", "kind": "element_fault"}) == 2
     assert get("footsense_leg_scans_total", {"leg": "rr", "state": "element_fault"}) == 3
     assert get("footsense_leg_scans_total", {"leg": "lf", "state": "valid"}) == 6
     assert get("footsense_faults_total", {"leg": "lf", "kind": "element_fault"}) == 0
     assert get("footsense_faults_total", {"leg": "rr", "kind": "taring"}) is None
-    assert get("footsense_leg_state", {"leg": "rr"}) == State.ELEMENT_FAULT
-    assert get("footsense_leg_state", {"leg": "lf"}) == State.VALID
+    assert codes_set(scraped, "footsense_leg_state", "rr", State) == [State.ELEMENT_FAULT]
+    assert codes_set(scraped, "footsense_leg_state", "lf", State) == [State.VALID]
 
 
-def test_can_recorder_and_tares_are_counted(tmp_path: Path) -> None:
+def test_can_recorder_and_tares_are_counted(tmp_path: Path, scraped: CollectorRegistry) -> None:
     """What the CAN channel, the recorder and the tares report is shown as it is."""
-    can = CanStats(
+    can = CanStatistics(
         sent=120,
         dropped=3,
         received=4,
@@ -134,11 +143,11 @@ def test_can_recorder_and_tares_are_counted(tmp_path: Path) -> None:
         reopened=6,
         unlogged=8,
     )
-    metrics = Metrics(LEGS, can, recorder_lost=lambda: 7, log_lost=lambda: 5, directory=tmp_path)
-    refused = Outcome(Command(CommandKind.TARE, 1), Result.NOT_QUIET, "")
-    stopped = Outcome(Command(CommandKind.STOP, 1), Result.DONE, "")
+    metrics = Metrics(LEGS, can, tmp_path / "counters", recorder_lost=lambda: 7, log_lost=lambda: 5)
+    refused = CommandResult(Command(CommandKind.TARE, 1), Result.NOT_QUIET, "")
+    stopped = CommandResult(Command(CommandKind.STOP, 1), Result.DONE, "")
     metrics.observe(cycle(0, (State.VALID, State.VALID), outcomes=(refused, stopped)))
-    get = shown(metrics).get_sample_value
+    get = scraped.get_sample_value
     assert [
         get(f"footsense_can_{name}_total")
         for name in (
@@ -153,10 +162,14 @@ def test_can_recorder_and_tares_are_counted(tmp_path: Path) -> None:
     metrics.close()
 
 
-def test_what_the_clocks_count_is_one_histogram_of_all_threads(tmp_path: Path) -> None:
+def test_what_the_clocks_count_is_one_histogram_of_all_threads(
+    tmp_path: Path, scraped: CollectorRegistry
+) -> None:
     """Two buses add up; what happens between two copies is shown by the next, a tenth of a second later."""
     wakeups = (Wakeups(), Wakeups())
-    metrics = Metrics(LEGS, CanStats(), wakeups=wakeups, late_ticks=lambda: 3, directory=tmp_path)
+    metrics = Metrics(
+        LEGS, CanStatistics(), tmp_path / "counters", wakeups=wakeups, missed_deadlines=lambda: 3
+    )
     both = (State.VALID, State.VALID)
     metrics.observe(cycle(1000, both))
     for thread, late_s in zip(wakeups, (8e-5, 9e-5), strict=True):
@@ -164,30 +177,32 @@ def test_what_the_clocks_count_is_one_histogram_of_all_threads(tmp_path: Path) -
         thread.lateness[-1] += late_s
         thread.overruns += 2
     metrics.observe(cycle(1099, both))
-    get = shown(metrics).get_sample_value
-    assert get("footsense_wakeup_lateness_seconds_count") == 0
+    get = scraped.get_sample_value
+    assert get("footsense_wakeup_latency_seconds_count") == 0
     metrics.observe(cycle(1100, both))
-    assert get("footsense_wakeup_lateness_seconds_bucket", {"le": "0.0001"}) == 2
-    assert get("footsense_wakeup_lateness_seconds_bucket", {"le": "7e-05"}) == 0
-    assert get("footsense_wakeup_lateness_seconds_sum") == pytest.approx(1.7e-4)
+    assert get("footsense_wakeup_latency_seconds_bucket", {"le": "0.0001"}) == 2
+    assert get("footsense_wakeup_latency_seconds_bucket", {"le": "7e-05"}) == 0
+    assert get("footsense_wakeup_latency_seconds_sum") == pytest.approx(1.7e-4)
     assert get("footsense_overruns_total") == 4
-    assert get("footsense_late_ticks_total") == 3
+    assert get("footsense_missed_deadlines_total") == 3
     metrics.close()
 
 
-def test_in_virtual_time_nobody_is_late(metrics: Metrics) -> None:
+def test_in_virtual_time_nobody_is_late(metrics: Metrics, scraped: CollectorRegistry) -> None:
     """What is not measured is not shown, rather than as zero."""
     metrics.observe(cycle(1000, (State.VALID, State.VALID)))
-    get = shown(metrics).get_sample_value
-    assert get("footsense_wakeup_lateness_seconds_count") is None
+    get = scraped.get_sample_value
+    assert get("footsense_wakeup_latency_seconds_count") is None
     assert get("footsense_overruns_total") is None
 
 
-def test_a_leg_is_shown_with_phase_cause_contact_and_zero(metrics: Metrics) -> None:
+def test_a_leg_is_shown_with_phase_cause_contact_and_zero(
+    metrics: Metrics, scraped: CollectorRegistry
+) -> None:
     """Each changes by itself; a zero that does not exist is NaN, not 0."""
     plain = cycle(2000, (State.VALID, State.ELEMENT_FAULT))
-    zero = Zero(
-        np.array([ZeroStatus.HELD, ZeroStatus.NONE], np.uint8),
+    zero = BaselineDrift(
+        np.array([BaselineStatus.HELD, BaselineStatus.NONE], np.uint8),
         np.array([0.002, np.nan]),
         np.array([-0.003, np.nan]),
         np.array([500 * MS, 0]),
@@ -196,23 +211,25 @@ def test_a_leg_is_shown_with_phase_cause_contact_and_zero(metrics: Metrics) -> N
         plain.forces,
         cause=np.array([Cause.NONE, Cause.ELEMENT_SHORTED], np.uint8),
         flags=np.array([Flag.CONTACT | Flag.DEGRADED_TIMING, 0], np.uint8),
-        zero=zero,
+        baseline=zero,
     )
     metrics.observe(plain._replace(forces=told))
-    get = shown(metrics).get_sample_value
+    get = scraped.get_sample_value
     lf, rr = {"leg": "lf"}, {"leg": "rr"}
-    assert (get("footsense_leg_phase", lf), get("footsense_leg_phase", rr)) == (Phase.VALID, Phase.FAULTED)
-    assert get("footsense_leg_cause", rr) == Cause.ELEMENT_SHORTED
+    assert codes_set(scraped, "footsense_leg_phase", "lf", Phase) == [Phase.VALID]
+    assert codes_set(scraped, "footsense_leg_phase", "rr", Phase) == [Phase.FAULTED]
+    assert codes_set(scraped, "footsense_leg_cause", "rr", Cause) == [Cause.ELEMENT_SHORTED]
     assert (get("footsense_leg_contact", lf), get("footsense_leg_contact", rr)) == (1, 0)
     assert get("footsense_degraded_timing") == 1
-    assert get("footsense_zero_status", lf) == ZeroStatus.HELD
-    assert get("footsense_zero_mean_offset_farads", lf) == pytest.approx(2e-15)
-    assert get("footsense_zero_worst_offset_farads", lf) == pytest.approx(-3e-15)
-    assert get("footsense_zero_age_seconds", lf) == pytest.approx(1.5)
-    assert math.isnan(get("footsense_zero_age_seconds", rr) or 0)
+    assert codes_set(scraped, "footsense_baseline_status", "lf", BaselineStatus) == [BaselineStatus.HELD]
+    assert get("footsense_baseline_mean_offset_farads", lf) == pytest.approx(2e-15)
+    assert get("footsense_baseline_worst_offset_farads", lf) == pytest.approx(-3e-15)
+    assert get("footsense_baseline_age_seconds", lf) == pytest.approx(1.5)
+    assert math.isnan(get("footsense_baseline_age_seconds", rr) or 0)
     off = replace(told, flags=np.zeros(2, np.uint8), cause=np.zeros(2, np.uint8))
     metrics.observe(plain._replace(forces=off))
-    assert (get("footsense_leg_contact", lf), get("footsense_leg_cause", rr)) == (0, 0)
+    assert get("footsense_leg_contact", lf) == 0
+    assert codes_set(scraped, "footsense_leg_cause", "rr", Cause) == [Cause.NONE]
     assert get("footsense_degraded_timing") == 0
 
 
@@ -222,23 +239,25 @@ def test_the_file_describes_itself_and_is_gone_at_the_end(tmp_path: Path) -> Non
         Family("a_total", "counter", "A.", {"leg": ["lf", "rr"]}),
         Family("b", "histogram", "B.", {}, [1.0]),
     ]
-    counters = SharedCounters(families, tmp_path)
+    counters = SharedCounters(families, tmp_path / "counters")
     counters.cells[counters.first["b"] + 2] = 2.5
-    read, cells = read_counters(counters.path)
+    read, cells = read_counters(tmp_path / "counters")
     assert read == families
-    assert cells.tolist() == [0, 0, 0, 0, 2.5]
+    assert cells == [0, 0, 0, 0, 2.5]
     counters.close()
     counters.close()
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("content", [b"", b"short", b"FSCOUNT1" + b"\xff" * 40, b"x" * 64])
+@pytest.mark.parametrize("content", [b"short", b"FSCOUNT1" + b"\xff" * 40, b"x" * 64])
 def test_another_file_is_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
     """Neither an empty nor a foreign file is taken for counters."""
     path = tmp_path / "file"
     path.write_bytes(content)
-    with pytest.raises(FootsenseError, match=r"file does not hold footsense's counters"):
-        read_counters(path)
+    with path.open("rb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        with pytest.raises(FootsenseError, match=r"file does not hold footsense's counters"):
+            read_counters(path)
 
 
 def test_a_missing_file_is_one_line(tmp_path: Path) -> None:
@@ -247,78 +266,54 @@ def test_a_missing_file_is_one_line(tmp_path: Path) -> None:
         read_counters(tmp_path / "missing")
 
 
-def test_the_exporter_shows_the_counters_and_ends_when_told(metrics: Metrics) -> None:
-    """A scrape over HTTP has the living numbers."""
-    exporter = start_exporter(metrics.path, "127.0.0.1", 0)
+def test_a_file_that_cannot_be_created_is_one_line(tmp_path: Path) -> None:
+    """The service goes on without metrics then."""
+    with pytest.raises(FootsenseError, match=r"none/counters: cannot be written: No such file"):
+        SharedCounters([], tmp_path / "none" / "counters")
+
+
+def test_two_services_do_not_count_into_one_file(metrics: Metrics, tmp_path: Path) -> None:
+    """The second one is refused in one line, and the first one's counters stay."""
     metrics.observe(cycle(0, (State.VALID, State.VALID)))
-    with urllib.request.urlopen(f"http://127.0.0.1:{exporter.port}/metrics", timeout=10) as answer:
-        text = answer.read().decode()
-    assert "footsense_scans_total 1.0" in text.splitlines()
-    with pytest.raises(
-        ConfigError, match=rf"127\.0\.0\.1:{exporter.port}: Address already in use; choose another"
-    ):
-        start_exporter(metrics.path, "127.0.0.1", exporter.port)
-    exporter.close()
-    exporter.close()
+    with pytest.raises(FootsenseError, match="another running service counts into this file"):
+        Metrics(LEGS, CanStatistics(), tmp_path / "counters")
+    families, cells = read_counters(tmp_path / "counters")
+    assert cells[sum(family.n_cells for family in families[: _place(families, "footsense_scans_total")])] == 1
 
 
-def test_an_exporter_that_was_killed_is_started_again(metrics: Metrics) -> None:
-    """Its successor listens on the same port and shows the same numbers; the service has nothing to do with it."""
-    metrics.observe(cycle(0, (State.VALID, State.VALID)))
-    keeper = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "footsense.telemetry.exporter_keeper"),
-            *("--file", str(metrics.path), "--port", "0"),
-        ],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert keeper.stdout is not None
-    _, port, pid = keeper.stdout.readline().split()
-    os.kill(int(pid), signal.SIGKILL)
-    _, same_port, successor = keeper.stdout.readline().split()
-    assert (same_port, successor != pid) == (port, True)
-    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
-        assert b"footsense_scans_total 1.0" in answer.read().splitlines()
-    _, errors = keeper.communicate(timeout=10)
-    assert keeper.returncode == 0
-    assert "the metrics exporter ended (signal 9) and is started again" in errors
-    assert not metrics.path.exists()
+def _place(families: list[Family], name: str) -> int:
+    return [family.name for family in families].index(name)
 
 
-def test_an_address_of_another_machine_is_not_blamed_on_the_port(metrics: Metrics) -> None:
-    """The remedy names the key that is wrong; 192.0.2.0/24 is nobody's, by RFC 5737."""
-    with pytest.raises(ConfigError, match=r"192\.0\.2\.1:9108: Cannot assign .*; metrics\.address has to be"):
-        start_exporter(metrics.path, "192.0.2.1", 9108)
+def test_a_service_that_starts_ends_and_starts_again_is_shown_as_such(
+    tmp_path: Path, scraped: CollectorRegistry
+) -> None:
+    """`footsense_up` follows it; a new service begins at 0, and one that has ended shows nothing else."""
+    get = scraped.get_sample_value
+    assert (get("footsense_up"), get("footsense_scans_total")) == (0, None)
+    for _ in range(2):
+        metrics = Metrics(LEGS, CanStatistics(), tmp_path / "counters")
+        assert (get("footsense_up"), get("footsense_scans_total")) == (1, 0)
+        metrics.observe(cycle(0, (State.VALID, State.VALID)))
+        assert get("footsense_scans_total") == 1
+        metrics.close()
+        assert (get("footsense_up"), get("footsense_scans_total")) == (0, None)
 
 
-def test_an_exporter_without_counters_is_one_line(tmp_path: Path) -> None:
-    """What the exporter cannot do is told by whoever started it."""
-    with pytest.raises(FootsenseError, match=r"exporter did not start: .*missing: No such file"):
-        start_exporter(tmp_path / "missing", "127.0.0.1", 0)
-
-
-def test_the_exporter_ends_after_a_killed_service_and_removes_its_file(tmp_path: Path) -> None:
-    """SIGKILL leaves neither a process nor a file behind."""
+def test_a_killed_service_is_not_shown_as_running(tmp_path: Path, scraped: CollectorRegistry) -> None:
+    """SIGKILL leaves its file behind, without its lock; the next service replaces the file."""
     service = (
-        "import sys; from pathlib import Path\n"
-        "from footsense.frames import CanStats\n"
-        "from footsense.telemetry.exporter_process import start_exporter\n"
+        "import os, signal, sys; from pathlib import Path\n"
+        "from footsense.frames import CanStatistics\n"
         "from footsense.telemetry.metrics import Metrics\n"
-        "metrics = Metrics(('lf',), CanStats(), directory=Path(sys.argv[1]))\n"
-        "exporter = start_exporter(metrics.path, '127.0.0.1', 0)\n"
-        "print(exporter._process.pid, flush=True)\n"
-        "sys.stdin.read()\n"
+        "metrics = Metrics(('lf', 'rr'), CanStatistics(), Path(sys.argv[1]))\n"
+        "os.kill(os.getpid(), signal.SIGKILL)\n"
     )
-    with subprocess.Popen(
-        [sys.executable, "-c", service, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    ) as process:
-        assert process.stdout is not None
-        exporter = os.pidfd_open(int(process.stdout.readline()))
-        process.send_signal(signal.SIGKILL)
-    # A process descriptor becomes readable when its process has ended.
-    assert select.select([exporter], [], [], 10.0)[0]
-    os.close(exporter)
+    path = tmp_path / "counters"
+    killed = subprocess.run([sys.executable, "-c", service, str(path)], check=False)
+    assert (killed.returncode, path.exists()) == (-9, True)
+    assert scraped.get_sample_value("footsense_up") == 0
+    metrics = Metrics(LEGS, CanStatistics(), path)
+    assert scraped.get_sample_value("footsense_up") == 1
+    metrics.close()
     assert list(tmp_path.iterdir()) == []

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from footsense.frames import CapFrame, Cycle, ForceFrame, State, Zero
+from footsense.frames import BaselineDrift, CapFrame, ContactFrame, Cycle, State
 from footsense.telemetry.run_statistics import Score
 
 MS = 1_000_000
@@ -12,7 +12,7 @@ MS = 1_000_000
 def cycle(sequence: int, force_n: list[float], state: State = State.VALID) -> Cycle:
     t_ns = 25 * MS * sequence
     scan = CapFrame(sequence, np.zeros((1, 9), np.int64), np.zeros((1, 9)), np.zeros((1, 9), np.uint8))
-    forces = ForceFrame(
+    forces = ContactFrame(
         sequence,
         t_ns + 14 * MS,
         np.array([t_ns]),
@@ -22,7 +22,7 @@ def cycle(sequence: int, force_n: list[float], state: State = State.VALID) -> Cy
         np.zeros(1, np.uint16),
         np.zeros(1, np.uint8),
         np.zeros(1, np.uint8),
-        Zero.none(1),
+        BaselineDrift.none(1),
     )
     return Cycle(scan, (), forces, ())
 

@@ -5,9 +5,8 @@ import pytest
 
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, encode_force, encode_quality
 from firmware_interface.socketcan import pack_frame
-from footsense.frames import LEGS, Cycle, ForceFrame, State, Zero
-from footsense.sim.faults.can_faults import CanDown
-from footsense.sim.faults.scene_faults import Absent, ElementDrifts, Fault, StuckSda
+from footsense.frames import LEGS, BaselineDrift, ContactFrame, Cycle, State
+from footsense.sim.faults.scene_faults import Absent, CanDown, ElementDrifts, Fault, StuckSda
 from footsense.validation.invariants import Invariants
 from footsense.validation.random_faults import random_faults
 from footsense.validation.soak_stretches import day
@@ -38,9 +37,9 @@ def cycle(number: int, t_ms: float, state: State = State.VALID, **changed: objec
         "fault_mask": np.zeros(6, np.uint16),
         "flags": np.zeros(6, np.uint8),
         "cause": np.zeros(6, np.uint8),
-        "zero": Zero.none(6),
+        "baseline": BaselineDrift.none(6),
     }
-    return Cycle(None, (), ForceFrame(**{**values, **changed}), ())  # type: ignore[arg-type]
+    return Cycle(None, (), ContactFrame(**{**values, **changed}), ())  # type: ignore[arg-type]
 
 
 def lost(seen: Invariants) -> set[str]:

@@ -19,7 +19,7 @@ from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import sensitivity
 from footsense.foot.network_card import read_card
 from footsense.foot.specimen import Foot
-from footsense.frames import CapFrame, ForceFrame, Reading, State
+from footsense.frames import CapFrame, ContactFrame, Reading, State
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
 from footsense.lab.studies.page import Workbench
 from footsense.lab.training.load_cases import paper_verification
@@ -97,7 +97,7 @@ class _Leg:
         for _ in range(_WINDOW):
             self.feed(unloaded_pf[0])
 
-    def feed(self, capacitance_pf: Vector, reading: int = Reading.OK, age_ns: int = 0) -> ForceFrame:
+    def feed(self, capacitance_pf: Vector, reading: int = Reading.OK, age_ns: int = 0) -> ContactFrame:
         """Return the frame of a scan; a reading that is not OK is that of the middle element."""
         self._sequence += 1
         t_ns = self._sequence * _SCAN_NS

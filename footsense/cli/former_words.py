@@ -1,0 +1,28 @@
+"""Commands, options and values of earlier versions: an error names the present one."""
+
+import re
+
+import click
+
+__all__ = ["with_present_word"]
+
+_RENAMED = {
+    "bench": "benchmark",
+    "quiet": "low-noise",
+    "steady": "default",
+    "fresh": "low-latency",
+    "--packs": "--calibrations",
+}
+
+#: How click's messages begin: "No such command 'bench'", "No such option: --packs", "'quiet' is not one of".
+_REFUSED = re.compile(r"(?:No such (?:command|option):? )?'?(?P<word>[\w-]+)")
+
+
+def with_present_word(error: click.UsageError) -> click.UsageError:
+    """Return an error about a word of an earlier version with what the word is called now, any other as it is."""
+    refused = _REFUSED.match(error.message)
+    if not refused or refused["word"] not in _RENAMED:
+        return error
+    return click.UsageError(
+        f"{error.format_message()} It is now called {_RENAMED[refused['word']]}.", error.ctx
+    )

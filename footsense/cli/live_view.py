@@ -1,0 +1,57 @@
+"""A picture of the running loop on a terminal."""
+
+import logging
+from abc import ABC, abstractmethod
+
+from rich.console import Console, RenderableType
+from rich.live import Live
+from rich.logging import RichHandler
+
+from footsense.frames import Cycle
+
+__all__ = ["LiveView", "can_show"]
+
+
+class LiveView(ABC):
+    """An observer that redraws a picture at most every `period_ns` of the frames' own time.
+
+    Args:
+        console: Terminal to draw on; journal lines go above the picture instead of through it.
+        period_ns: Least time between two pictures [ns].
+    """
+
+    def __init__(self, console: Console, period_ns: int) -> None:
+        self._period_ns = period_ns
+        self._start_ns: int | None = None
+        self._drawn_ns = -period_ns
+        self._live = Live(console=console, auto_refresh=False)
+        self._live.start()
+        self._journal = logging.getLogger().handlers
+        logging.getLogger().handlers = [RichHandler(console=console, show_time=False, show_path=False)]
+
+    @abstractmethod
+    def render(self, cycle: Cycle, elapsed_s: float) -> RenderableType:
+        """Return the picture after a cycle; `elapsed_s` counts from the first one."""
+
+    def observe(self, cycle: Cycle) -> None:
+        """Redraw if the period is over."""
+        t_ns = cycle.forces.t_sent_ns
+        if self._start_ns is None:
+            self._start_ns = t_ns
+        if t_ns - self._drawn_ns >= self._period_ns:
+            self._drawn_ns = t_ns
+            self._live.update(self.render(cycle, (t_ns - self._start_ns) * 1e-9), refresh=True)
+
+    def close(self) -> None:
+        """Leave the last picture on the screen."""
+        self._live.stop()
+        logging.getLogger().handlers = self._journal
+
+
+def can_show(text: str, encoding: str) -> bool:
+    """Tell whether a terminal of this encoding has all characters of a text."""
+    try:
+        text.encode(encoding)
+    except (UnicodeEncodeError, LookupError):
+        return False
+    return True

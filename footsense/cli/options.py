@@ -1,0 +1,80 @@
+"""Options that several commands share, and the end of a run by time or by signal."""
+
+import math
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import click
+
+__all__ = [
+    "FILE",
+    "FOLDER",
+    "StopRequest",
+    "can_log_option",
+    "config_option",
+    "duration_option",
+    "json_option",
+    "pace_option",
+]
+
+FILE = click.Path(path_type=Path)
+FOLDER = click.Path(file_okay=False, path_type=Path)
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+can_log_option = click.option(
+    "--can-log", type=FILE, help="Write the CAN frames sent to this file: .log (candump), .asc or .blf."
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+pace_option = click.option(
+    "--realtime/--fast",
+    default=None,
+    help="Pace a simulation with the wall clock, or not. Default: paced if a live picture is shown.",
+)
+
+
+def config_option(default: str) -> Decorator:
+    """Return the option `--config`; `default` says in the help what applies without it."""
+    return click.option(
+        "--config", "config_file", type=FILE, help=f"YAML file of a robot. Default: {default}."
+    )
+
+
+def duration_option(text: str) -> Decorator:
+    """Return the option `--duration` [s] with this help."""
+    return click.option(
+        "--duration",
+        "duration_s",
+        type=click.FloatRange(min=0, min_open=True),
+        metavar="SECONDS",
+        callback=_finite,
+        help=text,
+    )
+
+
+def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
+    """Check a duration.
+
+    Raises:
+        BadParameter: It is infinite or not a number.
+    """
+    del ctx, param
+    if value is not None and not math.isfinite(value):
+        raise click.BadParameter(f"{value} is not a duration; without the option it runs until it is stopped")
+    return value
+
+
+class StopRequest:
+    """Becomes true when SIGTERM or SIGINT arrives."""
+
+    def __init__(self) -> None:
+        self.requested = False
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._request)
+
+    def _request(self, number: int, frame: FrameType | None) -> None:
+        del number, frame
+        self.requested = True

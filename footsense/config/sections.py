@@ -1,0 +1,216 @@
+"""Sections of a configuration file: one field, one reason, one range."""
+
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct
+
+from firmware_interface import tca9548a
+from footsense.frames import ELEMENTS, LEGS
+
+Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr"]
+
+#: PCA9685 servo boards answer to it beside their own address unless MODE1.ALLCALL is cleared.
+PCA9685_ALLCALL = 0x70
+
+Channel = Annotated[int, Meta(ge=0, le=tca9548a.CHANNELS - 1, description="a channel of the TCA9548A")]
+Device = Annotated[str, Meta(pattern=r"^(/dev/[^\s]+|sim[0-9]?)$", description="such as /dev/i2c-1, or sim")]
+StrayPf = Annotated[
+    tuple[Annotated[float, Meta(ge=0.0, le=20.0)], ...], Meta(min_length=ELEMENTS, max_length=ELEMENTS)
+]
+UnloadedPf = Annotated[
+    tuple[Annotated[float, Meta(ge=0.1, le=15.0)], ...], Meta(min_length=ELEMENTS, max_length=ELEMENTS)
+]
+FootId = Annotated[str, Meta(pattern=r"^foot-[0-9]{4}$", description="such as foot-0007")]
+
+
+class Section(Struct, frozen=True, forbid_unknown_fields=True):
+    """A mapping in the file; an unknown key is an error."""
+
+
+class ResetLine(Section, frozen=True, kw_only=True):
+    """GPIO line that drives the RESET pin of a multiplexer.
+
+    Attributes:
+        device: GPIO chip: `/dev/gpiochipN`, or `sim` for a simulated one.
+        line: Number of the line on that chip.
+    """
+
+    device: Annotated[
+        str, Meta(pattern=r"^(/dev/gpiochip[0-9]+|sim)$", description="such as /dev/gpiochip0, or sim")
+    ]
+    line: Annotated[int, Meta(ge=0, le=1023)]
+
+
+class Mux(Section, frozen=True, kw_only=True):
+    """TCA9548A multiplexer between a bus and its legs.
+
+    Attributes:
+        address: 7-bit address on the upstream bus.
+        reset: Line that drives its RESET pin; None if none does. Only RESET disconnects a leg that holds the bus low:
+            without it, such a leg stops all legs of its bus.
+    """
+
+    address: Annotated[int, Meta(ge=0x70, le=0x77, description="0x70 to 0x77, set by its pins")] = (
+        tca9548a.ADDRESS
+    )
+    reset: ResetLine | None = None
+
+
+class OtherDevice(Section, frozen=True, kw_only=True):
+    """Another device on an upstream bus, named so that an address clash is found in time.
+
+    Attributes:
+        name: Its name for messages.
+        address: Its 7-bit address.
+    """
+
+    name: Annotated[str, Meta(min_length=1, max_length=40)]
+    address: Annotated[int, Meta(ge=0x03, le=0x77, description="a 7-bit address, 0x03 to 0x77")]
+
+
+class Bus(Section, frozen=True, kw_only=True):
+    """One I2C adapter, its multiplexer, and the legs behind it.
+
+    Attributes:
+        device: Adapter: `/dev/i2c-N`, or `sim`, `sim1`, ... for a simulated one.
+        rate_hz: Clock of the bus [Hz], to compute how long a transaction takes; the kernel sets the clock.
+        mux: Multiplexer.
+        legs: Channel of the multiplexer for each leg; or, where the kernel drives it (i2c-mux-pca954x), the adapter
+            that the kernel made of the leg's channel.
+        other_devices: Other devices on the upstream bus.
+    """
+
+    device: Device
+    legs: Annotated[dict[Leg, Channel | Device], Meta(min_length=1)]
+    rate_hz: Annotated[
+        int, Meta(ge=10_000, le=400_000, description="FDC1004 and TCA9548A are 400 kHz parts")
+    ] = 400_000
+    mux: Mux = Mux()
+    other_devices: tuple[OtherDevice, ...] = ()
+
+    @property
+    def channels(self) -> dict[str, int]:
+        """Return each leg's channel; none where the kernel drives the multiplexer."""
+        return {leg: channel for leg, channel in self.legs.items() if isinstance(channel, int)}
+
+    @property
+    def adapters(self) -> dict[str, str]:
+        """Return each leg's adapter where the kernel drives the multiplexer; none where it does not."""
+        return {leg: device for leg, device in self.legs.items() if isinstance(device, str)}
+
+
+class Serial(Section, frozen=True, kw_only=True):
+    """Serial line to the microcontroller of board `mcu`, which scans the feet by itself.
+
+    Attributes:
+        device: Port under /dev/serial/by-id, a name that survives unplugging; or `sim`.
+        baud: Bits per second of a UART or adapter; without effect if the microcontroller is a USB device itself.
+        rate_hz: Scans per second of the microcontroller, to detect missing ones; does not set its rate.
+        legs: Legs that it scans.
+    """
+
+    device: Annotated[
+        str,
+        Meta(pattern=r"^(/dev/[^\s]+|sim)$", description="such as /dev/serial/by-id/usb-..., or sim"),
+    ]
+    baud: Annotated[int, Meta(ge=9600, le=12_000_000)] = 921_600
+    rate_hz: Annotated[float, Meta(ge=1.0, le=1000.0)] = 200.0
+    legs: Annotated[tuple[Leg, ...], Meta(min_length=1, max_length=len(LEGS))] = LEGS  # type: ignore[assignment]
+
+
+class Scan(Section, frozen=True, kw_only=True):
+    """Rate and order in which the elements are read.
+
+    Attributes:
+        rate_sps: Conversions per second of one converter; a lower rate has less noise: 100, 200 or 400 with board
+            `fdc1004`; 9, 11, 13, 16, 26, 50, 84 or 91 with board `ad7746`. None: the board's fastest.
+        order: Order of the elements: `lo_shu` (the magic square) keeps opposite ones at the same mean time, `raster`
+            switches half as many rows; time-aligned, both have equal errors. None: lo_shu, or raster where the kernel
+            drives the multiplexer.
+    """
+
+    rate_sps: Literal[9, 11, 13, 16, 26, 50, 84, 91, 100, 200, 400] | None = None
+    order: Literal["lo_shu", "raster"] | None = None
+
+
+class Tare(Section, frozen=True, kw_only=True):
+    """Conditions under which present readings become the baseline of a foot.
+
+    Attributes:
+        window_scans: Scans averaged.
+        noise_limit_ff: Largest standard deviation of an element over the window [fF].
+        unloaded_limit_rel: Largest deviation of an element from `unloaded_pf` that counts as unloaded [1]; 3 % of the
+            capacitance are 4 % of the gap.
+    """
+
+    window_scans: Annotated[int, Meta(ge=2, le=1000)] = 8
+    noise_limit_ff: Annotated[float, Meta(gt=0.0, le=1000.0)] = 5.0
+    unloaded_limit_rel: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.03
+
+
+class Baseline(Section, frozen=True, kw_only=True):
+    """Tracking of the baseline, the readings of the unloaded foot, between tares.
+
+    Attributes:
+        track: Whether the baseline follows drift in confirmed swing; on by default, because temperature moves it by
+            about 1 mN/K, and the share of a load that it can absorb is bounded (docs/adr/0009).
+    """
+
+    track: bool = True
+
+
+class Contact(Section, frozen=True, kw_only=True):
+    """Contact detection.
+
+    Attributes:
+        threshold_n: Load along the leg, above the reading in swing, from which a foot is in contact [N]; contact ends
+            at half of it. Well above the inertial force of the foot's own mass in swing, well below a stance's load.
+    """
+
+    threshold_n: Annotated[float, Meta(ge=0.002, le=10.0)] = 0.03
+
+
+class Can(Section, frozen=True, kw_only=True):
+    """CAN channel on which forces are published.
+
+    Attributes:
+        interface: `socketcan` on the robot; `virtual` stays within the process, `udp_multicast` on this computer.
+        channel: Name of the network interface; with `udp_multicast` an address such as 239.74.163.2.
+        bitrate: Bit rate [bit/s], to compute the bus load; the kernel sets it (deploy/README.md).
+    """
+
+    interface: Literal["virtual", "socketcan", "udp_multicast"]
+    channel: Annotated[
+        str, Meta(pattern=r"^[^\s/]{1,15}$", description="a network interface such as can0")
+    ] = "can0"
+    bitrate: Annotated[int, Meta(ge=10_000, le=1_000_000, description="classic CAN ends at 1 Mbit/s")] = (
+        500_000
+    )
+
+
+class Metrics(Section, frozen=True, kw_only=True):
+    """The counters of the service, and where `footsense exporter` serves them to Prometheus.
+
+    Attributes:
+        counters: File in memory through which the service hands its counters to the exporter.
+        address: Address that the exporter listens on; the loopback by default because the page has no password.
+        port: TCP port of the exporter.
+    """
+
+    counters: str = "/dev/shm/footsense.counters"  # noqa: S108 - a file of another user is not overwritten
+    address: str = "127.0.0.1"
+    port: Annotated[int, Meta(ge=1, le=65535)] = 9108
+
+
+class Realtime(Section, frozen=True, kw_only=True):
+    """Scheduling that the loop requests from the kernel.
+
+    Attributes:
+        priority: SCHED_FIFO priority; below 50, that of the kernel's interrupt threads, for which the loop waits.
+        cpu: Processor to stay on; None lets the kernel choose.
+        required: Whether the service refuses to start if a request is denied; else its frames say degraded_timing.
+    """
+
+    priority: Annotated[int, Meta(ge=1, le=99)] = 40
+    cpu: Annotated[int, Meta(ge=0, le=1023)] | None = None
+    required: bool = False

@@ -1,0 +1,253 @@
+"""Cycles as msgpack records on the pipe between the loop and the writer.
+
+Each record is its length (u32, little-endian) and one msgpack array: the header first, then cycles, and a loss before
+the cycle that follows a gap. The arrays of a cycle's frames stand in one binary field, in the order of `_arrays`, so
+that packing is copying. The reader checks every field: a damaged record ends the recording in one line.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, NamedTuple
+
+import msgspec
+import numpy as np
+
+from footsense.errors import RecordingError
+from footsense.frames import (
+    ELEMENTS,
+    BaselineDrift,
+    BaselineStatus,
+    CapFrame,
+    Cause,
+    Command,
+    CommandResult,
+    ContactFrame,
+    Cycle,
+    Reading,
+    Reference,
+    State,
+)
+
+__all__ = ["Loss", "Numbered", "pack_cycle", "pack_header", "pack_loss", "unpack"]
+
+_LENGTH_BYTES = 4
+#: Longest record [bytes], far above any cycle.
+_MAX_RECORD = 1 << 24
+#: Longest reason of a command's result [characters].
+_MAX_REASON = 10_000
+
+#: A counter or time: not negative, 63 bits.
+_Count = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
+
+
+class Numbered(NamedTuple):
+    """A cycle and its place in the recording.
+
+    Attributes:
+        counter: Number of the cycle since the recording began, lost ones counted.
+        cycle: The cycle.
+    """
+
+    counter: int
+    cycle: Cycle
+
+
+class Loss(msgspec.Struct, frozen=True, array_like=True, tag="loss"):
+    """Cycles that found the pipe full.
+
+    Attributes:
+        counter: Number of the next recorded cycle.
+        t_ns: Time of sending of that cycle [ns].
+        n_cycles: Number of lost cycles before it.
+    """
+
+    counter: _Count
+    t_ns: _Count
+    n_cycles: _Count
+
+
+class _Header(msgspec.Struct, array_like=True, tag="header"):
+    entries: dict[str, str]
+
+
+class _Cycle(msgspec.Struct, array_like=True, tag="cycle"):
+    counter: _Count
+    scan_sequence: _Count
+    force_sequence: _Count
+    t_sent_ns: _Count
+    arrays: bytes
+    commands: tuple[Command, ...]
+    outcomes: tuple[CommandResult, ...]
+    reference: tuple[bytes, bytes, bytes] | None
+    temperature_c: bytes | None
+
+
+#: Integers of numpy become Python's.
+_encode = msgspec.msgpack.Encoder(enc_hook=np.generic.item).encode
+_decode = msgspec.msgpack.Decoder(_Header | _Cycle | Loss).decode
+
+#: Largest code of each field.
+_CODES = {
+    "state": max(State),
+    "cause": max(Cause),
+    "baseline_status": max(BaselineStatus),
+    "reading": max(Reading),
+    "fault_mask": (1 << ELEMENTS) - 1,
+}
+
+
+def _arrays(n_legs: int) -> np.dtype[np.void]:
+    """Return the layout of a cycle's arrays, wide entries first so that all are aligned."""
+    return np.dtype(
+        [
+            ("scan_t_ns", "<i8", (n_legs, ELEMENTS)),
+            ("capacitance_pf", "<f8", (n_legs, ELEMENTS)),
+            ("force_t_ns", "<i8", (n_legs,)),
+            ("force_n", "<f8", (n_legs, 3)),
+            ("sigma_n", "<f8", (n_legs, 3)),
+            ("baseline_mean_pf", "<f8", (n_legs,)),
+            ("baseline_worst_pf", "<f8", (n_legs,)),
+            ("baseline_moved_ns", "<i8", (n_legs,)),
+            ("fault_mask", "<u2", (n_legs,)),
+            ("reading", "u1", (n_legs, ELEMENTS)),
+            ("state", "u1", (n_legs,)),
+            ("flags", "u1", (n_legs,)),
+            ("cause", "u1", (n_legs,)),
+            ("baseline_status", "u1", (n_legs,)),
+        ]
+    )
+
+
+def pack_header(header: Mapping[str, str]) -> bytes:
+    """Return the recording's header, with an entry `legs`, as the first record."""
+    return _framed(_encode(_Header(dict(header))))
+
+
+def pack_loss(loss: Loss) -> bytes:
+    """Return the record of lost cycles."""
+    return _framed(_encode(loss))
+
+
+def pack_cycle(counter: int, cycle: Cycle) -> bytes:
+    """Return one cycle as a record.
+
+    Args:
+        counter: Number of the cycle since the recording began.
+        cycle: The cycle.
+
+    Timing:
+        2 us for six legs.
+    """
+    scan, commands, forces, outcomes, reference, temperature_c = cycle
+    baseline = forces.baseline
+    arrays = (
+        *(scan.t_ns, scan.capacitance_pf),
+        *(forces.t_ns, forces.force_n, forces.sigma_n),
+        *(baseline.mean_pf, baseline.worst_pf, baseline.moved_ns),
+        *(forces.fault_mask, scan.reading, forces.state, forces.flags, forces.cause, baseline.status),
+    )
+    if outcomes:
+        outcomes = tuple(outcome._replace(reason=_text(outcome.reason)) for outcome in outcomes)
+    record = _encode(
+        (
+            *("cycle", counter, scan.sequence, forces.sequence, forces.t_sent_ns),
+            b"".join([array.tobytes() for array in arrays]),
+            *(commands, outcomes),
+            None if reference is None else tuple(column.tobytes() for column in reference),
+            None if temperature_c is None else temperature_c.tobytes(),
+        )
+    )
+    return len(record).to_bytes(_LENGTH_BYTES, "little") + record
+
+
+def _framed(record: bytes) -> bytes:
+    return len(record).to_bytes(_LENGTH_BYTES, "little") + record
+
+
+def _text(reason: str) -> str:
+    """Return a text that can be encoded, whatever it contains."""
+    return reason[:_MAX_REASON].encode(errors="backslashreplace").decode()
+
+
+def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | Numbered | Loss]:
+    """Take every complete record out of the front of a buffer.
+
+    Args:
+        buffer: Bytes as they arrived; yielded records are removed, an incomplete one stays.
+        n_legs: Legs of the recording; None before the header.
+
+    Yields:
+        The header, cycles and losses, in the order of the pipe.
+
+    Raises:
+        RecordingError: The bytes are no such record, or its fields have no meaning.
+    """
+    try:
+        while len(buffer) >= _LENGTH_BYTES:
+            end = _LENGTH_BYTES + int.from_bytes(buffer[:_LENGTH_BYTES], "little")
+            _require(end <= _MAX_RECORD, f"a record of {end} bytes")
+            if len(buffer) < end:
+                return
+            record = _decode(bytes(buffer[_LENGTH_BYTES:end]))
+            del buffer[:end]
+            if isinstance(record, _Header):
+                n_legs = len(record.entries["legs"].split(","))
+                yield record.entries
+            elif isinstance(record, Loss):
+                yield record
+            else:
+                _require(n_legs is not None, "no header before the first cycle")
+                yield _numbered(record, n_legs or 0)
+    except (msgspec.MsgspecError, ValueError, LookupError) as error:
+        raise RecordingError(f"the cycles of the loop arrive damaged ({error})") from None
+
+
+def _require(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the sentence it checks
+    """Refuse a field without a meaning.
+
+    Raises:
+        ValueError: It does not hold.
+    """
+    if not holds:
+        raise ValueError(words)
+
+
+def _numbered(record: _Cycle, n_legs: int) -> Numbered:
+    layout = _arrays(n_legs)
+    _require(len(record.arrays) == layout.itemsize, f"arrays of {len(record.arrays)} bytes")
+    entry = np.frombuffer(record.arrays, dtype=layout)[0]
+    for name, most in _CODES.items():
+        _require(entry[name].max() <= most, f"{name} {entry[name].max()}, at most {most} has a meaning")
+    commands = (*record.commands, *(outcome.command for outcome in record.outcomes))
+    _require(all(0 <= command.leg < n_legs for command in commands), f"a command for none of {n_legs} legs")
+    scan = CapFrame(record.scan_sequence, entry["scan_t_ns"], entry["capacitance_pf"], entry["reading"])
+    forces = ContactFrame(
+        record.force_sequence,
+        record.t_sent_ns,
+        entry["force_t_ns"],
+        entry["force_n"],
+        entry["sigma_n"],
+        entry["state"],
+        entry["fault_mask"],
+        entry["flags"],
+        entry["cause"],
+        BaselineDrift(
+            entry["baseline_status"],
+            entry["baseline_mean_pf"],
+            entry["baseline_worst_pf"],
+            entry["baseline_moved_ns"],
+        ),
+    )
+    reference = None if record.reference is None else _reference(*record.reference)
+    temperature_c = None if record.temperature_c is None else np.frombuffer(record.temperature_c, "<f8")
+    _require(temperature_c is None or len(temperature_c) == n_legs, "temperatures of other legs")
+    cycle = Cycle(scan, record.commands, forces, record.outcomes, reference, temperature_c)
+    return Numbered(record.counter, cycle)
+
+
+def _reference(times: bytes, forces: bytes, saturations: bytes) -> Reference:
+    """Return the samples of a test stand's force sensor; none of them, too."""
+    t_ns, saturated = np.frombuffer(times, "<i8"), np.frombuffer(saturations, "u1")
+    force_n = np.frombuffer(forces, "<f8").reshape(len(t_ns), 3)
+    meant = len(saturated) == len(t_ns) and t_ns.min(initial=0) >= 0 and saturated.max(initial=0) <= 1
+    _require(meant, "a sample of the reference has no such time or mark")
+    return Reference(t_ns, force_n, saturated.astype(np.bool_))

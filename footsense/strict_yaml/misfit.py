@@ -1,0 +1,179 @@
+"""Why plain data do not fit a struct: msgspec's error, with the key, the value and the choices that it leaves out."""
+
+import re
+from collections.abc import Callable, Mapping
+from difflib import get_close_matches
+from typing import Any, NamedTuple
+
+import msgspec
+from msgspec import inspect
+
+from footsense.strict_yaml.plain_data import KeyPath
+
+__all__ = ["Problem", "misfit"]
+
+_PLACE = re.compile(r" - at (?P<key>`key` in )?`\$(?P<path>[^`]*)`$")
+_STEP = re.compile(r"\.(?P<field>[^.\[]+)|\[(?P<index>\d+|\.\.\.)\]")
+_UNKNOWN = re.compile(r"(?P<fault>.*unknown field) `(?P<name>.*)`", re.DOTALL)
+_MISSING = re.compile(r".*required field `(?P<name>.*)`")
+_EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
+
+
+class Problem(NamedTuple):
+    """One fault of a text.
+
+    Attributes:
+        path: Keys and indices from the top to the value.
+        message: What is wrong and what would be right.
+    """
+
+    path: KeyPath
+    message: str
+
+    def __str__(self) -> str:
+        """Return the path as it is written in code, and the message.
+
+        Example:
+            >>> str(Problem(("buses", 0, "legs", "lf"), "taken"))
+            'buses[0].legs.lf: taken'
+        """
+        path = ""
+        for step in self.path:
+            path += f"[{step}]" if isinstance(step, int) else f".{step}" if path else step
+        return f"{path}: {self.message}" if path else self.message
+
+
+def misfit(data: Any, type_: type[object], error: str, former: Mapping[str, str]) -> Problem:  # noqa: ANN401
+    """Return msgspec's error as a problem of the text.
+
+    Args:
+        data: What `msgspec.convert` refused.
+        type_: The struct that it does not fit.
+        error: Its error, such as "Expected `int` <= 7 - at `$.legs[...]`".
+        former: Keys and values of earlier versions, each with what replaces it.
+    """
+    place = _PLACE.search(error)
+    fault = error[: place.start()] if place else error
+    path: KeyPath = ()
+    value, info = data, inspect.type_info(type_)
+    for step in _STEP.finditer(place["path"] if place else ""):
+        if step["index"] == "...":
+            key: str | int = _failing_key(value, lambda: msgspec.convert(data, type_), error)
+        else:
+            key = step["field"] or int(step["index"])
+        path, value, info = (*path, key), value[key], _inner(info, value, key)
+    if place and place["key"]:
+        info = next(type_.key_type for type_, _ in _variants(info) if isinstance(type_, inspect.DictType))
+        value = next(key for key in value if key not in _choices(info))
+        path = (*path, value)
+    if unknown := _UNKNOWN.fullmatch(fault):
+        name = unknown["name"]
+        return Problem((*path, name), unknown["fault"] + _remedy(name, _keys(info, value), former))
+    if missing := _MISSING.fullmatch(fault):
+        info = _inner(info, value, missing["name"])
+        return Problem(path, fault.replace("`", "") + _expected(info))
+    return Problem(path, fault.replace("`", "") + _hint(fault, value, info, former))
+
+
+def _hint(fault: str, value: object, info: inspect.Type, former: Mapping[str, str]) -> str:
+    """Return the value, if the fault does not show it, and what is allowed."""
+    if choices := _choices(info):
+        return _remedy(value, choices, former)
+    got = ""
+    if isinstance(value, str):
+        got = f" {value[:40]!r}" if "got" in fault else f", got {value[:40]!r}"
+        if _EXPONENT.fullmatch(value):
+            got += f" (YAML reads that as text, write {float(value):g})"
+    elif "got" not in fault:
+        got = f", got {len(value) if isinstance(value, dict | list) else value}"
+    return got + _expected(info)
+
+
+def _expected(info: inspect.Type) -> str:
+    """Return the choices of a type, or the descriptions of its fields."""
+    if choices := _choices(info):
+        return f"; expected {', '.join(map(str, choices))}"
+    reasons = dict.fromkeys(reason for _, reason in _variants(info) if reason)
+    return f" ({', or '.join(reasons)})" if reasons else ""
+
+
+def _remedy(word: object, allowed: tuple[object, ...], former: Mapping[str, str]) -> str:
+    """Return what to write instead of a word that is not allowed."""
+    if str(word) in former:
+        return f"; {former[str(word)]}"
+    near = get_close_matches(str(word), [choice for choice in allowed if isinstance(choice, str)], n=1)
+    nearest = f"; did you mean {near[0]}?" if near else ""
+    return f"; expected {', '.join(map(str, allowed))}{nearest}"
+
+
+def _variants(info: inspect.Type) -> list[tuple[inspect.Type, str]]:
+    """Return the members of a union, or the type itself, each with its description."""
+    if isinstance(info, inspect.Metadata):
+        reason = (info.extra_json_schema or {}).get("description", "")
+        return [(type_, own or reason) for type_, own in _variants(info.type)]
+    if isinstance(info, inspect.UnionType):
+        return [variant for type_ in info.types for variant in _variants(type_)]
+    return [(info, "")]
+
+
+def _choices(info: inspect.Type) -> tuple[object, ...]:
+    return tuple(
+        value
+        for type_, _ in _variants(info)
+        if isinstance(type_, inspect.LiteralType)
+        for value in type_.values
+    )
+
+
+def _structs(info: inspect.Type, value: Any) -> list[inspect.StructType]:  # noqa: ANN401
+    """Return the structs that a mapping may be, by its tag."""
+    structs = [type_ for type_, _ in _variants(info) if isinstance(type_, inspect.StructType)]
+    return [
+        struct for struct in structs if struct.tag_field is None or value.get(struct.tag_field) == struct.tag
+    ]
+
+
+def _keys(info: inspect.Type, value: object) -> tuple[str, ...]:
+    return tuple(
+        name
+        for struct in _structs(info, value)
+        for name in (*filter(None, [struct.tag_field]), *(field.encode_name for field in struct.fields))
+    )
+
+
+def _inner(info: inspect.Type, value: object, key: str | int) -> inspect.Type:
+    """Return the type of an item of a value."""
+    variants = [type_ for type_, _ in _variants(info)]
+    tags = [
+        type_.tag for type_ in variants if isinstance(type_, inspect.StructType) and type_.tag_field == key
+    ]
+    if tags:
+        return inspect.LiteralType(tuple(tags))
+    for struct in _structs(info, value) if isinstance(key, str) else ():
+        return next(field.type for field in struct.fields if field.encode_name == key)
+    for type_ in variants:
+        if isinstance(type_, inspect.TupleType) and isinstance(key, int):
+            return type_.item_types[key]
+        if isinstance(type_, inspect.ListType | inspect.VarTupleType):
+            return type_.item_type
+        if isinstance(type_, inspect.DictType):
+            return type_.value_type
+    return inspect.AnyType()
+
+
+def _failing_key(mapping: dict[str, object], convert: Callable[[], object], error: str) -> str:
+    """Return the key whose value alone gives the error; msgspec does not name the keys of a mapping."""
+    items = dict(mapping)
+    try:
+        for key, item in items.items():
+            mapping.clear()
+            mapping[key] = item
+            try:
+                convert()
+            except msgspec.ValidationError as alone:
+                if str(alone) == error:
+                    return key
+    finally:
+        mapping.clear()
+        mapping.update(items)
+    return next(iter(items))

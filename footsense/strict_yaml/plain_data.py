@@ -1,0 +1,176 @@
+"""The only file that imports yaml: text to plain data, with the line of every value."""
+
+import math
+import re
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+__all__ = ["MAX_BYTES", "KeyPath", "PlainData", "YamlError", "read_yaml"]
+
+#: Keys and indices from the top of a text to a value.
+KeyPath = tuple[str | int, ...]
+
+#: Longest text that is read [bytes]; a hand-written file has a few thousand.
+MAX_BYTES = 262_144
+
+#: Deepest nesting; the composer recurses in C and would overflow the stack of the process.
+MAX_DEPTH = 30
+
+#: Most values, each use of an alias counted: a text of ten lines can stand for 10^9 of them.
+MAX_VALUES = 50_000
+
+_WORD = re.compile(r"[\w.-]+")
+_PREFIX = "tag:yaml.org,2002:"
+_TAGS = {
+    yaml.MappingNode: {"map"},
+    yaml.SequenceNode: {"seq"},
+    yaml.ScalarNode: {"str", "int", "float", "bool", "null"},
+}
+
+#: The C parser is seven times as fast, but not in every build of PyYAML.
+_Loader: type[yaml.SafeLoader] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+class YamlError(Exception):
+    """The text is not YAML, or uses a feature that is not supported.
+
+    Attributes:
+        line: Line of the fault, from 1; None where there is none.
+    """
+
+    def __init__(self, message: str, line: int | None = None) -> None:
+        super().__init__(message)
+        self.line = line
+
+
+class PlainData(NamedTuple):
+    """One parsed text.
+
+    Attributes:
+        data: Dicts with text keys, lists and scalars.
+        lines: Line of every value, from 1; of a dict's item the line of its key.
+    """
+
+    data: object
+    lines: dict[KeyPath, int]
+
+    def line_of(self, path: KeyPath) -> int:
+        """Return the line, from 1, of the value at `path`, or of the nearest one that encloses it."""
+        return next(self.lines[path[:n]] for n in range(len(path), -1, -1) if path[:n] in self.lines)
+
+
+def read_yaml(source: Path | str | bytes) -> PlainData:
+    """Parse the one document of a YAML text.
+
+    Args:
+        source: A file to read if it is a `Path`, else the text itself.
+
+    Raises:
+        YamlError: The file cannot be read, or the text is not YAML, is empty, or uses an unsupported feature.
+    """
+    text = _text(source)
+    lines: dict[KeyPath, int] = {}
+    try:
+        _check_depth(text)
+        loader = _Loader(text)
+        root = loader.get_single_node()
+        if root is None:
+            raise YamlError("is empty")
+        data = _plain(root, (), _line(root.start_mark), loader, lines)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        fault = ", ".join(part for part in (error.context, error.problem) if part)
+        raise YamlError(f"is not valid YAML: {fault}", _line(mark) if mark else None) from None
+    except (yaml.YAMLError, ValueError, LookupError, RecursionError) as error:
+        # Text that resolves to a number goes through int() and float(), which have limits of their own.
+        raise YamlError(f"is not valid YAML: {error}") from None
+    if data is None:
+        raise YamlError("is empty")
+    return PlainData(data, lines)
+
+
+def _text(source: Path | str | bytes) -> str:
+    try:
+        data = source.read_bytes() if isinstance(source, Path) else source
+        if len(data) > MAX_BYTES:
+            raise YamlError(f"has {len(data)} bytes; at most {MAX_BYTES} are read")
+        return data.decode() if isinstance(data, bytes) else data
+    except UnicodeDecodeError as error:
+        raise YamlError(
+            f"is not UTF-8 text: byte {error.start} is {error.object[error.start]:#04x}"
+        ) from None
+    except FileNotFoundError:
+        raise YamlError("no such file") from None
+    except (OSError, ValueError) as error:  # ValueError: a path with a null character
+        raise YamlError(f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def _check_depth(text: str) -> None:
+    """Follow the nesting without building anything.
+
+    Raises:
+        YamlError: It is deeper than `MAX_DEPTH`.
+    """
+    depth = 0
+    for event in yaml.parse(text, Loader=_Loader):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > MAX_DEPTH:
+            raise YamlError(f"is nested deeper than {MAX_DEPTH} levels", _line(event.start_mark))
+
+
+def _plain(
+    node: yaml.Node, path: KeyPath, line: int, loader: yaml.SafeLoader, lines: dict[KeyPath, int]
+) -> object:
+    """Build the value of a node, aliases expanded, and note the lines of all values in it.
+
+    Raises:
+        YamlError: A value uses an unsupported feature, or there are too many.
+    """
+    if len(lines) >= MAX_VALUES or len(path) > MAX_DEPTH:
+        raise YamlError(
+            f"stands for more than {MAX_VALUES} values or {MAX_DEPTH} levels: aliases multiply", line
+        )
+    lines[path] = line
+    kind = node.tag.removeprefix(_PREFIX)
+    if kind not in _TAGS[type(node)]:
+        raise YamlError(f"{str(node.value)[:40]!r} reads as a {kind}, which is not supported; quote it", line)
+    if isinstance(node, yaml.SequenceNode):
+        return [
+            _plain(item, (*path, n), _line(item.start_mark), loader, lines)
+            for n, item in enumerate(node.value)
+        ]
+    if isinstance(node, yaml.MappingNode):
+        return _mapping(node, path, loader, lines)
+    value = loader.construct_object(node)
+    if isinstance(value, float) and not math.isfinite(value):
+        raise YamlError(f"{node.value} is not a finite number", line)
+    return value
+
+
+def _mapping(
+    node: yaml.MappingNode, path: KeyPath, loader: yaml.SafeLoader, lines: dict[KeyPath, int]
+) -> dict[str, object]:
+    """Build a dict; PyYAML would let the last of two equal keys win.
+
+    Raises:
+        YamlError: A key stands twice, is not a word, or is the merge key; or as `_plain`.
+    """
+    data: dict[str, object] = {}
+    for key, item in node.value:
+        line = _line(key.start_mark)
+        if key.tag == f"{_PREFIX}merge":
+            raise YamlError("the merge key << is not supported; write the keys out", line)
+        if not isinstance(key, yaml.ScalarNode) or not _WORD.fullmatch(key.value):
+            raise YamlError("a key has to be a single word", line)
+        if key.value in data:
+            raise YamlError(
+                f"the key {key.value!r} stands twice, first on line {lines[*path, key.value]}", line
+            )
+        data[key.value] = _plain(item, (*path, key.value), line, loader, lines)
+    return data
+
+
+def _line(mark: Any) -> int:  # noqa: ANN401 - the two parsers of PyYAML have each their own class
+    return int(mark.line) + 1

@@ -1,0 +1,52 @@
+"""Error frames of a controller: counted one by one, and told once for each illness."""
+
+import pytest
+
+from firmware_interface.socketcan import (
+    CONTROLLER_ACTIVE,
+    CONTROLLER_PASSIVE,
+    ErrorClass,
+    error_frame,
+    split_frames,
+)
+from footsense.can.bus_health import BusHealth
+from footsense.frames import CanStatistics
+
+S = 1_000_000_000
+TX_PASSIVE = 0x20
+assert TX_PASSIVE & CONTROLLER_PASSIVE
+
+
+def note(health: BusHealth, error: ErrorClass, t_ns: int, detail: int = 0) -> None:
+    health.note(*next(split_frames(error_frame(error, detail))), t_ns)
+
+
+def test_every_error_frame_counts_as_what_it_is() -> None:
+    """Restarts and returns to error active are errors of the bus, and nothing else."""
+    stats = CanStatistics()
+    health = BusHealth("can0", stats)
+    for n in range(3):
+        note(health, ErrorClass.CONTROLLER, n * S, TX_PASSIVE)
+        note(health, ErrorClass.CONTROLLER, n * S, CONTROLLER_ACTIVE)
+        note(health, ErrorClass.BUS_OFF, n * S)
+        note(health, ErrorClass.BUS_OFF, n * S)
+        note(health, ErrorClass.RESTARTED, n * S)
+    assert (stats.bus_errors, stats.error_passive, stats.bus_off) == (15, 3, 6)
+
+
+def test_each_illness_is_told_with_its_own_number_of_bus_offs(caplog: pytest.LogCaptureFixture) -> None:
+    """The second as the first; what is no illness is not told."""
+    health = BusHealth("can0", CanStatistics())
+    note(health, ErrorClass.CONTROLLER, 0, CONTROLLER_ACTIVE)
+    note(health, ErrorClass.RESTARTED, 0)
+    health.watch(100 * S)
+    assert caplog.records == []
+    for begin_ns, n_bus_off in ((100 * S, 3), (200 * S, 2)):
+        for n in range(n_bus_off):
+            note(health, ErrorClass.BUS_OFF, begin_ns + n)
+        health.watch(begin_ns + 99 * S)
+        health.watch(begin_ns + 99 * S)
+    lines = [record.getMessage() for record in caplog.records]
+    off = "CAN can0: bus-off: the wires are shorted, or the bit rates differ; frames are lost until the controller "
+    assert lines[::2] == [off + "restarts"] * 2
+    assert lines[1::2] == [f"CAN can0: no more errors; bus-off {n} times until then" for n in (3, 2)]
