@@ -21,7 +21,16 @@ from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS
 from footsense.ports import Estimator
 
-__all__ = ["BANDS", "MIN_LOADS", "Band", "DesignModels", "Estimates", "Evaluation", "estimate_loads", "evaluate"]
+__all__ = [
+    "BANDS",
+    "MIN_LOADS",
+    "Band",
+    "DesignModels",
+    "Estimates",
+    "Evaluation",
+    "estimate_loads",
+    "evaluate",
+]
 
 Vector = NDArray[np.float64]
 
@@ -76,7 +85,7 @@ class Estimates(NamedTuple):
     @property
     def usable(self) -> NDArray[np.bool_]:
         """Which loads have a force, shape (n,)."""
-        usable: NDArray[np.bool_] = np.isfinite(self.force_n).all(axis=1)
+        usable: NDArray[np.bool_] = np.asarray(np.isfinite(self.force_n).all(axis=1))
         return usable
 
 
@@ -124,8 +133,10 @@ def estimate_loads(
     closure_um = design.closure_um(loads.capacitance_pf - stray_pf, loads.baseline_pf - stray_pf)
     closure_rel = closure_um / design.gap_um / gain_rel
     # A NaN fails every comparison.
-    inside = (closure_rel >= trained_inputs.closure_rel_min) & (closure_rel <= trained_inputs.closure_limit_rel(gap_um))
-    trained = inside.all(axis=1)[:, None]
+    inside = (closure_rel >= trained_inputs.closure_rel_min) & (
+        closure_rel <= trained_inputs.closure_limit_rel(gap_um)
+    )
+    trained = inside.all(axis=1, keepdims=True)
     force_n, sigma_n = CalibratedFeet(network, [foot], len(loads)).estimate(
         np.where(trained, closure_rel, 0.0), np.zeros(closure_rel.shape, bool)
     )

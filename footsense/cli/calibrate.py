@@ -1,5 +1,6 @@
 """`footsense calibrate`: from recordings of a foot on the test stand to its calibration."""
 
+import importlib.util
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -54,10 +55,9 @@ def calibrate(
 
     The RECORDINGS are those of `footsense record --reference`, one or more of each session.
     """
-    try:
-        from footsense.calibration.fit.calibrate import calibrate_sessions
-    except ModuleNotFoundError as error:
-        raise ConfigError(f"calibrate needs {error.name}: pip install 'footsense[calibration]'") from error
+    _require_scipy()
+    from footsense.calibration.fit.calibrate import calibrate_sessions
+
     began_ns = stopwatch_ns()
     check_calibration_target(folder / foot, replace=replace)
     sessions = read_sessions(recordings, foot)
@@ -84,6 +84,16 @@ def calibrate(
         if as_json
         else _text(calibration, result, took_s)
     )
+
+
+def _require_scipy() -> None:
+    """Check, before the work, that the fit can be imported.
+
+    Raises:
+        ConfigError: scipy is missing.
+    """
+    if importlib.util.find_spec("scipy") is None:
+        raise ConfigError("the fit of a foot needs scipy: pip install 'footsense[calibration]'")
 
 
 def _figures(calibration: FootCalibration, result: "CalibrationResult", took_s: float) -> dict[str, Any]:
@@ -120,9 +130,9 @@ def _text(calibration: FootCalibration, result: "CalibrationResult", took_s: flo
     strays = f"stray {parameters.stray_pf.min():+.3f} to {parameters.stray_pf.max():+.3f} pF"
     gaps = f"gaps {parameters.gap_um.min():.1f} to {parameters.gap_um.max():.1f} um"
     temperature = "" if result.temperature_c is None else f" at {result.temperature_c:.1f} degC"
+    origin = f"{result.n_loads} loads in {calibration.manifest.n_sessions} sessions{temperature}"
     lines = [
-        f"{calibration.folder}: {result.n_loads} loads in {calibration.manifest.n_sessions} sessions{temperature}, "
-        f"{took_s:.1f} s",
+        f"{calibration.folder}: {origin}, {took_s:.1f} s",
         f"  stiffness {1.0 + parameters.stiffness_rel:.3f} of the design's, {strays}, {gaps}",
         f"  predicted uncertainty: {predicted.direction_deg:.2f} deg, {predicted.magnitude_rel:.1%} of the force",
     ]

@@ -22,9 +22,7 @@ def check_config(file: Path) -> None:
     config = load_config(file)
     calibrations = daemon.load_calibrations(config)
     network = daemon.load_network(config, calibrations)
-    daemon.pipeline_for(
-        config, network, 0, calibrations
-    )  # refuses what these feet cannot tell, as a run would
+    daemon.pipeline_for(config, network, 0, calibrations)  # raises as a run would
     for line in _summary(config, network, calibrations):
         click.echo(line)
     for warning in warnings(config):
@@ -35,7 +33,6 @@ def _summary(config: Config, network: Network, calibrations: Mapping[str, FootCa
     realtime, metrics = config.realtime, config.metrics
     model = "that of the calibrations" if calibrations else config.model
     cpu = "" if realtime is None or realtime.cpu is None else f" on processor {realtime.cpu}"
-    gang = ", column by column in the air" if config.scan.gang else ""
     design = network.card.trained_inputs.design
     return [
         f"{len(config.legs)} legs on the board {config.board}",

@@ -13,9 +13,7 @@ from footsense.foot.response_table import FootResponse
 
 __all__ = ["design_models", "foot_option", "foot_type_option", "recordings_argument"]
 
-recordings_argument = click.argument(
-    "recordings", nargs=-1, required=True, type=click.Path(path_type=Path)
-)
+recordings_argument = click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
 foot_option = click.option("--foot", required=True, help="The foot on the test stand, such as foot-0007.")
 foot_type_option = click.option(
     "--foot-type",

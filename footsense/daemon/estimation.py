@@ -109,7 +109,9 @@ def pipeline_for(
         max_age_ns=round(config.stale_after_ms * 1e6),
         settled_ns=round(_SETTLED_SCANS * config.shortest_scan_ms * 1e6),
         flags=flags,
-        gap_um=_per_leg(config, {leg: foot.gap_um for leg, foot in feet.items()}, trained_inputs.design.gap_um),
+        gap_um=_per_leg(
+            config, {leg: foot.gap_um for leg, foot in feet.items()}, trained_inputs.design.gap_um
+        ),
         gain_rel=_per_leg(config, {leg: foot.gain_rel for leg, foot in feet.items()}, 1.0),
         feet=[calibrations[leg].manifest.foot if leg in calibrations else "" for leg in config.legs],
         body_weight_n=config.body_weight_n,

@@ -12,7 +12,7 @@ from footsense.calibration.session.reference_checks import reference_check
 from footsense.config.test_stand import StandConfig
 from footsense.estimation.network import Network
 from footsense.sim.scene import CalibrationLoads, Effects, Fabrication, Scene
-from footsense.sim.test_stand.calibration_loads import paper_presses
+from footsense.sim.test_stand.press_sequence import paper_presses
 
 __all__ = ["practice_scene", "session_guide"]
 

@@ -7,8 +7,8 @@ A calibration is the folder that a calibrated foot ships with, `foot-0007/`:
     network.onnx     network of the design that the parameters were fitted on, with its checksum
     card.md          the same for people
 
-The last entry of the manifest is the SHA-256 of its other entries, encoded without spaces in the order of `Manifest`. So
-a calibration has one hash, by which recordings name it, and every edit by hand is detected.
+The last entry of the manifest is the SHA-256 of its other entries, encoded without spaces in the order of `Manifest`.
+So a calibration has one hash, by which recordings name it, and every edit by hand is detected.
 """
 
 import hashlib

@@ -1,9 +1,9 @@
 """Read and check a foot's calibration: it is used whole and for its own foot, or not at all."""
 
 import hashlib
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -99,10 +99,12 @@ def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> F
             f"{found.network_sha256[:12]}; calibrate the foot on this one"
         )
     try:
-        values = {field.name: getattr(found, field.name) for field in fields(FootParameters)}
-        parameters = FootParameters(
-            **{name: np.array(value) if isinstance(value, list) else value for name, value in values.items()}
-        )
+        values: dict[str, Any] = {
+            name: np.array(value) if isinstance(value, list) else value
+            for name, value in msgspec.structs.asdict(found).items()
+            if name in FootParameters.__slots__
+        }
+        parameters = FootParameters(**values)
     except ValueError as error:
         raise ModelError(f"{folder / PARAMETERS}: {error}") from None
     return FootCalibration(
@@ -136,7 +138,9 @@ def _content(path: Path) -> bytes:
             raise ModelError(f"{path}: has {path.stat().st_size} bytes, at most {MAX_BYTES} are read")
         return path.read_bytes()
     except FileNotFoundError:
-        raise ModelError(f"{path}: missing; a calibration is used whole or not at all, copy it again") from None
+        raise ModelError(
+            f"{path}: missing; a calibration is used whole or not at all, copy it again"
+        ) from None
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
 

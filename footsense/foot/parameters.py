@@ -1,14 +1,14 @@
 """Parameters in which one foot differs from its design: everything that the daemon needs to read it right.
 
-Stray, unloaded reading, gap and gain belong to the electrodes and act before the network, the rest behind it. With p the
-force that the network of the design estimates from the foot's own closures,
+Stray, unloaded reading, gap and gain belong to the electrodes and act before the network, the rest behind it. With p
+the force that the network of the design estimates from the foot's own closures,
 
     f = M p + C phi(p),        M = (1 + stiffness) * mount^T
 
 M is exact for a linear solid, even where gaps close at the design's closures; C phi(p) is the learnt residual.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -81,7 +81,7 @@ class FootParameters:
 
     def as_lists(self) -> dict[str, Any]:
         """Return all parameters as lists and floats by name, for a file."""
-        return {each.name: np.asarray(getattr(self, each.name)).tolist() for each in fields(self)}
+        return {name: np.asarray(getattr(self, name)).tolist() for name in self.__slots__}
 
 
 def features(force_n: Vector) -> Vector:

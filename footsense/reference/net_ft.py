@@ -3,8 +3,8 @@
     request   header u16 0x1234 | command u16 | samples u32, 0 for no end              8 bytes
     record    rdt sequence u32 | ft sequence u32 | status u32 | fx fy fz tx ty tz i32   36 bytes, one or more a packet
 
-All big-endian. Forces are counts; the sensor's web page shows the counts per unit. The rdt sequence increases by one with
-each record, at the output rate set there; a status other than zero means that the sensor needs attention.
+All big-endian. Forces are counts; the sensor's web page shows the counts per unit. The rdt sequence increases by one
+with each record, at the output rate set there; a status other than zero means that the sensor needs attention.
 
 Source:
     ATI, Net F/T manual 9620-05-NET FT, section RDT, and table 5.1 for the status.

@@ -2,12 +2,11 @@
 
 The loop reads bytes once a scan and finds several samples at once; which of them has just arrived is unknown. So the
 sensor's own time is mapped by the lower envelope of all delays (`footsense.clock_map`): in some scans the newest sample
-has arrived just before. A sensor without timestamps has its sequence numbers, and without those its samples are counted,
-and the count is corrected when samples are lost.
+has arrived just before. Without timestamps, sequence numbers count; without those, its samples are counted, and the
+count is corrected when samples are lost.
 """
 
 from collections import deque
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,7 +76,7 @@ class SampleTimes:
         if records.t_ns is not None:
             theirs = records.t_ns.tolist()
         else:
-            numbers: Sequence[int] = range(self._count + 1, self._count + n + 1)
+            numbers = list(range(self._count + 1, self._count + n + 1))
             if records.sequence is not None:
                 numbers = records.sequence.tolist()
             theirs = [round(number * self._period_ns) for number in numbers]
@@ -105,7 +104,9 @@ class SampleTimes:
     ) -> None:
         """Count the gaps by the sensor's clock; across a jump or restart, by ours."""
         before = self._last
-        for t_theirs_ns, t_ours_ns, t_waited_ns, restarted in zip(theirs, ours, waited, restarts, strict=True):
+        for t_theirs_ns, t_ours_ns, t_waited_ns, restarted in zip(
+            theirs, ours, waited, restarts, strict=True
+        ):
             if before is not None:
                 since_ns = t_waited_ns - before[1] if restarted else t_theirs_ns - before[0]
                 self.n_missing += max(round(since_ns / self._period_ns) - 1, 0)

@@ -17,7 +17,7 @@ from footsense.frames import LEGS
 from footsense.sim.faults.scene_faults import FORMER_FAULTS, Fault, Leg
 from footsense.sim.foot.fabrication import AS_BADLY_MADE, REMOUNT_DEG, FootTolerances
 from footsense.sim.loads import ground_load
-from footsense.sim.test_stand.calibration_loads import PressSequence, paper_presses
+from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 
 _NS_PER_S = 1_000_000_000
 #: Lowest elevation of a contact [deg].
@@ -106,21 +106,21 @@ class MeasuredWalk(_Part, frozen=True, tag="measured_walk", tag_field="kind"):
 
 
 class CalibrationLoads(_Part, frozen=True, tag="calibration_loads", tag_field="kind"):
-    """A bench that pokes every foot through the centre of its ball, once after the other.
+    """Presses of all feet through the centre of the ball, one after the other, as on a test stand.
 
     Attributes:
         presses: The forces [N]; or the paper's: `training`, 362, or `verification`, 180.
-        rise_s: How long a force grows, and how long it goes [s].
-        dwell_s: How long it stands [s].
-        rest_s: How long the foot is free before the next [s].
+        rise_s: Duration of a force's rise, and of its fall [s].
+        dwell_s: Duration of the constant force [s].
+        pause_s: Time without load before the next press [s].
         lean_deg: Root mean square angle between the contact's normal and the force [deg].
-        seed: Of how each one leans.
+        seed: Seed of these angles.
     """
 
     presses: Literal["training", "verification"] | Annotated[tuple[_Pressing, ...], Meta(min_length=1)]
     rise_s: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.1
     dwell_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 0.6
-    rest_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 0.4
+    pause_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 0.4
     lean_deg: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
     seed: Annotated[int, Meta(ge=0)] = 1
 
@@ -131,7 +131,7 @@ class CalibrationLoads(_Part, frozen=True, tag="calibration_loads", tag_field="k
             from_ns=from_ns,
             rise_ns=round(self.rise_s * _NS_PER_S),
             dwell_ns=round(self.dwell_s * _NS_PER_S),
-            rest_ns=round(self.rest_s * _NS_PER_S),
+            pause_ns=round(self.pause_s * _NS_PER_S),
             lean_deg=self.lean_deg,
             seed=self.seed,
         )

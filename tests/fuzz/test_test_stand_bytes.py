@@ -1,4 +1,4 @@
-"""What a test stand is made of: bytes of its sensors, files that describe or replace them, and the calibrations that come of it."""
+"""Test stands: bytes of their sensors, files that describe or replace them, and calibrations."""
 
 import hashlib
 import json
@@ -20,19 +20,19 @@ from footsense.daemon import FOOT_TYPE
 from footsense.foot.calibration_format import MANIFEST, PARAMETERS, Manifest
 from footsense.foot.calibration_reader import read_calibration
 from footsense.frames import Reading, Reference
-from footsense.reference.mounting import Mounting
 from footsense.reference.net_ft import NetFtReference
-from footsense.reference.record_decoder import BinaryDecoder, Decoder, LineDecoder
+from footsense.reference.record_decoder import BinaryDecoder, LineDecoder, RecordDecoder
 from footsense.reference.recorded_file import read_csv
-from footsense.reference.sample_stream import ReferenceStream
+from footsense.reference.sample_stream import SampleStream
 from footsense.reference.sample_times import SampleTimes
+from footsense.reference.sensor_mounting import SensorMounting
 from footsense.sim.clock import VirtualClock
 from tests.fuzz.outcome import TRIED, refusal
 from tests.fuzz.test_texts import anything, texts
 from tests.support.calibrations import content
 
 SYNC = b"\xaa"
-MOUNTING = Mounting({"x": "x", "y": "y", "z": "z"}, (0.0, 0.0, 0.0), "gf", 1.0, (100, 100, 100))
+MOUNTING = SensorMounting({"x": "x", "y": "y", "z": "z"}, (0.0, 0.0, 0.0), "gf", 1.0, (100, 100, 100))
 LINES = [
     ("time_s", "fx", "fy", "fz"),
     ("time_us", "-", "fx", "fy", "fz"),
@@ -45,18 +45,18 @@ numbers = st.sampled_from(
 )
 
 
-def stream() -> ReferenceStream:
-    return ReferenceStream("sensor", MOUNTING, SampleTimes(200.0, 0))
+def stream() -> SampleStream:
+    return SampleStream("sensor", MOUNTING, SampleTimes(200.0, 0))
 
 
-def played(decoder: Decoder, pieces: list[bytes]) -> None:
+def played(decoder: RecordDecoder, pieces: list[bytes]) -> None:
     """Play bytes to a decoder, look by look: what comes of them are numbers, or it is refused in a line."""
     sensor = stream()
 
     def play() -> None:
         for number, piece in enumerate(pieces):
             rows = decoder.feed(piece)
-            sane(sensor.take(rows, len(piece), (number + 1) * 25_000_000, decoder.last_bad))
+            sane(sensor.convert(rows, len(piece), (number + 1) * 25_000_000, decoder.last_bad))
 
     refusal(play)
 
@@ -183,7 +183,7 @@ def test_any_records(pieces: list[bytes]) -> None:
 @pytest.fixture(scope="module")
 def calibration(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a calibration that is right."""
-    return write_calibration(tmp_path_factory.mktemp("feet"), content()).folder
+    return write_calibration(tmp_path_factory.mktemp("feet"), **content()).folder
 
 
 def forged(calibration: Path, name: str, changed: bytes) -> None:

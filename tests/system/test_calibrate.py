@@ -21,7 +21,7 @@ from footsense.recording.cycle_records import Numbered
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream
-from footsense.reference.mounting import NEWTON_PER
+from footsense.reference.sensor_mounting import NEWTON_PER
 from footsense.sim.scene import CalibrationLoads, Scene
 from tests.system.simulated_test_stand import MADE, presses
 
@@ -48,7 +48,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("bench") / "session.mcap"
     # The board's range ends below a shut gap.
     light = tuple((0.5 * x, 0.5 * y, 0.5 * z) for x, y, z in presses(24))
-    load = CalibrationLoads(presses=light, rise_s=0.1, dwell_s=0.7, rest_s=0.8)
+    load = CalibrationLoads(presses=light, rise_s=0.1, dwell_s=0.7, pause_s=0.8)
     scene = Scene(description="a bench", load=load, lead_in_s=2.0, fabrication=MADE)
     end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 500_000_000
     run = StandSession(test_stand=STAND, leg="lf", foot="foot-0007", session="one")

@@ -37,7 +37,7 @@ def refusal(*arguments: str | Path, kind: type[FootsenseError] = CalibrationErro
 
 
 def test_before_and_after(stand: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The calibration is found where calibrations are; of a badly made foot it takes degrees and grams, and the table says both."""
+    """The calibration is found in the default folder; it takes degrees and grams off a badly made foot's errors."""
     monkeypatch.chdir(stand)
     found: dict[str, Any] = json.loads(invoke("session.mcap", "--foot", "foot-0007", "--json").stdout)
     before, after = found["bands"]["all"].values()

@@ -21,7 +21,7 @@ from footsense.calibration.fit.predicted_uncertainty import (
     predict_uncertainty,
     require_identified,
 )
-from footsense.calibration.fit.twin import GAIN, GAP, MOUNT, STIFFNESS, STRAY, FootTwin
+from footsense.calibration.fit.twin import GAIN, MOUNT, STIFFNESS, STRAY, FootTwin
 from footsense.calibration.loads.calibration_load import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.calibration.session.reference_checks import require_consistent_reference
@@ -195,7 +195,9 @@ def _held_out(
     Raises:
         CalibrationError: The named session is not one of several.
     """
-    names = list(dict.fromkeys(session.name for session in sessions))  # one mounting may have several recordings
+    names = list(
+        dict.fromkeys(session.name for session in sessions)
+    )  # one mounting may have several recordings
     if hold_out is None and len(names) == 1:
         out = np.zeros(len(loads), bool)
         out[loads.spread_order()[_HELD_OUT_OF - 1 :: _HELD_OUT_OF]] = True

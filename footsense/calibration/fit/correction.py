@@ -73,7 +73,8 @@ def fit_correction(designed_n: Vector, physical_n: Vector, force_n: Vector) -> C
 
 
 def _ridge(terms: Vector, target: Vector, penalty: float) -> Vector:
-    return np.linalg.solve(terms.T @ terms + penalty * np.eye(FEATURES), terms.T @ target)
+    solution = np.linalg.solve(terms.T @ terms + penalty * np.eye(FEATURES), terms.T @ target)
+    return np.asarray(solution, np.float64)
 
 
 def _groups(force_n: Vector) -> NDArray[np.intp]:

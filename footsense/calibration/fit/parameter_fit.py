@@ -117,7 +117,7 @@ def _solve(twin: FootTwin, loads: LoadSet, start: Vector, *, shared_gap: bool) -
         )
         parameters = np.asarray(solution.x)
     slopes, distance = residuals.jacobian(parameters), residuals.distance(parameters)
-    return Fit(parameters, np.linalg.inv(slopes.T @ slopes), distance)
+    return Fit(parameters, np.asarray(np.linalg.inv(slopes.T @ slopes), np.float64), distance)
 
 
 class _Residuals:
@@ -136,7 +136,13 @@ class _Residuals:
     """
 
     def __init__(
-        self, twin: FootTwin, contact: ContactLoads, reading_pf: Vector, whitening: Vector, *, shared_gap: bool
+        self,
+        twin: FootTwin,
+        contact: ContactLoads,
+        reading_pf: Vector,
+        whitening: Vector,
+        *,
+        shared_gap: bool,
     ) -> None:
         self._twin, self._contact, self._reading_pf = twin, contact, reading_pf
         self._whitening, self._shared_gap = whitening, shared_gap

@@ -93,7 +93,11 @@ def _means(press: Press, dwell_ns: tuple[int, int], before: _Unloaded) -> Calibr
     """Return the means over a dwell minus those of the unloaded spans around it."""
     scans, samples = _within(press.t_ns, dwell_ns), _within(press.sample_ns, dwell_ns)
     middle_ns = (dwell_ns[0] + dwell_ns[1]) // 2
-    baseline_pf, offset_sum_n, offset_samples = before.capacitance_pf, press.offset_sum_n, press.offset_samples
+    baseline_pf, offset_sum_n, offset_samples = (
+        before.capacitance_pf,
+        press.offset_sum_n,
+        press.offset_samples,
+    )
     shift_pf = np.full(ELEMENTS, np.nan)
     after = None if press.after_ns is None else _unloaded(press, press.after_ns)
     if after is not None and after.n_samples and not np.isnan(after.capacitance_pf).any():

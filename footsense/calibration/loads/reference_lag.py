@@ -23,7 +23,9 @@ _REPORTED_S = 0.06
 _MIN_PRESSES = 5
 
 
-def lag_s(press: Press, dwell_ns: tuple[int, int], baseline_pf: Vector, offset_n: Vector, force_n: Vector) -> float:
+def lag_s(
+    press: Press, dwell_ns: tuple[int, int], baseline_pf: Vector, offset_n: Vector, force_n: Vector
+) -> float:
     """Return the delay of the reference [s]; NaN if the press was not recorded to its end.
 
     Args:

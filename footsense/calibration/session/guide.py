@@ -110,6 +110,8 @@ class SessionGuide:
             self._messages.append(f"warning: {lag}")
         findings = self._check(self.loads_n, np.array(self._estimate_n))
         # The same finding with a slightly different figure is not reported again.
-        if [line.partition(":")[2] for line in findings] != [line.partition(":")[2] for line in self.findings]:
+        if [line.partition(":")[2] for line in findings] != [
+            line.partition(":")[2] for line in self.findings
+        ]:
             self._messages += findings
         self.findings = findings

@@ -62,7 +62,9 @@ class RecordedSession:
         if lag := lag_message([load.lag_s for load in self.loads]):
             warnings.append(f"{self.path}: {lag}")
         if self.test_stand is None:
-            warnings.append(f"{self.path}: does not describe its test stand; units and axes cannot be checked")
+            warnings.append(
+                f"{self.path}: does not describe its test stand; units and axes cannot be checked"
+            )
         if self.n_lost:
             warnings.append(f"{self.path}: {self.n_lost} cycles were lost when it was recorded")
         if self.damage:

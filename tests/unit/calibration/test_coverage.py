@@ -1,28 +1,30 @@
 """What has been pressed, what is missing, and whether the reference may be believed."""
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
 
 from footsense.calibration.session.coverage import LOWEST_DEG, Coverage
-from footsense.calibration.session.reference_checks import implausible
+from footsense.calibration.session.reference_checks import reference_check
+from footsense.config.test_stand import Axes, Simulated, StandConfig
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.reference.mounting import NEWTON_PER, Mounting
-from footsense.sim.test_stand.calibration_loads import paper_presses
+from footsense.reference.sensor_mounting import NEWTON_PER, SensorMounting
+from footsense.sim.test_stand.press_sequence import paper_presses
 from tests.support.presses import direction
 
 
 def test_the_wishes_make_a_set_that_is_enough() -> None:
     """Whoever presses what is wished for covers two magnitudes, with few more loads than are wanted."""
     coverage = Coverage(40)
-    while not coverage.enough:
+    while not coverage.complete:
         azimuth_deg, elevation_deg, magnitude_gf = coverage.next
         assert LOWEST_DEG <= elevation_deg <= 90.0
         coverage.add(magnitude_gf * GRAM_FORCE_N * direction(azimuth_deg, elevation_deg))
     assert 40 <= coverage.n_loads <= 44
     assert coverage.counts[1] == 0
-    assert coverage.words().startswith(f"{coverage.n_loads} of 40 loads; directions covered: ")
+    assert coverage.summary().startswith(f"{coverage.n_loads} of 40 loads; directions covered: ")
 
 
 @pytest.mark.parametrize(
@@ -41,7 +43,7 @@ def test_many_loads_are_not_enough_where_they_are_alike(
     coverage = Coverage(20)
     for force_n in forces_n:
         coverage.add(force_n)
-    assert not coverage.enough
+    assert not coverage.complete
 
 
 def test_the_papers_protocol_is_enough() -> None:
@@ -49,7 +51,7 @@ def test_the_papers_protocol_is_enough() -> None:
     coverage = Coverage(362)
     for force_n in paper_presses("training"):
         coverage.add(force_n)
-    assert coverage.enough
+    assert coverage.complete
 
 
 def feet(seed: int, n: int = 12) -> tuple[np.ndarray, np.ndarray]:
@@ -67,8 +69,14 @@ def feet(seed: int, n: int = 12) -> tuple[np.ndarray, np.ndarray]:
 def judged(
     said_n: object, estimate_n: object, units: str, axes: list[str], mount_deg: tuple[float, ...]
 ) -> list[str]:
-    turn = Mounting({"x": "x", "y": "y", "z": "z"}, mount_deg, "N", 1.0, (1, 1, 1)).apply(np.eye(3))[0]
-    return implausible(np.asarray(said_n), np.asarray(estimate_n), NEWTON_PER, units, axes, turn)
+    described: dict[str, Any] = {
+        "sensor": Simulated(),
+        "rated": (1.0, 1.0, 1.0),
+        "units": units,
+        "mount_deg": mount_deg,
+    }
+    test_stand = StandConfig(axes=Axes(**dict(zip("xyz", axes, strict=True))), **described)
+    return reference_check(test_stand)(np.asarray(said_n), np.asarray(estimate_n))
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -98,9 +106,13 @@ def test_wrong_axes_are_named_with_those_that_fit(
     forces_n, estimate_n = feet(2)
     right = ["-x", "-y", "-z"]
     sensor = forces_n @ np.linalg.inv(
-        Mounting(dict(zip("xyz", right, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)).apply(np.eye(3))[0]
+        SensorMounting(dict(zip("xyz", right, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)).apply(np.eye(3))[
+            0
+        ]
     )
-    said_n = Mounting(dict(zip("xyz", given, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)).apply(sensor)[0]
+    said_n = SensorMounting(dict(zip("xyz", given, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)).apply(
+        sensor
+    )[0]
     (line,) = judged(said_n, estimate_n, "N", given, mount_deg)
     assert "axes: {x: -x, y: -y, z: -z} would fit" in line
 

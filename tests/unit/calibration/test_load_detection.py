@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from footsense.calibration.session.reference_lag import lag_words
 from numpy.typing import NDArray
 
+from footsense.calibration.loads.calibration_load import Rejection
 from footsense.calibration.loads.detection import find_loads
-from footsense.calibration.loads.press import Rejection
-from footsense.calibration.session.reference_lag import lag_words
 from footsense.frames import Reading
 from tests.support.feet import DESIGN
 from tests.support.presses import (
@@ -42,7 +42,7 @@ def test_loads_are_what_was_pressed() -> None:
         assert (np.abs(error_n) < 5 * SAMPLE_NOISE_N / np.sqrt(min(load.n_samples, 60))).all()
         assert load.force_noise_n == pytest.approx(SAMPLE_NOISE_N, rel=0.3)
         held_pf = DESIGN.capacitance_pf(np.array(hold.force_n) @ CLOSURE_REL * DESIGN.gap_um)
-        assert load.capacitance_pf - load.rest_pf == pytest.approx(held_pf - DESIGN.rest_pf, abs=1e-3)
+        assert load.capacitance_pf - load.baseline_pf == pytest.approx(held_pf - DESIGN.rest_pf, abs=1e-3)
         assert load.estimate_n == pytest.approx(hold.force_n, abs=0.01)
         assert 0.8 < load.dwell_s < 1.2
         assert abs(load.t_ns * 1e-9 - 1.0 - (hold.at_s + 0.2 + hold.held_s / 2)) < 0.1
@@ -54,7 +54,7 @@ def test_loads_are_what_was_pressed() -> None:
         (ONE._replace(held_s=0.15), {}, Rejection.TOO_SHORT),
         (ONE._replace(held_s=0.05, rise_s=1.2), {}, Rejection.SLIPPED),
         (ONE._replace(force_n=(0.0, 0.0, 0.05)), {}, Rejection.TOO_LIGHT),
-        (ONE._replace(held_s=9.0), {}, Rejection.NOT_LET_GO),
+        (ONE._replace(held_s=9.0), {}, Rejection.NOT_RELEASED),
         (ONE, {"saturated": lambda t_s: t_s > 2.0}, Rejection.REFERENCE_SATURATED),
         (ONE, {"missing": lambda t_s: t_s > 1.8}, Rejection.REFERENCE_MISSING),
         (ONE, {"missing": lambda t_s: t_s < 1.5}, Rejection.REFERENCE_MISSING),
@@ -70,7 +70,7 @@ def test_what_does_not_count_has_a_reason(hold: Hold, more: dict[str, Any], why:
     """Each way of spoiling a press is told from the others, in words, and without a number."""
     loads = find_loads(cycles(felt(hold), 5.5, **more), 0)
     assert [load.rejection for load in loads] == [why]
-    assert loads[0].words
+    assert loads[0].reason
     assert why is Rejection.TOO_LIGHT or np.isnan(loads[0].force_n).all()
 
 
@@ -80,7 +80,7 @@ def test_an_element_that_is_silent_afterwards_leaves_the_rest_before() -> None:
         cycles(felt(ONE), 5.5, reading=lambda t_s: Reading.NO_ANSWER if t_s > 3.1 else Reading.OK), 0
     )
     assert load.rejection is None
-    assert np.isfinite(load.rest_pf).all()
+    assert np.isfinite(load.baseline_pf).all()
     assert np.isnan(load.shift_pf).all()
 
 
@@ -123,7 +123,7 @@ def test_pressed_again_at_once_is_two_loads() -> None:
     loads = find_loads(cycles(felt(ONE, ONE._replace(at_s=3.2)), 6.0), 0)
     assert [load.rejection for load in loads] == [None, None]
     assert np.isnan(loads[0].shift_pf).all()
-    assert loads[1].rest_pf == pytest.approx(loads[0].rest_pf, abs=1e-3)
+    assert loads[1].baseline_pf == pytest.approx(loads[0].baseline_pf, abs=1e-3)
 
 
 def test_a_slow_converter_is_enough() -> None:
@@ -141,7 +141,7 @@ def test_presses_in_a_row_each_have_their_own_zero() -> None:
     holds = [ONE._replace(at_s=1.5 + 1.2 * k, held_s=0.6, rise_s=0.1) for k in range(8)]
     loads = find_loads(cycles(felt(*holds), 12.0, drift_pf_per_s=0.02), 0)
     assert [load.rejection for load in loads] == [None] * 8
-    moved_pf = np.array([load.rest_pf - loads[0].rest_pf for load in loads]).mean(axis=1)
+    moved_pf = np.array([load.baseline_pf - loads[0].baseline_pf for load in loads]).mean(axis=1)
     assert moved_pf == pytest.approx(0.02 * 1.2 * np.arange(8), abs=1e-3)
     error_n = np.array([load.force_n - ONE.force_n for load in loads])
     assert np.sqrt((error_n[2:] ** 2).mean(axis=0)) == pytest.approx(np.zeros(3), abs=0.012)

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from footsense.calibration.fit.sessions import calibrate_sessions
-from footsense.calibration.loads.press import CalibrationLoad
+from footsense.calibration.fit.calibrate import calibrate_sessions
+from footsense.calibration.loads.calibration_load import CalibrationLoad
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
-from footsense.sim.test_stand.calibration_loads import paper_presses
+from footsense.sim.test_stand.press_sequence import paper_presses
 from tests.support.test_stand_loads import design, made, poked
 
 _FORCE_N = 0.3 * paper_presses("training")[::12]
@@ -24,7 +24,7 @@ def session(name: str, number: int) -> RecordedSession:
             0, 1.0, force_n, np.full(3, 0.01), pressed_pf, rest_pf, np.zeros(9), np.zeros(3), 200, 40, False
         )
         for force_n, pressed_pf, rest_pf in zip(
-            loads.force_n, loads.capacitance_pf, loads.rest_pf, strict=True
+            loads.force_n, loads.capacitance_pf, loads.baseline_pf, strict=True
         )
     ]
     return RecordedSession(
@@ -36,7 +36,7 @@ def session(name: str, number: int) -> RecordedSession:
         test_stand=None,
         temperature_c=None,
         loads=tuple(one),
-        refused=Counter(),
+        rejected=Counter(),
         n_lost=0,
         damage="",
     )

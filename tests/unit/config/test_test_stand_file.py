@@ -7,7 +7,7 @@ import pytest
 
 from footsense.config.test_stand import Serial, Simulated, load_test_stand
 from footsense.errors import ConfigError
-from footsense.reference.record_decoder import integer_bits
+from footsense.reference.record_columns import integer_bits
 
 DEPLOY = Path(__file__).parents[3] / "deploy"
 

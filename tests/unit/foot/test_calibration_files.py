@@ -59,7 +59,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     for field in dataclasses.fields(parameters()):
         assert np.array_equal(getattr(again.parameters, field.name), getattr(parameters(), field.name))
     assert again.manifest == written.manifest
-    assert again.manifest.held_out == content().held_out
+    assert again.manifest.held_out == content()["manifest"].held_out
     assert again.network_sha256 == hashlib.sha256(released("network.onnx").read_bytes()[:-86]).hexdigest()
     assert again.calibrated_at == CalibratedAt(23.5, STIFFNESS_PER_K)
     assert {entry.name for entry in feet.iterdir()} == {"foot-0007"}, "nothing is left beside it"
@@ -147,10 +147,10 @@ def test_a_pack_is_never_overwritten(tmp_path: Path) -> None:
     """A second one is refused; asked for, it takes the name, and the first is kept under a number and stays whole."""
     first = calibration(tmp_path)
     with pytest.raises(CalibrationError, match=r"with --replace the old one is kept as foot-0007\.1"):
-        write_calibration(tmp_path, content(n_loads=20))
+        write_calibration(tmp_path, **content(n_loads=20))
     assert read_calibration(first.folder, FOOT_TYPE).manifest == first.manifest
     for n_loads in (20, 50):
-        write_calibration(tmp_path, content(n_loads=n_loads), replace=True)
+        write_calibration(tmp_path, **content(n_loads=n_loads), replace=True)
     kept = [
         read_calibration(tmp_path / name, FOOT_TYPE) for name in ("foot-0007", "foot-0007.1", "foot-0007.2")
     ]
@@ -160,7 +160,7 @@ def test_a_pack_is_never_overwritten(tmp_path: Path) -> None:
 def test_a_name_that_is_none_is_refused_first(tmp_path: Path) -> None:
     """One line, and no folder; nor does a check of a right name leave one."""
     with pytest.raises(CalibrationError, match=r"^seven: is no identity of a foot, such as foot-0007$"):
-        write_calibration(tmp_path / "feet", content("seven"))
+        write_calibration(tmp_path / "feet", **content("seven"))
     check_calibration_target(tmp_path / "feet" / "foot-0007", replace=False)
     assert not list(tmp_path.iterdir())
 
@@ -172,6 +172,6 @@ def test_what_robots_would_refuse_is_not_written(tmp_path: Path, given: dict[str
     """A calibration that could not be read leaves nothing behind, not even a draft, and the old one where it was."""
     first = calibration(tmp_path)
     with pytest.raises(FootsenseError):
-        write_calibration(tmp_path, content(**given), replace=True)
+        write_calibration(tmp_path, **content(**given), replace=True)
     assert read_calibration(first.folder, FOOT_TYPE).manifest == first.manifest
     assert [entry.name for entry in tmp_path.iterdir()] == ["foot-0007"]

@@ -13,7 +13,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.sim.foot.viscoelastic import CREEP_REL, CREEP_TIME_S, PLAY_N, PLAY_REL, ViscoelasticElement
 from footsense.sim.robot import SimulatedRobot, Wiring
 from footsense.sim.scene import Effects, Fabrication, Scene, Unloaded, load_scene
-from footsense.sim.test_stand.calibration_loads import PressSequence, paper_presses
+from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 
 _UP = np.array([0.0, 0.0, 1.0])
 _MS = 1_000_000
@@ -37,7 +37,7 @@ def test_a_stick_presses_holds_and_lets_go(at_ms: int) -> None:
         from_ns=1000 * _MS,
         rise_ns=100 * _MS,
         dwell_ns=500 * _MS,
-        rest_ns=300 * _MS,
+        pause_ns=300 * _MS,
     )
     force_n = np.linalg.norm(loads.contact("lf", at_ms * _MS).force_n)
     number, since_ms = divmod(at_ms - 1000, 1000)
@@ -50,7 +50,7 @@ def test_a_stick_presses_holds_and_lets_go(at_ms: int) -> None:
 def test_contacts_lean_by_what_was_said() -> None:
     """The angle between normal and force has the stated rms; the force itself does not change."""
     force_n = np.tile([0.3, 0.2, 0.9], (4000, 1))
-    loads = PressSequence(force_n, from_ns=0, rise_ns=0, dwell_ns=1, rest_ns=1, lean_deg=2.0, seed=3)
+    loads = PressSequence(force_n, from_ns=0, rise_ns=0, dwell_ns=1, pause_ns=1, lean_deg=2.0, seed=3)
     contacts = [loads.contact("lf", 2 * k) for k in range(len(force_n))]
     cosines = [contact.normal @ contact.force_n / np.linalg.norm(contact.force_n) for contact in contacts]
     assert math.degrees(math.sqrt(np.mean(np.arccos(cosines) ** 2))) == pytest.approx(2.0, rel=0.05)
