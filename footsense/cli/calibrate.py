@@ -1,13 +1,13 @@
 """`footsense calibrate`: from recordings of a foot on the test stand to its calibration."""
 
-import importlib.util
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 import footsense
+from footsense.calibration.fit.calibrate import CalibrationResult, calibrate_sessions
 from footsense.calibration.session.recorded_session import read_sessions
 from footsense.calibration.writer import check_calibration_target, write_calibration
 from footsense.cli.test_stand_options import (
@@ -17,13 +17,9 @@ from footsense.cli.test_stand_options import (
     recordings_argument,
 )
 from footsense.clock import stopwatch_ns, wall_time_iso
-from footsense.errors import ConfigError
 from footsense.foot.calibration_format import Manifest
 from footsense.foot.calibration_reader import FootCalibration
 from footsense.foot.force_errors import Errors
-
-if TYPE_CHECKING:
-    from footsense.calibration.fit.calibrate import CalibrationResult
 
 
 @click.command()
@@ -55,9 +51,6 @@ def calibrate(
 
     The RECORDINGS are those of `footsense record --reference`, one or more of each session.
     """
-    _require_scipy()
-    from footsense.calibration.fit.calibrate import calibrate_sessions
-
     began_ns = stopwatch_ns()
     check_calibration_target(folder / foot, replace=replace)
     sessions = read_sessions(recordings, foot)
@@ -86,17 +79,7 @@ def calibrate(
     )
 
 
-def _require_scipy() -> None:
-    """Check, before the work, that the fit can be imported.
-
-    Raises:
-        ConfigError: scipy is missing.
-    """
-    if importlib.util.find_spec("scipy") is None:
-        raise ConfigError("the fit of a foot needs scipy: pip install 'footsense[calibration]'")
-
-
-def _figures(calibration: FootCalibration, result: "CalibrationResult", took_s: float) -> dict[str, Any]:
+def _figures(calibration: FootCalibration, result: CalibrationResult, took_s: float) -> dict[str, Any]:
     predicted, parameters, held_out = result.predicted, calibration.parameters, result.held_out
     return {
         "calibration": str(calibration.folder),
@@ -125,7 +108,7 @@ def _errors(errors: Errors) -> dict[str, float]:
     return {"direction_deg": errors.direction_deg, "magnitude_gf": errors.magnitude_gf, "loads": errors.n}
 
 
-def _text(calibration: FootCalibration, result: "CalibrationResult", took_s: float) -> str:
+def _text(calibration: FootCalibration, result: CalibrationResult, took_s: float) -> str:
     parameters, predicted, held_out = calibration.parameters, result.predicted, result.held_out
     strays = f"stray {parameters.stray_pf.min():+.3f} to {parameters.stray_pf.max():+.3f} pF"
     gaps = f"gaps {parameters.gap_um.min():.1f} to {parameters.gap_um.max():.1f} um"

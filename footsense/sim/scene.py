@@ -105,6 +105,14 @@ class MeasuredWalk(_Part, frozen=True, tag="measured_walk", tag_field="kind"):
         return ground_load.measured_walk(self.peak_force_n, self.pitch_deg, from_ns)
 
 
+#: Words of earlier versions of `CalibrationLoads`, each with what replaces it.
+_FORMER_LOADS = {
+    "pokes": "now called calibration_loads",
+    "hold_s": "now called dwell_s",
+    "rest_s": "now called pause_s",
+}
+
+
 class CalibrationLoads(_Part, frozen=True, tag="calibration_loads", tag_field="kind"):
     """Presses of all feet through the centre of the ball, one after the other, as on a test stand.
 
@@ -293,7 +301,7 @@ def load_scene(name_or_path: str) -> Scene:
         raise ConfigError(
             f"no scene {name_or_path!r}: there are {', '.join(scene_names())}, or give the path of a YAML file"
         )
-    return strict_yaml.load(source, Scene, where, check=_contradiction, former=FORMER_FAULTS)
+    return strict_yaml.load(source, Scene, where, check=_contradiction, former=FORMER_FAULTS | _FORMER_LOADS)
 
 
 def _contradiction(scene: Scene) -> strict_yaml.Problem | None:

@@ -61,7 +61,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def rewritten(
     session: Path, path: Path, change: Callable[[Cycle], Cycle], stand: StandConfig = STAND
 ) -> Path:
-    """Write the session with changed cycles, and another bench's file in its header."""
+    """Write the session with changed cycles, and another test stand's file in its header."""
     recording = Replay(session)
     with path.open("wb") as file:
         described = msgspec.json.encode(stand).decode()
@@ -90,14 +90,14 @@ def invoke(*arguments: str | Path) -> Result:
 
 def test_a_pack_knows_at_what_temperature_it_was_made(session: Path, tmp_path: Path) -> None:
     """The mean of what the converter told; nothing as soon as one session does not tell."""
-    done = invoke(session, "--feet", tmp_path)
+    done = invoke(session, "--calibrations", tmp_path)
     assert done.exit_code == 0, done.exception
     told = [cycle.temperature_c for cycle in Replay(session) if cycle.temperature_c is not None]
     calibration = read_calibration(tmp_path / "foot-0007", "aoyagi-3x3")
     assert calibration.calibrated_at.temperature_c == pytest.approx(told[0][0])
     assert f" loads in 1 sessions at {told[0][0]:.1f} degC" in done.stdout
     untold = rewritten(session, tmp_path / "untold.mcap", lambda cycle: cycle._replace(temperature_c=None))
-    done = invoke(session, untold, "--feet", tmp_path / "both")
+    done = invoke(session, untold, "--calibrations", tmp_path / "both")
     assert done.exit_code == 0, done.exception
     assert read_calibration(tmp_path / "both" / "foot-0007", "aoyagi-3x3").calibrated_at.temperature_c is None
 
@@ -111,10 +111,10 @@ def test_a_reference_that_contradicts_the_foot_is_refused(session: Path, tmp_pat
     swap = turned(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))
     swapped = rewritten(session, tmp_path / "swapped.mcap", swap, y_for_x)
     for path, words in (
-        (heavy, "its readings seem to be in N, and the bench's file says units: kgf"),
+        (heavy, "its readings seem to be in N, and the test stand's file says units: kgf"),
         (swapped, "axes: {x: -x, y: -y, z: -z} would fit"),
     ):
-        error = invoke(path, "--feet", tmp_path / "feet").exception
+        error = invoke(path, "--calibrations", tmp_path / "feet").exception
         assert isinstance(error, CalibrationError)
         assert str(error).startswith(f"{path}: the reference ")
         assert words in str(error)

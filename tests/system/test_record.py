@@ -44,7 +44,7 @@ def scene(folder: Path, presses: list[list[float]], dwell_s: float = 0.6) -> Pat
 
 
 def stand(folder: Path, text: str = SENSOR) -> Path:
-    """Write a bench's file."""
+    """Write a test stand's file."""
     path = folder / "test-stand.yaml"
     path.write_text(text)
     return path
@@ -82,9 +82,9 @@ def test_a_reference_that_contradicts_the_foot_is_doubted(tmp_path: Path) -> Non
     )
     assert done.returncode == 7
     last = done.stderr.splitlines()[-1]
-    assert last.startswith(f"footsense: {out} is kept, but do not calibrate by it: ")
+    assert last.startswith(f"footsense: {out} is kept, but do not calibrate with it: ")
     for words in (
-        "its readings seem to be in gf, and the bench's file says units: kgf",
+        "its readings seem to be in gf, and the test stand's file says units: kgf",
         "axes: {x: -x, y: -y, z: -z} would fit",
     ):
         assert words in done.stdout
@@ -128,8 +128,7 @@ def test_a_picture_that_is_there_stays(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert (
-        f"{tmp_path / 'one.png'}: exists and is not overwritten; what is covered is not drawn\n"
-        in done.stdout
+        f"{tmp_path / 'one.png'}: exists and is not overwritten; the coverage is not drawn\n" in done.stdout
     )
     assert (tmp_path / "one.png").read_bytes() == b"mine"
     assert Replay(out).header["session"] == "one"
@@ -199,14 +198,14 @@ def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
         os.close(its_end)
     assert asked == b"S\r\n"
     assert process.returncode == 0, drawn[-2000:]
-    for words in (b"50 gf: ", b"reference", b"next", b"not enough yet; next would be", b"opened 1 times"):
+    for words in (b"50 gf: ", b"reference", b"next", b"not complete; next would be", b"opened 1 times"):
         assert words in drawn
     session = read_session(out, "foot-0007")
     assert session.name == "one"
     assert not session.damage
     for load in session.loads:
         assert min(np.abs(load.force_n - force_n).max() for force_n in np.array(SIX)) < 0.04
-    calibrating = on_a_terminal("calibrate", out, "--foot", "foot-0007", "--feet", tmp_path / "feet")
+    calibrating = on_a_terminal("calibrate", out, "--foot", "foot-0007", "--calibrations", tmp_path / "feet")
     said = last_words(*calibrating).decode()
     assert calibrating[0].returncode == 0, said
     assert read_calibration(tmp_path / "feet" / "foot-0007", FOOT_TYPE).manifest.n_loads == len(session.loads)

@@ -1,1 +1,1 @@
-"""From calibration loads to the parameters of a foot, and the force errors that remain. Needs scipy."""
+"""From calibration loads to the parameters of a foot, and the force errors that remain."""

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from footsense.calibration.evaluation import DesignModels, estimate_loads
 from footsense.calibration.fit.correction import fit_correction
@@ -29,6 +28,7 @@ from footsense.errors import CalibrationError
 from footsense.foot.calibration_format import HeldOut
 from footsense.foot.force_errors import Errors, errors
 from footsense.foot.parameters import FootParameters
+from footsense.sim.foot.fabrication import rotation
 
 __all__ = ["MIN_LOADS", "CalibrationResult", "calibrate", "calibrate_sessions"]
 
@@ -137,7 +137,7 @@ def calibrate(models: DesignModels, loads: LoadSet) -> CalibrationResult:
         raise CalibrationError(
             f"none of {len(loads)} loads lies in the network's training range; press less hard"
         )
-    mount = Rotation.from_rotvec(fit.parameters[MOUNT]).as_matrix()
+    mount = rotation(fit.parameters[MOUNT])
     physical = replace(electrodes, stiffness_rel=stiffness_rel, mount=mount)
     designed_n, force_n = designed.force_n[read], loads.force_n[read]
     correction = fit_correction(designed_n, designed_n @ physical.force_matrix.T, force_n)

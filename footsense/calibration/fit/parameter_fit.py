@@ -6,17 +6,18 @@ known direction in the space of readings, so the covariance of one load's readin
     S = diag(sigma^2) + L L^T lean^2 + F (diag(sigma_f^2) + rubber^2 f f^T) F^T
 
 with L and F the model's slopes by the contact's normal and by the force. Loads that do not fit, such as an unnoticed
-slip, count less: Huber loss of the Mahalanobis distance of all nine readings together.
+slip, count less: Huber loss of the Mahalanobis distance of all nine readings together, minimised by Levenberg-Marquardt
+with reweighting.
 
 Source:
-    Huber, Annals of Mathematical Statistics 35, 1964, for the loss; docs/adr/0013-scipy-fits-a-foot.md.
+    Huber, Annals of Mathematical Statistics 35, 1964, for the loss; docs/adr/0013-our-own-fit-of-a-foot.md, for why
+    this is not scipy.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from footsense.calibration.fit.twin import (
     GAIN,
@@ -52,9 +53,9 @@ _NORMAL_STEP, _FORCE_STEP_REL = 2e-3, 1e-3
 _CLOSED_WITHIN_UM = 1e-6
 #: Mahalanobis distance of nine readings above which a load counts less: 99th percentile of chi with 9 degrees.
 _HUBER_DISTANCE = 4.65
-#: Evaluations with the covariance of the starting point, and with that of the parameters reached by then.
-_EVALUATIONS = (4, 25)
-_COST_TOLERANCE_REL = 1e-5
+_MAX_ITERATIONS, _TOLERANCE_REL, _MAX_DAMPING = 25, 1e-5, 1e8
+#: Iteration before which the covariance is evaluated again, at parameters that are nearly right.
+_REWHITEN_AT = 3
 #: Light loads needed for a first fit, and how many of them are used.
 _MIN_LIGHT_LOADS, _MAX_LIGHT_LOADS = 15, 40
 
@@ -101,108 +102,104 @@ def fit_parameters(twin: FootTwin, loads: LoadSet) -> Fit:
 
 
 def _solve(twin: FootTwin, loads: LoadSet, start: Vector, *, shared_gap: bool) -> Fit:
-    """Return the nearest optimum; `shared_gap` as of `_Residuals`."""
-    contact, parameters = ContactLoads.centred(loads.force_n), start
-    for n_evaluations in _EVALUATIONS:
-        whitening = _whitening(twin, parameters, contact, loads)
-        residuals = _Residuals(twin, contact, loads.undrifted_pf, whitening, shared_gap=shared_gap)
-        solution = least_squares(
-            residuals,
-            parameters,
-            residuals.jacobian,
-            twin.bounds(),
-            x_scale="jac",
-            ftol=_COST_TOLERANCE_REL,
-            max_nfev=n_evaluations,
-        )
-        parameters = np.asarray(solution.x)
-    slopes, distance = residuals.jacobian(parameters), residuals.distance(parameters)
-    return Fit(parameters, np.asarray(np.linalg.inv(slopes.T @ slopes), np.float64), distance)
+    """Return the optimum that Levenberg-Marquardt reaches from `start`; `shared_gap` as of `_State.slopes`."""
+    state = _State(twin, loads, _whitening(twin, start, loads), start)
+    damping = 1e-3
+    for iteration in range(_MAX_ITERATIONS):
+        if iteration == _REWHITEN_AT:
+            state = state.at(state.parameters, _whitening(twin, state.parameters, loads))
+        slopes = state.slopes(shared_gap=shared_gap)
+        curvature, gradient = slopes.T @ slopes, slopes.T @ state.residual
+        while damping < _MAX_DAMPING:
+            step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), -gradient)
+            tried = state.at(np.clip(state.parameters + step, *twin.bounds()))
+            if tried.cost < state.cost:
+                break
+            damping *= 10.0
+        else:
+            break
+        gain_rel = 1.0 - tried.cost / state.cost
+        state, damping = tried, max(damping / 10.0, 1e-9)
+        if gain_rel < _TOLERANCE_REL and iteration > _REWHITEN_AT:
+            break
+    slopes = state.slopes(shared_gap=shared_gap)
+    covariance = np.asarray(np.linalg.inv(slopes.T @ slopes), np.float64)
+    return Fit(state.parameters, covariance, state.distance)
 
 
-class _Residuals:
-    """Whitened misfit of the model, Huber-weighted load by load, and the parameters over their prior.
-
-    The squares sum to rho(distance) + |parameters / PRIOR|^2 with Huber's rho of one load's distance, so an ordinary
-    least-squares solver minimises the robust cost.
+class _State:
+    """Model and whitened misfit at some parameters.
 
     Args:
         twin: Model of the foot.
-        contact: The loads.
-        reading_pf: Measured readings [pF], shape (n, 9).
+        loads: The loads.
         whitening: Matrices that whiten one load's misfit [1/pF], shape (n, 9, 9).
-        shared_gap: Whether the slope of each gap is that of all gaps together on its own element, which does not vanish
-            as soon as one closes nearby; else its own on all elements, which vanishes unless it closes.
+        parameters: The parameters.
+
+    Attributes:
+        distance: Mahalanobis distance of each load [1], shape (n,).
+        residual: Whitened misfit, weighted down beyond Huber's distance, and parameters over their prior [1].
+        cost: Sum of Huber's losses of the distances and of the squared parameters over their prior [1].
     """
 
-    def __init__(
-        self,
-        twin: FootTwin,
-        contact: ContactLoads,
-        reading_pf: Vector,
-        whitening: Vector,
-        *,
-        shared_gap: bool,
-    ) -> None:
-        self._twin, self._contact, self._reading_pf = twin, contact, reading_pf
-        self._whitening, self._shared_gap = whitening, shared_gap
-        self._at = np.empty(0)
+    def __init__(self, twin: FootTwin, loads: LoadSet, whitening: Vector, parameters: Vector) -> None:
+        self._twin, self._loads, self._whitening = twin, loads, whitening
+        self._contact = ContactLoads.centred(loads.force_n)
+        self.parameters = parameters
+        self._cells_um = twin.cells_um(parameters, self._contact)
+        self._model_pf = twin.reading_pf(parameters, self._cells_um)
+        white = np.einsum("nij,nj->ni", whitening, self._model_pf - loads.undrifted_pf)
+        self.distance = np.linalg.norm(white, axis=1)
+        within = np.minimum(self.distance, _HUBER_DISTANCE)
+        self._weight = np.sqrt(_HUBER_DISTANCE / np.maximum(self.distance, _HUBER_DISTANCE))
+        prior = parameters / PRIOR
+        self.residual = np.concatenate([(self._weight[:, None] * white).ravel(), prior])
+        self.cost = float((within * (2.0 * self.distance - within)).sum() + (prior**2).sum())
 
-    def __call__(self, parameters: Vector) -> Vector:
-        """Return the residuals [1], shape (9 n + N_PARAMETERS,)."""
-        distance = self.distance(parameters)[:, None]
-        within = np.minimum(distance, _HUBER_DISTANCE)
-        root_rho = np.sqrt(within * (2.0 * distance - within))
-        weighted = self._white * root_rho / np.maximum(distance, 1e-12)
-        return np.concatenate([weighted.ravel(), parameters / PRIOR])
+    def at(self, parameters: Vector, whitening: Vector | None = None) -> "_State":
+        """Return the state at other parameters, with the same whitening or another."""
+        whitening = self._whitening if whitening is None else whitening
+        return _State(self._twin, self._loads, whitening, parameters)
 
-    def distance(self, parameters: Vector) -> Vector:
-        """Return the Mahalanobis distance of each load [1], shape (n,)."""
-        if not np.array_equal(parameters, self._at):
-            self._at = parameters.copy()
-            self._cells_um = self._twin.cells_um(parameters, self._contact)
-            self._model_pf = self._twin.reading_pf(parameters, self._cells_um)
-            self._white = np.einsum("nij,nj->ni", self._whitening, self._model_pf - self._reading_pf)
-        distance: Vector = np.linalg.norm(self._white, axis=1)
-        return distance
+    def slopes(self, *, shared_gap: bool) -> Vector:
+        """Return the slopes of the residual by each parameter, shape (9 n + N_PARAMETERS, N_PARAMETERS).
 
-    def jacobian(self, parameters: Vector) -> Vector:
-        """Return the slopes of the residuals, shape (9 n + N_PARAMETERS, N_PARAMETERS), with the exact gradient."""
-        distance = self.distance(parameters)
+        Args:
+            shared_gap: Whether the slope of each gap is that of all gaps together on its own element, which does not
+                vanish as soon as one closes nearby; else its own on all elements, which vanishes unless it closes.
+        """
         slopes_pf = np.zeros((*self._model_pf.shape, N_PARAMETERS))
         diagonal = np.arange(ELEMENTS)
-        for kind in (STRAY, GAIN, GAP) if self._shared_gap else (STRAY, GAIN):
-            moved = parameters.copy()
+        for kind in (STRAY, GAIN, GAP) if shared_gap else (STRAY, GAIN):
+            moved = self.parameters.copy()
             moved[kind] += _STEP[kind]
             cells_um = self._twin.cells_um(moved, self._contact) if kind is GAP else self._cells_um
             slope = (self._twin.reading_pf(moved, cells_um) - self._model_pf) / _STEP[kind]
             slopes_pf[:, diagonal, kind.start + diagonal] = slope
         for number in (*range(N_PARAMETERS)[STIFFNESS], *range(N_PARAMETERS)[MOUNT]):
-            slopes_pf[..., number] = self._slope_pf(parameters, number, slice(None))
-        for element in () if self._shared_gap else range(ELEMENTS):
-            cells_um = self._cells_um.reshape(len(distance), ELEMENTS, -1)[:, element]
-            at_gap = self._twin.gap_um(parameters)[element] - _CLOSED_WITHIN_UM
+            slopes_pf[..., number] = self._slope_pf(number, slice(None))
+        for element in () if shared_gap else range(ELEMENTS):
+            at_gap = self._twin.gap_um(self.parameters)[element] - _CLOSED_WITHIN_UM
+            cells_um = self._cells_um.reshape(len(self.distance), ELEMENTS, -1)[:, element]
             closed = (cells_um >= at_gap).any(axis=1)
             if closed.any():
                 number = GAP.start + element
-                slopes_pf[closed, :, number] = self._slope_pf(parameters, number, closed)
-        distance = np.maximum(distance, 1e-12)
-        within = np.minimum(distance, _HUBER_DISTANCE)
-        weight = np.sqrt(within / (2.0 * distance - within))
-        white = weight[:, None, None] * (self._whitening @ slopes_pf)
+                slopes_pf[closed, :, number] = self._slope_pf(number, closed)
+        white = self._weight[:, None, None] * (self._whitening @ slopes_pf)
         return np.concatenate([white.reshape(-1, N_PARAMETERS), np.diag(1.0 / PRIOR)])
 
-    def _slope_pf(self, parameters: Vector, number: int, rows: slice | NDArray[np.bool_]) -> Vector:
+    def _slope_pf(self, number: int, rows: slice | NDArray[np.bool_]) -> Vector:
         """Return the slope of some loads' readings by one parameter [pF per its unit], shape (rows, 9)."""
-        moved = parameters.copy()
+        moved = self.parameters.copy()
         moved[number] += _STEP[number]
         contact = ContactLoads(self._contact.normal[rows], self._contact.force_n[rows])
         slope: Vector = (self._twin.capacitance_pf(moved, contact) - self._model_pf[rows]) / _STEP[number]
         return slope
 
 
-def _whitening(twin: FootTwin, parameters: Vector, contact: ContactLoads, loads: LoadSet) -> Vector:
+def _whitening(twin: FootTwin, parameters: Vector, loads: LoadSet) -> Vector:
     """Return for each load the matrix that whitens its misfit, the inverse Cholesky factor of S, shape (n, 9, 9)."""
+    contact = ContactLoads.centred(loads.force_n)
     model_pf = twin.capacitance_pf(parameters, contact)
     step_n = _FORCE_STEP_REL * np.linalg.norm(contact.force_n, axis=1, keepdims=True)
     by_normal, by_force = [], []

@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from footsense.foot import gap_contact
 from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS
+from footsense.sim.foot.fabrication import rotation
 
 __all__ = ["GAIN", "GAP", "KINDS", "MOUNT", "N_PARAMETERS", "STIFFNESS", "STRAY", "ContactLoads", "FootTwin"]
 
@@ -74,7 +74,7 @@ class FootTwin:
 
     def cells_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
         """Return the closure of each cell, at most its gap [um], shape (n, 324); stray and gain do not matter."""
-        response, mount = self._response, Rotation.from_rotvec(parameters[MOUNT]).as_matrix()
+        response, mount = self._response, rotation(parameters[MOUNT])
         softness = 1.0 / (1.0 + float(parameters[STIFFNESS][0]))
         normal = self._lifted_to_rim(loads.normal @ mount.T)
         free_um = softness * response.free_closure_um(normal, loads.force_n @ mount.T)

@@ -94,7 +94,7 @@ def test_wrong_units_are_named(named: str, meant: str) -> None:
     forces_n, estimate_n = feet(1)
     said_n = forces_n * NEWTON_PER[named] / NEWTON_PER[meant]
     (line,) = judged(said_n, estimate_n, named, ["-x", "-y", "-z"], (0, 0, 0))
-    assert f"its readings seem to be in {meant}, and the bench's file says units: {named}" in line
+    assert f"its readings seem to be in {meant}, and the test stand's file says units: {named}" in line
 
 
 @pytest.mark.parametrize("mount_deg", [(0.0, 0.0, 0.0), (0.0, 0.0, 20.0)])

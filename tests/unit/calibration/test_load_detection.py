@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from footsense.calibration.session.reference_lag import lag_words
 from numpy.typing import NDArray
 
 from footsense.calibration.loads.calibration_load import Rejection
 from footsense.calibration.loads.detection import find_loads
+from footsense.calibration.loads.reference_lag import lag_message
 from footsense.frames import Reading
 from tests.support.feet import DESIGN
 from tests.support.presses import (
@@ -151,8 +151,8 @@ def test_presses_in_a_row_each_have_their_own_zero() -> None:
     ("late_s", "says"),
     [
         (0.0, ""),
-        (0.1, "100 ms behind the foot: latency_ms in the bench's file is too small by that"),
-        (-0.1, "100 ms ahead of the foot: latency_ms in the bench's file is too large by that"),
+        (0.1, "100 ms behind the foot: latency_ms in the test stand's file is too small by that"),
+        (-0.1, "100 ms ahead of the foot: latency_ms in the test stand's file is too large by that"),
     ],
 )
 @pytest.mark.parametrize("scan_ns", [SCAN_NS, 99_000_000])
@@ -170,5 +170,5 @@ def test_a_reference_of_another_time_is_told(late_s: float, says: str, scan_ns: 
     lags_s = [load.lag_s for load in find_loads(late, 0) if load.rejection is None]
     assert len(lags_s) == 6
     assert np.median(lags_s) == pytest.approx(late_s, abs=0.015)
-    words = lag_words(lags_s)
+    words = lag_message(lags_s)
     assert re.sub("(8|9|10|11)[0-9] ms", "100 ms", words).endswith(says) if says else not words

@@ -80,20 +80,20 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
         (shutil.rmtree, "foot-0007: no such calibration; `footsense calibrate` makes one"),
         (
             lambda folder: (folder / "manifest.json").unlink(),
-            "manifest.json: missing; a calibration is whole",
+            "manifest.json: missing; a calibration is used whole",
         ),
-        (lambda folder: (folder / "card.md").unlink(), "card.md: missing; a calibration is whole"),
+        (lambda folder: (folder / "card.md").unlink(), "card.md: missing; a calibration is used whole"),
         (
             lambda folder: change_byte(folder / "parameters.json", b"0.07", b"0.08"),
-            "parameters.json: is not what manifest.json has the hash of: edited by hand",
+            "parameters.json: does not match its hash in manifest.json: edited by hand",
         ),
         (
             lambda folder: change_byte(folder / "manifest.json", b'"n_loads": 362', b'"n_loads": 363'),
-            "manifest.json: is not what it says: edited by hand",
+            "manifest.json: does not match its own hash: edited by hand",
         ),
         (
-            lambda folder: change_byte(folder / "manifest.json", b'"format": 1', b'"format": 2'),
-            "manifest.json: calibration format 2, this version reads format 1",
+            lambda folder: change_byte(folder / "manifest.json", b'"format": 2', b'"format": 1'),
+            "manifest.json: calibration format 1, this version reads format 2",
         ),
         (
             lambda folder: change_byte(folder / "manifest.json", b'"n_loads"', b'"n_load"'),

@@ -184,7 +184,7 @@ def test_a_sensor_that_is_unplugged_is_missed_and_comes_back(
     assert figures.n_opened == 2
     assert [record.getMessage()[:28] for record in caplog.records] == [
         "sensor: no sample for 0.5 s;",
-        "sensor: speaks again; " + caplog.records[-1].getMessage()[22:28],
+        "sensor: sends again; " + caplog.records[-1].getMessage()[21:28],
     ]
     true_ns = clock.now_ns() - TRANSMISSION_NS - samples[-1, 0]
     assert -1e6 < true_ns < 1.2 * PERIOD_NS
@@ -210,7 +210,7 @@ def test_a_clock_that_jumps_is_followed_anew(jumps_at: int, caplog: pytest.LogCa
     assert stream.statistics(0, 1)[:2] == (1200, 0)
     assert times.n_jumps == 1
     assert [record.getMessage() for record in caplog.records] == [
-        "sensor: its clock has jumped; it is followed anew"
+        "sensor: its clock has jumped; the clock map restarts"
     ]
 
 

@@ -102,7 +102,8 @@ def test_a_press_below_the_known_response_is_refused_by_its_number(
     """One line that names the press."""
     file = tmp_path_factory.mktemp("scene") / "low.yaml"
     file.write_text(
-        "description: low\nload: {kind: loads, presses: [[0, 0, 1], [1, 0, 0.1]]}\n", encoding="utf-8"
+        "description: low\nload: {kind: calibration_loads, presses: [[0, 0, 1], [1, 0, 0.1]]}\n",
+        encoding="utf-8",
     )
     with pytest.raises(ConfigError, match=r"presses\[1\].*elevation of 6 deg"):
         load_scene(str(file))
