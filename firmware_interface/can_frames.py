@@ -14,10 +14,12 @@ Units:
 import math
 import struct
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 from firmware_interface.can_codes import NODE_IDS, USABLE, CommandKind, Flag, Result, State
-from firmware_interface.crc8 import FrameError, check, protect
+from firmware_interface.crc8 import COLUMN_CRC, ID_CRC, FrameError, check, crc8
+from firmware_interface.socketcan import FRAME_BYTES, pack_frame
 
 __all__ = [
     "FORCE_ID",
@@ -26,6 +28,7 @@ __all__ = [
     "CommandKind",
     "Flag",
     "Force",
+    "ForceQualityEncoder",
     "FrameError",
     "Quality",
     "Result",
@@ -81,6 +84,7 @@ class Quality(NamedTuple):
 
 _FORCE = struct.Struct("<Bhhh")
 _NO_FORCE = -32768
+_NO_FORCE_N = -32.768
 _MAX_FORCE_N = 32.767
 _FORCE_PER_N = 1000
 
@@ -91,6 +95,7 @@ _MAX_AGE_NS = (_NO_AGE - 1) * _AGE_NS
 _NO_SIGMA = 511
 _MAX_SIGMA = 510
 _SIGMA_PER_N = 500
+_MAX_SIGMA_N = _MAX_SIGMA / _SIGMA_PER_N
 # Rounds up, but not for what double arithmetic adds to a whole number of bits.
 _ROUND_UP = 1 - 1e-6
 
@@ -121,6 +126,95 @@ def state_of(code: int) -> State:
         raise FrameError(f"no state has the code {code}") from None
 
 
+class ForceQualityEncoder:
+    """Encoder of the `Force` and `Quality` frames of several legs in one pass.
+
+    A scan of six legs makes twelve frames, after every conversion in `publish: element`. One call encodes them all, and
+    the crcs are looked up for one byte of all frames at a time.
+
+    Args:
+        nodes: CAN node id of each leg, 1..6.
+    """
+
+    def __init__(self, nodes: Sequence[int]) -> None:
+        can_ids = [base + node for node in nodes for base in (FORCE_ID, QUALITY_ID)]
+        self._frames = bytearray(b"".join(pack_frame(can_id, bytes(8)) for can_id in can_ids))
+        self._n_frames = len(can_ids)
+        self._id_crcs = int.from_bytes(bytes(crc8(bytes(7), ID_CRC[can_id]) for can_id in can_ids), "little")
+
+    def encode(
+        self,
+        counter: int,
+        t_sent_ns: int,
+        t_ns: Sequence[int],
+        state: Sequence[int],
+        force_n: Sequence[Sequence[float]],
+        sigma_n: Sequence[Sequence[float]],
+        flags: Sequence[int],
+        fault_mask: Sequence[int],
+    ) -> bytes:
+        """Return each leg's `Force` and then its `Quality`, as `struct can_frame`s of 16 bytes.
+
+        Args:
+            counter: Sequence counter of all frames, 0..14.
+            t_sent_ns: Time of sending [ns].
+            t_ns: Time of each leg's measurement [ns]; 0 for none.
+            state: State of each leg.
+            force_n: Force of each leg [N], shape (legs, 3).
+            sigma_n: Its standard deviation [N], shape (legs, 3).
+            flags: Flags of each leg.
+            fault_mask: Unusable elements of each leg, 9 bits.
+
+        Timing:
+            12 us for six legs.
+        """
+        frames = self._frames
+        at = 8
+        legs = zip(t_ns, state, force_n, sigma_n, flags, fault_mask, strict=True)
+        for leg_t_ns, code, (x_n, y_n, z_n), sigmas_n, flag, mask in legs:
+            if not (
+                -_MAX_FORCE_N <= x_n <= _MAX_FORCE_N
+                and -_MAX_FORCE_N <= y_n <= _MAX_FORCE_N
+                and -_MAX_FORCE_N <= z_n <= _MAX_FORCE_N
+                and code in USABLE
+            ):
+                code, x_n, y_n, z_n = _sendable(code, (x_n, y_n, z_n))  # noqa: PLW2901
+            x, y, z = round(x_n * _FORCE_PER_N), round(y_n * _FORCE_PER_N), round(z_n * _FORCE_PER_N)
+            _FORCE.pack_into(frames, at + 1, code << 4 | counter, x, y, z)
+            age_ns = t_sent_ns - leg_t_ns
+            age = -(-age_ns // _AGE_NS) if leg_t_ns and 0 <= age_ns <= _MAX_AGE_NS else _NO_AGE
+            bits = counter | (flag & 0xF) << 4 | age << 8 | (mask & 0x1FF) << 20
+            shift = 29
+            for component_n in sigmas_n:
+                if 0.0 <= component_n < _MAX_SIGMA_N:
+                    bits |= int(component_n * _SIGMA_PER_N + _ROUND_UP) << shift
+                else:
+                    bits |= (_MAX_SIGMA if component_n > 0.0 else _NO_SIGMA) << shift
+                shift += 9
+            frames[at + FRAME_BYTES + 1 : at + FRAME_BYTES + 8] = bits.to_bytes(7, "little")
+            at += 2 * FRAME_BYTES
+        crcs = self._id_crcs
+        for column, table in enumerate(COLUMN_CRC, 9):
+            crcs ^= int.from_bytes(frames[column::FRAME_BYTES].translate(table), "little")
+        frames[8::FRAME_BYTES] = crcs.to_bytes(self._n_frames, "little")
+        return bytes(frames)
+
+
+def _sendable(state: int, force_n: tuple[float, float, float]) -> tuple[int, float, float, float]:
+    """Return the state and force to send for a state without force, or a force that is not finite or too large."""
+    if state in USABLE and not all(map(math.isfinite, force_n)):
+        state = State.ELEMENT_FAULT
+    if state not in USABLE:
+        return state, _NO_FORCE_N, _NO_FORCE_N, _NO_FORCE_N
+    x_n, y_n, z_n = (max(-_MAX_FORCE_N, min(_MAX_FORCE_N, component)) for component in force_n)
+    return state, x_n, y_n, z_n
+
+
+@cache
+def _encoder_of(node: int) -> ForceQualityEncoder:
+    return ForceQualityEncoder((node,))
+
+
 def encode_force(node: int, counter: int, state: int, force_n: Sequence[float]) -> bytes:
     """Return the 8 data bytes of `Force`.
 
@@ -132,31 +226,16 @@ def encode_force(node: int, counter: int, state: int, force_n: Sequence[float]) 
              +-------+-----+-----+-----------+-----------+-----------+
                       7..4  3..0
 
-    A force leaves whole and with the state VALID or DEGRADED, or not at all: under any other state all three
-    components are "no value", and such a force of which a component is NaN or infinite leaves as ELEMENT_FAULT.
-    One above 32.767 N leaves as that, which is not "no value".
+    All three components are sent, with the state VALID or DEGRADED, or none: under any other state they are "no
+    value", and a force with a component that is NaN or infinite is sent as ELEMENT_FAULT. A component above 32.767 N
+    saturates there, which is not "no value". Arguments as in `Force`.
 
     Example:
         >>> encode_force(1, 0, State.VALID, (0.5, -0.25, 1.0)).hex(" ")
         '9c 10 f4 01 06 ff e8 03'
     """
-    x_n, y_n, z_n = force_n
-    if not (
-        -_MAX_FORCE_N <= x_n <= _MAX_FORCE_N
-        and -_MAX_FORCE_N <= y_n <= _MAX_FORCE_N
-        and -_MAX_FORCE_N <= z_n <= _MAX_FORCE_N
-        and state in USABLE
-    ):
-        if state in USABLE and not all(map(math.isfinite, force_n)):
-            state = State.ELEMENT_FAULT
-        if state not in USABLE:
-            none = _FORCE.pack(state << 4 | counter, _NO_FORCE, _NO_FORCE, _NO_FORCE)
-            return protect(FORCE_ID + node, none)
-        x_n, y_n, z_n = (max(-_MAX_FORCE_N, min(_MAX_FORCE_N, component)) for component in force_n)
-    payload = _FORCE.pack(
-        state << 4 | counter, round(x_n * _FORCE_PER_N), round(y_n * _FORCE_PER_N), round(z_n * _FORCE_PER_N)
-    )
-    return protect(FORCE_ID + node, payload)
+    sigma_n = (_NAN, _NAN, _NAN)
+    return _encoder_of(node).encode(counter, 0, [0], [state], [force_n], [sigma_n], [0], [0])[8:16]
 
 
 def decode_force(can_id: int, data: bytes) -> Force:
@@ -189,24 +268,17 @@ def encode_quality(
         age: 0.1 ms per bit, 0xFFF: none, negative, or above 409.4 ms
         sigma: 2 mN per bit, 511: no value, 510: 1.02 N or more
 
-    Age and sigma are rounded up: a frame never looks younger or more certain than it is.
+    Age and sigma are rounded up: a frame never looks younger or more certain than it is. Arguments as in `Quality`.
 
     Example:
         >>> encode_quality(1, 0, Flag.SIMULATED, 12_300_000, 0, (0.01, 0.01, 0.02)).hex(" ")
         '04 10 7b 00 a0 40 01 05'
     """
-    x_n, y_n, z_n = sigma_n
-    age = _NO_AGE if age_ns is None or not 0 <= age_ns <= _MAX_AGE_NS else -(-age_ns // _AGE_NS)
-    bits = (
-        counter
-        | (flags & 0xF) << 4
-        | age << 8
-        | (fault_mask & 0x1FF) << 20
-        | _sigma_code(x_n) << 29
-        | _sigma_code(y_n) << 38
-        | _sigma_code(z_n) << 47
-    )
-    return protect(QUALITY_ID + node, bits.to_bytes(7, "little"))
+    t_ns, t_sent_ns = (0, 0) if age_ns is None else (1, age_ns + 1)
+    no_force = [State.ABSENT], [(_NAN, _NAN, _NAN)]
+    return _encoder_of(node).encode(counter, t_sent_ns, [t_ns], *no_force, [sigma_n], [flags], [fault_mask])[
+        24:
+    ]
 
 
 def decode_quality(can_id: int, data: bytes) -> Quality:
@@ -229,10 +301,3 @@ def decode_quality(can_id: int, data: bytes) -> Quality:
         fault_mask=bits >> 20 & 0x1FF,
         sigma_n=(x_n, y_n, z_n),
     )
-
-
-def _sigma_code(sigma_n: float) -> int:
-    """Return the 9 bits of a standard deviation; one that is negative or NaN is no value."""
-    if 0.0 <= sigma_n < _MAX_SIGMA / _SIGMA_PER_N:
-        return int(sigma_n * _SIGMA_PER_N + _ROUND_UP)
-    return _MAX_SIGMA if sigma_n > 0.0 else _NO_SIGMA

@@ -18,7 +18,7 @@ Source:
     (0x1D). Start and final value cancel out in that text; written plainly, both are 0.
 """
 
-__all__ = ["COUNTER_PERIOD", "FrameError", "check", "crc8", "next_counter", "protect"]
+__all__ = ["COLUMN_CRC", "COUNTER_PERIOD", "ID_CRC", "FrameError", "check", "crc8", "next_counter", "protect"]
 
 #: The counter takes this many values, 0..14.
 COUNTER_PERIOD = 15
@@ -57,10 +57,12 @@ def crc8(data: bytes, start: int = 0) -> int:
     return crc
 
 
-# The crc over each 11-bit id, from which that of its frames goes on, and each crc as the byte that leads a
-# frame: a cycle of six legs makes twelve frames, and looking up is faster than making.
-_ID_CRC = bytes(crc8(can_id.to_bytes(2, "little")) for can_id in range(0x800))
-_LEAD = [bytes([crc]) for crc in range(0x100)]
+#: The crc over each 11-bit id, from which the crc of its frames continues.
+ID_CRC = bytes(crc8(can_id.to_bytes(2, "little")) for can_id in range(0x800))
+
+#: By which each byte of a 7-byte payload changes its frame's crc, by place and value: the crc is linear, so that of a
+#: frame is the exclusive or of its id's, continued over seven zeros, and of these. `bytes.translate` takes a table.
+COLUMN_CRC = [bytes(crc8(bytes([byte]) + bytes(6 - place)) for byte in range(256)) for place in range(7)]
 
 
 def protect(can_id: int, payload: bytes) -> bytes:
@@ -70,10 +72,7 @@ def protect(can_id: int, payload: bytes) -> bytes:
         >>> protect(0x0123, bytes(7)).hex()
         'cc00000000000000'
     """
-    crc = _ID_CRC[can_id]
-    for byte in payload:
-        crc = _TABLE[crc ^ byte]
-    return _LEAD[crc] + payload
+    return bytes([crc8(payload, ID_CRC[can_id])]) + payload
 
 
 def check(can_id: int, data: bytes, length: int) -> int:
@@ -84,7 +83,7 @@ def check(can_id: int, data: bytes, length: int) -> int:
     """
     if len(data) != length:
         raise FrameError(f"frame 0x{can_id:03x} has {len(data)} bytes instead of {length}")
-    expected = crc8(data[1:], _ID_CRC[can_id])
+    expected = crc8(data[1:], ID_CRC[can_id])
     if data[0] != expected:
         raise FrameError(f"frame 0x{can_id:03x} has crc 0x{data[0]:02x} instead of 0x{expected:02x}")
     counter = data[1] & 0xF

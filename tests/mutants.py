@@ -22,8 +22,13 @@ WORK = ROOT / "build/mutants"
 
 #: The tests that have to notice a change: the fast ones of each room. A survivor is run against all that reach it.
 TESTS = {
-    "footsense/acquisition": ("tests/unit/acquisition", "tests/protocol", "tests/contract"),
-    "footsense/estimation": ("tests/unit/estimation",),
+    "footsense/acquisition": (
+        "tests/unit/acquisition",
+        "tests/unit/daemon/test_probe.py",
+        "tests/protocol",
+        "tests/contract",
+    ),
+    "footsense/estimation": ("tests/unit/estimation", "tests/fuzz/test_network_file.py"),
     "footsense/can": ("tests/unit/can", "tests/unit/firmware_interface"),
     "footsense/client": ("tests/contract/test_link.py", "tests/unit/cli/test_monitor.py"),
 }

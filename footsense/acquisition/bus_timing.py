@@ -12,6 +12,7 @@ from typing import NamedTuple
 from firmware_interface.i2c_timing import BUS_FREE_NS, transaction_bits
 from firmware_interface.schedule import ScanLimits, scan_limits
 from footsense.acquisition.scan_plan import ScanPlan
+from footsense.errors import NackError
 from footsense.frames import ELEMENTS
 from footsense.ports import Clock, I2cBus, Transaction
 
@@ -54,10 +55,17 @@ def measure(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
     def lasts_ns(n_read: int) -> float:
         transaction = Transaction(address, b"", n_read)
         durations_ns = []
+        lost = None
         for _ in range(_TRIES):
             start_ns = clock.now_ns()
-            bus.transfer(transaction)
-            durations_ns.append(clock.now_ns() - start_ns)
+            try:
+                bus.transfer(transaction)
+            except NackError as error:  # one acknowledge that is lost changes no median
+                lost = error
+            else:
+                durations_ns.append(clock.now_ns() - start_ns)
+        if lost is not None and not durations_ns:
+            raise lost
         return median(durations_ns)
 
     short_ns, long_ns = lasts_ns(_SHORT), lasts_ns(_LONG)
@@ -109,13 +117,10 @@ def timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool) ->
     return Timing(costs, limits, len(plan.steps) * plan.conversion_ns)
 
 
-def spare_ns(costs: BusCosts, plan: ScanPlan, n_legs: int) -> float:
-    """Return what a conversion leaves over after the read-out of all legs [ns]; negative if that takes longer."""
+def has_time_for_checks(costs: BusCosts, plan: ScanPlan, n_legs: int) -> bool:
+    """Return whether a conversion, after the read-out of all legs, leaves time to ask for lines and settings."""
     step, select_ns = plan.steps[0], costs.lasts_ns(1)
+    checks = (*step.select_checks, plan.board.setting_check)
     ask_ns = costs.of_ns([step.done.ask] if step.done else [])
-    return plan.wait_ns - ask_ns - select_ns - n_legs * (select_ns + costs.of_ns(step.read))
-
-
-def checks_ns(costs: BusCosts, plan: ScanPlan) -> float:
-    """Return the most that a step asks for besides the read-out [ns]: lines, and once a scan the settings."""
-    return costs.of_ns(check.ask for check in (*plan.steps[0].select_checks, plan.board.setting_check))
+    spare_ns = plan.wait_ns - ask_ns - select_ns - n_legs * (select_ns + costs.of_ns(step.read))
+    return spare_ns >= costs.of_ns(check.ask for check in checks)

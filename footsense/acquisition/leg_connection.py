@@ -1,6 +1,6 @@
 """The connection to one leg's chips: is it there, has it gone, when is it tried again.
 
-A leg that fails for `MISSES_ALLOWED` scans in a row is left out, so that it costs the others nothing; it is tried
+A leg that fails for three scans in a row is left out, so that it costs the others nothing; it is tried
 again with growing pauses, one leg per scan at most. A converter that answers but never finishes is reset the same
 way, which is what frees a hung FDC1004. A leg that holds a line of the bus low is left out at once and tried more
 rarely: each try costs the others an adapter's timeout.
@@ -12,6 +12,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_interface import tca9548a
 from footsense.acquisition.boards.board import Board
 from footsense.errors import BusTimeoutError, HardwareError, WrongChipError
 from footsense.frames import Reading
@@ -19,9 +20,8 @@ from footsense.ports import Clock, I2cBus, Transaction
 
 _log = logging.getLogger(__name__)
 
-MISSES_ALLOWED = 3
-#: How often converters that have a temperature sensor are asked for it: each time costs their legs two conversions.
-TEMPERATURE_PERIOD_NS = 10_000_000_000
+#: Scans in a row with a missing reading before a leg is left out.
+_MISSES_ALLOWED = 3
 _FIRST_PAUSE_NS = 250_000_000
 _LONGEST_PAUSE_NS = 4_000_000_000
 #: How many pauses a leg waits that holds a line, and one that waits for a bus to get free: that try costs nobody.
@@ -37,26 +37,32 @@ _WORDS = {
 }
 
 
-class LegLink:
+class LegConnection:
     """One leg behind one channel of a bus's mux.
 
     Args:
         name: Name of the leg, for messages.
         channel: Mux channel.
+        row: Row of the leg in the readings of its bus.
 
     Attributes:
+        selection: Control byte of the mux that connects the leg alone.
         in_scan: Whether the leg takes part in the scans.
         outcome: OK while the leg does well; else why it gives nothing in this scan, or since it was left out.
+        in_doubt: Whether `note_scan` has to see the next scan even if all its readings are there.
         retry_at_ns: When a leg that was left out is tried again [ns].
         offset_pf: What the converter's CAPDAC takes off each result [pF].
         temperature_c: What the converter said last of its temperature [deg C]; NaN for nothing.
     """
 
-    def __init__(self, name: str, channel: int) -> None:
+    def __init__(self, name: str, channel: int, row: int) -> None:
         self.name = name
-        self.channel = channel
+        self.row = row
+        self.selection = tca9548a.select(channel)
+        self._channel = channel
         self.in_scan = False
         self.outcome = Reading.NO_ANSWER
+        self.in_doubt = True
         self.retry_at_ns = 0
         self.offset_pf = 0.0
         self.temperature_c = float("nan")
@@ -85,7 +91,7 @@ class LegLink:
             if reading is not Reading.OK:
                 self.leave(reading, _WORDS[reading], now_ns)
                 return
-            _log.info("leg %s: converter and line switches answer on channel %d", self.name, self.channel)
+            _log.info("leg %s: converter and line switches answer on channel %d", self.name, self._channel)
             self.in_scan = True
             self.outcome = Reading.OK
             self._misses = 0
@@ -97,9 +103,11 @@ class LegLink:
         if not missing:
             self._misses = 0
             self._pause_ns = _FIRST_PAUSE_NS
+            self.in_doubt = False
             return
+        self.in_doubt = True
         self._misses += 1
-        if self._misses >= MISSES_ALLOWED:
+        if self._misses >= _MISSES_ALLOWED:
             self.leave(missing[0], _WORDS[missing[0]], now_ns)
 
     def leave(self, outcome: Reading, why: str, now_ns: int, pauses: float = 1.0) -> None:
@@ -107,6 +115,7 @@ class LegLink:
         if outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS:
             _log.warning("leg %s: %s; left out of the scan and tried again later", self.name, why)
         self.in_scan = False
+        self.in_doubt = True
         self.outcome = outcome
         self.temperature_c = float("nan")
         self.retry_at_ns = now_ns + round(pauses * self._pause_ns)

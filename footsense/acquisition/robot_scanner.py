@@ -6,42 +6,13 @@ others run. A frame is complete when the slowest bus is.
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Protocol
+from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.acquisition.bus_readings import BusScan
-from footsense.acquisition.bus_timing import Timing
-from footsense.frames import CapFrame
-
-
-class LegsScanner(Protocol):
-    """What scans the legs of one bus."""
-
-    timing: Timing | None
-    late_ticks: int
-
-    @property
-    def temperature_c(self) -> tuple[float, ...]:
-        """Return the converters' temperatures [deg C], NaN where there is none."""
-        ...
-
-    def start(self) -> None:
-        """Find the chips and set them up."""
-        ...
-
-    def scan(self) -> BusScan:
-        """Read every element once."""
-        ...
-
-    def step(self) -> BusScan:
-        """Read the next element, and return it among the latest of the others."""
-        ...
-
-    def stop(self) -> None:
-        """Release the bus."""
-        ...
+from footsense.acquisition.bus_scanner import BusScanner
+from footsense.frames import ELEMENTS, CapFrame
 
 
 class RobotScanner:
@@ -52,7 +23,7 @@ class RobotScanner:
         element_wise: Whether `read` returns after every element instead of after every scan.
     """
 
-    def __init__(self, buses: Sequence[LegsScanner], *, element_wise: bool = False) -> None:
+    def __init__(self, buses: Sequence[BusScanner], *, element_wise: bool = False) -> None:
         self._buses = tuple(buses)
         self._element_wise = element_wise
         self._sequence = 0
@@ -87,15 +58,11 @@ class RobotScanner:
 
         The first time it is always a whole scan: there are no others yet.
         """
-        scan_all = map if self._pool is None else self._pool.map
-        whole = self._sequence == 0 or not self._element_wise
-        scans = list(scan_all(lambda bus: bus.scan() if whole else bus.step(), self._buses))
-        frame = CapFrame(
-            sequence=self._sequence,
-            t_ns=np.concatenate([scan.t_ns for scan in scans]),
-            capacitance_pf=np.concatenate([scan.capacitance_pf for scan in scans]),
-            reading=np.concatenate([scan.reading for scan in scans]),
-        )
+        read_all = map if self._pool is None else self._pool.map
+        n_steps = 1 if self._element_wise and self._sequence else ELEMENTS
+        scans = read_all(BusScanner.read, self._buses, repeat(n_steps))
+        t_ns, capacitance_pf, reading = map(np.concatenate, zip(*scans, strict=True))
+        frame = CapFrame(self._sequence, t_ns, capacitance_pf, reading)
         self._sequence += 1
         return frame
 

@@ -1,6 +1,7 @@
-"""The floor of the cycle: `c_floor.c`, compiled, loaded, and told the foot and the network of this robot."""
+"""The C floor of the cycle: `c_floor.c`, compiled and loaded, with the foot and the network of this robot."""
 
 import ctypes
+import importlib.util
 import math
 import shutil
 import subprocess
@@ -11,15 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense import daemon
-from footsense.benchmarks.onnx_weights import initializers
 from footsense.config import Config
 from footsense.errors import FootsenseError
-from footsense.estimation.faults.consistency import LIMIT, LIMIT_REL
+from footsense.estimation.faults.consistency import RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
 from footsense.foot.network_card import TrainedInputs
 from footsense.frames import ELEMENTS, CapFrame
 
-__all__ = ["Floor", "codes_of", "compiler", "round_ns"]
+__all__ = ["CFloor", "codes_of", "compiler", "has_c_floor", "round_ns"]
 
 _SOURCE = Path(__file__).with_name("c_floor.c")
 _LEGS = 6
@@ -29,18 +29,26 @@ _Stamps = NDArray[np.int64]
 
 
 def compiler() -> str | None:
-    """Return the first C compiler that is there, None if there is none."""
+    """Return the path of the first C compiler found, None without one."""
     return next((found for name in ("cc", "gcc", "clang") if (found := shutil.which(name))), None)
 
 
+def has_c_floor() -> bool:
+    """Return whether the C floor can be built: it needs a C compiler, and `onnx` to read the network's weights."""
+    return compiler() is not None and importlib.util.find_spec("onnx") is not None
+
+
 def codes_of(scan: CapFrame) -> NDArray[np.int32]:
-    """Return the converters' codes of a scan, shape (legs, 9): what the driver made capacitances of."""
+    """Return the converter codes of a scan, shape (legs, 9)."""
     return np.ascontiguousarray(np.rint(scan.capacitance_pf * 2.0**19), np.int32)
 
 
 def _weights(model: bytes) -> dict[str, NDArray[np.float32]]:
-    """Return the matrices of the network's layers, rows inputs: each weight in its places, as the graph puts it."""
-    c = initializers(model)
+    """Return the matrices of the network's layers, inputs along rows, each shared weight at all its places."""
+    import onnx
+
+    graph = onnx.load_model_from_string(model).graph
+    c = {tensor.name: onnx.numpy_helper.to_array(tensor) for tensor in graph.initializer}
     n_channels, n_turns = len(c["b1"]), len(c["turns"])
     w1 = c["w1"][:, c["seen_at"]].reshape(n_channels, n_turns, -1).transpose(2, 1, 0)
     w2 = c["w2"].reshape(n_channels, n_turns, n_channels)[:, c["relative_at"]]
@@ -59,7 +67,7 @@ def _weights(model: bytes) -> dict[str, NDArray[np.float32]]:
     }
 
 
-class Floor:
+class CFloor:
     """One cycle in C.
 
     Args:
@@ -86,7 +94,7 @@ class Floor:
                 calibration.closure_rel_min,
                 calibration.closure_rel_max,
                 [config.stale_after_ms * 1e6],
-                *(residual.ravel(), [LIMIT, LIMIT_REL / math.sqrt(ELEMENTS)]),
+                *(residual.ravel(), [RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL / math.sqrt(ELEMENTS)]),
             ]
         )
         flat = np.concatenate([part.ravel() for part in weights.values()]).astype(np.float32)

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from footsense import daemon
-from footsense.benchmarks.c_floor import Floor, codes_of, compiler
+from footsense.benchmarks.c_floor import CFloor, codes_of, has_c_floor
 from footsense.benchmarks.naive import NaiveCycle, naive_cycle
 from footsense.can.socketcan import SocketWire
 from footsense.clock import foremost, stopwatch_ns, undisturbed
@@ -159,13 +159,13 @@ def sent_ns(scan: CapFrame) -> int:
     return int(scan.t_ns.max()) + 2_000_000
 
 
-def tared_floor(folder: Path, scans: list[CapFrame]) -> Floor:
+def tared_floor(folder: Path, scans: list[CapFrame]) -> CFloor:
     """Return the floor with the zeros that the service's tare finds in the first scans.
 
     Raises:
         FootsenseError: It cannot be compiled.
     """
-    floor = Floor(folder, DEFAULT, daemon.load_network(DEFAULT).card.trained_inputs)
+    floor = CFloor(folder, DEFAULT, daemon.load_network(DEFAULT).card.trained_inputs)
     floor.tare(np.mean([scan.capacitance_pf for scan in scans[: DEFAULT.tare.window_scans]], axis=0))
     return floor
 
@@ -194,7 +194,7 @@ def cycle_figures(scans: list[CapFrame]) -> dict[str, Any]:
 
 def _figures(scans: list[CapFrame], run: int) -> dict[str, float | None]:
     with TemporaryDirectory() as folder, our_cycle() as ours, naive_cycle(DEFAULT) as naive:
-        floor = tared_floor(Path(folder), scans) if compiler() else None
+        floor = tared_floor(Path(folder), scans) if has_c_floor() else None
         with undisturbed(), foremost(PRIORITY):
             times = _time(scans, run, ours, floor, naive)
     ours_us, floor_us, naive_us = (np.array(part[WARM_UP:]) * 1e-3 for part in times)
@@ -210,7 +210,7 @@ def _figures(scans: list[CapFrame], run: int) -> dict[str, float | None]:
 
 
 def _time(
-    scans: list[CapFrame], run: int, ours: OurCycle, floor: Floor | None, naive: NaiveCycle | None
+    scans: list[CapFrame], run: int, ours: OurCycle, floor: CFloor | None, naive: NaiveCycle | None
 ) -> _Times:
     """Time each cycle three ways, `run` cycles in a row, so that what else the machine does strikes all alike."""
     times = _Times([], [], [])

@@ -1,142 +1,108 @@
-"""The part of `footsense benchmark` about time: how late the loop wakes at 500 Hz, beside a loop in C in the same run.
+"""Part of `footsense benchmark`: wake-up latency of the loop at 500 Hz, beside a loop in C in the same run.
 
-    python -m footsense.benchmarks.wakeup_latency ours|c FOLDER
-
-Each loop is a process of its own with the scheduling that the service asks for. It does a whole cycle after every
-deadline, ours with its metrics shown by their exporter and scraped over HTTP. The two run in turns, block by block,
-first on a quiet machine, then beside two processes that never rest.
+Each loop is a process of its own with the scheduling of the service. It runs a whole cycle after every deadline, ours
+with its metrics shown by their exporter and scraped over HTTP. The two run in turns, block by block, first on a quiet
+machine, then beside two processes that never rest.
 """
 
 import contextlib
 import itertools
-import json
 import logging
 import subprocess
 import sys
 import threading
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from footsense.benchmarks.c_floor import compiler, round_ns
+from footsense.benchmarks.c_floor import has_c_floor, round_ns
 from footsense.benchmarks.cycle import PRIORITY, WARM_UP, Outlets, our_cycle, sent_ns, tared_floor
 from footsense.clock import MonotonicClock, request_realtime, undisturbed
 from footsense.errors import FootsenseError
 from footsense.frames import CapFrame
 
-__all__ = ["jitter_figures"]
+__all__ = ["wakeup_latency_figures"]
 
 _PERIOD_NS = 2_000_000
-_SCANS = "scans.npz"
 _BLOCKS = 4
 _SCRAPE_PERIOD_S = 0.2
 _SPIN = "while True: pass"
+_QUANTILES = {"p50": 0.5, "p99": 0.99, "p999": 0.999}
 
-_Late = NDArray[np.int64]
+#: A loop: answers each number of cycles with the latency of each [ns], after a first answer with port and refusals.
+_Serve = Callable[[Connection, list[CapFrame]], None]
 
 
-def jitter_figures(scans: list[CapFrame], seconds: float) -> dict[str, Any]:
-    """Return how late the loops woke [us], median and tails, and the ratios of the tails.
+def wakeup_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, Any]:
+    """Return the wake-up latency of both loops [us], median and tails, and the ratios of the tails.
 
     Args:
-        scans: What to play, those of the tare first.
-        seconds: How long each loop runs in each of the two cases [s].
+        scans: Scans to process, those of the tare first.
+        seconds: Run time of each loop in each of the two cases [s].
 
     Raises:
-        FootsenseError: A loop did not run.
+        FootsenseError: A loop ended by itself.
     """
     n = max(1, round(seconds * 1e9 / _PERIOD_NS / _BLOCKS))
-    names = ("ours", "c") if compiler() else ("ours",)
+    serve: dict[str, _Serve] = {"ours": _serve_ours} | ({"c": _serve_c} if has_c_floor() else {})
     figures: dict[str, Any] = {}
     with contextlib.ExitStack() as stack:
-        folder = Path(stack.enter_context(TemporaryDirectory()))
-        _write(folder / _SCANS, scans)
-        loops = {name: stack.enter_context(_loop(name, folder)) for name in names}
-        stack.enter_context(_scraped(loops["ours"].port))
-        figures["fifo"] = not loops["ours"].refusals
-        figures["not_granted"] = loops["ours"].refusals
+        loops = {name: stack.enter_context(_process(target, scans)) for name, target in serve.items()}
+        (port, refusals), *_ = [_answer(loop) for loop in loops.values()]
+        stack.enter_context(_scraped(port))
+        figures["fifo"] = not refusals
+        figures["not_granted"] = refusals
         for case in ("quiet", "loaded"):
             if case == "loaded":
                 for _ in range(2):
                     stack.enter_context(_busy())
-            late_ns: dict[str, list[_Late]] = {name: [] for name in names}
-            for _ in range(_BLOCKS):
-                for name in names:
-                    late_ns[name].append(loops[name].run(n))
-            figures[case] = _figures({name: np.concatenate(blocks) for name, blocks in late_ns.items()})
+            late_ns: dict[str, list[int]] = {name: [] for name in loops}
+            for _, (name, loop) in itertools.product(range(_BLOCKS), loops.items()):
+                loop.send(n)
+                late_ns[name] += _answer(loop)
+            figures[case] = _figures(late_ns)
     return figures
 
 
-def _figures(late_ns: dict[str, _Late]) -> dict[str, Any]:
+def _figures(late_ns: dict[str, list[int]]) -> dict[str, Any]:
     tails = {
-        name: dict(
-            zip(("p50", "p99", "p999"), (np.quantile(late, (0.5, 0.99, 0.999)) * 1e-3).tolist(), strict=True)
-        )
+        name: {tail: float(np.quantile(late, q)) * 1e-3 for tail, q in _QUANTILES.items()}
         for name, late in late_ns.items()
     }
     ours, c = tails["ours"]["p999"], tails.get("c", {}).get("p999")
     return {"ours": ours, "c": c, "ratio": ours / c if c else None, "tails": tails}
 
 
-def _write(file: Path, scans: list[CapFrame]) -> None:
-    np.savez(
-        file,
-        t_ns=np.stack([scan.t_ns for scan in scans]),
-        capacitance_pf=np.stack([scan.capacitance_pf for scan in scans]),
-        reading=np.stack([scan.reading for scan in scans]),
-    )
-
-
-def _read(file: Path) -> list[CapFrame]:
-    with np.load(file) as arrays:
-        columns = zip(arrays["t_ns"], arrays["capacitance_pf"], arrays["reading"], strict=True)
-        return [CapFrame(number, *parts) for number, parts in enumerate(columns)]
-
-
-class _Loop:
-    """A loop in a process of its own that waits until it is asked to run.
-
-    Attributes:
-        port: Where its metrics are shown; 0 for none.
-        refusals: What it was not granted.
-    """
-
-    def __init__(self, process: subprocess.Popen[str]) -> None:
-        self._process = process
-        first = self._answer()
-        self.port: int = first["port"]
-        self.refusals: list[str] = first["refusals"]
-
-    def run(self, n: int) -> _Late:
-        """Let it do `n` cycles; return how late each began [ns]."""
-        assert self._process.stdin is not None
-        self._process.stdin.write(f"{n}\n")
-        self._process.stdin.flush()
-        return np.array(self._answer()["late_ns"], np.int64)
-
-    def _answer(self) -> dict[str, Any]:
-        assert self._process.stdout is not None
-        line = self._process.stdout.readline()
-        if not line:
-            raise FootsenseError(f"a loop of the bench ended by itself (exit code {self._process.wait()})")
-        answer: dict[str, Any] = json.loads(line)
-        return answer
-
-
 @contextlib.contextmanager
-def _loop(name: str, folder: Path) -> Iterator[_Loop]:
-    with subprocess.Popen(  # noqa: S603 - our own module
-        [sys.executable, "-P", "-m", "footsense.benchmarks.wakeup_latency", name, str(folder)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as process:
-        yield _Loop(process)
+def _process(target: _Serve, scans: list[CapFrame]) -> Iterator[Connection]:
+    """Run a loop in a process of its own until its connection is closed.
+
+    Yields:
+        The connection.
+    """
+    context = get_context("spawn")
+    connection, theirs = context.Pipe()
+    process = context.Process(target=target, args=(theirs, scans))
+    process.start()
+    theirs.close()
+    try:
+        yield connection
+    finally:
+        connection.close()
+        process.join()
+
+
+def _answer(loop: Connection) -> Any:  # noqa: ANN401 - what the loop sends
+    try:
+        return loop.recv()
+    except EOFError:
+        raise FootsenseError("a loop of the benchmark ended by itself") from None
 
 
 @contextlib.contextmanager
@@ -165,14 +131,6 @@ def _scraped(port: int) -> Iterator[None]:
     finally:
         over.set()
         thread.join()
-
-
-# ---------------------------------------------------------------- the loops, each in its process
-
-
-def _say(answer: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(answer) + "\n")
-    sys.stdout.flush()
 
 
 def _rounds(played: list[tuple[CapFrame, int]]) -> Iterator[tuple[CapFrame, int]]:
@@ -205,48 +163,41 @@ def _exporter(counters: Path) -> Iterator[int]:
             process.terminate()
 
 
-def _serve_ours(scans: list[CapFrame]) -> None:
+def _requests(connection: Connection) -> Iterator[int]:
+    """Yield each number of cycles that is asked for, until the other end is closed."""
+    with contextlib.suppress(EOFError):
+        while True:
+            yield connection.recv()
+
+
+def _serve_ours(connection: Connection, scans: list[CapFrame]) -> None:
+    logging.disable()  # a walk that begins anew is reported as a jump
     with our_cycle() as cycle, _exporter(cycle.counters) as port:
         refusals = request_realtime(PRIORITY, None)
         for scan in scans[:WARM_UP]:
             cycle.run(scan, sent_ns(scan))
             cycle.outlets.drain()
-        _say({"port": port, "refusals": refusals})
+        connection.send((port, refusals))
         clock = MonotonicClock()
         rounds = _rounds([(scan, sent_ns(scan)) for scan in scans[WARM_UP:]])
-        for line in sys.stdin:
-            late_ns = [0] * int(line)
+        for n in _requests(connection):
+            late_ns = [0] * n
             with undisturbed():
                 deadline_ns = clock.now_ns()
-                for i in range(len(late_ns)):
-                    # The next one that is still to come: what was missed is not made up for.
+                for i in range(n):
+                    # The next deadline that is still to come: missed ones are not made up for.
                     deadline_ns += _PERIOD_NS * max(1, 1 + (clock.now_ns() - deadline_ns) // _PERIOD_NS)
                     clock.sleep_until_ns(deadline_ns)
                     late_ns[i] = clock.now_ns() - deadline_ns
                     cycle.run(*next(rounds))
                     cycle.outlets.drain()
-            _say({"late_ns": late_ns})
+            connection.send(late_ns)
 
 
-def _serve_c(scans: list[CapFrame], folder: Path) -> None:
-    floor, outlets = tared_floor(folder, scans), Outlets()
-    _say({"port": 0, "refusals": request_realtime(PRIORITY, None)})
-    played = [(scan, sent_ns(scan)) for scan in scans[WARM_UP:]]
-    for line in sys.stdin:
-        _say({"late_ns": floor.pace(_PERIOD_NS, played, int(line), outlets.fds).tolist()})
-
-
-def main() -> int:
-    """Run the loop that the command line names, as often as standard input asks; return the exit code."""
-    name, folder = sys.argv[1:]
-    logging.getLogger().addHandler(logging.NullHandler())  # a walk that begins anew is a jump, and no news
-    scans = _read(Path(folder) / _SCANS)
-    if name == "ours":
-        _serve_ours(scans)
-    else:
-        _serve_c(scans, Path(folder))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def _serve_c(connection: Connection, scans: list[CapFrame]) -> None:
+    with TemporaryDirectory() as folder:
+        floor, outlets = tared_floor(Path(folder), scans), Outlets()
+        connection.send((0, request_realtime(PRIORITY, None)))
+        played = [(scan, sent_ns(scan)) for scan in scans[WARM_UP:]]
+        for n in _requests(connection):
+            connection.send(floor.pace(_PERIOD_NS, played, n, outlets.fds).tolist())

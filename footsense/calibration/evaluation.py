@@ -134,7 +134,7 @@ def estimate_loads(
     closure_rel = closure_um / design.gap_um / gain_rel
     # A NaN fails every comparison.
     inside = (closure_rel >= trained_inputs.closure_rel_min) & (
-        closure_rel <= trained_inputs.closure_limit_rel(gap_um)
+        closure_rel <= trained_inputs.usable_max_rel(gap_um)
     )
     trained = inside.all(axis=1, keepdims=True)
     force_n, sigma_n = CalibratedFeet(network, [foot], len(loads)).estimate(

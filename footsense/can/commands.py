@@ -1,4 +1,4 @@
-"""Commands from CAN: which are to be obeyed, and who is answered."""
+"""Commands from CAN: which are executed, and the answers to them."""
 
 from collections.abc import Sequence
 
@@ -12,99 +12,103 @@ from footsense.ports import Clock
 
 __all__ = ["CanCommands"]
 
-#: The same command with the same counter within this time is a repetition; later, it is a restarted consumer's.
+#: The same command with the same counter within this time is a repetition; later, it comes from a restarted consumer.
 _REPEAT_NS = 1_000_000_000
 
 
-class _Asker:
-    """What was asked of one leg."""
+class _LegCommands:
+    """Commands to one leg."""
 
     def __init__(self, row: int, node: int) -> None:
         self.row = row
         self.node = node
         self.answer_counter = 0
-        self.last: tuple[CommandKind, int] | None = None  # its counter
+        self.last: tuple[CommandKind, int] | None = None  # kind and counter
         self.last_ns = 0
-        # Counters of the open commands of each kind, oldest first.
-        self.open: dict[CommandKind, list[int]] = {kind: [] for kind in CommandKind}
+        # Counters of the commands without an answer of each kind, oldest first.
+        self.pending: dict[CommandKind, list[int]] = {kind: [] for kind in CommandKind}
 
 
 class CanCommands:
-    """The commands on one channel.
+    """Commands on one channel.
 
     Args:
         channel: The channel.
         nodes: CAN node id of each leg.
         clock: Times the repetitions.
-        stats: Where the refused are counted.
+        stats: Statistics; counts rejected commands.
+
+    Attributes:
+        unsolicited: Results without a command of a consumer that were not sent yet, by row: the tare after a start.
     """
 
     def __init__(self, channel: CanChannel, nodes: Sequence[int], clock: Clock, stats: CanStatistics) -> None:
         self._channel = channel
         self._clock = clock
         self._stats = stats
-        self._askers = [_Asker(row, node) for row, node in enumerate(nodes)]
-        self._unasked: dict[int, tuple[Result, CommandKind]] = {}  # by row, the last outcome
-        self._of_id = {can_events.COMMAND_ID + asker.node: asker for asker in self._askers}
+        self._legs = [_LegCommands(row, node) for row, node in enumerate(nodes)]
+        self._of_id = {can_events.COMMAND_ID + leg.node: leg for leg in self._legs}
+        self.unsolicited: dict[int, tuple[Result, CommandKind]] = {}
 
-    def take(self) -> list[Command]:
-        """Return the good commands among the frames that have arrived; the others are counted.
+    def decode(self, frames: Sequence[tuple[int, bytes]]) -> list[Command]:
+        """Return the valid commands among frames; the others are counted as rejected.
 
-        One that asks for nothing known is answered at once. One with a wrong crc or a repeated counter is
-        not: it is not certain who sent it, and whether.
+        An unknown command is answered at once. A wrong crc or a repeated counter is not: the sender, or whether it
+        sent at all, is uncertain.
+
+        Args:
+            frames: CAN id and data of each frame, oldest first.
         """
         commands = []
-        for can_id, data in self._channel.receive():
-            asker = self._of_id[can_id]
+        for can_id, data in frames:
+            leg = self._of_id[can_id]
             try:
                 _, counter, kind = can_events.decode_command(can_id, data)
             except can_events.UnknownCommandError as error:
                 self._stats.rejected += 1
-                self._answer(asker, Result.UNKNOWN, error.kind, error.counter)
+                self._answer(leg, Result.UNKNOWN, error.kind, error.counter)
                 continue
             except FrameError:
                 self._stats.rejected += 1
                 continue
             now_ns = self._clock.now_ns()
-            if (kind, counter) == asker.last and now_ns - asker.last_ns < _REPEAT_NS:
+            if (kind, counter) == leg.last and now_ns - leg.last_ns < _REPEAT_NS:
                 self._stats.rejected += 1
                 continue
-            asker.last, asker.last_ns = (kind, counter), now_ns
-            if counter not in asker.open[kind]:  # so the list cannot outgrow the counter's range
-                asker.open[kind].append(counter)
-            commands.append(Command(kind, asker.row))
+            leg.last, leg.last_ns = (kind, counter), now_ns
+            if counter not in leg.pending[kind]:  # so the list cannot outgrow the counter's range
+                leg.pending[kind].append(counter)
+            commands.append(Command(kind, leg.row))
         return commands
 
     def answer(self, outcome: CommandResult) -> None:
         """Send a command's result on its leg's answer id, with the counter of the command.
 
-        A tare that is asked for while one runs begins that one anew: both have one end, and each its answer. What
-        nobody asked for waits for `unasked`: after a start, all legs are tared at once.
+        A tare command during a tare restarts it: both end together, and each is answered. A result without a command
+        of a consumer waits in `unsolicited`: after a start, all legs are tared at once.
         """
         kind, row = outcome.command
-        asker = self._askers[row]
-        asked = asker.open[kind]
-        n_ended = len(asked) if kind is CommandKind.TARE else 1
-        for counter in asked[:n_ended]:
-            self._answer(asker, outcome.result, kind, counter)
-        if not asked:
-            self._unasked[row] = (outcome.result, kind)
-        del asked[:n_ended]
+        leg = self._legs[row]
+        pending = leg.pending[kind]
+        n_ended = len(pending) if kind is CommandKind.TARE else 1
+        for counter in pending[:n_ended]:
+            self._answer(leg, outcome.result, kind, counter)
+        if not pending:
+            self.unsolicited[row] = (outcome.result, kind)
+        del pending[:n_ended]
 
-    def unasked(self, room: int) -> list[bytes]:
-        """Return what the service did by itself and nobody has been told yet, as at most `room` frames."""
-        if not self._unasked:
-            return []
+    def unsolicited_frames(self, room: int) -> list[bytes]:
+        """Return at most `room` unsolicited results as frames."""
         return [
-            self._encode(self._askers[row], *self._unasked.pop(row), can_events.UNSOLICITED)
-            for row in list(self._unasked)[:room]
+            self._frame(self._legs[row], *self.unsolicited.pop(row), can_events.UNSOLICITED)
+            for row in list(self.unsolicited)[:room]
         ]
 
-    def _answer(self, asker: _Asker, result: int, kind: int, asked: int) -> None:
-        self._channel.send(self._encode(asker, result, kind, asked), self._clock.now_ns())
+    def _answer(self, leg: _LegCommands, result: int, kind: int, command_counter: int) -> None:
+        self._channel.send(self._frame(leg, result, kind, command_counter), self._clock.now_ns())
 
     @staticmethod
-    def _encode(asker: _Asker, result: int, kind: int, asked: int) -> bytes:
-        data = can_events.encode_answer(asker.node, asker.answer_counter, result, kind, asked)
-        asker.answer_counter = next_counter(asker.answer_counter)
-        return pack_frame(can_events.ANSWER_ID + asker.node, data)
+    def _frame(leg: _LegCommands, result: int, kind: int, command_counter: int) -> bytes:
+        data = can_events.encode_answer(leg.node, leg.answer_counter, result, kind, command_counter)
+        leg.answer_counter = next_counter(leg.answer_counter)
+        return pack_frame(can_events.ANSWER_ID + leg.node, data)

@@ -1,59 +1,64 @@
-"""Forces to CAN: who sends what when.
+"""Forces to CAN: which frame is sent when.
 
-For each leg `Force` and `Quality` with every scan, a heartbeat at 5 Hz, `Zero` at 1 Hz, and a fault report when
-the state, the element mask or the cause changes. All that one scan gives goes out with one call. The counters
-go on over frames that the channel did not take, and show the gap.
+Each scan sends `Force` and `Quality` of every leg; heartbeats go out at 5 Hz, `Baseline` at 1 Hz, and a fault report
+when the state, the element mask or the cause changes. All frames of a scan go out with one call. The counters advance
+over frames that the channel did not take, so the consumer sees the gap.
 
 Where the channel takes only a part, the rest of the scan is dropped; each scan begins with another leg, so that a
-full queue costs all legs the same. A leg's Force and Quality go out behind each other. A fault report that was not
-taken is sent again with the next scan, as the fault then is.
+full queue costs all legs the same. A leg's Force and Quality are neighbours. A fault report that was not taken is
+sent again with the next scan, with the fault's values of then.
 
-The loop drives all of this, the heartbeats too. It turns even if no leg answers; if it stands, its heartbeats
-stop, and that is what they are for.
+The loop drives all of this, the heartbeats too. It turns even if no leg answers; if it hangs, its heartbeats stop,
+which is their purpose.
 """
 
 from collections.abc import Callable
+from heapq import heapify, heapreplace
 from pathlib import Path
 
-from firmware_interface import can_events, can_frames
+from firmware_interface import can_events
 from firmware_interface.can_codes import NODE_IDS, Flag, NmtState
-from firmware_interface.crc8 import next_counter
+from firmware_interface.can_frames import ForceQualityEncoder
+from firmware_interface.crc8 import COUNTER_PERIOD
 from firmware_interface.socketcan import FRAME_BYTES
 from footsense.can.channel import CanChannel
 from footsense.can.commands import CanCommands
-from footsense.can.leg_frames import CanLeg
+from footsense.can.leg_frames import CanLeg, heartbeat_frame, heartbeat_of_state
 from footsense.frames import CanStatistics, Command, CommandResult, ContactFrame
 from footsense.ports import CanWire, Clock
 
 __all__ = ["CanSink"]
 
-#: Most frames beside Force and Quality that go out with one scan; the others wait for the next. The interface's
-#: queue has room for so many (`deploy/80-can0.network`).
+#: Most frames beside Force and Quality in one scan; the others wait for the next. The interface's queue has room for
+#: so many (`deploy/80-can0.network`).
 _MOST_EVENTS = 4
 
-#: A plain number: an enumeration's arithmetic costs a microsecond each time.
+#: A plain number: arithmetic with an enumeration costs a microsecond each time.
 _DEGRADED_TIMING = int(Flag.DEGRADED_TIMING)
 
 #: Bytes of a leg's Force and Quality.
 _PAIR_BYTES = 2 * FRAME_BYTES
 
+_HEARTBEAT_PERIOD_NS = 200_000_000
+_BASELINE_PERIOD_NS = 1_000_000_000
+
 
 class CanSink:
-    """A CAN channel as the place where forces go and commands come from.
+    """A CAN channel as the sink of forces and the source of commands.
 
     Args:
         interface: Kind of channel, as python-can calls it: `virtual` or `socketcan`.
         channel: Its name, such as `can0`.
         legs: Name of the leg in each row of the frames.
-        clock: The time that the frames are in.
+        clock: The time of the frames.
         log_file: File for every frame sent: candump `.log`, `.asc` or `.blf`; None for none.
-        bitrate: Bit rate of the bus [bit/s]; Linux sets it when the interface comes up, so it is only told.
-        stats: Where to count; None to begin a new count.
+        bitrate: Bit rate of the bus [bit/s], for error messages: Linux sets it when the interface comes up.
+        stats: Statistics to continue; None for new ones.
         log_waits: Whether the log may make the loop wait, as in virtual time.
-        connect: Opens another interface than that of this name, such as a simulated one.
+        connect: Opens another interface than the named one, such as a simulated one.
 
     Attributes:
-        stats: What the channel has done so far.
+        stats: Statistics of the channel.
 
     Raises:
         ConfigError: The log's suffix is unknown.
@@ -61,7 +66,7 @@ class CanSink:
         CanError: The channel is missing or down.
 
     Timing:
-        Never waits. Six legs: 12 frames a scan, 30 heartbeats and 6 zeros a second; one system call a scan.
+        Never waits. Six legs: 12 frames a scan, 30 heartbeats and 6 baselines a second; one system call a scan.
     """
 
     def __init__(
@@ -92,42 +97,64 @@ class CanSink:
             connect=connect,
         )
         self._clock = clock
-        now_ns = clock.now_ns()
-        self._legs = [CanLeg(row, node, now_ns, row / len(nodes)) for row, node in enumerate(nodes)]
+        self._legs = [CanLeg(row, node) for row, node in enumerate(nodes)]
+        self._encoder = ForceQualityEncoder(nodes)
         self._commands = CanCommands(self._channel, nodes, clock, self.stats)
         self._counter = 0  # of every Force and Quality of a scan
-        self._first = 0  # where the frames begin that go out first [bytes]
-        self._told: list[list[int]] = []  # states, masks and causes of which nothing is left to report
-        self._due_ns = now_ns  # of the next heartbeat or zero
+        self._first = 0  # start of the frames that are sent first [bytes]
+        self._reported: list[list[int]] = []  # states, masks and causes without an outstanding report
+        # Due time [ns], period [ns] and row of each heartbeat and baseline, as a heap; the legs' phases are spread over
+        # the period, so that their frames do not pile up in one scan.
+        now_ns = clock.now_ns()
+        self._due = [
+            (now_ns + row * period_ns // len(nodes), period_ns, row)
+            for row in range(len(nodes))
+            for period_ns in (_HEARTBEAT_PERIOD_NS, _BASELINE_PERIOD_NS)
+        ]
+        heapify(self._due)
+        self._flags = [0] * len(nodes)
         self._closed = False
 
     def publish(self, frame: ContactFrame) -> None:
-        """Send each leg's force and quality, and the fault reports, heartbeats and zeros that are due."""
+        """Send each leg's force and quality, and the fault reports, heartbeats and baselines that are due."""
         t_ns = frame.t_sent_ns
-        states: list[int] = frame.state.tolist()
-        masks: list[int] = frame.fault_mask.tolist()
-        forces = self._encode(frame, states, masks)
-        # A full queue drops frames at its front or refuses them at its end: not always those of the same leg.
+        states, masks = frame.state.tolist(), frame.fault_mask.tolist()
+        self._flags = frame.flags.tolist()
+        forces = self._encoder.encode(
+            self._counter,
+            t_ns,
+            frame.t_ns.tolist(),
+            states,
+            frame.force_n.tolist(),
+            frame.sigma_n.tolist(),
+            self._flags,
+            masks,
+        )
+        self._counter = (self._counter + 1) % COUNTER_PERIOD
+        # A full queue drops frames at its front or refuses them at its end: rotate, so that it strikes each leg.
         self._first = (self._first + _PAIR_BYTES) % len(forces)
-        forces = forces[self._first :] + forces[: self._first]
-        told = [states, masks, frame.cause.tolist()]
-        owed = [] if told == self._told else self._changes(told)
-        reports = owed[:_MOST_EVENTS]
-        events = [leg.report(*now) for leg, now in reports]
-        if t_ns >= self._due_ns:
-            events += self._periodic(frame, states, _MOST_EVENTS - len(events))
-        events += self._commands.unasked(_MOST_EVENTS - len(events))
-        taken = self._channel.send(forces + b"".join(events), t_ns)
+        frames = [forces[self._first :], forces[: self._first]]
+        present = [states, masks, frame.cause.tolist()]
+        unreported = [] if present == self._reported else self._unreported(present)
+        reports = unreported[:_MOST_EVENTS]
+        frames += [leg.fault_frame(*report) for leg, report in reports]
+        room = _MOST_EVENTS - len(reports)
+        if t_ns >= self._due[0][0]:
+            room = self._add_periodic(frames, frame, states, room)
+        if self._commands.unsolicited:
+            frames += self._commands.unsolicited_frames(room)
+        taken = self._channel.send(b"".join(frames), t_ns)
 
         n_reported = min(len(reports), max(0, taken - 2 * len(self._legs)))
-        for leg, now in reports[:n_reported]:
-            leg.has_reported(now)
-        if n_reported == len(owed):
-            self._told = told
+        for leg, report in reports[:n_reported]:
+            leg.set_reported(report)
+        if n_reported == len(unreported):
+            self._reported = present
 
     def commands(self) -> list[Command]:
-        """Return the good commands among the frames that have arrived; the others are counted."""
-        return self._commands.take()
+        """Return the valid commands among the received frames; the others are counted."""
+        frames = self._channel.receive()
+        return self._commands.decode(frames) if frames else []
 
     def answer(self, outcome: CommandResult) -> None:
         """Send a command's result on its leg's answer id, with the counter of the command."""
@@ -137,67 +164,40 @@ class CanSink:
         """Send each leg's last heartbeat, `stopped`, and release the channel; a second call does nothing.
 
         Raises:
-            RecordingError: The log is not whole; the channel is released all the same.
+            RecordingError: The log is incomplete; the channel is released all the same.
         """
         if self._closed:
             return
         self._closed = True
-        last = b"".join(leg.heartbeat(NmtState.STOPPED) for leg in self._legs)
+        last = b"".join(
+            heartbeat_frame(leg.node, NmtState.STOPPED, degraded_timing=bool(flags & _DEGRADED_TIMING))
+            for leg, flags in zip(self._legs, self._flags, strict=True)
+        )
         self._channel.send(last, self._clock.now_ns())
         self._channel.close()
 
-    def _encode(self, frame: ContactFrame, states: list[int], masks: list[int]) -> bytes:
-        """Return Force and Quality of every leg.
-
-        Leg by leg: for six legs, numpy's calls take as long as the arithmetic that they would save.
-        """
-        counter = self._counter
-        self._counter = next_counter(counter)
-        t_sent_ns = frame.t_sent_ns
-        values = zip(
-            self._legs,
-            states,
-            masks,
-            frame.force_n.tolist(),
-            frame.sigma_n.tolist(),
-            frame.flags.tolist(),
-            frame.t_ns.tolist(),
-            strict=True,
-        )
-        parts: list[bytes] = []
-        for leg, state, mask, force_n, sigma_n, flags, t_ns in values:
-            age_ns = t_sent_ns - t_ns if t_ns else None
-            parts += (
-                leg.force_head,
-                can_frames.encode_force(leg.node, counter, state, force_n),
-                leg.quality_head,
-                can_frames.encode_quality(leg.node, counter, flags, age_ns, mask, sigma_n),
-            )
-        return b"".join(parts)
-
-    def _changes(self, told: list[list[int]]) -> list[tuple[CanLeg, tuple[int, int, int]]]:
-        """Return the legs of which a fault report is owed, with state, mask and cause."""
-        of_legs = zip(*told, strict=True)
+    def _unreported(self, present: list[list[int]]) -> list[tuple[CanLeg, tuple[int, int, int]]]:
+        """Return the legs with an outstanding fault report, with state, mask and cause."""
+        of_legs = zip(self._legs, zip(*present, strict=True), strict=True)
         return [
             (leg, (state, mask, cause))
-            for leg, (state, mask, cause) in zip(self._legs, of_legs, strict=True)
+            for leg, (state, mask, cause) in of_legs
             if leg.reported != (state, mask, cause)
         ]
 
-    def _periodic(self, frame: ContactFrame, states: list[int], room: int) -> list[bytes]:
-        """Return the heartbeats and zeros that are due, as many as there is room for.
+    def _add_periodic(self, frames: list[bytes], frame: ContactFrame, states: list[int], room: int) -> int:
+        """Add the heartbeats and baselines that are due, as many as there is room for; return the room left.
 
-        Those that were missed are not made up for.
+        Missed ones are not made up for.
         """
-        now_ns = frame.t_sent_ns
-        due: list[bytes] = []
-        for row, leg in enumerate(self._legs):
-            if now_ns < leg.due_ns:
-                continue
-            if now_ns >= leg.heartbeat_due_ns and len(due) < room:
-                leg.degraded_timing = bool(int(frame.flags[row]) & _DEGRADED_TIMING)
-                due.append(leg.next_heartbeat(states[row], now_ns))
-            if now_ns >= leg.zero_due_ns and len(due) < room:
-                due.append(leg.next_zero(frame))
-        self._due_ns = min(leg.due_ns for leg in self._legs)
-        return due
+        now_ns, due = frame.t_sent_ns, self._due
+        while room and now_ns >= due[0][0]:
+            due_ns, period_ns, row = due[0]
+            if period_ns == _HEARTBEAT_PERIOD_NS:
+                degraded_timing = bool(self._flags[row] & _DEGRADED_TIMING)
+                frames.append(heartbeat_of_state(self._legs[row].node, states[row], degraded_timing))
+            else:
+                frames.append(self._legs[row].baseline_frame(frame))
+            heapreplace(due, (due_ns + (1 + (now_ns - due_ns) // period_ns) * period_ns, period_ns, row))
+            room -= 1
+        return room

@@ -6,6 +6,7 @@ Ratios only: each figure stands beside its physical limit, or beside the same wo
 import json
 import subprocess
 import sys
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import click
@@ -15,12 +16,20 @@ from rich.table import Table
 
 from footsense.benchmarks.cycle import WARM_UP, cycle_figures, recorded_scans
 from footsense.benchmarks.scan import conversion_limit_ms, publish_age_ms, scan_figures
-from footsense.benchmarks.wakeup_latency import jitter_figures
+from footsense.benchmarks.wakeup_latency import wakeup_latency_figures
 from footsense.cli.options import json_option
 from footsense.errors import FootsenseError
 
 _CYCLES, _QUICK_CYCLES = 400, 60
-_JITTER_S, _QUICK_JITTER_S = 10.0, 1.0
+_WAKEUP_S, _QUICK_WAKEUP_S = 10.0, 1.0
+#: Figures of a scan, and their digits.
+_SCAN_COLUMNS = (
+    ("period_ms", 2),
+    ("rate_hz", 1),
+    ("over_limit", 3),
+    ("over_best", 3),
+    ("naive_over_ours", 1),
+)
 
 
 @click.command()
@@ -30,7 +39,7 @@ _JITTER_S, _QUICK_JITTER_S = 10.0, 1.0
     "--cycles", type=click.IntRange(min=1), help=f"Cycles to time, three ways in turns.  [default: {_CYCLES}]"
 )
 def benchmark(*, as_json: bool, quick: bool, cycles: int | None) -> None:
-    """Measure scan, age, cycle, lateness, start and memory, each beside its limit, C, or a naive program."""
+    """Measure scan, age, cycle, wake-up latency, start and memory, each beside its limit, C, or a naive program."""
     scan = scan_figures()
     figures: dict[str, Any] = {
         "conversion_limit_ms": conversion_limit_ms(),
@@ -45,7 +54,7 @@ def benchmark(*, as_json: bool, quick: bool, cycles: int | None) -> None:
         "cycle_us": cycle,
         "cycle_over_c_floor": cycle.pop("cycle_over_c_floor"),
         "naive_over_cycle": cycle.pop("naive_over_cycle"),
-        "jitter_us": jitter_figures(scans, _QUICK_JITTER_S if quick else _JITTER_S),
+        "wakeup_latency_us": wakeup_latency_figures(scans, _QUICK_WAKEUP_S if quick else _WAKEUP_S),
         **_start_figures(),
     }
     if as_json:
@@ -55,10 +64,10 @@ def benchmark(*, as_json: bool, quick: bool, cycles: int | None) -> None:
 
 
 def _start_figures() -> dict[str, float]:
-    """Return what `footsense run` says of its own start.
+    """Return start time [s] and memory [MiB] that `footsense run` reports.
 
     Raises:
-        FootsenseError: It did not run.
+        FootsenseError: The run failed.
     """
     command = [sys.executable, "-m", "footsense", "run", "--duration", "1", "--fast", "--summary", "json"]
     run = subprocess.run(command, check=False, capture_output=True, text=True)  # noqa: S603 - our own module
@@ -68,11 +77,12 @@ def _start_figures() -> dict[str, float]:
     return {"start_s": answer["start_to_first_frame_s"], "resident_mib": answer["resident_mib"]}
 
 
-def _table(title: str, *columns: str) -> Table:
-    table = Table(box=None, title=escape(title), title_justify="left", min_width=60)
-    table.add_column("")
+def _table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
+    table = Table("", box=None, title=escape(title), title_justify="left", min_width=60)
     for name in columns:
         table.add_column(escape(name), justify="right")
+    for row in rows:
+        table.add_row(*row)
     return table
 
 
@@ -81,53 +91,56 @@ def _number(value: float | None, digits: int) -> str:
 
 
 def _print(figures: dict[str, Any]) -> None:
+    cycle, wakeup = figures["cycle_us"], figures["wakeup_latency_us"]
+    c_floor, naive = figures["cycle_over_c_floor"], figures["naive_over_cycle"]
     console = Console(highlight=False)
-    scans = _table(
-        f"scan of six legs, limit {figures['conversion_limit_ms']:.1f} ms",
-        *("period [ms]", "rate [Hz]", "over limit", "over best", "naive / ours"),
-    )
-    for name, scan in figures["scan"].items():
-        scans.add_row(
-            name.replace("_", " "),
-            f"{scan['period_ms']:.2f}",
-            f"{scan['rate_hz']:.1f}",
-            f"{scan['over_limit']:.3f}",
-            f"{scan['over_best']:.3f}",
-            _number(scan["naive_over_ours"], 1),
-        )
-    console.print(scans)
-    ages = _table("\nage of a force when it is sent, one bus at 40 us", "p50 [ms]", "p99 [ms]")
-    for mode, age in figures["publish_age_ms"].items():
-        ages.add_row(f"publish: {mode}", f"{age['p50']:.1f}", f"{age['p99']:.1f}")
-    console.print(ages)
-    _print_cycle(console, figures)
-    _print_jitter(console, figures["jitter_us"])
     console.print(
-        f"\nstart {figures['start_s']:.2f} s to the first frame, {figures['resident_mib']:.0f} MiB resident"
+        _table(
+            f"scan of six legs, limit {figures['conversion_limit_ms']:.1f} ms",
+            ("period [ms]", "rate [Hz]", "over limit", "over best", "naive / ours"),
+            (
+                [name.replace("_", " "), *(_number(scan[key], digits) for key, digits in _SCAN_COLUMNS)]
+                for name, scan in figures["scan"].items()
+            ),
+        ),
+        _table(
+            "\nage of a force when it is sent, one bus at 40 us",
+            ("p50 [ms]", "p99 [ms]"),
+            (
+                [f"publish: {mode}", f"{age['p50']:.1f}", f"{age['p99']:.1f}"]
+                for mode, age in figures["publish_age_ms"].items()
+            ),
+        ),
+        _table(
+            "\na cycle of six legs: estimate, publish, count, record",
+            ("p50 [us]", "p99 [us]", "ratio"),
+            (
+                ("ours", _number(cycle["p50"], 0), _number(cycle["p99"], 0), ""),
+                ("one C call", _number(cycle["c_floor_p50"], 0), "", f"ours / C {_number(c_floor, 1)}"),
+                ("naive", _number(cycle["naive_p50"], 0), "", f"naive / ours {_number(naive, 1)}"),
+            ),
+        ),
+        sep="\n",
     )
-
-
-def _print_cycle(console: Console, figures: dict[str, Any]) -> None:
-    cycle = figures["cycle_us"]
-    floor, naive = figures["cycle_over_c_floor"], figures["naive_over_cycle"]
-    table = _table("\na cycle of six legs: estimate, publish, count, record", "p50 [us]", "p99 [us]", "ratio")
-    table.add_row("ours", f"{cycle['p50']:.0f}", f"{cycle['p99']:.0f}", "")
-    table.add_row("one C call", _number(cycle["c_floor_p50"], 0), "", f"ours / C {_number(floor, 1)}")
-    table.add_row("naive", _number(cycle["naive_p50"], 0), "", f"naive / ours {_number(naive, 1)}")
-    console.print(table)
-    if floor is None:
-        console.print("no C compiler (cc, gcc or clang) here: nothing in C to compare with")
+    if c_floor is None:
+        console.print("no C compiler (cc, gcc or clang) or no onnx here: no comparison with C")
     if naive is None:
-        console.print("cantools is not installed: no naive program to compare with")
-
-
-def _print_jitter(console: Console, jitter: dict[str, Any]) -> None:
-    table = _table("\nlateness of a loop at 500 Hz", "p50 [us]", "p99 [us]", "p99.9 [us]", "ours / C")
-    for case in ("quiet", "loaded"):
-        for name, tails in jitter[case]["tails"].items():
-            ratio = _number(jitter[case]["ratio"], 2) if name == "ours" else ""
-            table.add_row(f"{case}, {name}", *(f"{tail:.0f}" for tail in tails.values()), ratio)
-    console.print(table)
+        console.print("cantools is not installed: no comparison with a naive program")
     console.print(
-        "; ".join(jitter["not_granted"]) or "under SCHED_FIFO, memory locked, metrics scraped over HTTP"
+        _table(
+            "\nwake-up latency of a loop at 500 Hz",
+            ("p50 [us]", "p99 [us]", "p99.9 [us]", "ours / C"),
+            (
+                [
+                    f"{case}, {name}",
+                    *(f"{tail:.0f}" for tail in tails.values()),
+                    _number(wakeup[case]["ratio"], 2) if name == "ours" else "",
+                ]
+                for case in ("quiet", "loaded")
+                for name, tails in wakeup[case]["tails"].items()
+            ),
+        ),
+        "; ".join(wakeup["not_granted"]) or "under SCHED_FIFO, memory locked, metrics scraped over HTTP",
+        f"\nstart {figures['start_s']:.2f} s to the first frame, {figures['resident_mib']:.0f} MiB resident",
+        sep="\n",
     )

@@ -1,6 +1,6 @@
 """Ways to run a robot that are worth a name: how fast the converters run, how much is averaged, when a force goes out.
 
-What each is worth was measured by `footsense lab tradeoff` on the measured walk of six legs (docs/report, "Speed
+What each is worth was measured by `footsense lab tradeoff` on the measured walk of six legs (docs/report, "Latency
 against error", where all the others stand too); a test holds the figures here against that page.
 """
 
@@ -67,5 +67,5 @@ def at_operating_point(config: Config, name: str) -> Config:
     )
     problem = first_contradiction(moved)
     if problem is not None:
-        raise ConfigError(f"operating point {name}: {'.'.join(map(str, problem.path))}: {problem.message}")
+        raise ConfigError(f"operating point {name}: {problem}")
     return moved

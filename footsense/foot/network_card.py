@@ -41,16 +41,16 @@ class TrainedInputs:
     moments: NDArray[np.float64]
 
     def gap_closed_rel(self, gap_um: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the closure over the design's gap above which an element's gap counts as closed [1], shape as given.
+        """Return the closure over the design's gap above which a gap counts as closed [1], shape as given.
 
         Args:
-            gap_um: Air gap of the element [um], shape (..., 9).
+            gap_um: Air gap of each element [um], shape (..., 9).
         """
-        gap_closed_rel: NDArray[np.float64] = GAP_CLOSED_REL * (gap_um / self.design.gap_um)
-        return gap_closed_rel
+        closed_rel: NDArray[np.float64] = GAP_CLOSED_REL * (gap_um / self.design.gap_um)
+        return closed_rel
 
-    def closure_limit_rel(self, gap_um: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the largest closure with a force: open and trained; arguments as of `gap_closed_rel`."""
+    def usable_max_rel(self, gap_um: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the largest usable closure [1]: gap not closed, and trained; arguments as of `gap_closed_rel`."""
         return np.minimum(self.closure_rel_max, self.gap_closed_rel(gap_um))
 
 

@@ -11,6 +11,7 @@ from footsense.acquisition.boards.board import CONVERTED
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import scan_plan
+from footsense.acquisition.transports import UpstreamBus
 from footsense.errors import BusError, BusTimeoutError
 from footsense.frames import CapFrame, Reading
 from footsense.ports import Transaction
@@ -171,7 +172,10 @@ class Robot:
             channels = {f"{len(scanners)}{n}": n for n in range(per_bus)}
             scanners.append(
                 BusScanner(
-                    bus, clock, channels, 0x71, scan_plan(order, rate_sps or board.rates_sps[0], board.name)
+                    UpstreamBus(bus, 0x71),
+                    clock,
+                    channels,
+                    scan_plan(order, rate_sps or board.rates_sps[0], board.name),
                 )
             )
         self.board = board

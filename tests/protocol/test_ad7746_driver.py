@@ -174,9 +174,9 @@ def test_the_temperature_is_given_its_own_time() -> None:
 def test_a_lost_capdac_is_asked_for_once_a_scan() -> None:
     """40 steps, enabled, the second one off; and the offset that a reset leaves, which other chips do not have."""
     plan = scan_plan("raster", 91, "ad7746")
-    checks = [step.setting_check for step in plan.steps]
-    assert checks[:-1] == [None] * 8
-    assert checks[-1] == (Transaction(0x48, b"\x0b", 4), b"\xa8\x00\x80\x00")
+    checks = [step.setting_checks for step in plan.steps]
+    assert checks[:-1] == [()] * 8
+    assert checks[-1] == ((Transaction(0x48, b"\x0b", 4), b"\xa8\x00\x80\x00"),)
 
 
 def test_nothing_but_the_lines_and_the_start_is_written_for_an_element() -> None:

@@ -105,18 +105,24 @@ def test_results_are_two_s_complement_with_19_fractional_bits(
 
 
 @pytest.mark.parametrize(
-    ("answer", "garbled"),
+    ("answer", "reading"),
     [
-        (b"\x0c\x80", False),
-        (b"\x0c\x8f", False),
-        (b"\x00\x00", False),
-        (b"\x0d\x80", True),
-        (b"\xff\xff", True),
+        (b"\x0c\x80", Reading.NOT_READY),
+        (b"\x0c\x87", Reading.NOT_READY),
+        (b"\x0c\x8f", Reading.OK),
+        (b"\x0c\x88", Reading.OK),
+        (b"\x00\x00", Reading.NOT_READY),
+        (b"\x0d\x88", Reading.CORRUPT),
+        (b"\xff\xff", Reading.CORRUPT),
     ],
 )
-def test_bits_that_no_converter_sends_are_noticed(answer: bytes, *, garbled: bool) -> None:
+def test_the_done_bit_is_believed_only_without_bits_that_no_converter_sends(
+    answer: bytes, reading: Reading
+) -> None:
     """In FDC_CONF the reserved bits 14 to 12 and 9, and REPEAT, which is never asked for."""
-    assert fdc1004.is_garbled(answer) is garbled
+    done = fdc1004.step(element=0, rate_sps=400).done
+    assert done is not None
+    assert done.decode(answer) is reading
 
 
 def test_a_lower_half_with_reserved_bits_is_garbled() -> None:

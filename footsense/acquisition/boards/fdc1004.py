@@ -8,7 +8,7 @@ from functools import partial
 
 from firmware_interface import adg715, schedule
 from firmware_interface import fdc1004 as chip
-from footsense.acquisition.boards.board import Board, Check, Done, Element
+from footsense.acquisition.boards.board import Board, Check, Done, Step
 from footsense.errors import HardwareError, NackError, WrongChipError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
@@ -17,6 +17,9 @@ COLUMNS = 3
 
 #: Bits of FDC_CONF that read as zero on a chip that is used as here (section 8.6.1.3).
 _NEVER_SET = 0x7300
+#: Upper words of a result at the ends of the range.
+_RANGE_ENDS = {b"\x7f\xff", b"\x80\x00"}
+_NAN = float("nan")
 
 
 def write_register(register: int, word: int) -> Transaction:
@@ -35,12 +38,19 @@ ALL_RESULTS = tuple(read_register(chip.result_register(slot)) for slot in range(
 _RESET = write_register(chip.Register.FDC_CONF, chip.CONF_RESET.encode(1))
 
 
-def element(row: int, column: int, rate_sps: int) -> Element:
-    """Return what converting the element of a row and a column takes: measurement slot `column` has CIN `column`."""
-    return Element(
+def step(element: int, rate_sps: int) -> Step:
+    """Return the conversion of an element: measurement slot n converts CIN n, to which column n is wired.
+
+    Args:
+        element: Flat index.
+        rate_sps: Conversions per second: 100, 200 or 400.
+    """
+    row, column = divmod(element, COLUMNS)
+    return Step(
+        element=element,
         select=(Transaction(adg715.ADDRESS, bytes((adg715.select_lines(1 << row),))),),
         trigger=write_register(chip.Register.FDC_CONF, chip.trigger(rate_sps, column)),
-        done=Done(READ_CONF, partial(_says, slot=column)),
+        done=Done(READ_CONF, partial(_decode_done, done_bit=chip.CONF_DONE.encode(chip.slot_bit(column)))),
         read=result_reads(column, rate_sps),
     )
 
@@ -59,8 +69,10 @@ def identify(bus: I2cBus, clock: Clock) -> None:
     """
     del clock
     try:
-        manufacturer = _read_word(bus, chip.Register.MANUFACTURER_ID)
-        device = _read_word(bus, chip.Register.DEVICE_ID)
+        registers = chip.Register.MANUFACTURER_ID, chip.Register.DEVICE_ID
+        manufacturer, device = (
+            int.from_bytes(bus.transfer(read_register(each)), "big") for each in registers
+        )
     except NackError as error:
         raise HardwareError(
             f"no answer at {chip.ADDRESS:#04x}: broken wire, no 3.3 V, or another mux channel"
@@ -101,20 +113,15 @@ def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
     return Reading.OK, 0.0
 
 
-def is_garbled(conf_answer: bytes) -> bool:
-    """Tell whether an answer to READ_CONF has bits that no FDC1004 sends: reserved ones, or REPEAT, never asked for."""
-    return bool(_word(conf_answer) & _NEVER_SET)
+def _decode_done(conf_answer: bytes, done_bit: int) -> Reading:
+    """Return the meaning of an answer to READ_CONF.
 
-
-def is_done(conf_answer: bytes, slot: int) -> bool:
-    """Tell from an answer to READ_CONF whether measurement `slot` has finished since it was last read."""
-    return bool(chip.CONF_DONE.decode(_word(conf_answer)) & chip.slot_bit(slot))
-
-
-def _says(conf_answer: bytes, slot: int) -> Reading:
-    if is_garbled(conf_answer):
+    Bits that no FDC1004 sends, reserved ones and REPEAT, which is never asked for, make it CORRUPT.
+    """
+    word = conf_answer[0] << 8 | conf_answer[1]
+    if word & _NEVER_SET:
         return Reading.CORRUPT
-    return Reading.OK if is_done(conf_answer, slot) else Reading.NOT_READY
+    return Reading.OK if word & done_bit else Reading.NOT_READY
 
 
 def result_reads(slot: int, rate_sps: int) -> tuple[Transaction, ...]:
@@ -130,31 +137,32 @@ def result_reads(slot: int, rate_sps: int) -> tuple[Transaction, ...]:
 
 
 def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
-    """Return what the answers to `result_reads` say, and the capacitance [pF], NaN unless the reading is OK."""
-    words = [_word(answer) for answer in answers]
-    if any(word & 0xFF for word in words[1:]):  # the lower half of a lower register is reserved
-        return Reading.CORRUPT, float("nan")
+    """Decode the answers to `result_reads`.
+
+    Returns:
+        The reading, and the capacitance [pF], NaN unless the reading is OK.
+
+    Source: FDC1004 data sheet SNOSCY5, section 8.6.1.1: a 24-bit code in two's complement, the lower eight bits of the
+    lower register reserved.
+    """
+    upper, lower = answers[0], b"\0\0"
+    if len(answers) > 1:
+        lower = answers[1]
+        if lower[1]:
+            return Reading.CORRUPT, _NAN
     # The upper word alone tells the ends of the range: 0x7FFF is also what an unfinished measurement reads as.
-    if words[0] in {chip.CODE_MAX >> 8, chip.CODE_MIN >> 8 & 0xFFFF}:
-        return Reading.OVER_RANGE, float("nan")
-    return Reading.OK, chip.capacitance_pf(chip.signed_code(*words))
-
-
-def _word(answer: bytes) -> int:
-    return answer[0] << 8 | answer[1]
-
-
-def _read_word(bus: I2cBus, register: int) -> int:
-    return _word(bus.transfer(read_register(register)))
+    if upper in _RANGE_ENDS:
+        return Reading.OVER_RANGE, _NAN
+    return Reading.OK, int.from_bytes(upper + lower[:1], "big", signed=True) / chip.CODES_PER_PF
 
 
 BOARD = Board(
     conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
-    element=element,
+    step=step,
     identify=identify,
     configure=configure,
     decode_result=decode_result,
-    afresh=ALL_RESULTS,
+    restart=ALL_RESULTS,
     # The second column's configuration: after a reset it reads as the first column's.
     setting_check=Check(
         read_register(chip.Register.CONF_MEAS1 + 1), chip.measurement_config(1).to_bytes(2, "big")

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from footsense.errors import BusError, BusTimeoutError, NackError
 from footsense.ports import I2cBus, Transaction
 
-__all__ = ["ADDRESSES", "Census", "take_census"]
+__all__ = ["ADDRESSES", "AddressScan", "scan_addresses"]
 
 #: Addresses that a chip may have.
 ADDRESSES = range(0x08, 0x78)
@@ -21,7 +21,7 @@ ADDRESSES = range(0x08, 0x78)
 _READ = {*range(0x30, 0x38), *range(0x50, 0x60)}
 
 
-class Census(NamedTuple):
+class AddressScan(NamedTuple):
     """Who is there.
 
     Attributes:
@@ -33,7 +33,7 @@ class Census(NamedTuple):
     unasked: tuple[int, ...] = ()
 
 
-def take_census(bus: I2cBus, leave_alone: Collection[int] = ()) -> Census:
+def scan_addresses(bus: I2cBus, leave_alone: Collection[int] = ()) -> AddressScan:
     """Ask every address once.
 
     Args:
@@ -57,4 +57,4 @@ def take_census(bus: I2cBus, leave_alone: Collection[int] = ()) -> Census:
             unasked.append(address)
         else:
             answering.append(address)
-    return Census(tuple(answering), tuple(unasked))
+    return AddressScan(tuple(answering), tuple(unasked))

@@ -1,35 +1,35 @@
-"""Looks at a bus before anything is scanned: who answers where, which chips are the right ones, what it costs.
+"""Look at a bus before its first scan: which addresses answer where, whether the chips are the right ones, its timing.
 
-Only questions that no chip minds go to addresses of which nothing is known (`address_census.py`). The mux is switched,
-and the converter of a leg is asked for its identity; nothing else is written.
+Only transactions that no chip minds go to unknown addresses (`address_scan.py`). The mux is switched, and a leg's
+converter is asked for its identity; nothing else is written.
 """
 
 import logging
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 from firmware_interface import tca9548a
 from footsense.acquisition.bus_timing import Timing, measure, timing
-from footsense.acquisition.probe.address_scan import Census, take_census
+from footsense.acquisition.probe.address_scan import AddressScan, scan_addresses
 from footsense.acquisition.scan_plan import ScanPlan
-from footsense.acquisition.upstream_bus import Trunk
+from footsense.acquisition.transports import UpstreamBus
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError, WrongChipError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
-__all__ = ["BusSeen", "Place", "leg_addresses", "look_at_adapters", "look_at_bus"]
+__all__ = ["BusScan", "ChannelScan", "leg_addresses", "scan_adapters", "scan_bus"]
 
 _log = logging.getLogger(__name__)
 
 
-class Place(NamedTuple):
-    """What is behind one channel of a mux.
+class ChannelScan(NamedTuple):
+    """The chips behind one channel of a mux.
 
     Attributes:
-        answering: Addresses that answer there and not on the trunk.
+        answering: Addresses that answer there and not on the upstream bus.
         outcome: OK if the leg's converter is the right one; NO_ANSWER, WRONG_CHIP, BUS_STUCK, or DELAYED where it could
             not be asked.
-        why: What is wrong, in words; empty if nothing is.
+        why: The fault in words; empty for OK.
     """
 
     answering: tuple[int, ...]
@@ -37,20 +37,20 @@ class Place(NamedTuple):
     why: str = ""
 
 
-class BusSeen(NamedTuple):
-    """What is on one bus.
+class BusScan(NamedTuple):
+    """The chips on one bus.
 
     Attributes:
-        trunk: Who answers with no channel connected; None if a line is held.
-        mux_answers: Whether the mux holds what it is told; True where the kernel drives it.
-        places: What is behind each channel, by its number, as far as they could be connected; where the kernel drives
-            the mux, behind each leg's adapter, by the leg's place among them.
-        timing: What it costs and allows; None if nothing answered that could be timed.
+        upstream: Addresses that answer with no channel connected; None if a line is stuck.
+        mux_answers: Whether the mux holds its selection; True where the kernel drives it.
+        channels: Chips behind each channel by number, as far as it could be connected; where the kernel drives the mux,
+            behind each leg's adapter, by the leg's position.
+        timing: Cost of transactions and limits of the scan; None if no chip answered that could be timed.
     """
 
-    trunk: Census | None
+    upstream: AddressScan | None
     mux_answers: bool
-    places: dict[int, Place]
+    channels: dict[int, ChannelScan]
     timing: Timing | None
 
 
@@ -60,75 +60,73 @@ def leg_addresses(plan: ScanPlan) -> tuple[int, ...]:
     return (step.trigger.address, *(select.address for select in step.select))
 
 
-def look_at_bus(
-    trunk: Trunk, clock: Clock, plan: ScanPlan, channels: Mapping[str, int], claimed: Collection[int] = ()
-) -> BusSeen:
+def scan_bus(
+    bus: UpstreamBus, clock: Clock, plan: ScanPlan, legs: Mapping[str, int], claimed: Collection[int] = ()
+) -> BusScan:
     """Look at a bus whose mux footsense drives.
 
     Args:
-        trunk: The bus.
+        bus: The bus.
         clock: The time that it lives in.
-        plan: What is to be scanned.
-        channels: Mux channel of each leg.
-        claimed: Addresses that the kernel uses.
+        plan: The scan to come.
+        legs: Mux channel of each leg.
+        claimed: Addresses that drivers of the kernel hold.
     """
-    census, has_mux = None, False
+    upstream, has_mux = None, False
     try:
-        if trunk.free() or not _is_held(trunk):
-            census = take_census(trunk.bus, claimed)
-            has_mux = _has_selected(trunk, ())
+        if bus.free() or not _is_stuck(bus):
+            upstream = scan_addresses(bus.bus, claimed)
+            has_mux = _holds_selection(bus, 0)
     except BusError as error:
-        _log.info("the trunk: %s", error)
-    if census is None or not has_mux:
-        return BusSeen(census, mux_answers=False, places={}, timing=None)
-    limits = timing(
-        measure(trunk.bus, clock, trunk.mux_address), plan, max(len(channels), 1), kernel_mux=False
-    )
-    known = {*claimed, *census.answering, *census.unasked}
-    places = {}
+        _log.info("the upstream bus: %s", error)
+    if upstream is None or not has_mux:
+        return BusScan(upstream, mux_answers=False, channels={}, timing=None)
+    limits = timing(measure(bus.bus, clock, bus.mux_address), plan, max(len(legs), 1), kernel_mux=False)
+    known = {*claimed, *upstream.answering, *upstream.unasked}
+    channels = {}
     for channel in range(tca9548a.CHANNELS):
         try:
-            if not _has_selected(trunk, (channel,)):
-                return BusSeen(census, mux_answers=False, places={}, timing=None)
-            places[channel] = _place(trunk.bus, clock, plan, known, is_leg=channel in channels.values())
+            if not _holds_selection(bus, tca9548a.select(channel)):
+                return BusScan(upstream, mux_answers=False, channels={}, timing=None)
+            channels[channel] = _scan_channel(bus.bus, clock, plan, known, is_leg=channel in legs.values())
         except BusTimeoutError as error:
-            places[channel] = Place((), Reading.BUS_STUCK, str(error))
-            if not trunk.free():
+            channels[channel] = ChannelScan((), Reading.BUS_STUCK, str(error))
+            if not bus.free():
                 break
         except BusError as error:
-            places[channel] = Place((), Reading.DELAYED, str(error))
-    trunk.free()
-    return BusSeen(census, mux_answers=True, places=places, timing=limits)
+            channels[channel] = ChannelScan((), Reading.DELAYED, str(error))
+    bus.free()
+    return BusScan(upstream, mux_answers=True, channels=channels, timing=limits)
 
 
-def look_at_adapters(
-    adapters: Mapping[str, I2cBus], clock: Clock, plan: ScanPlan, claimed: Collection[int] = ()
-) -> BusSeen:
-    """Look at a bus whose mux the kernel drives, through the adapter of each leg; arguments as of `look_at_bus`."""
-    places: dict[int, Place] = {}
+def scan_adapters(
+    adapters: Sequence[I2cBus], clock: Clock, plan: ScanPlan, claimed: Collection[int] = ()
+) -> BusScan:
+    """Look at a bus whose mux the kernel drives, through the adapter of each leg; arguments as of `scan_bus`."""
+    channels: dict[int, ChannelScan] = {}
     limits = None
-    for number, bus in enumerate(adapters.values()):
+    for number, bus in enumerate(adapters):
         try:
-            place = _place(bus, clock, plan, claimed, is_leg=True)
+            channels[number] = _scan_channel(bus, clock, plan, claimed, is_leg=True)
         except BusTimeoutError as error:
-            place = Place((), Reading.BUS_STUCK, str(error))
-        places[number] = place
-        if limits is None and place.outcome is Reading.OK:
+            channels[number] = ChannelScan((), Reading.BUS_STUCK, str(error))
+        if limits is None and channels[number].outcome is Reading.OK:
             costs = measure(bus, clock, plan.steps[0].select[0].address)
             limits = timing(costs, plan, len(adapters), kernel_mux=True)
-    # What answers behind every channel is on the trunk.
-    common = set.intersection(*(set(place.answering) for place in places.values())) - set(leg_addresses(plan))
-    places = {
-        number: place._replace(answering=tuple(a for a in place.answering if a not in common))
-        for number, place in places.items()
+    # An address that answers behind every channel is on the upstream bus.
+    everywhere = set.intersection(*(set(scan.answering) for scan in channels.values()))
+    common = everywhere - set(leg_addresses(plan))
+    channels = {
+        number: scan._replace(answering=tuple(address for address in scan.answering if address not in common))
+        for number, scan in channels.items()
     }
-    return BusSeen(Census(tuple(sorted(common))), mux_answers=True, places=places, timing=limits)
+    return BusScan(AddressScan(tuple(sorted(common))), mux_answers=True, channels=channels, timing=limits)
 
 
-def _is_held(trunk: Trunk) -> bool:
-    """Tell whether a bus whose mux does not answer is held low, rather than without a mux."""
+def _is_stuck(bus: UpstreamBus) -> bool:
+    """Return whether a bus whose mux does not answer is held low, rather than without a mux."""
     try:
-        trunk.connect(())
+        bus.connect(0)
     except BusTimeoutError:
         return True
     except BusError:
@@ -136,43 +134,45 @@ def _is_held(trunk: Trunk) -> bool:
     return False
 
 
-def _has_selected(trunk: Trunk, channels: tuple[int, ...]) -> bool:
-    """Connect these channels, and tell whether the mux holds that; what only shares its address does not.
+def _holds_selection(bus: UpstreamBus, selection: int) -> bool:
+    """Connect some channels, and return whether the mux reads back so: another chip at its address does not.
 
     Raises:
-        BusTimeoutError: A line is held low.
+        BusTimeoutError: A line is stuck.
         BusError: The transaction failed otherwise.
     """
     try:
-        trunk.connect(channels)
-        held = trunk.bus.transfer(Transaction(trunk.mux_address, b"", n_read=1))
+        bus.connect(selection)
+        held = bus.bus.transfer(Transaction(bus.mux_address, b"", n_read=1))
     except NackError:
         return False
-    return held == bytes((tca9548a.select(channels),))
+    return held == bytes((selection,))
 
 
-def _place(bus: I2cBus, clock: Clock, plan: ScanPlan, leave_alone: Collection[int], *, is_leg: bool) -> Place:
-    """Return what answers behind the channel that is connected.
+def _scan_channel(
+    bus: I2cBus, clock: Clock, plan: ScanPlan, leave_alone: Collection[int], *, is_leg: bool
+) -> ChannelScan:
+    """Return the chips behind the channel that is connected.
 
     Raises:
-        BusTimeoutError: A line is held low.
+        BusTimeoutError: A line is stuck.
     """
-    answering = take_census(bus, leave_alone).answering
+    answering = scan_addresses(bus, leave_alone).answering
     if not is_leg:
-        return Place(answering, Reading.OK)
+        return ChannelScan(answering, Reading.OK)
     converter, *switches = leg_addresses(plan)
     try:
         plan.board.identify(bus, clock)
     except BusTimeoutError:
         raise
     except WrongChipError as error:
-        return Place(answering, Reading.WRONG_CHIP, str(error))
+        return ChannelScan(answering, Reading.WRONG_CHIP, str(error))
     except (NackError, BusError) as error:
-        return Place(answering, Reading.DELAYED, str(error))
+        return ChannelScan(answering, Reading.DELAYED, str(error))
     except HardwareError as error:
-        return Place(answering, Reading.NO_ANSWER, str(error))
+        return ChannelScan(answering, Reading.NO_ANSWER, str(error))
     for address in switches:
         if address not in answering and address not in leave_alone:
             why = f"no line switch answers at {address:#04x}, though a converter does at {converter:#04x}"
-            return Place(answering, Reading.NO_ANSWER, why)
-    return Place(answering, Reading.OK)
+            return ChannelScan(answering, Reading.NO_ANSWER, why)
+    return ChannelScan(answering, Reading.OK)

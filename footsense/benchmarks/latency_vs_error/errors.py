@@ -1,4 +1,4 @@
-"""How far published forces were from what the feet felt, and how late they were, for the study `tradeoff`."""
+"""Errors and latency of published forces against the true load."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,118 +6,104 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.benchmarks.latency_vs_error.chain import Felt, Published, Stamps, felt_by
+from footsense.benchmarks.latency_vs_error.chain import FootLoad, PublishedForces, Stamps, true_loads
+from footsense.foot.directions import angles_between_deg
 
 Vector = NDArray[np.float64]
 
-#: Truth from which a direction is defined, and from which a foot is on the ground [N].
-LOADED_N, TOUCHING_N = 0.1, 0.02
-#: Multiples of sigma that errors are held against.
+#: True force from which a direction is defined, and from which a foot is in contact [N].
+LOADED_N, CONTACT_N = 0.1, 0.02
+#: Multiples of sigma of which the coverage is counted.
 SIGMAS = (1, 2, 3, 5)
-#: Times at which a consumer looks [ns].
-LOOK_NS = 1_000_000
-#: How far the truth is shifted to find how late forces are [ms]: later, where a prediction overshoots, and earlier.
+#: Period at which a consumer reads the last force [ns].
+READ_NS = 1_000_000
+#: Shifts of the truth in the search for the lag [ms]: later, for a prediction that overshoots, and earlier.
 _AHEAD_MS, _BEHIND_MS = 30, 600
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
-    """What one way of publishing was worth on one load.
+class LatencyAndErrors:
+    """Latency and errors of one publishing method under one load; *held*: at any time, of the last force sent.
 
     Attributes:
-        age_ms: Age of the measurement when its force is sent, median [ms].
-        age_used_ms: The same when a consumer looks, median and 99th percentile [ms].
-        sent_mn: Error of fx, fy, fz at the time of sending, rms [mN].
-        sent_total_mn: Length of that error, rms [mN].
-        direction_deg: Angle to the truth at the time of sending, mean and 95th percentile, on a loaded foot [deg].
-        used_total_mn: Length of the error at any time, the consumer holding the last force, rms [mN].
-        used_direction_deg: Angle at any time, mean [deg].
-        within_sigma: Share of components, foot on the ground, whose error at the time of sending is within each of
-            `SIGMAS` [1].
-        within_sigma_then: The same for the error at the time that the force speaks of.
-        behind_ms: Shift of the truth that fits best to what the consumer holds [ms].
+        age_ms: Age of the newest reading when its force is sent, median [ms].
+        age_held_ms: Age of the newest reading in the held force, median and 99th percentile [ms].
+        error_mn: Error of fx, fy, fz at the time of sending, rms [mN].
+        error_total_mn: Length of that error, rms [mN].
+        direction_deg: Angle to the true force at the time of sending, mean and 95th percentile, loaded feet [deg].
+        held_total_mn: Length of the error of the held force, rms [mN].
+        held_direction_deg: Angle of the held force to the true one, mean [deg].
+        within_sigma: Share of components, feet in contact, with an error at the time of sending within `SIGMAS` [1].
+        within_sigma_at_stamp: The same for the error at the time that the force is valid for.
+        lag_ms: Shift of the truth that fits the held force best [ms].
     """
 
     age_ms: float
-    age_used_ms: tuple[float, float]
-    sent_mn: tuple[float, float, float]
-    sent_total_mn: float
+    age_held_ms: tuple[float, float]
+    error_mn: tuple[float, float, float]
+    error_total_mn: float
     direction_deg: tuple[float, float]
-    used_total_mn: float
-    used_direction_deg: float
+    held_total_mn: float
+    held_direction_deg: float
     within_sigma: tuple[float, ...]
-    within_sigma_then: tuple[float, ...]
-    behind_ms: float
+    within_sigma_at_stamp: tuple[float, ...]
+    lag_ms: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """What some feet feel, at the times at which a consumer looks.
+    """True loads of some feet, sampled as a consumer reads them.
 
     Attributes:
-        feet: What each feels.
-        begin_ns: From when on errors count [ns].
-        end_ns: Until when [ns].
-        look_n: Forces at every `LOOK_NS` from time 0 to 30 ms after the end [N], shape (times, feet, 3).
+        feet: Load of each foot.
+        begin_ns: Begin of the time in which errors count [ns].
+        end_ns: End of it [ns].
+        read_n: Forces at every `READ_NS` from time 0 to 30 ms after the end [N], shape (times, feet, 3).
     """
 
-    feet: Sequence[Felt]
+    feet: Sequence[FootLoad]
     begin_ns: int
     end_ns: int
-    look_n: Vector
+    read_n: Vector
 
     @classmethod
-    def of(cls, feet: Sequence[Felt], begin_ns: int, end_ns: int) -> "Truth":
+    def of(cls, feet: Sequence[FootLoad], begin_ns: int, end_ns: int) -> "Truth":
         """Return the truth of some feet between two times [ns]."""
-        look_ns = np.arange(0, end_ns + _AHEAD_MS * 1_000_000, LOOK_NS)
-        return cls(feet, begin_ns, end_ns, felt_by(feet, look_ns)[1])
+        read_ns = np.arange(0, end_ns + _AHEAD_MS * 1_000_000, READ_NS)
+        return cls(feet, begin_ns, end_ns, true_loads(feet, read_ns)[1])
 
 
-def angles_deg(truth_n: Vector, found_n: Vector) -> Vector:
-    """Return the angles between forces [deg], shape (n,), where the truth is loaded."""
-    loaded = np.linalg.norm(truth_n, axis=-1) >= LOADED_N
-    one, other = truth_n[loaded], found_n[loaded]
-    sine = np.linalg.norm(np.cross(one, other), axis=-1)
-    angle: Vector = np.degrees(np.arctan2(sine, (one * other).sum(axis=-1)))
-    return angle
-
-
-def held(published: Published, truth: Truth) -> tuple[Vector, Vector, Vector]:
-    """Return what a consumer holds between the two times of a truth.
+def _held(published: PublishedForces, truth: Truth) -> tuple[Vector, Vector, Vector]:
+    """Return the forces that a consumer holds between the two times of a truth.
 
     Returns:
-        When it looks [ms], shape (times,); the force that it holds [N], shape (times, feet, 3); its age [ms].
+        Times [ms], shape (times,); held forces [N], shape (times, feet, 3); ages of their newest readings [ms].
     """
-    look_ns: Stamps = np.arange(truth.begin_ns, truth.end_ns, LOOK_NS)
-    last = np.searchsorted(published.sent_ns, look_ns, side="right") - 1
-    look_ms: Vector = look_ns / 1e6
-    age_ms: Vector = (look_ns - published.t_ns[last]) / 1e6
-    return look_ms, published.force_n[last], age_ms
+    read_ns: Stamps = np.arange(truth.begin_ns, truth.end_ns, READ_NS)
+    last = np.searchsorted(published.sent_ns, read_ns, side="right") - 1
+    return read_ns / 1e6, published.force_n[last], (read_ns - published.t_ns[last]) / 1e6
 
 
-def judge(published: Published, truth: Truth) -> Judged:
-    """Return the errors of published forces between the two times of a truth."""
+def latency_and_errors(published: PublishedForces, truth: Truth) -> LatencyAndErrors:
+    """Return latency and errors of published forces between the two times of a truth."""
     counts = (published.sent_ns >= truth.begin_ns) & (published.sent_ns < truth.end_ns)
-    true_force_n = felt_by(truth.feet, published.sent_ns[counts])[1]
-    predicted = published.of_ns is published.sent_ns
-    then_n = true_force_n if predicted else felt_by(truth.feet, published.of_ns[counts])[1]
+    true_n, stamp_n = (true_loads(truth.feet, t[counts])[1] for t in (published.sent_ns, published.of_ns))
     force_n, sigma_n = published.force_n[counts], published.sigma_n[counts]
-    error_n = force_n - true_force_n
-    angle_deg = angles_deg(true_force_n, force_n)
-    look_ms, held_n, age_used_ms = held(published, truth)
-    first = round(look_ms[0])
-    looked_n = truth.look_n[first : first + len(look_ms)]
-    return Judged(
+    angle_deg = _angles_deg(true_n, force_n)
+    read_ms, held_n, age_held_ms = _held(published, truth)
+    first = round(read_ms[0])
+    true_read_n = truth.read_n[first : first + len(read_ms)]
+    return LatencyAndErrors(
         age_ms=float(np.median(published.sent_ns[counts] - published.t_ns[counts])) * 1e-6,
-        age_used_ms=(float(np.median(age_used_ms)), float(np.percentile(age_used_ms, 99))),
-        sent_mn=tuple((1e3 * np.sqrt((error_n**2).mean(axis=(0, 1)))).tolist()),
-        sent_total_mn=rms_mn(error_n),
+        age_held_ms=(float(np.median(age_held_ms)), float(np.percentile(age_held_ms, 99))),
+        error_mn=tuple((1e3 * np.sqrt(((force_n - true_n) ** 2).mean(axis=(0, 1)))).tolist()),
+        error_total_mn=rms_mn(force_n - true_n),
         direction_deg=(float(angle_deg.mean()), float(np.percentile(angle_deg, 95))),
-        used_total_mn=rms_mn(held_n - looked_n),
-        used_direction_deg=float(angles_deg(looked_n, held_n).mean()),
-        within_sigma=_within(true_force_n, force_n, sigma_n),
-        within_sigma_then=_within(then_n, force_n, sigma_n),
-        behind_ms=_behind_ms(held_n, truth.look_n, first),
+        held_total_mn=rms_mn(held_n - true_read_n),
+        held_direction_deg=float(_angles_deg(true_read_n, held_n).mean()),
+        within_sigma=_within(true_n, force_n, sigma_n),
+        within_sigma_at_stamp=_within(stamp_n, force_n, sigma_n),
+        lag_ms=_lag_ms(held_n, truth.read_n, first),
     )
 
 
@@ -126,18 +112,24 @@ def rms_mn(error_n: Vector) -> float:
     return 1e3 * float(np.sqrt((error_n**2).sum(axis=-1).mean()))
 
 
-def _within(truth_n: Vector, found_n: Vector, sigma_n: Vector) -> tuple[float, ...]:
-    """Return the share of components of feet on the ground that are within each of `SIGMAS` [1]."""
-    touching = np.linalg.norm(truth_n, axis=-1) >= TOUCHING_N
-    off = np.abs(found_n - truth_n)[touching] / sigma_n[touching]
-    return tuple(float((off < k).mean()) for k in SIGMAS)
+def _angles_deg(true_n: Vector, force_n: Vector) -> Vector:
+    """Return the angles between true and other forces [N] of loaded feet [deg], shape (n,)."""
+    loaded = np.linalg.norm(true_n, axis=-1) >= LOADED_N
+    return angles_between_deg(true_n[loaded], force_n[loaded])
 
 
-def _behind_ms(held_n: Vector, look_n: Vector, first: int) -> float:
-    """Return by how much earlier the truth has to be taken to fit best [ms]; a parabola between whole ones."""
+def _within(true_n: Vector, force_n: Vector, sigma_n: Vector) -> tuple[float, ...]:
+    """Return the share of components of feet in contact that are within each of `SIGMAS` [1]."""
+    in_contact = np.linalg.norm(true_n, axis=-1) >= CONTACT_N
+    error_sigmas = np.abs(force_n - true_n)[in_contact] / sigma_n[in_contact]
+    return tuple(float((error_sigmas < k).mean()) for k in SIGMAS)
+
+
+def _lag_ms(held_n: Vector, read_n: Vector, first: int) -> float:
+    """Return the shift of the truth that fits held forces best [ms], by a parabola through the best three shifts."""
     shifts = np.arange(-_AHEAD_MS, min(_BEHIND_MS, first) + 1)
     misfit = np.array(
-        [((held_n - look_n[first - k : first - k + len(held_n)]) ** 2).mean() for k in shifts.tolist()]
+        [((held_n - read_n[first - k : first - k + len(held_n)]) ** 2).mean() for k in shifts.tolist()]
     )
     best = int(np.clip(misfit.argmin(), 1, len(shifts) - 2))
     left, middle, right = misfit[best - 1 : best + 2].tolist()
@@ -145,17 +137,17 @@ def _behind_ms(held_n: Vector, look_n: Vector, first: int) -> float:
     return float(shifts[best]) + between
 
 
-def settled_ms(published: Published, truth: Truth, begins_ns: Sequence[int]) -> Vector:
-    """Return how long after a load began each foot's held force is within a tenth of it for good [ms], shape (feet,).
+def settling_ms(published: PublishedForces, truth: Truth, begins_ns: Sequence[int]) -> Vector:
+    """Return the time from the begin of each load until the held force stays within a tenth of it [ms], shape (feet,).
 
     Args:
         published: Forces.
-        truth: What the feet felt; at its end each is under its full load.
-        begins_ns: When the load of each began [ns].
+        truth: True loads, at the end of which each foot carries its full load.
+        begins_ns: Begin of each load [ns].
     """
-    look_ms, held_n, _ = held(published, truth)
-    full_n = truth.look_n[round(look_ms[-1])]
+    read_ms, held_n, _ = _held(published, truth)
+    full_n = truth.read_n[round(read_ms[-1])]
     off = np.linalg.norm(held_n - full_n, axis=-1) > 0.1 * np.linalg.norm(full_n, axis=-1)
     last = len(off) - 1 - off[::-1].argmax(axis=0)
-    settled: Vector = look_ms[last] + 1.0 - np.array(begins_ns) * 1e-6
+    settled: Vector = read_ms[last] + 1.0 - np.array(begins_ns) * 1e-6
     return settled

@@ -1,10 +1,9 @@
-"""Rate, averaging, publish mode and size of the network against latency, noise and error on a walk."""
+"""Rate, averaging, publish mode and network size against latency, noise and error on a walk."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,36 +12,25 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
 from firmware_interface.can_frames import NODE_IDS
-from footsense.benchmarks.latency_vs_error.chain import (
-    ORDERS,
-    Published,
-    Readings,
-    by_element,
-    by_frame,
-    convert,
-    pace,
-)
-from footsense.benchmarks.latency_vs_error.errors import Judged, Truth, judge, rms_mn
+from footsense.benchmarks.latency_vs_error.chain import ORDERS, Readings, by_element, by_frame, convert, pace
+from footsense.benchmarks.latency_vs_error.errors import LatencyAndErrors, Truth, latency_and_errors, rms_mn
 from footsense.foot.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS
 from footsense.lab.studies.page import table
-from footsense.lab.training.export import OnnxNetwork, onnx_model
-from footsense.lab.training.network import Weights
 from footsense.ports import Estimator
 from footsense.sim.loads.ground_load import Ramp
 
-#: Bits of a classic CAN frame of 8 bytes at worst, its pause included, and frames of a leg: `Force` and `Quality`.
+#: Bits of a classic CAN frame of 8 bytes at most, its pause included; frames of a leg: `Force` and `Quality`.
 FRAME_BITS, FRAMES_PER_LEG = 135, 2
-#: What a foot stands on in the test for noise [N].
+#: Load of the standing feet of which the noise is measured [N].
 STANDING_N = (0.1, 0.05, 0.5)
-
 _SEED = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Point:
-    """One way to run the robot.
+class OperatingPoint:
+    """Latency, noise and errors of one configuration of the robot.
 
     Attributes:
         rate_sps: Conversions per second.
@@ -50,9 +38,9 @@ class Point:
         publish: `frame` or `element`.
         weights: Weights of the network.
         forces_hz: Forces of a leg per second [Hz].
-        can_kbit_s: What six legs of them take on CAN at most [kbit/s].
-        noise_mn: Noise of the force of a foot that stands still, all axes, rms [mN].
-        walk: Errors on the walk.
+        can_kbit_s: Load of six legs on CAN at most [kbit/s].
+        noise_mn: Noise of the force of a standing foot, all axes, rms [mN].
+        walk: Latency and errors on the walk.
     """
 
     rate_sps: int
@@ -62,137 +50,116 @@ class Point:
     forces_hz: float
     can_kbit_s: float
     noise_mn: float
-    walk: Judged
+    walk: LatencyAndErrors
 
 
-class Bench:
-    """The walk and the standing foot, converted once for every rate.
+class WalkAndStand(NamedTuple):
+    """Readings of walking and of standing feet at one rate.
 
-    Args:
-        foot: How the feet yield.
-        truth: What walking ones feel.
+    Attributes:
+        rate_sps: Conversions per second.
+        truth: True loads of the walking feet.
+        walk: Readings of the walking feet.
+        standing: Readings of the standing feet.
     """
 
-    def __init__(self, foot: Foot, truth: Truth) -> None:
-        self._foot = foot
-        self._truth = truth
-        self._converted: dict[int, tuple[Readings, Readings]] = {}
+    rate_sps: int
+    truth: Truth
+    walk: Readings
+    standing: Readings
 
-    def point(
-        self,
-        network: Estimator,
-        card: TrainedInputs,
-        rate_sps: int,
-        average_scans: int,
-        publish: str,
-        weights: int,
-    ) -> Point:
-        """Return what one way to run the robot is worth; arguments as the attributes of `Point`."""
-        if rate_sps not in self._converted:
-            self._converted[rate_sps] = self._convert(rate_sps)
+    @classmethod
+    def at(cls, rate_sps: int, foot: Foot, truth: Truth) -> "WalkAndStand":
+        """Convert feet of one make."""
+        standing = [partial(Ramp(STANDING_N, 0).contact, leg) for leg in NODE_IDS]
+        order, end_ns = ORDERS["lo_shu"], truth.end_ns
+        return cls(
+            rate_sps,
+            truth,
+            convert(foot, truth.feet, order, rate_sps, end_ns, _SEED),
+            convert(foot, standing, order, rate_sps, end_ns, _SEED + 1),
+        )
+
+    def operating_point(
+        self, network: Estimator, card: TrainedInputs, average_scans: int, publish: str, weights: int
+    ) -> OperatingPoint:
+        """Return one operating point at this rate; arguments as the attributes of `OperatingPoint`."""
         walk, standing = (
             by_element(readings, network, card)
             if publish == "element"
             else by_frame(readings, network, card, average_scans)
-            for readings in self._converted[rate_sps]
+            for readings in (self.walk, self.standing)
         )
-        forces_hz = 1e9 / pace(rate_sps).step_ns / (1 if publish == "element" else ELEMENTS)
-        return Point(
-            rate_sps=rate_sps,
+        forces_hz = 1e9 / pace(self.rate_sps).step_ns / (1 if publish == "element" else ELEMENTS)
+        standing_n = standing.force_n[standing.sent_ns >= self.truth.begin_ns]
+        return OperatingPoint(
+            rate_sps=self.rate_sps,
             average_scans=average_scans,
             publish=publish,
             weights=weights,
             forces_hz=forces_hz,
             can_kbit_s=forces_hz * len(NODE_IDS) * FRAMES_PER_LEG * FRAME_BITS * 1e-3,
-            noise_mn=self._noise_mn(standing),
-            walk=judge(walk, self._truth),
+            noise_mn=rms_mn(standing_n - standing_n.mean(axis=0)),
+            walk=latency_and_errors(walk, self.truth),
         )
 
-    def _convert(self, rate_sps: int) -> tuple[Readings, Readings]:
-        order, until_ns = ORDERS["lo_shu"], self._truth.end_ns
-        standing = [partial(Ramp(STANDING_N, 0).contact, leg) for leg in NODE_IDS]
-        return (
-            convert(self._foot, self._truth.feet, order, rate_sps, until_ns, _SEED),
-            convert(self._foot, standing, order, rate_sps, until_ns, _SEED + 1),
-        )
 
-    def _noise_mn(self, published: Published) -> float:
-        force_n = published.force_n[published.sent_ns >= self._truth.begin_ns]
-        return rms_mn(force_n - force_n.mean(axis=0))
-
-
-def as_runtime(weights: Weights) -> OnnxNetwork:
-    """Return a trained network as ONNX Runtime computes it."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "network.onnx"
-        path.write_bytes(onnx_model(weights, {}).SerializeToString())
-        return OnnxNetwork(path)
+_COLUMNS: dict[str, Callable[[OperatingPoint], str]] = {
+    "publish, scans averaged": lambda p: p.publish if p.publish == "element" else f"frame, {p.average_scans}",
+    "S/s": lambda p: f"{p.rate_sps}",
+    "weights": lambda p: f"{p.weights}",
+    "forces/s": lambda p: f"{p.forces_hz:.0f}",
+    "CAN at 500 kbit/s": lambda p: f"{p.can_kbit_s / 500:.0%}",
+    "age of the held force p50 / p99 [ms]": lambda p: "{:.1f} / {:.1f}".format(*p.walk.age_held_ms),
+    "lag [ms]": lambda p: f"{p.walk.lag_ms:.1f}",
+    "noise, standing [mN]": lambda p: f"{p.noise_mn:.2f}",
+    "error of the held force, walk [mN]": lambda p: f"{p.walk.held_total_mn:.1f}",
+    "direction [deg]": lambda p: f"{p.walk.held_direction_deg:.1f}",
+    "error when sent [mN]": lambda p: f"{p.walk.error_total_mn:.1f}",
+}
 
 
-def grid_table(points: Sequence[Point]) -> str:
-    """Return the points as a table."""
-    header = [
-        "publish, scans averaged",
-        "S/s",
-        "weights",
-        "forces/s",
-        "CAN at 500 kbit/s",
-        "age in use p50 / p99 [ms]",
-        "behind [ms]",
-        "noise, standing [mN]",
-        "error on the walk, at any time [mN]",
-        "direction [deg]",
-        "error when sent [mN]",
-    ]
-    rows = [
-        [
-            p.publish if p.publish == "element" else f"frame, {p.average_scans}",
-            f"{p.rate_sps}",
-            f"{p.weights}",
-            f"{p.forces_hz:.0f}",
-            f"{p.can_kbit_s / 500:.0%}",
-            f"{p.walk.age_used_ms[0]:.1f} / {p.walk.age_used_ms[1]:.1f}",
-            f"{p.walk.behind_ms:.1f}",
-            f"{p.noise_mn:.2f}",
-            f"{p.walk.used_total_mn:.1f}",
-            f"{p.walk.used_direction_deg:.1f}",
-            f"{p.walk.sent_total_mn:.1f}",
-        ]
-        for p in points
-    ]
-    return table(header, rows)
+def grid_table(points: Sequence[OperatingPoint]) -> str:
+    """Return the operating points as a table."""
+    return table(list(_COLUMNS), [[cell(point) for cell in _COLUMNS.values()] for point in points])
 
 
-def _xy(points: Sequence[Point], what: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return latencies [ms] and errors or noises [mN]."""
-    latency = np.array([p.walk.age_used_ms[0] for p in points])
-    return latency, np.array([p.walk.used_total_mn if what == "error" else p.noise_mn for p in points])
+def _xy(points: Sequence[OperatingPoint], panel: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return latencies [ms], and errors or noises [mN]."""
+    latency_ms = np.array([p.walk.age_held_ms[0] for p in points])
+    return latency_ms, np.array([p.walk.held_total_mn if panel == "error" else p.noise_mn for p in points])
 
 
-def _annotate(axes: Axes, point: Point, what: str, text: str, offset: tuple[int, int], colour: str) -> None:
-    """Write something beside a point."""
-    (x,), (y,) = _xy([point], what)
+def _annotate(
+    axes: Axes, point: OperatingPoint, panel: str, text: str, offset: tuple[int, int], colour: str
+) -> None:
+    """Write a text beside a point."""
+    (x,), (y,) = _xy([point], panel)
     axes.annotate(
         text, (x, y), offset, textcoords="offset points", fontsize=8, color=colour, ha="center", va="center"
     )
 
 
-def grid_figure(points: Sequence[Point], sizes: Sequence[Point]) -> Figure:
-    """Return error and noise against latency: a line for each rate, its number of averaged scans growing along it."""
+def grid_figure(points: Sequence[OperatingPoint], sizes: Sequence[OperatingPoint]) -> Figure:
+    """Draw error and noise over latency: a line for each rate, over the number of averaged scans."""
     figure = Figure(figsize=(10.4, 4.6), layout="constrained")
     panels = figure.subplots(1, 2)
     rates = sorted({p.rate_sps for p in points}, reverse=True)
-    for axes, what in zip(panels, ("error", "noise"), strict=True):
+    for axes, panel in zip(panels, ("error", "noise"), strict=True):
         for colour, rate, aside in zip(("C0", "C2", "C1"), rates, ((-8, -6), (0, -10), (8, 6)), strict=False):
-            scans = [p for p in points if p.rate_sps == rate and p.publish == "frame"]
-            axes.plot(*_xy(scans, what), "o-", color=colour, ms=5, label=f"frame, {rate} S/s")
-            for p in scans:
-                _annotate(axes, p, what, f"{p.average_scans}", (7, -8) if what == "error" else aside, colour)
-            single = [p for p in points if p.rate_sps == rate and p.publish == "element"]
-            axes.plot(
-                *_xy(single, what), "*", color=colour, ms=13, mec="k", mew=0.5, label=f"element, {rate} S/s"
+            scans, single = (
+                [p for p in points if p.rate_sps == rate and p.publish == publish]
+                for publish in ("frame", "element")
             )
-        axes.set(xscale="log", yscale="log", xlabel="age of the force in use, median [ms]")
+            axes.plot(*_xy(scans, panel), "o-", color=colour, ms=5, label=f"frame, {rate} S/s")
+            for p in scans:
+                _annotate(
+                    axes, p, panel, f"{p.average_scans}", (7, -8) if panel == "error" else aside, colour
+                )
+            axes.plot(
+                *_xy(single, panel), "*", color=colour, ms=13, mec="k", mew=0.5, label=f"element, {rate} S/s"
+            )
+        axes.set(xscale="log", yscale="log", xlabel="age of the held force, median [ms]")
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             axis.set_major_formatter(StrMethodFormatter("{x:g}"))
@@ -201,7 +168,7 @@ def grid_figure(points: Sequence[Point], sizes: Sequence[Point]) -> Figure:
     panels[0].plot(*_xy(sizes, "error"), "_", color="0.35", ms=10, label="fewer weights, 400 S/s")
     for p in sizes:
         _annotate(panels[0], p, "error", f"{p.weights}", (-16 if p.publish == "frame" else 16, 0), "0.35")
-    panels[0].set(ylabel="error on the walk, at any time, rms [mN]")
+    panels[0].set(ylabel="error of the held force on the walk, rms [mN]")
     panels[1].set(ylabel="noise of a standing foot, rms [mN]")
     panels[0].legend(fontsize=8, loc="lower right")
     return figure

@@ -12,7 +12,7 @@ from footsense.validation.fault_table import CanTrial, Trial, can_rows, rows
 from footsense.validation.fault_trial import BREAKS_AT_S, DURATION_S, PASSES_AT_S, Figures
 
 if TYPE_CHECKING:
-    from footsense.lab.studies.page import Page, Workbench
+    from footsense.lab.studies.page import Page, StudyContext
 
 #: What breaks around the process, and the test that shows what becomes of it: these take a real process and real time.
 _AROUND = (
@@ -42,16 +42,16 @@ def faults(*, output: Path | None, quick: bool) -> None:
     folder = output or Path("docs") / ("report-quick" if quick else "report")
     require_writable(folder)
     from footsense.lab.report import bind
-    from footsense.lab.studies.page import Workbench
+    from footsense.lab.studies.page import StudyContext
 
-    bench = Workbench(models=released_folder(), quick=quick, say=stopwatch_report())
+    bench = StudyContext(models=released_folder(), quick=quick, say=stopwatch_report())
     page = write_page_of_faults(folder, bench)
     bind(folder, bench)
     click.echo(page.markdown)
     click.echo(f"wrote {folder / page.name}.md, and bound it into {folder / 'README.md'}")
 
 
-def write_page_of_faults(folder: Path, bench: "Workbench") -> "Page":
+def write_page_of_faults(folder: Path, bench: "StudyContext") -> "Page":
     """Make the page, write it into a folder, and return it."""
     from footsense.lab.report import timed_page
 
@@ -60,7 +60,7 @@ def write_page_of_faults(folder: Path, bench: "Workbench") -> "Page":
     return page
 
 
-def page_of_faults(bench: "Workbench") -> "Page":
+def page_of_faults(bench: "StudyContext") -> "Page":
     """Return the page with both tables."""
     from footsense.lab.studies.page import Page, table
 

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 from firmware_interface import schedule
 from firmware_interface.schedule import scan_limits
-from footsense.acquisition.kernel_mux_scanner import KernelMuxScanner
+from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import scan_plan
+from footsense.acquisition.transports import KernelMux
 from footsense.errors import BusError, BusTimeoutError, NackError
 from footsense.frames import CapFrame, Reading
 from footsense.ports import Transaction
@@ -61,9 +62,9 @@ class Robot:
         chips = {channel: (converter, *switches) for channel, (converter, switches) in enumerate(legs)}
         trunk = SimulatedBus(self.clock, 400_000, 0, mux, chips)
         self.legs = {f"{n}": FailingLeg(trunk, self.clock, mux, n, host_cost_ns) for n in range(6)}
-        self.bus = KernelMuxScanner(
-            dict(self.legs), self.clock, scan_plan(order, board.rates_sps[0], board.name)
-        )
+        channels = {name: channel for channel, name in enumerate(self.legs)}
+        plan = scan_plan(order, board.rates_sps[0], board.name)
+        self.bus = BusScanner(KernelMux(tuple(self.legs.values())), self.clock, channels, plan)
         self.scanner = RobotScanner([self.bus], element_wise=element_wise)
         self.scanner.start()
 
@@ -142,6 +143,33 @@ def test_temperatures_are_told_leg_by_leg() -> None:
     frame = robot.read()
     assert (np.isnan(robot.scanner.temperature_c) == [False, False, True, False, False, False]).all()
     assert (np.delete(frame.reading, 2, axis=0) == Reading.OK).all()
+
+
+@pytest.mark.parametrize("element_wise", [False, True])
+@pytest.mark.parametrize("error", [NackError("gone"), BusTimeoutError("stuck")])
+def test_without_a_leg_in_the_scan_frames_keep_their_pace(error: BusError, *, element_wise: bool) -> None:
+    """No leg answers: a frame still takes its conversions' time, and time passes while a line is stuck."""
+    robot = Robot(distinct, element_wise=element_wise)
+    for leg in robot.legs.values():
+        leg.failing = dict.fromkeys(range(leg.n, leg.n + 10_000), error)
+    n_frames = 180 if element_wise else 20
+    robot.read(n_frames)
+    start_ns = robot.clock.now_ns()
+    frame = robot.read(n_frames)
+    assert (frame.reading != Reading.OK).all()
+    assert robot.clock.now_ns() - start_ns >= 20 * 9 * FDC1004.conversion_ns
+
+
+@pytest.mark.parametrize("n_lost", [1, 3])
+def test_acknowledges_that_are_lost_while_the_bus_is_measured_do_not_end_the_start(n_lost: int) -> None:
+    """The bus is measured from the answers that came, and every leg is in the scan."""
+    robot = Robot(distinct)
+    leg = robot.legs["0"]
+    for first in range(1, 40):
+        leg.n, leg.failing = 0, {first + n: NackError("lost") for n in range(n_lost)}
+        robot.bus.start()
+        assert robot.bus.timing is not None
+        assert (robot.read(100).reading == Reading.OK).all()
 
 
 @both

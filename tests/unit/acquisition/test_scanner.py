@@ -8,6 +8,7 @@ from firmware_interface import schedule
 from firmware_interface.schedule import scan_limits
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.scan_plan import ORDERS, scan_plan
+from footsense.acquisition.transports import UpstreamBus
 from footsense.errors import BusTimeoutError, HardwareError
 from footsense.frames import Reading
 from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
@@ -57,7 +58,7 @@ def test_a_bus_without_its_mux_is_an_error_at_start() -> None:
     """Nothing can work behind a mux that does not answer; the message says what to check."""
     clock = VirtualClock()
     bus = SimulatedBus(clock, 400_000, 0, SimulatedMux(0x72), {})
-    scanner = BusScanner(bus, clock, {"lf": 0}, 0x71, scan_plan("lo_shu", 400))
+    scanner = BusScanner(UpstreamBus(bus, 0x71), clock, {"lf": 0}, scan_plan("lo_shu", 400))
     with pytest.raises(HardwareError, match=r"no answer from the mux \(TCA9548A\) at 0x71: check its power"):
         scanner.start()
 

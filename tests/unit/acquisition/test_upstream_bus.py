@@ -2,7 +2,7 @@
 
 import pytest
 
-from footsense.acquisition.upstream_bus import Trunk
+from footsense.acquisition.transports import UpstreamBus
 from footsense.errors import BusError
 from footsense.ports import Transaction
 
@@ -26,18 +26,16 @@ class FlakyBus:
 def test_a_selection_that_may_have_been_taken_is_written_again() -> None:
     """After a failure neither the old legs nor the new ones count as connected."""
     bus = FlakyBus()
-    trunk = Trunk(bus, 0x71)
-    trunk.connect((0, 1))
-    trunk.connect((0, 1))
+    upstream = UpstreamBus(bus, 0x71)
+    upstream.connect(0b11)
+    upstream.connect(0b11)
     assert bus.selected == [0b11]
     bus.fails = True
     with pytest.raises(BusError):
-        trunk.connect((2,))
-    assert not trunk.is_connected((0, 1))
-    assert not trunk.is_connected((2,))
+        upstream.connect(0b100)
     bus.fails = False
-    trunk.connect((0, 1))
+    upstream.connect(0b11)
     assert bus.selected == [0b11, 0b100, 0b11]
-    assert trunk.is_connected((0, 1))
-    trunk.doubt()
-    assert not trunk.is_connected((0, 1))
+    upstream.invalidate()
+    upstream.connect(0b11)
+    assert bus.selected == [0b11, 0b100, 0b11, 0b11]

@@ -1,18 +1,18 @@
-"""The yardsticks of the bench do the same work as the service."""
+"""The C floor and the naive program of the benchmark do the same work as the service."""
 
 import pytest
 
-from footsense.benchmarks.c_floor import compiler
+from footsense.benchmarks.c_floor import has_c_floor
 from footsense.benchmarks.cycle import WARM_UP, cycle_figures, recorded_scans
-from footsense.benchmarks.wakeup_latency import jitter_figures
+from footsense.benchmarks.wakeup_latency import wakeup_latency_figures
 from footsense.frames import CapFrame
 
-needs_c = pytest.mark.skipif(compiler() is None, reason="no C compiler here")
+needs_c = pytest.mark.skipif(not has_c_floor(), reason="no C compiler or no onnx here")
 
 
 @pytest.fixture(scope="module")
 def scans() -> list[CapFrame]:
-    """What walking legs send while they are tared and a little after."""
+    """Scans of walking legs, those of the tare and a few more."""
     return recorded_scans(WARM_UP + 12)
 
 
@@ -26,7 +26,7 @@ def test_floor_and_naive_give_our_forces(scans: list[CapFrame]) -> None:
 @needs_c
 def test_both_loops_answer_for_every_deadline(scans: list[CapFrame]) -> None:
     """The loops run in processes of their own, under the scheduling that they were granted."""
-    figures = jitter_figures(scans, seconds=0.05)
+    figures = wakeup_latency_figures(scans, seconds=0.05)
     for case in ("quiet", "loaded"):
         assert set(figures[case]["tails"]) == {"ours", "c"}
         assert all(tail > 0 for tails in figures[case]["tails"].values() for tail in tails.values())

@@ -39,13 +39,13 @@ def test_each_illness_is_told_with_its_own_number_of_bus_offs(caplog: pytest.Log
     health = BusHealth("can0", CanStatistics())
     note(health, ErrorClass.CONTROLLER, 0, CONTROLLER_ACTIVE)
     note(health, ErrorClass.RESTARTED, 0)
-    health.watch(100 * S)
+    health.check_recovery(100 * S)
     assert caplog.records == []
     for begin_ns, n_bus_off in ((100 * S, 3), (200 * S, 2)):
         for n in range(n_bus_off):
             note(health, ErrorClass.BUS_OFF, begin_ns + n)
-        health.watch(begin_ns + 99 * S)
-        health.watch(begin_ns + 99 * S)
+        health.check_recovery(begin_ns + 99 * S)
+        health.check_recovery(begin_ns + 99 * S)
     lines = [record.getMessage() for record in caplog.records]
     off = "CAN can0: bus-off: the wires are shorted, or the bit rates differ; frames are lost until the controller "
     assert lines[::2] == [off + "restarts"] * 2

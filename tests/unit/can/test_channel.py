@@ -110,8 +110,10 @@ def test_a_channel_that_is_down_is_named_with_the_command_that_brings_it_up(tmp_
 
 
 @pytest.mark.usefixtures("_fake_interfaces")
-def test_a_bus_on_which_nobody_listens_drops_everything_and_stops_nothing() -> None:
-    """ENOBUFS from the first frame on: all is counted, nothing raised."""
+def test_a_bus_on_which_nobody_listens_drops_everything_and_stops_nothing(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """ENOBUFS from the first frame on: all is counted, nothing raised, and the interface is not opened again."""
     sink = open_sink("unheard", "can0")
     nan = np.full((1, 3), np.nan)
     one = np.ones(1, np.int64)
@@ -132,6 +134,7 @@ def test_a_bus_on_which_nobody_listens_drops_everything_and_stops_nothing() -> N
     assert sink.commands() == []
     sink.close()
     assert (sink.stats.sent, sink.stats.dropped) == (0, 7)
+    assert caplog.records == []
 
 
 @pytest.mark.parametrize("name", ["walk.log", "walk.asc", "walk.blf"])

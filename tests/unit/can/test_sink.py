@@ -46,6 +46,7 @@ def test_each_leg_sends_force_and_quality_with_one_counter(request: pytest.Fixtu
     for scan in range(17):
         robot.publish(scan * 20 * MS + MS, age_ns=12_300_000)
         messages = robot.heard()
+        assert not any(m.is_extended_id for m in messages)
         forces = [decode_force(m.arbitration_id, bytes(m.data)) for m in messages[:12:2]]
         qualities = [decode_quality(m.arbitration_id, bytes(m.data)) for m in messages[1:12:2]]
         nodes = [(scan + row + 1) % 6 + 1 for row in range(6)]
@@ -151,6 +152,32 @@ def test_each_fault_report_goes_out_once_whatever_part_of_a_scan_is_taken(
     robot.close()
     reported = sorted(can_id for can_id, _ in wire.taken if can_id - 0x080 in NODE_IDS.values())
     assert reported == [0x080 + node for node in NODE_IDS.values()]
+
+
+def test_each_leg_boots_before_anything_else(request: pytest.FixtureRequest) -> None:
+    """The first frames of all are heartbeats that say so."""
+    wire = NarrowWire()
+    robot = Robot(request.node.nodeid, tuple(NODE_IDS), wire=wire)
+    robot.close()
+    assert wire.taken[:6] == [(0x700 + node, bytes([NmtState.BOOT])) for node in range(1, 7)]
+
+
+def test_the_tares_of_a_start_are_told_a_few_a_scan(request: pytest.FixtureRequest) -> None:
+    """Six that nobody asked for: no more than four frames beside those of the forces, and each once."""
+    robot = Robot(request.node.nodeid, tuple(NODE_IDS))
+    for scan in range(20):
+        robot.publish(scan * 20 * MS)
+    robot.heard()
+    for row in range(6):
+        robot.sink.answer(CommandResult(Command(CommandKind.TARE, row), Result.DONE, ""))
+    told = []
+    for scan in range(20, 24):
+        robot.publish(scan * 20 * MS)
+        events = robot.heard()[12:]
+        assert len(events) <= 4
+        told += [m.arbitration_id for m in events if m.arbitration_id >> 7 == 0x580 >> 7]
+    assert sorted(told) == [0x580 + node for node in range(1, 7)]
+    robot.close()
 
 
 def test_heartbeats_tell_degraded_timing(robot: Robot) -> None:
@@ -273,6 +300,7 @@ def test_only_plain_data_frames_are_commands(request: pytest.FixtureRequest) -> 
     robot.consumer.send(can.Message(arbitration_id=0x202, is_remote_frame=True, dlc=8, is_extended_id=False))
     robot.consumer.send(can.Message(arbitration_id=0x202, data=stop, is_extended_id=True))
     assert robot.sink.commands() == []
+    assert robot.sink.stats.received == 0
     robot.ask(stop, 0x202)
     assert robot.sink.commands() == [Command(CommandKind.STOP, 0)]
     robot.close()

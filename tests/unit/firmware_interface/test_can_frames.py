@@ -40,12 +40,14 @@ from firmware_interface.can_events import (
 from firmware_interface.can_frames import (
     FORCE_ID,
     QUALITY_ID,
+    ForceQualityEncoder,
     decode_force,
     decode_quality,
     encode_force,
     encode_quality,
 )
 from firmware_interface.crc8 import FrameError, protect
+from firmware_interface.socketcan import pack_frame
 
 VECTORS = json.loads((Path(__file__).parents[3] / "firmware_interface/vectors/can_frames.json").read_text())
 DECODERS: list[Callable[[int, bytes], object]] = [
@@ -285,3 +287,35 @@ def test_event_vectors() -> None:
     for vector in VECTORS["answer"]:
         node, counter, result, kind, asked = vector["fields"]
         assert encode_answer(node, counter, result, kind, asked).hex() == vector["data"]
+
+
+@given(st.data())
+def test_legs_encoded_together_are_those_encoded_one_by_one(data: st.DataObject) -> None:
+    """Any numbers in any state, and both frames of a leg with their right crc."""
+    number = st.floats() | st.floats(-2.0, 2.0)
+    vector = st.tuples(number, number, number)
+    nodes = data.draw(st.permutations(range(1, 7)))
+    legs = [
+        data.draw(
+            st.tuples(
+                *(st.integers(0, 10**9), st.sampled_from(State), vector, vector),
+                *(st.integers(0, 15), st.integers(0, 511)),
+            )
+        )
+        for _ in nodes
+    ]
+    counter, t_sent_ns = data.draw(st.integers(0, 14)), data.draw(st.integers(0, 10**9))
+    together = ForceQualityEncoder(nodes).encode(counter, t_sent_ns, *zip(*legs, strict=True))
+    for node, (t_ns, state, force_n, sigma_n, flags, mask), pair in zip(
+        nodes, legs, batched_bytes(together, 32), strict=True
+    ):
+        age_ns = t_sent_ns - t_ns if t_ns else None
+        force = encode_force(node, counter, state, force_n)
+        quality = encode_quality(node, counter, flags, age_ns, mask, sigma_n)
+        assert pair == pack_frame(FORCE_ID + node, force) + pack_frame(QUALITY_ID + node, quality)
+        assert force == protect(FORCE_ID + node, force[1:])
+        assert quality == protect(QUALITY_ID + node, quality[1:])
+
+
+def batched_bytes(data: bytes, n: int) -> list[bytes]:
+    return [data[at : at + n] for at in range(0, len(data), n)]

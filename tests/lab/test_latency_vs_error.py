@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from footsense.benchmarks.latency_vs_error.chain import (
     ORDERS,
-    Published,
+    PublishedForces,
     Readings,
-    along,
     convert,
-    felt_by,
+    extrapolated,
     pace,
+    true_loads,
 )
-from footsense.benchmarks.latency_vs_error.errors import Truth, judge, settled_ms
+from footsense.benchmarks.latency_vs_error.errors import Truth, latency_and_errors, settling_ms
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
@@ -90,7 +90,7 @@ def test_a_force_is_made_of_what_was_known(order: str) -> None:
 def test_extrapolation_is_exact_for_its_own_kind_of_motion(degree: int) -> None:
     """Lines follow what moves evenly, parabolas what accelerates evenly."""
     motion = np.random.default_rng(1).standard_normal((9, degree + 1))
-    published = along(readings("lo_shu", motion), FirstThree(), ANY, degree)
+    published = extrapolated(readings("lo_shu", motion), FirstThree(), ANY, degree)
     wanted = [[-np.polyval(motion[e], t * 1e-9) for e in range(3)] for t in published.sent_ns.tolist()]
     np.testing.assert_allclose(published.force_n[:, 0], wanted, atol=1e-9)
 
@@ -109,24 +109,34 @@ def test_a_converted_foot_reads_its_load() -> None:
     np.testing.assert_allclose(closure_rel[-1], wanted, atol=8 * said.noise_rel)
 
 
-def published_late(truth: Truth, late_ns: int, every_ns: int = MS) -> Published:
+def published_late(truth: Truth, late_ns: int, every_ns: int = MS) -> PublishedForces:
     """Return true forces that are sent so much too late."""
     sent_ns = np.arange(0, truth.end_ns + MS, every_ns)
-    force_n = felt_by(truth.feet, sent_ns - late_ns)[1]
-    return Published(sent_ns, sent_ns - late_ns, sent_ns - late_ns, force_n, np.full(force_n.shape, 1e-3))
+    force_n = true_loads(truth.feet, sent_ns - late_ns)[1]
+    return PublishedForces(
+        sent_ns, sent_ns - late_ns, sent_ns - late_ns, force_n, np.full(force_n.shape, 1e-3)
+    )
 
 
 def test_late_forces_are_found_to_be_late() -> None:
     """By how much; and a force that is right for its stamp is wrong when it is sent."""
     feet = [partial(Ramp((0.1, 0.0, 0.8), 700 * MS, 200 * MS).contact, "lf")]
     truth = Truth.of(feet, 650 * MS, 1000 * MS)
-    right, late = judge(published_late(truth, 0), truth), judge(published_late(truth, 20 * MS), truth)
-    assert right.sent_total_mn == right.used_total_mn == 0.0
-    assert right.within_sigma == right.within_sigma_then == late.within_sigma_then == (1.0, 1.0, 1.0, 1.0)
-    assert right.behind_ms == pytest.approx(0.0, abs=0.1)
-    assert late.behind_ms == pytest.approx(20.0, abs=0.1)
-    assert late.age_ms == late.age_used_ms[0] == 20.0
-    assert late.sent_total_mn > 30.0
+    right, late = (
+        latency_and_errors(published_late(truth, 0), truth),
+        latency_and_errors(published_late(truth, 20 * MS), truth),
+    )
+    assert right.error_total_mn == right.held_total_mn == 0.0
+    assert (
+        right.within_sigma
+        == right.within_sigma_at_stamp
+        == late.within_sigma_at_stamp
+        == (1.0, 1.0, 1.0, 1.0)
+    )
+    assert right.lag_ms == pytest.approx(0.0, abs=0.1)
+    assert late.lag_ms == pytest.approx(20.0, abs=0.1)
+    assert late.age_ms == late.age_held_ms[0] == 20.0
+    assert late.error_total_mn > 30.0
     assert late.within_sigma[-1] < 0.6
 
 
@@ -135,5 +145,5 @@ def test_a_step_is_settled_when_the_last_wrong_force_is_replaced() -> None:
     begins_ns = (700 * MS, 704 * MS)
     feet = [partial(Ramp((0.0, 0.0, 0.8), at_ns).contact, "lf") for at_ns in begins_ns]
     truth = Truth.of(feet, 650 * MS, 1000 * MS)
-    found_ms = settled_ms(published_late(truth, 20 * MS, every_ns=10 * MS), truth, begins_ns)
+    found_ms = settling_ms(published_late(truth, 20 * MS, every_ns=10 * MS), truth, begins_ns)
     np.testing.assert_allclose(found_ms, [20.0, 26.0])

@@ -1,0 +1,294 @@
+"""A group of legs that convert the same element at the same time, because one write reaches them all.
+
+One step of a group of six legs, with what overlaps a conversion and what cannot:
+
+      conversion k-1 runs                      conversion k runs
+    ──────────────────────┤ lines, trigger k ├────────────────────────────────────────┤ lines, trigger k+1 ...
+                                               done? (all) │ leg 1 │ ... │ leg 6 │ check, rejoin (all)
+
+`lines` (the element's row, and its column where that is switched) and `trigger` go to all legs at once. Whether the
+conversions are done, and whether lines and settings are held, is asked of all legs in one read: the answers are a wired
+AND, so that one answer stands for all. Only when it differs is each leg asked alone. A result is read while the next
+conversion runs. A leg that fails is left out for the rest of the scan, so that it costs the others no time.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.acquisition.boards.board import CONVERTED, Check, Step
+from footsense.acquisition.leg_connection import LegConnection
+from footsense.acquisition.scan_plan import ScanPlan
+from footsense.acquisition.transports import Transport
+from footsense.errors import BusError, BusTimeoutError, NackError
+from footsense.frames import Reading
+from footsense.ports import Clock, Transaction
+
+_NAN = float("nan")
+_OK = Reading.OK
+#: Attempts of a transaction before it counts as failed.
+_TRIES = 2
+
+Legs = tuple[LegConnection, ...]
+
+
+class BusStuckError(Exception):
+    """A line was held low; the leg that holds it is left out, and the others have to begin anew."""
+
+
+class BusReadings(NamedTuple):
+    """The latest readings of one bus; arrays as in `CapFrame`, rows in the order of the bus's legs."""
+
+    t_ns: NDArray[np.int64]
+    capacitance_pf: NDArray[np.float64]
+    reading: NDArray[np.uint8]
+
+    def discard(self, where: tuple[int | slice, int | slice], reading: Reading) -> None:
+        """Replace readings of some legs and elements by the reason why there are none."""
+        self.t_ns[where], self.capacitance_pf[where], self.reading[where] = 0, _NAN, reading
+
+
+class Conversion(NamedTuple):
+    """A conversion that was triggered on a group.
+
+    Attributes:
+        step: Its step of the plan.
+        t_start_ns: Time at the end of its trigger [ns].
+        legs: Legs that convert; none if a transaction failed, or if no leg is active.
+        selected: Whether lines were selected for it, or left from the step before.
+        unread: Reading of a leg that does not take part.
+    """
+
+    step: Step
+    t_start_ns: int
+    legs: Legs
+    selected: bool
+    unread: Reading
+
+
+class LegGroup:
+    """Legs that one write reaches.
+
+    Args:
+        legs: The legs, with consecutive rows.
+        transport: The way to their chips.
+        clock: The time that the bus lives in.
+        plan: The conversions of one scan.
+        latest: Readings of the whole bus, written over element by element.
+
+    Attributes:
+        running: The conversion that runs; without legs if none of the group's is active, None after a restart.
+    """
+
+    def __init__(
+        self, legs: Legs, transport: Transport, clock: Clock, plan: ScanPlan, latest: BusReadings
+    ) -> None:
+        self.legs = legs
+        self.running: Conversion | None = None
+        self._rows = slice(legs[0].row, legs[-1].row + 1)
+        self._transport = transport
+        self._clock = clock
+        self._plan = plan
+        self._latest = latest
+
+    def active(self) -> tuple[Legs, int]:
+        """Return the legs that take part in this scan and have not failed in it, and their selection."""
+        active, selection = [], 0
+        for leg in self.legs:
+            if leg.in_scan and leg.outcome is _OK:
+                active.append(leg)
+                selection |= leg.selection
+        return tuple(active), selection
+
+    def begin_anew(self, step: Step) -> None:
+        """Start a conversion on converters that may hold any result, which is read away first."""
+        legs, selection = self.active()
+        if legs:
+            try:
+                self._send(selection, self._plan.board.restart)
+            except BusError as error:
+                self._raise_if_stuck(error)
+        self.running = self._begin(legs, selection, step, step.select)
+
+    def convert(self, step: Step, following: Step, *, checked: bool, in_turn: bool) -> None:
+        """Wait for the conversion that runs, start the next one, and read the finished one meanwhile.
+
+        Args:
+            step: The step that is finished.
+            following: The next step; the first one of the plan if `step` ends the scan.
+            checked: Whether lines and settings are asked for.
+            in_turn: Whether they are asked for in some steps only.
+
+        Raises:
+            BusStuckError: A line was held low.
+        """
+        finished, ends = self.running, following is self._plan.steps[0]
+        assert finished is not None
+        if checked:
+            self._check(finished, always=in_turn and not self._transport.broadcasts)
+        legs, selection = self.active()
+        failed = {leg: leg.outcome for leg in self.legs if leg.outcome is not _OK}
+        if failed and ends:
+            self._rejoin(following)
+            legs, selection = self.active()
+        if legs:
+            try:
+                self._transport.connect(selection)
+            except BusError as error:  # `_begin` tries once more
+                self._raise_if_stuck(error)
+        self._clock.sleep_until_ns(finished.t_start_ns + self._plan.wait_ns)
+        select = following.changes if finished.legs else following.select
+        running = self._begin(legs, selection, following, select)
+        self._latest.discard((self._rows, step.element), finished.unread)
+        for leg, outcome in failed.items():
+            # A check in the last step, or in turn, covers all elements before it.
+            since_check = ends or (in_turn and outcome is Reading.MISCONFIGURED)
+            self._latest.discard((leg.row, slice(None) if since_check else step.element), outcome)
+        if read := [leg for leg in finished.legs if leg not in failed]:
+            all_done = self._all_done(step, selection) if running.legs else step.done is None
+            self._read_out(step, read, finished.t_start_ns, all_done=all_done)
+        self.running = running
+
+    def start_temperatures(self) -> Legs:
+        """Start a conversion of the temperature, and return the legs that make it."""
+        thermometer, (legs, selection) = self._plan.board.thermometer, self.active()
+        if thermometer is None or not legs:
+            return ()
+        self.running = None
+        try:
+            self._send(selection, thermometer.start)
+        except BusError as error:  # met by the scan too; the temperature is read again later
+            self._raise_if_stuck(error)
+            self._transport.invalidate()
+            return ()
+        return legs
+
+    def read_temperatures(self, legs: Legs) -> None:
+        """Read the temperature that some legs' converters have measured."""
+        thermometer = self._plan.board.thermometer
+        if thermometer is None:
+            return
+        try:
+            for leg in legs:
+                bus = self._transport.connect(leg.selection)
+                answers = bus.transfer(thermometer.read), bus.transfer(thermometer.read)
+                leg.temperature_c = thermometer.decode(*answers)
+        except BusError as error:
+            self._raise_if_stuck(error)
+            self._transport.invalidate()
+
+    def _send(self, selection: int, transactions: tuple[Transaction, ...]) -> None:
+        bus = self._transport.connect(selection)
+        for transaction in transactions:
+            bus.transfer(transaction)
+
+    def _begin(self, legs: Legs, selection: int, step: Step, select: tuple[Transaction, ...]) -> Conversion:
+        """Start one conversion on the active legs at once."""
+        unread = Reading.NO_ANSWER
+        for _ in range(_TRIES if legs else 0):
+            try:
+                self._send(selection, (*select, step.trigger))
+            except BusError as error:
+                self._raise_if_stuck(error)
+                self._transport.invalidate()  # a mux that has lost its selection connects no leg
+                unread = Reading.NO_ANSWER if isinstance(error, NackError) else Reading.DELAYED
+            else:
+                return Conversion(step, self._clock.now_ns(), legs, bool(select), Reading.NO_ANSWER)
+        return Conversion(step, self._clock.now_ns(), (), bool(select), unread)
+
+    def _read_out(self, step: Step, legs: list[LegConnection], t_start_ns: int, *, all_done: bool) -> None:
+        """Read a finished conversion from every leg that made it, while the next one runs."""
+        t_ns, capacitance_pf, readings = self._latest
+        t_middle_ns = t_start_ns + self._plan.conversion_ns // 2
+        for leg in legs:
+            if not leg.in_scan:  # left out since the conversion began
+                continue
+            at = leg.row, step.element
+            reading, capacitance_pf[at] = self._read_leg(leg, step, all_done=all_done)
+            readings[at] = reading
+            if reading in CONVERTED:
+                t_ns[at] = t_middle_ns
+            else:
+                leg.outcome = reading
+
+    def _all_done(self, step: Step, selection: int) -> bool:
+        """Ask all connected legs at once, if their results do not tell."""
+        if step.done is None:
+            return True
+        try:
+            return step.done.decode(self._transport.connect(selection).transfer(step.done.ask)) is _OK
+        except BusError as error:
+            self._raise_if_stuck(error)
+            return False
+
+    def _read_leg(self, leg: LegConnection, step: Step, *, all_done: bool) -> tuple[Reading, float]:
+        reading = Reading.NO_ANSWER
+        for _ in range(_TRIES):
+            try:
+                bus = self._transport.connect(leg.selection)
+                if step.done and not all_done:
+                    reading = step.done.decode(bus.transfer(step.done.ask))
+                    if reading is Reading.CORRUPT:
+                        continue
+                    if reading is Reading.NOT_READY:
+                        break
+                reading, capacitance_pf = self._plan.board.decode_result(list(map(bus.transfer, step.read)))
+                return reading, capacitance_pf + leg.offset_pf
+            except BusError as error:
+                self._raise_if_stuck(error)
+                self._transport.invalidate()
+                reading = Reading.NO_ANSWER if isinstance(error, NackError) else Reading.DELAYED
+        return reading, _NAN
+
+    def _check(self, running: Conversion, *, always: bool) -> None:
+        """Ask for lines and settings while a conversion runs; leave out the legs that do not hold them.
+
+        Args:
+            running: The conversion.
+            always: Whether lines are asked for that were not changed for this conversion.
+        """
+        checks = running.step.select_checks if running.selected or always else ()
+        for check in (*checks, *running.step.setting_checks):
+            legs, selection = self.active()
+            if legs and self._answer(selection, check) is not _OK:
+                for leg in legs:
+                    leg.outcome = self._answer(leg.selection, check)
+
+    def _answer(self, selection: int, check: Check) -> Reading:
+        try:
+            held = self._transport.connect(selection).transfer(check.ask) == check.expected
+        except BusError as error:
+            self._raise_if_stuck(error)
+            return Reading.NO_ANSWER
+        return _OK if held else Reading.MISCONFIGURED
+
+    def _rejoin(self, first: Step) -> None:
+        """Set up the legs that failed in this scan for the first conversion of the next one.
+
+        The others are still converting: the leg gets its lines alone, and the result that its converter may hold is
+        read away, or it would count as the next one.
+        """
+        for leg in self.legs:
+            if not leg.in_scan or leg.outcome is _OK:
+                continue
+            try:
+                self._send(leg.selection, (*first.select, *self._plan.board.restart))
+                bus = self._transport.connect(leg.selection)
+                # Lines that need not change for the first step are not checked in it.
+                held = all(bus.transfer(check.ask) == check.expected for check in first.select_checks)
+            except BusError as error:
+                self._raise_if_stuck(error)
+            else:
+                leg.outcome = _OK if held else Reading.MISCONFIGURED
+
+    def _raise_if_stuck(self, error: BusError) -> None:
+        """Leave out the leg that holds a line low, if a timeout says that one does.
+
+        Raises:
+            BusStuckError: The other legs have lost time, and the mux its selection.
+        """
+        if isinstance(error, BusTimeoutError):
+            ask = self._plan.steps[0].select_checks[0].ask
+            self._transport.leave_out_stuck([leg for leg in self.legs if leg.in_scan], ask, self._clock)
+            raise BusStuckError from error

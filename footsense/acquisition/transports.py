@@ -1,0 +1,165 @@
+"""Two ways from the adapter to a leg's chips: a mux that footsense drives, and a mux that the kernel drives.
+
+Both have the same methods. A *selection* is a bit mask of channels, bit n for channel n, as in the control byte of a
+TCA9548A.
+"""
+
+import contextlib
+import logging
+from collections.abc import Sequence
+
+from firmware_interface import adg715
+from footsense.acquisition.bus_timing import BusCosts, measure
+from footsense.acquisition.leg_connection import HELD_PAUSES, HOLDER_PAUSES, LegConnection
+from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
+from footsense.frames import Reading
+from footsense.ports import Clock, I2cBus, ResetLine, Transaction
+
+_log = logging.getLogger(__name__)
+
+
+class UpstreamBus:
+    """An adapter with a TCA9548A on its bus; the last selection is not written twice.
+
+    Args:
+        bus: The adapter.
+        mux_address: Address of the mux.
+        reset_line: The mux's RESET pin; None if nothing drives it. Without it, a leg that holds a line low stops all
+            legs of its bus for as long as it does.
+
+    Attributes:
+        broadcasts: Whether one write reaches all legs; else each leg is addressed alone.
+    """
+
+    broadcasts = True
+
+    def __init__(self, bus: I2cBus, mux_address: int, reset_line: ResetLine | None = None) -> None:
+        self.bus = bus
+        self.mux_address = mux_address
+        self._reset_line = reset_line
+        self._selection: int | None = None
+        self._writes = tuple(Transaction(mux_address, bytes((selection,))) for selection in range(256))
+
+    def measure(self, clock: Clock) -> BusCosts:
+        """Measure the cost of a transaction with reads of the mux.
+
+        Raises:
+            HardwareError: The mux does not answer, or a line is stuck: no leg can be reached.
+        """
+        mux = f"the mux (TCA9548A) at {self.mux_address:#04x}"
+        try:
+            if not self.free():
+                self.connect(0)
+            return measure(self.bus, clock, self.mux_address)
+        except NackError as error:
+            raise HardwareError(
+                f"no answer from {mux}: check its power, its wires and its address straps A0..A2"
+            ) from error
+        except BusError as error:
+            raise HardwareError(f"{mux} cannot be reached: {error}") from error
+
+    def connect(self, selection: int) -> I2cBus:
+        """Connect these channels and no others, and return the bus on which their chips answer.
+
+        Raises:
+            BusError: The mux did not take it; which channels are connected is then unknown.
+        """
+        if selection != self._selection:
+            self._selection = None
+            self.bus.transfer(self._writes[selection])
+            self._selection = selection
+        return self.bus
+
+    def invalidate(self) -> None:
+        """Write the next selection even if it is the last one: the mux may have lost it."""
+        self._selection = None
+
+    def free(self) -> bool:
+        """Disconnect every leg from a bus whose lines may be stuck, and return whether the mux answers again.
+
+        A leg that holds SDA low blocks the write that would disconnect it, so that only the RESET pin helps. Without
+        one, that write is tried all the same: the line may have been released.
+        """
+        self._selection = None
+        if self._reset_line is not None:
+            self._reset_line.pulse()
+        with contextlib.suppress(BusError):
+            self.connect(0)
+        return self._selection is not None
+
+    def leave_out_stuck(self, legs: Sequence[LegConnection], ask: Transaction, clock: Clock) -> None:
+        """Leave the legs out that hold a line low, after a timeout; all if the bus itself does not get free.
+
+        No answer tells which of the connected legs holds the line: the whole bus is blocked. So all are disconnected
+        and asked one by one; the leg whose question times out is left out. Each costs one more adapter timeout.
+
+        Args:
+            legs: Legs in the scan.
+            ask: A read of a leg that changes nothing.
+            clock: The time that the bus lives in.
+        """
+        free = self.free()
+        for leg in legs:
+            if not free:
+                why = "the bus is held low and does not get free"
+                leg.leave(Reading.BUS_STUCK, why, clock.now_ns(), pauses=HELD_PAUSES)
+                continue
+            try:
+                self.connect(leg.selection).transfer(ask)
+            except BusTimeoutError:
+                free = self.free()
+                why = "holds a line of the bus low"
+                leg.leave(Reading.BUS_STUCK, why, clock.now_ns(), pauses=HOLDER_PAUSES)
+            except BusError as error:  # of this leg alone, and met by the scan too
+                _log.debug("leg %s: %s", leg.name, error)
+
+    def close(self) -> None:
+        """Disconnect every leg from the bus."""
+        try:
+            self.connect(0)
+        except BusError as error:
+            _log.info("the mux at %#04x was not released: %s", self.mux_address, error)
+
+
+class KernelMux:
+    """A mux that the kernel switches (i2c-mux-pca954x): every leg is an adapter of its own.
+
+    Args:
+        adapters: Adapter of each leg, by channel.
+    """
+
+    broadcasts = False
+
+    def __init__(self, adapters: Sequence[I2cBus]) -> None:
+        self.adapters = adapters
+        self._adapter_of = {1 << channel: adapter for channel, adapter in enumerate(adapters)}
+
+    def measure(self, clock: Clock) -> BusCosts | None:
+        """Measure the cost of a transaction with reads of the first line switch that answers; None if none does."""
+        for adapter in self.adapters:
+            with contextlib.suppress(BusError):
+                return measure(adapter, clock, adg715.ADDRESS)
+        return None
+
+    def connect(self, selection: int) -> I2cBus:
+        """Return the adapter of one leg: the kernel selects its channel with each transaction."""
+        return self._adapter_of[selection]
+
+    def invalidate(self) -> None:
+        """Do nothing: the kernel owns the selection."""
+
+    def free(self) -> bool:
+        """Do nothing: the kernel disconnects and recovers the bus."""
+        return True
+
+    def leave_out_stuck(self, legs: Sequence[LegConnection], ask: Transaction, clock: Clock) -> None:
+        """Leave the leg out on whose adapter a transaction timed out: no other leg was connected."""
+        del ask
+        for leg in legs:
+            leg.leave(Reading.BUS_STUCK, "holds a line of the bus low", clock.now_ns())
+
+    def close(self) -> None:
+        """Do nothing: the kernel owns the mux."""
+
+
+Transport = UpstreamBus | KernelMux

@@ -1,0 +1,107 @@
+"""Loads of feet that touch down repeatedly, each at its own times and in one manner."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Load from which a foot counts as in contact [N].
+CONTACT_N = 0.03
+#: First touchdown, and times in the air and on the ground after that [s].
+_FIRST_S, _SWING_S, _STANCE_S = 1.6, (0.55, 0.75), 0.35
+#: Fall time of the load [s], and time after lift-off until a foot counts as in swing [s].
+_LIFT_S, _SETTLED_S = 0.05, 0.1
+#: Rise time up to which a load rises evenly [s], else rounded like a step of the walk.
+_EVEN_RISE_S = 0.01
+#: Tremor of a foot in the air after a step of its neighbour [N, Hz, s]: an assumption, a quarter of a contact.
+TREMOR_N, _TREMOR_HZ, _TREMOR_S = CONTACT_N / 4, 25.0, 0.05
+
+
+class Touchdown(NamedTuple):
+    """A manner of touching down.
+
+    Attributes:
+        force_n: Full load [N].
+        rise_s: Time to the full load [s].
+        lean_deg: Distance of the contact from the middle of the ball [deg], to any side.
+    """
+
+    force_n: float
+    rise_s: float
+    lean_deg: float
+
+
+TOUCHDOWNS = {
+    "hard, upright": Touchdown(0.5, 5e-3, 0.0),
+    "hard, leaning by 25 deg": Touchdown(0.5, 5e-3, 25.0),
+    "soft, upright": Touchdown(1.0, 0.144, 0.0),
+    "soft, leaning by 25 deg": Touchdown(1.0, 0.144, 25.0),
+}
+
+
+class Steps:
+    """Steps of some feet at random times, all of one foot in the same manner.
+
+    Args:
+        n_feet: Feet of each manner.
+        until_s: End of the run [s].
+        rng: Source of times and sides.
+
+    Attributes:
+        kind: Number of the manner of each foot, shape (feet,).
+        begins_s: First touch of each step [s], shape (feet, steps).
+        crossed_s: Time at which each step reaches `CONTACT_N` along the leg [s], same shape.
+        normals: Inward normal of each contact, shape (feet, steps, 3).
+        upright: Share of the force of each foot that is along its leg [1], shape (feet,).
+    """
+
+    def __init__(self, n_feet: int, until_s: float, rng: np.random.Generator) -> None:
+        self.kind = np.arange(len(TOUCHDOWNS)).repeat(n_feet)
+        manner = np.array(list(TOUCHDOWNS.values()))[self.kind]
+        self._force_n, self._rise_s, lean_rad = manner[:, 0], manner[:, 1], np.radians(manner[:, 2])
+        n_steps = int((until_s - _FIRST_S) / (_SWING_S[0] + _STANCE_S)) + 1
+        cycles_s = rng.uniform(*_SWING_S, (len(manner), n_steps)) + _STANCE_S
+        self.begins_s = _FIRST_S - cycles_s[:, :1] + np.cumsum(cycles_s, axis=1)
+        azimuth_rad = rng.uniform(0, 2 * np.pi, self.begins_s.shape)
+        self.upright = np.cos(lean_rad)
+        sin, up = np.sin(lean_rad)[:, None], np.broadcast_to(self.upright[:, None], azimuth_rad.shape)
+        self.normals = np.stack((sin * np.cos(azimuth_rad), sin * np.sin(azimuth_rad), up), axis=2)
+        share = CONTACT_N / (self._force_n * self.upright)
+        rises = np.where(self._rise_s <= _EVEN_RISE_S, share, np.arccos(1 - 2 * share) / np.pi)
+        self.crossed_s = self.begins_s + (rises * self._rise_s)[:, None]
+
+    def step(self, t_s: Vector) -> NDArray[np.intp]:
+        """Return the number of the last step of each foot at some times, shape (times, feet); -1 before the first."""
+        return np.stack(
+            [np.searchsorted(begins_s, t_s, side="right") - 1 for begins_s in self.begins_s], axis=1
+        )
+
+    def force_n(self, t_s: Vector) -> Vector:
+        """Return the force on each foot along its normal at some times [N], shape (times, feet)."""
+        since_s = self._since_s(t_s)
+        risen = np.clip(since_s / self._rise_s, 0.0, 1.0)
+        risen = np.where(self._rise_s <= _EVEN_RISE_S, risen, 0.5 - 0.5 * np.cos(np.pi * risen))
+        force_n: Vector = self._force_n * risen * np.clip((_STANCE_S - since_s) / _LIFT_S, 0.0, 1.0)
+        return force_n
+
+    def swings(self, t_s: Vector) -> Mask:
+        """Return which feet have carried nothing for 0.1 s at least, shape (times, feet)."""
+        swings: Mask = self._since_s(t_s) > _STANCE_S + _SETTLED_S
+        return swings
+
+    def tremor_n(self, t_s: Vector) -> Vector:
+        """Return the force on each foot from the last step of its neighbour [N], shape (times, feet)."""
+        since_s = np.roll(self._since_s(t_s), len(TOUCHDOWNS) // 2 + 1, axis=1)
+        wave = np.sin(2 * np.pi * _TREMOR_HZ * np.minimum(since_s, 1.0))
+        tremor_n: Vector = TREMOR_N * np.exp(-since_s / _TREMOR_S) * wave
+        return tremor_n
+
+    def _since_s(self, t_s: Vector) -> Vector:
+        """Return the time since the last touch of each foot [s], shape (times, feet); infinite before the first."""
+        step = self.step(t_s)
+        begin_s = np.where(step < 0, -np.inf, self.begins_s[np.arange(step.shape[1]), step])
+        since_s: Vector = t_s[:, None] - begin_s
+        return since_s
