@@ -154,7 +154,8 @@ def _estimator(
         _n_rows(config),
     )
     set_temperature = partial(
-        feet.set_temperature, calibrated_at=[None if calibration is None else calibration.calibrated_at for calibration in mounted]
+        feet.set_temperature,
+        calibrated_at=[None if calibration is None else calibration.calibrated_at for calibration in mounted],
     )
     set_temperature(np.full(len(mounted), np.nan))
     return feet, set_temperature

@@ -18,7 +18,7 @@ from footsense.config import Metrics as MetricsConfig
 from footsense.daemon import loop
 from footsense.daemon.acquisition import Scanning, scanning
 from footsense.daemon.calibrations import calibrations_entry
-from footsense.daemon.estimation import Calibrations, load_network, load_calibrations, pipeline_for
+from footsense.daemon.estimation import Calibrations, load_calibrations, load_network, pipeline_for
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import ConfigError, FootsenseError, RecordingError
 from footsense.estimation.network import Network
