@@ -12,7 +12,7 @@ import msgspec
 from footsense import __version__
 from footsense.can.frame_log import check_log_target
 from footsense.can.sink import CanSink
-from footsense.clock import MonotonicClock, Wakeups, request_realtime, undisturbed, wall_time_iso
+from footsense.clock import MonotonicClock, WakeupLatency, gc_disabled, request_realtime, wall_time_iso
 from footsense.config import Can, Config
 from footsense.config import Metrics as MetricsConfig
 from footsense.daemon import loop
@@ -33,8 +33,7 @@ from footsense.sim.scene import Scene
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.log_lines import lost_lines
 from footsense.telemetry.metrics import Metrics
-from footsense.telemetry.supervision import Supervision
-from footsense.telemetry.systemd import SystemdNotifier
+from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
 
 if TYPE_CHECKING:
     from footsense.daemon.test_stand import StandSensor, StandSession
@@ -120,7 +119,7 @@ class Service:
     def run(self, stop: Callable[[], bool]) -> None:
         """Run until `stop` says so."""
         scanning = self.scanning
-        with undisturbed():
+        with gc_disabled():
             loop.run(
                 self.source,
                 self.pipeline,
@@ -189,7 +188,7 @@ def service(
             _log.warning("the network was trained on another response table than the simulated feet follow")
         observers: list[Observer] = [
             Journal(legs, on_test_stand=test_stand is not None),
-            Supervision(SystemdNotifier(), legs),
+            SystemdObserver(SystemdNotifier(), legs),
         ]
         source: FrameSource = scan.source
         wakeups = scan.wakeups
@@ -235,7 +234,7 @@ def _counted(
     config: MetricsConfig | None,
     legs: tuple[str, ...],
     stats: CanStatistics,
-    wakeups: Sequence[Wakeups],
+    wakeups: Sequence[WakeupLatency],
     scan: Scanning,
     recorder_lost: Callable[[], int],
 ) -> list[Metrics]:
@@ -248,7 +247,7 @@ def _counted(
             stats,
             Path(config.counters),
             wakeups=wakeups,
-            missed_deadlines=lambda: scan.source.late_ticks,
+            missed_deadlines=lambda: scan.source.missed_deadlines,
             recorder_lost=recorder_lost,
             log_lost=lost_lines,
         )
