@@ -1,7 +1,4 @@
-"""The processes beside the loop: how one that writes a file is started, and what each gives up when it begins.
-
-The loop is the only one that may have a processor to itself; what it hands down, its children give back.
-"""
+"""Child processes of the loop: start a writer, and drop the real-time scheduling that a child inherits."""
 
 import contextlib
 import fcntl
@@ -10,28 +7,28 @@ import signal
 import subprocess
 import sys
 
-__all__ = ["start_writer", "yield_to_the_loop"]
+__all__ = ["drop_realtime", "start_writer"]
 
 
 def start_writer(
     module: str, arguments: list[str], file: int, pipe_bytes: int
 ) -> tuple[subprocess.Popen[bytes], int]:
-    """Start a module of ours as the process that writes a file from what comes through a pipe.
+    """Start a module as the process that writes a file from what it reads from a pipe.
 
     Args:
-        module: What runs.
-        arguments: Its command line.
+        module: The module.
+        arguments: Its arguments.
         file: Descriptor of the open file, its standard output; closed here.
-        pipe_bytes: Room in the pipe that is its standard input [bytes]; a smaller one serves too.
+        pipe_bytes: Capacity to request for the pipe on its standard input [bytes]; a refusal is ignored.
 
     Returns:
-        The process, whose last words come on its standard error, and the end of the pipe that feeds it.
+        The process, which reports a failure on its standard error, and the write end of the pipe.
     """
     read_end, write_end = os.pipe()
     with contextlib.suppress(OSError):
         fcntl.fcntl(write_end, fcntl.F_SETPIPE_SZ, pipe_bytes)
-    # A blocked signal stays blocked in the child: a Ctrl-C or a stop of the service ends the loop, and then
-    # the end of the pipe ends the writer.
+    # A signal stays blocked in the child: Ctrl-C or a stop of the service ends the loop, and the end of the pipe then
+    # ends the writer.
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         writer = subprocess.Popen(  # noqa: S603 - our own module
@@ -47,11 +44,11 @@ def start_writer(
     return writer, write_end
 
 
-def yield_to_the_loop(nice: int = 0) -> None:
-    """Give up what a service with real-time scheduling hands down to its children, as far as that is allowed.
+def drop_realtime(nice: int = 0) -> None:
+    """Drop the real-time scheduling and the affinity that a child inherits, as far as that is allowed.
 
     Args:
-        nice: By how much less than others this process may ask for.
+        nice: Increment of the niceness.
     """
     with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))

@@ -15,7 +15,7 @@ import sys
 import threading
 from pathlib import Path
 
-from footsense.child_process import yield_to_the_loop
+from footsense.child_process import drop_realtime
 from footsense.errors import RecordingError
 from footsense.recording.cycle_records import Loss, Numbered, unpack
 from footsense.recording.mcap_writer import McapFile
@@ -190,7 +190,7 @@ def main(path: Path, pipe: int = 0, fd: int = 1, report: int = 2) -> int:
     Returns:
         The exit code: 0 if the recording is whole and has its name.
     """
-    yield_to_the_loop()
+    drop_realtime()
     writer = PipeWriter(fd)
     failure = ""
     try:
