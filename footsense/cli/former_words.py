@@ -14,6 +14,9 @@ _RENAMED = {
     "steady": "default",
     "fresh": "low-latency",
     "--packs": "--calibrations",
+    "--pack": "--calibration",
+    "--pokes": "--loads",
+    "--feet": "--calibrations",
 }
 
 #: How click's messages begin: "No such command 'bench'", "No such option: --packs", "'quiet' is not one of".
