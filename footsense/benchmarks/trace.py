@@ -26,7 +26,7 @@ import footsense
 from footsense import daemon
 from footsense.config import DEFAULT
 from footsense.sim.scene import load_scene
-from footsense.telemetry.run_statistics import Score
+from footsense.telemetry.run_statistics import RunStatistics
 
 #: Scans before anything is counted: a second of walk, which includes the tare.
 _WARM_UP = 50
@@ -60,7 +60,7 @@ def calls_per_scan() -> tuple[Calls, Calls]:
             DEFAULT, load_scene("measured_walk"), real_time=False, record=Path(folder) / "walk.mcap"
         ) as service,
     ):
-        service.observers.append(Score(service.legs, service.scanning.true_force_n))
+        service.observers.append(RunStatistics(service.legs, service.scanning.true_force_n))
         service.run(_after(_WARM_UP))
         sys.setprofile(count)
         try:
