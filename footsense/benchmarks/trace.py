@@ -8,8 +8,8 @@ What the simulator calls is left out as well: `footsense/foot`, and the register
 too. The latter are given as a figure of their own, since a count by file name alone includes them.
 
 A scan of six legs is nine conversions, one turn of the loop, and two frames on CAN per leg. Counted are the scans after
-the tare. A function counts with more than one call in two scans; what runs less often (the calibration monitor, a step of drift
-tracking) is in the total of calls, and marked in the list.
+the tare. A function counts with more than one call in two scans; what runs less often (the calibration monitor, a step
+of drift tracking) is in the total of calls, and marked in the list.
 """
 
 import argparse
