@@ -164,7 +164,7 @@ def tared_floor(folder: Path, scans: list[CapFrame]) -> CFloor:
     Raises:
         FootsenseError: It cannot be compiled.
     """
-    floor = CFloor(folder, DEFAULT, daemon.load_network(DEFAULT).card.calibration)
+    floor = CFloor(folder, DEFAULT, daemon.load_network(DEFAULT).card.trained_inputs)
     floor.tare(np.mean([scan.capacitance_pf for scan in scans[: DEFAULT.tare.window_scans]], axis=0))
     return floor
 

@@ -22,12 +22,12 @@ class Journal:
 
     Args:
         legs: Names of the legs in the order of the frames' rows.
-        on_bench: Whether a foot without a calibration is pressed on a test stand, whose changes are not logged.
+        on_test_stand: Whether a foot without a calibration is pressed on a test stand, whose changes are not logged.
     """
 
-    def __init__(self, legs: tuple[str, ...], *, on_bench: bool = False) -> None:
+    def __init__(self, legs: tuple[str, ...], *, on_test_stand: bool = False) -> None:
         self._legs = legs
-        self._unlogged = _UNLOGGED_ON_TEST_STAND if on_bench else frozenset[State]()
+        self._unlogged = _UNLOGGED_ON_TEST_STAND if on_test_stand else frozenset[State]()
         # The first state of every leg, which is not logged.
         self._last = (bytes([State.STARTING] * len(legs)), bytes(len(legs)))
         self._lines = [0] * len(legs)

@@ -54,7 +54,7 @@ def test_a_change_of_state_or_cause_is_one_line(caplog: pytest.LogCaptureFixture
 def test_a_foot_on_a_bench_contradicts_its_design_in_silence(caplog: pytest.LogCaptureFixture) -> None:
     """That its elements do not fit is why it is there; that it does not answer is told."""
     caplog.set_level(logging.INFO)
-    journal = Journal(LEGS, on_bench=True)
+    journal = Journal(LEGS, on_test_stand=True)
     journal.observe(at(0.0, State.VALID))
     journal.observe(at(0.1, State.DEGRADED, Cause.ELEMENT_DRIFTS))
     assert not lines(caplog)
