@@ -128,7 +128,7 @@ class Service:
                 scanning.clock,
                 stop,
                 self.reference,
-                (lambda: scanning.source.temperature_c) if scanning.has_thermometers else None,
+                scanning.temperature_c,
             )
 
     def figures(self) -> dict[str, object]:

@@ -34,7 +34,8 @@ class Watch:
 
     def observe(self, cycle: Cycle) -> None:
         self.cycles.append(cycle)
-        self.temperature_c.append(self.scanning.source.temperature_c.tolist())
+        assert self.scanning.temperature_c is not None
+        self.temperature_c.append(self.scanning.temperature_c().tolist())
 
     def close(self) -> None:
         pass
