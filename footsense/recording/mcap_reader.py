@@ -205,7 +205,7 @@ class _Assembly:
         forces = messages.decode_force(data, self._legs)
         if self._scan is None:
             raise ValueError("a scan is missing")
-        # A bench's recording has the topic, and every cycle of it a reference, without samples too.
+        # A test stand's recording has the topic, and each of its cycles a reference, even without samples.
         reference = decode_reference(self._samples) if self._on_bench else None
         temperature_c = messages.decode_temperature(self._warmth, self._legs) if self._warmth else None
         cycle = Cycle(

@@ -90,7 +90,7 @@ class McapFile:
         self._add(messages.FORCE, counter, t_ns, messages.encode_force(forces, self._legs))
 
     def _add_reference(self, counter: int, reference: Reference) -> None:
-        # The topic tells a bench's recording from others, whose cycles have no reference, so it comes with the first.
+        # The topic marks a test stand's recording, so it is written with the first cycle.
         if messages.REFERENCE not in self._channels:
             self._register(messages.REFERENCE, reference_schema())
         for t_ns, sample in encode_reference(reference):

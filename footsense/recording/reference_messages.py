@@ -1,4 +1,4 @@
-"""What a bench's force sensor said as JSON, one message for each sample: so they can be plotted beside the scans."""
+"""Samples of a test stand's force sensor as JSON, one message each, so that they can be plotted beside the scans."""
 
 import json
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ _FORCE_KEYS = ("fx_n", "fy_n", "fz_n")
 
 
 def encode_reference(reference: Reference) -> list[tuple[int, bytes]]:
-    """Return the samples of a bench's force sensor, one JSON object each, with their times [ns]."""
+    """Return the samples of a test stand's force sensor, one JSON object each, with their times [ns]."""
     rows = zip(reference.t_ns.tolist(), reference.force_n.tolist(), reference.saturated.tolist(), strict=True)
     return [
         (t_ns, dump({"t_ns": t_ns, **dict(zip(_FORCE_KEYS, force_n, strict=True)), "saturated": saturated}))
