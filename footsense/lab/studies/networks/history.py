@@ -266,4 +266,19 @@ def _figure(walk_n: Vector, estimates_n: dict[str, Vector]) -> Figure:
     return figure
 
 
-STUDY = Study(name="history", title="Does a history pay", results=Results, compute=compute, names={"ALONE": _ALONE, "FILTERED": _FILTERED, "UNDONE": _UNDONE, "ASSUMED": ASSUMED, "FILTERS_S": FILTERS_S, "HIDDEN": HIDDEN, "LARGEST_N": LARGEST_N, "PERIOD_S": PERIOD_S})
+STUDY = Study(
+    name="history",
+    title="Does a history pay",
+    results=Results,
+    compute=compute,
+    names={
+        "ALONE": _ALONE,
+        "FILTERED": _FILTERED,
+        "UNDONE": _UNDONE,
+        "ASSUMED": ASSUMED,
+        "FILTERS_S": FILTERS_S,
+        "HIDDEN": HIDDEN,
+        "LARGEST_N": LARGEST_N,
+        "PERIOD_S": PERIOD_S,
+    },
+)

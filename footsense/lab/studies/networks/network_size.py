@@ -140,4 +140,10 @@ def _figure(sizes: list[Size]) -> Figure:
     return figure
 
 
-STUDY = Study(name="network-size", title="How many weights", results=Results, compute=compute, names={"BATCH": BATCH, "RUNS": RUNS, "TIMINGS": TIMINGS, "WEIGHT_LIMIT": WEIGHT_LIMIT})
+STUDY = Study(
+    name="network-size",
+    title="How many weights",
+    results=Results,
+    compute=compute,
+    names={"BATCH": BATCH, "RUNS": RUNS, "TIMINGS": TIMINGS, "WEIGHT_LIMIT": WEIGHT_LIMIT},
+)

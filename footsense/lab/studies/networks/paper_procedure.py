@@ -124,5 +124,11 @@ STUDY = Study(
     title="The paper's own procedure",
     results=Results,
     compute=compute,
-    names={"AT_100_GF": _PAPER, "HIDDEN": HIDDEN, "NAMES": _NAMES, "PAPER_DIRECTION_DEG": PAPER_DIRECTION_DEG, "PAPER_MAGNITUDE_GF": PAPER_MAGNITUDE_GF},
+    names={
+        "AT_100_GF": _PAPER,
+        "HIDDEN": HIDDEN,
+        "NAMES": _NAMES,
+        "PAPER_DIRECTION_DEG": PAPER_DIRECTION_DEG,
+        "PAPER_MAGNITUDE_GF": PAPER_MAGNITUDE_GF,
+    },
 )
