@@ -23,12 +23,25 @@ _RETRIES = 1
 
 _log = logging.getLogger(__name__)
 
-_NO_ADAPTER = {errno.ENOTTY, errno.EINVAL, errno.EISDIR}
-_NACK_ERRNOS = {errno.EREMOTEIO, errno.ENXIO}
+#: Messages for a device file that cannot be opened; another kind of file does not have the ioctl I2C_FUNCS.
+_CANNOT_OPEN = {
+    errno.ENOENT: "no such I2C adapter; enable it, or see `ls /dev/i2c-*`",
+    **dict.fromkeys(
+        (errno.EACCES, errno.EPERM), "permission denied; the service's user belongs in group i2c"
+    ),
+    **dict.fromkeys((errno.ENOTTY, errno.EINVAL, errno.EISDIR), "not an I2C adapter; see `ls /dev/i2c-*`"),
+}
+#: Errors of a transaction (Documentation/i2c/fault-codes.rst of the kernel).
+_FAILED: dict[int | None, tuple[type[BusError], str]] = {
+    errno.EREMOTEIO: (NackError, "no acknowledge"),
+    errno.ENXIO: (NackError, "no acknowledge"),
+    errno.ETIMEDOUT: (BusTimeoutError, "timeout, SDA or SCL is held low"),
+    errno.EAGAIN: (BusError, "arbitration lost, another master is on this bus"),
+}
 
 
 class Adapter(Protocol):
-    """What is used of `smbus2.SMBus`."""
+    """The methods that are used of `smbus2.SMBus`."""
 
     def i2c_rdwr(self, *messages: smbus2.i2c_msg) -> None:
         """Do the messages as one transaction."""
@@ -61,18 +74,9 @@ class LinuxI2cBus:
         """
         try:
             adapter = smbus2.SMBus(device)
-        except FileNotFoundError as error:
-            raise HardwareError(
-                f"{device}: no such I2C adapter; enable it, or see `ls /dev/i2c-*`"
-            ) from error
-        except PermissionError as error:
-            raise HardwareError(
-                f"{device}: permission denied; the service's user belongs in group i2c"
-            ) from error
         except OSError as error:
-            # Other kinds of files do not know the question that an adapter answers.
-            what = "not an I2C adapter; see `ls /dev/i2c-*`" if error.errno in _NO_ADAPTER else error.strerror
-            raise HardwareError(f"{device}: {what}") from error
+            why = _CANNOT_OPEN.get(error.errno or 0, error.strerror)
+            raise HardwareError(f"{device}: {why}") from error
         shorten_timeout(adapter.fd, device)
         return cls(adapter, device)
 
@@ -80,7 +84,7 @@ class LinuxI2cBus:
         """Do one transaction and return the bytes read.
 
         Raises:
-            NackError: Nobody acknowledged.
+            NackError: No chip acknowledged.
             BusTimeoutError: A line is stuck.
             BusError: The transaction failed otherwise.
         """
@@ -90,14 +94,8 @@ class LinuxI2cBus:
         try:
             self._adapter.i2c_rdwr(*messages)
         except OSError as error:
-            where = f"{self._device}, address {transaction.address:#04x}"
-            if error.errno in _NACK_ERRNOS:
-                raise NackError(f"{where}: no acknowledge") from error
-            if error.errno == errno.ETIMEDOUT:
-                raise BusTimeoutError(f"{where}: timeout, SDA or SCL is held low") from error
-            if error.errno == errno.EAGAIN:
-                raise BusError(f"{where}: arbitration lost, another master is on this bus") from error
-            raise BusError(f"{where}: {error.strerror or error}") from error
+            kind, why = _FAILED.get(error.errno, (BusError, error.strerror or str(error)))
+            raise kind(f"{self._device}, address {transaction.address:#04x}: {why}") from error
         return bytes(messages[-1]) if transaction.n_read else b""
 
     def close(self) -> None:
@@ -112,7 +110,7 @@ def adapters(folder: Path = Path("/dev")) -> list[str]:
 
 
 def kernel_drivers(device: str, folder: Path = Path("/sys/bus/i2c/devices")) -> dict[int, str]:
-    """Return the addresses on an adapter that a driver of the kernel holds, and its name."""
+    """Return the name of each kernel driver on an adapter, by the address that it holds."""
     number = device.removeprefix("/dev/i2c-")
     held = {}
     for client in folder.glob(f"{number}-*"):
@@ -123,7 +121,7 @@ def kernel_drivers(device: str, folder: Path = Path("/sys/bus/i2c/devices")) -> 
 
 
 def shorten_timeout(descriptor: int, device: str) -> None:
-    """Have an adapter give up soon; one that does not take that still works, and is named in the journal."""
+    """Shorten an adapter's timeout to 20 ms; one that refuses still works, and is named in the journal."""
     try:
         fcntl.ioctl(descriptor, _I2C_TIMEOUT, _TIMEOUT_10MS)
         fcntl.ioctl(descriptor, _I2C_RETRIES, _RETRIES)
@@ -136,7 +134,7 @@ def shorten_timeout(descriptor: int, device: str) -> None:
 
 
 def _messages(transaction: Transaction) -> list[smbus2.i2c_msg]:
-    # A message without a byte still asks whether the address is acknowledged.
+    # A write without a byte asks for the acknowledge of the address alone.
     writes = transaction.write or not transaction.n_read
     messages = [smbus2.i2c_msg.write(transaction.address, transaction.write)] if writes else []
     if transaction.n_read:

@@ -30,8 +30,7 @@ from footsense.sim.clock import VirtualClock
 from footsense.sim.scene import load_scene
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.metrics import Metrics
-from footsense.telemetry.supervision import Supervision
-from footsense.telemetry.systemd import SystemdNotifier
+from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
 
 __all__ = [
     "PRIORITY",
@@ -132,7 +131,7 @@ def our_cycle() -> Iterator[OurCycle]:
         metrics = Metrics(DEFAULT.legs, stats, counters)
         observers = (
             Journal(DEFAULT.legs),
-            Supervision(SystemdNotifier({}), DEFAULT.legs),
+            SystemdObserver(SystemdNotifier({}), DEFAULT.legs),
             metrics,
             _Recording(outlets.pipe, DEFAULT.legs),
         )
@@ -165,7 +164,7 @@ def tared_floor(folder: Path, scans: list[CapFrame]) -> CFloor:
     Raises:
         FootsenseError: It cannot be compiled.
     """
-    floor = CFloor(folder, DEFAULT, daemon.load_network(DEFAULT).card.calibration)
+    floor = CFloor(folder, DEFAULT, daemon.load_network(DEFAULT).card.trained_inputs)
     floor.tare(np.mean([scan.capacitance_pf for scan in scans[: DEFAULT.tare.window_scans]], axis=0))
     return floor
 

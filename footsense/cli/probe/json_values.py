@@ -70,7 +70,9 @@ def _leg(report: ProbedLeg) -> dict[str, Any]:
         "chips": None if chips is None else chips.outcome.name.lower(),
         "mean_pf": None if scans is None else [round(value, 4) for value in scans.mean_pf.tolist()],
         "noise_ff": None if scans is None else [round(value, 2) for value in scans.noise_ff.tolist()],
-        "reading": None if scans is None else [Reading(code).name.lower() for code in scans.worst.tolist()],
+        "reading": None
+        if scans is None
+        else [Reading(code).name.lower() for code in scans.worst_reading.tolist()],
         "faults": [
             {"cause": fault.cause.name.lower(), "elements": list(fault.elements)} for fault in report.faults
         ],

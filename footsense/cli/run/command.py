@@ -24,7 +24,7 @@ from footsense.config.operating_points import OPERATING_POINTS, at_operating_poi
 from footsense.errors import ConfigError
 from footsense.frames import Cycle
 from footsense.sim.scene import load_scene
-from footsense.telemetry.run_statistics import Score
+from footsense.telemetry.run_statistics import RunStatistics
 
 _DEFAULT_SCENE = "tripod"
 _NS_PER_S = 1_000_000_000
@@ -97,8 +97,8 @@ def run(
         service = stack.enter_context(
             daemon.service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )
-        score = Score(service.legs, service.scanning.true_force_n)
-        service.observers.append(score)
+        statistics = RunStatistics(service.legs, service.scanning.true_force_n)
+        service.observers.append(statistics)
         first = FirstFrame()
         service.observers.append(first)
         if live:
@@ -111,7 +111,7 @@ def run(
         service.run(lambda: stop.requested or (end_ns is not None and clock.now_ns() >= end_ns))
     figures = {
         "scene": scene_name,
-        **score.summary(),
+        **statistics.summary(),
         **service.figures(),
         "start_to_first_frame_s": first.after_s,
         "resident_mib": resident_mib(),

@@ -63,7 +63,7 @@ def test_nothing_is_wrong_with_a_sound_robot() -> None:
     ("broken", "what", "check"),
     [
         (scene_faults.Absent(at_s=0, leg="lm"), "channel 1: no answer at 0x50", "its plug"),
-        (scene_faults.WrongChip(at_s=0, leg="lm"), "an FDC1004 says 0x5449/0x1004", "what is plugged in"),
+        (scene_faults.WrongChip(at_s=0, leg="lm"), "an FDC1004 says 54 49 10 04", "what is plugged in"),
         (scene_faults.BrokenRow(at_s=0, leg="lm", row=1), "row 1 is interrupted", "the row switch"),
         (
             scene_faults.BrokenColumn(at_s=0, leg="lm", column=2),
@@ -76,10 +76,10 @@ def test_nothing_is_wrong_with_a_sound_robot() -> None:
             "element 4 is shorted",
             "row 1, column 1 touch",
         ),
-        (scene_faults.GapClosed(at_s=0, leg="lm", element=4), "its gap is shut", "water"),
+        (scene_faults.GapClosed(at_s=0, leg="lm", element=4), "its gap is closed", "water"),
         (scene_faults.StuckSda(at_s=0, leg="lm"), "low as soon as channel 1 is connected", "short"),
         (scene_faults.StuckConverter(at_s=0, leg="lm"), "does not finish", "supply"),
-        (scene_faults.SwitchIgnoresWrites(at_s=0, leg="lm"), "does not hold what it is told", "RESET"),
+        (scene_faults.SwitchIgnoresWrites(at_s=0, leg="lm"), "does not hold its settings", "RESET"),
         (scene_faults.NackAtRandom(at_s=0, leg="lm", rate_rel=0.01), "now and then", "loose contact"),
     ],
 )
