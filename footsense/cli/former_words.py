@@ -8,6 +8,8 @@ __all__ = ["with_present_word"]
 
 _RENAMED = {
     "bench": "benchmark",
+    "ladder": "fidelity",
+    "limit": "cramer-rao",
     "quiet": "low-noise",
     "steady": "default",
     "fresh": "low-latency",
