@@ -205,11 +205,6 @@ class _Assembly:
         forces = messages.decode_force(data, self._legs)
         if self._scan is None:
             raise ValueError("a scan is missing")
-<<<<<<< HEAD
-        # A test stand's recording has the topic, and each of its cycles a reference, even without samples.
-        reference = decode_reference(self._samples) if self._on_bench else None
-        temperature_c = messages.decode_temperature(self._warmth, self._legs) if self._warmth else None
-=======
         # Every cycle of a test stand's recording has a reference, possibly without samples.
         reference = decode_reference(self._samples) if self._has_reference else None
         temperature_c = (
@@ -217,7 +212,6 @@ class _Assembly:
             if self._temperature_event
             else None
         )
->>>>>>> main
         cycle = Cycle(
             self._scan, tuple(self._commands), forces, tuple(self._outcomes), reference, temperature_c
         )

@@ -103,13 +103,7 @@ def record(
             table = RecordTable(console, guide, messages, row, title)
             stack.callback(table.close)
             service.observers.append(table)
-<<<<<<< HEAD
-        clock = service.scanning.clock
-=======
-        else:
-            service.observers.append(_MessagePrinter(guide))
         clock = service.scan_source.clock
->>>>>>> main
         longest_s = min(math.inf if duration_s is None else duration_s, _ends_s(scene))
         end_ns = clock.now_ns() + longest_s * _NS_PER_S
         service.run(lambda: stop.requested or guide.coverage.complete or clock.now_ns() >= end_ns)
