@@ -199,8 +199,8 @@ at that load, by all four:
 
 def _first_changes_pf(bench: StudyContext, climbed: _Climbed) -> dict[str, NDArray[np.float64]]:
     """Return the changes of capacitance at the first load, shape (3, 3), by rung."""
-    rest_pf = bench.response.design.rest_pf
-    return {name: one.capacitance_pf[0].reshape(3, 3) - rest_pf for name, one in climbed.answers.items()}
+    unloaded_pf = bench.response.design.unloaded_pf
+    return {name: one.capacitance_pf[0].reshape(3, 3) - unloaded_pf for name, one in climbed.answers.items()}
 
 
 def page(bench: StudyContext) -> Page:

@@ -123,8 +123,8 @@ def _floor(sole: SoleDesign, response: FootResponse) -> tuple[str, float]:
 def _fringe(sole: SoleDesign) -> tuple[str, dict[str, float]]:
     """Return what the plate formula leaves out at three closures, and the figures of the text."""
     capacitor, rows = sole.capacitor, []
-    rest_pf, plate_pf = element_pf(sole)
-    stray_pf = rest_pf - plate_pf
+    unloaded_pf, plate_pf = element_pf(sole)
+    stray_pf = unloaded_pf - plate_pf
     for closure_um in (0.0, 5.0, 10.0):
         edged_pf, flat_pf = element_pf(sole, closure_um)
         row = [
@@ -134,9 +134,9 @@ def _fringe(sole: SoleDesign) -> tuple[str, dict[str, float]]:
             f"{100.0 * (edged_pf / flat_pf - 1.0):.2f}",
         ]
         if closure_um:
-            change_rel = (edged_pf - rest_pf) / (flat_pf - plate_pf) - 1.0
+            change_rel = (edged_pf - unloaded_pf) / (flat_pf - plate_pf) - 1.0
             read = [
-                float(capacitor.closure_um(np.array([edged_pf - own]), np.array([rest_pf - own]))[0])
+                float(capacitor.closure_um(np.array([edged_pf - own]), np.array([unloaded_pf - own]))[0])
                 for own in (0.0, stray_pf)
             ]
             row += [f"{100.0 * change_rel:.2f}", f"{read[0]:.3f}", f"{read[1]:.3f}"]
