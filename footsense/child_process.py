@@ -1,34 +1,64 @@
-"""Child processes of the loop: start a writer, and drop the real-time scheduling that a child inherits."""
+"""Child processes of the loop: start a writer of a file, read its pipe, and drop the inherited real-time scheduling."""
 
 import contextlib
 import fcntl
 import os
+import select
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
-__all__ = ["drop_realtime", "start_writer"]
+from footsense.errors import RecordingError
+
+__all__ = ["check_new_file", "drop_realtime", "gathered", "start_writer"]
+
+#: Longest time that bytes stay in the pipe [ms]. A wake-up at every scan would cost the loop, whose write does the
+#: waking. At 370 cycles a second the pipe has room for five times as many.
+_GATHER_MS = 200
+_READ_BYTES = 1 << 18
+#: So many bytes at once come only from a loop in virtual time, which waits for room [bytes].
+_BUSY_BYTES = 1 << 17
+
+
+def check_new_file(name: str, path: Path) -> None:
+    """Check that a file can be created; call it before anything is opened.
+
+    Args:
+        name: Name of the file in error messages.
+        path: The file.
+
+    Raises:
+        RecordingError: It exists, or its directory cannot be written to.
+    """
+    if path.exists():
+        raise RecordingError(f"{name}: exists and is not overwritten; choose another name or remove it")
+    if not path.parent.is_dir():
+        raise RecordingError(f"{name}: there is no directory {path.parent}")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise RecordingError(f"{name}: the directory {path.parent} cannot be written to")
 
 
 def start_writer(
     module: str, arguments: list[str], file: int, pipe_bytes: int
 ) -> tuple[subprocess.Popen[bytes], int]:
-    """Start a module as the process that writes a file from what it reads from a pipe.
+    """Start a module of ours as the process that writes a file from the bytes of a pipe.
 
     Args:
-        module: The module.
-        arguments: Its arguments.
+        module: Name of the module.
+        arguments: Its command line.
         file: Descriptor of the open file, its standard output; closed here.
-        pipe_bytes: Capacity to request for the pipe on its standard input [bytes]; a refusal is ignored.
+        pipe_bytes: Size of the pipe that is its standard input [bytes]; the kernel may grant less.
 
     Returns:
-        The process, which reports a failure on its standard error, and the write end of the pipe.
+        The process, which reports its failure on its standard error, and the writing end of the pipe.
     """
     read_end, write_end = os.pipe()
     with contextlib.suppress(OSError):
         fcntl.fcntl(write_end, fcntl.F_SETPIPE_SZ, pipe_bytes)
-    # A signal stays blocked in the child: Ctrl-C or a stop of the service ends the loop, and the end of the pipe then
-    # ends the writer.
+    # A blocked signal stays blocked in the child: a Ctrl-C or a stop of the service ends the loop, and then
+    # the end of the pipe ends the writer.
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         writer = subprocess.Popen(  # noqa: S603 - our own module
@@ -44,13 +74,33 @@ def start_writer(
     return writer, write_end
 
 
-def drop_realtime(nice: int = 0) -> None:
-    """Drop the real-time scheduling and the affinity that a child inherits, as far as that is allowed.
+def gathered(pipe: int) -> Iterator[bytes]:
+    """Read the pipe a few times a second, up to its end.
 
     Args:
-        nice: Increment of the niceness.
+        pipe: Descriptor of the reading end; made non-blocking.
+
+    Yields:
+        The bytes received since the last time.
     """
+    end = select.poll()
+    end.register(pipe, 0)  # without events, poll still reports the end of the pipe
+    os.set_blocking(pipe, False)
+    n_read = -1
+    while n_read:
+        end.poll(0 if n_read >= _BUSY_BYTES else _GATHER_MS)
+        try:
+            data = os.read(pipe, _READ_BYTES)
+        except BlockingIOError:  # the loop sends nothing
+            n_read = -1
+            continue
+        n_read = len(data)
+        if data:
+            yield data
+
+
+def drop_realtime() -> None:
+    """Return to ordinary scheduling on all processors, as far as that is allowed."""
     with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         os.sched_setaffinity(0, range(os.cpu_count() or 1))
-        os.nice(nice)

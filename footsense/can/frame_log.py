@@ -12,7 +12,7 @@ import subprocess
 from pathlib import Path
 
 from firmware_interface.socketcan import FRAME_BYTES
-from footsense.child_process import start_writer
+from footsense.child_process import check_new_file, start_writer
 from footsense.errors import ConfigError, RecordingError
 from footsense.frames import CanStatistics
 
@@ -52,14 +52,7 @@ def check_log_target(path: Path) -> None:
         RecordingError: The file exists, or the directory cannot be written to.
     """
     check_log_suffix(path)
-    if path.exists():
-        raise RecordingError(
-            f"CAN log {path}: exists and is not overwritten; choose another name or remove it"
-        )
-    if not path.parent.is_dir():
-        raise RecordingError(f"CAN log {path}: there is no directory {path.parent}")
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise RecordingError(f"CAN log {path}: the directory {path.parent} cannot be written to")
+    check_new_file(f"CAN log {path}", path)
 
 
 class CanLog:

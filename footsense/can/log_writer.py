@@ -6,45 +6,24 @@ incomplete. It ends with the pipe: when the service stops or is killed.
 
 import contextlib
 import os
-import select
 import sys
 from collections.abc import Iterator
 from typing import IO, TYPE_CHECKING, Any
 
 from firmware_interface.socketcan import split_frames
 from footsense.can.frame_log import RECORD_HEAD
-from footsense.child_process import drop_realtime
+from footsense.child_process import drop_realtime, gathered
 
 if TYPE_CHECKING:
     from can.io.generic import FileIOMessageWriter
 
 __all__ = ["main"]
 
-#: Longest time that frames stay in the pipe [ms]. A wake-up at every scan would cost the loop, whose write does the
-#: waking.
-_GATHER_MS = 200
-
-_READ_BYTES = 1 << 18
-
-#: So many bytes at once come only from a loop in virtual time, which waits for room [bytes].
-_BUSY_BYTES = 1 << 16
-
 
 def _records(pipe: int) -> Iterator[list[tuple[int, bytes]]]:
     """Yield the time [ns] and the frames of the records received so far, up to the end of the pipe."""
-    end = select.poll()
-    end.register(pipe, 0)  # without events, poll still reports the end of the pipe
-    os.set_blocking(pipe, False)
     rest = b""
-    n_read = -1
-    while n_read:
-        end.poll(0 if n_read >= _BUSY_BYTES else _GATHER_MS)
-        try:
-            data = os.read(pipe, _READ_BYTES)
-        except BlockingIOError:  # the loop sends nothing
-            n_read = -1
-            continue
-        n_read = len(data)
+    for data in gathered(pipe):
         rest += data
         records = []
         while len(rest) >= RECORD_HEAD.size:

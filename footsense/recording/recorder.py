@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from footsense.child_process import start_writer
+from footsense.child_process import check_new_file, start_writer
 from footsense.errors import ConfigError, RecordingError
 from footsense.recording.cycle_pipe import CyclePipe
 
@@ -51,17 +51,12 @@ def check_target(path: Path) -> None:
     if path.suffix != SUFFIX:
         raise ConfigError(f"recording {path}: the name has to end in {SUFFIX}")
     partial = partial_path(path)
-    if path.exists():
-        raise RecordingError(f"{path}: exists and is not overwritten; choose another name or remove it")
-    if partial.exists():
+    if partial.exists() and not path.exists():
         check_not_being_written(partial)
         raise RecordingError(
             f"{partial}: exists, a recording that was cut short; footsense recover it, or remove it"
         )
-    if not path.parent.is_dir():
-        raise RecordingError(f"{path}: there is no directory {path.parent}")
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise RecordingError(f"{path}: the directory {path.parent} cannot be written to")
+    check_new_file(str(path), path)
 
 
 def check_not_being_written(partial: Path) -> None:

@@ -101,7 +101,7 @@ def record(
             service.observers.append(table)
         else:
             service.observers.append(_MessagePrinter(guide))
-        clock = service.scanning.clock
+        clock = service.scan_source.clock
         longest_s = min(math.inf if duration_s is None else duration_s, _ends_s(scene))
         end_ns = clock.now_ns() + longest_s * _NS_PER_S
         service.run(lambda: stop.requested or guide.coverage.complete or clock.now_ns() >= end_ns)

@@ -2,8 +2,8 @@
 
 The load is compared with a floor, not with the baseline. In swing the floor follows the load down once that has been
 low for 50 ms, and up by at most `floor_n_per_s`; in stance it stands still. So drift, which is slow, never makes
-contact, however far it goes, and a touchdown, which is fast, is detected in the first reading that is `threshold_n` above
-the floor. A load that rises more slowly than `floor_n_per_s` cannot be told from drift and is not detected.
+contact, however far it goes, and a touchdown, which is fast, is detected in the first reading that is `threshold_n`
+above the floor. A load that rises more slowly than `floor_n_per_s` cannot be told from drift and is not detected.
 
 Contact ends when the load is back within `lift_n` of the floor. After a long stance that may never happen: the baseline
 has drifted meanwhile, and creep of the rubber recovers over minutes. So contact also ends when the load has fallen fast
