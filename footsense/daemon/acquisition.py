@@ -34,16 +34,17 @@ SLOW_REL = 0.9
 
 
 @dataclass(frozen=True, slots=True)
-class Scanning:
+class ScanSource:
     """An open source of scans.
 
     Attributes:
-        source: The scanner, started; `source.temperature_c` is that of each leg's converter, NaN for none.
+        source: The scanner, started.
         clock: Clock of its time stamps.
         response_sha256: Hash of the response table of the simulated feet, None on a real robot.
         true_force_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
         wakeups: Wake-up latency of the thread of each bus; none in virtual time.
-        has_thermometers: Whether the converters have temperature sensors.
+        temperature_c: Returns the temperature of each leg's converter [degC], shape (legs,), NaN for none; None where
+            no converter has a sensor.
     """
 
     source: RobotScanner | McuSource
@@ -51,7 +52,7 @@ class Scanning:
     response_sha256: str | None = None
     true_force_n: Callable[[int], NDArray[np.float64]] | None = None
     wakeups: tuple[WakeupLatency, ...] = ()
-    has_thermometers: bool = False
+    temperature_c: Callable[[], NDArray[np.float64]] | None = None
 
 
 def plan_for(config: Config) -> ScanPlan:
@@ -131,7 +132,7 @@ def _log_timing(bus: Bus, timing: Timing | None) -> None:
 
 
 @contextmanager
-def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
+def open_scan_source(config: Config, scene: Scene | None) -> Iterator[ScanSource]:
     """Open the buses or the serial line, start the scanner, and close both at the end.
 
     Args:
@@ -162,7 +163,7 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
         yield opened
 
 
-def _microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: Scene | None) -> Scanning:
+def _microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: Scene | None) -> ScanSource:
     """Open the serial line to the microcontroller, or to a simulated one."""
     own = MonotonicClock()
     clock: Clock = own if robot is None else robot.clock
@@ -173,10 +174,10 @@ def _microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: Scene 
         port = SimulatedLine(mcu, clock, rate_hz=serial.rate_hz, baud=serial.baud)
     wire_ns = round(RECORD_BITS * 1e9 / serial.baud)
     source = McuSource(port, clock, serial.legs, rate_hz=serial.rate_hz, wire_ns=wire_ns)
-    return Scanning(source, clock, wakeups=(own.wakeups,))
+    return ScanSource(source, clock, wakeups=(own.wakeups,))
 
 
-def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> Scanning:
+def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> ScanSource:
     """Open and start the scanner of every bus."""
     buses = open_buses(config, robot, stack)
     plan = plan_for(config)
@@ -189,9 +190,9 @@ def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack
     source.start()
     for bus, scanner in zip(config.buses, scanners, strict=True):
         _log_timing(bus, scanner.timing)
-    return Scanning(
+    return ScanSource(
         source,
         MonotonicClock(),
         wakeups=tuple(bus.clock.wakeups for bus in buses if isinstance(bus.clock, MonotonicClock)),
-        has_thermometers=plan.board.thermometer is not None,
+        temperature_c=source.temperature_c if plan.board.thermometer else None,
     )

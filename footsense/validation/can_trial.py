@@ -93,7 +93,7 @@ def can_trial(fault: CanFault, *, duration_s: float, config: Config = DEFAULT) -
         controller = robot.can.controller
         controller.hear = consumer.hear
         robot.observers.append(consumer)
-        clock = robot.scanning.clock
+        clock = robot.scan_source.clock
         robot.run(lambda: clock.now_ns() > duration_s * 1e9)
         n_dropped = robot.sink.stats.dropped
     came_ns = consumer.came_ns.values()

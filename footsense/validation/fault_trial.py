@@ -109,13 +109,14 @@ def walk(*faults: Fault, config: Config = DEFAULT, effects: Effects = WALK.effec
     watch = _Watch()
     scene = msgspec.structs.replace(WALK, faults=faults, effects=effects)
     with service(config, scene, real_time=False) as running:
-        scanning = running.scanning
+        scan_source = running.scan_source
         running.observers.append(watch)
-        running.run(lambda: scanning.clock.now_ns() > DURATION_S * 1e9)
-        assert scanning.true_force_n is not None, "a scene is simulated"
+        running.run(lambda: scan_source.clock.now_ns() > DURATION_S * 1e9)
+        assert scan_source.true_force_n is not None, "a scene is simulated"
         forces = [cycle.forces for cycle in watch.cycles]
         true_force_n = [
-            [scanning.true_force_n(int(t_ns))[row] for row, t_ns in enumerate(frame.t_ns)] for frame in forces
+            [scan_source.true_force_n(int(t_ns))[row] for row, t_ns in enumerate(frame.t_ns)]
+            for frame in forces
         ]
     return Walk(
         legs=running.legs,

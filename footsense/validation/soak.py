@@ -183,13 +183,13 @@ class _Course:
     def walk(self, until_s: float) -> None:
         """Walk up to a time [s], and look at the memory when all has been used once, and at the end."""
         with service(self._config, self._scene, real_time=False) as running:
-            scanning = running.scanning
-            assert scanning.true_force_n is not None, "a scene is simulated"
+            scan_source = running.scan_source
+            assert scan_source.true_force_n is not None, "a scene is simulated"
             assert running.can is not None, "the script has something on CAN"
-            self.seen = Invariants(self._rules, self._scene.faults, scanning.true_force_n)
+            self.seen = Invariants(self._rules, self._scene.faults, scan_source.true_force_n)
             running.observers.append(self.seen)
             running.can.controller.hear = self.seen.hear
-            clock = scanning.clock
+            clock = scan_source.clock
             running.run(lambda: clock.now_ns() >= min(_WARM_S, until_s) * _NS_PER_S)
             warm_mib = resident_mib()
             running.run(lambda: clock.now_ns() >= until_s * _NS_PER_S)

@@ -62,7 +62,7 @@ def record(path: Path, foot: str = "foot-0007", n: int = 24, *, reference: bool 
     scene = Scene(description="a bench", load=load, fabrication=MADE)
     end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 200_000_000
     with daemon.service(config, scene, record=path, real_time=False) as service:
-        true_force_n, clock = service.scanning.true_force_n, service.scanning.clock
+        true_force_n, clock = service.scan_source.true_force_n, service.scan_source.clock
         assert true_force_n is not None
         loop.run(
             service.source,
@@ -82,7 +82,7 @@ def true_parameters(number: int = 0) -> FootParameters:
     made = fabricate(response, MADE.tolerances, MADE.seed, MADE.first + number)
     return FootParameters(
         stray_pf=made.stray_pf,
-        unloaded_pf=Foot(response, made).rest_pf,
+        unloaded_pf=Foot(response, made).unloaded_pf,
         gap_um=response.design.gap_um + made.gap_um,
         stiffness_rel=made.stiffness_rel,
         mount=made.mount,
