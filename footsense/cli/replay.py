@@ -1,4 +1,4 @@
-"""`footsense replay`: a recorded walk through the very same loop, and whether it still gives the same forces."""
+"""`footsense replay`: run a recording through the same loop again, and compare the forces."""
 
 from contextlib import ExitStack
 from pathlib import Path

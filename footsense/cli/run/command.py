@@ -42,7 +42,7 @@ class FirstFrame:
             self.after_s = process_age_ns() * 1e-9
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: no resource is held."""
 
 
 @click.command()
