@@ -6,11 +6,12 @@ from pathlib import Path
 
 import click
 
-from footsense import daemon
 from footsense.cli.options import FILE
 from footsense.clock import wall_time_iso
 from footsense.config import Bus, Config, load_config
 from footsense.config.contradictions import warnings
+from footsense.daemon.calibrations import load_calibrations
+from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.estimation.network import Network
 from footsense.foot.calibration_reader import FootCalibration
 
@@ -20,9 +21,9 @@ from footsense.foot.calibration_reader import FootCalibration
 def check_config(file: Path) -> None:
     """Explain the configuration FILE, or name its first error and the remedy."""
     config = load_config(file)
-    calibrations = daemon.load_calibrations(config)
-    network = daemon.load_network(config, calibrations)
-    daemon.pipeline_for(config, network, 0, calibrations)  # raises as a run would
+    calibrations = load_calibrations(config)
+    network = load_network(config, calibrations)
+    pipeline_for(config, network, 0, calibrations)  # raises as a run would
     for line in _summary(config, network, calibrations):
         click.echo(line)
     for warning in warnings(config):
