@@ -126,7 +126,7 @@ class Service:
                 scan_source.clock,
                 stop,
                 self.reference,
-                (lambda: scan_source.source.temperature_c) if scan_source.has_thermometers else None,
+                scan_source.temperature_c,
             )
 
     def figures(self) -> dict[str, object]:

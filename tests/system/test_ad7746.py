@@ -34,7 +34,8 @@ class Watch:
 
     def observe(self, cycle: Cycle) -> None:
         self.cycles.append(cycle)
-        self.temperature_c.append(self.scan_source.source.temperature_c.tolist())
+        assert self.scan_source.temperature_c is not None
+        self.temperature_c.append(self.scan_source.temperature_c().tolist())
 
     def close(self) -> None:
         pass
