@@ -1,4 +1,4 @@
-"""CalibrationLoads of a made foot as a bench would measure them, without the electronics between."""
+"""Calibration loads of a made foot as a test stand would measure them, without electronics."""
 
 from functools import lru_cache
 
@@ -30,7 +30,7 @@ def made(number: int) -> Deviations:
     return fabricate(design().response, MADE, 7, number)
 
 
-def poked(
+def load_set(
     own: Deviations,
     force_n: Vector,
     rng: np.random.Generator | None = None,
@@ -42,7 +42,7 @@ def poked(
     Args:
         own: The foot.
         force_n: Forces [N], shape (n, 3).
-        rng: Of what a bench cannot hold still.
+        rng: Source of the test stand's errors; None for exact loads.
         lean_deg: Root mean square angle between normal and force [deg].
         rubber_rel: Root mean square share of each force that the rubber's memory adds [1].
     """

@@ -1,4 +1,4 @@
-"""What a bench's force sensor says becomes forces on the foot in the daemon's time; what it does not say is counted."""
+"""Records of a force sensor become forces on the foot in the daemon's time; missing ones are counted."""
 
 import binascii
 import socket
@@ -131,7 +131,9 @@ def stream_of(times: SampleTimes) -> SampleStream:
     )
 
 
-def bench(columns: tuple[str, ...] = COLUMNS) -> tuple[VirtualClock, SimulatedPort, SerialReference]:
+def simulated_stand(
+    columns: tuple[str, ...] = COLUMNS,
+) -> tuple[VirtualClock, SimulatedPort, SerialReference]:
     """Return a simulated sensor that feels one newton upwards, and what reads it."""
     clock = VirtualClock()
     clock.sleep_until_ns(10**12)
@@ -157,7 +159,7 @@ def watched(
 @pytest.mark.parametrize("columns", [COLUMNS, ("-", "fx", "fy", "fz")], ids=["stamped", "counted"])
 def test_samples_have_the_time_at_which_they_were_taken(columns: tuple[str, ...]) -> None:
     """To a millisecond after a second, with a drifting clock and with none, though the loop looks once a scan."""
-    clock, _, reference = bench(columns)
+    clock, _, reference = simulated_stand(columns)
     samples = watched(clock, reference, 8.0)
     before = 4  # were in the line at the first look
     true_ns = 10**12 + PERIOD_NS * np.arange(1 + before, 1 + before + len(samples))
@@ -173,7 +175,7 @@ def test_a_sensor_that_is_unplugged_is_missed_and_comes_back(
     columns: tuple[str, ...], caplog: pytest.LogCaptureFixture
 ) -> None:
     """The samples that it would have sent are counted, said once, and those that follow have their right times."""
-    clock, port, reference = bench(columns)
+    clock, port, reference = simulated_stand(columns)
     watched(clock, reference, 3.0)
     port.unplug()
     assert len(watched(clock, reference, 2.0)) == 0
@@ -224,7 +226,7 @@ def test_a_sensor_that_makes_no_sense_ends_the_run(sent: bytes, says: str) -> No
         def read(self) -> bytes:
             return sent
 
-    clock, _, _ = bench()
+    clock, _, _ = simulated_stand()
     port = Port(SimulatedSensor(lambda _: np.zeros(3), 1), clock)
     reference = SerialReference(port, LineDecoder(COLUMNS, ","), stream_of(SampleTimes(200.0, 0)), b"S")
     with pytest.raises(SensorError, match=says):
@@ -305,7 +307,7 @@ def test_a_net_ft_that_counts_anew_is_asked_again() -> None:
 
 
 def test_a_file_is_played_from_the_first_scan_on(tmp_path: Path) -> None:
-    """Each sample once, when its time has come, with the axes and units of the bench."""
+    """Each sample once, when its time has come, with the axes and units of the test stand."""
     path = tmp_path / "log.csv"
     path.write_text("time_ms, fx, fy, fz, note\n" + "".join(f"{5 * k},0,0,{-k},x\n" for k in range(10)))
     reference = FileReference(read_csv(path, SensorMounting(AGAINST, (0, 0, 0), "gf", 1.0, (9, 9, 9)), 0))
