@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.loads.calibration_load import LoadSet
 from footsense.daemon import released
-from footsense.estimation.network import Network
-from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.sim.foot.fabrication import FootTolerances, fabricate
 
@@ -21,8 +19,7 @@ MADE = FootTolerances(gap_um=2.5, film_um=1.0, stray_pf=0.35, stiffness_rel=0.2,
 @lru_cache(maxsize=1)
 def design() -> DesignModels:
     """Return the released foot type."""
-    network = lru_cache(maxsize=None)(lambda n_rows: Network(released("network.onnx"), n_rows))
-    return DesignModels(FootResponse.load(released("response.npz")), network, network(1).card.trained_inputs)
+    return DesignModels.load(released("network.onnx").parent)
 
 
 def made(number: int) -> Deviations:

@@ -131,13 +131,23 @@ def stream_of(times: SampleTimes) -> SampleStream:
     )
 
 
+class UnpluggablePort(SimulatedPort):
+    """A simulated port that loses what the sensor sends while it is unplugged."""
+
+    unplugged = False
+
+    def read(self) -> bytes:
+        data = super().read()
+        return b"" if self.unplugged else data
+
+
 def simulated_stand(
     columns: tuple[str, ...] = COLUMNS,
-) -> tuple[VirtualClock, SimulatedPort, SerialReference]:
+) -> tuple[VirtualClock, UnpluggablePort, SerialReference]:
     """Return a simulated sensor that feels one newton upwards, and what reads it."""
     clock = VirtualClock()
     clock.sleep_until_ns(10**12)
-    port = SimulatedPort(SimulatedSensor(lambda _: np.array([0.0, 0.0, 1.0]), 3, 0.0), clock)
+    port = UnpluggablePort(SimulatedSensor(lambda _: np.array([0.0, 0.0, 1.0]), 3, 0.0), clock)
     reference = SerialReference(
         port, LineDecoder(columns, ","), stream_of(SampleTimes(RATE_HZ, TRANSMISSION_NS)), b"S"
     )
@@ -166,7 +176,7 @@ def test_samples_have_the_time_at_which_they_were_taken(columns: tuple[str, ...]
     late_ns = samples[:, 0] - true_ns
     assert np.abs(late_ns[250:]).max() < 1.2e6
     assert (np.diff(samples[50:, 0]) >= 0).all()
-    assert reference.statistics().n_missing == 0
+    assert reference.statistics.n_missing == 0
     assert samples[:, 3].mean() - 1.0 == pytest.approx(samples[0, 3] - 1.0, abs=0.4)  # but for its own zero
 
 
@@ -177,11 +187,12 @@ def test_a_sensor_that_is_unplugged_is_missed_and_comes_back(
     """The samples that it would have sent are counted, said once, and those that follow have their right times."""
     clock, port, reference = simulated_stand(columns)
     watched(clock, reference, 3.0)
-    port.unplug()
+    port.unplugged = True
     assert len(watched(clock, reference, 2.0)) == 0
-    port.plug_in()
+    port.unplugged = False
+    port.opened += 1
     samples = watched(clock, reference, 3.0)
-    figures = reference.statistics()
+    figures = reference.statistics
     assert figures.n_missing == pytest.approx(400, abs=8)
     assert figures.n_opened == 2
     assert [record.getMessage()[:28] for record in caplog.records] == [
@@ -209,7 +220,7 @@ def test_a_clock_that_jumps_is_followed_anew(jumps_at: int, caplog: pytest.LogCa
         )
         mapped.append(int(said.t_ns[-1]) - now_ns)
     assert max(map(abs, mapped)) < 1_000_000
-    assert stream.statistics(0, 1)[:2] == (1200, 0)
+    assert (stream.statistics.n_samples, stream.statistics.n_missing) == (1200, 0)
     assert times.n_jumps == 1
     assert [record.getMessage() for record in caplog.records] == [
         "sensor: its clock has jumped; the clock map restarts"
@@ -277,7 +288,7 @@ def test_a_net_ft_stream_is_asked_for_and_read() -> None:
         assert said.force_n.tolist() == [[0.0, -2.0, 3.0]] * 4
         assert said.saturated.tolist() == [False, False, False, True]
         assert np.diff(said.t_ns).tolist() == [1_000_000, 2_000_000, 1_000_000]
-        figures = reference.statistics()
+        figures = reference.statistics
         assert (figures.n_samples, figures.n_missing, figures.n_bad) == (4, 1, 2)
         reference.close()
         assert sensor.recv(64) == rdt_request(0)
