@@ -107,12 +107,12 @@ def walk(publish: str, script: list[Fault]) -> Invariants:
         assert service.scanning.true_force_n is not None
         assert service.can is not None
         seen = Invariants(rules, script, service.scanning.true_force_n)
-        service.can.controller.hear = seen.hear
-        ends_s = max(seen.well_again_s, ends_s + 2.1, TARED_S)
+        service.can.controller.on_delivered = seen.on_delivered
+        ends_s = max(seen.recovered_s, ends_s + 2.1, TARED_S)
         tail = Tail(ends_s)
         service.observers += [seen, tail]
         service.run(lambda: clock.now_ns() > (ends_s + TAIL_S) * 1e9)
-    assert seen.lost == []
+    assert seen.violations == []
     assert set(tail.state) <= set(USABLE)
     # Numbers that are kept for a while come and go with the gait; what grows does so with every cycle.
     assert tail.blocks[-1] - tail.blocks[0] < 0.5 * len(tail.blocks) + 200
