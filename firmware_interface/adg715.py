@@ -37,10 +37,6 @@ def select_lines(lines: int) -> int:
     return lines | (_ALL_LINES & ~lines) << _WAITING_SHIFT
 
 
-#: The switch byte that selects every line: of rows, each column then reads as the sum of its elements.
-ALL_LINES = select_lines(_ALL_LINES)
-
-
 def selected_lines(switches: int) -> int:
     """Return the mask of the lines that a switch byte selects."""
     return switches & _ALL_LINES

@@ -14,19 +14,16 @@ ADDRESS = 0x71
 CHANNELS = 8
 
 
-def select(channels: tuple[int, ...]) -> int:
-    """Return the control byte that connects these channels.
+def select(channel: int) -> int:
+    """Return the control byte that connects one channel; those of several channels are its bits together.
 
     Raises:
         ValueError: There is no such channel.
 
     Example:
-        >>> hex(select(tuple(range(6)))), select(())
-        ('0x3f', 0)
+        >>> hex(select(0) | select(5))
+        '0x21'
     """
-    control = 0
-    for channel in channels:
-        if not 0 <= channel < CHANNELS:
-            raise ValueError(f"a TCA9548A has channels 0..{CHANNELS - 1}, got {channel}")
-        control |= 1 << channel
-    return control
+    if not 0 <= channel < CHANNELS:
+        raise ValueError(f"a TCA9548A has channels 0..{CHANNELS - 1}, got {channel}")
+    return 1 << channel

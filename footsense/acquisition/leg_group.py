@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.acquisition.boards.board import CONVERTED, Check
+from footsense.acquisition.boards.board import CONVERTED, Check, Step
 from footsense.acquisition.leg_connection import LegConnection
-from footsense.acquisition.scan_plan import ScanPlan, Step
+from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import Transport
 from footsense.errors import BusError, BusTimeoutError, NackError
 from footsense.frames import Reading

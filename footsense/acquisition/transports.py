@@ -1,12 +1,12 @@
 """Two ways from the adapter to a leg's chips: a mux that footsense drives, and a mux that the kernel drives.
 
-A *selection* is a bit mask of channels, bit n for channel n, as in the control byte of a TCA9548A.
+Both have the same methods. A *selection* is a bit mask of channels, bit n for channel n, as in the control byte of a
+TCA9548A.
 """
 
 import contextlib
 import logging
 from collections.abc import Sequence
-from typing import Protocol
 
 from firmware_interface import adg715
 from footsense.acquisition.bus_timing import BusCosts, measure
@@ -18,54 +18,6 @@ from footsense.ports import Clock, I2cBus, ResetLine, Transaction
 _log = logging.getLogger(__name__)
 
 
-class Transport(Protocol):
-    """How the scanner reaches the chips of the legs of one bus.
-
-    Attributes:
-        broadcasts: Whether one write reaches all legs; else each leg is addressed alone.
-    """
-
-    broadcasts: bool
-
-    def measure(self, clock: Clock) -> BusCosts | None:
-        """Return what a transaction costs; None if no leg answers that could be timed.
-
-        Raises:
-            HardwareError: No leg can be reached.
-        """
-        ...
-
-    def connect(self, selection: int) -> I2cBus:
-        """Connect these channels and no others, and return the bus on which their chips answer.
-
-        Raises:
-            BusError: The mux did not take the selection.
-        """
-        ...
-
-    def invalidate(self) -> None:
-        """Write the next selection even if it is the last one: the mux may have lost it."""
-        ...
-
-    def free(self) -> bool:
-        """Disconnect every leg from a bus whose lines may be stuck, and return whether the mux answers again."""
-        ...
-
-    def leave_out_stuck(self, legs: Sequence[LegConnection], ask: Transaction, clock: Clock) -> None:
-        """Leave out of the scan the legs that hold a line low, after a timeout.
-
-        Args:
-            legs: Those that were connected.
-            ask: A read of a leg that changes nothing.
-            clock: The time that the bus lives in.
-        """
-        ...
-
-    def close(self) -> None:
-        """Disconnect every leg."""
-        ...
-
-
 class UpstreamBus:
     """An adapter with a TCA9548A on its bus; the last selection is not written twice.
 
@@ -74,6 +26,9 @@ class UpstreamBus:
         mux_address: Address of the mux.
         reset_line: The mux's RESET pin; None if nothing drives it. Without it, a leg that holds a line low stops all
             legs of its bus for as long as it does.
+
+    Attributes:
+        broadcasts: Whether one write reaches all legs; else each leg is addressed alone.
     """
 
     broadcasts = True
@@ -86,7 +41,7 @@ class UpstreamBus:
         self._writes = tuple(Transaction(mux_address, bytes((selection,))) for selection in range(256))
 
     def measure(self, clock: Clock) -> BusCosts:
-        """Return what a transaction costs, from reads of the mux.
+        """Measure the cost of a transaction with reads of the mux.
 
         Raises:
             HardwareError: The mux does not answer, or a line is stuck: no leg can be reached.
@@ -104,7 +59,7 @@ class UpstreamBus:
             raise HardwareError(f"{mux} cannot be reached: {error}") from error
 
     def connect(self, selection: int) -> I2cBus:
-        """Write the selection to the mux if it is another one, and return the adapter.
+        """Connect these channels and no others, and return the bus on which their chips answer.
 
         Raises:
             BusError: The mux did not take it; which channels are connected is then unknown.
@@ -133,10 +88,15 @@ class UpstreamBus:
         return self._selection is not None
 
     def leave_out_stuck(self, legs: Sequence[LegConnection], ask: Transaction, clock: Clock) -> None:
-        """Leave the legs out that hold a line low, or all if the bus itself does not get free.
+        """Leave the legs out that hold a line low, after a timeout; all if the bus itself does not get free.
 
         No answer tells which of the connected legs holds the line: the whole bus is blocked. So all are disconnected
         and asked one by one; the leg whose question times out is left out. Each costs one more adapter timeout.
+
+        Args:
+            legs: Legs in the scan.
+            ask: A read of a leg that changes nothing.
+            clock: The time that the bus lives in.
         """
         free = self.free()
         for leg in legs:
@@ -175,7 +135,7 @@ class KernelMux:
         self._adapter_of = {1 << channel: adapter for channel, adapter in enumerate(adapters)}
 
     def measure(self, clock: Clock) -> BusCosts | None:
-        """Return what a transaction costs, from reads of the first leg's line switch that answers."""
+        """Measure the cost of a transaction with reads of the first line switch that answers; None if none does."""
         for adapter in self.adapters:
             with contextlib.suppress(BusError):
                 return measure(adapter, clock, adg715.ADDRESS)
@@ -200,3 +160,6 @@ class KernelMux:
 
     def close(self) -> None:
         """Do nothing: the kernel owns the mux."""
+
+
+Transport = UpstreamBus | KernelMux

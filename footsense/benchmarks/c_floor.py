@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from footsense import daemon
 from footsense.config import Config
 from footsense.errors import FootsenseError
-from footsense.estimation.faults.consistency import LIMIT, LIMIT_REL
+from footsense.estimation.faults.consistency import RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
 from footsense.foot.network_card import TrainedInputs
 from footsense.frames import ELEMENTS, CapFrame
@@ -94,7 +94,7 @@ class CFloor:
                 calibration.closure_rel_min,
                 calibration.closure_rel_max,
                 [config.stale_after_ms * 1e6],
-                *(residual.ravel(), [LIMIT, LIMIT_REL / math.sqrt(ELEMENTS)]),
+                *(residual.ravel(), [RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL / math.sqrt(ELEMENTS)]),
             ]
         )
         flat = np.concatenate([part.ravel() for part in weights.values()]).astype(np.float32)

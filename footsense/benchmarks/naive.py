@@ -32,7 +32,7 @@ def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
     plan = scan_plan("raster", config.rate_sps, config.board)
     for channel in config.buses[0].channels.values():
         for step in plan.steps:
-            bus.transfer(Transaction(config.buses[0].mux.address, bytes((tca9548a.select((channel,)),))))
+            bus.transfer(Transaction(config.buses[0].mux.address, bytes((tca9548a.select(channel),))))
             for write in step.select:
                 bus.transfer(write)
             bus.transfer(step.trigger)

@@ -111,7 +111,9 @@ def read_pokes(
     closure_rel = design.closure_um(pressed_pf, rest_pf) / design.gap_um / gain_rel
     gap_um = np.full(ELEMENTS, design.gap_um) if foot is None else foot.gap_um
     # A NaN fails every comparison.
-    inside = (closure_rel >= calibration.closure_rel_min) & (closure_rel <= calibration.most_rel(gap_um))
+    inside = (closure_rel >= calibration.closure_rel_min) & (
+        closure_rel <= calibration.usable_max_rel(gap_um)
+    )
     taught: NDArray[np.bool_] = np.asarray(inside.all(axis=1))
     estimator = CalibratedFeet(network, [foot], len(pokes))
     force_n, sigma_n = estimator.estimate(

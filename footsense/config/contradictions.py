@@ -7,7 +7,7 @@ from typing import TypeVar
 from footsense.config.boards import BOARDS
 from footsense.config.schema import Config
 from footsense.config.sections import PCA9685_ALLCALL, Bus, Leg, Scan
-from footsense.strict_yaml import KeyPath, Problem
+from footsense.strict_yaml import Problem
 
 __all__ = ["first_contradiction", "warnings"]
 
@@ -35,13 +35,13 @@ def _contradictions(config: Config) -> Iterator[Problem]:
     yield from _board(config)
     yield from _between_buses(config)
     for i, bus in enumerate(config.buses):
-        yield from _legs_of_bus(bus, ("buses", i, "legs"))
-        yield from _addresses(bus, i, config.board)
+        yield from _legs_of_bus(bus, f"buses[{i}].legs")
+        yield from _addresses(bus, f"buses[{i}]", config.board)
     yield from _timing(config)
     yield from _can(config)
     yield from _feet(config)
     if config.metrics is not None and _ip(address := config.metrics.address) is None:
-        yield Problem(("metrics", "address"), f"{address!r} is not an IP address; such as 127.0.0.1")
+        yield Problem("metrics.address", f"{address!r} is not an IP address; such as 127.0.0.1")
 
 
 def _board(config: Config) -> Iterator[Problem]:
@@ -49,37 +49,37 @@ def _board(config: Config) -> Iterator[Problem]:
     board, serial = config.board, config.serial
     if board != "mcu":
         if serial is not None:
-            yield Problem(("serial",), f"is for board: mcu; the board {board} is read over I2C")
+            yield Problem("serial", f"is for board: mcu; the board {board} is read over I2C")
         if not config.buses:
-            yield Problem(("board",), f"the board {board} is read over I2C: name its buses, with their legs")
+            yield Problem("board", f"the board {board} is read over I2C: name its buses, with their legs")
         rates = BOARDS[board].rates
         if config.rate_sps not in rates:
             allowed = ", ".join(map(str, sorted(rates)))
             yield Problem(
-                ("scan", "rate_sps"),
+                "scan.rate_sps",
                 f"{config.rate_sps} is no rate of the board {board}; use one of {allowed}",
             )
         return
     if serial is None:
-        yield Problem(("board",), "mcu needs the line to the microcontroller: serial: {device: ...}")
+        yield Problem("board", "mcu needs the line to the microcontroller: serial: {device: ...}")
         return
     if config.buses:
-        yield Problem(("buses",), "the board mcu has no I2C bus; take buses away, or use another board")
+        yield Problem("buses", "the board mcu has no I2C bus; take buses away, or use another board")
     if config.scan != Scan():
-        yield Problem(("scan",), "the microcontroller scans at serial.rate_hz; take scan away")
+        yield Problem("scan", "the microcontroller scans at serial.rate_hz; take scan away")
     if config.publish == "element":
-        yield Problem(("publish",), "the microcontroller sends whole scans; use publish: frame")
-    for path, leg, _ in _repeated((("serial", "legs", n), leg, "") for n, leg in enumerate(serial.legs)):
+        yield Problem("publish", "the microcontroller sends whole scans; use publish: frame")
+    for path, leg, _ in _repeated((f"serial.legs[{n}]", leg, "") for n, leg in enumerate(serial.legs)):
         yield Problem(path, f"{leg} is named twice")
 
 
 def _between_buses(config: Config) -> Iterator[Problem]:
     buses = list(enumerate(config.buses))
-    devices = ((("buses", i, "device"), bus.device, f"buses[{i}]") for i, bus in buses)
+    devices = ((f"buses[{i}].device", bus.device, f"buses[{i}]") for i, bus in buses)
     for path, device, other in _repeated(devices):
         remedy = "give each its own, or join their legs under one bus"
         yield Problem(path, f"{device} is already the device of {other}; {remedy}")
-    legs = ((("buses", i, "legs", leg), leg, f"buses[{i}]") for i, bus in buses for leg in bus.legs)
+    legs = ((f"buses[{i}].legs.{leg}", leg, f"buses[{i}]") for i, bus in buses for leg in bus.legs)
     for path, leg, other in _repeated(legs):
         yield Problem(path, f"{leg} is already a leg of {other}; a leg has one foot, so name it once")
     simulated = [
@@ -88,48 +88,46 @@ def _between_buses(config: Config) -> Iterator[Problem]:
     if len(set().union(*simulated)) > 1:
         i = next(i for i, kinds in enumerate(simulated) if True in kinds)
         yield Problem(
-            ("buses", i, "device"), "simulated and real buses cannot be mixed; use sim for all or none"
+            f"buses[{i}].device", "simulated and real buses cannot be mixed; use sim for all or none"
         )
 
 
-def _legs_of_bus(bus: Bus, path: KeyPath) -> Iterator[Problem]:
+def _legs_of_bus(bus: Bus, path: str) -> Iterator[Problem]:
     if bus.channels and bus.adapters:
         yield Problem(
-            (*path, next(iter(bus.adapters))),
+            f"{path}.{next(iter(bus.adapters))}",
             "the multiplexer is driven by the kernel or by footsense, never by both: "
             "name an adapter for every leg, or a channel for every leg",
         )
-    adapters = (((*path, leg), device, f"that of {leg}") for leg, device in bus.adapters.items())
+    adapters = ((f"{path}.{leg}", device, f"that of {leg}") for leg, device in bus.adapters.items())
     for where, device, owner in _repeated([(path, bus.device, "the bus itself"), *adapters]):
         yield Problem(where, f"{device} is already {owner}; `i2cdetect -l` lists them")
     free = sorted(set(range(8)) - set(bus.channels.values()))
     for where, channel, owner in _repeated(
-        ((*path, leg), channel, leg) for leg, channel in bus.channels.items()
+        (f"{path}.{leg}", channel, leg) for leg, channel in bus.channels.items()
     ):
         yield Problem(where, f"channel {channel} is already that of {owner}; free channels are {free}")
 
 
-def _addresses(bus: Bus, i: int, board: str) -> Iterator[Problem]:
+def _addresses(bus: Bus, path: str, board: str) -> Iterator[Problem]:
     """Yield devices at an address that something else on the bus, or on a leg while it is connected, has."""
     if bus.mux.address == PCA9685_ALLCALL:
         for device in bus.other_devices:
             if "pca9685" in device.name.lower():
                 yield Problem(
-                    ("buses", i, "mux", "address"),
+                    f"{path}.mux.address",
                     f"{device.name} answers at 0x70 too (ALLCALL): every channel switch would reach the servos; "
                     "strap the TCA9548A to 0x71 to 0x77",
                 )
-    taken: list[tuple[KeyPath, int, str]] = [
-        ((), address, f"as does the {name} of every leg; move it to another address or another bus")
-        for address, name in BOARDS[board].leg_devices.items()
-    ]
-    taken.append(((), bus.mux.address, "which is the address of the multiplexer; change one of them"))
-    for k, device in enumerate(bus.other_devices):
-        owner = f"as does {device.name}; change one of them, or name a device once"
-        taken.append((("buses", i, "other_devices", k, "address"), device.address, owner))
-    for path, address, owner in _repeated(taken):
-        name = bus.other_devices[int(path[3])].name
-        yield Problem(path, f"{name} answers at {address:#04x}, {owner}")
+    leg_devices = BOARDS[board].leg_devices.items()
+    remedy = "move it to another address or another bus"
+    taken = [("", address, f"the {name} of every leg; {remedy}") for address, name in leg_devices]
+    taken.append(("", bus.mux.address, "the multiplexer; change one of them"))
+    names = {f"{path}.other_devices[{k}].address": device.name for k, device in enumerate(bus.other_devices)}
+    for where, device in zip(names, bus.other_devices, strict=True):
+        taken.append((where, device.address, f"{device.name}; change one of them, or name a device once"))
+    for where, address, owner in _repeated(taken):
+        yield Problem(where, f"{names[where]} answers at {address:#04x}, as does {owner}")
 
 
 def _timing(config: Config) -> Iterator[Problem]:
@@ -139,13 +137,13 @@ def _timing(config: Config) -> Iterator[Problem]:
         scans = "a scan takes" if n_scans == 1 else f"{n_scans} scans take"
         pace = f"{config.rate_sps} S/s" if config.serial is None else f"{config.serial.rate_hz:g} scans/s"
         yield Problem(
-            ("max_age_ms",),
+            "max_age_ms",
             f"{scans} {shortest_ms * n_scans:g} ms and more at {pace}: "
             f"every force would be stale; use at least {(1 + n_scans) * shortest_ms:g}",
         )
     if config.publish == "element" and n_scans > 1:
         yield Problem(
-            ("average_scans",), "is for publish: frame only; a prediction weights old readings by itself"
+            "average_scans", "is for publish: frame only; a prediction weights old readings by itself"
         )
 
 
@@ -154,7 +152,7 @@ def _can(config: Config) -> Iterator[Problem]:
     group = _ip(can.channel)
     if can.interface == "udp_multicast" and not (isinstance(group, IPv4Address) and group.is_multicast):
         yield Problem(
-            ("can", "channel"),
+            "can.channel",
             f"{can.channel} is no IPv4 multicast address, as udp_multicast needs one; use 239.74.163.2",
         )
     # Forces after every conversion are nine times as many as after every scan.
@@ -162,14 +160,14 @@ def _can(config: Config) -> Iterator[Problem]:
     bits_per_s = len(config.legs) * _FRAMES_PER_LEG * _LONGEST_FRAME_BITS * per_s
     if can.interface == "socketcan" and bits_per_s > _CAN_SHARE * can.bitrate:
         yield Problem(
-            ("can", "bitrate"),
+            "can.bitrate",
             f"{len(config.legs)} legs at {per_s:.0f} forces/s take {bits_per_s * 1e-3:.0f} kbit/s, more than "
             f"{_CAN_SHARE:.0%} of {can.bitrate * 1e-3:.0f} kbit/s; use 1000000, or publish: frame",
         )
 
 
 def _feet(config: Config) -> Iterator[Problem]:
-    for path, foot, other in _repeated((("feet", leg), foot, leg) for leg, foot in config.feet.items()):
+    for path, foot, other in _repeated((f"feet.{leg}", foot, leg) for leg, foot in config.feet.items()):
         yield Problem(path, f"{foot} is already mounted on {other}")
     sections: dict[str, Mapping[Leg, object]] = {
         "feet": config.feet,
@@ -178,22 +176,24 @@ def _feet(config: Config) -> Iterator[Problem]:
     }
     for section, legs in sections.items():
         for leg in sorted(set(legs) - set(config.legs)):
-            yield Problem((section, leg), f"no bus has the leg {leg}; the legs are {', '.join(config.legs)}")
+            yield Problem(
+                f"{section}.{leg}", f"no bus has the leg {leg}; the legs are {', '.join(config.legs)}"
+            )
     if config.calibrations is None:
         return
     if not config.feet:
-        yield Problem(("calibrations",), "no foot is named; name them under feet")
+        yield Problem("calibrations", "no foot is named; name them under feet")
     if config.model is not None:
         remedy = "take model or calibrations away"
-        yield Problem(("model",), f"each calibration brings the network that it was fitted on; {remedy}")
+        yield Problem("model", f"each calibration brings the network that it was fitted on; {remedy}")
     for section in ("stray_pf", "unloaded_pf"):
         for leg in sorted(set(sections[section]) & set(config.feet)):
             yield Problem(
-                (section, leg), f"the calibration of {config.feet[leg]} has it; take this entry away"
+                f"{section}.{leg}", f"the calibration of {config.feet[leg]} has it; take this entry away"
             )
 
 
-def _repeated(entries: Iterable[tuple[KeyPath, T, str]]) -> Iterator[tuple[KeyPath, T, str]]:
+def _repeated(entries: Iterable[tuple[str, T, str]]) -> Iterator[tuple[str, T, str]]:
     """Yield the path and value of every entry whose value an earlier one has, with the owner of the earlier one."""
     owner_of: dict[T, str] = {}
     for path, value, owner in entries:
@@ -213,17 +213,15 @@ def _warnings(config: Config) -> Iterator[Problem]:
     for i, bus in enumerate(config.buses):
         if bus.mux.address == PCA9685_ALLCALL:
             yield Problem(
-                ("buses", i, "mux", "address"),
+                f"buses[{i}].mux.address",
                 "0x70 is also the ALLCALL address of PCA9685 servo boards; prefer 0x71",
             )
     if config.metrics is not None and not ip_address(config.metrics.address).is_loopback:
-        yield Problem(
-            ("metrics", "address"), f"the network reads {config.metrics.address} without a password"
-        )
+        yield Problem("metrics.address", f"the network reads {config.metrics.address} without a password")
     serial = config.serial
     if serial is not None and serial.device.startswith("/dev/tty"):
         yield Problem(
-            ("serial", "device"),
+            "serial.device",
             f"{serial.device} may be another device when it is plugged in again; "
             "prefer its name under /dev/serial/by-id",
         )
@@ -231,6 +229,6 @@ def _warnings(config: Config) -> Iterator[Problem]:
     if config.can.interface != "socketcan" and any(device.startswith("/dev/") for device in devices):
         limit = "process" if config.can.interface == "virtual" else "computer"
         yield Problem(
-            ("can", "interface"),
+            "can.interface",
             f"{config.can.interface} never leaves the {limit}; the robot's controller needs socketcan",
         )

@@ -67,5 +67,5 @@ def at_operating_point(config: Config, name: str) -> Config:
     )
     problem = first_contradiction(moved)
     if problem is not None:
-        raise ConfigError(f"operating point {name}: {'.'.join(map(str, problem.path))}: {problem.message}")
+        raise ConfigError(f"operating point {name}: {problem}")
     return moved

@@ -168,7 +168,7 @@ def _contradiction(bench: Bench) -> strict_yaml.Problem | None:
     if len({axis[-1] for axis in axes}) < len(axes):
         said = ", ".join(axes)
         return strict_yaml.Problem(
-            ("axes",), f"{said} names an axis of the sensor twice; each belongs to one of x, y, z"
+            "axes", f"{said} names an axis of the sensor twice; each belongs to one of x, y, z"
         )
     if isinstance(bench.sensor, Serial):
         return _framing(bench.sensor.framing)
@@ -176,21 +176,21 @@ def _contradiction(bench: Bench) -> strict_yaml.Problem | None:
 
 
 def _framing(framing: Lines | Binary) -> strict_yaml.Problem | None:
-    where = ("sensor", "framing")
+    where = "sensor.framing"
     named = [column for column in framing.columns if column != "-"]
     for axis in ("fx", "fy", "fz"):
         if axis not in named:
-            return strict_yaml.Problem((*where, "columns"), f"no column is {axis}; a force has fx, fy and fz")
+            return strict_yaml.Problem(f"{where}.columns", f"no column is {axis}; a force has fx, fy and fz")
     if len(set(named)) < len(named) or len(set(named) & set(TIMES)) > 1:
-        return strict_yaml.Problem((*where, "columns"), "name one thing twice; call what is of no use -")
+        return strict_yaml.Problem(f"{where}.columns", "name one thing twice; call what is of no use -")
     if isinstance(framing, Lines):
         return None
     try:
         n = len(integer_bits(framing.layout))
     except struct.error as error:
-        return strict_yaml.Problem((*where, "layout"), f"{framing.layout!r} is no layout of numbers: {error}")
+        return strict_yaml.Problem(f"{where}.layout", f"{framing.layout!r} is no layout of numbers: {error}")
     if n != len(framing.columns):
         return strict_yaml.Problem(
-            (*where, "layout"), f"has {n} values, but there are {len(framing.columns)} columns"
+            f"{where}.layout", f"has {n} values, but there are {len(framing.columns)} columns"
         )
     return None

@@ -6,7 +6,7 @@ estimation   card  -> pipeline         the network, and what it was made for
 service      all of it, opened in order and closed in the opposite one
 """
 
-from footsense.daemon.acquisition import Scanning, is_simulated, scanning, simulated_robot
+from footsense.daemon.acquisition import Scanning, scanning
 from footsense.daemon.calibrations import packs_difference
 from footsense.daemon.estimation import (
     load_network,
@@ -17,6 +17,7 @@ from footsense.daemon.estimation import (
 )
 from footsense.daemon.foot_types import FOOT_TYPE, artefact, foot_type_of, released
 from footsense.daemon.service import Service, can_sink, service
+from footsense.daemon.simulation import is_simulated, simulated_robot
 
 __all__ = [
     "FOOT_TYPE",

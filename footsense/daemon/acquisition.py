@@ -1,9 +1,9 @@
-"""From configuration to scans: real adapters or a simulated robot, and the scanner over them."""
+"""From configuration to scans: buses of the robot or of its simulation, and the scanner over them."""
 
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,119 +12,69 @@ from numpy.typing import NDArray
 from firmware_interface.serial_frames import RECORD_BITS
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.bus_timing import Timing
-from footsense.acquisition.gpio import LinuxResetLine
 from footsense.acquisition.linux_i2c import LinuxI2cBus
 from footsense.acquisition.mcu_source import RecordSource
 from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import ScanPlan, scan_plan
 from footsense.acquisition.serial_port import SerialLink
-from footsense.acquisition.transports import KernelMux, UpstreamBus
+from footsense.acquisition.transports import KernelMux, Transport, UpstreamBus
 from footsense.clock import MonotonicClock, Wakeups
 from footsense.config import Bus, Config, Serial
-from footsense.daemon.foot_types import artefact, require_foot_type
-from footsense.errors import ConfigError
-from footsense.foot.response_table import FootResponse
-from footsense.ports import Clock, I2cBus, ResetLine, SerialPort
+from footsense.daemon.simulation import simulated_robot
+from footsense.ports import Clock, SerialPort
 from footsense.sim.bus.serial_line import SimulatedLine
 from footsense.sim.chips.mcu import simulated_mcu
-from footsense.sim.faults.scene_faults import OnChips, OnWires
-from footsense.sim.robot import SimulatedRobot, Wiring
+from footsense.sim.robot import SimulatedRobot
 from footsense.sim.scene import Scene
 
 _log = logging.getLogger(__name__)
 
-#: Share of the configured clock below which a bus is said to be slow.
-_SLOW_REL = 0.9
+#: Share of the configured clock below which a bus is slow.
+SLOW_REL = 0.9
 
 
 @dataclass(frozen=True, slots=True)
 class Scanning:
-    """Where scans come from.
+    """An open source of scans.
 
     Attributes:
         source: The scanner, started; `source.temperature_c` is that of each leg's converter, NaN for none.
-        clock: The time that its stamps are in.
-        response_sha256: Hash of the response table that the simulated feet follow, None on a real robot.
-        true_force_n: What every foot feels at a time, None on a real robot.
-        wakeups: What became of the deadlines on each bus; none in virtual time.
+        clock: Clock of its time stamps.
+        response_sha256: Hash of the response table of the simulated feet, None on a real robot.
+        true_force_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
+        wakeups: Wake-up latency of the thread of each bus; none in virtual time.
         has_thermometers: Whether the converters have temperature sensors.
     """
 
     source: RobotScanner | RecordSource
     clock: Clock
-    response_sha256: str | None
-    true_force_n: Callable[[int], NDArray[np.float64]] | None
+    response_sha256: str | None = None
+    true_force_n: Callable[[int], NDArray[np.float64]] | None = None
     wakeups: tuple[Wakeups, ...] = ()
     has_thermometers: bool = False
 
 
-def is_simulated(config: Config) -> bool:
-    """Tell whether the configuration names simulated buses, or a simulated line."""
-    if config.serial is not None:
-        return config.serial.device == "sim"
-    return all(bus.device.startswith("sim") for bus in config.buses)
-
-
-def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
-    """Return the robot of a scene, wired as configured.
-
-    Raises:
-        ModelError: The response table of its feet is missing, unreadable, or of another foot type.
-        ConfigError: Something is to break on a leg that the robot does not have.
-    """
-    for n, fault in enumerate(scene.faults):
-        leg, bus = getattr(fault, "leg", None), getattr(fault, "bus", None)
-        if config.serial is not None and isinstance(fault, OnChips | OnWires):
-            raise ConfigError(
-                f"scene: faults[{n}]: strikes chips or wires of an I2C bus, which the board mcu does not have"
-            )
-        if leg is not None and leg not in config.legs:
-            raise ConfigError(
-                f"scene: faults[{n}].leg: {leg} is no leg of this robot; it has {', '.join(config.legs)}"
-            )
-        if bus is not None and bus >= len(config.buses):
-            raise ConfigError(
-                f"scene: faults[{n}].bus: {bus} is no bus of this robot; it has 0 to {len(config.buses) - 1}"
-            )
-    wiring = [
-        Wiring(
-            bus.rate_hz,
-            bus.mux.address,
-            bus.channels or {leg: channel for channel, leg in enumerate(bus.legs)},
-            kernel_mux=bool(bus.adapters),
-            board=config.board,
-        )
-        for bus in config.buses
-    ]
-    if config.serial is not None:  # its legs are on wires of its own, which nobody sees
-        wiring = [Wiring(400_000, 0x71, {leg: place for place, leg in enumerate(config.legs)})]
-    table = artefact(config, "response.npz")
-    response = FootResponse.load(table)
-    require_foot_type(table, response.foot_type, config)
-    return SimulatedRobot(scene, response, wiring)
-
-
 def plan_for(config: Config) -> ScanPlan:
-    """Return what is done on each bus of a robot that is read over I2C."""
+    """Return the order of transactions on each bus of a robot that is read over I2C."""
     return scan_plan(config.order, config.rate_sps, config.board)
 
 
 class OpenBus(NamedTuple):
-    """One bus, open.
+    """One open bus.
 
     Attributes:
-        bus: As configured.
-        clock: The time that it lives in.
-        transport: The way to the chips of its legs.
+        bus: Its configuration.
+        clock: Its clock.
+        transport: Path to the chips of its legs.
     """
 
     bus: Bus
     clock: Clock
-    transport: UpstreamBus | KernelMux
+    transport: Transport
 
 
 def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> list[OpenBus]:
-    """Open the adapters and reset lines of every bus, to be closed with the stack.
+    """Open the adapters and reset lines of every bus.
 
     Args:
         config: The robot.
@@ -132,46 +82,45 @@ def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -
         stack: Closes them.
 
     Raises:
-        HardwareError: An adapter or a reset line is not there.
+        HardwareError: An adapter or a reset line is missing.
     """
+    if robot is None:
+        return [OpenBus(bus, MonotonicClock(), _transport(bus, stack)) for bus in config.buses]
     opened = []
-    for number, bus in enumerate(config.buses):
-        transport: UpstreamBus | KernelMux
-        if bus.adapters and robot is not None:
-            transport = KernelMux(tuple(robot.adapters[number].values()))
-        elif bus.adapters:
-            transport = KernelMux([_opened(device, stack) for device in bus.adapters.values()])
-        elif robot is not None:
-            reset_line = robot.muxes[number] if bus.mux.reset else None
-            transport = UpstreamBus(robot.buses[number], bus.mux.address, reset_line)
-        else:
-            line = _opened_line(bus, stack)
-            transport = UpstreamBus(_opened(bus.device, stack), bus.mux.address, line)
-        clock = MonotonicClock() if robot is None else robot.clocks[number]
+    for bus, wires, adapters, mux, clock in zip(
+        config.buses, robot.buses, robot.adapters, robot.muxes, robot.clocks, strict=True
+    ):
+        transport: Transport = KernelMux(tuple(adapters.values()))
+        if not bus.adapters:
+            transport = UpstreamBus(wires, bus.mux.address, mux if bus.mux.reset else None)
         opened.append(OpenBus(bus, clock, transport))
     return opened
 
 
-def _opened_line(bus: Bus, stack: ExitStack) -> ResetLine | None:
-    if bus.mux.reset is None:
-        return None
-    line = LinuxResetLine.open(bus.mux.reset.device, bus.mux.reset.line)
-    stack.callback(line.close)
-    return line
+def _transport(bus: Bus, stack: ExitStack) -> Transport:
+    """Open the adapters of a bus, and its reset line."""
+    adapters = []
+    for device in bus.adapters.values() or [bus.device]:
+        adapters.append(LinuxI2cBus.open(device))
+        stack.callback(adapters[-1].close)
+    if bus.adapters:
+        return KernelMux(adapters)
+    line = None
+    if bus.mux.reset is not None:
+        # Only a robot with a RESET line pays for gpiod: 1 MB and 5 ms.
+        from footsense.acquisition.gpio import LinuxResetLine
+
+        line = LinuxResetLine.open(bus.mux.reset.device, bus.mux.reset.line)
+        stack.callback(line.close)
+    return UpstreamBus(adapters[0], bus.mux.address, line)
 
 
-def _opened(device: str, stack: ExitStack) -> I2cBus:
-    adapter = LinuxI2cBus.open(device)
-    stack.callback(adapter.close)
-    return adapter
-
-
-def _tell(bus: Bus, timing: Timing | None) -> None:
-    """Say in the journal what a bus allows, and whether it runs as fast as it was said to."""
+def _log_timing(bus: Bus, timing: Timing | None) -> None:
+    """Log the limits of a bus, and whether it is slower than configured."""
     if timing is None:
         return
     _log.info("%s: %s", bus.device, timing)
-    if timing.costs.rate_hz < _SLOW_REL * bus.rate_hz:
+    if timing.costs.rate_hz < SLOW_REL * bus.rate_hz:
         _log.warning(
             "%s runs at %.0f kHz, not at the %.0f kHz of the configuration: a Raspberry Pi's follows the core clock; "
             "set core_freq_min, or correct rate_hz",
@@ -181,10 +130,40 @@ def _tell(bus: Bus, timing: Timing | None) -> None:
         )
 
 
-def _from_mcu(
-    serial: Serial, robot: SimulatedRobot | None, scene: Scene | None, stack: ExitStack
-) -> Scanning:
-    """Open the line to the microcontroller, or to a simulated one."""
+@contextmanager
+def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
+    """Open the buses or the serial line, start the scanner, and close both at the end.
+
+    Args:
+        config: The robot.
+        scene: Scene of its simulation; None for its real buses.
+
+    Yields:
+        The started scanner with its clock.
+
+    Raises:
+        HardwareError: A bus, its mux or the line is missing.
+    """
+    with ExitStack() as stack:
+        robot = None if scene is None else simulated_robot(config, scene)
+        if config.serial is not None:
+            opened = _microcontroller(config.serial, robot, scene)
+            stack.callback(opened.source.close)
+        else:
+            opened = _bus_scanners(config, robot, stack)
+        if robot is not None:
+            opened = replace(
+                opened,
+                clock=robot.clock,
+                response_sha256=robot.response_sha256,
+                true_force_n=robot.true_force_n,
+                wakeups=(),
+            )
+        yield opened
+
+
+def _microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: Scene | None) -> Scanning:
+    """Open the serial line to the microcontroller, or to a simulated one."""
     own = MonotonicClock()
     clock: Clock = own if robot is None else robot.clock
     if robot is None or scene is None:
@@ -194,50 +173,25 @@ def _from_mcu(
         port = SimulatedLine(mcu, clock, rate_hz=serial.rate_hz, baud=serial.baud)
     wire_ns = round(RECORD_BITS * 1e9 / serial.baud)
     source = RecordSource(port, clock, serial.legs, rate_hz=serial.rate_hz, wire_ns=wire_ns)
+    return Scanning(source, clock, wakeups=(own.wakeups,))
+
+
+def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> Scanning:
+    """Open and start the scanner of every bus."""
+    buses = open_buses(config, robot, stack)
+    plan = plan_for(config)
+    scanners = []
+    for bus, clock, transport in buses:
+        channels = bus.channels or {leg: channel for channel, leg in enumerate(bus.legs)}
+        scanners.append(BusScanner(transport, clock, channels, plan))
+    source = RobotScanner(scanners, element_wise=config.publish == "element")
     stack.callback(source.close)
-    if robot is None:
-        return Scanning(source, clock, None, None, (own.wakeups,))
-    return Scanning(source, clock, robot.response_sha256, robot.true_force_n)
-
-
-@contextmanager
-def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
-    """Open the buses, start the scanner, and close both at the end.
-
-    Args:
-        config: The robot.
-        scene: What it does if its buses are to be simulated; None for its real buses.
-
-    Yields:
-        The started scanner and its clock.
-
-    Raises:
-        HardwareError: A bus, its mux or the line is not there.
-    """
-    with ExitStack() as stack:
-        robot = None if scene is None else simulated_robot(config, scene)
-        if config.serial is not None:
-            yield _from_mcu(config.serial, robot, scene, stack)
-            return
-        buses = open_buses(config, robot, stack)
-        plan = plan_for(config)
-        scanners = [
-            BusScanner(
-                transport,
-                its_clock,
-                bus.channels or {leg: channel for channel, leg in enumerate(bus.legs)},
-                plan,
-            )
-            for bus, its_clock, transport in buses
-        ]
-        source = RobotScanner(scanners, element_wise=config.publish == "element")
-        stack.callback(source.close)
-        source.start()
-        for bus, started in zip(config.buses, scanners, strict=True):
-            _tell(bus, started.timing)
-        warm = plan.board.thermometer is not None
-        if robot is None:
-            clocks = [own.clock for own in buses if isinstance(own.clock, MonotonicClock)]
-            yield Scanning(source, MonotonicClock(), None, None, tuple(own.wakeups for own in clocks), warm)
-        else:
-            yield Scanning(source, robot.clock, robot.response_sha256, robot.true_force_n, (), warm)
+    source.start()
+    for bus, scanner in zip(config.buses, scanners, strict=True):
+        _log_timing(bus, scanner.timing)
+    return Scanning(
+        source,
+        MonotonicClock(),
+        wakeups=tuple(bus.clock.wakeups for bus in buses if isinstance(bus.clock, MonotonicClock)),
+        has_thermometers=plan.board.thermometer is not None,
+    )

@@ -24,18 +24,18 @@ def closure_rel_per_pf(design: CapacitorDesign) -> float:
     return distance_um / design.rest_pf / design.gap_um
 
 
-def contact_limits(config: Config, design: CapacitorDesign, worth: Sensitivity) -> ContactLimits:
+def contact_limits(config: Config, design: CapacitorDesign, force_sensitivity: Sensitivity) -> ContactLimits:
     """Return the limits for one type of foot: the stiffer it is, the more newtons its drift and noise look like.
 
     Args:
         config: The robot.
         design: Capacitors of its feet.
-        worth: What their closures are worth in newtons.
+        force_sensitivity: Forces per closure.
 
     Raises:
         ConfigError: The configured contact drowns in the noise of these feet.
     """
-    n_per_pf = worth.load_n * closure_rel_per_pf(design)
+    n_per_pf = force_sensitivity.load_n * closure_rel_per_pf(design)
     least_n = _OVER_NOISE_REL * config.rate.noise_ff * 1e-3 * n_per_pf
     if config.contact.threshold_n < least_n:
         raise ConfigError(

@@ -19,9 +19,9 @@ from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.estimation.faults import leg_status
+from footsense.estimation.faults.status import RANGE_END_PF
 from footsense.estimation.network import Network
-from footsense.estimation.pipeline import Pipeline, Reckoning
+from footsense.estimation.pipeline import Alignment, Pipeline
 from footsense.estimation.sensitivity import sensitivity
 from footsense.foot.calibration_reader import FootPack
 from footsense.foot.network_card import TrainedInputs
@@ -89,21 +89,21 @@ def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | No
     readings_pf |= {leg: foot.unloaded_pf for leg, foot in feet.items()}
     expected_pf = _per_leg(config, readings_pf, np.nan)
     unloaded_pf = np.where(np.isnan(expected_pf), calibration.design.rest_pf, expected_pf - stray_pf)
-    worth = sensitivity(network, _n_rows(config), calibration.moments)
-    estimator, warm = _estimator(config, network, packs)
+    force_sensitivity = sensitivity(network, _n_rows(config), calibration.moments)
+    estimator, set_temperature = _estimator(config, network, packs)
     return Pipeline(
-        reckoning=_reckoning(config, calibration, estimator),
-        calibration=calibration,
+        alignment=_alignment(config, calibration, estimator),
+        trained=calibration,
         stray_pf=stray_pf,
         unloaded_pf=unloaded_pf,
-        sensitivity=worth,
+        sensitivity=force_sensitivity,
         tare=TareLimits(
             window_frames=config.tare.window_scans,
             noise_limit_ff=config.tare.noise_limit_ff,
             unloaded_limit_rel=config.tare.unloaded_limit_rel,
         ),
-        contact=contact_limits(config, calibration.design, worth),
-        track_zero=config.baseline.track,
+        contact=contact_limits(config, calibration.design, force_sensitivity),
+        track_baseline=config.baseline.track,
         max_age_ns=round(config.stale_after_ms * 1e6),
         settled_ns=round(_SETTLED_SCANS * config.shortest_scan_ms * 1e6),
         flags=flags,
@@ -111,8 +111,8 @@ def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | No
         gain_rel=_per_leg(config, {leg: foot.gain_rel for leg, foot in feet.items()}, 1.0),
         feet=[packs[leg].manifest.foot if leg in packs else "" for leg in config.legs],
         body_weight_n=config.body_weight_n,
-        warm=warm,
-        range_end_pf=BOARDS[config.board].range_end_pf if config.board in BOARDS else leg_status.RANGE_END_PF,
+        set_temperature=set_temperature,
+        range_end_pf=BOARDS[config.board].range_end_pf if config.board in BOARDS else RANGE_END_PF,
     )
 
 
@@ -126,8 +126,8 @@ def _n_rows(config: Config) -> int:
     return len(config.legs) * (1 if config.publish == "element" else 2)
 
 
-def _reckoning(config: Config, calibration: TrainedInputs, estimator: Estimator) -> Reckoning:
-    """Return what makes forces of closures: of whole scans, or of single elements."""
+def _alignment(config: Config, calibration: TrainedInputs, estimator: Estimator) -> Alignment:
+    """Return the alignment of whole scans, or of single elements."""
     if config.publish == "frame":
         return ScanByScan(estimator, len(config.legs), calibration.moments, config.average_scans)
     noise_rel = config.rate.noise_ff * 1e-3 * closure_rel_per_pf(calibration.design)
@@ -140,18 +140,18 @@ def _reckoning(config: Config, calibration: TrainedInputs, estimator: Estimator)
 def _estimator(
     config: Config, network: Network, packs: Packs
 ) -> tuple[Estimator, Callable[[NDArray[np.float64]], None] | None]:
-    """Return what reads these feet, and who there is told how warm they are: for feet without packs nobody."""
+    """Return the estimator of these feet, and what takes their temperature: None for feet without calibrations."""
     if not packs:
         return network, None
     mounted = [packs.get(leg) for leg in config.legs]
     feet = CalibratedFeet(
         network, [None if pack is None else pack.parameters for pack in mounted], _n_rows(config)
     )
-    warm = partial(
-        feet.warm, calibrated_at=[None if pack is None else pack.calibrated_at for pack in mounted]
+    set_temperature = partial(
+        feet.set_temperature, calibrated_at=[None if pack is None else pack.calibrated_at for pack in mounted]
     )
-    warm(np.full(len(mounted), np.nan))
-    return feet, warm
+    set_temperature(np.full(len(mounted), np.nan))
+    return feet, set_temperature
 
 
 def _per_leg(config: Config, values: Mapping[str, PerElement], default: float) -> NDArray[np.float64]:

@@ -64,8 +64,8 @@ def step(
 ) -> Cycle:
     """Do all that follows from one scan and what came before it, and return it."""
     if temperature_c is not None:
-        pipeline.warm(temperature_c)
-    at_once = [outcome for command in commands if (outcome := pipeline.obey(command)) is not None]
+        pipeline.set_temperature(temperature_c)
+    at_once = [outcome for command in commands if (outcome := pipeline.execute(command)) is not None]
     forces, ended = pipeline.process(scan, clock.now_ns())
     sink.publish(forces)
     cycle = Cycle(scan, commands, forces, (*at_once, *ended), reference, temperature_c)

@@ -16,9 +16,10 @@ from footsense.clock import MonotonicClock, Wakeups, request_realtime, undisturb
 from footsense.config import Can, Config
 from footsense.config import Metrics as MetricsConfig
 from footsense.daemon import loop
-from footsense.daemon.acquisition import Scanning, is_simulated, scanning
+from footsense.daemon.acquisition import Scanning, scanning
 from footsense.daemon.calibrations import packs_entry
 from footsense.daemon.estimation import Packs, load_network, load_packs, pipeline_for
+from footsense.daemon.simulation import is_simulated
 from footsense.errors import ConfigError, FootsenseError, RecordingError
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Pipeline

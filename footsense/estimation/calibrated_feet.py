@@ -1,4 +1,4 @@
-"""Feet as they were made, read by the network of their design: one call for all, what is a foot's own behind it."""
+"""Calibrated feet behind the network of their design: one call for all, each foot's corrections applied afterwards."""
 
 from collections.abc import Sequence
 
@@ -13,14 +13,14 @@ Vector = NDArray[np.float64]
 
 
 class CalibratedFeet:
-    """An estimator for feet that were measured on a bench; strays, gaps and gains are matter of who asks it.
+    """An estimator for calibrated feet; strays, gaps and gains are the caller's.
 
-    As long as nobody calls `warm`, the feet are read as on the bench.
+    Until `set_temperature` is called, the feet are estimated as at the temperature of their calibration.
 
     Args:
-        network: Of the design.
-        feet: The foot on each leg, None for one that is taken as designed.
-        n_rows: Feet that are estimated at once: all legs, once or more times over.
+        network: Network of the design.
+        feet: Parameters of the foot on each leg, None for one that is taken as designed.
+        n_rows: Rows of every call: all legs, once or more times over.
 
     Raises:
         ValueError: The rows are no multiple of the legs.
@@ -29,45 +29,46 @@ class CalibratedFeet:
     def __init__(self, network: Estimator, feet: Sequence[FootParameters | None], n_rows: int) -> None:
         if n_rows % len(feet):
             raise ValueError(f"{n_rows} rows are no multiple of {len(feet)} legs")
-        times = n_rows // len(feet)
+        self._repeats = repeats = n_rows // len(feet)
         self._network = network
-        self._bench_matrix = np.tile(
-            [np.eye(3) if foot is None else foot.force_matrix for foot in feet], (times, 1, 1)
+        self._calibrated_matrix = np.tile(
+            [np.eye(3) if foot is None else foot.force_matrix for foot in feet], (repeats, 1, 1)
         )
-        self._bench_correction = np.tile(
-            [np.zeros((3, FEATURES)) if foot is None else foot.correction for foot in feet], (times, 1, 1)
+        self._calibrated_correction = np.tile(
+            [np.zeros((3, FEATURES)) if foot is None else foot.correction for foot in feet], (repeats, 1, 1)
         )
-        self._corrected = bool(self._bench_correction.any())
-        self._bench_error_rel = np.tile([0.0 if foot is None else foot.error_rel for foot in feet], times)
-        self._times = times
-        self._read_with(np.ones(len(feet)), np.zeros(len(feet)))
+        self._corrected = bool(self._calibrated_correction.any())
+        self._calibrated_error_rel = np.tile(
+            [0.0 if foot is None else foot.error_rel for foot in feet], repeats
+        )
+        self._scale(np.ones(len(feet)), np.zeros(len(feet)))
 
-    def warm(self, temperature_c: Vector, calibrated_at: Sequence[CalibratedAt | None]) -> None:
-        """Read the feet as warm as they are now.
+    def set_temperature(self, temperature_c: Vector, calibrated_at: Sequence[CalibratedAt | None]) -> None:
+        """Estimate the feet at their present temperature.
 
         Args:
-            temperature_c: Of each leg's foot [degC], shape (legs,), NaN where nothing measures it.
-            calibrated_at: What is known of each foot on the bench, None for one that is taken as designed.
+            temperature_c: Temperature of each leg's foot [degC], shape (legs,), NaN where it is not measured.
+            calibrated_at: Temperature of each foot's calibration, None for a foot that is taken as designed.
         """
-        known = [effect(*leg) for leg in zip(temperature_c.tolist(), calibrated_at, strict=True)]
-        gain, unknown_rel = np.array(known).T
-        self._read_with(gain, unknown_rel)
+        effects = [effect(*leg) for leg in zip(temperature_c.tolist(), calibrated_at, strict=True)]
+        gain, unknown_rel = np.array(effects).T
+        self._scale(gain, unknown_rel)
 
-    def _read_with(self, gain: Vector, unknown_rel: Vector) -> None:
-        """Take the temperatures into what a force is made of, so that they cost nothing in each one."""
-        gains = np.tile(gain, self._times)[:, None, None]
-        self._matrix, self._correction = gains * self._bench_matrix, gains * self._bench_correction
-        self._error_rel = np.hypot(self._bench_error_rel, np.tile(unknown_rel, self._times))[:, None]
+    def _scale(self, gain: Vector, unknown_rel: Vector) -> None:
+        """Apply each leg's gain and unknown share once, instead of in every call."""
+        gains = np.tile(gain, self._repeats)[:, None, None]
+        self._matrix, self._correction = gains * self._calibrated_matrix, gains * self._calibrated_correction
+        self._error_rel = np.hypot(self._calibrated_error_rel, np.tile(unknown_rel, self._repeats))[:, None]
 
     def estimate(self, closure_rel: Vector, missing: NDArray[np.bool_]) -> tuple[Vector, Vector]:
         """Return force and sigma of every row [N], shape (rows, 3) each; arguments as of the network.
 
-        The network's sigma is turned and scaled with the force; what the bench left unexplained comes on top.
+        The network's sigma is rotated and scaled with the force; the calibration's residual error is added.
         """
-        designed_n, designed_sigma_n = self._network.estimate(closure_rel, missing)
-        force_n = np.einsum("rij,rj->ri", self._matrix, designed_n)
+        design_n, design_sigma_n = self._network.estimate(closure_rel, missing)
+        force_n = np.einsum("rij,rj->ri", self._matrix, design_n)
         if self._corrected:
-            force_n += np.einsum("rij,rj->ri", self._correction, features(designed_n))
-        own_variance = np.einsum("rij,rj->ri", self._matrix**2, designed_sigma_n**2)
-        left_n = self._error_rel * np.linalg.norm(force_n, axis=1, keepdims=True)
-        return force_n, np.sqrt(own_variance + left_n**2)
+            force_n += np.einsum("rij,rj->ri", self._correction, features(design_n))
+        variance_n2 = np.einsum("rij,rj->ri", self._matrix**2, design_sigma_n**2)
+        residual_n = self._error_rel * np.linalg.norm(force_n, axis=1, keepdims=True)
+        return force_n, np.sqrt(variance_n2 + residual_n**2)

@@ -1,7 +1,7 @@
-"""From readings to forces: stray and baseline removed, gap closures normalised, one network call for all legs.
+"""From readings to contact forces, in named stages; see `Pipeline.process`.
 
-A leg whose value may not be used gets a state that says why, and NaN instead of a force. What one force is made of, a
-whole scan or the newest element and a prediction of the others, is a `Reckoning`'s matter.
+A leg whose force must not be used gets a state that says why, and NaN instead of a force. Whether a force is that of a
+whole scan, or of the newest element and a prediction of the others, is up to the `Alignment`.
 """
 
 import math
@@ -11,19 +11,24 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.alignment.scan_by_scan import Moment
+from footsense.estimation.alignment.scan_by_scan import AlignedSample
 from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
-from footsense.estimation.baseline.tracker import Footing
-from footsense.estimation.baseline.unloaded import AtRest
-from footsense.estimation.faults import leg_status
-from footsense.estimation.faults.calibration_monitor import Ageing
-from footsense.estimation.faults.consistency import Consistency, Judgement
-from footsense.estimation.faults.element_status import Readings, Seen
+from footsense.estimation.baseline.tracker import BaselineTracker
+from footsense.estimation.baseline.unloaded import UnloadedFeet
+from footsense.estimation.faults.calibration_monitor import CalibrationMonitor
+from footsense.estimation.faults.consistency import ConsistencyResult, ConsistencyTest
+from footsense.estimation.faults.open_elements import missing_elements
+from footsense.estimation.faults.status import (
+    RANGE_END_PF,
+    ElementClassifier,
+    ElementStatus,
+    LegClassifier,
+    LegStatus,
+)
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.network_card import TrainedInputs
 from footsense.frames import (
-    USABLE,
     CapFrame,
     Cause,
     Command,
@@ -37,56 +42,71 @@ from footsense.frames import (
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-_CONTACT = np.uint8(Flag.CONTACT)
-
-#: Looked up by state: to search the few usable ones for each leg costs ten times as much.
-_USABLE = np.isin(np.arange(256), sorted(USABLE))
+Codes = NDArray[np.uint8]
 
 
-class Reckoning(Protocol):
-    """How readings that were taken one after the other become forces of one time: `ScanByScan`, `ElementByElement`."""
+class Alignment(Protocol):
+    """Brings readings taken one after the other to one time, and estimates the force there.
 
-    def align(self, values: Vector, t_ns: NDArray[np.int64], now_ns: int, missing: Mask) -> Moment:
+    `ScanByScan` does it for whole scans, `ElementByElement` for every conversion.
+    """
+
+    def align(
+        self, distance_rel: Vector, t_ns: NDArray[np.int64], now_ns: int, missing: Mask
+    ) -> AlignedSample:
         """Bring the elements of each leg to one time."""
         ...
 
     def estimate(
-        self, closure_rel: Vector, rest_rel: Vector, usable: Mask, missing: Mask
+        self, closure_rel: Vector, unloaded_rel: Vector, usable: Mask, missing: Mask
     ) -> tuple[Vector, Vector]:
-        """Return force and sigma of what was aligned last [N], shape (legs, 3) each."""
+        """Return force and sigma of the sample that was aligned last [N], shape (legs, 3) each."""
         ...
+
+
+class Closures(NamedTuple):
+    """Closures of all legs over the gap [1], shape (legs, 9) each, NaN where there is none.
+
+    Attributes:
+        rel: As of the time of the sample.
+        measured_rel: As measured: the same, unless `rel` are predicted.
+        predicted_rel: `rel` of time-aligned legs, where they are predicted; None where they are measured.
+    """
+
+    rel: Vector
+    measured_rel: Vector
+    predicted_rel: Vector | None
 
 
 class Pipeline:
     """Turns scans into forces, and keeps each leg's baseline.
 
     Args:
-        reckoning: What makes forces of closures.
-        calibration: What its card says.
+        alignment: Alignment and network.
+        trained: Inputs that the network was trained for.
         stray_pf: Known capacitance in parallel with each element [pF], shape (legs, 9).
-        unloaded_pf: What each element of the free foot is expected to read, without stray [pF], shape (legs, 9).
-        sensitivity: What small closures are worth in newtons.
-        tare: When a tare is granted.
-        contact: When a foot is on the ground.
-        track_zero: Whether a baseline follows a foot in the air.
-        max_age_ns: Age of the oldest reading from which a measurement may not be used any more [ns].
-        settled_ns: Time after which readings from before a step are forgotten: a few scans [ns].
-        flags: Flags that every frame carries.
-        range_end_pf: What an element over the converter's range has at least [pF].
+        unloaded_pf: Expected reading of each element of the free foot, without stray [pF], shape (legs, 9).
+        sensitivity: Forces per closure.
+        tare: Limits of a tare.
+        contact: Thresholds of contact.
+        track_baseline: Whether a baseline follows a foot in swing.
+        max_age_ns: Age of the oldest reading from which a measurement is stale [ns].
+        settled_ns: Time in which a step of the load has passed through all readings: a few scans [ns].
+        flags: Flags of every frame.
+        range_end_pf: Least capacitance of an element over the converter's range [pF].
         gap_um: Air gap of each element [um], shape (legs, 9); None for the design's.
-        gain_rel: Closure of each element by the design's electrodes, of its real closure [1], shape (legs, 9); None for
-            1. What all parts of the pipeline see are real closures, over the design's gap.
-        feet: Name of the foot on each leg whose fingerprint `unloaded_pf` is; empty where it is any foot's.
-        body_weight_n: What all legs carry together [N]; None if that is not known.
-        warm: Is told the temperature of each leg's foot [degC], shape (legs,), NaN where nothing measures it; None if
-            that is of no use.
+        gain_rel: Closure of each element by the design's electrodes, over its real closure [1], shape (legs, 9); None
+            for 1. All stages use real closures over the design's gap.
+        feet: Name of the foot on each leg that `unloaded_pf` was measured on; empty where it is a design value.
+        body_weight_n: Load of all legs together [N]; None if not configured.
+        set_temperature: Called with the temperature of each leg's foot [degC], shape (legs,), NaN where it is not
+            measured; None if no estimator uses it.
     """
 
     def __init__(
         self,
-        reckoning: Reckoning,
-        calibration: TrainedInputs,
+        alignment: Alignment,
+        trained: TrainedInputs,
         stray_pf: Vector,
         unloaded_pf: Vector,
         *,
@@ -95,221 +115,162 @@ class Pipeline:
         contact: ContactLimits,
         max_age_ns: int,
         settled_ns: int,
-        track_zero: bool = True,
+        track_baseline: bool = True,
         flags: int = 0,
-        range_end_pf: float = leg_status.RANGE_END_PF,
+        range_end_pf: float = RANGE_END_PF,
         gap_um: Vector | None = None,
         gain_rel: Vector | None = None,
         feet: Sequence[str] = (),
         body_weight_n: float | None = None,
-        warm: Callable[[Vector], None] | None = None,
+        set_temperature: Callable[[Vector], None] | None = None,
     ) -> None:
-        self._reckoning = reckoning
-        self._calibration = calibration
-        self._stray_pf = stray_pf
-        self._max_age_ns = max_age_ns
+        n_legs, design = len(stray_pf), trained.design
+        self._alignment = alignment
+        self._trained = trained
         self._flags = np.uint8(flags)
-        n_legs = len(stray_pf)
-        # A capacitor of the electrodes' area with the gap between them: over a capacitance, its distance over the gap.
-        designed_pf = calibration.design.plate_distance_um(np.ones(1)) / calibration.design.gap_um
-        self._gain_rel = np.ones_like(stray_pf) if gain_rel is None else gain_rel
-        self._gap_pf = designed_pf / self._gain_rel
-        self._warm = warm
-        self._footing = Footing(
-            unloaded_pf, calibration.design, tare, contact, sensitivity, track=track_zero, feet=feet
+        # Plate distance over the gap, times capacitance.
+        self._distance_pf = design.plate_distance_um(np.ones(1)) / design.gap_um
+        if gain_rel is not None:
+            self._distance_pf = self._distance_pf / gain_rel
+        self._elements = ElementClassifier(stray_pf, unloaded_pf, range_end_pf)
+        self._baselines = BaselineTracker(
+            unloaded_pf,
+            design,
+            tare,
+            contact,
+            sensitivity,
+            track=track_baseline,
+            gain_rel=gain_rel,
+            feet=feet,
         )
-        self._consistency = Consistency(n_legs, calibration.moments, settled_ns)
-        self._ageing = Ageing(n_legs, body_weight_n)
-        # Of a robot that is well; never written to.
-        self._no_fault = np.zeros(n_legs, np.uint16)
-        self._all_valid = np.full(n_legs, State.VALID, np.uint8)
-        self._every_leg = np.ones(n_legs, bool)
-        self._zero = self._footing.zero
-        self._cause = leg_status.drifting_zeros(self._zero)
-        self._readings = Readings(stray_pf, unloaded_pf, range_end_pf)
-        self._stopped = np.zeros(n_legs, bool)
-        self._any_stopped = False
-        # Beyond either, an element is shut or out of range.
-        self._least_rel = calibration.closure_rel_min
-        own_um = np.full_like(stray_pf, calibration.design.gap_um) if gap_um is None else gap_um
-        self._shut_rel = calibration.shut_rel(own_um)
-        self._most_rel = calibration.most_rel(own_um)
-        self._at_rest = AtRest(self._footing.baseline_pf, calibration.design, self._gain_rel)
+        self._consistency = ConsistencyTest(n_legs, trained.moments, settled_ns)
+        gap_um = np.full_like(stray_pf, design.gap_um) if gap_um is None else gap_um
+        self._legs = LegClassifier(n_legs, trained, gap_um, max_age_ns)
+        self._monitor = CalibrationMonitor(n_legs, body_weight_n)
+        self._set_temperature = set_temperature
 
     @property
     def baseline_pf(self) -> Vector:
-        """What each element reads unloaded, without stray [pF], shape (legs, 9), NaN where that is not known."""
-        return self._footing.baseline_pf
+        """Unloaded reading of each element, without stray [pF], shape (legs, 9), NaN where it is not known."""
+        return self._baselines.unloaded.baseline_pf
 
-    def obey(self, command: Command) -> CommandResult | None:
-        """Begin what a command asks for, unless the foot is on the ground; a tare ends in a later scan."""
+    def execute(self, command: Command) -> CommandResult | None:
+        """Execute a command unless the foot is in contact; a tare ends in a later scan, and gives None here."""
         if command.kind is CommandKind.TARE:
-            return self._footing.begin(command.leg)
-        reason = self._footing.refusal(command.kind, command.leg)
+            return self._baselines.begin_tare(command.leg)
+        reason = self._baselines.refusal(command.kind, command.leg)
         if reason is not None:
             return CommandResult(command, Result.LOADED, reason)
-        self._stopped[command.leg] = command.kind is CommandKind.STOP
-        self._any_stopped = bool(self._stopped.any())
-        return CommandResult(command, Result.DONE, f"{command.kind.name.lower()} obeyed")
+        self._legs.stopped[command.leg] = command.kind is CommandKind.STOP
+        return CommandResult(command, Result.DONE, f"{command.kind.name.lower()} executed")
 
-    def warm(self, temperature_c: Vector) -> None:
-        """Take note of the temperature of each leg's foot [degC], shape (legs,), NaN where nothing measures it."""
-        if self._warm is not None:
-            self._warm(temperature_c)
+    def set_temperature(self, temperature_c: Vector) -> None:
+        """Set the temperature of each leg's foot [degC], shape (legs,), NaN where it is not measured."""
+        if self._set_temperature is not None:
+            self._set_temperature(temperature_c)
 
-    # A code of zero divides by zero; what comes of it is judged like any other reading.
+    # A code of zero divides by zero; the result is tested like any other reading.
     @np.errstate(divide="ignore", invalid="ignore", over="ignore")
     def process(self, scan: CapFrame, now_ns: int) -> tuple[ContactFrame, tuple[CommandResult, ...]]:
-        """Return the forces of a scan as of `now_ns`, and the tares that ended with it."""
-        calibration, footing = self._calibration, self._footing
-        seen = self._readings.look(scan, self._consistency.remembered, footing.baseline_pf)
-        outcomes = footing.tare(seen.settled_pf, scan.reading, scan.t_ns, seen.lacking, now_ns)
-        if footing.baseline_pf is not self._at_rest.baseline_pf:
-            self._at_rest = AtRest(footing.baseline_pf, calibration.design, self._gain_rel)
-            self._consistency.forget(self._at_rest.untared_legs)
-        rest_rel = self._at_rest.distance_rel
-        missing = seen.lacking
-        if not (seen.well and self._at_rest.whole):
-            missing = leg_status.missing_elements(seen.faulty | self._at_rest.untared)
-        # Moved to one time as distances, which do not jump when a tare moves the baseline.
-        moment = self._reckoning.align(self._gap_pf / seen.settled_pf, scan.t_ns, now_ns, missing)
-        closure_rel = judged_rel = rest_rel - moment.values
-        if moment.judged is not moment.values:
-            judged_rel = rest_rel - moment.judged
-        judgement = self._consistency.judge(closure_rel, judged_rel, missing, moment.t_ns)
-        # What is foreseen of a leg that is not together is of no worth.
-        foreseen_rel = None
-        if judged_rel is not closure_rel:
-            foreseen_rel = np.where(moment.together[:, None], closure_rel, np.nan)
-        footing.observe(judged_rel, foreseen_rel, seen.settled_pf, scan.t_ns, judgement.missing, now_ns)
-        verdict = self._verdict(scan, now_ns, seen, missing, moment, judged_rel, judgement)
-        state, usable = verdict.state, verdict.usable
+        """Return the forces of a scan as of `now_ns`, and the results of the tares that end with it.
 
-        taught_rel = closure_rel
-        if judged_rel is not closure_rel or not verdict.inside:
-            # A prediction may overshoot, at lift-off for instance; the network is not asked what it was not taught.
-            taught_rel = np.minimum(
-                np.maximum(closure_rel, calibration.closure_rel_min), calibration.closure_rel_max
-            )
-        force_n, sigma_n = self._reckoning.estimate(taught_rel, rest_rel, usable, judgement.missing)
-        sigma_n = np.hypot(sigma_n, footing.sigma_n)
-        if not judgement.well and judgement.doubt_rel.any():
-            doubt_n = judgement.doubt_rel * np.linalg.norm(force_n, axis=1)
-            sigma_n = np.hypot(sigma_n, doubt_n[:, None])
-        if not (usable is self._every_leg and math.isfinite(np.vdot(force_n, sigma_n))):
-            known = usable & np.isfinite(force_n + sigma_n).all(axis=1)
-            state = state.copy()
-            state[usable & ~known] = State.OUT_OF_RANGE
-            force_n[~known] = sigma_n[~known] = np.nan
-        if now_ns >= self._ageing.due_ns:
-            self._look_for_ageing(force_n, state, judged_rel, now_ns)
-        cause = verdict.cause
-        if self._ageing.in_doubt:
-            unexplained = self._ageing.stale & usable & (cause == Cause.NONE)
-            cause = np.where(unexplained, np.uint8(Cause.CALIBRATION_STALE), cause)
+        The stages: element status, tare, closures as of one time, consistency test, contact and drift, leg status,
+        force, calibration monitor.
+        """
+        baselines = self._baselines
+        elements = self._elements.classify(scan, self._consistency.excluded, baselines.unloaded.baseline_pf)
+        pf = elements.capacitance_pf
+        results = baselines.tare(pf, scan.reading, scan.t_ns, elements.missing, now_ns)
+        unloaded = baselines.unloaded
+        missing = self._missing(elements, unloaded)
+        sample = self._alignment.align(self._distance_pf / pf, scan.t_ns, now_ns, missing)
+        closures = self._closures(sample, unloaded)
+        consistency = self._consistency.test(closures.rel, closures.measured_rel, missing, sample.t_ns)
+        baselines.observe(
+            closures.measured_rel, closures.predicted_rel, pf, scan.t_ns, consistency.missing, now_ns
+        )
+        legs = self._legs.classify(
+            scan.reading,
+            elements,
+            missing,
+            sample,
+            closures.measured_rel,
+            consistency,
+            unloaded.untared,
+            baselines.untared_legs,
+            baselines.drift_cause,
+            now_ns,
+        )
+        force_n, sigma_n, state = self._forces(closures, unloaded, consistency, legs)
+        cause = self._calibration_causes(force_n, state, legs, closures.measured_rel, now_ns)
         return ContactFrame(
             sequence=scan.sequence,
             t_sent_ns=now_ns,
-            t_ns=verdict.t_ns,
+            t_ns=legs.t_ns,
             force_n=force_n,
             sigma_n=sigma_n,
             state=state,
-            fault_mask=verdict.fault_mask,
-            flags=footing.flags | self._flags,
+            fault_mask=legs.fault_mask,
+            flags=baselines.flags | self._flags,
             cause=cause,
-            baseline=footing.zero,
-        ), outcomes
+            baseline=baselines.drift,
+        ), results
 
-    def _look_for_ageing(
-        self, force_n: Vector, state: NDArray[np.uint8], judged_rel: Vector, now_ns: int
-    ) -> None:
-        """Let the forces of a frame tell whether the calibrations still hold; of legs in any trouble they do not."""
-        load_n = force_n[:, 2]
-        if state is not self._all_valid:
-            load_n = np.where(state == State.VALID, load_n, np.nan)
-        on_ground = self._footing.flags & _CONTACT != 0
-        self._ageing.look(load_n, on_ground, self._consistency.squares(judged_rel), now_ns)
+    def _missing(self, elements: ElementStatus, unloaded: UnloadedFeet) -> Mask:
+        """Return the elements to do without, shape (legs, 9): faulty, excluded, or without a baseline."""
+        if not unloaded.complete:
+            self._consistency.reset(unloaded.untared_legs)
+        elif elements.ok:
+            return elements.missing
+        return missing_elements(elements.faulty | unloaded.untared)
 
-    def _verdict(
-        self,
-        scan: CapFrame,
-        now_ns: int,
-        seen: Seen,
-        missing: Mask,
-        moment: Moment,
-        judged_rel: Vector,
-        judgement: Judgement,
-    ) -> "_Verdict":
-        """Return what each leg is worth; of a robot that is well, no element and no leg is looked at by itself.
+    @staticmethod
+    def _closures(sample: AlignedSample, unloaded: UnloadedFeet) -> Closures:
+        """Return the closures of a sample.
 
-        Args:
-            scan: The frame.
-            now_ns: The time now [ns].
-            seen: What its readings are worth by themselves.
-            missing: What was missing before the elements were held against each other.
-            moment: What was made of them for one time.
-            judged_rel: The closures by which they are judged [1].
-            judgement: What they said of each other.
+        Distances are aligned, not closures: a tare does not step them.
         """
-        outside = (judged_rel < self._least_rel) | (judged_rel > self._most_rel)
-        inside = not np.count_nonzero(outside)
-        oldest_ns = min(moment.oldest_ns.tolist())
-        timely = oldest_ns > 0 and now_ns - oldest_ns <= self._max_age_ns
-        together = np.count_nonzero(moment.together) == len(moment.together)
-        # A leg without a zero has no closures, and so its elements do not agree.
-        if seen.well and judgement.well and timely and together and inside and not self._any_stopped:
-            return _Verdict(
-                self._all_valid, self._every_leg, self._no_fault, self._drifting_zeros(), moment.t_ns, inside
+        closure_rel = unloaded.distance_rel - sample.distance_rel
+        if sample.measured_rel is None:
+            return Closures(closure_rel, closure_rel, None)
+        # The prediction of a leg that is not time-aligned is ignored.
+        predicted_rel = np.where(sample.time_aligned[:, None], closure_rel, np.nan)
+        return Closures(closure_rel, unloaded.distance_rel - sample.measured_rel, predicted_rel)
+
+    def _forces(
+        self, closures: Closures, unloaded: UnloadedFeet, consistency: ConsistencyResult, legs: LegStatus
+    ) -> tuple[Vector, Vector, Codes]:
+        """Return force and sigma [N], shape (legs, 3) each, NaN where not usable, and the state of each leg."""
+        closure_rel = closures.rel
+        if closures.predicted_rel is not None or not legs.in_range:
+            # A prediction may overshoot, at lift-off for instance: the network gets trained inputs only.
+            closure_rel = np.minimum(
+                np.maximum(closure_rel, self._trained.closure_rel_min), self._trained.closure_rel_max
             )
-        state = self._all_valid.copy()
-        # Some are forgiven with this frame, and some are blamed.
-        remembered = self._consistency.remembered
-        shorted = seen.over_range & (missing | remembered)
-        faulty = seen.opened | self._at_rest.untared | remembered | (judgement.missing & ~missing)
-        missing = judgement.missing
-        shut = judged_rel > self._shut_rel
-        read_ns = moment.oldest_ns
-        state[missing.any(axis=1) | (judgement.doubt_rel > 0.0)] = State.DEGRADED
-        state[(outside & ~missing).any(axis=1)] = State.OUT_OF_RANGE
-        state[(now_ns - read_ns > self._max_age_ns) | ~moment.together] = State.STALE
-        self._footing.mark_untared(state)
-        state[(state == State.TARING) & ~moment.together] = State.STARTING
-        wrong, pressed = faulty & ~missing, shut & ~missing | seen.over_range & ~shorted
-        leg_status.converter_states(state, scan.reading, wrong, pressed)
-        state[self._stopped] = State.STOPPED
-        broken = leg_status.Faulty(seen.opened, shorted, judgement.stuck, judgement.drifting)
-        return _Verdict(
-            state=state,
-            usable=_USABLE[state],
-            fault_mask=leg_status.fault_mask((scan.reading != 0) | faulty | shut),
-            cause=leg_status.causes(scan.reading, state, broken, self._footing.zero),
-            t_ns=np.where(read_ns > 0, moment.t_ns, 0),
-            inside=inside,
+        force_n, sigma_n = self._alignment.estimate(
+            closure_rel, unloaded.distance_rel, legs.usable, consistency.missing
         )
+        sigma_n = np.hypot(sigma_n, self._baselines.sigma_n)
+        if not consistency.ok and consistency.inconsistency_rel.any():
+            inconsistent_n = consistency.inconsistency_rel * np.linalg.norm(force_n, axis=1)
+            sigma_n = np.hypot(sigma_n, inconsistent_n[:, None])
+        if legs.all_usable and math.isfinite(np.vdot(force_n, sigma_n)):
+            return force_n, sigma_n, legs.state
+        finite = legs.usable & np.isfinite(force_n + sigma_n).all(axis=1)
+        force_n[~finite] = sigma_n[~finite] = np.nan
+        state = np.where(legs.usable & ~finite, np.uint8(State.OUT_OF_RANGE), legs.state)
+        return force_n, sigma_n, state
 
-    def _drifting_zeros(self) -> NDArray[np.uint8]:
-        """Return the causes of a robot that is well, shape (legs,): zeros may have parted all the same."""
-        if self._zero is not self._footing.zero:
-            self._zero = self._footing.zero
-            self._cause = leg_status.drifting_zeros(self._zero)
-        return self._cause
-
-
-class _Verdict(NamedTuple):
-    """What each leg is worth, shape (legs,) each; as in `ContactFrame`.
-
-    Attributes:
-        state: Whether and why its force may be used.
-        usable: The former alone.
-        fault_mask: Which elements are not usable.
-        cause: What lies behind the state.
-        t_ns: How far its measurement reaches [ns].
-        inside: Whether no element of any leg is shut or out of range.
-    """
-
-    state: NDArray[np.uint8]
-    usable: Mask
-    fault_mask: NDArray[np.uint16]
-    cause: NDArray[np.uint8]
-    t_ns: NDArray[np.int64]
-    inside: bool
+    def _calibration_causes(
+        self, force_n: Vector, state: Codes, legs: LegStatus, measured_rel: Vector, now_ns: int
+    ) -> Codes:
+        """Feed the calibration monitor, and return each leg's cause: a stale calibration where there is no other."""
+        monitor = self._monitor
+        if now_ns >= monitor.due_ns:
+            load_n = np.where(state == State.VALID, force_n[:, 2], np.nan)
+            in_contact = self._baselines.flags & np.uint8(Flag.CONTACT) != 0
+            monitor.observe(load_n, in_contact, self._consistency.squared_residuals(measured_rel), now_ns)
+        if not monitor.any_stale:
+            return legs.cause
+        unexplained = monitor.stale & legs.usable & (legs.cause == Cause.NONE)
+        return np.where(unexplained, np.uint8(Cause.CALIBRATION_STALE), legs.cause)

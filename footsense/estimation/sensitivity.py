@@ -1,19 +1,19 @@
-"""What a small closure is worth in newtons, asked of the network itself: one number for loads, three for errors."""
+"""Sensitivity of the force to small closures, by differences of the network."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.baseline.contact import middle_mean
+from footsense.estimation.baseline.contact import trimmed_means
 from footsense.frames import ELEMENTS
 from footsense.ports import Estimator
 
 Vector = NDArray[np.float64]
 
-#: Largest closures of the loads at which the network is asked, and by how much one element is moved there [1].
+#: Largest closures of the loads at which the sensitivity is taken [1], and the step of the differences [1].
 _LEVELS_REL = (0.02, 0.2)
-_MOVED_REL = 1e-3
+_STEP_REL = 1e-3
 
 #: Share of a drift that differs between the elements; the rest is common to all. An assumption: no foot was heated.
 _UNEVEN_REL = 0.2
@@ -23,44 +23,58 @@ class Sensitivity(NamedTuple):
     """Forces for each gap of closure.
 
     Attributes:
-        load_n: Load along the leg over the middle mean of the closures [N].
-        zero_n: Standard deviation of each component of the force if every zero is off by one gap, a fifth of that
-            differing between the elements [N], shape (3,).
+        load_n: Load along the leg over the trimmed mean of the closures [N].
+        baseline_n: Standard deviation of each component of the force if every baseline is off by one gap, a fifth of
+            that differing between the elements [N], shape (3,).
     """
 
     load_n: float
-    zero_n: Vector
+    baseline_n: Vector
 
 
-def sensitivity(estimator: Estimator, n_rows: int, moments: Vector) -> Sensitivity:
-    """Ask an estimator: for the errors under light and heavy loads, even and as most common, and take the worst.
+def jacobian_n(estimator: Estimator, n_rows: int, closure_rel: Vector) -> Vector:
+    """Return the derivative of the force by each closure [N], shape (9, rows, 3), by central differences.
 
     Args:
         estimator: The network.
-        n_rows: How many feet it estimates at once.
-        moments: Second moments of the closures of its loads, shape (9, 9).
+        n_rows: Rows that it estimates at once.
+        closure_rel: Closures over the gap at which it is taken [1], shape (9,).
     """
     whole = np.zeros((n_rows, ELEMENTS), bool)
+    steps = _STEP_REL * np.concatenate((np.eye(ELEMENTS), -np.eye(ELEMENTS)))
+    forces_n = np.array(
+        [estimator.estimate(np.tile(row, (n_rows, 1)), whole)[0] for row in closure_rel + steps]
+    )
+    slopes_n: Vector = (forces_n[:ELEMENTS] - forces_n[ELEMENTS:]) / (2 * _STEP_REL)
+    return slopes_n
 
-    def force_n(closure_rel: Vector) -> Vector:
-        forces_n, _ = estimator.estimate(np.tile(closure_rel, (n_rows, 1)), whole)
-        first_n: Vector = forces_n[0].copy()
-        return first_n
 
+def principal_pattern(moments: Vector) -> Vector:
+    """Return the most common pattern of closures, largest entry 1, shape (9,), of their second moments (9, 9)."""
     axes, directions = np.linalg.eigh(moments)
-    stance_rel = np.abs(directions[:, axes.argmax()])
-    stance_rel /= stance_rel.max()
-    shifts = _MOVED_REL * np.eye(ELEMENTS)
+    pattern: Vector = np.abs(directions[:, axes.argmax()])
+    pattern /= pattern.max()
+    return pattern
+
+
+def sensitivity(estimator: Estimator, n_rows: int, moments: Vector) -> Sensitivity:
+    """Return the worst sensitivity over light and heavy loads, of even closures and of the most common pattern.
+
+    Args:
+        estimator: The network.
+        n_rows: Rows that it estimates at once.
+        moments: Second moments of the closures of its loads, shape (9, 9).
+    """
+    stance_rel = principal_pattern(moments)
     errors_n = []
-    for loaded_rel in (
-        level * pattern for level in _LEVELS_REL for pattern in (stance_rel, np.ones(ELEMENTS))
-    ):
-        slopes = np.array(
-            [(force_n(loaded_rel + one) - force_n(loaded_rel - one)) / (2 * _MOVED_REL) for one in shifts]
-        )
-        errors_n.append(np.hypot(slopes.sum(axis=0), _UNEVEN_REL * np.linalg.norm(slopes, axis=0)))
-    stance_rel *= _LEVELS_REL[-1]
+    for level in _LEVELS_REL:
+        for pattern in (stance_rel, np.ones(ELEMENTS)):
+            slopes_n = jacobian_n(estimator, n_rows, level * pattern)[:, 0]
+            errors_n.append(np.hypot(slopes_n.sum(axis=0), _UNEVEN_REL * np.linalg.norm(slopes_n, axis=0)))
+    stance_rel = _LEVELS_REL[-1] * stance_rel
+    rows = np.tile(stance_rel, (n_rows, 1))
+    force_n, _ = estimator.estimate(rows, np.zeros(rows.shape, bool))
     return Sensitivity(
-        load_n=float(force_n(stance_rel)[2] / middle_mean(stance_rel[None])[0]),
-        zero_n=np.max(errors_n, axis=0),
+        load_n=float(force_n[0, 2] / trimmed_means(stance_rel[None])[0]),
+        baseline_n=np.max(errors_n, axis=0),
     )

@@ -40,18 +40,18 @@ class TrainedInputs:
     closure_rel_max: NDArray[np.float64]
     moments: NDArray[np.float64]
 
-    def shut_rel(self, gap_um: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the closure over the design's gap above which an element is shut [1], shape as given.
+    def gap_closed_rel(self, gap_um: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the closure over the design's gap above which a gap counts as closed [1], shape as given.
 
         Args:
-            gap_um: Its own air gap [um], shape (..., 9).
+            gap_um: Air gap of each element [um], shape (..., 9).
         """
-        shut_rel: NDArray[np.float64] = GAP_CLOSED_REL * (gap_um / self.design.gap_um)
-        return shut_rel
+        closed_rel: NDArray[np.float64] = GAP_CLOSED_REL * (gap_um / self.design.gap_um)
+        return closed_rel
 
-    def most_rel(self, gap_um: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the largest closure that is read: not shut, and trained; arguments as of `shut_rel`."""
-        return np.minimum(self.closure_rel_max, self.shut_rel(gap_um))
+    def usable_max_rel(self, gap_um: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the largest usable closure [1]: gap not closed, and trained; arguments as of `gap_closed_rel`."""
+        return np.minimum(self.closure_rel_max, self.gap_closed_rel(gap_um))
 
 
 class _Format(msgspec.Struct, frozen=True):

@@ -13,7 +13,7 @@ import msgspec
 import ngsolve as ng
 import numpy as np
 
-from footsense.estimation.faults.imputation import Filling
+from footsense.estimation.faults.imputation import Imputation
 from footsense.foot.checksum_trailer import seal
 from footsense.foot.network_card import FORMAT, INPUT_ORDER, INPUT_UNIT, OUTPUT_ORDER, OUTPUT_UNIT
 from footsense.foot.response_table import FootResponse
@@ -35,7 +35,7 @@ from footsense.lab.response import make_response
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork, library_versions, onnx_model
 from footsense.lab.training.forward_inversion import unbending
-from footsense.lab.training.load_cases import Cases, paper_training, wide
+from footsense.lab.training.load_cases import Cases, paper_training, random_loads
 from footsense.lab.training.network import Weights
 from footsense.lab.training.train import MASKS, Protocol, moments, predict, train
 
@@ -213,11 +213,11 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
         recipe = replace(recipe, shipped=replace(recipe.shipped, floor_n=loads.floor_n))
         alone = _alone(response, recipe.only_362, report)
         report(f"trained on the paper's 362 cases: {', '.join(alone)}")
-        cases = wide(response, loads, recipe.wide_cases, TRAINING_SEED)
+        cases = random_loads(response, loads, recipe.wide_cases, TRAINING_SEED)
         report(f"{recipe.wide_cases} wide cases, gaps in contact")
         closure_rel = cases.closure_um / design.gap_um
-        filling = Filling(_rounded_moments(cases.with_symmetric_copies().closure_um / design.gap_um))
-        weights = train(cases, design, recipe.shipped, filling)
+        imputation = Imputation(_rounded_moments(cases.with_symmetric_copies().closure_um / design.gap_um))
+        weights = train(cases, design, recipe.shipped, imputation)
         report(f"trained on them: {weights.size} weights")
         table = error_table(response, loads, _readout(weights, design.gap_um), alone)
         # What goes into the card is computed before there is a file, by JAX, and may differ in the last digit from

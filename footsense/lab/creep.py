@@ -1,11 +1,12 @@
-"""Rubber that creeps: a closure that keeps growing under a load that stands still, and is slow to go back.
+"""Rubber that creeps: a closure that keeps growing under a constant load, and returns slowly.
 
 A generalised Kelvin chain in series with the elastic foot, the same for every element:
 
     d(t) = e(t) + sum_k c_k z_k(t),      tau_k dz_k/dt = e - z_k
 
 e is the elastic closure. Under a step of e the chain answers 1 + sum_k c_k (1 - exp(-t / tau_k)). The equation of z_k
-is integrated exactly for an e that stands still between samples. This holds as long as no gap shuts.
+is integrated exactly for an e that is constant between samples, which makes it a recursive filter. This holds as long
+as no gap closes.
 
 Source:
     The form, linear and with a few relaxation times, is that of PDMS at small strain (a Prony series):
@@ -13,9 +14,13 @@ Source:
 """
 
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,10 +40,19 @@ class Kelvin:
 ASSUMED = (Kelvin(share_rel=0.08, time_s=0.15), Kelvin(share_rel=0.05, time_s=2.0))
 
 
-def crept_closure(
-    elastic: NDArray[np.float64], period_s: float, chain: tuple[Kelvin, ...] = ASSUMED
-) -> NDArray[np.float64]:
-    """Return the closures of a foot that creeps, sampled with a fixed period, at rest before the first sample.
+def _filter(period_s: float, chain: tuple[Kelvin, ...]) -> tuple[Vector, Vector]:
+    """Return numerator and denominator of the filter from elastic closures to closures."""
+    poles = [np.array([1.0, -np.exp(-period_s / part.time_s)]) for part in chain]
+    denominator = reduce(np.convolve, poles, np.ones(1))
+    numerator = denominator.copy()
+    for k, part in enumerate(chain):
+        others = reduce(np.convolve, poles[:k] + poles[k + 1 :], np.ones(1))
+        numerator[:-1] += part.share_rel * (1.0 + poles[k][1]) * others
+    return numerator, denominator
+
+
+def crept_closure(elastic: Vector, period_s: float, chain: tuple[Kelvin, ...] = ASSUMED) -> Vector:
+    """Return the closures of a foot that creeps, sampled with a fixed period, unloaded before the first sample.
 
     Args:
         elastic: Elastic closures in any unit, time first, shape (n, ...); each lasts from the sample before to its own.
@@ -48,37 +62,19 @@ def crept_closure(
     Returns:
         Closures in the same unit, shape (n, ...).
     """
-    crept = elastic.copy()
-    for part in chain:
-        kept = np.exp(-period_s / part.time_s)
-        late = np.zeros_like(elastic[0])
-        for k, now in enumerate(elastic):
-            late = now + kept * (late - now)
-            crept[k] += part.share_rel * late
-    return crept
+    return np.asarray(lfilter(*_filter(period_s, chain), elastic, axis=0))
 
 
-def uncrept_closure(
-    crept: NDArray[np.float64], period_s: float, chain: tuple[Kelvin, ...] = ASSUMED
-) -> NDArray[np.float64]:
+def uncrept_closure(crept: Vector, period_s: float, chain: tuple[Kelvin, ...] = ASSUMED) -> Vector:
     """Return the elastic closures behind measured ones, scan by scan: the inverse of `crept_closure`.
 
     Args:
-        crept: Closures of a foot that creeps, shape (n, ...), at rest before the first sample.
+        crept: Closures of a foot that creeps, shape (n, ...), unloaded before the first sample.
         period_s: Time between samples [s].
-        chain: The elements that the foot is believed to have.
+        chain: The assumed elements of the foot.
 
     Returns:
         Elastic closures in the same unit, shape (n, ...).
     """
-    kept = [np.exp(-period_s / part.time_s) for part in chain]
-    at_once = 1.0 + sum(part.share_rel * (1.0 - k) for part, k in zip(chain, kept, strict=True))
-    late = [np.zeros_like(crept[0]) for _ in chain]
-    elastic = np.empty_like(crept)
-    for n, seen in enumerate(crept):
-        owed = sum(
-            (part.share_rel * k * z for part, k, z in zip(chain, kept, late, strict=True)), np.zeros(1)
-        )
-        elastic[n] = (seen - owed) / at_once
-        late = [elastic[n] + k * (z - elastic[n]) for k, z in zip(kept, late, strict=True)]
-    return elastic
+    numerator, denominator = _filter(period_s, chain)
+    return np.asarray(lfilter(denominator, numerator, crept, axis=0))

@@ -45,7 +45,7 @@ def _contradictions(sole: SoleDesign) -> Iterator[Problem]:
         # The patch grows with the cube root of the force.
         most_n = loads.max_n * (room_deg / sole.patch_deg(loads.max_n)) ** 3
         yield Problem(
-            ("loads", "max_n"),
+            "loads.max_n",
             f"{loads.max_n:g} N flatten {sole.patch_deg(loads.max_n):.0f} deg of this ball around the contact, the "
             f"response holds to {room_deg:g} deg; use at most {math.floor(most_n * 100.0) / 100.0:g}",
         )
@@ -54,21 +54,21 @@ def _contradictions(sole: SoleDesign) -> Iterator[Problem]:
 def _on_the_sheet(sole: SoleDesign) -> Iterator[Problem]:
     if sole.electrode_mm >= sole.pitch_mm:
         yield Problem(
-            ("electrode_mm",),
+            "electrode_mm",
             f"electrodes of {sole.electrode_mm:g} mm overlap at a pitch of {sole.pitch_mm:g} mm; "
             "use less than the pitch",
         )
     array_mm = 2.0 * sole.pitch_mm + sole.electrode_mm
     if array_mm > sole.sheet_mm + _ROUNDING_MM:
         yield Problem(
-            ("sheet_mm",),
+            "sheet_mm",
             f"an array of {array_mm:g} mm does not fit on a sheet of {sole.sheet_mm:g} mm; "
             f"use at least {array_mm:g}",
         )
     widest_mm = math.sqrt(2.0) * sole.ball_radius_mm
     if sole.sheet_mm >= widest_mm:
         yield Problem(
-            ("sheet_mm",),
+            "sheet_mm",
             f"the corners of a sheet of {sole.sheet_mm:g} mm overhang a ball of {sole.ball_radius_mm:g} mm radius; "
             f"use less than {widest_mm:.2f}",
         )
@@ -79,13 +79,13 @@ def _between_the_electrodes(sole: SoleDesign) -> Iterator[Problem]:
     filled_um = sole.gap_um + sole.film_um
     if sole.gap_um > spacer_um + _UM_PER_MM * _ROUNDING_MM:
         yield Problem(
-            ("gap_um",),
+            "gap_um",
             f"a gap of {sole.gap_um:g} um is thicker than the spacer of {spacer_um:g} um that holds it open; "
             f"use at most {spacer_um:g}",
         )
     if spacer_um > filled_um + _UM_PER_MM * _ROUNDING_MM:
         yield Problem(
-            ("spacer_mm",),
+            "spacer_mm",
             f"a spacer of {spacer_um:g} um leaves room beside gap and film, which fill {filled_um:g} um; "
             f"use at most {filled_um / _UM_PER_MM:g}",
         )
@@ -96,13 +96,13 @@ def _on_the_converter(sole: SoleDesign) -> Iterator[Problem]:
     half_pf = float(capacitor.capacitance_pf(np.array([0.5 * sole.gap_um]))[0])
     if capacitor.rest_pf < _LEAST_PF:
         yield Problem(
-            ("electrode_mm",),
+            "electrode_mm",
             f"an element has {capacitor.rest_pf:.2f} pF at rest, too little to be told from an open line; use larger "
             f"electrodes, or a thinner gap or film, for at least {_LEAST_PF:g} pF",
         )
     if half_pf > most_pf:
         yield Problem(
-            ("electrode_mm",),
+            "electrode_mm",
             f"an element has {half_pf:.1f} pF with its gap half shut, the converter reads up to {most_pf:.1f} pF; "
             "use smaller electrodes, or a thicker gap or film",
         )

@@ -1,4 +1,4 @@
-"""The page beside the released files that tells people what they are and how good."""
+"""The README beside the released files: the files, how to make them, and the network's errors."""
 
 from typing import Any
 
@@ -26,7 +26,7 @@ def readme(
     asymmetry, residual, cut_off = (
         f"{100 * where[key]:.4f} %" for key in ("mesh_asymmetry_rel", "fit_residual_rel", "interpolation_rel")
     )
-    warning = "**A quick build: coarse mesh, short training. It shows the way, and is no release.**\n\n"
+    warning = "**A quick build: coarse mesh, short training. Not a release.**\n\n"
     return f"""# {response.foot_type}
 
 {warning if quick else ""}{sole.about}: nine capacitors between two rubber hemispheres of {radius}.
@@ -42,24 +42,24 @@ is edited by hand:
 | `response.npz` | the simulator's foot: contact normals above {response.min_elevation_deg:g} deg |
 
 `paper_*`: the paper's 180 verification cases (100 gf, centred), no noise; read-outs fitted to the paper's 362 training
-cases, but for `paper_network`, the one beside this page. `wide_*`: {HELD_OUT_CASES} held-out random loads of {span},
-contact normals leaning from the force by {lean} rms sideways and along, {loads.friction_angle_deg:g} deg at most,
-gaps shutting in part, converter noise of {noise}.
+cases, but for `paper_network`, the network beside this page. `random_*`: {HELD_OUT_CASES} held-out random loads of
+{span}, contact normals leaning from the force by {lean} rms sideways and along, at most
+{loads.friction_angle_deg:g} deg, gaps closing in part, converter noise of {noise}.
 
 {as_markdown(table)}
 
 Largest difference between JAX and ONNX Runtime: {1000 * parity_n:.4f} mN. How far sigma holds, what a missing row
-costs, and how near a network comes to the Cramer-Rao bound: `footsense lab study shipped` and `study limit`, of the
-foot that footsense ships in `docs/report/README.md`.
+costs, and how near a network comes to the Cramer-Rao bound: `footsense lab study released` and `lab cramer-rao`; for
+the released foot in `docs/report/README.md`.
 
 Solid: a quarter in {where["elements"]} elements of order {where["mesh"]["order"]}, about {where["unknowns"]} unknowns
 in each of three symmetry classes. x and y differ by {asymmetry} (rms, averaged out); the series differs from the
 field's samples by {residual}, and from a series of four degrees less by {cut_off}.
 
-Known limits: near the diagonals, far from upright, a light centred load has a twin, its force far aside and its contact
-leaning a little, that closes all nine gaps alike, and no read-out of one scan tells them apart for certain. Near there
-a network also has its own largest errors. The studies `limit` and `error-map` measure both; of the shipped foot, it is
-at about 44 deg and below about 50 gf.
+Known limits: near the diagonals, far from upright, a light centred load is ambiguous: another load, its force far
+aside and its contact leaning a little, closes all nine gaps alike, and no read-out of one scan tells them apart with
+certainty. Near there a network also has its own largest errors. The studies `cramer-rao` and `error-map` measure both;
+for the released foot they lie at about 44 deg and below about 50 gf.
 
 Not modelled: large strain, creep, air trapped in the cavities.
 """

@@ -1,12 +1,11 @@
-"""The report: every study's page, bound into one document, each with the command that makes it.
+"""The report: the pages of all studies bound into one document, each with the command that makes it.
 
-A page is written as soon as it is made, with the hash of the network that it is about; a report that was interrupted
-goes on with the pages that are missing. Each study has a process of its own: what one leaves behind in the libraries'
-threads made the next one's small matrix products fifteen times as slow.
+A page is written as soon as it is made; an interrupted report goes on with the missing and stale pages. Each study runs
+in a process of its own: library threads left by one study made the next one's small matrix products fifteen times as
+slow.
 """
 
 import json
-import os
 import sys
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
@@ -15,17 +14,17 @@ from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
 from timeit import default_timer
+from typing import Any
 
 from footsense.errors import FootsenseError
-from footsense.foot.checksum_trailer import unsealed_sha256
-from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
-from footsense.lab.studies.page import Page, Workbench
+from footsense.lab.code_hash import module_sha256
+from footsense.lab.studies.page import Page, Study, StudyContext
 from footsense.lab.targets import targets
 
 _LAB_STUDIES = {
-    "shipped": "accuracy.released",
+    "released": "accuracy.released",
     "sensors": "accuracy.sensors",
-    "paper-way": "networks.paper_procedure",
+    "paper-procedure": "networks.paper_procedure",
     "hidden-layers": "networks.hidden_layers",
     "rprop-speed": "networks.rprop_speed",
     "pattern": "mechanics.pattern",
@@ -35,8 +34,8 @@ _LAB_STUDIES = {
     "tolerance": "accuracy.tolerance",
     "solid": "mechanics.solid",
     "floor": "mechanics.floor",
-    "ladder": "mechanics.fidelity",
-    "limit": "accuracy.cramer_rao",
+    "fidelity": "mechanics.fidelity",
+    "cramer-rao": "accuracy.cramer_rao",
     "network-size": "networks.network_size",
     "history": "networks.history",
     "hard-cases": "accuracy.hard_cases",
@@ -45,52 +44,80 @@ _LAB_STUDIES = {
 STUDIES = {name: f"footsense.lab.studies.{module}" for name, module in _LAB_STUDIES.items()}
 #: Pages about the daemon, which the lab does not import: `footsense.cli.lab` makes them.
 OTHERS = ("tradeoff", "touchdown", "faults", "experiment")
+#: Former names of studies.
+_RENAMED = {
+    "shipped": "released",
+    "paper-way": "paper-procedure",
+    "ladder": "fidelity",
+    "limit": "cramer-rao",
+}
 README, BUILD = "README.md", "build.json"
+#: Stale pages that are kept, with the reason of each, as JSON.
+STALE = "stale.json"
 
 
-def make_page(name: str, bench: Workbench, studies: Mapping[str, str] = STUDIES) -> Page:
+def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STUDIES) -> Page:
     """Run one study.
 
     Args:
         name: Key of `studies`.
-        bench: What it works on.
-        studies: Module of each study; its function `page` makes the page.
+        context: The models.
+        studies: Module of each study, with a `STUDY`.
 
     Raises:
         FootsenseError: There is no such study.
     """
+    if name in _RENAMED:
+        raise FootsenseError(f"the study {name} is now {_RENAMED[name]}")
     if name not in studies:
         raise FootsenseError(f"no study {name!r}: there are {', '.join(studies)}")
-    return timed_page(import_module(studies[name]).page, bench)
+    module = import_module(studies[name])
+    if isinstance(study := getattr(module, "STUDY", None), Study):
+        return study.page(context)
+    return timed_page(module.page, context)
 
 
-def timed_page(study: Callable[[Workbench], Page], bench: Workbench) -> Page:
-    """Return a study's page with what it took and which network it is about."""
+def timed_page(study: Callable[[StudyContext], Page], context: StudyContext) -> Page:
+    """Return a study's page with the time that it took and the hash of its network."""
     started = default_timer()
-    page = study(bench)
-    about = {"network_sha256": _network_hash(bench), "quick": bench.quick}
+    page = study(context)
+    about = {"network_sha256": context.network_sha256, "quick": context.quick}
     return replace(page, seconds=default_timer() - started, values={**page.values, **about})
 
 
-def _network_hash(bench: Workbench) -> str:
-    """Return the hash of the network that the studies are about."""
-    path = bench.models / NETWORK_FILE
-    return unsealed_sha256(path.read_bytes(), str(path))
-
-
-def is_made(name: str, folder: Path, bench: Workbench) -> bool:
-    """Tell whether a folder holds a study's page about this very network."""
+def page_values(name: str, folder: Path) -> dict[str, Any]:
+    """Return the JSON of a page in a folder; empty if the page is missing or damaged."""
     try:
-        values = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
         (folder / f"{name}.md").stat()
+        return dict(json.loads((folder / f"{name}.json").read_text(encoding="utf-8")))
     except (OSError, json.JSONDecodeError):
-        return False
-    return bool(values.get("network_sha256") == _network_hash(bench) and values.get("quick") == bench.quick)
+        return {}
+
+
+def is_made(name: str, folder: Path, context: StudyContext) -> bool:
+    """Tell whether a folder holds a study's page about this network, in this form (quick or full)."""
+    values = page_values(name, folder)
+    return values.get("network_sha256") == context.network_sha256 and values.get("quick") == context.quick
+
+
+def why_stale(name: str, folder: Path, context: StudyContext, studies: Mapping[str, str] = STUDIES) -> str:
+    """Return why a page has to be made again; empty if it is of this network and of today's code of its study."""
+    if not is_made(name, folder, context):
+        return "missing, or made about another network"
+    if page_values(name, folder).get("code_sha256", "") != module_sha256(studies[name]):
+        return f"the code that measures its numbers has changed ({studies[name]})"
+    return ""
+
+
+def noted_stale(folder: Path) -> dict[str, str]:
+    """Return the reasons of the stale pages that a folder keeps."""
+    path = folder / STALE
+    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
 
 
 def make_report(
     folder: Path,
-    bench: Workbench,
+    context: StudyContext,
     studies: Mapping[str, str] = STUDIES,
     *,
     build_s: float | None,
@@ -101,74 +128,80 @@ def make_report(
 
     Args:
         folder: Where the pages go.
-        bench: What the studies work on.
+        context: The models.
         studies: Module of each study.
         build_s: What building the models took [s]; None if they were there.
-        resume: Whether pages that are there already, about this very network, are kept.
-        report: Told what has just been done, one line each.
+        resume: Whether pages that are not stale are kept.
+        report: Receives a line after each page.
 
     Returns:
         The bound document.
     """
     if build_s is not None:
         folder.mkdir(parents=True, exist_ok=True)
-        built = {"seconds": round(build_s, 1), "network_sha256": _network_hash(bench), "quick": bench.quick}
+        built = {
+            "seconds": round(build_s, 1),
+            "network_sha256": context.network_sha256,
+            "quick": context.quick,
+        }
         (folder / BUILD).write_text(json.dumps(built, indent=2, sort_keys=True) + "\n", encoding="utf-8")
     for name in studies:
-        if resume and is_made(name, folder, bench):
+        if resume and not why_stale(name, folder, context, studies):
             report(f"{name}: kept")
             continue
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
             seconds = process.submit(
-                _write_page, name, studies, bench.models, folder, quick=bench.quick
+                _write_page, name, studies, context.models, folder, quick=context.quick
             ).result()
         report(f"{name}: {seconds:.0f} s")
-    return bind(folder, bench)
+    return bind(folder, context)
 
 
 def _write_page(name: str, studies: Mapping[str, str], models: Path, folder: Path, *, quick: bool) -> float:
     """Run one study in this process, write its page, and return what it took [s]."""
-    page = make_page(name, Workbench(models=models, quick=quick, say=_say), studies)
+    page = make_page(name, StudyContext(models=models, quick=quick, say=_say), studies)
     page.write(folder)
     return page.seconds
 
 
 def _say(line: str) -> None:
-    """Pass on what a study has just done."""
+    """Print a study's line."""
     sys.stdout.write(f"    {line}\n")
     sys.stdout.flush()
 
 
-def bind(folder: Path, bench: Workbench) -> Path:
+def bind(folder: Path, context: StudyContext) -> Path:
     """Write the document of all pages about one network, the targets on top, and return its path.
 
     Args:
         folder: Where the pages are.
-        bench: Tells the network; pages about another one, or of the other form, are left out and named.
+        context: Tells the network; pages about another one, or of the other form, are left out and named.
     """
-    made = [name for name in (*STUDIES, *OTHERS) if is_made(name, folder, bench)]
+    made = [name for name in (*STUDIES, *OTHERS) if is_made(name, folder, context)]
     left_out = [name for name in (*STUDIES, *OTHERS) if name not in made]
     values = {name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in made}
     pages = [(folder / f"{name}.md").read_text(encoding="utf-8").strip() for name in made]
     titles = [page.partition("\n")[0].removeprefix("## ") for page in pages]
     contents = "\n".join(f"- [{title}](#{_anchor(title)})" for title in titles)
     studies_s = sum(value["seconds"] for value in values.values())
-    build_s = _build_s(folder, bench)
+    build_s = _build_s(folder, context)
     taken = f"the studies took {studies_s / 60.0:.0f} min"
     if build_s is not None:
         taken = f"the models took {build_s / 60.0:.0f} min and " + taken
         if not left_out:
             values["report"] = {"minutes": (build_s + studies_s) / 60.0}
     notes = ""
-    if bench.quick:
-        notes += "\n\n**A quick form: few steps, seeds and cases. Its numbers say nothing.**"
+    if context.quick:
+        notes += "\n\n**A quick form: few steps, seeds and cases. Its figures are no results.**"
+    for name, reason in noted_stale(folder).items():
+        notes += f"\n\nNot made again since its code has changed: `{name}`. {reason}"
     if left_out:
         notes += f"\n\nNot made about this network yet: {', '.join(left_out)}."
     text = f"""# The lab's report
 
 From rubber to network: every result of Aoyagi et al. with its command, its figure and its number beside the paper's,
-and what the paper could not say. All of it is made by `footsense lab report`; {taken}
-on {os.cpu_count()} cores. Nothing here is edited by hand.{notes}
+and what the paper left open. `footsense lab report` makes all of it; {taken}.
+Nothing here is edited by hand.{notes}
 
 {targets(values)}
 
@@ -180,13 +213,13 @@ on {os.cpu_count()} cores. Nothing here is edited by hand.{notes}
     return path
 
 
-def _build_s(folder: Path, bench: Workbench) -> float | None:
+def _build_s(folder: Path, context: StudyContext) -> float | None:
     """Return what building this very network took [s], None if nobody knows."""
     try:
         built = json.loads((folder / BUILD).read_text(encoding="utf-8"))
     except (OSError, json.JSONDecodeError):
         return None
-    return float(built["seconds"]) if built["network_sha256"] == _network_hash(bench) else None
+    return float(built["seconds"]) if built["network_sha256"] == context.network_sha256 else None
 
 
 def _anchor(title: str) -> str:

@@ -302,26 +302,26 @@ def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
     if (problem := _too_low(scene)) is not None:
         return problem
     if scene.gait_table and scene.effects.rubber:
-        return strict_yaml.Problem(("effects", "rubber"), "remembers, and a gait_table does not: choose one")
+        return strict_yaml.Problem("effects.rubber", "remembers, and a gait_table does not: choose one")
     if scene.gait_table and not isinstance(scene.load, Tripod | MeasuredWalk):
-        return strict_yaml.Problem(("gait_table",), "is for walks: tripod or measured_walk")
+        return strict_yaml.Problem("gait_table", "is for walks: tripod or measured_walk")
     for n, stand in enumerate(scene.load.stands if isinstance(scene.load, Tripod) else ()):
         if stand.until_s <= stand.from_s:
-            return strict_yaml.Problem(("load", "stands", n, "until_s"), "must be later than from_s")
+            return strict_yaml.Problem(f"load.stands[{n}].until_s", "must be later than from_s")
     for n, fault in enumerate(scene.faults):
         until_s = getattr(fault, "until_s", None)
         if until_s is not None and until_s <= fault.at_s:
-            return strict_yaml.Problem(("faults", n, "until_s"), "must be later than at_s")
+            return strict_yaml.Problem(f"faults[{n}].until_s", "must be later than at_s")
     return None
 
 
 def _too_low(scene: Scene) -> strict_yaml.Problem | None:
     """Return which force leans more than the foot's response is known for."""
-    forces: dict[tuple[str | int, ...], _Pressing] = {}
+    forces: dict[str, _Pressing] = {}
     if isinstance(scene.load, Constant | Ramp):
-        forces = {("load", "force_n"): scene.load.force_n}
+        forces = {"load.force_n": scene.load.force_n}
     elif isinstance(scene.load, Pokes) and not isinstance(scene.load.presses, str):
-        forces = {("load", "presses", n): force_n for n, force_n in enumerate(scene.load.presses)}
+        forces = {f"load.presses[{n}]": force_n for n, force_n in enumerate(scene.load.presses)}
     for path, (x, y, z) in forces.items():
         elevation_deg = math.degrees(math.atan2(z, math.hypot(x, y)))
         if elevation_deg < LOWEST_ELEVATION_DEG:

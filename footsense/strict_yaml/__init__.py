@@ -15,9 +15,9 @@ import msgspec
 
 from footsense.errors import ConfigError
 from footsense.strict_yaml.misfit import Problem, misfit
-from footsense.strict_yaml.plain_data import MAX_BYTES, KeyPath, YamlError, read_yaml
+from footsense.strict_yaml.plain_data import MAX_BYTES, YamlError, read_yaml
 
-__all__ = ["MAX_BYTES", "KeyPath", "Problem", "load"]
+__all__ = ["MAX_BYTES", "Problem", "load"]
 
 T = TypeVar("T")
 

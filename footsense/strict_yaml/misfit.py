@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import msgspec
 from msgspec import inspect
 
-from footsense.strict_yaml.plain_data import KeyPath
+from footsense.strict_yaml.plain_data import item_path
 
 __all__ = ["Problem", "misfit"]
 
@@ -23,24 +23,16 @@ class Problem(NamedTuple):
     """One fault of a text.
 
     Attributes:
-        path: Keys and indices from the top to the value.
+        path: Keys and indices from the top to the value, such as "buses[0].legs.lf"; empty for the text as a whole.
         message: What is wrong and what would be right.
     """
 
-    path: KeyPath
+    path: str
     message: str
 
     def __str__(self) -> str:
-        """Return the path as it is written in code, and the message.
-
-        Example:
-            >>> str(Problem(("buses", 0, "legs", "lf"), "taken"))
-            'buses[0].legs.lf: taken'
-        """
-        path = ""
-        for step in self.path:
-            path += f"[{step}]" if isinstance(step, int) else f".{step}" if path else step
-        return f"{path}: {self.message}" if path else self.message
+        """Return path and message."""
+        return f"{self.path}: {self.message}" if self.path else self.message
 
 
 def misfit(data: Any, type_: type[object], error: str, former: Mapping[str, str]) -> Problem:  # noqa: ANN401
@@ -54,21 +46,21 @@ def misfit(data: Any, type_: type[object], error: str, former: Mapping[str, str]
     """
     place = _PLACE.search(error)
     fault = error[: place.start()] if place else error
-    path: KeyPath = ()
+    path = ""
     value, info = data, inspect.type_info(type_)
     for step in _STEP.finditer(place["path"] if place else ""):
         if step["index"] == "...":
             key: str | int = _failing_key(value, lambda: msgspec.convert(data, type_), error)
         else:
             key = step["field"] or int(step["index"])
-        path, value, info = (*path, key), value[key], _inner(info, value, key)
+        path, value, info = item_path(path, key), value[key], _inner(info, value, key)
     if place and place["key"]:
         info = next(type_.key_type for type_, _ in _variants(info) if isinstance(type_, inspect.DictType))
         value = next(key for key in value if key not in _choices(info))
-        path = (*path, value)
+        path = item_path(path, value)
     if unknown := _UNKNOWN.fullmatch(fault):
         name = unknown["name"]
-        return Problem((*path, name), unknown["fault"] + _remedy(name, _keys(info, value), former))
+        return Problem(item_path(path, name), unknown["fault"] + _remedy(name, _keys(info, value), former))
     if missing := _MISSING.fullmatch(fault):
         info = _inner(info, value, missing["name"])
         return Problem(path, fault.replace("`", "") + _expected(info))

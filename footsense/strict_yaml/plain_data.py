@@ -7,10 +7,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-__all__ = ["MAX_BYTES", "KeyPath", "PlainData", "YamlError", "read_yaml"]
-
-#: Keys and indices from the top of a text to a value.
-KeyPath = tuple[str | int, ...]
+__all__ = ["MAX_BYTES", "PlainData", "YamlError", "item_path", "read_yaml"]
 
 #: Longest text that is read [bytes]; a hand-written file has a few thousand.
 MAX_BYTES = 262_144
@@ -21,7 +18,7 @@ MAX_DEPTH = 30
 #: Most values, each use of an alias counted: a text of ten lines can stand for 10^9 of them.
 MAX_VALUES = 50_000
 
-_WORD = re.compile(r"[\w.-]+")
+_WORD = re.compile(r"[\w-]+")
 _PREFIX = "tag:yaml.org,2002:"
 _TAGS = {
     yaml.MappingNode: {"map"},
@@ -50,15 +47,27 @@ class PlainData(NamedTuple):
 
     Attributes:
         data: Dicts with text keys, lists and scalars.
-        lines: Line of every value, from 1; of a dict's item the line of its key.
+        lines: Line of every value, from 1, by its path, such as "buses[0].legs"; of a dict's item that of its key.
     """
 
     data: object
-    lines: dict[KeyPath, int]
+    lines: dict[str, int]
 
-    def line_of(self, path: KeyPath) -> int:
+    def line_of(self, path: str) -> int:
         """Return the line, from 1, of the value at `path`, or of the nearest one that encloses it."""
-        return next(self.lines[path[:n]] for n in range(len(path), -1, -1) if path[:n] in self.lines)
+        while path not in self.lines:
+            path = path[: max(path.rfind("."), path.rfind("["), 0)]
+        return self.lines[path]
+
+
+def item_path(path: str, key: str | int) -> str:
+    """Return the path of an item of the value at `path`.
+
+    Example:
+        >>> item_path(item_path("legs", 2), "lf")
+        'legs[2].lf'
+    """
+    return f"{path}[{key}]" if isinstance(key, int) else f"{path}.{key}" if path else key
 
 
 def read_yaml(source: Path | str | bytes) -> PlainData:
@@ -71,14 +80,14 @@ def read_yaml(source: Path | str | bytes) -> PlainData:
         YamlError: The file cannot be read, or the text is not YAML, is empty, or uses an unsupported feature.
     """
     text = _text(source)
-    lines: dict[KeyPath, int] = {}
+    lines: dict[str, int] = {}
     try:
         _check_depth(text)
         loader = _Loader(text)
         root = loader.get_single_node()
         if root is None:
             raise YamlError("is empty")
-        data = _plain(root, (), _line(root.start_mark), loader, lines)
+        data = _plain(root, "", 0, _line(root.start_mark), loader, lines)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         fault = ", ".join(part for part in (error.context, error.problem) if part)
@@ -121,14 +130,14 @@ def _check_depth(text: str) -> None:
 
 
 def _plain(
-    node: yaml.Node, path: KeyPath, line: int, loader: yaml.SafeLoader, lines: dict[KeyPath, int]
+    node: yaml.Node, path: str, depth: int, line: int, loader: yaml.SafeLoader, lines: dict[str, int]
 ) -> object:
     """Build the value of a node, aliases expanded, and note the lines of all values in it.
 
     Raises:
         YamlError: A value uses an unsupported feature, or there are too many.
     """
-    if len(lines) >= MAX_VALUES or len(path) > MAX_DEPTH:
+    if len(lines) >= MAX_VALUES or depth > MAX_DEPTH:
         raise YamlError(
             f"stands for more than {MAX_VALUES} values or {MAX_DEPTH} levels: aliases multiply", line
         )
@@ -138,11 +147,11 @@ def _plain(
         raise YamlError(f"{str(node.value)[:40]!r} reads as a {kind}, which is not supported; quote it", line)
     if isinstance(node, yaml.SequenceNode):
         return [
-            _plain(item, (*path, n), _line(item.start_mark), loader, lines)
+            _plain(item, item_path(path, n), depth + 1, _line(item.start_mark), loader, lines)
             for n, item in enumerate(node.value)
         ]
     if isinstance(node, yaml.MappingNode):
-        return _mapping(node, path, loader, lines)
+        return _mapping(node, path, depth, loader, lines)
     value = loader.construct_object(node)
     if isinstance(value, float) and not math.isfinite(value):
         raise YamlError(f"{node.value} is not a finite number", line)
@@ -150,7 +159,7 @@ def _plain(
 
 
 def _mapping(
-    node: yaml.MappingNode, path: KeyPath, loader: yaml.SafeLoader, lines: dict[KeyPath, int]
+    node: yaml.MappingNode, path: str, depth: int, loader: yaml.SafeLoader, lines: dict[str, int]
 ) -> dict[str, object]:
     """Build a dict; PyYAML would let the last of two equal keys win.
 
@@ -164,11 +173,10 @@ def _mapping(
             raise YamlError("the merge key << is not supported; write the keys out", line)
         if not isinstance(key, yaml.ScalarNode) or not _WORD.fullmatch(key.value):
             raise YamlError("a key has to be a single word", line)
+        place = item_path(path, key.value)
         if key.value in data:
-            raise YamlError(
-                f"the key {key.value!r} stands twice, first on line {lines[*path, key.value]}", line
-            )
-        data[key.value] = _plain(item, (*path, key.value), line, loader, lines)
+            raise YamlError(f"the key {key.value!r} stands twice, first on line {lines[place]}", line)
+        data[key.value] = _plain(item, place, depth + 1, line, loader, lines)
     return data
 
 

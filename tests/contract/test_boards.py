@@ -109,8 +109,11 @@ def test_a_leg_that_is_missing_at_start_is_looked_for_again(board: Board) -> Non
 
 @both
 def test_readings_of_all_legs_belong_to_the_same_conversion(board: Board) -> None:
-    """A broadcast triggers all legs at once: their stamps are equal to the nanosecond."""
-    frame = Robot(distinct, board).read(2)
+    """A broadcast triggers all legs at once: their stamps are equal to the nanosecond, and frames count from 0."""
+    robot = Robot(distinct, board)
+    assert robot.read().sequence == 0
+    frame = robot.read()
+    assert frame.sequence == 1
     assert (frame.t_ns == frame.t_ns[0]).all()
 
 

@@ -2,6 +2,8 @@
 
 import multiprocessing
 from collections.abc import Generator, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +16,10 @@ from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.monte_carlo.campaign import Figures, Job, Tolerances, Work, in_turn, run_campaign
 from footsense.lab.monte_carlo.cluster import on_cluster
 from footsense.lab.monte_carlo.specimens import judge, measure
-from footsense.lab.monte_carlo.sweeps import BENCHES, FEET, FULL, QUICK, Results
-from footsense.lab.studies.accuracy.tolerance import ON_DESIGN, ON_FOOT, campaign_page
-from footsense.lab.studies.page import Workbench
+from footsense.lab.monte_carlo.statistics import MeanStd
+from footsense.lab.monte_carlo.sweeps import FEET, FULL, QUICK, TEST_STANDS, SweepResults
+from footsense.lab.studies.accuracy.tolerance import ON_DESIGN, ON_FOOT, STUDY, run_study
+from footsense.lab.studies.page import StudyContext
 from footsense.lab.training.load_cases import paper_verification
 from footsense.sim.foot.fabrication import LEAST_REL, fabricate
 
@@ -179,21 +182,23 @@ def test_a_foot_is_judged_the_same_each_time() -> None:
     assert filmy["change_deg"] > exact["change_deg"]
 
 
-def test_levels_between_those_done_are_read_off_a_straight_line() -> None:
+def test_levels_are_interpolated_linearly() -> None:
     """The crossing of a target, or none; quick plans keep the exact foot and the largest level."""
     sweep = FEET[0]
     assert QUICK.levels(sweep)[0] == 0.0
     assert QUICK.levels(sweep)[-1] == FULL.levels(sweep)[-1]
-    jobs = [job for level in FULL.levels(sweep) for job in FULL.jobs(sweep, level)]
-    results = Results(FULL, {job: {"network_deg": 2.0 * job.tolerances.gap_um} for job in jobs})
+    levels = {
+        f"{gap_um:g}": {"network_deg": MeanStd.over([2.0 * gap_um] * 2)} for gap_um in FULL.levels(sweep)
+    }
+    results = SweepResults(plan=FULL, gap_um=20.0, figures={sweep.what: levels})
     assert results.reached(sweep, "network_deg", 9.0) == pytest.approx(4.5)
     assert results.reached(sweep, "network_deg", 0.0) == 0.0
     assert results.reached(sweep, "network_deg", 99.0) is None
-    assert all(job.taught for job in FULL.jobs(BENCHES[0], 1.0))
+    assert all(job.taught for job in FULL.jobs(TEST_STANDS[0], 1.0))
 
 
-def test_the_page_says_what_the_feet_said() -> None:
-    """With workers that answer by the gap alone: where the paper's error is met, where not, and who did the asking."""
+def test_the_page_reports_the_level_of_the_papers_error() -> None:
+    """With workers whose figures follow the gap alone: the level where the paper's error is met, or that it is not."""
 
     def canned(_: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, Figures], None, None]:
         for job in jobs:
@@ -201,11 +206,12 @@ def test_the_page_says_what_the_feet_said() -> None:
 
     readouts = (*ON_DESIGN, *ON_FOOT, "reference")
     names = ["within_1", "within_2", *(f"{name}_{unit}" for name in readouts for unit in ("deg", "gf"))]
-    said: list[str] = []
-    page = campaign_page(Workbench(models=RELEASED, quick=True, say=said.append), QUICK, canned)
+    lines: list[str] = []
+    study = replace(STUDY, compute=partial(run_study, workers=canned))
+    page = study.page(StudyContext(models=RELEASED, quick=True, say=lines.append))
     assert "Quick run" in page.body
     assert "| gap [um] | 4 | 4 | 4 | 4.7 | 4.7 | 4.7 |" in page.body
     assert "| film [um] | no (0.0 at 4) |" in page.body
     assert all(f"![]({figure})" in page.body for figure in page.figures)
-    assert page.values["means"]["gap [um]"]["8"]["network_deg"]["mean"] == 32.0
-    assert len(said) == 1
+    assert page.values["figures"]["gap [um]"]["8"]["network_deg"]["mean"] == 32.0
+    assert len(lines) == 1

@@ -17,8 +17,9 @@ from footsense.cli.lab.group import lab
 from footsense.config import DEFAULT, load_config
 from footsense.daemon import load_network, service
 from footsense.errors import FootsenseError, ModelError
-from footsense.estimation.faults.imputation import Filling
+from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.network import Network
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.network_card import METADATA_KEY, read_card
 from footsense.foot.response_table import FootResponse
 from footsense.lab.build import PARITY_REL, QUICK, Built, build
@@ -59,17 +60,17 @@ def test_the_papers_sets_have_the_papers_sizes(response: FootResponse) -> None:
     """362 training and 180 verification cases, elevations from 40 deg, forces 50, 150 and 100 gf."""
     training, verification = load_cases.paper_training(response), load_cases.paper_verification(response)
     assert (len(training.force_n), len(verification.force_n)) == (362, 180)
-    size_gf = np.linalg.norm(training.force_n, axis=1) / load_cases.GRAM_FORCE_N
+    size_gf = np.linalg.norm(training.force_n, axis=1) / GRAM_FORCE_N
     np.testing.assert_allclose(np.unique(size_gf.round(9)), [50.0, 150.0])
-    elevation = np.degrees(np.arcsin(training.force_n[:, 2] / (size_gf * load_cases.GRAM_FORCE_N)))
+    elevation = np.degrees(np.arcsin(training.force_n[:, 2] / (size_gf * GRAM_FORCE_N)))
     assert elevation.min() == pytest.approx(40.0)
     apart = training.force_n[:181, None] / 50.0 - verification.force_n[None] / 100.0
-    assert np.linalg.norm(apart, axis=2).min() > 0.03 * load_cases.GRAM_FORCE_N
+    assert np.linalg.norm(apart, axis=2).min() > 0.03 * GRAM_FORCE_N
 
 
 def test_symmetric_copies_are_loads_of_the_same_foot(response: FootResponse) -> None:
     """Each copy of (force, closures) is what the foot does under the copied force, to the table's rounding."""
-    force = load_cases.wide(response, SHIPPED.loads, 1, 7).force_n
+    force = load_cases.random_loads(response, SHIPPED.loads, 1, 7).force_n
     normal = force / np.linalg.norm(force)
     copies = load_cases.Cases(force, response.closure_um(normal, force)).with_symmetric_copies()
     assert len(np.unique(copies.force_n.round(6), axis=0)) == 8
@@ -86,12 +87,12 @@ def test_element_map_turns_the_array() -> None:
 
 def test_the_wide_set_stays_inside_its_promise(response: FootResponse) -> None:
     """Within the converter's range, at most 2 N, light touches present, the same for the same seed."""
-    cases = load_cases.wide(response, SHIPPED.loads, 2000, 5)
+    cases = load_cases.random_loads(response, SHIPPED.loads, 2000, 5)
     size = np.linalg.norm(cases.force_n, axis=1)
     assert size.max() <= SHIPPED.loads.max_n
     assert np.mean(size < 0.05) > 0.05
     assert response.design.capacitance_pf(cases.closure_um).max() < load_cases.FULL_SCALE_PF
-    assert (load_cases.wide(response, SHIPPED.loads, 2000, 5).force_n == cases.force_n).all()
+    assert (load_cases.random_loads(response, SHIPPED.loads, 2000, 5).force_n == cases.force_n).all()
 
 
 def test_errors_are_those_of_hand_computation() -> None:
@@ -99,7 +100,7 @@ def test_errors_are_those_of_hand_computation() -> None:
     truth = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     row = errors(truth, np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.1]]))
     assert row.direction_deg == pytest.approx(45.0)
-    assert row.magnitude_gf == pytest.approx(0.1 / load_cases.GRAM_FORCE_N / 2.0)
+    assert row.magnitude_gf == pytest.approx(0.1 / GRAM_FORCE_N / 2.0)
 
 
 def test_coverage_of_a_true_sigma_is_that_of_a_gaussian() -> None:
@@ -201,13 +202,13 @@ def test_sigma_is_honest_with_and_without_all_elements(built: Built, folder: Pat
     """Loads and noise that training never saw: errors within two sigma in most cases, and more of it with less seen."""
     del built
     response, network = open_models(folder)
-    cases = load_cases.wide(response, SOLE.loads, 4000, 9)
+    cases = load_cases.random_loads(response, SOLE.loads, 4000, 9)
     measured = load_cases.measured_closure_rel(response.design, cases.closure_um, np.random.default_rng(9))
-    filling = Filling(np.array(network.card["moments"]))
+    imputation = Imputation(np.array(network.card["moments"]))
     means = []
     for mask in (np.zeros(9, bool), np.arange(9) == 4, np.arange(9) < 3):
         missing = np.broadcast_to(mask, measured.shape)
-        force_n, sigma_n = network.estimate(filling.fill(measured, missing), missing)
+        force_n, sigma_n = network.estimate(imputation.impute(measured, missing), missing)
         shares = coverage(cases.force_n, force_n, sigma_n)
         assert min(shares["within_2_sigma"]) > 0.75  # the release has to do better, see test_released.py
         assert max(shares["within_1_sigma"]) < 0.95

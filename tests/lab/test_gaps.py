@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from footsense.foot.directions import directions
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import kkt_residual, touch
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.lab.training.load_cases import GRAM_FORCE_N, directions
 
 pytestmark = pytest.mark.lab
 

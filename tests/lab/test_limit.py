@@ -3,24 +3,15 @@
 import numpy as np
 import pytest
 
+from footsense.foot.directions import directions, paper_directions
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.creep import Kelvin, crept_closure, uncrept_closure
-from footsense.lab.evaluation.cramer_rao import (
-    Bound,
-    Unknowns,
-    crb_ratio,
-    force_bound,
-    leaning_contacts,
-    verification_directions,
-)
-from footsense.lab.studies.accuracy.cramer_rao import maximum_likelihood
-from footsense.lab.training.load_cases import (
-    GRAM_FORCE_N,
-    directions,
-    measured_closure_rel,
-    sensed_closure_um,
-)
+from footsense.lab.evaluation.bound_ratio import crb_ratio, leaning_contacts
+from footsense.lab.evaluation.cramer_rao import Bound, Unknowns, force_bound
+from footsense.lab.evaluation.maximum_likelihood import maximum_likelihood
+from footsense.lab.training.load_cases import measured_closure_rel, sensed_closure_um
 from tests.lab.released import RELEASED, SOLE
 
 
@@ -66,7 +57,7 @@ def test_the_best_fit_of_noisy_scans_scatters_as_the_bound_says(
 
 
 def test_knowing_that_a_load_is_centred_never_hurts(foot: Foot) -> None:
-    direction = verification_directions()
+    direction = paper_directions("verification")
     for gf in (20.0, 100.0):
         force = direction * gf * GRAM_FORCE_N
         three = force_bound(foot, direction, force, Unknowns.CENTRED)
@@ -90,7 +81,7 @@ def test_a_read_out_of_known_scatter_has_the_ratio_of_its_scatter(foot: Foot) ->
     def never_sure(closure_rel: np.ndarray) -> np.ndarray:
         """Return the true forces of the first set, each off by one degree sideways."""
         calls.append(len(closure_rel))
-        force = verification_directions() * 100.0 * GRAM_FORCE_N
+        force = paper_directions("verification") * 100.0 * GRAM_FORCE_N
         sideways = np.cross(force, [0.0, 0.0, 1.0])
         sideways *= np.linalg.norm(force, axis=1, keepdims=True) / np.linalg.norm(
             sideways, axis=1, keepdims=True
@@ -99,10 +90,10 @@ def test_a_read_out_of_known_scatter_has_the_ratio_of_its_scatter(foot: Foot) ->
         return np.resize(turned, (len(closure_rel), 3))
 
     ratio = crb_ratio(foot.response, SOLE.loads, never_sure, draws=2, magnitudes_gf=(100.0,))
-    (rung,) = ratio.centred
-    assert rung.network.direction_rms_deg == pytest.approx(1.0)
-    assert ratio.worst == pytest.approx(1.0 / rung.leaning.direction_rms_deg)
-    assert rung.network.magnitude_rms_gf == pytest.approx(0.0, abs=1e-9)
+    (only,) = ratio.centred
+    assert only.network.direction_rms_deg == pytest.approx(1.0)
+    assert ratio.worst == pytest.approx(1.0 / only.leaning.direction_rms_deg)
+    assert only.network.magnitude_rms_gf == pytest.approx(0.0, abs=1e-9)
     assert calls[:2] == [180, 180]
 
 

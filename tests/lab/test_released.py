@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.imputation import Filling
+from footsense.estimation.faults.imputation import Imputation
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, coverage
 from footsense.lab.evaluation.evaluate_models import evaluate_models, open_models
-from footsense.lab.studies.accuracy.cramer_rao import twins_of
-from footsense.lab.training.load_cases import measured_closure_rel, wide
+from footsense.lab.evaluation.maximum_likelihood import ambiguous_loads
+from footsense.lab.model_card import readme
+from footsense.lab.training.load_cases import measured_closure_rel, random_loads
 from footsense.lab.training.train import MASKS
 from tests.lab.released import RELEASED, SOLE
 
@@ -39,11 +40,11 @@ def test_the_release_is_ten_times_better_than_the_paper() -> None:
 def test_sigma_is_honest_whatever_is_missing(mask: NDArray[np.bool_]) -> None:
     """Held-out loads with the converter's noise: nine errors in ten are within two sigma, and sigma is not idle."""
     response, network = open_models(RELEASED)
-    cases = wide(response, SOLE.loads, 3000, 11)
+    cases = random_loads(response, SOLE.loads, 3000, 11)
     measured = measured_closure_rel(response.design, cases.closure_um, np.random.default_rng(11))
     missing = np.broadcast_to(mask, measured.shape)
-    filling = Filling(np.array(network.card["moments"]))
-    force_n, sigma_n = network.estimate(filling.fill(measured, missing), missing)
+    imputation = Imputation(np.array(network.card["moments"]))
+    force_n, sigma_n = network.estimate(imputation.impute(measured, missing), missing)
     shares = coverage(cases.force_n, force_n, sigma_n)
     assert min(shares["within_2_sigma"]) > 0.87
     assert max(shares["within_1_sigma"]) < 0.9
@@ -54,8 +55,17 @@ def test_light_loads_have_a_twin_and_heavy_ones_none() -> None:
     response, _ = open_models(RELEASED)
     apart = {}
     for magnitude_gf in (20.0, 100.0):
-        sigmas, angle_deg = twins_of(Foot(response), magnitude_gf, np.arange(43.0, 46.0, 0.5))
+        sigmas, angle_deg = ambiguous_loads(Foot(response), magnitude_gf, np.arange(43.0, 46.0, 0.5))
         assert angle_deg.min() > 60.0
         apart[magnitude_gf] = sigmas.min()
     assert apart[20.0] < 2.0
     assert apart[100.0] > 10.0
+
+
+def test_the_model_card_is_what_a_build_writes() -> None:
+    """All of it but the parity of JAX and ONNX Runtime, which only a build measures."""
+    text = (RELEASED / "README.md").read_text(encoding="utf-8")
+    parity_mn = float(text.partition("ONNX Runtime: ")[2].partition(" ")[0])
+    response, network = open_models(RELEASED)
+    table = evaluate_models(RELEASED)
+    assert text == readme(SOLE, response, network.card, table, parity_mn / 1000.0, quick=False)

@@ -1,29 +1,28 @@
 """RPROP against its definition, and the perceptrons that learn by it."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.lab.training.gradient_descent import descent_start, descent_step
 from footsense.lab.training.load_cases import Cases
-from footsense.lab.training.mlp import forward, learn, loss, stack, start_layers, unstack
-from footsense.lab.training.paper_procedure import Feed, Lesson
-from footsense.lab.training.rprop import (
-    FIRST_STEP,
-    GROW,
-    LARGEST_STEP,
-    LEAST_STEP,
-    SHRINK,
-    RpropMemory,
-    rprop_start,
-    rprop_step,
-)
+from footsense.lab.training.mlp import forward, loss, stack, start_layers, train, unstack
+from footsense.lab.training.paper_procedure import Feed, PaperTraining
+from footsense.lab.training.rprop import FIRST_STEP, GROW, LARGEST_STEP, LEAST_STEP, RPROP, SHRINK, RpropState
 
 pytestmark = pytest.mark.lab
+
+
+def step(weights: Any, gradient: Any, state: Any) -> tuple[Any, Any]:
+    """Return weights and state after one epoch of RPROP."""
+    change, state = RPROP.update(gradient, state)
+    return optax.apply_updates(weights, change), state
 
 
 def test_rprop_follows_a_hand_computed_sequence() -> None:
@@ -36,31 +35,31 @@ def test_rprop_follows_a_hand_computed_sequence() -> None:
     sizes = [0.1, 0.12, 0.06, 0.06, 0.06, 0.06]
     places = [0.9, 0.78, 0.90, 0.96, 0.96, 1.02]
     weight = jnp.asarray(1.0)
-    memory = rprop_start(weight)
+    state = RPROP.init(weight)
     for gradient, size, place in zip(gradients, sizes, places, strict=True):
-        weight, memory = rprop_step(weight, jnp.asarray(gradient), memory)
-        assert float(memory.size) == pytest.approx(size, rel=1e-5)
+        weight, state = step(weight, jnp.asarray(gradient), state)
+        assert float(state.size) == pytest.approx(size, rel=1e-5)
         assert float(weight) == pytest.approx(place, rel=1e-5)
 
 
 def test_rprop_keeps_each_weight_its_own_step() -> None:
     """In one array, one weight grows its step while the other takes its move back."""
     weights = {"a": jnp.zeros(2)}
-    memory = rprop_start(weights)
-    weights, memory = rprop_step(weights, {"a": jnp.array([1.0, 1.0])}, memory)
-    weights, memory = rprop_step(weights, {"a": jnp.array([1.0, -1.0])}, memory)
-    np.testing.assert_allclose(memory.size["a"], [FIRST_STEP * GROW, FIRST_STEP * SHRINK], rtol=1e-6)
+    state = RPROP.init(weights)
+    weights, state = step(weights, {"a": jnp.array([1.0, 1.0])}, state)
+    weights, state = step(weights, {"a": jnp.array([1.0, -1.0])}, state)
+    np.testing.assert_allclose(state.size["a"], [FIRST_STEP * GROW, FIRST_STEP * SHRINK], rtol=1e-6)
     np.testing.assert_allclose(weights["a"], [-0.22, 0.0], atol=1e-6)
-    assert memory.gradient["a"].tolist() == [1.0, 0.0]
+    assert state.gradient["a"].tolist() == [1.0, 0.0]
 
 
 def test_a_step_stops_at_its_bounds() -> None:
     """Growth ends at 50, shrinkage at 1e-6, exactly."""
     one = jnp.asarray(1.0)
-    wide = RpropMemory(size=jnp.asarray(49.0), gradient=one, move=-one)
-    assert float(rprop_step(one, one, wide)[1].size) == LARGEST_STEP
-    narrow = RpropMemory(size=jnp.asarray(1.5e-6), gradient=one, move=-one)
-    assert float(rprop_step(one, -one, narrow)[1].size) == pytest.approx(LEAST_STEP, rel=1e-6)
+    wide = RpropState(size=jnp.asarray(49.0), gradient=one, move=-one)
+    assert float(step(one, one, wide)[1].size) == LARGEST_STEP
+    narrow = RpropState(size=jnp.asarray(1.5e-6), gradient=one, move=-one)
+    assert float(step(one, -one, narrow)[1].size) == pytest.approx(LEAST_STEP, rel=1e-6)
 
 
 @given(
@@ -70,18 +69,18 @@ def test_a_step_stops_at_its_bounds() -> None:
 def test_steps_stay_within_bounds_and_a_sign_change_halves_them(gradient: list[float], size: float) -> None:
     """For any gradients and first step: bounds hold, no move exceeds its step, and each change of sign halves."""
     weight = jnp.asarray(0.0)
-    memory = rprop_start(weight)._replace(size=jnp.asarray(size, jnp.float32))
+    state = RPROP.init(weight)._replace(size=jnp.asarray(size, jnp.float32))
     for g in gradient:
-        before, place = memory, float(weight)
-        weight, memory = rprop_step(weight, jnp.asarray(g, jnp.float32), memory)
-        after = float(memory.size)
+        before, place = state, float(weight)
+        weight, state = step(weight, jnp.asarray(g, jnp.float32), state)
+        after = float(state.size)
         assert LEAST_STEP * (1 - 1e-6) <= after <= LARGEST_STEP
         if g * float(before.gradient) < 0.0:
             assert after == pytest.approx(max(SHRINK * float(before.size), LEAST_STEP), rel=1e-6)
-            assert float(memory.move) == -float(before.move)
-            assert float(memory.gradient) == 0.0
+            assert float(state.move) == -float(before.move)
+            assert float(state.gradient) == 0.0
         else:
-            assert abs(float(memory.move)) in {0.0, after}
+            assert abs(float(state.move)) in {0.0, after}
             assert float(weight) == pytest.approx(place - np.sign(g) * after, rel=1e-5, abs=1e-6)
 
 
@@ -90,10 +89,10 @@ def _descend(start: float, scale: float, epochs: int) -> float:
     minimum = jnp.array([1.0, -2.0])
     hessian = scale * jnp.array([[1.0, 0.4], [0.4, 30.0]])
     weights = jnp.full(2, start)
-    memory = rprop_start(weights)
-    step = jax.jit(rprop_step)
+    state = RPROP.init(weights)
+    jitted = jax.jit(step)
     for _ in range(epochs):
-        weights, memory = step(weights, hessian @ (weights - minimum), memory)
+        weights, state = jitted(weights, hessian @ (weights - minimum), state)
     return float(jnp.abs(weights - minimum).max())
 
 
@@ -101,17 +100,6 @@ def _descend(start: float, scale: float, epochs: int) -> float:
 def test_rprop_finds_the_minimum_of_a_quadratic_of_any_scale(scale: float) -> None:
     """Condition 30, starts at 5, gradients over twelve decades: within 1e-4 of (1, -2) after 150 epochs."""
     assert _descend(5.0, scale, 150) < 1e-4
-
-
-def test_back_propagation_is_what_its_formula_says() -> None:
-    """Two epochs by hand: rate 0.5, gradient 2, momentum 0.9; without momentum the second move is the first."""
-    for momentum, second in ((0.0, -1.0), (0.9, -1.9)):
-        weight = jnp.asarray(0.0)
-        memory = descent_start(weight, 0.5, momentum)
-        weight, memory = descent_step(weight, jnp.asarray(2.0), memory)
-        assert float(weight) == -1.0
-        weight, memory = descent_step(weight, jnp.asarray(2.0), memory)
-        assert float(weight) == pytest.approx(-1.0 + second)
 
 
 def test_forward_is_the_formula_and_its_gradient_the_difference_quotient() -> None:
@@ -142,8 +130,8 @@ def test_silent_neurons_stay_silent_and_change_nothing() -> None:
     targets = inputs[:, :2] * inputs[:, 2:]
     plain = stack([start_layers(np.random.default_rng(3), (4, 5, 5, 2))])
     padded = stack([start_layers(np.random.default_rng(3), (4, 5, 5, 2), (4, 9, 9, 2))])
-    small = learn(rprop_step, plain, rprop_start(plain), inputs, targets, 50)
-    large = learn(rprop_step, padded, rprop_start(padded), inputs, targets, 50)
+    small = train(RPROP, plain, inputs, targets, 50)
+    large = train(RPROP, padded, inputs, targets, 50)
     np.testing.assert_allclose(large.losses, small.losses, rtol=1e-3)
     assert not np.asarray(large.layers[1].weight)[0, 5:].any()
     assert not np.asarray(large.layers[1].weight)[0, :, 5:].any()
@@ -155,8 +143,8 @@ def test_stacked_networks_learn_as_if_alone() -> None:
     targets = np.sin(3.0 * inputs[:, :1])
     starts = [start_layers(np.random.default_rng(seed), (3, 6, 1)) for seed in (0, 1)]
     both, one = stack(starts), stack(starts[1:])
-    together = learn(rprop_step, both, rprop_start(both), inputs, targets, 200)
-    alone = learn(rprop_step, one, rprop_start(one), inputs, targets, 200)
+    together = train(RPROP, both, inputs, targets, 200)
+    alone = train(RPROP, one, inputs, targets, 200)
     np.testing.assert_allclose(together.losses[1], alone.losses[0], rtol=1e-3)
     assert together.losses[1, 0] == pytest.approx(float(loss(starts[1], inputs, targets)), rel=1e-5)
     assert (together.losses[:, -1] < 0.01 * together.losses[:, 0]).all()
@@ -165,14 +153,14 @@ def test_stacked_networks_learn_as_if_alone() -> None:
 
 
 @pytest.mark.parametrize("feed", ["capacitance", "closure"])
-def test_a_lesson_scales_by_its_cases_and_answers_in_newtons(feed: Feed) -> None:
-    """Forces that are linear in the closures are read back to 10 % rms from either feed, also in cases not taught."""
+def test_a_training_scales_by_its_cases_and_answers_in_newtons(feed: Feed) -> None:
+    """Forces that are linear in the closures are read back to 10 % rms from either feed, also in other cases."""
     design = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
     rng = np.random.default_rng(5)
     closure_um = rng.uniform(1.0, 8.0, (300, 9))
     force_n = closure_um @ rng.uniform(-0.05, 0.05, (9, 3))
-    lesson = Lesson(design, Cases(force_n[:200], closure_um[:200]), feed)
-    assert (lesson.inputs.max(), np.abs(lesson.targets).max()) == (1.0, 1.0)
-    (read,) = lesson.teach([start_layers(rng, (9, 6, 3))], 600)
+    training = PaperTraining(design, Cases(force_n[:200], closure_um[:200]), feed)
+    assert (training.inputs.max(), np.abs(training.targets).max()) == (1.0, 1.0)
+    (read,) = training.train([start_layers(rng, (9, 6, 3))], 600)
     wrong_n = read(closure_um[200:]) - force_n[200:]
     assert np.sqrt(np.mean(wrong_n**2)) < 0.1 * np.sqrt(np.mean(force_n**2))

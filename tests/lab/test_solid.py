@@ -9,6 +9,7 @@ import pytest
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from footsense.foot.directions import directions
 from footsense.foot.gap_contact import CELLS
 from footsense.foot.response_table import FootResponse
 from footsense.lab.fem.adjoint import UM_PER_MM, ClassField
@@ -17,7 +18,6 @@ from footsense.lab.fem.mesh import MeshSize, quarter_cells
 from footsense.lab.fem.quarter import Parity, Quarter
 from footsense.lab.geometry import Material
 from footsense.lab.response import SYMMETRIES, element_map, patch_mean
-from footsense.lab.training.load_cases import directions
 from tests.lab.released import SOLE
 
 pytestmark = pytest.mark.lab

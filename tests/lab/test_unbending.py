@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from footsense.foot.directions import directions
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.training.forward_inversion import unbending
-from footsense.lab.training.load_cases import GRAM_FORCE_N, directions, sensed_closure_um
+from footsense.lab.training.load_cases import sensed_closure_um
 
 pytestmark = pytest.mark.lab
 

@@ -1,24 +1,58 @@
-"""The bytes that ask the kernel for a RESET line, pinned to linux/gpio.h, and what is said where there is none."""
+"""The RESET line: how it is requested and pulsed, and the messages without one."""
+
+import errno
+import os
 
 import pytest
+from gpiod.line import Direction, Drive, Value
 
-from footsense.acquisition.gpio import LinuxResetLine, request
+from footsense.acquisition.gpio import SETTINGS, LinuxResetLine
 from footsense.errors import HardwareError
 
 
-def test_one_line_is_asked_for_as_an_open_drain_active_low_output() -> None:
-    """The struct gpio_v2_line_request has 592 bytes: offsets, consumer at 256, flags at 288, number of lines at 560."""
-    asked = request(17)
-    assert len(asked) == 592
-    assert asked[:4] == b"\x11\x00\x00\x00"
-    assert asked[256:288].rstrip(b"\x00") == b"footsense"
-    assert asked[288:296] == (0b1001010).to_bytes(8, "little")
-    assert asked[560:564] == b"\x01\x00\x00\x00"
-    assert not any(asked[4:256] + asked[296:560] + asked[564:])
+class Line:
+    """A requested line that keeps the values it was set to."""
+
+    def __init__(self, error: OSError | None = None) -> None:
+        self.values: list[tuple[int, Value]] = []
+        self.released = False
+        self._error = error
+
+    def set_value(self, line: int, value: Value) -> None:
+        if self._error:
+            raise self._error
+        self.values.append((line, value))
+
+    def release(self) -> None:
+        self.released = True
+
+
+def test_the_line_is_an_open_drain_active_low_output_that_is_released() -> None:
+    """Driven high, the pin would fight a mux with a lower supply; active at once, it would reset the bus."""
+    assert (SETTINGS.direction, SETTINGS.drive) == (Direction.OUTPUT, Drive.OPEN_DRAIN)
+    assert (SETTINGS.active_low, SETTINGS.output_value) == (True, Value.INACTIVE)
+
+
+def test_a_pulse_is_active_then_inactive() -> None:
+    """The pin is low for two system calls, and the line stays requested until it is closed."""
+    line = Line()
+    reset = LinuxResetLine(line, "/dev/gpiochip0", 17)
+    reset.pulse()
+    assert line.values == [(17, Value.ACTIVE), (17, Value.INACTIVE)]
+    assert not line.released
+    reset.close()
+    assert line.released
+
+
+def test_a_line_that_has_gone_is_one_clear_line() -> None:
+    """The message names the line."""
+    gone = LinuxResetLine(Line(OSError(errno.ENODEV, os.strerror(errno.ENODEV))), "/dev/gpiochip0", 17)
+    with pytest.raises(HardwareError, match=r"^/dev/gpiochip0 line 17: No such device$"):
+        gone.pulse()
 
 
 def test_a_chip_that_is_not_there_is_one_clear_line() -> None:
-    """The message names the line and what to look at."""
+    """The message names the line and the command that lists lines."""
     with pytest.raises(
         HardwareError, match=r"^/dev/gpiochip99 line 3: No such file or directory; see `gpioinfo`"
     ):
@@ -27,5 +61,5 @@ def test_a_chip_that_is_not_there_is_one_clear_line() -> None:
 
 def test_another_kind_of_file_is_no_chip() -> None:
     """The message says so."""
-    with pytest.raises(HardwareError, match=r"^/dev/null line 3: Inappropriate ioctl for device"):
+    with pytest.raises(HardwareError, match=r"^/dev/null line 3: (No such device|Inappropriate ioctl)"):
         LinuxResetLine.open("/dev/null", 3)

@@ -17,8 +17,8 @@ WINDOW = 4
 SCAN_NS = 25_000_000
 MAX_AGE_NS = 100_000_000
 SIGMA_N = np.array([0.01, 0.01, 0.02])
-#: The zero of these feet leaves nothing open: their sigma is the network's, and `test_footing` has the zero's.
-ZERO_N = np.zeros(3)
+#: No uncertainty by the baseline: sigma is the network's; `test_baseline_tracker` tests the baseline's.
+BASELINE_N = np.zeros(3)
 
 #: Loads that close all gaps alike, but for a millionth: a missing closure is the mean of the others.
 ALIKE = np.ones((9, 9)) + 1e-6 * np.eye(9)
@@ -48,7 +48,7 @@ def pipeline(n_legs: int = 2, stray_pf: float = 0.0, **own: NDArray[np.float64])
         ),
         np.full((n_legs, 9), stray_pf),
         np.full((n_legs, 9), DESIGN.rest_pf),
-        sensitivity=Sensitivity(load_n=9.0, zero_n=ZERO_N),
+        sensitivity=Sensitivity(load_n=9.0, baseline_n=BASELINE_N),
         tare=TareLimits(window_frames=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
         contact=ContactLimits(touch_n=0.03),
         max_age_ns=MAX_AGE_NS,

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
-from footsense.estimation.baseline.tracker import Footing
+from footsense.estimation.baseline.tracker import BaselineTracker
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.frames import ELEMENTS, CommandResult, Flag
 from tests.support.feet import DESIGN
@@ -19,9 +19,9 @@ CONVERSION_S = SCAN_S / ELEMENTS
 TOUCH_N = 0.03
 WINDOW = 8
 NOISE_FF = 0.47
-#: Closures that 1 N makes on the elements, over the gap [1]; their middle mean is 0.4.
+#: Closures that 1 N makes on the elements, over the gap [1]; their trimmed mean is 0.4.
 PER_NEWTON = 0.4 * np.array([0.9, 1.05, 0.9, 1.05, 1.2, 1.05, 0.9, 1.05, 0.9])
-SENSITIVITY = Sensitivity(load_n=2.5, zero_n=np.array([1.0, 1.0, 2.7]))
+SENSITIVITY = Sensitivity(load_n=2.5, baseline_n=np.array([1.0, 1.0, 2.7]))
 #: What an even drift does to the force along the leg [mN/fF]; HARDWARE's 1.5 fF/K are 1 mN/K.
 MN_PER_FF = 0.66
 #: Rubber that goes on giving way for minutes: share and time constant [s].
@@ -43,11 +43,11 @@ class Creep:
 
 
 class Standing:
-    """Legs on a footing, fed scan by scan or conversion by conversion."""
+    """Legs under a baseline tracker, fed scan by scan or conversion by conversion."""
 
     def __init__(self, n_legs: int, *, track: bool = True, element_by_element: bool = False) -> None:
         unloaded_pf = np.full((n_legs, ELEMENTS), DESIGN.rest_pf)
-        self.footing = Footing(
+        self.tracker = BaselineTracker(
             unloaded_pf,
             DESIGN,
             TareLimits(window_frames=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
@@ -89,12 +89,12 @@ class Standing:
         self.show(self._pf)
 
     def show(self, capacitance_pf: Vector) -> None:
-        """Hand a frame of these readings to the footing."""
+        """Hand a frame of these readings to the tracker."""
         reading, missing = np.zeros(capacitance_pf.shape, np.uint8), np.zeros(capacitance_pf.shape, bool)
         now_ns = self.t_ns + 2_000_000
-        self.outcomes += self.footing.tare(capacitance_pf, reading, self._stamps, missing, now_ns)
-        closure_rel = DESIGN.closure_um(capacitance_pf, self.footing.baseline_pf) / DESIGN.gap_um
-        self.footing.observe(closure_rel, None, capacitance_pf, self._stamps, missing, now_ns)
+        self.outcomes += self.tracker.tare(capacitance_pf, reading, self._stamps, missing, now_ns)
+        closure_rel = DESIGN.closure_um(capacitance_pf, self.tracker.unloaded.baseline_pf) / DESIGN.gap_um
+        self.tracker.observe(closure_rel, None, capacitance_pf, self._stamps, missing, now_ns)
 
     def tared(self) -> "Standing":
         """Hang in the air until the tare is done and the swing confirmed."""
@@ -103,14 +103,14 @@ class Standing:
         return self
 
     @property
-    def touching(self) -> NDArray[np.bool_]:
-        touching: NDArray[np.bool_] = self.footing.flags & Flag.CONTACT != 0
-        return touching
+    def in_contact(self) -> NDArray[np.bool_]:
+        in_contact: NDArray[np.bool_] = self.tracker.flags & Flag.CONTACT != 0
+        return in_contact
 
     @property
-    def zero_ff(self) -> Vector:
-        """How far the zeros are from those of the foot as it was made [fF], shape (legs, 9)."""
-        return (self.footing.baseline_pf - DESIGN.rest_pf) * 1e3
+    def baseline_ff(self) -> Vector:
+        """Distance of the baselines from the unloaded foot as it was made [fF], shape (legs, 9)."""
+        return (self.tracker.unloaded.baseline_pf - DESIGN.rest_pf) * 1e3
 
 
 def stance_n(t_s: float, period_s: float = 1.2, duty_rel: float = 0.6) -> float:

@@ -110,7 +110,7 @@ def test_the_feet_and_their_lines_break_as_on_any_board() -> None:
     assert forces.cause[1] == Cause.ELEMENT_OPEN
     assert forces.force_n[:, 2] == pytest.approx([0.5] * 6, abs=0.05)
     strange = Scene(description="", load=load, faults=(StuckSda(at_s=1.0, leg="lm"),))
-    with pytest.raises(ConfigError, match=r"scene: faults\[0\]: strikes chips or wires of an I2C bus"):
+    with pytest.raises(ConfigError, match=r"scene: faults\[0\]: is for chips or wires of an I2C bus"):
         daemon.simulated_robot(MCU, strange)
 
 

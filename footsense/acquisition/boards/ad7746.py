@@ -11,7 +11,7 @@ steps off nothing read as their capacitance. Registers: `firmware_interface/ad77
 from firmware_interface import ad7746 as chip
 from firmware_interface import adg715, schedule
 from firmware_interface.ad7746 import Register
-from footsense.acquisition.boards.board import Board, Check, Element, Thermometer
+from footsense.acquisition.boards.board import Board, Check, Step, Thermometer
 from footsense.errors import HardwareError, NackError, WrongChipError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
@@ -68,9 +68,16 @@ def _wait_ns(conversion_ns: int) -> int:
     return round(conversion_ns * (1 + chip.CLOCK_TOLERANCE_REL))
 
 
-def element(row: int, column: int, rate_sps: int) -> Element:
-    """Return what converting the element of a row and a column takes."""
-    return Element(
+def step(element: int, rate_sps: int) -> Step:
+    """Return the conversion of an element.
+
+    Args:
+        element: Flat index.
+        rate_sps: Conversions per second, a key of `firmware_interface.ad7746.RATES`.
+    """
+    row, column = divmod(element, adg715.LINES)
+    return Step(
+        element=element,
         select=(
             Transaction(adg715.ADDRESS, bytes((adg715.select_lines(1 << row),))),
             Transaction(adg715.COLUMN_ADDRESS, bytes((adg715.select_lines(1 << column),))),
@@ -186,7 +193,7 @@ def decode_temperature(answer: bytes, again: bytes) -> float:
 
 BOARD = Board(
     conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
-    element=element,
+    step=step,
     identify=identify,
     configure=configure,
     decode_result=decode_result,

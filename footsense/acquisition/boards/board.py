@@ -1,6 +1,6 @@
-"""The electronics of a foot as a scanner sees them: what is sent for an element, and what the answers mean.
+"""The electronics of a foot as a scanner uses them: transactions for an element, and the decoding of their answers.
 
-There are two, each in the module of its converter: `fdc1004.BOARD` and `ad7746.BOARD`. The scanners know neither.
+Each of the two boards is a value of `Board` in the module of its converter: `fdc1004.BOARD` and `ad7746.BOARD`.
 """
 
 from collections.abc import Callable, Mapping
@@ -10,12 +10,12 @@ from firmware_interface.schedule import Traffic
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
-#: Readings behind which stands a conversion of the element, whatever came of it.
+#: Readings of a conversion that has taken place.
 CONVERTED = frozenset({Reading.OK, Reading.OVER_RANGE, Reading.UNDER_RANGE})
 
 
 class Check(NamedTuple):
-    """What every leg must answer while a conversion runs; asked of all at once, the answers are a wired AND.
+    """A setting that is read back; asked of several legs at once, the answers are a wired AND.
 
     Attributes:
         ask: A read that changes nothing.
@@ -26,13 +26,8 @@ class Check(NamedTuple):
     expected: bytes
 
 
-def switch_check(select: Transaction) -> Check:
-    """Return the question whether a line switch stands as it was told by `select`."""
-    return Check(Transaction(select.address, b"", n_read=1), select.write)
-
-
 class Done(NamedTuple):
-    """How converters are asked whether they are done, where that can be asked of all at once.
+    """The question whether a conversion is done, where it can be asked of several legs at once.
 
     Attributes:
         ask: A read that changes nothing.
@@ -43,30 +38,39 @@ class Done(NamedTuple):
     decode: Callable[[bytes], Reading]
 
 
-class Element(NamedTuple):
-    """What converting one element takes.
+class Step(NamedTuple):
+    """The conversion of one element.
 
     Attributes:
-        select: Writes of the line switches, one for each.
-        trigger: Starts the conversion.
-        done: Asks whether it is done; None where the result itself tells.
-        read: Reads the result of one leg.
+        element: Flat index of the element.
+        select: Writes that select the element's lines, one for each line switch.
+        trigger: Write that starts the conversion.
+        done: The question whether it is done; None where the result itself tells.
+        read: Reads of one leg's result.
+        changes: The writes of `select` that are needed after the step before.
+        select_checks: Positions of the line switches: a broadcast write is acknowledged even if one leg misses it, and
+            a wrong line reads as a plausible capacitance.
+        setting_checks: Settings of the converter; in the last step of a scan only.
     """
 
+    element: int
     select: tuple[Transaction, ...]
     trigger: Transaction
     done: Done | None
     read: tuple[Transaction, ...]
+    changes: tuple[Transaction, ...] = ()
+    select_checks: tuple[Check, ...] = ()
+    setting_checks: tuple[Check, ...] = ()
 
 
 class Thermometer(NamedTuple):
-    """How a converter with a temperature sensor is read; its conversions of elements are then at an end.
+    """The temperature sensor of a converter; to read it ends the conversions of elements.
 
     Attributes:
-        start: Starts the conversion of the temperature.
-        wait_ns: Time after which also the slowest chip has finished [ns].
-        read: Reads it from one leg.
-        decode: What two answers in a row say [deg C], the second of which is not new any more; NaN if that is none.
+        start: Writes that start the conversion of the temperature.
+        wait_ns: Time after which the slowest chip has finished [ns].
+        read: Read of the result of one leg.
+        decode: Temperature [degC] of two answers in a row, the second of which is not new any more; NaN if corrupt.
     """
 
     start: tuple[Transaction, ...]
@@ -80,23 +84,23 @@ class Board(NamedTuple):
 
     Attributes:
         conversion_ns: Nominal time of one conversion by conversions per second [ns].
-        element: What an element takes: row, column, conversions per second.
-        identify: Makes sure that the connected chip is the right one. Raises HardwareError if nothing answers,
-            WrongChipError if something else does, and BusError.
-        configure: Sets up the chip of the leg that is connected alone. Returns OK and what its CAPDAC takes off each
-            result [pF]; or why it is of no use. Raises BusError.
-        decode_result: What the answers to `Element.read` say, and the capacitance [pF], CAPDAC not included; NaN
-            unless the reading is OK.
+        step: Conversion of an element, by its flat index and conversions per second.
+        identify: Checks that the connected chip is the right one. Raises HardwareError if no chip answers,
+            WrongChipError if another one does, and BusError.
+        configure: Sets up the chip of the leg that is connected alone. Returns OK and the capacitance that its CAPDAC
+            subtracts from each result [pF], or the reason why the chip cannot be used. Raises BusError.
+        decode_result: Reading and capacitance [pF] of the answers to `Step.read`, CAPDAC not included; NaN unless the
+            reading is OK.
         restart: Brings a converter in an unknown state to where it can convert: its settings, and no result left to be
             read.
-        setting_check: That it holds its settings, which a dip of its supply resets; asked once a scan.
-        range_end_pf: What an element over its range has at least [pF].
-        thermometer: How it tells its temperature; None if it has no sensor.
-        traffic: What its transactions are at least.
+        setting_check: The settings of the converter, which a dip of its supply resets; asked once a scan.
+        range_end_pf: Least capacitance of an element over the range [pF].
+        thermometer: Its temperature sensor; None if it has none.
+        traffic: Least transactions of a scan.
     """
 
     conversion_ns: Mapping[int, int]
-    element: Callable[[int, int, int], Element]
+    step: Callable[[int, int], Step]
     identify: Callable[[I2cBus, Clock], None]
     configure: Callable[[I2cBus, Clock], tuple[Reading, float]]
     decode_result: Callable[[list[bytes]], tuple[Reading, float]]

@@ -8,7 +8,7 @@ from functools import partial
 
 from firmware_interface import adg715, schedule
 from firmware_interface import fdc1004 as chip
-from footsense.acquisition.boards.board import Board, Check, Done, Element
+from footsense.acquisition.boards.board import Board, Check, Done, Step
 from footsense.errors import HardwareError, NackError, WrongChipError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
@@ -38,9 +38,16 @@ ALL_RESULTS = tuple(read_register(chip.result_register(slot)) for slot in range(
 _RESET = write_register(chip.Register.FDC_CONF, chip.CONF_RESET.encode(1))
 
 
-def element(row: int, column: int, rate_sps: int) -> Element:
-    """Return what converting the element of a row and a column takes: measurement slot `column` has CIN `column`."""
-    return Element(
+def step(element: int, rate_sps: int) -> Step:
+    """Return the conversion of an element: measurement slot n converts CIN n, to which column n is wired.
+
+    Args:
+        element: Flat index.
+        rate_sps: Conversions per second: 100, 200 or 400.
+    """
+    row, column = divmod(element, COLUMNS)
+    return Step(
+        element=element,
         select=(Transaction(adg715.ADDRESS, bytes((adg715.select_lines(1 << row),))),),
         trigger=write_register(chip.Register.FDC_CONF, chip.trigger(rate_sps, column)),
         done=Done(READ_CONF, partial(_decode_done, done_bit=chip.CONF_DONE.encode(chip.slot_bit(column)))),
@@ -151,7 +158,7 @@ def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
 
 BOARD = Board(
     conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
-    element=element,
+    step=step,
     identify=identify,
     configure=configure,
     decode_result=decode_result,

@@ -86,7 +86,7 @@ def scan_bus(
     channels = {}
     for channel in range(tca9548a.CHANNELS):
         try:
-            if not _holds_selection(bus, tca9548a.select((channel,))):
+            if not _holds_selection(bus, tca9548a.select(channel)):
                 return BusScan(upstream, mux_answers=False, channels={}, timing=None)
             channels[channel] = _scan_channel(bus.bus, clock, plan, known, is_leg=channel in legs.values())
         except BusTimeoutError as error:

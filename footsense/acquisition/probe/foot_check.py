@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.faults import leg_status
+from footsense.estimation.faults.open_elements import OPEN_REL, floating_pf
 from footsense.frames import ELEMENTS, Cause, Reading
 
 __all__ = ["CHIP_READINGS", "Finding", "FootScans", "findings"]
@@ -137,11 +137,11 @@ def findings(
             return (Finding(cause, tuple(range(ELEMENTS)), what, check),)
     mean_pf = scans.mean_pf - stray_pf
     over = scans.worst == Reading.OVER_RANGE
-    opened = (mean_pf < leg_status.OPEN_REL * unloaded_pf) | (scans.worst == Reading.UNDER_RANGE)
+    opened = (mean_pf < OPEN_REL * unloaded_pf) | (scans.worst == Reading.UNDER_RANGE)
     broken = [*_over_range(over, opened), *_opened(opened, over)]
     wrong = opened | over
     # A row that floats adds to the others what it still has to ground.
-    mean_pf = mean_pf - leg_status.floating_pf(scans.mean_pf[None], opened[None])[0]
+    mean_pf = mean_pf - floating_pf(scans.mean_pf[None], opened[None])[0]
     loud = ~wrong & (scans.noise_ff > noise_limit_ff)
     if loud.any():
         broken.append(_loud(loud, scans.noise_ff, noise_limit_ff))

@@ -224,7 +224,7 @@ def _aligned(
     t_ns, force_n, sigma_n = [], [], []
     for now_ns, distance_rel, stamps_ns in zip(sent_ns.tolist(), values, stamps, strict=True):
         sample = alignment.align(distance_rel, np.tile(stamps_ns, (n_feet, 1)), now_ns, nothing)
-        closure_rel = _trained(readings.rest_rel - sample.values, card)
+        closure_rel = _trained(readings.rest_rel - sample.distance_rel, card)
         force, sigma = alignment.estimate(closure_rel, readings.rest_rel, everyone, nothing)
         t_ns.append(int(sample.t_ns[0]))
         force_n.append(force)

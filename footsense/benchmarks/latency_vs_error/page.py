@@ -25,8 +25,8 @@ from footsense.benchmarks.latency_vs_error.loads import LoadCase, load_cases, me
 from footsense.benchmarks.latency_vs_error.tables import FIGURE, MethodResult, Results, Size, body
 from footsense.foot.network_card import TrainedInputs, read_card
 from footsense.foot.specimen import Foot
-from footsense.lab.studies.networks.network_size import learn_sizes
-from footsense.lab.studies.page import Page, Workbench
+from footsense.lab.studies.networks.network_size import train_sizes
+from footsense.lab.studies.page import Page, StudyContext
 from footsense.lab.training.export import OnnxNetwork, onnx_model
 from footsense.lab.training.network import Weights
 
@@ -55,7 +55,7 @@ _METHODS: dict[str, tuple[Callable[..., PublishedForces], tuple[str, ...]]] = {
 }
 
 
-def _results(load: LoadCase, bench: Workbench, card: TrainedInputs) -> Results:
+def _results(load: LoadCase, bench: StudyContext, card: TrainedInputs) -> Results:
     """Return the results of every publishing method under one load."""
     foot, truth = Foot(bench.response), load.truth
     readings = {
@@ -77,7 +77,7 @@ def _results(load: LoadCase, bench: Workbench, card: TrainedInputs) -> Results:
 
 
 def _points(
-    bench: Workbench, size: Size, card: TrainedInputs
+    bench: StudyContext, size: Size, card: TrainedInputs
 ) -> tuple[list[OperatingPoint], list[OperatingPoint]]:
     """Return rates, averaging and publish modes with the shipped network, and networks of other sizes."""
     foot, truth = Foot(bench.response), measured_truth(size.strides)
@@ -90,7 +90,7 @@ def _points(
         bench.say(f"tradeoff: {rate} S/s")
     sizes = [
         feet[400].operating_point(_onnx_network(trained), card, 1, publish, trained.size)
-        for trained in learn_sizes(bench, size.channels, size.cases, size.training_steps)
+        for trained in train_sizes(bench, size.channels, size.cases, size.training_steps)
         for publish in ("frame", "element")
     ]
     return points, sizes
@@ -104,7 +104,7 @@ def _onnx_network(weights: Weights) -> OnnxNetwork:
         return OnnxNetwork(path)
 
 
-def page(bench: Workbench) -> Page:
+def page(bench: StudyContext) -> Page:
     """Run the study on the released network, or its quick form."""
     card = read_card(json.dumps(bench.network.card), str(bench.models)).calibration
     size = QUICK if bench.quick else FULL

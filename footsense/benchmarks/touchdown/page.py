@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from footsense.benchmarks.latency_vs_error.chain import pace
 from footsense.benchmarks.touchdown.run import ELEMENT, FRAME, METHODS, Run, run
 from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, TOUCHDOWNS, TREMOR_N, Mask, Steps, Vector
-from footsense.lab.studies.page import Page, Workbench, table
+from footsense.lab.studies.page import Page, StudyContext, table
 
 #: Feet of each manner, and length of the run [s].
 _FULL, _QUICK = (6, 25.0), (2, 4.0)
@@ -110,7 +110,7 @@ def _swing_row(method: str, result: Run) -> list[str]:
     ]
 
 
-def page(bench: Workbench) -> Page:
+def page(bench: StudyContext) -> Page:
     """Run the study on the released network, or its quick form."""
     n_feet, until_s = _QUICK if bench.quick else _FULL
     steps = Steps(n_feet, until_s, np.random.default_rng(_SEED))

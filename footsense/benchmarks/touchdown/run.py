@@ -18,7 +18,7 @@ from footsense.foot.gap_contact import capacitance_pf
 from footsense.foot.network_card import read_card
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, Flag, Reading
-from footsense.lab.studies.page import Workbench
+from footsense.lab.studies.page import StudyContext
 
 #: Ways to read a foot.
 FRAME, ELEMENT = METHODS = ("full scan per frame", "element by element")
@@ -50,7 +50,7 @@ class Run:
     swings: Mask
 
 
-def run(bench: Workbench, method: str, steps: Steps, until_s: float, seed: int) -> Run:
+def run(bench: StudyContext, method: str, steps: Steps, until_s: float, seed: int) -> Run:
     """Return the frames of feet that touch down.
 
     Args:
@@ -104,7 +104,7 @@ def _readings(foot: Foot, steps: Steps, t_ns: Stamps, rng: np.random.Generator) 
     return converted_pf(all_pf, _RATE_SPS, rng)
 
 
-def _pipeline(bench: Workbench, method: str, n_feet: int) -> Pipeline:
+def _pipeline(bench: StudyContext, method: str, n_feet: int) -> Pipeline:
     """Return the daemon's pipeline of as many legs as there are feet."""
     network = bench.network
     card = read_card(json.dumps(network.card), str(bench.models)).calibration

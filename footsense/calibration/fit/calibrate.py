@@ -126,7 +126,9 @@ def _designed_n(design: Design, foot: FootParameters, pokes: PokeSet) -> Vector:
     )
     closure_rel = closure_um / capacitors.gap_um / foot.gain_rel
     taught: NDArray[np.bool_] = np.asarray(
-        ((closure_rel >= card.closure_rel_min) & (closure_rel <= card.most_rel(foot.gap_um))).all(axis=1)
+        ((closure_rel >= card.closure_rel_min) & (closure_rel <= card.usable_max_rel(foot.gap_um))).all(
+            axis=1
+        )
     )
     force_n, _ = design.network(len(pokes)).estimate(
         np.where(taught[:, None], closure_rel, 0.0), np.zeros((len(pokes), ELEMENTS), bool)

@@ -19,7 +19,7 @@ from footsense.validation.virtual_experiment import ALL, FEW, FootJudged, models
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from footsense.lab.studies.page import Page, Workbench
+    from footsense.lab.studies.page import Page, StudyContext
 
 #: Feet of a full run, and of a quick one with one of so many presses.
 _FEET, _QUICK_FEET, _QUICK_EVERY = 20, 2, 7
@@ -68,11 +68,11 @@ def experiment(
     folder = output or Path("docs") / ("report-quick" if quick else "report")
     require_writable(folder)
     from footsense.lab.report import bind, timed_page
-    from footsense.lab.studies.page import Workbench
+    from footsense.lab.studies.page import StudyContext
 
     workshop = Workshop(seed=seed, foot_type=foot_type or Workshop().foot_type)
     say: Callable[[str], None] = (lambda _: None) if as_json else stopwatch_report()
-    bench = Workbench(models=models_of(workshop.foot_type), quick=quick, say=say)
+    bench = StudyContext(models=models_of(workshop.foot_type), quick=quick, say=say)
     n_feet = n_feet or (_QUICK_FEET if quick else _FEET)
     page = timed_page(lambda bench: page_of(bench, workshop, n_feet, jobs or os.cpu_count() or 1), bench)
     page.write(folder)
@@ -82,13 +82,15 @@ def experiment(
     say(f"wrote {folder / page.name}.md")
 
 
-def page_of(bench: "Workbench", workshop: Workshop, n_feet: int, jobs: int) -> "Page":
+def page_of(bench: "StudyContext", workshop: Workshop, n_feet: int, jobs: int) -> "Page":
     """Make, poke and judge feet, and return the page of the report."""
     from footsense.lab.training.paper_procedure import EPOCHS
-    from footsense.lab.training.per_foot_network import from_scratch
+    from footsense.lab.training.per_foot_network import per_foot_force_n
 
     every = _QUICK_EVERY if bench.quick else 1
-    scratch = partial(from_scratch, bench.response.design, epochs=_QUICK_EPOCHS if bench.quick else EPOCHS)
+    scratch = partial(
+        per_foot_force_n, bench.response.design, epochs=_QUICK_EPOCHS if bench.quick else EPOCHS
+    )
     judged: list[FootJudged] = []
     for one in run_experiment(workshop, range(n_feet), scratch, jobs=jobs, every=every):
         judged.append(one)

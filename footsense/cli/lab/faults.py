@@ -13,7 +13,7 @@ from footsense.validation.fault_table import can_rows, rows
 from footsense.validation.fault_trial import BREAKS_AT_S, DURATION_S, PASSES_AT_S, FaultFigures
 
 if TYPE_CHECKING:
-    from footsense.lab.studies.page import Page, Workbench
+    from footsense.lab.studies.page import Page, StudyContext
 
 #: Faults around the process, their effects, and the tests that show them with a real process in real time.
 _AROUND = (
@@ -43,16 +43,16 @@ def faults(*, output: Path | None, quick: bool) -> None:
     folder = output or Path("docs") / ("report-quick" if quick else "report")
     require_writable(folder)
     from footsense.lab.report import bind
-    from footsense.lab.studies.page import Workbench
+    from footsense.lab.studies.page import StudyContext
 
-    bench = Workbench(models=released_folder(), quick=quick, say=stopwatch_report())
+    bench = StudyContext(models=released_folder(), quick=quick, say=stopwatch_report())
     page = write_page_of_faults(folder, bench)
     bind(folder, bench)
     click.echo(page.markdown)
     click.echo(f"wrote {folder / page.name}.md, and bound it into {folder / 'README.md'}")
 
 
-def write_page_of_faults(folder: Path, bench: "Workbench") -> "Page":
+def write_page_of_faults(folder: Path, bench: "StudyContext") -> "Page":
     """Make the page, write it into a folder, and return it."""
     from footsense.lab.report import timed_page
 
@@ -61,7 +61,7 @@ def write_page_of_faults(folder: Path, bench: "Workbench") -> "Page":
     return page
 
 
-def page_of_faults(bench: "Workbench") -> "Page":
+def page_of_faults(bench: "StudyContext") -> "Page":
     """Walk with every fault, and return the page with the tables."""
     from footsense.lab.studies.page import Page, table
 

@@ -1,4 +1,4 @@
-"""`footsense lab`: from rubber to network, and what the paper found and left. Needs the extra `lab`."""
+"""`footsense lab`: from rubber to network, and the paper's results measured again. Needs the extra `lab`."""
 
 import importlib.util
 
@@ -7,12 +7,14 @@ import click
 from footsense.cli.lab import experiment, faults, models, study
 from footsense.errors import FootsenseError
 
-#: What only the workshop's install has.
-_EXTRA = ("ngsolve", "jax", "optax", "onnx", "scipy")
+#: Libraries of the extra.
+_EXTRA = ("ngsolve", "jax", "joblib", "optax", "onnx", "scipy")
+#: Former names of commands.
+_RENAMED = {"ladder": "fidelity", "limit": "cramer-rao"}
 
 
 def _require_extra() -> None:
-    """Check that the workshop's libraries are installed.
+    """Check that the libraries of the lab are installed.
 
     Raises:
         FootsenseError: One is not.
@@ -25,7 +27,21 @@ def _require_extra() -> None:
         )
 
 
-@click.group()
+class _LabGroup(click.Group):
+    """A group that answers a former name with the new one."""
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return a command.
+
+        Raises:
+            FootsenseError: The command has another name now.
+        """
+        if cmd_name in _RENAMED:
+            raise FootsenseError(f"`lab {cmd_name}` is now `lab {_RENAMED[cmd_name]}`")
+        return super().get_command(ctx, cmd_name)
+
+
+@click.group(cls=_LabGroup)
 def lab() -> None:
     """From rubber to network: build, judge and compare the models, and study the foot."""
     _require_extra()
@@ -37,8 +53,8 @@ for _command in (
     models.compare,
     study.response,
     study.study,
-    study.ladder,
-    study.limit,
+    study.fidelity,
+    study.cramer_rao,
     study.tradeoff,
     study.tolerance,
     faults.faults,

@@ -1,6 +1,8 @@
-"""`footsense lab response`, `study`, `ladder`, `limit`, `tradeoff`, `tolerance`, `report`: questions to the models."""
+"""`footsense lab response`, `study`, `fidelity`, `cramer-rao`, `tradeoff`, `tolerance`, `report`."""
 
 import json
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +16,7 @@ from footsense.errors import FootsenseError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from footsense.lab.studies.page import Page, Workbench
+    from footsense.lab.studies.page import Page, StudyContext
 
 #: Studies of the daemon, which the lab does not import, with their modules.
 DAEMON_STUDIES = {
@@ -22,7 +24,9 @@ DAEMON_STUDIES = {
     "touchdown": "footsense.benchmarks.touchdown.page",
 }
 
-_quick_option = click.option("--quick", is_flag=True, help="Every step in seconds; its numbers say nothing.")
+_quick_option = click.option(
+    "--quick", is_flag=True, help="Every step in seconds; its figures are no results."
+)
 _output_option = click.option(
     "--output",
     type=click.Path(file_okay=False, path_type=Path),
@@ -90,7 +94,7 @@ def response(
 
 
 def _study(
-    study: "str | Callable[[Workbench], Page]",
+    study: "str | Callable[[StudyContext], Page]",
     models: Path | None,
     output: Path | None,
     *,
@@ -99,18 +103,14 @@ def _study(
 ) -> None:
     """Run a study by name or function, write its page, bind it, and print it, or its numbers alone as JSON."""
     folder = _report_folder(output, quick=quick)
-    from footsense.lab.report import STUDIES, bind, make_page, timed_page
-    from footsense.lab.studies.page import Workbench
+    from footsense.lab.report import STUDIES, bind, make_page
+    from footsense.lab.studies.page import StudyContext
 
     say = (lambda _: None) if as_json_text else stopwatch_report()
-    bench = Workbench(models=models or released_folder(), quick=quick, say=say)
-    page = (
-        make_page(study, bench, STUDIES | DAEMON_STUDIES)
-        if isinstance(study, str)
-        else timed_page(study, bench)
-    )
+    context = StudyContext(models=models or released_folder(), quick=quick, say=say)
+    page = make_page(study, context, STUDIES | DAEMON_STUDIES) if isinstance(study, str) else study(context)
     page.write(folder)
-    bind(folder, bench)
+    bind(folder, context)
     if as_json_text:
         click.echo(json.dumps(page.values, indent=2))
         return
@@ -131,36 +131,31 @@ def _report_folder(output: Path | None, *, quick: bool) -> Path:
 @_output_option
 @_quick_option
 def study(*, name: str, models: Path | None, output: Path | None, quick: bool) -> None:
-    """Run the study NAME: its page with tables and figures goes into the report. A name that is none lists all."""
+    """Run the study NAME: its page with tables and figures goes into the report. An unknown name lists all."""
     _study(name, models, output, quick=quick)
 
 
-@click.command()
-@models_option
-@_output_option
-@_quick_option
-def ladder(*, models: Path | None, output: Path | None, quick: bool) -> None:
-    """Print time and error of the four models of the foot, and draw one against the other."""
-    _study("ladder", models, output, quick=quick)
+def _named(name: str, words: str) -> click.Command:
+    """Return the command of a study that has one of its own."""
+
+    def run(*, models: Path | None, output: Path | None, quick: bool, as_json_text: bool) -> None:
+        _study(name, models, output, quick=quick, as_json_text=as_json_text)
+
+    run.__doc__ = words
+    json_option = click.option("--json", "as_json_text", is_flag=True, help="Print JSON instead of the page.")
+    return click.command(name)(models_option(_output_option(_quick_option(json_option(run)))))
 
 
-@click.command()
-@models_option
-@_output_option
-@_quick_option
-def limit(*, models: Path | None, output: Path | None, quick: bool) -> None:
-    """Print the Cramer-Rao bound over the loading range, and the network's error over it."""
-    _study("limit", models, output, quick=quick)
-
-
-@click.command()
-@models_option
-@_output_option
-@_quick_option
-@click.option("--json", "as_json_text", is_flag=True, help="Print the numbers as JSON instead of the page.")
-def tradeoff(*, models: Path | None, output: Path | None, quick: bool, as_json_text: bool) -> None:
-    """Print what rate, averaging, publish mode and network size cost in latency and bring in error."""
-    _study("tradeoff", models, output, quick=quick, as_json_text=as_json_text)
+fidelity = _named(
+    "fidelity", "Print time and error of the four models of the foot, and draw one against the other."
+)
+cramer_rao = _named(
+    "cramer-rao", "Print the Cramer-Rao bound over the loading range, and the network's error over it."
+)
+tradeoff = _named(
+    "tradeoff",
+    "Print what rate, averaging, publish mode and network size cost in latency and bring in error.",
+)
 
 
 @click.command()
@@ -183,11 +178,10 @@ def tolerance(
 ) -> None:
     """Run the Monte Carlo over fabricated feet on a cluster, resumable."""
     from footsense.lab.monte_carlo.cluster import on_cluster
-    from footsense.lab.monte_carlo.sweeps import FULL, QUICK
-    from footsense.lab.studies.accuracy.tolerance import campaign_page
+    from footsense.lab.studies.accuracy.tolerance import STUDY, run_study
 
-    plan = QUICK if quick else FULL
-    _study(lambda bench: campaign_page(bench, plan, on_cluster(scheduler), file), models, output, quick=quick)
+    own = replace(STUDY, compute=partial(run_study, workers=on_cluster(scheduler), file=file))
+    _study(own.page, models, output, quick=quick)
 
 
 @click.command()
@@ -198,9 +192,13 @@ def tolerance(
 )
 @_output_option
 @_quick_option
-@click.option("--resume", is_flag=True, help="Keep models and pages that are there; make what is missing.")
-def report(*, models: Path | None, output: Path | None, quick: bool, resume: bool) -> None:
+@click.option("--resume", is_flag=True, help="Keep models, and pages that are not stale.")
+@click.option("--stale", is_flag=True, help="Make nothing: list the pages that are stale, and why.")
+def report(*, models: Path | None, output: Path | None, quick: bool, resume: bool, stale: bool) -> None:
     """Build the models from nothing, run every study on them, and bind the pages into one report."""
+    if stale:
+        _print_stale(models or released_folder(), output or Path("docs") / "report", quick=quick)
+        return
     folder = models or Path("models") / (f"{daemon.FOOT_TYPE}-quick" if quick else daemon.FOOT_TYPE)
     require_writable(folder)
     pages = _report_folder(output, quick=quick)
@@ -209,14 +207,25 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
     from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
     from footsense.lab.foot_file import FOOT_FILE
     from footsense.lab.report import STUDIES, is_made, make_report
-    from footsense.lab.studies.page import Workbench
+    from footsense.lab.studies.page import StudyContext
 
     say, started_ns, build_s = stopwatch_report(), stopwatch_ns(), None
     if not (resume and all((folder / name).exists() for name in (NETWORK_FILE, RESPONSE_FILE))):
         build(daemon.released(FOOT_FILE), folder, QUICK if quick else FULL, say)
         build_s = (stopwatch_ns() - started_ns) / 1e9
-    bench = Workbench(models=folder, quick=quick, say=say)
-    if not (resume and is_made("faults", pages, bench)):
-        say(f"faults: {write_page_of_faults(pages, bench).seconds:.0f} s")
+    context = StudyContext(models=folder, quick=quick, say=say)
+    if not (resume and is_made("faults", pages, context)):
+        say(f"faults: {write_page_of_faults(pages, context).seconds:.0f} s")
     studies = STUDIES | DAEMON_STUDIES
-    say(f"wrote {make_report(pages, bench, studies, build_s=build_s, resume=resume, report=say)}")
+    say(f"wrote {make_report(pages, context, studies, build_s=build_s, resume=resume, report=say)}")
+
+
+def _print_stale(models: Path, pages: Path, *, quick: bool) -> None:
+    """Print each page that has to be made again, with the reason."""
+    from footsense.lab.report import STUDIES, why_stale
+    from footsense.lab.studies.page import StudyContext
+
+    context, studies = StudyContext(models=models, quick=quick), STUDIES | DAEMON_STUDIES
+    for name in studies:
+        if reason := why_stale(name, pages, context, studies):
+            click.echo(f"{name}: {reason}")

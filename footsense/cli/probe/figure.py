@@ -1,11 +1,11 @@
-"""The feet of a probe as a figure; the only file of the command that needs matplotlib."""
+"""Figure of the probed feet; the only file of the command that needs matplotlib."""
 
 from pathlib import Path
 
 import numpy as np
 
 from footsense.cli.probe.picture import element_marks
-from footsense.daemon.probe.report import Probed
+from footsense.daemon.probe.report import ProbeResult
 from footsense.errors import FootsenseError
 
 __all__ = ["draw"]
@@ -13,26 +13,28 @@ __all__ = ["draw"]
 _PER_ROW = 3
 
 
-def draw(probed: Probed, title: str, file: Path) -> None:
+def draw(result: ProbeResult, title: str, file: Path) -> None:
     """Draw every foot's elements, forwards up, coloured by their deviation from the foot's median.
 
     Raises:
-        FootsenseError: The library for it is not installed, or the file cannot be written as what its suffix says.
+        FootsenseError: matplotlib is not installed, or the file cannot be written in the format of its suffix.
     """
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise FootsenseError("--png needs matplotlib: pip install 'footsense[lab]'") from error
-    n_rows = -(-len(probed.legs) // _PER_ROW)
+    n_rows = -(-len(result.legs) // _PER_ROW)
     figure = Figure(figsize=(9.0, 0.8 + 2.9 * n_rows), layout="constrained")
     figure.suptitle(f"{title}: capacitance of each element [pF], forwards up")
     axes = figure.subplots(n_rows, _PER_ROW, squeeze=False).ravel()
     for ax in axes:
         ax.set_axis_off()
-    for ax, report in zip(axes, probed.legs, strict=False):
+    for ax, report in zip(axes, result.legs, strict=False):
         ax.set_title(report.leg)
         if report.scans is None:
-            ax.text(0.5, 0.5, "not seen", ha="center", va="center", color="tab:red", transform=ax.transAxes)
+            ax.text(
+                0.5, 0.5, "not scanned", ha="center", va="center", color="tab:red", transform=ax.transAxes
+            )
             continue
         mean_pf = report.scans.mean_pf
         marks = element_marks(report)

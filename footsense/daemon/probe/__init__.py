@@ -1,1 +1,1 @@
-"""The configured buses and feet checked before a first walk."""
+"""Check of the configured buses and feet before a first walk."""

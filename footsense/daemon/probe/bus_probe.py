@@ -1,4 +1,4 @@
-"""What is on the configured buses: everything that is to be known before a first walk."""
+"""Scan of the configured buses and feet, or of the adapters of this computer."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -7,36 +7,38 @@ import numpy as np
 
 from footsense.acquisition.linux_i2c import LinuxI2cBus, adapters, kernel_drivers
 from footsense.acquisition.probe.address_scan import scan_addresses
-from footsense.acquisition.probe.bus_scan import ChannelScan, scan_adapters, scan_bus
+from footsense.acquisition.probe.bus_scan import ChannelScan, scan_bus
+from footsense.acquisition.probe.bus_scan import scan_adapters as scan_leg_adapters
 from footsense.acquisition.probe.foot_check import Finding, FootScans, findings
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.config import Config
-from footsense.daemon.acquisition import open_buses, plan_for, scanning, simulated_robot
+from footsense.daemon.acquisition import open_buses, plan_for, scanning
 from footsense.daemon.estimation import load_network
-from footsense.daemon.probe.findings import bus_complaints, leg_complaints
-from footsense.daemon.probe.report import Adapter, BusReport, Complaint, LegReport, Probed
+from footsense.daemon.probe.diagnosis import bus_diagnoses, leg_diagnoses
+from footsense.daemon.probe.report import Diagnosis, ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
+from footsense.daemon.simulation import simulated_robot
 from footsense.errors import HardwareError
 from footsense.frames import ELEMENTS, Reading
 from footsense.sim.scene import Scene
 
-__all__ = ["adapters_seen", "probe"]
+__all__ = ["probe", "scan_adapters"]
 
-#: Scans of which noise is taken: their standard deviation is then known to a sixth.
+#: Scans for the noise: they give its standard deviation to a sixth.
 _N_SCANS = 20
-#: Before them, converters that were just set up may still settle, and legs that fail are left out.
+#: Scans before them: converters that were just set up may still settle, and legs that fail are left out.
 _N_SETTLING = 4
-#: A foot behind such readings is not known.
+#: A foot with only such readings was not scanned.
 _SILENT = (Reading.NO_ANSWER, Reading.BUS_STUCK, Reading.WRONG_CHIP)
 
 
-def adapters_seen() -> list[Adapter]:
-    """Return who answers on every adapter of this computer; nothing is written to anyone.
+def scan_adapters() -> list[ProbedAdapter]:
+    """Return the addresses that answer on every adapter of this computer; nothing is written to any chip.
 
     Raises:
-        HardwareError: There is none.
+        HardwareError: There is no adapter.
     """
-    found = [_adapter_seen(device) for device in adapters()]
+    found = [_scan_adapter(device) for device in adapters()]
     if not found:
         raise HardwareError(
             "no I2C adapter: there is no /dev/i2c-*; enable I2C (on a Raspberry Pi dtparam=i2c_arm=on, and the module "
@@ -45,70 +47,62 @@ def adapters_seen() -> list[Adapter]:
     return found
 
 
-def _adapter_seen(device: str) -> Adapter:
-    claimed = kernel_drivers(device)
-    try:
-        bus = LinuxI2cBus.open(device)
-    except HardwareError as error:
-        return Adapter(device, None, claimed, str(error))
-    try:
-        return Adapter(device, scan_addresses(bus, claimed), claimed)
-    except HardwareError as error:
-        return Adapter(device, None, claimed, str(error))
-    finally:
-        bus.close()
+def _scan_adapter(device: str) -> ProbedAdapter:
+    drivers = kernel_drivers(device)
+    with ExitStack() as stack:
+        try:
+            bus = LinuxI2cBus.open(device)
+            stack.callback(bus.close)
+            return ProbedAdapter(device, scan_addresses(bus, drivers), drivers)
+        except HardwareError as error:
+            return ProbedAdapter(device, None, drivers, str(error))
 
 
-def probe(config: Config, scene: Scene | None) -> Probed:
-    """Look at every bus, then scan the feet some times; they have to hang in the air.
+def probe(config: Config, scene: Scene | None) -> ProbeResult:
+    """Scan every bus, then the feet a few times; the feet have to hang free.
 
     Args:
         config: The robot.
-        scene: What it does if its buses are to be simulated; None for its real buses.
+        scene: Scene of its simulation; None for its real buses.
 
     Raises:
-        HardwareError: An adapter is not there.
-        ModelError: The network that tells what a foot reads, or a simulated foot's table, is missing.
+        HardwareError: An adapter is missing.
+        ModelError: The network, for the expected readings, or a simulated foot's response table is missing.
     """
-    buses: tuple[BusReport, ...] = ()
-    complaints: list[Complaint] = []
+    buses: tuple[ProbedBus, ...] = ()
+    diagnoses: list[Diagnosis] = []
     floor_ns = 0
     if config.buses:  # a microcontroller's are its own
         plan = plan_for(config)
-        buses = tuple(_buses_seen(config, scene, plan))
-        complaints += [complaint for report in buses for complaint in bus_complaints(report, plan)]
+        buses = tuple(_probe_buses(config, scene, plan))
+        diagnoses += [diagnosis for report in buses for diagnosis in bus_diagnoses(report, plan)]
         floor_ns = ELEMENTS * plan.conversion_ns
-    scanned = None
-    if all(report.seen.mux_answers for report in buses):
+    feet = None
+    if all(report.scan.mux_answers for report in buses):
         try:
-            scanned = _scanned(config, scene)
+            feet = _foot_scans(config, scene)
         except HardwareError as error:
-            complaints.append(Complaint("scan", str(error), "this first: no foot was scanned"))
-    legs = tuple(_legs_seen(config, buses, scanned))
-    complaints += [complaint for leg in legs for complaint in leg_complaints(leg)]
-    return Probed(buses, legs, tuple(complaints), floor_ns)
+            diagnoses.append(Diagnosis("scan", str(error), "this first: no foot was scanned"))
+    legs = tuple(_probe_legs(config, buses, feet))
+    diagnoses += [diagnosis for leg in legs for diagnosis in leg_diagnoses(leg)]
+    return ProbeResult(buses, legs, tuple(diagnoses), floor_ns)
 
 
-def _buses_seen(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterator[BusReport]:
-    """Look at one bus after the other.
-
-    Yields:
-        What is on each.
-    """
+def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterator[ProbedBus]:
     robot = None if scene is None else simulated_robot(config, scene)
     with ExitStack() as stack:
         for opened in open_buses(config, robot, stack):
             bus = opened.bus
-            claimed = kernel_drivers(bus.device) if robot is None else {}
+            drivers = kernel_drivers(bus.device) if robot is None else {}
             if isinstance(opened.transport, UpstreamBus):
-                seen = scan_bus(opened.transport, opened.clock, plan, bus.channels, claimed)
+                scan = scan_bus(opened.transport, opened.clock, plan, bus.channels, drivers)
             else:
-                seen = scan_adapters(opened.transport.adapters, opened.clock, plan, claimed)
-            yield BusReport(bus, seen, claimed)
+                scan = scan_leg_adapters(opened.transport.adapters, opened.clock, plan, drivers)
+            yield ProbedBus(bus, scan, drivers)
 
 
-def _scanned(config: Config, scene: Scene | None) -> list[FootScans]:
-    """Return some scans of the foot on each leg."""
+def _foot_scans(config: Config, scene: Scene | None) -> list[FootScans]:
+    """Return the scans of each leg's foot."""
     with scanning(config, scene) as started:
         frames = [started.source.read() for _ in range(_N_SETTLING + _N_SCANS)][_N_SETTLING:]
     capacitance_pf = np.stack([frame.capacitance_pf for frame in frames], axis=1)
@@ -116,48 +110,34 @@ def _scanned(config: Config, scene: Scene | None) -> list[FootScans]:
     return [FootScans(*of_leg) for of_leg in zip(capacitance_pf, reading, strict=True)]
 
 
-def _legs_seen(
-    config: Config, buses: tuple[BusReport, ...], scanned: list[FootScans] | None
-) -> Iterator[LegReport]:
-    """Judge one leg after the other.
-
-    Yields:
-        What is known of each, in the order of the configuration.
-    """
-    rest_pf = load_network(config).card.calibration.design.rest_pf
-    for number, (leg, device, where, channel) in enumerate(_channel_scans(config, buses)):
-        scans = scanned[number] if scanned is not None else None
-        if scans is not None and np.isin(scans.reading, _SILENT).all():
-            scans = None
-        # What a loose contact spoils says nothing of the foot.
-        found = () if scans is None or scans.is_intermittent else _found(config, leg, scans, rest_pf)
-        yield LegReport(leg, device, where, channel, scans, found)
-
-
-def _channel_scans(
-    config: Config, buses: tuple[BusReport, ...]
-) -> Iterator[tuple[str, str, int | str, ChannelScan | None]]:
-    """Tell where each leg is, in the order of the configuration.
-
-    Yields:
-        Its name, its bus or line, its channel or adapter there, and what answers.
-    """
+def _probe_legs(
+    config: Config, buses: tuple[ProbedBus, ...], feet: list[FootScans] | None
+) -> Iterator[ProbedLeg]:
+    """Yield the report of every leg, in the order of the configuration."""
+    places: list[tuple[str, str, int | str, ChannelScan | None]] = []
     for report in buses:
-        for number, (leg, where) in enumerate(report.bus.legs.items()):
-            channel = report.seen.channels.get(where if isinstance(where, int) else number)
-            yield leg, report.bus.device, where, channel
+        for number, (leg, channel) in enumerate(report.bus.legs.items()):
+            chips = report.scan.channels.get(channel if isinstance(channel, int) else number)
+            places.append((leg, report.bus.device, channel, chips))
     if config.serial is not None:
-        for name in config.legs:
-            yield name, config.serial.device, "mcu", None
+        places = [(name, config.serial.device, "mcu", None) for name in config.legs]
+    designed_pf = load_network(config).card.calibration.design.rest_pf
+    for row, place in enumerate(places):
+        scans = None if feet is None or np.isin(feet[row].reading, _SILENT).all() else feet[row]
+        # Readings spoilt by a loose contact say nothing of the foot.
+        faults = (
+            () if scans is None or scans.is_intermittent else _faults(config, place[0], scans, designed_pf)
+        )
+        yield ProbedLeg(*place, scans, faults)
 
 
-def _found(config: Config, leg: str, scans: FootScans, rest_pf: float) -> tuple[Finding, ...]:
+def _faults(config: Config, leg: str, scans: FootScans, designed_pf: float) -> tuple[Finding, ...]:
     stray_pf = np.array(config.stray_pf.get(leg, (0.0,) * ELEMENTS))  # type: ignore[call-overload]
     expected_pf = config.unloaded_pf.get(leg)  # type: ignore[call-overload]
     return findings(
         scans,
         stray_pf,
-        np.full(ELEMENTS, rest_pf) if expected_pf is None else np.array(expected_pf) - stray_pf,
+        np.full(ELEMENTS, designed_pf) if expected_pf is None else np.array(expected_pf) - stray_pf,
         noise_limit_ff=config.tare.noise_limit_ff,
         unloaded_limit_rel=config.tare.unloaded_limit_rel,
     )

@@ -1,4 +1,4 @@
-"""What a probe found, as values; `probing` finds it, `probe_complaints` puts into words what is wrong."""
+"""Result of a probe as values; `bus_probe` makes it, `diagnosis` names faults and what to check."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -10,16 +10,16 @@ from footsense.acquisition.probe.bus_scan import BusScan, ChannelScan
 from footsense.acquisition.probe.foot_check import Finding, FootScans
 from footsense.config import Bus
 
-__all__ = ["Adapter", "BusReport", "Complaint", "LegReport", "Probed"]
+__all__ = ["Diagnosis", "ProbeResult", "ProbedAdapter", "ProbedBus", "ProbedLeg"]
 
 
-class Complaint(NamedTuple):
-    """Something that is wrong.
+class Diagnosis(NamedTuple):
+    """One fault on a bus or leg.
 
     Attributes:
-        where: The leg, or the device of a bus.
-        what: What was found, and what was expected.
-        check: What to look at.
+        where: Leg, or device of a bus.
+        what: Observation, and what was expected.
+        check: What to check.
     """
 
     where: str
@@ -27,82 +27,82 @@ class Complaint(NamedTuple):
     check: str
 
 
-class BusReport(NamedTuple):
+class ProbedBus(NamedTuple):
     """One bus.
 
     Attributes:
-        bus: As configured.
-        seen: What is on it.
-        claimed: Drivers of the kernel by the addresses that they hold, which were not asked.
+        bus: Its configuration.
+        scan: Addresses, mux, channels and timing found on it.
+        kernel_drivers: Kernel drivers by the address that each holds; those addresses were not scanned.
     """
 
     bus: Bus
-    seen: BusScan
-    claimed: Mapping[int, str]
+    scan: BusScan
+    kernel_drivers: Mapping[int, str]
 
 
-class LegReport(NamedTuple):
+class ProbedLeg(NamedTuple):
     """One leg.
 
     Attributes:
-        leg: Its name.
-        device: Its bus.
-        where: Its channel of the mux, or its adapter where the kernel drives that.
-        channel: What answers there; None if that could not be looked at.
-        scans: Its foot; None if it could not be scanned.
-        found: What is wrong with the foot.
+        leg: Name of the leg.
+        device: Device of its bus.
+        channel: Channel of the mux, or adapter where the kernel drives the mux.
+        chips: Chips that answer there; None if they could not be scanned.
+        scans: Scans of its foot; None if there are none.
+        faults: Faults of the foot.
     """
 
     leg: str
     device: str
-    where: int | str
-    channel: ChannelScan | None
+    channel: int | str
+    chips: ChannelScan | None
     scans: FootScans | None
-    found: tuple[Finding, ...]
+    faults: tuple[Finding, ...]
 
     @property
     def unloaded_pf(self) -> list[float] | None:
-        """What the configuration may expect of its elements [pF], nine; None if they are not those of a sound foot."""
-        if self.scans is None or not all(found.is_fit for found in self.found):
+        """Mean readings for `unloaded_pf` of the configuration [pF], nine; None unless they are of a sound foot."""
+        if self.scans is None or not all(fault.is_fit for fault in self.faults):
             return None
         mean_pf = self.scans.mean_pf
         return [round(value, 3) for value in mean_pf.tolist()] if np.isfinite(mean_pf).all() else None
 
 
-class Probed(NamedTuple):
-    """What was found.
+class ProbeResult(NamedTuple):
+    """Result of a probe.
 
     Attributes:
         buses: Every bus.
         legs: Every leg, in the order of the configuration.
-        complaints: What is wrong, the buses first.
+        diagnoses: Faults, those of the buses first.
         floor_ns: Nine bare conversions [ns]; 0 without a bus.
     """
 
-    buses: tuple[BusReport, ...]
-    legs: tuple[LegReport, ...]
-    complaints: tuple[Complaint, ...]
+    buses: tuple[ProbedBus, ...]
+    legs: tuple[ProbedLeg, ...]
+    diagnoses: tuple[Diagnosis, ...]
     floor_ns: int
 
     @property
     def scan_ns(self) -> int | None:
-        """Shortest scan that the slowest bus allows [ns]; None if not every bus could be timed, or there is none."""
-        timings = [report.seen.timing for report in self.buses]
-        known = [timing.limits.scan_ns for timing in timings if timing is not None]
-        return max(known) if known and len(known) == len(timings) else None
+        """Shortest scan that the slowest bus allows [ns]; None if there is no bus, or one could not be timed."""
+        timings = [report.scan.timing for report in self.buses]
+        known_ns = [timing.limits.scan_ns for timing in timings if timing is not None]
+        return max(known_ns) if known_ns and len(known_ns) == len(timings) else None
 
 
-class Adapter(NamedTuple):
-    """An adapter of which no configuration tells.
+class ProbedAdapter(NamedTuple):
+    """One adapter of this computer, without a configuration.
 
     Attributes:
-        device: Its device file.
-        addresses: Who answers on it; None if a line is held, or it cannot be opened.
-        claimed: As in `BusReport`.
-        error: Why there is no addresses.
+        device: Device file.
+        addresses: Addresses that answer; None if a line is held low, or the adapter cannot be opened.
+        kernel_drivers: As in `ProbedBus`.
+        error: Why they are unknown.
     """
 
     device: str
     addresses: AddressScan | None
-    claimed: Mapping[int, str]
+    kernel_drivers: Mapping[int, str]
     error: str = ""

@@ -1,4 +1,4 @@
-"""Per-leg baseline: tare, drift tracking, and contact detection.
+"""Baselines of all legs: tare, drift tracking, and contact detection.
 
 A tare (`tare.py`) gives a baseline: at start without a command, later on command. Between tares the baseline follows
 the drift of a foot in swing (`drift.py`); `contact.py` tells swing from stance.
@@ -10,10 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.baseline.contact import Contact, ContactLimits, middle_mean
-from footsense.estimation.baseline.drift import FARTHEST_PF, LegZero, ZeroLimits
-from footsense.estimation.baseline.tare import TareLimits, TareWindow, Verdict
-from footsense.estimation.faults.leg_status import SILENT
+from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, trimmed_means
+from footsense.estimation.baseline.drift import FARTHEST_PF, BaselineLimits, LegBaseline, baseline_sigma_pf
+from footsense.estimation.baseline.tare import TareLimits, TareResult, TareWindow
+from footsense.estimation.baseline.unloaded import unloaded_feet
+from footsense.estimation.faults.causes import SILENT, drift_causes
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.frames import (
@@ -32,42 +33,43 @@ Vector = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-#: A leg that was silent for so long may come back with another foot: its baseline is forgotten. Nobody is faster.
+#: Silence after which a baseline is discarded: the foot may have been swapped (a swap takes longer).
 _SILENT_NS = 250_000_000
-#: The same while a line of its bus is held low, which says nothing of its own foot: a robot that stands would lose all
+#: The same while a line of the leg's bus is stuck, which may be another leg's fault: a robot that stands would lose all
 #: its forces until each foot's next swing.
-_HELD_NS = 3_000_000_000
+_BUS_STUCK_NS = 3_000_000_000
 
-#: In how many frames every leg gets its turn to follow: two of six legs in one frame, and those of opposite tripods.
+#: Frames in which every leg gets its turn to follow: two of six legs in one frame, of opposite tripods.
 _TURNS = 3
 
-#: How often it is reckoned how far the zeros may be off [ns]; in a tenth of a second they drift by a fifth of a fF.
-_DOUBT_NS = 100_000_000
+#: Period of the baselines' uncertainty [ns]; in a tenth of a second they drift by a fifth of a fF.
+_SIGMA_PERIOD_NS = 100_000_000
 
 # Plain numbers: an enumeration's arithmetic costs a microsecond each time.
 _CONTACT, _TARE_REFUSED = int(Flag.CONTACT), int(Flag.TARE_REFUSED)
 
 
-class Footing:
-    """The baselines of all legs, the tares that are being taken, and who is on the ground.
+class BaselineTracker:
+    """The baselines of all legs, the tares in progress, and the legs' contact.
 
-    Every leg is tared at start, again and again until that succeeds.
+    Every leg is tared at start, repeatedly until that succeeds.
 
     Args:
-        unloaded_pf: What each element of the free foot is expected to read [pF], shape (legs, 9).
+        unloaded_pf: Expected reading of each element of the free foot [pF], shape (legs, 9).
         design: The capacitors.
-        tare: When a tare is granted.
-        contact: When a foot is on the ground.
-        sensitivity: What closures are worth in newtons.
-        track: Whether baselines follow the foot in the air.
-        feet: Name of the foot on each leg whose fingerprint `unloaded_pf` is; empty where it is any foot's.
+        tare: Limits of a tare.
+        contact: Thresholds of contact.
+        sensitivity: Forces per closure.
+        track: Whether baselines follow a foot in swing.
+        gain_rel: Closure of each element by the design's electrodes, over its real closure [1], shape (legs, 9).
+        feet: Name of the foot on each leg that `unloaded_pf` was measured on; empty where it is a design value.
 
     Attributes:
-        baseline_pf: Unloaded capacitance without stray [pF], shape (legs, 9), NaN where there is none; replaced, never
-            changed.
-        sigma_n: What the baseline leaves open of each leg's force, one sigma [N], shape (legs, 3), NaN without one.
+        unloaded: The baselines, and what follows from them; replaced, never written to.
+        sigma_n: Standard deviation of each leg's force by its baseline [N], shape (legs, 3), NaN without one.
         flags: CONTACT, and TARE_REFUSED where an older baseline is in use, shape (legs,).
-        zero: What is published of the baselines.
+        drift: Published status and drift.
+        drift_cause: Cause of each leg by its drift, as of `drift_causes`.
     """
 
     def __init__(
@@ -79,19 +81,24 @@ class Footing:
         sensitivity: Sensitivity,
         *,
         track: bool,
+        gain_rel: Vector | None = None,
         feet: Sequence[str] = (),
     ) -> None:
         n_legs = len(unloaded_pf)
         self._feet = feet or ("",) * n_legs
         self._legs = range(n_legs)
         self._unloaded_pf = unloaded_pf
+        self._design = design
+        self._gain_rel = np.ones_like(unloaded_pf) if gain_rel is None else gain_rel
         self._tare = tare
         self._sensitivity = sensitivity
         self._track = track
-        follow = ZeroLimits(noise_limit_ff=tare.noise_limit_ff, unloaded_limit_rel=tare.unloaded_limit_rel)
-        self._zeros = [LegZero(unloaded_pf[leg], follow) for leg in self._legs]
-        self._contacts = [Contact(contact) for _ in self._legs]
-        # Near the rest, which is where the error of a zero matters.
+        limits = BaselineLimits(
+            noise_limit_ff=tare.noise_limit_ff, unloaded_limit_rel=tare.unloaded_limit_rel
+        )
+        self._baselines = [LegBaseline(unloaded_pf[leg], limits) for leg in self._legs]
+        self._contacts = [ContactDetector(contact) for _ in self._legs]
+        # Near the unloaded distance, where the error of a baseline matters.
         self._closure_per_pf = float(design.plate_distance_um(unloaded_pf).mean()) / (
             design.gap_um * float(unloaded_pf.mean())
         )
@@ -105,16 +112,16 @@ class Footing:
         self.sigma_n = np.full((n_legs, 3), np.nan)
         self.flags = np.zeros(n_legs, np.uint8)
         self._flags: list[int] = []
-        self._nothing_foreseen = [math.nan] * n_legs
-        self._doubts_n: list[float] = []
-        self._aloft: tuple[int, ...] = ()
+        self._no_prediction = [math.nan] * n_legs
+        self._max_errors_n: list[float] = []
+        self._swinging: list[int] = []
         self._gather()
 
-    def begin(self, leg: int) -> CommandResult | None:
-        """Tare a leg because it was asked for; a tare that is being taken already serves.
+    def begin_tare(self, leg: int) -> CommandResult | None:
+        """Tare a leg on command; a tare in progress serves.
 
         Returns:
-            None: it will end in a later frame; or the refusal, if the foot is on the ground.
+            None if it will end in a later frame; the refusal if the foot is in contact.
         """
         reason = self.refusal(CommandKind.TARE, leg)
         if reason is not None:
@@ -125,168 +132,172 @@ class Footing:
         return None
 
     def refusal(self, kind: CommandKind, leg: int) -> str | None:
-        """Return why a command may not be obeyed now, or None if it may."""
+        """Return why a command must not be executed now, None if it may be."""
         return self._contacts[leg].refusal(kind)
+
+    @property
+    def untared_legs(self) -> dict[int, State]:
+        """State of every leg without a baseline, by row: TARING, or NO_BASELINE after a refusal."""
+        return {leg: State.NO_BASELINE if leg in self._refusal else State.TARING for leg in self._untared}
 
     def tare(
         self, capacitance_pf: Vector, reading: NDArray[np.uint8], t_ns: Stamps, missing: Mask, now_ns: int
     ) -> tuple[CommandResult, ...]:
-        """Let the tares that are being taken see a frame of all legs, and return those that ended with it.
+        """Feed a frame of all legs to the tares in progress, and return the results of those that end with it.
 
         Args:
             capacitance_pf: Readings without stray [pF], shape (legs, 9), NaN where there is none to be used.
             reading: How each element answered, same shape.
             t_ns: Stamp of each [ns], same shape.
-            missing: Elements that a tare has to do without, same shape.
-            now_ns: The time now [ns].
+            missing: Elements to leave out, same shape.
+            now_ns: Current time [ns].
         """
-        self._forget_silent(reading, now_ns)
-        if not self._windows:
-            return ()
-        outcomes = []
+        self._discard_silent(reading, now_ns)
+        results = []
         for leg, window in list(self._windows.items()):
-            verdict = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], missing[leg])
-            outcome = None if verdict is None else self._conclude(leg, verdict, int(t_ns[leg].max()))
-            if outcome is not None:
-                outcomes.append(outcome)
-        return tuple(outcomes)
+            tared = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], missing[leg])
+            result = None if tared is None else self._conclude(leg, tared, int(t_ns[leg].max()))
+            if result is not None:
+                results.append(result)
+        return tuple(results)
 
     def observe(
         self,
         closure_rel: Vector,
-        foreseen_rel: Vector | None,
+        predicted_rel: Vector | None,
         capacitance_pf: Vector,
         t_ns: Stamps,
         missing: Mask,
         now_ns: int,
     ) -> None:
-        """Judge who is on the ground, and follow those that are not and whose turn it is.
+        """Detect contact, and let the baselines of legs in swing follow.
 
         Args:
-            closure_rel: Closures over the gap as measured [1], shape (legs, 9), NaN where there is none.
-            foreseen_rel: The same as predicted from the newest of them; None where nothing is predicted.
+            closure_rel: Measured closures over the gap [1], shape (legs, 9), NaN where there is none.
+            predicted_rel: The same as predicted from the newest of them; None without a prediction.
             capacitance_pf: Readings without stray that they come from [pF], same shape.
             t_ns: Stamp of each [ns], same shape.
-            missing: Elements that are not to be believed, same shape.
-            now_ns: The time now [ns].
+            missing: Elements to leave out, same shape.
+            now_ns: Current time [ns].
         """
         if np.count_nonzero(missing):
             closure_rel = np.where(missing, np.nan, closure_rel)
-            foreseen_rel = None if foreseen_rel is None else np.where(missing, np.nan, foreseen_rel)
-        means_rel = middle_mean(closure_rel)
-        foreseen_rels = self._nothing_foreseen if foreseen_rel is None else middle_mean(foreseen_rel)
+            predicted_rel = None if predicted_rel is None else np.where(missing, np.nan, predicted_rel)
+        means_rel = trimmed_means(closure_rel)
+        predicted_means_rel = self._no_prediction if predicted_rel is None else trimmed_means(predicted_rel)
         newest_ns = np.maximum.reduce(t_ns, axis=1).tolist()
-        if now_ns >= self._doubt_due_ns:
-            self._doubt(now_ns)
-        aloft, flags = [], []
+        if now_ns >= self._sigma_due_ns:
+            self._update_sigma(now_ns)
+        swung, self._swinging = self._swinging, []
+        flags = []
         n_per_rel = self._sensitivity.load_n
-        loads = zip(means_rel, self._doubts_n, newest_ns, foreseen_rels, strict=True)
-        for leg, (mean_rel, doubt_n, newest, ahead_rel) in enumerate(loads):
-            zero, contact = self._zeros[leg], self._contacts[leg]
-            contact.observe(mean_rel * n_per_rel, doubt_n, newest, now_ns, ahead_rel * n_per_rel)
-            touching = contact.touching
+        loads = zip(means_rel, self._max_errors_n, newest_ns, predicted_means_rel, strict=True)
+        for leg, (mean_rel, error_n, newest, predicted_mean_rel) in enumerate(loads):
+            baseline, contact = self._baselines[leg], self._contacts[leg]
+            contact.observe(mean_rel * n_per_rel, error_n, newest, now_ns, predicted_mean_rel * n_per_rel)
+            in_contact = contact.in_contact
             refused = _TARE_REFUSED if leg in self._refused else 0
-            flags.append(_CONTACT | refused if touching else refused)
+            flags.append(_CONTACT | refused if in_contact else refused)
             if leg in self._untared:
                 continue
-            if touching or not (self._track and contact.aloft):
-                zero.hold()
-            elif not contact.explained:
-                zero.hold(BaselineStatus.TOO_FAST)
+            if in_contact or not (self._track and contact.in_swing):
+                held = BaselineStatus.HELD
+            elif not contact.explained_by_drift:
+                held = BaselineStatus.TOO_FAST
             else:
-                aloft.append(leg)
-        self._aloft = tuple(aloft)
+                self._swinging.append(leg)
+                continue
+            if leg in swung or baseline.status is not held:
+                baseline.hold(held)
         self._follow(capacitance_pf, t_ns, missing)
         if flags != self._flags:
             self._flags, self.flags = flags, np.array(flags, np.uint8)
 
     def _follow(self, capacitance_pf: Vector, t_ns: Stamps, missing: Mask) -> None:
-        """Let the zeros of those follow that are in the air and whose turn it is; arguments as of `observe`."""
+        """Let the baselines follow of those legs in swing whose turn it is; arguments as of `observe`."""
         self._turn = (self._turn + 1) % _TURNS
         moved = False
-        for leg in self._aloft:
+        for leg in self._swinging:
             if leg % _TURNS == self._turn:
-                zero = self._zeros[leg]
-                # What is missing only because it has no zero gets one.
-                disbelieved = missing[leg] & np.isfinite(zero.zero_pf)
-                moved |= zero.follow(np.where(disbelieved, np.nan, capacitance_pf[leg]), t_ns[leg])
+                baseline = self._baselines[leg]
+                # An element that is missing only for want of a baseline gets one.
+                ignored = missing[leg] & np.isfinite(baseline.baseline_pf)
+                moved |= baseline.follow(np.where(ignored, np.nan, capacitance_pf[leg]), t_ns[leg])
         if moved:
             self._gather()
-        elif [zero.status for zero in self._zeros] != self._statuses:
-            self._tell_statuses()
+        elif [baseline.status for baseline in self._baselines] != self._statuses:
+            self._publish()
 
-    def mark_untared(self, state: NDArray[np.uint8]) -> None:
-        """Write TARING or NO_BASELINE over the state of every leg without a baseline."""
-        for leg in self._untared:
-            state[leg] = State.NO_BASELINE if leg in self._refusal else State.TARING
+    def _update_sigma(self, now_ns: int) -> None:
+        """Compute the baselines' uncertainty for the coming period.
 
-    def _doubt(self, now_ns: int) -> None:
-        """Say how far the zeros may be off until it is said anew: they drift slowly, so now and then is enough.
-
-        For times that are the same for all legs, whatever happens to one of them.
+        The period ends at a time that does not depend on the legs.
         """
-        self._doubt_due_ns = (now_ns // _DOUBT_NS + 1) * _DOUBT_NS
-        sigmas_pf = [zero.sigma_pf(self._doubt_due_ns) for zero in self._zeros]
+        self._sigma_due_ns = (now_ns // _SIGMA_PERIOD_NS + 1) * _SIGMA_PERIOD_NS
+        sigma_pf = baseline_sigma_pf(self._variance_pf2, self._updated_ns, self._sigma_due_ns)
         n_per_pf = self._closure_per_pf * self._sensitivity.load_n
-        self._doubts_n = [n_per_pf * min(3.0 * sigma_pf, FARTHEST_PF) for sigma_pf in sigmas_pf]
-        self.sigma_n = (np.array(sigmas_pf) * self._closure_per_pf)[:, None] * self._sensitivity.zero_n
+        self._max_errors_n = [n_per_pf * min(3.0 * sigma, FARTHEST_PF) for sigma in sigma_pf.tolist()]
+        self.sigma_n = (sigma_pf * self._closure_per_pf)[:, None] * self._sensitivity.baseline_n
 
     def _gather(self) -> None:
-        """Put together what the legs' zeros are now."""
-        self._doubt_due_ns = 0
-        self.baseline_pf = np.array([zero.zero_pf for zero in self._zeros])
-        offset_pf = np.array([zero.offset_pf for zero in self._zeros])
-        self._moved = (
-            *(offset_pf[:, 0].copy(), offset_pf[:, 1].copy()),
-            np.array([zero.moved_ns for zero in self._zeros], np.int64),
-        )
-        self._tell_statuses()
+        """Gather what has moved in any leg's baseline into arrays of all legs."""
+        self._sigma_due_ns = 0
+        legs = self._baselines
+        baseline_pf = np.array([leg.baseline_pf for leg in legs])
+        self.unloaded = unloaded_feet(baseline_pf, self._design, self._gain_rel)
+        self._variance_pf2 = np.array([leg.variance_pf2 for leg in legs])
+        self._updated_ns = np.array([leg.updated_ns for leg in legs], np.int64)
+        mean_pf, worst_pf = np.array([leg.offset_pf for leg in legs]).T.copy()
+        self._offsets = mean_pf, worst_pf, np.array([leg.moved_ns for leg in legs], np.int64)
+        self._publish()
+        self.drift_cause = drift_causes(self.drift)
 
-    def _tell_statuses(self) -> None:
-        """Tell what the legs' zeros do now; where they are has been gathered."""
-        self._statuses = [zero.status for zero in self._zeros]
-        self.zero = BaselineDrift(np.array(self._statuses, np.uint8), *self._moved)
+    def _publish(self) -> None:
+        """Replace the published status; the drift is as gathered."""
+        self._statuses = [baseline.status for baseline in self._baselines]
+        self.drift = BaselineDrift(np.array(self._statuses, np.uint8), *self._offsets)
 
     def _window(self, leg: int) -> TareWindow:
         return TareWindow(self._tare, self._unloaded_pf[leg], self._feet[leg])
 
-    def _forget_silent(self, reading: NDArray[np.uint8], now_ns: int) -> None:
+    def _discard_silent(self, reading: NDArray[np.uint8], now_ns: int) -> None:
+        """Discard the baselines of legs that have been silent for too long, and tare them again."""
         if not np.count_nonzero(reading):
             self._heard_ns.fill(now_ns)
             return
         silent = np.isin(reading, SILENT).all(axis=1)
         self._heard_ns[~silent] = now_ns
-        allowed_ns = np.where((reading == Reading.BUS_STUCK).any(axis=1), _HELD_NS, _SILENT_NS)
+        allowed_ns = np.where((reading == Reading.BUS_STUCK).any(axis=1), _BUS_STUCK_NS, _SILENT_NS)
         for leg in np.flatnonzero(now_ns - self._heard_ns >= allowed_ns).tolist():
             if leg in self._untared:
                 continue
             self._untared.add(leg)
-            self._zeros[leg].forget()
-            self._contacts[leg] = Contact(self._contacts[leg].limits)
+            self._baselines[leg].discard()
+            self._contacts[leg] = ContactDetector(self._contacts[leg].limits)
             self._refusal.pop(leg, None)
             self._windows.setdefault(leg, self._window(leg))
             self._gather()
 
-    def _conclude(self, leg: int, verdict: Verdict, t_ns: int) -> CommandResult | None:
-        """Take or refuse a baseline; a tare that nobody asked for says the same refusal only once."""
+    def _conclude(self, leg: int, tared: TareResult, t_ns: int) -> CommandResult | None:
+        """Take over or refuse a baseline; a tare without a command reports a refusal only when it changes."""
         del self._windows[leg]
         commanded = leg in self._commanded
         self._commanded.discard(leg)
-        repeated = self._refusal.get(leg) is verdict.result
-        if verdict.zero_pf is not None:
-            self._zeros[leg].take(verdict.zero_pf, t_ns)
-            self._contacts[leg].begin_anew(t_ns)
+        repeated = self._refusal.get(leg) is tared.result
+        if tared.baseline_pf is not None:
+            self._baselines[leg].set_tared(tared.baseline_pf, t_ns)
+            self._contacts[leg].reset(t_ns)
             self._untared.discard(leg)
             self._refused.discard(leg)
             self._refusal.pop(leg, None)
             self._gather()
         elif leg in self._untared:
             self._windows[leg] = self._window(leg)
-            if verdict.result is Result.ABSENT and not commanded:
-                return None  # nothing was judged: the tare waits for the leg
-            self._refusal[leg] = verdict.result
+            if tared.result is Result.ABSENT and not commanded:
+                return None  # nothing to refuse: the tare waits for the leg
+            self._refusal[leg] = tared.result
         else:
             self._refused.add(leg)
         if repeated and not commanded:
             return None
-        return CommandResult(Command(CommandKind.TARE, leg), verdict.result, verdict.reason)
+        return CommandResult(Command(CommandKind.TARE, leg), tared.result, tared.reason)

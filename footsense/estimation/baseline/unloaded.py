@@ -1,4 +1,6 @@
-"""Distances of the plates of feet that nothing touches."""
+"""Plate distances of unloaded feet, which follow from their baselines."""
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,27 +11,38 @@ Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-class AtRest:
-    """What follows from the baselines; they change seldom.
+class UnloadedFeet(NamedTuple):
+    """Baselines of all legs, and what follows from them; replaced when one moves, never written to.
+
+    Attributes:
+        baseline_pf: Unloaded capacitances without stray [pF], shape (legs, 9), NaN where there is none.
+        distance_rel: Plate distances over the gap [1], shape (legs, 9).
+        untared_legs: Legs without any baseline, shape (legs,).
+        untared: Elements without a baseline on legs that have others, shape (legs, 9).
+        complete: Whether every element of every leg has a baseline.
+    """
+
+    baseline_pf: Vector
+    distance_rel: Vector
+    untared_legs: Mask
+    untared: Mask
+    complete: bool
+
+
+def unloaded_feet(baseline_pf: Vector, design: CapacitorDesign, gain_rel: Vector) -> UnloadedFeet:
+    """Return what follows from baselines.
 
     Args:
         baseline_pf: Unloaded capacitances without stray [pF], shape (legs, 9), NaN where there is none.
         design: The capacitors.
-        gain_rel: Closure of each element by the design's electrodes, of its real closure [1], shape (legs, 9).
-
-    Attributes:
-        baseline_pf: As given.
-        distance_rel: Distances over the gap [1], shape (legs, 9).
-        untared_legs: Legs without any, shape (legs,).
-        untared: Elements without one on legs that have others, shape (legs, 9).
-        whole: Whether there are none of those.
+        gain_rel: Closure of each element by the design's electrodes, over its real closure [1], shape (legs, 9).
     """
-
-    def __init__(self, baseline_pf: Vector, design: CapacitorDesign, gain_rel: Vector) -> None:
-        self.baseline_pf = baseline_pf
-        self.distance_rel = design.plate_distance_um(baseline_pf) / design.gap_um / gain_rel
-        untared: Mask = np.isnan(baseline_pf)
-        whole_legs: Mask = np.asarray(untared.all(axis=1))
-        self.untared_legs = whole_legs
-        self.untared: Mask = np.logical_and(untared, ~whole_legs[:, None])
-        self.whole = not self.untared.any()
+    missing: Mask = np.isnan(baseline_pf)
+    untared_legs: Mask = np.asarray(missing.all(axis=1))
+    return UnloadedFeet(
+        baseline_pf=baseline_pf,
+        distance_rel=design.plate_distance_um(baseline_pf) / design.gap_um / gain_rel,
+        untared_legs=untared_legs,
+        untared=missing & ~untared_legs[:, None],
+        complete=not missing.any(),
+    )

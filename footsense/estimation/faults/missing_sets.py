@@ -1,4 +1,4 @@
-"""Which sets of missing elements the network knows: none, any single one, any row or column."""
+"""Sets of missing elements that the network is trained for: none, any single one, any row or column."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,24 +9,23 @@ Mask = NDArray[np.bool_]
 
 _ELEMENTS = np.arange(ELEMENTS)
 
+#: The rows, then the columns, as sets of elements, shape (6, 9).
+LINES: Mask = np.array([n == _ELEMENTS // 3 for n in range(3)] + [n == _ELEMENTS % 3 for n in range(3)])
+ROWS, COLUMNS = LINES[:3], LINES[3:]
 #: Every set, the empty one first, shape (16, 9).
-KNOWN_MISSING: Mask = np.array(
-    [np.zeros(ELEMENTS, bool)]
-    + [n == _ELEMENTS for n in range(ELEMENTS)]
-    + [n == _ELEMENTS // 3 for n in range(3)]
-    + [n == _ELEMENTS % 3 for n in range(3)]
-)
+MISSING_SETS: Mask = np.concatenate([np.zeros((1, ELEMENTS), bool), np.eye(ELEMENTS, dtype=bool), LINES])
+
 _BITS = 1 << _ELEMENTS
-_NUMBER_OF = np.zeros(1 << ELEMENTS, np.intp)
-_NUMBER_OF[KNOWN_MISSING @ _BITS] = np.arange(len(KNOWN_MISSING))
+_INDEX_OF = np.zeros(1 << ELEMENTS, np.intp)
+_INDEX_OF[MISSING_SETS @ _BITS] = np.arange(len(MISSING_SETS))
 
 
-def known_missing(missing: Mask) -> NDArray[np.intp]:
-    """Return the index in KNOWN_MISSING of what each leg lacks, shape (legs,); 0 also for a set that is not known.
+def missing_set_index(missing: Mask) -> NDArray[np.intp]:
+    """Return the index in `MISSING_SETS` of each leg's missing elements, shape (legs,); 0 also for any other set.
 
     Example:
-        >>> KNOWN_MISSING[known_missing(np.array([[1, 1, 1, 0, 0, 0, 0, 0, 0]], bool))[0]].astype(int).tolist()
+        >>> MISSING_SETS[missing_set_index(np.array([[1, 1, 1, 0, 0, 0, 0, 0, 0]], bool))[0]].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
-    numbers: NDArray[np.intp] = _NUMBER_OF[missing @ _BITS]
-    return numbers
+    index: NDArray[np.intp] = _INDEX_OF[missing @ _BITS]
+    return index

@@ -1,4 +1,4 @@
-"""The error table: the paper's protocol and the wide set, linear read-outs and network side by side."""
+"""The error table: the paper's protocol and random loads, linear read-outs and network side by side."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -26,12 +26,12 @@ from footsense.lab.training.load_cases import (
     measured_closure_rel,
     paper_training,
     paper_verification,
-    wide,
+    random_loads,
 )
 
 #: Names of the released files.
 RESPONSE_FILE, NETWORK_FILE = "response.npz", "network.onnx"
-#: Seed and size of the held-out wide set.
+#: Seed and size of the held-out random loads.
 HELD_OUT_SEED, HELD_OUT_CASES = 2, 10_000
 #: Rows of the networks trained on the paper's 362 cases alone; the very name is the one fed with unbent closures.
 ALONE = "paper_network_362"
@@ -45,16 +45,16 @@ def error_table(
     Args:
         response: The foot.
         loads: What the network was trained for.
-        shipped: The network trained on the wide set.
+        shipped: The network trained on random loads.
         alone: Networks trained on the paper's cases alone by the names of their rows, if at hand.
 
     Returns:
-        Rows by name: `paper_*` on the 180 verification cases without noise, `wide_*` on held-out random loads
+        Rows by name: `paper_*` on the 180 verification cases without noise, `random_*` on held-out random loads
         with the converter's noise, from a tenth of the largest.
     """
     training, verification = paper_training(response), paper_verification(response)
     rng = np.random.default_rng(HELD_OUT_SEED)
-    held_out = wide(response, loads, HELD_OUT_CASES, HELD_OUT_SEED)
+    held_out = random_loads(response, loads, HELD_OUT_CASES, HELD_OUT_SEED)
     felt = np.linalg.norm(held_out.force_n, axis=1) >= loads.judged_from_n
     noisy_um = measured_closure_rel(response.design, held_out.closure_um, rng) * response.design.gap_um
     asked = Cases(held_out.force_n[felt], noisy_um[felt])
@@ -62,8 +62,11 @@ def error_table(
         "paper_linear_dc": (capacitance_readout(response.design, training), verification),
         "paper_linear_elastance": (elastance_readout(training), verification),
         "paper_network": (shipped, verification),
-        "wide_linear_elastance": (elastance_readout(wide(response, loads, HELD_OUT_CASES, 3)), asked),
-        "wide_network": (shipped, asked),
+        "random_linear_elastance": (
+            elastance_readout(random_loads(response, loads, HELD_OUT_CASES, 3)),
+            asked,
+        ),
+        "random_network": (shipped, asked),
     }
     readouts |= {name: (read, verification) for name, read in (alone or {}).items()}
     return {name: errors(cases.force_n, read(cases.closure_um)) for name, (read, cases) in readouts.items()}
@@ -131,17 +134,18 @@ def paper_protocol(folder: Path) -> dict[str, float]:
         ModelError: As `open_models`.
     """
     # Late: they take seconds to import that the table alone does not need.
-    from footsense.lab.evaluation.cramer_rao import crb_ratio
-    from footsense.lab.training.paper_procedure import paper_way_errors
+    from footsense.lab.evaluation.bound_ratio import crb_ratio
+    from footsense.lab.training.paper_procedure import paper_networks
 
     response, network = open_models(folder)
-    own_way = paper_way_errors(response, quick=False)
+    cases = paper_verification(response)
+    rows = [errors(cases.force_n, read(cases.closure_um)) for read in paper_networks(response, quick=False)]
     ratio = crb_ratio(response, load_foot(folder / FOOT_FILE).loads, network.force_n)
     return {
-        "paper_way_direction_deg": float(np.mean([row.direction_deg for row in own_way])),
-        "paper_way_magnitude_gf": float(np.mean([row.magnitude_gf for row in own_way])),
+        "paper_procedure_direction_deg": float(np.mean([row.direction_deg for row in rows])),
+        "paper_procedure_magnitude_gf": float(np.mean([row.magnitude_gf for row in rows])),
         "crb_ratio": ratio.worst,
-        "crb_ratio_typical": max(rung.typical_ratio for rung in ratio.centred),
+        "crb_ratio_typical": max(one.typical_ratio for one in ratio.centred),
     }
 
 

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import Readout, errors
 from footsense.lab.fem.forward import ForwardFoot
 from footsense.lab.fidelity.answer import Answer, Rung
-from footsense.lab.training.load_cases import GRAM_FORCE_N, paper_training, paper_verification
+from footsense.lab.training.load_cases import paper_training, paper_verification
 
 Vector = NDArray[np.float64]
 

@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from footsense.foot.directions import directions
 from footsense.foot.response_table import FootResponse
 from footsense.lab.fidelity.levels import rung
 from footsense.lab.geometry import SoleDesign
-from footsense.lab.training.load_cases import directions
 
 #: Largest contact patch that is answered, over the ball's radius [1]: Hertz takes it as small.
 MOST_PATCH_REL = 0.3

@@ -12,15 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate import Readout, errors
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.monte_carlo.campaign import Figures, Job, Tolerances
 from footsense.lab.training.export import OnnxNetwork
-from footsense.lab.training.load_cases import GRAM_FORCE_N, Cases, paper_training, paper_verification
+from footsense.lab.training.load_cases import Cases, as_designed_um, paper_training, paper_verification
 from footsense.lab.training.mlp import start_layers
-from footsense.lab.training.paper_procedure import HIDDEN, Lesson
+from footsense.lab.training.paper_procedure import HIDDEN, PaperTraining
 from footsense.sim.foot.fabrication import fabricate
 
 Vector = NDArray[np.float64]
@@ -122,16 +123,7 @@ def _workshop(models: Path, seed: int, epochs: int) -> _Workshop:
 
 def _taught(design: CapacitorDesign, cases: Cases, rng: np.random.Generator, epochs: int) -> Readout:
     """Return the paper's kind of network, fed with capacitance changes, after it learnt cases."""
-    return Lesson(design, cases).teach([start_layers(rng, (9, *HIDDEN, 3))], epochs)[0]
-
-
-def as_designed_um(design: CapacitorDesign, change_pf: Vector) -> Vector:
-    """Return the closures [um] by which an element as designed would change its capacitance as much [pF].
-
-    Read-outs of capacitance changes take closures and the design. Given these, they see the very changes of the foot.
-    """
-    rest_pf = np.array(design.rest_pf)
-    return design.closure_um(rest_pf + change_pf, rest_pf)
+    return PaperTraining(design, cases).train([start_layers(rng, (9, *HIDDEN, 3))], epochs)[0]
 
 
 def _linear(features: Vector, force_n: Vector) -> Vector:

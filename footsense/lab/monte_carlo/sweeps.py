@@ -1,4 +1,4 @@
-"""What of fabrication and calibration is made worse, step by step, and the figures over the feet of each step."""
+"""Sweeps over the imperfections of fabrication and calibration, and the statistics over the feet of each level."""
 
 import hashlib
 from dataclasses import dataclass
@@ -10,17 +10,17 @@ import numpy as np
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
 from footsense.lab.monte_carlo.campaign import Figures, Job, Tolerances, Workers, run_campaign
 from footsense.lab.monte_carlo.specimens import judge
-from footsense.lab.monte_carlo.statistics import Spread
+from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.training.paper_procedure import EPOCHS, QUICK_EPOCHS
 
 #: Of all random numbers of the study.
 SEED = 20090304
 
 EXACT = Tolerances()
-#: A plausible foot of soft lithography; nobody has published these of the paper's.
+#: A plausible foot of soft lithography; those of the paper's are not published.
 TYPICAL = Tolerances(gap_um=1.0, film_um=1.0, stray_pf=0.05, stiffness_rel=0.1, mount_deg=2.0)
-#: A careful bench: the paper's meter and reference sensor, and what a hand-set stick may come to.
-BENCH = Tolerances(reading_pf=0.001, repeat_rel=0.02, reference_rel=0.5, stick_deg=1.0)
+#: A careful test stand: the paper's meter and reference sensor, and a stick set by hand.
+CAREFUL = Tolerances(reading_pf=0.001, repeat_rel=0.02, reference_rel=0.5, stick_deg=1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,10 +28,10 @@ class Sweep:
     """One kind of imperfection at several levels.
 
     Attributes:
-        what: What it is, with the unit of its levels.
+        what: Its name, with the unit of the levels.
         step: Tolerances at level 1.
         levels: Levels, rising, without 0.
-        base: What is there at every level.
+        base: Tolerances at every level besides.
     """
 
     what: str
@@ -52,24 +52,24 @@ FEET = (
     Sweep(what="film [um]", step=Tolerances(film_um=1.0), levels=(0.5, 1.0, 2.0, 4.0)),
     Sweep(what="all, times typical", step=TYPICAL, levels=(0.5, 1.0, 2.0, 3.0, 5.0)),
 )
-BENCHES = (
+TEST_STANDS = (
     Sweep(what="reading [fF]", step=Tolerances(reading_pf=0.001), levels=(1.0, 5.0, 20.0)),
     Sweep(what="repeatability of ΔC [%]", step=Tolerances(repeat_rel=0.01), levels=(2.0, 5.0, 20.0)),
     Sweep(what="reference [resolutions]", step=Tolerances(reference_rel=1.0), levels=(0.5, 1.0, 3.0)),
     Sweep(what="stick [deg]", step=Tolerances(stick_deg=1.0), levels=(1.0, 2.0, 5.0, 8.0)),
-    Sweep(what="all of it, times careful", step=BENCH, levels=(1.0, 2.0, 4.0), base=TYPICAL),
+    Sweep(what="all of it, times careful", step=CAREFUL, levels=(1.0, 2.0, 4.0), base=TYPICAL),
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """How much is done.
+    """Numbers of feet and levels.
 
     Attributes:
         feet: Feet at every level.
-        taught: Feet at every level of the bench, which also teach a network; at least 2.
-        epochs: That such a network learns.
-        thin: Every how many-th level is done.
+        taught: Feet at every level of the test stand, each with a network of its own; at least 2.
+        epochs: Of training such a network.
+        thin: Every thin-th level is done.
     """
 
     feet: int
@@ -78,12 +78,12 @@ class Plan:
     thin: int = 1
 
     def levels(self, sweep: Sweep) -> tuple[float, ...]:
-        """Return the levels of a sweep, the one without it first and the largest last."""
+        """Return the levels of a sweep: 0 first, the largest last."""
         return (0.0, *sweep.levels[:: -self.thin][::-1])
 
     def jobs(self, sweep: Sweep, level: float) -> list[Job]:
         """Return the feet of a level."""
-        taught = sweep in BENCHES
+        taught = sweep in TEST_STANDS
         return [Job(sweep.at(level), foot, taught) for foot in range(self.taught if taught else self.feet)]
 
 
@@ -91,28 +91,30 @@ FULL = Plan(feet=40, taught=20, epochs=EPOCHS)
 QUICK = Plan(feet=2, taught=2, epochs=QUICK_EPOCHS, thin=4)
 
 
-class Results:
-    """The figures of every foot of a plan.
+@dataclass(frozen=True, kw_only=True)
+class SweepResults:
+    """Statistics over the feet of a plan.
 
-    Args:
-        plan: What was done.
-        of_job: What came out.
+    Attributes:
+        plan: Feet and levels.
+        gap_um: The designed gap [um].
+        figures: By sweep, level and name, as `judge` names them.
     """
 
-    def __init__(self, plan: Plan, of_job: dict[Job, Figures]) -> None:
-        self.plan = plan
-        self._of_job = of_job
+    plan: Plan
+    gap_um: float
+    figures: dict[str, dict[str, dict[str, MeanStd]]]
 
-    def over_feet(self, sweep: Sweep, level: float, name: str) -> Spread:
-        """Return a figure's mean and spread over the feet of a level."""
-        return Spread.over(self._of_job[job][name] for job in self.plan.jobs(sweep, level))
+    def over_feet(self, sweep: Sweep, level: float, name: str) -> MeanStd:
+        """Return the statistics of a figure over the feet of a level."""
+        return self.figures[sweep.what][f"{level:g}"][name]
 
     def means(self, sweep: Sweep, name: str) -> list[float]:
         """Return a figure's mean over the feet at each level."""
         return [self.over_feet(sweep, level, name).mean for level in self.plan.levels(sweep)]
 
     def reached(self, sweep: Sweep, name: str, target: float) -> float | None:
-        """Return the lowest level at which a mean reaches a target, on straight lines between levels."""
+        """Return the lowest level at which a mean reaches a target, interpolated linearly between levels."""
         levels, means = self.plan.levels(sweep), self.means(sweep, name)
         for k, mean in enumerate(means):
             if mean >= target:
@@ -120,13 +122,21 @@ class Results:
         return None
 
 
-def all_results(models: Path, plan: Plan, workers: Workers, file: Path | None = None) -> Results:
-    """Judge all feet of a plan that the file does not know yet.
+def _statistics(feet: list[Figures]) -> dict[str, MeanStd]:
+    """Return the statistics of every figure that all feet have."""
+    return {name: MeanStd.over(foot[name] for foot in feet) for name in feet[0]}
+
+
+def sweep_results(
+    models: Path, gap_um: float, plan: Plan, workers: Workers, file: Path | None = None
+) -> SweepResults:
+    """Judge all feet of a plan that are not in the file yet.
 
     Args:
         models: Folder of the released models; workers elsewhere need it under the same path.
-        plan: How much.
-        workers: Who does it.
+        gap_um: The designed gap [um].
+        plan: Feet and levels.
+        workers: Run the jobs.
         file: Where results are kept, to go on with later; None keeps none.
     """
     models = models.resolve()
@@ -140,5 +150,13 @@ def all_results(models: Path, plan: Plan, workers: Workers, file: Path | None = 
         "models": " ".join(digests),
     }
     work = partial(judge, models=models, seed=SEED, epochs=plan.epochs)
-    jobs = [job for s in (*FEET, *BENCHES) for level in plan.levels(s) for job in plan.jobs(s, level)]
-    return Results(plan, run_campaign(about, jobs, work, workers=workers, file=file))
+    jobs = [job for s in (*FEET, *TEST_STANDS) for level in plan.levels(s) for job in plan.jobs(s, level)]
+    found = run_campaign(about, jobs, work, workers=workers, file=file)
+    figures = {
+        sweep.what: {
+            f"{level:g}": _statistics([found[job] for job in plan.jobs(sweep, level)])
+            for level in plan.levels(sweep)
+        }
+        for sweep in (*FEET, *TEST_STANDS)
+    }
+    return SweepResults(plan=plan, gap_um=gap_um, figures=figures)

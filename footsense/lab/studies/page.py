@@ -1,33 +1,45 @@
-"""What every study hands in: a page of the report, and the figures drawn for it.
+"""A study of the report: `compute` measures, `render` turns the measured numbers into the page's text.
 
-A study is a function `page(bench: Workbench) -> Page`. It prints and writes nothing itself; `footsense lab study NAME`
-writes its page, and `footsense lab report` binds all pages into one.
+A study module ends with `STUDY = Study(...)`. `compute` may take minutes and returns results (a dataclass) and figures.
+The results are written as JSON. `render` sees nothing but the results, so a committed page can be rendered again from
+its JSON without computing anything; a test compares it with the committed text.
 """
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from timeit import default_timer
+from typing import Any, Generic, TypeVar
 
+import msgspec
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from footsense.foot.checksum_trailer import unsealed_sha256
 from footsense.foot.response_table import FootResponse
-from footsense.lab.evaluation.evaluate_models import open_models
+from footsense.lab.code_hash import module_sha256
+from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, open_models
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import SoleDesign
+from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.training.export import OnnxNetwork
+
+Results = TypeVar("Results")
+#: Drawings by file name, such as `sensors.png`.
+Figures = dict[str, Figure]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Workbench:
-    """What the studies work on.
+class StudyContext:
+    """The models that the studies measure.
 
     Attributes:
         models: Folder of a foot type: its description, response table and network.
         quick: Whether to answer in seconds, with coarse steps and few seeds; such a page says so.
-        say: Told what has just been done, one line each.
+        say: Receives a line after each step.
     """
 
     models: Path
@@ -40,7 +52,7 @@ class Workbench:
 
     @cached_property
     def sole(self) -> SoleDesign:
-        """The foot as it is described."""
+        """The foot's description."""
         return load_foot(self.models / FOOT_FILE)
 
     @property
@@ -50,8 +62,14 @@ class Workbench:
 
     @property
     def network(self) -> OnnxNetwork:
-        """The shipped network."""
+        """The released network."""
         return self._released[1]
+
+    @cached_property
+    def network_sha256(self) -> str:
+        """Hash of the network's file; its card holds the hash of the response table, so it identifies the foot too."""
+        path = self.models / NETWORK_FILE
+        return unsealed_sha256(path.read_bytes(), str(path))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,17 +79,17 @@ class Page:
     Attributes:
         name: The study's name, which also names its files.
         title: Heading.
-        body: Markdown below the heading: what was asked, the tables, what they say. A figure is shown by `![](x.png)`.
-        figures: Drawings by file name, such as `sensors.png`.
-        values: The measured numbers, as JSON values.
-        seconds: What it took [s], filled in by whoever ran it.
+        body: Markdown below the heading: question, tables, findings. `![](x.png)` shows a figure.
+        figures: The drawings.
+        values: The measured numbers and how they were made, as JSON values.
+        seconds: Time that the study took [s].
         command: Of `footsense lab` that makes it; empty for `study`.
     """
 
     name: str
     title: str
     body: str
-    figures: dict[str, Figure] = field(default_factory=dict)
+    figures: Figures = field(default_factory=dict)
     values: dict[str, Any] = field(default_factory=dict)
     seconds: float = 0.0
     command: str = ""
@@ -83,7 +101,7 @@ class Page:
             figure.savefig(folder / file, dpi=110, bbox_inches="tight", metadata={"Software": None})
         (folder / f"{self.name}.md").write_text(self.markdown, encoding="utf-8")
         record = {"study": self.name, "seconds": round(self.seconds, 1), **self.values}
-        text = json.dumps(record, indent=2, sort_keys=True) + "\n"
+        text = json.dumps(record, indent=2) + "\n"
         (folder / f"{self.name}.json").write_text(text, encoding="utf-8")
 
     @property
@@ -93,7 +111,62 @@ class Page:
         return f"## {self.title}\n\n{made_by}\n\n{self.body.strip()}\n"
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+@dataclass(frozen=True, kw_only=True)
+class Study(Generic[Results]):
+    """One study.
+
+    Attributes:
+        name: Names its command and its files.
+        title: Heading of its page.
+        results: Type of the measured numbers: a dataclass that msgspec converts to and from JSON.
+        compute: Measures.
+        render: Returns Markdown below the heading, from the results alone.
+        command: Of `footsense lab`; empty for `study <name>`.
+    """
+
+    name: str
+    title: str
+    results: type[Results]
+    compute: Callable[[StudyContext], tuple[Results, Figures]]
+    render: Callable[[Results], str]
+    command: str = ""
+
+    def page(self, context: StudyContext) -> Page:
+        """Measure, and return the page with the keys that tell when it is stale."""
+        started = default_timer()
+        results, figures = self.compute(context)
+        values = {
+            "seconds": round(default_timer() - started, 1),
+            "quick": context.quick,
+            "network_sha256": context.network_sha256,
+            "code_sha256": module_sha256(self.render.__module__),
+            **msgspec.to_builtins(results, str_keys=True, enc_hook=_plain),
+        }
+        return self.rendered(json.loads(json.dumps(values)), figures)
+
+    def rendered(self, values: dict[str, Any], figures: Figures | None = None) -> Page:
+        """Return the page of what a page's JSON holds; it computes nothing."""
+        body = self.render(msgspec.convert(values, self.results, str_keys=True)).strip()
+        return Page(
+            name=self.name,
+            title=self.title,
+            body=f"{_QUICK}\n\n{body}" if values["quick"] else body,
+            figures=figures or {},
+            values=values,
+            seconds=values["seconds"],
+            command=self.command,
+        )
+
+
+_QUICK = "**Quick run: coarse steps, few cases and seeds. Its figures are no results.**"
+
+
+def _plain(value: Any) -> Any:
+    """Return a numpy value as Python's own."""
+    return value.tolist()
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Return a Markdown table, the first column to the left and the others to the right.
 
     Example:
@@ -105,3 +178,26 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     rule = "|" + "|".join(["---", *["---:"] * (len(header) - 1)]) + "|"
     lines = ["| " + " | ".join(row) + " |" for row in [header, *rows]]
     return "\n".join([lines[0], rule, *lines[1:]])
+
+
+def panels(n: int, width: float, height: float, **options: Any) -> tuple[Figure, list[Axes]]:
+    """Return a figure [inch] with n panels in a row, each with a grid.
+
+    Args:
+        n: How many.
+        width: Of the figure [inch].
+        height: Of the figure [inch].
+        options: As for `Figure.subplots`.
+    """
+    figure = Figure(figsize=(width, height), layout="constrained")
+    axes = list(np.atleast_1d(figure.subplots(1, n, **options)))
+    for one in axes:
+        one.grid(alpha=0.3)
+    return figure, axes
+
+
+def plot_band(axes: Axes, x: Sequence[float], statistics: Sequence[MeanStd], **options: Any) -> None:
+    """Plot means over x, and one standard deviation to either side as a band."""
+    mean, std = (np.array([getattr(one, name) for one in statistics]) for name in ("mean", "std"))
+    (line,) = axes.plot(x, mean, "o-", ms=4, **options)
+    axes.fill_between(x, mean - std, mean + std, color=line.get_color(), alpha=0.2, lw=0)

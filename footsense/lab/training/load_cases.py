@@ -1,9 +1,9 @@
-"""Load cases with their closures: the paper's two sets, and the wide set that the shipped network learns from.
+"""Load cases with their closures: the paper's two sets, and the random loads that train the released network.
 
 The paper's loads are centred (the force goes through the middle of the ball, so the contact normal is parallel to
 it) and have three magnitudes. A walking foot sees more: any magnitude, and contacts whose normal is tilted away
 from the force by friction and uneven ground, which turn the pattern of closures far more than an inclined centred
-force does. The network has to tell the two apart, so it has to be taught both.
+force does. The network has to tell the two apart, so its training needs both.
 """
 
 from dataclasses import dataclass
@@ -13,30 +13,32 @@ from numpy.typing import NDArray
 
 from firmware_interface import fdc1004
 from footsense.errors import ModelError
-from footsense.foot import force_errors
 from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.directions import normalized, paper_directions, random_directions
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.lab.geometry import LoadRange
 from footsense.lab.response import SYMMETRIES, element_map
 
-GRAM_FORCE_N = force_errors.GRAM_FORCE_N
+Vector = NDArray[np.float64]
+
 #: Noise of one conversion and of the baseline [pF, rms], as the card's sigma is measured with.
 NOISE_PF, BASELINE_NOISE_PF = 0.5e-3, 0.2e-3
-#: Mean closure as if no gap could shut from which an element is beyond the converter's range for certain [1 of the
-#: gap]: contact bears what is more. The loads within full scale stay below 1.2.
+#: Free mean closure from which an element is beyond the converter's range for certain [1 of the gap]: loads within full
+#: scale stay below 1.2.
 HOPELESS_REL = 1.5
-#: What the converter can tell [pF]; beyond, the daemon says `saturated`.
+#: Full scale of the converter [pF]; beyond, the daemon reports `saturated`.
 FULL_SCALE_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
-#: LoadRange that are turned into closures at once, for the sake of memory.
+#: Loads that are turned into closures at once, which limits memory.
 _AT_ONCE = 2048
-#: How often as many loads may be drawn as are wanted: a foot that saturates under 19 of 20 is not of use under them.
+#: Most loads drawn for each wanted one: a foot that saturates under 19 of 20 loads is unsuited to them.
 _MOST_DRAWS = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cases:
-    """LoadRange and what the gaps do under them.
+    """Loads and the closures of the gaps under them.
 
     Attributes:
         force_n: Ground reaction on the foot [N], shape (n, 3).
@@ -44,8 +46,8 @@ class Cases:
             long as the electrode stays flat, a little more where it bends.
     """
 
-    force_n: NDArray[np.float64]
-    closure_um: NDArray[np.float64]
+    force_n: Vector
+    closure_um: Vector
 
     def with_symmetric_copies(self) -> "Cases":
         """Return the cases and their seven images under the square's symmetries, shape (8 n, ...)."""
@@ -57,21 +59,7 @@ class Cases:
         return Cases(np.concatenate([self.force_n @ g.T for g in SYMMETRIES]), np.concatenate(closures))
 
 
-def directions(azimuth_deg: NDArray[np.float64], elevation_deg: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (cos t2 cos t1, cos t2 sin t1, sin t2) of azimuth t1 and elevation t2 [deg], shape (..., 3)."""
-    t1, t2 = np.radians(azimuth_deg), np.radians(elevation_deg)
-    return np.stack([np.cos(t2) * np.cos(t1), np.cos(t2) * np.sin(t1), np.sin(t2)], axis=-1)
-
-
-def _ring_directions(first_azimuth: float, elevations: list[float]) -> NDArray[np.float64]:
-    """Return directions at 36 azimuths, 10 deg apart, for each elevation [deg]."""
-    t1, t2 = np.meshgrid(first_azimuth + 10.0 * np.arange(36), elevations, indexing="ij")
-    return directions(t1.ravel(), t2.ravel())
-
-
-def sensed_closure_um(
-    foot: Foot, normal: NDArray[np.float64], force_n: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def sensed_closure_um(foot: Foot, normal: Vector, force_n: Vector) -> Vector:
     """Return the closures that the daemon would find, shape (n, 9) [um]: from capacitance, by the designed dimensions.
 
     Args:
@@ -86,68 +74,52 @@ def sensed_closure_um(
     return foot.response.design.closure_um(np.concatenate(parts), foot.rest_pf)
 
 
-def _centred(foot: Foot, direction: NDArray[np.float64], magnitudes_gf: list[float]) -> Cases:
+def _centred(foot: Foot, direction: Vector, magnitudes_gf: list[float]) -> Cases:
     """Return centred loads: every direction at every magnitude."""
     force = np.concatenate([direction * magnitude * GRAM_FORCE_N for magnitude in magnitudes_gf])
     return Cases(force, sensed_closure_um(foot, np.tile(direction, (len(magnitudes_gf), 1)), force))
 
 
 def paper_training(response: FootResponse, deviations: Deviations | None = None) -> Cases:
-    """Return the paper's 362 training cases: 181 directions at 50 and 150 gf (section III F).
-
-    181 = 36 azimuths x 5 elevations (40 to 80 deg) and the pole.
-    """
-    ring = _ring_directions(0.0, [40.0, 50.0, 60.0, 70.0, 80.0])
-    return _centred(Foot(response, deviations), np.concatenate([ring, [[0.0, 0.0, 1.0]]]), [50.0, 150.0])
+    """Return the paper's 362 training cases: 181 directions at 50 and 150 gf (section III F)."""
+    return _centred(Foot(response, deviations), paper_directions("training"), [50.0, 150.0])
 
 
 def paper_verification(response: FootResponse, deviations: Deviations | None = None) -> Cases:
     """Return the paper's 180 verification cases: both angles shifted by 5 deg, at 100 gf (section III F)."""
-    directions_5 = _ring_directions(5.0, [45.0, 55.0, 65.0, 75.0, 85.0])
-    return _centred(Foot(response, deviations), directions_5, [100.0])
+    return _centred(Foot(response, deviations), paper_directions("verification"), [100.0])
 
 
-def _cap(rng: np.random.Generator, n: int, lowest_deg: float) -> NDArray[np.float64]:
-    """Return n unit vectors, uniform in area over the cap above an elevation [deg]."""
-    z = rng.uniform(np.sin(np.radians(lowest_deg)), 1.0, n)
-    azimuth = rng.uniform(0.0, 2.0 * np.pi, n)
-    flat = np.sqrt(1.0 - z**2)
-    return np.column_stack([flat * np.cos(azimuth), flat * np.sin(azimuth), z])
-
-
-def leaning_normals(
-    loads: LoadRange, rng: np.random.Generator, direction: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def leaning_normals(loads: LoadRange, rng: np.random.Generator, direction: Vector) -> Vector:
     """Return contact normals that lean away from the force's direction, mostly little, never beyond friction."""
     n, typical_deg = len(direction), loads.typical_lean_deg
     # A Rayleigh distribution cut off at the friction angle, by inversion.
     within = -np.expm1(-0.5 * (loads.friction_angle_deg / typical_deg) ** 2)
     angle = np.radians(typical_deg) * np.sqrt(-2.0 * np.log1p(-within * rng.uniform(size=n)))
     angle[rng.uniform(size=n) < loads.centred_share] = 0.0
-    sideways = np.cross(direction, rng.normal(size=(n, 3)))
-    sideways /= np.linalg.norm(sideways, axis=1, keepdims=True)
-    normal: NDArray[np.float64] = np.cos(angle)[:, None] * direction + np.sin(angle)[:, None] * sideways
+    sideways = normalized(np.cross(direction, rng.normal(size=(n, 3))))
+    normal: Vector = np.cos(angle)[:, None] * direction + np.sin(angle)[:, None] * sideways
     return normal
 
 
-def wide(
+def random_loads(
     response: FootResponse, loads: LoadRange, n: int, seed: int, deviations: Deviations | None = None
 ) -> Cases:
     """Return n random loads within the converter's range.
 
     Half of the magnitudes are uniform up to the largest, half uniform in the logarithm from a light touch, so that
-    that is as well known as a firm step. Gaps may shut in part; loads that drive an element beyond the converter's full
-    scale are drawn again: the daemon calls them saturated.
+    light and firm steps are equally frequent. Gaps may close in part; loads that drive an element beyond the
+    converter's full scale are drawn again: the daemon reports them as saturated.
 
     Raises:
-        ModelError: The converter can tell hardly any of the loads.
+        ModelError: Hardly any of the loads is within the converter's range.
     """
     rng = np.random.default_rng(seed)
     foot = Foot(response, deviations)
     lowest_z = np.sin(np.radians(loads.min_elevation_deg))
     forces, closures, found = [], [], 0
     for _ in range(_MOST_DRAWS):
-        direction = _cap(rng, n, loads.min_elevation_deg)
+        direction = random_directions(rng, n, loads.min_elevation_deg)
         normal = leaning_normals(loads, rng, direction)
         even = rng.uniform(size=n) < 0.5
         even_n = rng.uniform(0.0, loads.max_n, n)
@@ -155,7 +127,7 @@ def wide(
             even, even_n, np.exp(rng.uniform(np.log(loads.lightest_n), np.log(loads.max_n), n))
         )
         reached = np.flatnonzero(normal[:, 2] >= lowest_z)
-        reached = reached[_may_be_told(foot, normal[reached], (direction * magnitude[:, None])[reached])]
+        reached = reached[_may_be_in_range(foot, normal[reached], (direction * magnitude[:, None])[reached])]
         force, normal = (direction * magnitude[:, None])[reached], normal[reached]
         closure = sensed_closure_um(foot, normal, force)
         in_range = response.design.capacitance_pf(closure).max(axis=1) < FULL_SCALE_PF
@@ -170,8 +142,8 @@ def wide(
     )
 
 
-def _may_be_told(foot: Foot, normal: NDArray[np.float64], force_n: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which loads are not so far beyond the converter's range that contact is not worth solving, shape (n,)."""
+def _may_be_in_range(foot: Foot, normal: Vector, force_n: Vector) -> NDArray[np.bool_]:
+    """Tell which loads may be within the converter's range before contact is solved, shape (n,)."""
     may = np.empty(len(force_n), bool)
     for first in range(0, len(force_n), _AT_ONCE):
         some = slice(first, first + _AT_ONCE)
@@ -180,11 +152,18 @@ def _may_be_told(foot: Foot, normal: NDArray[np.float64], force_n: NDArray[np.fl
     return may
 
 
-def measured_closure_rel(
-    design: CapacitorDesign, closure_um: NDArray[np.float64], rng: np.random.Generator
-) -> NDArray[np.float64]:
+def measured_closure_rel(design: CapacitorDesign, closure_um: Vector, rng: np.random.Generator) -> Vector:
     """Return closures over the gap [1] as the daemon gets them: through noisy capacitance and a noisy baseline."""
     measured = design.capacitance_pf(closure_um) + NOISE_PF * rng.normal(size=closure_um.shape)
     baseline = design.rest_pf + BASELINE_NOISE_PF * rng.normal(size=closure_um.shape)
-    closure_rel: NDArray[np.float64] = design.closure_um(measured, baseline) / design.gap_um
+    closure_rel: Vector = design.closure_um(measured, baseline) / design.gap_um
     return closure_rel
+
+
+def as_designed_um(design: CapacitorDesign, change_pf: Vector) -> Vector:
+    """Return the closures [um] of a foot as designed whose capacitances change by so much [pF].
+
+    Read-outs of capacitance changes take closures and the design; these closures give them the measured changes.
+    """
+    rest_pf = np.array(design.rest_pf)
+    return design.closure_um(rest_pf + change_pf, rest_pf)

@@ -1,19 +1,19 @@
-"""The multilayer perceptron of 2009: tanh layers and a linear one. For the studies; what is shipped is `network`.
+"""The multilayer perceptron of 2009 for the studies: tanh layers and a linear one. The released network is `network`.
 
-Many of them learn in one compiled program, one after the other (`jax.lax.map`), which on one core took 10 to 30 %
-less time than side by side (`jax.vmap`). A neuron whose weights are all zero says nothing and its gradient is
-zero, so it stays silent under any rule that does not move without a gradient: networks of several widths go
-through the same program padded with silent neurons.
+Many are trained in one compiled program, one after the other (`jax.lax.map`): on one core 10 to 30 % faster than side
+by side (`jax.vmap`). A neuron whose weights are all zero has no output and no gradient, so an optimiser that moves
+by gradients alone leaves it there: networks of several widths share a program, padded with such neurons.
 """
 
 import resource
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 from numpy.typing import NDArray
 
 
@@ -32,17 +32,14 @@ class Layer(NamedTuple):
 #: The layers of a network, from the input on.
 Layers = tuple[Layer, ...]
 
-#: One epoch of a learning rule: makes weights and the rule's memory of weights, gradient and memory.
-Step = Callable[[Any, Any, Any], tuple[Any, Any]]
-
 
 def start_layers(rng: np.random.Generator, widths: Sequence[int], room: Sequence[int] = ()) -> Layers:
-    """Return random layers, uniform within 1 / sqrt(inputs), so that no neuron starts in saturation.
+    """Return random layers, uniform within 1 / sqrt(inputs), which saturates no neuron.
 
     Args:
         rng: Source of the numbers.
         widths: Neurons of each layer, inputs and outputs included.
-        room: Neurons that each layer is to be padded to with silent ones, as many as the widths; none if empty.
+        room: Neurons that each layer is padded to, as many as the widths; no padding if empty.
     """
     room = room or widths
     layers = []
@@ -78,13 +75,13 @@ def loss(layers: Layers, inputs: Any, targets: Any) -> jax.Array:
     return jnp.mean(jnp.sum((forward(layers, inputs) - targets) ** 2, axis=-1))
 
 
-class Learnt(NamedTuple):
-    """What came of learning.
+class Trained(NamedTuple):
+    """Networks after training.
 
     Attributes:
         layers: The networks, stacked.
         losses: Loss before each epoch, shape (networks, epochs).
-        processor_s: Processor time of all of it, compilation apart [s].
+        processor_s: Processor time without compilation [s].
     """
 
     layers: Layers
@@ -92,50 +89,53 @@ class Learnt(NamedTuple):
     processor_s: float
 
 
-@partial(jax.jit, static_argnames=("step", "epochs"))
+@partial(jax.jit, static_argnames=("rule", "epochs"))
 def _run(
-    step: Step, epochs: int, layers: Layers, memory: Any, inputs: Any, targets: Any
+    rule: optax.GradientTransformation, epochs: int, layers: Layers, state: Any, inputs: Any, targets: Any
 ) -> tuple[Layers, jax.Array]:
     """Return the networks after the epochs, and their losses, shape (networks, epochs)."""
 
     def epoch(carry: tuple[Layers, Any], _: None) -> tuple[tuple[Layers, Any], jax.Array]:
         before, gradient = jax.value_and_grad(loss)(carry[0], inputs, targets)
-        return step(carry[0], gradient, carry[1]), before
+        change, after = rule.update(gradient, carry[1], carry[0])
+        return (optax.apply_updates(carry[0], change), after), before
 
     def one(carry: tuple[Layers, Any]) -> tuple[Layers, jax.Array]:
         (after, _), losses = jax.lax.scan(epoch, carry, None, length=epochs)
         return after, losses
 
-    learnt: tuple[Layers, jax.Array] = jax.lax.map(one, (layers, memory))
-    return learnt
+    trained: tuple[Layers, jax.Array] = jax.lax.map(one, (layers, state))
+    return trained
 
 
 def _processor_s() -> float:
-    """Return the processor time that this process has used [s]: what others on the machine do is not in it."""
+    """Return the processor time of this process [s]; other processes do not count."""
     used = resource.getrusage(resource.RUSAGE_SELF)
     return used.ru_utime + used.ru_stime
 
 
-def learn(
-    step: Step,
+def train(
+    rule: optax.GradientTransformation,
     layers: Layers,
-    memory: Any,
     inputs: NDArray[np.float64],
     targets: NDArray[np.float64],
     epochs: int,
-) -> Learnt:
-    """Let networks learn by heart, all cases in every epoch.
+    state: Any = None,
+) -> Trained:
+    """Train networks, all cases in every epoch.
 
     Args:
-        step: The rule.
+        rule: The optimiser.
         layers: The networks at the start, stacked.
-        memory: The rule's memory at the start, networks as the first axis of every array.
         inputs: Shape (n, n_in), of the order of 1.
         targets: Shape (n, n_out), of the order of 1.
         epochs: How many.
+        state: The optimiser's state at the start, networks as the first axis of every array; None for `rule.init`.
     """
+    if state is None:
+        state = jax.vmap(rule.init)(layers)
     cases = np.asarray(inputs, np.float32), np.asarray(targets, np.float32)
-    compiled = _run.lower(step, epochs, layers, memory, *cases).compile()
+    compiled = _run.lower(rule, epochs, layers, state, *cases).compile()
     started_s = _processor_s()
-    after, losses = jax.block_until_ready(compiled(layers, memory, *cases))
-    return Learnt(after, np.asarray(losses, dtype=np.float64), _processor_s() - started_s)
+    after, losses = jax.block_until_ready(compiled(layers, state, *cases))
+    return Trained(after, np.asarray(losses, dtype=np.float64), _processor_s() - started_s)

@@ -1,7 +1,10 @@
-"""The paper's own way from capacitances to forces: a plain network, RPROP, and the 362 cases of section III F.
+"""The paper's procedure from capacitances to forces: a plain network, RPROP, and 362 training cases.
 
-Nothing of what `network` and `train` know about the foot is used here: no gap closure instead of dC unless asked
-for, no symmetry, no linear path. Inputs and forces are divided by the largest of the training cases.
+It uses nothing of what `network` and `train` know about the foot: ΔC unless closures are chosen, no symmetry, no linear
+path. Inputs and forces are divided by the largest of the training cases.
+
+Source:
+    Aoyagi et al., sections III D to III G.
 """
 
 from collections.abc import Sequence
@@ -11,41 +14,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.lab.evaluation.evaluate import Errors, Readout, errors
-from footsense.lab.training.load_cases import (
-    GRAM_FORCE_N,
-    Cases,
-    paper_training,
-    paper_verification,
-    sensed_closure_um,
-)
-from footsense.lab.training.mlp import Layers, forward, learn, stack, start_layers, unstack
-from footsense.lab.training.rprop import rprop_start, rprop_step
+from footsense.lab.evaluation.evaluate import Readout
+from footsense.lab.training.load_cases import Cases, paper_training, paper_verification, sensed_closure_um
+from footsense.lab.training.mlp import Layers, forward, stack, start_layers, train, unstack
+from footsense.lab.training.rprop import RPROP
 
-#: What a network is fed with: capacitance changes, as the paper's, or the gap closures that elastance measures.
+#: Inputs of a network: capacitance changes, as in the paper, or the gap closures that elastance measures.
 Feed = Literal["capacitance", "closure"]
 
 #: Neurons of the two hidden layers, twice the inputs; the paper found its own by trial and error (Table I).
 HIDDEN = (18, 18)
-#: Epochs of learning; the paper states none. Four times as many change the errors by less than the seeds do.
+#: Epochs of training; the paper states none. Four times as many change the errors by less than the seeds do.
 EPOCHS, QUICK_EPOCHS = 5000, 1000
 #: Networks, which differ in their start weights.
 SEEDS, QUICK_SEEDS = 20, 3
 
 
-class Lesson:
-    """Cases for a network to learn, scaled as it wants them.
-
-    Attributes:
-        inputs: What it is fed with [1], shape (n, 9), the largest 1.
-        targets: What it is to answer [1], shape (n, 3), the largest force component 1.
+class PaperTraining:
+    """Training cases, scaled for a plain network.
 
     Args:
         design: Of the capacitors.
         training: The cases.
-        feed: What the networks are fed with.
+        feed: Inputs of the networks.
+
+    Attributes:
+        inputs: Shape (n, 9), the largest 1.
+        targets: Shape (n, 3), the largest force component 1.
     """
 
     def __init__(self, design: CapacitorDesign, training: Cases, feed: Feed = "capacitance") -> None:
@@ -71,11 +69,10 @@ class Lesson:
 
         return read
 
-    def teach(self, starts: Sequence[Layers], epochs: int) -> list[Readout]:
-        """Return what becomes of start weights by that many epochs of RPROP, each network as a read-out."""
-        layers = stack(starts)
-        learnt = learn(rprop_step, layers, rprop_start(layers), self.inputs, self.targets, epochs)
-        return [self._readout(network) for network in unstack(learnt.layers)]
+    def train(self, starts: Sequence[Layers], epochs: int) -> list[Readout]:
+        """Train networks by RPROP from start weights, and return each as a read-out."""
+        trained = train(RPROP, stack(starts), self.inputs, self.targets, epochs)
+        return [self._readout(network) for network in unstack(trained.layers)]
 
 
 def verification_at(response: FootResponse, magnitude_gf: float) -> Cases:
@@ -86,15 +83,12 @@ def verification_at(response: FootResponse, magnitude_gf: float) -> Cases:
     return Cases(force_n, sensed_closure_um(Foot(response), direction, force_n))
 
 
-def paper_way(response: FootResponse, *, quick: bool, feed: Feed = "capacitance") -> list[Readout]:
-    """Return networks taught the paper's way, one for each seed of the start weights; few and less if quick."""
+def starts_of(seeds: int, widths: Sequence[int] = (9, *HIDDEN, 3)) -> list[Layers]:
+    """Return start weights of networks, one for each seed from 0."""
+    return [start_layers(np.random.default_rng(seed), widths) for seed in range(seeds)]
+
+
+def paper_networks(response: FootResponse, *, quick: bool, feed: Feed = "capacitance") -> list[Readout]:
+    """Return networks trained by the paper's procedure, one for each seed; fewer and shorter if quick."""
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)
-    starts = [start_layers(np.random.default_rng(seed), (9, *HIDDEN, 3)) for seed in range(seeds)]
-    return Lesson(response.design, paper_training(response), feed).teach(starts, epochs)
-
-
-def paper_way_errors(response: FootResponse, *, quick: bool, feed: Feed = "capacitance") -> list[Errors]:
-    """Return the errors of the paper's way on its 180 verification cases, one entry for each seed."""
-    asked = paper_verification(response)
-    readouts = paper_way(response, quick=quick, feed=feed)
-    return [errors(asked.force_n, read(asked.closure_um)) for read in readouts]
+    return PaperTraining(response.design, paper_training(response), feed).train(starts_of(seeds), epochs)

@@ -1,31 +1,27 @@
-"""One foot learnt without any physics: the paper's kind of network, taught what that foot's own bench measured."""
+"""A network for one foot, trained on its own measured loads by the paper's procedure, without the foot's physics."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.lab.monte_carlo.specimens import as_designed_um
-from footsense.lab.training.load_cases import Cases
-from footsense.lab.training.mlp import start_layers
-from footsense.lab.training.paper_procedure import EPOCHS, HIDDEN, Lesson
+from footsense.lab.training.load_cases import Cases, as_designed_um
+from footsense.lab.training.paper_procedure import EPOCHS, PaperTraining, starts_of
 
 Vector = NDArray[np.float64]
 
-_SEED = 1
 
-
-def from_scratch(
-    design: CapacitorDesign, learnt_pf: Vector, force_n: Vector, asked_pf: Vector, epochs: int = EPOCHS
+def per_foot_force_n(
+    design: CapacitorDesign, training_pf: Vector, force_n: Vector, test_pf: Vector, epochs: int = EPOCHS
 ) -> Vector:
-    """Return the forces [N], shape (m, 3), that a network taught with a foot's pokes makes of others.
+    """Train a network on a foot's calibration loads, and return its forces for other loads [N], shape (m, 3).
 
     Args:
-        design: Of the capacitors, of which the network learns nothing: it is fed with changes of capacitance.
-        learnt_pf: Changes of capacitance in the pokes that it learns [pF], shape (n, 9).
-        force_n: What the reference felt [N], shape (n, 3).
-        asked_pf: Changes of capacitance that it is asked for [pF], shape (m, 9).
-        epochs: That it learns.
+        design: Of the capacitors; the network's inputs are changes of capacitance, so it plays no part in the result.
+        training_pf: Changes of capacitance under the training loads [pF], shape (n, 9).
+        force_n: Reference forces of the training loads [N], shape (n, 3).
+        test_pf: Changes of capacitance under the other loads [pF], shape (m, 9).
+        epochs: Of training.
     """
-    lesson = Lesson(design, Cases(force_n, as_designed_um(design, learnt_pf)))
-    start = start_layers(np.random.default_rng(_SEED), (9, *HIDDEN, 3))
-    return lesson.teach([start], epochs)[0](as_designed_um(design, asked_pf))
+    training = PaperTraining(design, Cases(force_n, as_designed_um(design, training_pf)))
+    _, start = starts_of(2)
+    return training.train([start], epochs)[0](as_designed_um(design, test_pf))

@@ -1,20 +1,24 @@
-"""RPROP: each weight has a step of its own, which only the sign of its gradient changes.
+"""RPROP with weight backtracking, as an optax transformation.
+
+Each weight has a step of its own, which only the sign of its gradient changes:
 
     same sign as before    the step grows by 1.2, the weight moves by it against the gradient
     sign has changed       the step shrinks to a half, the weight takes its last move back and forgets the sign
     no sign before or now  the step stays, the weight moves by it against the gradient
 
-As the size of the gradient plays no part, weights far from the output learn as fast as those near it.
+The size of the gradient has no influence, so weights far from the output learn as fast as those near it. Not
+`optax.rprop`: see docs/adr.
 
 Source:
     M. Riedmiller and H. Braun, "A Direct Adaptive Method for Faster Backpropagation Learning: The RPROP
-    Algorithm", IEEE Int. Conf. Neural Networks, San Francisco, 1993: the paper's reference [12].
+    Algorithm", IEEE Int. Conf. Neural Networks, San Francisco, 1993: reference [12] of Aoyagi et al.
 """
 
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import optax
 
 #: Growth and shrinkage of a step [1].
 GROW, SHRINK = 1.2, 0.5
@@ -22,13 +26,13 @@ GROW, SHRINK = 1.2, 0.5
 FIRST_STEP, LEAST_STEP, LARGEST_STEP = 0.1, 1e-6, 50.0
 
 
-class RpropMemory(NamedTuple):
-    """What is remembered of the last epoch, each part nested and shaped like the weights.
+class RpropState(NamedTuple):
+    """State after an epoch, each part nested and shaped like the weights.
 
     Attributes:
         size: Sizes of the steps, above 0.
         gradient: The gradient, 0 where a move was taken back.
-        move: What was added to the weights.
+        move: The last change of the weights.
     """
 
     size: Any
@@ -36,24 +40,28 @@ class RpropMemory(NamedTuple):
     move: Any
 
 
-def rprop_start(weights: Any) -> RpropMemory:
-    """Return the memory before the first epoch of weights in any nesting."""
+def _init(weights: Any) -> RpropState:
+    """Return the state before the first epoch."""
     zero = jax.tree.map(jnp.zeros_like, weights)
-    return RpropMemory(jax.tree.map(lambda w: jnp.full_like(w, FIRST_STEP), weights), zero, zero)
+    return RpropState(jax.tree.map(lambda w: jnp.full_like(w, FIRST_STEP), weights), zero, zero)
 
 
-def _one(w: Any, gradient: Any, size: Any, last_gradient: Any, last_move: Any) -> tuple[Any, ...]:
-    """Return one array's weights, sizes, remembered gradients and moves after an epoch."""
+def _one(gradient: Any, size: Any, last_gradient: Any, last_move: Any) -> RpropState:
+    """Return the state of one array of weights after an epoch."""
     agreement = jnp.sign(gradient) * jnp.sign(last_gradient)
     factor = jnp.where(agreement > 0.0, GROW, jnp.where(agreement < 0.0, SHRINK, 1.0))
     size = jnp.clip(size * factor, LEAST_STEP, LARGEST_STEP)
-    gone_too_far = agreement < 0.0
-    move = jnp.where(gone_too_far, -last_move, -jnp.sign(gradient) * size)
-    return w + move, size, jnp.where(gone_too_far, 0.0, gradient), move
+    overshot = agreement < 0.0
+    move = jnp.where(overshot, -last_move, -jnp.sign(gradient) * size)
+    return RpropState(size, jnp.where(overshot, 0.0, gradient), move)
 
 
-def rprop_step(weights: Any, gradient: Any, memory: RpropMemory) -> tuple[Any, RpropMemory]:
-    """Return weights and memory after one epoch, the gradient being nested and shaped like the weights."""
-    after = jax.tree.map(_one, weights, gradient, *memory)
-    weights, *parts = jax.tree.transpose(jax.tree.structure(weights), jax.tree.structure((0,) * 4), after)
-    return weights, RpropMemory(*parts)
+def _update(gradient: Any, state: Any, weights: Any = None) -> tuple[Any, RpropState]:
+    """Return the moves and the state after an epoch."""
+    del weights
+    after = jax.tree.map(_one, gradient, *state)
+    state = jax.tree.transpose(jax.tree.structure(gradient), jax.tree.structure(RpropState(0, 0, 0)), after)
+    return state.move, state
+
+
+RPROP = optax.GradientTransformation(_init, _update)

@@ -23,7 +23,7 @@ import numpy as np
 import optax
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.imputation import Filling
+from footsense.estimation.faults.imputation import Imputation
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.lab.response import SYMMETRIES, element_map
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, Cases
@@ -136,14 +136,14 @@ class _Task(NamedTuple):
     film_rel: float
 
 
-def _task(cases: Cases, design: CapacitorDesign, protocol: Protocol, filling: Filling) -> _Task:
+def _task(cases: Cases, design: CapacitorDesign, protocol: Protocol, imputation: Imputation) -> _Task:
     """Return the cases and what happens to them, as JAX has them."""
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
     noise_pf = np.hypot(NOISE_PF, BASELINE_NOISE_PF) * protocol.noise_rel
     return _Task(
         closure_rel=jnp.asarray(cases.closure_um / design.gap_um, jnp.float32),
         force_n=jnp.asarray(cases.force_n, jnp.float32),
-        fill=jnp.asarray(np.stack([filling.matrix(mask) for mask in MASKS]), jnp.float32),
+        fill=jnp.asarray(np.stack([imputation.matrix(mask) for mask in MASKS]), jnp.float32),
         masks=jnp.asarray(MASKS, jnp.float32),
         # A noise of the capacitance is one of the distance by distance^2 / (eps0 A); all over the gap.
         noise_rel=float(noise_pf * design.gap_um / plates_um),
@@ -165,7 +165,7 @@ def _drawn(task: _Task, protocol: Protocol, key: jax.Array) -> tuple[jax.Array, 
 
 
 def train(
-    cases: Cases, design: CapacitorDesign, protocol: Protocol, filling: Filling | None = None
+    cases: Cases, design: CapacitorDesign, protocol: Protocol, imputation: Imputation | None = None
 ) -> Weights:
     """Train a network.
 
@@ -173,14 +173,14 @@ def train(
         cases: Loads and exact closures; symmetric copies are not needed.
         design: The capacitors, for the noise.
         protocol: How.
-        filling: What fills in missing elements; from the cases if None.
+        imputation: What fills in missing elements; from the cases if None.
 
     Returns:
         The weights, float32.
     """
     closure_rel = cases.closure_um / design.gap_um
-    filling = filling or Filling(moments(closure_rel))
-    task = _task(cases, design, protocol, filling)
+    imputation = imputation or Imputation(moments(closure_rel))
+    task = _task(cases, design, protocol, imputation)
     whiten, mean = _whitening(closure_rel)
     linear = jnp.asarray(linear_start(closure_rel, cases.force_n, protocol.floor_n), jnp.float32)
 

@@ -26,7 +26,7 @@ class SimulatedKernelMuxLeg:
         self._trunk = trunk
         self._clock = clock
         self._mux = mux
-        self._selection = tca9548a.select((channel,))
+        self._selection = tca9548a.select(channel)
         self._host_cost_ns = host_cost_ns
 
     def transfer(self, transaction: Transaction) -> bytes:

@@ -55,7 +55,12 @@ def test_another_foot_than_expected_is_fit_to_be_configured() -> None:
         ((8,), np.nan, Reading.CORRUPT, [(Cause.CORRUPT, ALL)]),
         ((8,), np.nan, Reading.DELAYED, [(Cause.DELAYED, ALL)]),
         # Row 0 and column 0 are open: their crossing belongs to both, and is told once.
-        ((0, 1, 2, 3, 6), 0.1, Reading.OK, [(Cause.ROW_OPEN, (0, 1, 2)), (Cause.ELEMENT_OPEN, (3,))]),
+        (
+            (0, 1, 2, 3, 6),
+            0.1,
+            Reading.OK,
+            [(Cause.ROW_OPEN, (0, 1, 2)), (Cause.ELEMENT_OPEN, (3,)), (Cause.ELEMENT_OPEN, (6,))],
+        ),
     ],
 )
 def test_what_is_broken_is_named(
@@ -69,7 +74,22 @@ def test_what_is_broken_is_named(
     scans.capacitance_pf[:, elements] = value
     scans.reading[:, elements] = reading
     broken = [(finding.cause, finding.elements) for finding in found(scans)]
-    assert broken[: len(causes)] == causes
+    assert broken == causes
+
+
+@pytest.mark.parametrize("column", range(3))
+def test_the_line_that_is_at_ground_is_named(column: int) -> None:
+    """All of a column over the range is its line; one over it, and the others open, is that element."""
+    scans = foot()
+    scans.capacitance_pf[:, column::3] = np.nan
+    scans.reading[:, column::3] = Reading.OVER_RANGE
+    (shorted,) = found(scans)
+    assert shorted.what == f"the line of column {column} is shorted to ground"
+    scans.capacitance_pf[:, [column, 3 + column]] = 0.1
+    scans.reading[:, [column, 3 + column]] = Reading.OK
+    (shorted,) = found(scans)
+    assert (shorted.cause, shorted.elements) == (Cause.ELEMENT_SHORTED, (6 + column,))
+    assert shorted.what.endswith(f"with it the rest of column {column} cannot be read")
 
 
 def test_a_loose_contact_is_told_from_one_that_is_off() -> None:

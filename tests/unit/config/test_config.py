@@ -97,7 +97,7 @@ def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
         ),
         (
             ONE_BUS.replace("can:", "    other_devices: [{name: LED, address: 0x71}]\ncan:"),
-            "LED answers at 0x71, which is the address of the multiplexer",
+            "LED answers at 0x71, as does the multiplexer; change one of them",
         ),
         (
             ONE_BUS.replace(

@@ -123,7 +123,7 @@ def test_names_the_file(tmp_path: Path) -> None:
 def test_a_check_names_the_line_of_a_contradiction() -> None:
     """What the caller finds contradictory is reported like any other fault."""
     with pytest.raises(ConfigError, match=r"^r.yaml:3: legs.rf: taken$"):
-        load(GOOD + "legs: {lf: 1,\n rf: 1}", Robot, "r.yaml", lambda _: Problem(("legs", "rf"), "taken"))
+        load(GOOD + "legs: {lf: 1,\n rf: 1}", Robot, "r.yaml", lambda _: Problem("legs.rf", "taken"))
 
 
 yaml_like = st.text(alphabet=st.sampled_from("ab:{}[],&*!|>-?#'\"\n 0x1.e~%@<\t"), max_size=60)

@@ -13,12 +13,12 @@ from footsense.acquisition.probe.bus_scan import scan_bus
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.cli.probe.figure import draw
+from footsense.cli.probe.json_values import probe_json
 from footsense.cli.probe.picture import probe_picture, unloaded_yaml
-from footsense.cli.probe.plain_values import plain
 from footsense.config import DEFAULT, Bus, Config, Mux, OtherDevice, Serial
 from footsense.daemon.probe.bus_probe import probe
-from footsense.daemon.probe.findings import bus_complaints
-from footsense.daemon.probe.report import BusReport, Probed
+from footsense.daemon.probe.diagnosis import bus_diagnoses
+from footsense.daemon.probe.report import ProbedBus, ProbeResult
 from footsense.errors import FootsenseError, NackError
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
@@ -34,11 +34,11 @@ HANGING = load_scene("hanging")
 CHANNELS = {"lf": 0, "lm": 1}
 
 
-def probed(*broken: Fault, config: Config = DEFAULT) -> Probed:
+def probed(*broken: Fault, config: Config = DEFAULT) -> ProbeResult:
     return probe(config, msgspec.structs.replace(HANGING, faults=broken))
 
 
-def shown(found: Probed) -> str:
+def shown(found: ProbeResult) -> str:
     console = Console(width=80, file=io.StringIO(), record=True)
     console.print(probe_picture(found, "test"))
     return console.export_text()
@@ -47,10 +47,10 @@ def shown(found: Probed) -> str:
 def test_nothing_is_wrong_with_a_sound_robot() -> None:
     """Its readings are ready to be pasted, its limits are those of the bus, and the picture fits a terminal."""
     found = probed()
-    assert found.complaints == ()
+    assert found.diagnoses == ()
     assert unloaded_yaml(found).splitlines()[0] == "unloaded_pf:"
     assert all(leg.unloaded_pf == pytest.approx([DESIGN.rest_pf] * 9, abs=2e-3) for leg in found.legs)
-    figures = plain(found)
+    figures = probe_json(found)
     assert figures["buses"][0]["rate_hz"] == pytest.approx(400_000, rel=1e-3)
     assert figures["scan_over_conversions"] == pytest.approx(1.065, abs=1e-3)
     assert 0.3 < figures["legs"]["rm"]["noise_ff"][4] < 0.7
@@ -86,12 +86,12 @@ def test_nothing_is_wrong_with_a_sound_robot() -> None:
 def test_a_fault_on_one_leg_is_one_line_on_that_leg(broken: Fault, what: str, check: str) -> None:
     """It names the leg, and what to look at; the other legs are sound and give what to configure."""
     found = probed(broken)
-    (complaint,) = found.complaints
-    assert complaint.where == "lm"
-    assert what in complaint.what
-    assert check in complaint.check
+    (diagnosis,) = found.diagnoses
+    assert diagnosis.where == "lm"
+    assert what in diagnosis.what
+    assert check in diagnosis.check
     assert [leg.leg for leg in found.legs if leg.unloaded_pf is None] == ["lm"]
-    assert plain(found)["scan_ms"] is not None
+    assert probe_json(found)["scan_ms"] is not None
 
 
 @pytest.mark.parametrize(
@@ -106,22 +106,22 @@ def test_feet_of_other_boards_are_judged_alike(config: Config, scan_ms: float | 
     """By what they read; a microcontroller's buses are its own, and nothing is said of them."""
     scene = msgspec.structs.replace(HANGING, faults=(scene_faults.BrokenRow(at_s=0, leg="lm", row=1),))
     found = probe(config, scene)
-    assert [(complaint.where, complaint.what) for complaint in found.complaints] == [
+    assert [(diagnosis.where, diagnosis.what) for diagnosis in found.diagnoses] == [
         ("lm", "the line of row 1 is interrupted")
     ]
     assert [leg.leg for leg in found.legs if leg.unloaded_pf is None] == ["lm"]
-    assert plain(found)["scan_ms"] == (None if scan_ms is None else pytest.approx(scan_ms, abs=0.1))
+    assert probe_json(found)["scan_ms"] == (None if scan_ms is None else pytest.approx(scan_ms, abs=0.1))
     assert "see below" in shown(found)
 
 
 def test_a_trunk_that_is_held_is_the_bus_s_fault_alone() -> None:
     """Of its legs nothing can be known, and nothing is said."""
     found = probed(scene_faults.StuckUpstreamBus(at_s=0))
-    assert [(complaint.where, "held low" in complaint.what) for complaint in found.complaints] == [
+    assert [(diagnosis.where, "held low" in diagnosis.what) for diagnosis in found.diagnoses] == [
         ("sim", True)
     ]
     assert found.scan_ns is None
-    assert plain(found)["legs"]["lf"]["mean_pf"] is None
+    assert probe_json(found)["legs"]["lf"]["mean_pf"] is None
     assert unloaded_yaml(found) == ""
 
 
@@ -131,8 +131,8 @@ def test_a_leg_that_nothing_disconnects_hides_those_behind_it() -> None:
     found = probed(
         scene_faults.StuckSda(at_s=0, leg="rm"), config=msgspec.structs.replace(DEFAULT, buses=(bus,))
     )
-    told = {complaint.where: complaint for complaint in found.complaints}
-    assert told["sim"].what.startswith("rr could not be looked at")
+    told = {diagnosis.where: diagnosis for diagnosis in found.diagnoses}
+    assert told["sim"].what.startswith("rr could not be scanned")
     assert "mux.reset" in told["sim"].check
     assert "channel 4" in told["rm"].what
 
@@ -141,8 +141,8 @@ def test_a_foot_that_is_pressed_or_another_one_says_by_how_much() -> None:
     """Its readings are offered all the same: only its maker knows whether it hangs free."""
     scene = msgspec.structs.replace(HANGING, load=Constant(force_n=(0.0, 0.0, 0.5)), lead_in_s=0.0)
     found = probe(DEFAULT, scene)
-    assert len(found.complaints) == 6
-    assert "from what the free foot is expected to" in found.complaints[0].what
+    assert len(found.diagnoses) == 6
+    assert "from what the free foot is expected to" in found.diagnoses[0].what
     assert all(leg.unloaded_pf is not None for leg in found.legs)
 
 
@@ -180,8 +180,8 @@ def told_of_bus(
     bus = Bus(device="sim", legs=CHANNELS, other_devices=(servos,))  # type: ignore[arg-type]
     seen = scan_bus(UpstreamBus(wires, 0x71), clock, plan, CHANNELS)
     return [
-        f"{complaint.what}; check {complaint.check}"
-        for complaint in bus_complaints(BusReport(bus, seen, {}), plan)
+        f"{diagnosis.what}; check {diagnosis.check}"
+        for diagnosis in bus_diagnoses(ProbedBus(bus, seen, {}), plan)
     ]
 
 
@@ -193,7 +193,7 @@ def told_of_bus(
         ({"others": [0x50]}, "something answers at 0x50 with no leg connected"),
         ({"rate_hz": 100_000}, "it runs at 100 kHz, 400 kHz are configured; check dtparam"),
         ({"mux_address": 0x74}, "no mux (TCA9548A) answers at 0x71; 0x74 does; check its address"),
-        ({"others": [0x71], "mux_address": 0x74}, "what answers at 0x71 does not hold what it is told"),
+        ({"others": [0x71], "mux_address": 0x74}, "the chip at 0x71 does not read back what is written"),
         ({"legs_on": (0, 5)}, "a leg's chips answer on channel 5, which is no leg's; check whether they are"),
     ],
 )

@@ -19,14 +19,14 @@ def test_twenty_kelvin_in_ten_minutes_of_walking() -> None:
         now_ff = drift_ff * t_s / 600.0
         feet.feed(stance_n(t_s), now_ff, passed_s)
         if stance_n(t_s) > 1.5 * TOUCH_N:
-            assert feet.touching.all(), t_s
+            assert feet.in_contact.all(), t_s
             lifted_s = t_s
         elif stance_n(t_s) == 0.0 and t_s - lifted_s > 0.1:
-            assert not feet.touching.any(), t_s
-        worst_ff = max(worst_ff, float(np.abs((feet.zero_ff - now_ff).mean(axis=1)).max()))
+            assert not feet.in_contact.any(), t_s
+        worst_ff = max(worst_ff, float(np.abs((feet.baseline_ff - now_ff).mean(axis=1)).max()))
     assert worst_ff * MN_PER_FF < 1.0
-    assert np.abs(feet.zero_ff - drift_ff).max() < 1.5
-    np.testing.assert_allclose(feet.footing.zero.mean_pf * 1e3, [-30.0, 0.0, 30.0], atol=1.0)
+    assert np.abs(feet.baseline_ff - drift_ff).max() < 1.5
+    np.testing.assert_allclose(feet.tracker.drift.mean_pf * 1e3, [-30.0, 0.0, 30.0], atol=1.0)
 
 
 def test_drift_makes_no_contact_even_if_the_zero_does_not_follow() -> None:
@@ -34,11 +34,11 @@ def test_drift_makes_no_contact_even_if_the_zero_does_not_follow() -> None:
     feet = Standing(2, track=False).tared()
     for step in range(2400):
         feet.feed(0.0, 0.15 * 0.25 * step * np.array([1.0, -1.0]), 0.25)
-        assert not feet.touching.any()
-    assert (feet.footing.zero.status == BaselineStatus.HELD).all()
-    assert np.abs(feet.zero_ff).max() < 1.0
+        assert not feet.in_contact.any()
+    assert (feet.tracker.drift.status == BaselineStatus.HELD).all()
+    assert np.abs(feet.baseline_ff).max() < 1.0
     feet.feed(1.3 * TOUCH_N, 90.0 * np.array([1.0, -1.0]))
-    assert feet.touching.all()
+    assert feet.in_contact.all()
 
 
 def test_a_stance_of_half_an_hour_is_not_eaten() -> None:
@@ -49,27 +49,27 @@ def test_a_stance_of_half_an_hour_is_not_eaten() -> None:
     stands_n = np.array([1.0, 1.0, 1.0, 0.3, 0.1, 0.05])
     drift_ff = np.array([0.0, 30.0, -30.0, 0.0, 0.0, 0.0])
     feet, creep = Standing(6).tared(), Creep()
-    before_pf = grounded_pf = feet.footing.baseline_pf
+    before_pf = grounded_pf = feet.tracker.unloaded.baseline_pf
     steps = 3600
     for step in range(steps):
         force_n = stands_n * min(step / 4, 1.0)
         feet.feed(force_n + creep.after(force_n, 0.5), drift_ff * step / steps, 0.5)
-        assert feet.touching.all() or step < 4
+        assert feet.in_contact.all() or step < 4
         if step > 4:
-            np.testing.assert_array_equal(feet.footing.baseline_pf, grounded_pf)
-            assert (feet.footing.zero.status == BaselineStatus.HELD).all()
-        grounded_pf = feet.footing.baseline_pf
+            np.testing.assert_array_equal(feet.tracker.unloaded.baseline_pf, grounded_pf)
+            assert (feet.tracker.drift.status == BaselineStatus.HELD).all()
+        grounded_pf = feet.tracker.unloaded.baseline_pf
     assert np.abs(grounded_pf - before_pf).max() * 1e3 < 2.0
     # Two standard deviations of ten minutes are 20 K: 26 fF after thirty, and 2.7 N per gap along the leg.
-    np.testing.assert_allclose(feet.footing.sigma_n[:, 2], 0.0171, rtol=0.02)
+    np.testing.assert_allclose(feet.tracker.sigma_n[:, 2], 0.0171, rtol=0.02)
 
     moved_ff = {}
     for step in range(round(10.0 / SCAN_S)):
         force_n = stands_n * max(1.0 - step / 4, 0.0)
         feet.feed(force_n + creep.after(force_n, SCAN_S), drift_ff)
         if step == 8:
-            assert not feet.touching.any()
-        moved_ff[step] = float(np.abs(feet.footing.baseline_pf - grounded_pf).max()) * 1e3
+            assert not feet.in_contact.any()
+        moved_ff[step] = float(np.abs(feet.tracker.unloaded.baseline_pf - grounded_pf).max()) * 1e3
     assert moved_ff[round(0.2 / SCAN_S)] == 0.0
     assert moved_ff[round(1.0 / SCAN_S)] < 1.3
     assert moved_ff[round(9.9 / SCAN_S)] < 2.7
@@ -85,13 +85,13 @@ def test_a_load_that_comes_slowly_in_the_air_is_contact(
     """It is found as soon as it is a little more than the threshold, and the zero has kept its hands off."""
     feet = Standing(1).tared()
     force_n = 0.0
-    while not feet.touching[0]:
+    while not feet.in_contact[0]:
         force_n += n_per_s * SCAN_S
         feet.feed(force_n)
         assert force_n < found_n
     for _ in range(1000):
         feet.feed(force_n)
-    assert feet.zero_ff.mean() * MN_PER_FF < swallowed_mn
+    assert feet.baseline_ff.mean() * MN_PER_FF < swallowed_mn
 
 
 def test_a_load_as_slow_as_drift_is_followed_up_to_what_drift_explains() -> None:
@@ -99,9 +99,9 @@ def test_a_load_as_slow_as_drift_is_followed_up_to_what_drift_explains() -> None
     feet = Standing(1).tared()
     for step in range(4000):
         feet.feed(step * 0.1 / 3600, passed_s=0.1)
-    assert feet.footing.zero.status[0] == BaselineStatus.TOO_FAST
-    assert not feet.touching[0]
-    assert feet.zero_ff.mean() * MN_PER_FF < 1e3 * TOUCH_N / 2
+    assert feet.tracker.drift.status[0] == BaselineStatus.TOO_FAST
+    assert not feet.in_contact[0]
+    assert feet.baseline_ff.mean() * MN_PER_FF < 1e3 * TOUCH_N / 2
 
 
 def test_conversion_by_conversion_is_like_scan_by_scan() -> None:
@@ -114,11 +114,11 @@ def test_conversion_by_conversion_is_like_scan_by_scan() -> None:
         start_ns, was, found_s = feet.t_ns, False, []
         while (t_s := (feet.t_ns - start_ns) * 1e-9) < 12.0:
             feet.feed(stance_n(t_s + 0.6), 0.1 * t_s)
-            if feet.touching[0] and not was:
+            if feet.in_contact[0] and not was:
                 found_s.append(t_s)
-            was = bool(feet.touching[0])
+            was = bool(feet.in_contact[0])
         touchdowns_s.append(found_s)
-        zeros_ff.append(feet.zero_ff.mean())
+        zeros_ff.append(feet.baseline_ff.mean())
     np.testing.assert_allclose(touchdowns_s[0], touchdowns_s[1], atol=0.03)
     assert len(touchdowns_s[0]) == 11
     np.testing.assert_allclose(zeros_ff, 1.2, atol=0.5)
@@ -132,7 +132,7 @@ def test_what_a_zero_refuses_it_names() -> None:
         drift_ff[0] = 12.0 * (-1.0) ** (step + np.arange(9))
         drift_ff[1] = -0.5 * step
         feet.feed(np.array([0.0, 0.0, 0.5, 0.0]), drift_ff)
-    assert feet.footing.zero.status.tolist() == [
+    assert feet.tracker.drift.status.tolist() == [
         BaselineStatus.NOT_QUIET,
         BaselineStatus.TOO_FAST,
         BaselineStatus.HELD,
@@ -147,4 +147,4 @@ def test_one_element_alone_makes_no_contact() -> None:
         outlier_ff = np.zeros((1, 9))
         outlier_ff[0, element] = 500.0
         feet.feed(0.0, outlier_ff)
-        assert not feet.touching[0]
+        assert not feet.in_contact[0]

@@ -68,7 +68,7 @@ def test_a_temperature_scales_what_it_is_known_for() -> None:
     closures, none = np.full((6, 9), 0.3), np.zeros((6, 9), bool)
     read = CalibratedFeet(_Linear(), feet, 6)
     on_bench_n, bench_sigma_n = read.estimate(closures, none)
-    read.warm(np.array([33.0, np.nan, np.nan]), [CalibratedAt(23.0), CalibratedAt(23.0), None])
+    read.set_temperature(np.array([33.0, np.nan, np.nan]), [CalibratedAt(23.0), CalibratedAt(23.0), None])
     force_n, sigma_n = read.estimate(closures, none)
     np.testing.assert_allclose(force_n, on_bench_n * np.tile([1.044, 1.0, 1.0], 2)[:, None])
     np.testing.assert_allclose(sigma_n[[0, 3]], 1.044 * bench_sigma_n[[0, 3]])

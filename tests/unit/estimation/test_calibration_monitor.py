@@ -8,19 +8,19 @@ import pytest
 from footsense.estimation.faults.calibration_monitor import (
     ELEMENTS_LIMIT,
     ELEMENTS_SLACK,
-    LEARNT_STRIDES,
     LOAD_LIMIT,
     LOAD_SLACK,
-    LOOK_NS,
+    REFERENCE_STRIDES,
+    SAMPLE_NS,
     SUM_LIMIT,
     SUM_SLACK,
-    Ageing,
+    CalibrationMonitor,
     Vector,
-    blamed_rel,
+    attributed_rel,
 )
 
 PERIOD_NS = 800_000_000
-LOOKS = PERIOD_NS // LOOK_NS
+SAMPLES = PERIOD_NS // SAMPLE_NS
 TRIPOD = np.array([0, 1, 0, 1, 0, 1])
 USUAL_N = np.array([0.5, 0.4, 0.5, 0.45, 0.55, 0.5])
 
@@ -29,34 +29,34 @@ class Walking:
     """Six legs in a tripod gait, stride by stride, without chips."""
 
     def __init__(self, body_weight_n: float | None = None) -> None:
-        self.ageing = Ageing(6, body_weight_n)
+        self.monitor = CalibrationMonitor(6, body_weight_n)
         self._t_ns = 1_000_000_000
 
-    def stride(self, reads_rel: Vector | float = 1.0, contradiction_rel: Vector | float = 0.06) -> list[int]:
+    def stride(self, reads_rel: Vector | float = 1.0, residual_rel: Vector | float = 0.06) -> list[int]:
         """Walk one stride with forces that read so much of what they did at first; return the legs in doubt.
 
         A stride is judged with the touchdown behind it: what is returned is what the strides before have shown.
         """
         loads_n = np.broadcast_to(USUAL_N * reads_rel, 6)
-        contradiction2 = np.broadcast_to(np.square(contradiction_rel), 6)
-        for look in range(LOOKS):
-            phase = (look / LOOKS + TRIPOD / 2) % 1.0
+        residual2 = np.broadcast_to(np.square(residual_rel), 6)
+        for sample in range(SAMPLES):
+            phase = (sample / SAMPLES + TRIPOD / 2) % 1.0
             down = phase < 0.6
             load_n = np.where(down, loads_n / 0.6, 0.0)
-            squares = np.where(down, (contradiction2, np.ones(6)), 0.0).T
-            self.ageing.look(load_n, down, squares, self._t_ns)
-            self._t_ns += LOOK_NS
-        return np.flatnonzero(self.ageing.stale).tolist()
+            squares = np.where(down, (residual2, np.ones(6)), 0.0).T
+            self.monitor.observe(load_n, down, squares, self._t_ns)
+            self._t_ns += SAMPLE_NS
+        return np.flatnonzero(self.monitor.stale).tolist()
 
     def learn(self) -> None:
         """Walk until it is known what is usual; the first touchdown is no stride yet."""
-        for _ in range(LEARNT_STRIDES + 1):
+        for _ in range(REFERENCE_STRIDES + 1):
             assert self.stride() == []
 
-    def until_found(self, reads_rel: Vector | float = 1.0, contradiction_rel: Vector | float = 0.06) -> int:
+    def until_found(self, reads_rel: Vector | float = 1.0, residual_rel: Vector | float = 0.06) -> int:
         """Return the strides until something is in doubt."""
         for n in range(1, 40):
-            if self.stride(reads_rel, contradiction_rel):
+            if self.stride(reads_rel, residual_rel):
                 return n
         pytest.fail("nothing was found in 40 strides")
 
@@ -92,8 +92,8 @@ def test_elements_that_contradict_each_other_more_are_found() -> None:
     walking = Walking()
     walking.learn()
     apart = one_leg(2, 0.12, others=0.06)
-    assert walking.until_found(contradiction_rel=apart) <= 8 + 1
-    assert walking.stride(contradiction_rel=apart) == [2]
+    assert walking.until_found(residual_rel=apart) <= 8 + 1
+    assert walking.stride(residual_rel=apart) == [2]
 
 
 def limp(leg: int, share: float) -> Vector:
@@ -143,17 +143,17 @@ def test_strides_without_every_force_are_not_judged() -> None:
 
 def test_a_bench_is_no_walk() -> None:
     """One foot that is poked again and again has nothing to be compared with, and costs nothing."""
-    assert Ageing(1).due_ns > 10**18
+    assert CalibrationMonitor(1).due_ns > 10**18
 
 
 def test_walks_that_scatter_by_a_tenth_raise_no_false_alarm() -> None:
     """Five thousand strides, each load drawn anew: the table promises one alarm of a leg in thirty million."""
     rng = np.random.default_rng(5)
-    usual_n = USUAL_N * (1 + 0.1 * rng.standard_normal((LEARNT_STRIDES, 6))).mean(axis=0)
+    usual_n = USUAL_N * (1 + 0.1 * rng.standard_normal((REFERENCE_STRIDES, 6))).mean(axis=0)
     sums = np.zeros((2, 6))
     worst = 0.0
     for load_n in USUAL_N * (1 + 0.1 * rng.standard_normal((5_000, 6))):
-        change = blamed_rel(load_n, usual_n)
+        change = attributed_rel(load_n, usual_n)
         sums = np.maximum(sums + np.stack([change, -change]) - LOAD_SLACK, 0.0)
         worst = max(worst, float(sums.max()))
     assert worst < 0.75 * LOAD_LIMIT

@@ -11,7 +11,7 @@ import pytest
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.config import DEFAULT, Config
 from footsense.daemon import load_network, pipeline_for, released
-from footsense.estimation.faults.calibration_monitor import LEARNT_STRIDES, Vector
+from footsense.estimation.faults.calibration_monitor import REFERENCE_STRIDES, Vector
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, LEGS, CapFrame, Cause, State
@@ -70,12 +70,12 @@ def walk(
     told: dict[str, int] = {}
     forces_n: list[float] = []
     reading = np.zeros((len(LEGS), ELEMENTS), np.uint8)
-    for stride in range(-LEARNT_STRIDES - 3, strides):
+    for stride in range(-REFERENCE_STRIDES - 3, strides):
         of_stride = aged_pf if stride >= 0 else sound_pf
         # One stride is never quite like another.
         carries_rel = 1 + SCATTER_REL * rng.standard_normal((len(LEGS), 1))
         for frame in range(FRAMES):
-            number = (stride + LEARNT_STRIDES + 3) * FRAMES + frame
+            number = (stride + REFERENCE_STRIDES + 3) * FRAMES + frame
             capacitance_pf = rest_pf + carries_rel * (of_stride[frame] - rest_pf)
             if number < LEAD_IN:
                 capacitance_pf = np.tile(rest_pf, (len(LEGS), 1))

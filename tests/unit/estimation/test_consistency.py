@@ -6,8 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.consistency import LIMIT, TRUSTED_AFTER_NS, Consistency, Judgement
-from footsense.estimation.faults.missing_sets import KNOWN_MISSING
+from footsense.estimation.faults.consistency import (
+    READMITTED_AFTER_NS,
+    RESIDUAL_LIMIT,
+    ConsistencyResult,
+    ConsistencyTest,
+)
+from footsense.estimation.faults.missing_sets import MISSING_SETS
 
 SCAN_NS = 25_000_000
 SETTLED_NS = 4 * SCAN_NS
@@ -25,17 +30,17 @@ class Leg:
     """One leg that is judged scan by scan."""
 
     def __init__(self) -> None:
-        self.consistency = Consistency(1, MOMENTS, SETTLED_NS)
+        self.consistency = ConsistencyTest(1, MOMENTS, SETTLED_NS)
         self.t_ns = 0
 
-    def judge(self, closure_rel: NDArray[np.float64], *unread: int) -> Judgement:
+    def test(self, closure_rel: NDArray[np.float64], *unread: int) -> ConsistencyResult:
         """Judge the next scan, without some elements; those that are remembered are measured, but not aligned."""
         self.t_ns += SCAN_NS
         measured_rel = closure_rel[None]
-        missing = self.consistency.remembered.copy()
+        missing = self.consistency.excluded.copy()
         aligned_rel = np.where(missing, np.nan, measured_rel)
         missing[0, list(unread)] = True
-        return self.consistency.judge(aligned_rel, measured_rel, missing, np.array([self.t_ns]))
+        return self.consistency.test(aligned_rel, measured_rel, missing, np.array([self.t_ns]))
 
 
 def pressed(load: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> NDArray[np.float64]:
@@ -46,9 +51,9 @@ def pressed(load: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> NDArray[np.fl
 @given(loads)
 def test_a_load_contradicts_nothing(load: tuple[float, float, float]) -> None:
     """Nothing is missing, nothing in doubt."""
-    judgement = Leg().judge(pressed(load))
-    assert not judgement.missing.any()
-    assert not judgement.doubt_rel.any()
+    result = Leg().test(pressed(load))
+    assert not result.missing.any()
+    assert not result.inconsistency_rel.any()
 
 
 @given(loads, st.integers(0, 8), st.sampled_from([-0.6, 0.6, 5.0]))
@@ -60,18 +65,18 @@ def test_the_element_that_is_wrong_is_left_out(
     closure_rel[element] += by
     leg = Leg()
     for n in range(SETTLED_NS // SCAN_NS + 2):
-        judgement = leg.judge(closure_rel)
-        assert np.flatnonzero(judgement.missing[0]).tolist() == [element]
-        assert (judgement.doubt_rel[0] > 0.0) == (n < SETTLED_NS // SCAN_NS)
-    assert leg.consistency.remembered[0, element]
+        result = leg.test(closure_rel)
+        assert np.flatnonzero(result.missing[0]).tolist() == [element]
+        assert (result.inconsistency_rel[0] > 0.0) == (n < SETTLED_NS // SCAN_NS)
+    assert leg.consistency.excluded[0, element]
 
 
-@pytest.mark.parametrize("line", KNOWN_MISSING[10:], ids=lambda line: str(np.flatnonzero(line).tolist()))
+@pytest.mark.parametrize("line", MISSING_SETS[10:], ids=lambda line: str(np.flatnonzero(line).tolist()))
 def test_a_line_that_is_wrong_is_left_out(line: NDArray[np.bool_]) -> None:
     """If no single element explains it."""
     closure_rel = pressed((1.0, 0.2, 0.3))
     closure_rel[line] += [0.5, -0.4, 0.6]
-    np.testing.assert_array_equal(Leg().judge(closure_rel).missing[0], line)
+    np.testing.assert_array_equal(Leg().test(closure_rel).missing[0], line)
 
 
 @pytest.mark.parametrize(
@@ -86,18 +91,18 @@ def test_a_wrong_element_beside_one_that_cannot_be_read_takes_their_line(
     closure_rel[wrong] += 0.6
     closure_rel[unread] = np.nan
     for _ in range(SETTLED_NS // SCAN_NS + 1):
-        judgement = leg.judge(closure_rel, unread)
-        assert np.flatnonzero(judgement.missing[0]).tolist() == list(line)
-    assert leg.consistency.remembered[0, wrong]
+        result = leg.test(closure_rel, unread)
+        assert np.flatnonzero(result.missing[0]).tolist() == list(line)
+    assert leg.consistency.excluded[0, wrong]
 
 
 def test_what_nobody_explains_is_only_doubted() -> None:
     """A load that steps while the elements are read: nothing is left out, and all is in doubt for a while."""
     closure_rel = pressed()
     closure_rel[[0, 2, 4, 7]] = 0.0
-    judgement = Leg().judge(closure_rel)
-    assert not judgement.missing.any()
-    assert judgement.doubt_rel[0] > 0.1
+    result = Leg().test(closure_rel)
+    assert not result.missing.any()
+    assert result.inconsistency_rel[0] > 0.1
 
 
 def test_a_stuck_element_is_told_from_one_that_stands_beside_its_place() -> None:
@@ -107,9 +112,9 @@ def test_a_stuck_element_is_told_from_one_that_stands_beside_its_place() -> None
         for n in range(40):
             closure_rel = pressed((1.0 + 0.5 * np.sin(n / 3), 0.0, 0.0))
             closure_rel[4] = closure_rel[4] - 0.5 if follows else -0.3
-            judgement = leg.judge(closure_rel)
-        assert (judgement.drifting if follows else judgement.stuck)[0, 4]
-        assert (judgement.drifting | judgement.stuck).sum() == 1
+            result = leg.test(closure_rel)
+        assert (result.drifting if follows else result.stuck)[0, 4]
+        assert (result.drifting | result.stuck).sum() == 1
 
 
 def test_a_stuck_element_is_not_trusted_at_rest() -> None:
@@ -118,14 +123,14 @@ def test_a_stuck_element_is_not_trusted_at_rest() -> None:
     stuck = pressed()
     stuck[0] = 0.0
     for _ in range(10):
-        leg.judge(stuck)
+        leg.test(stuck)
     for _ in range(200):
-        assert leg.judge(np.zeros(9)).missing[0, 0]
-    scans = TRUSTED_AFTER_NS // SCAN_NS
+        assert leg.test(np.zeros(9)).missing[0, 0]
+    scans = READMITTED_AFTER_NS // SCAN_NS
     for n in range(scans + 1):
-        judgement = leg.judge(pressed())
-        assert judgement.missing[0, 0] == (n + 1 < scans)
-    assert not leg.consistency.remembered.any()
+        result = leg.test(pressed())
+        assert result.missing[0, 0] == (n + 1 < scans)
+    assert not leg.consistency.excluded.any()
 
 
 def test_a_gap_is_not_time_in_which_an_element_agreed() -> None:
@@ -134,13 +139,13 @@ def test_a_gap_is_not_time_in_which_an_element_agreed() -> None:
     stuck = pressed()
     stuck[0] = 0.0
     for _ in range(10):
-        leg.judge(stuck)
+        leg.test(stuck)
     for _ in range(200):
-        leg.judge(np.zeros(9))
+        leg.test(np.zeros(9))
     leg.t_ns += 10_000_000_000
-    for _ in range((TRUSTED_AFTER_NS - SETTLED_NS) // SCAN_NS):
-        assert leg.judge(pressed()).missing[0, 0]
-    assert not leg.judge(pressed()).missing[0, 0]
+    for _ in range((READMITTED_AFTER_NS - SETTLED_NS) // SCAN_NS):
+        assert leg.test(pressed()).missing[0, 0]
+    assert not leg.test(pressed()).missing[0, 0]
 
 
 def test_an_element_that_is_wrong_again_is_left_out_again_for_as_long() -> None:
@@ -150,19 +155,19 @@ def test_an_element_that_is_wrong_again_is_left_out_again_for_as_long() -> None:
     stuck[0] = 0.0
     for _ in range(2):
         for _ in range(SETTLED_NS // SCAN_NS + 1):
-            assert leg.judge(stuck).missing[0, 0]
+            assert leg.test(stuck).missing[0, 0]
         for _ in range(200):
-            assert leg.judge(np.zeros(9)).missing[0, 0]
-        scans = TRUSTED_AFTER_NS // SCAN_NS
-        missing = [bool(leg.judge(pressed()).missing[0, 0]) for _ in range(scans)]
+            assert leg.test(np.zeros(9)).missing[0, 0]
+        scans = READMITTED_AFTER_NS // SCAN_NS
+        missing = [bool(leg.test(pressed()).missing[0, 0]) for _ in range(scans)]
         assert missing == [True] * (scans - 1) + [False]
     beside = pressed()
     for n in range(40):
         beside = pressed((1.0 + 0.5 * np.sin(n / 3), 0.0, 0.0))
         beside[0] -= 0.5
-        judgement = leg.judge(beside)
-    assert judgement.drifting[0, 0]
-    assert not judgement.stuck.any()
+        result = leg.test(beside)
+    assert result.drifting[0, 0]
+    assert not result.stuck.any()
 
 
 def test_one_scan_that_disagrees_takes_back_four_that_agreed() -> None:
@@ -171,13 +176,13 @@ def test_one_scan_that_disagrees_takes_back_four_that_agreed() -> None:
     stuck = pressed()
     stuck[0] = 0.0
     for _ in range(10):
-        leg.judge(stuck)
+        leg.test(stuck)
     for _ in range(200):
-        leg.judge(np.zeros(9))
-    for _ in range(TRUSTED_AFTER_NS // SCAN_NS - 1):
-        leg.judge(pressed())
-    leg.judge(stuck)
-    missing = [bool(leg.judge(pressed()).missing[0, 0]) for _ in range(5)]
+        leg.test(np.zeros(9))
+    for _ in range(READMITTED_AFTER_NS // SCAN_NS - 1):
+        leg.test(pressed())
+    leg.test(stuck)
+    missing = [bool(leg.test(pressed()).missing[0, 0]) for _ in range(5)]
     assert missing == [True] * 4 + [False]
 
 
@@ -185,16 +190,16 @@ def test_a_drift_that_a_load_hides_is_not_trusted() -> None:
     """Under load more is tolerated; the element still stands beside its place in the air."""
     leg = Leg()
     free, loaded = np.zeros(9), pressed()
-    free[8] = loaded[8] = 2 * LIMIT
+    free[8] = loaded[8] = 2 * RESIDUAL_LIMIT
     loaded[8] += 0.3
     for _ in range(10):
-        leg.judge(free)
+        leg.test(free)
     for _ in range(100):
-        leg.judge(loaded)
+        leg.test(loaded)
     for _ in range(3):
-        leg.judge(free)
+        leg.test(free)
     for _ in range(100):
-        assert leg.judge(loaded).missing[0, 8]
+        assert leg.test(loaded).missing[0, 8]
 
 
 def test_a_leg_without_a_reading_is_not_judged_and_a_new_foot_is_trusted() -> None:
@@ -203,11 +208,11 @@ def test_a_leg_without_a_reading_is_not_judged_and_a_new_foot_is_trusted() -> No
     wrong = pressed()
     wrong[3] = -1.0
     for _ in range(10):
-        leg.judge(wrong)
-    leg.consistency.forget(np.array([True]))
+        leg.test(wrong)
+    leg.consistency.reset(np.array([True]))
     holed = pressed()
     holed[5] = np.nan
-    judgement = leg.judge(holed)
-    assert not judgement.missing.any()
-    assert not judgement.doubt_rel.any()
-    assert not (judgement.stuck | judgement.drifting).any()
+    result = leg.test(holed)
+    assert not result.missing.any()
+    assert not result.inconsistency_rel.any()
+    assert not (result.stuck | result.drifting).any()

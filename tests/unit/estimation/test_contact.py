@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.estimation.baseline.contact import Contact, ContactLimits, middle_mean, refusal
+from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, refusal, trimmed_means
 from footsense.frames import CommandKind
 
 LIMITS = ContactLimits(touch_n=0.03)
@@ -18,25 +18,25 @@ class Leg:
     """A leg whose load is given, read every 25 ms."""
 
     def __init__(self) -> None:
-        self.contact = Contact(LIMITS)
+        self.contact = ContactDetector(LIMITS)
         self.t_ns = 1_000 * MS
-        self.contact.begin_anew(self.t_ns)
+        self.contact.reset(self.t_ns)
 
-    def carry(self, load_n: float, n_frames: int = 1, doubt_n: float = 0.0, each_ns: int = 25 * MS) -> bool:
+    def carry(self, load_n: float, n_frames: int = 1, drift_n: float = 0.0, each_ns: int = 25 * MS) -> bool:
         """Return whether the foot is in contact after these frames; it has to be the same after each of them."""
-        touching = set()
+        in_contact = set()
         for _ in range(n_frames):
             self.t_ns += each_ns
-            self.contact.observe(load_n, doubt_n, self.t_ns, self.t_ns)
-            touching.add(self.contact.touching)
-        [same] = touching
+            self.contact.observe(load_n, drift_n, self.t_ns, self.t_ns)
+            in_contact.add(self.contact.in_contact)
+        [same] = in_contact
         return same
 
-    def foresee(self, foreseen_n: float, load_n: float = 0.0, after_ms: float = 2.7) -> bool:
+    def predict(self, predicted_n: float, load_n: float = 0.0, after_ms: float = 2.7) -> bool:
         """Read one element more, of which a prediction makes a load before the others show it."""
         self.t_ns += round(after_ms * MS)
-        self.contact.observe(load_n, 0.0, self.t_ns, self.t_ns, foreseen_n)
-        return self.contact.touching
+        self.contact.observe(load_n, 0.0, self.t_ns, self.t_ns, predicted_n)
+        return self.contact.in_contact
 
 
 def test_touch_and_lift_do_not_chatter() -> None:
@@ -47,19 +47,19 @@ def test_touch_and_lift_do_not_chatter() -> None:
     assert leg.carry(0.016, 100)
     assert not leg.carry(0.014)
     assert not leg.carry(0.029, 2)
-    assert not leg.contact.aloft
+    assert not leg.contact.in_swing
     leg.carry(0.0, 4)
-    assert not leg.contact.aloft
+    assert not leg.contact.in_swing
     leg.carry(0.0, 4)
-    assert leg.contact.aloft
+    assert leg.contact.in_swing
 
 
 def test_a_light_stance_is_contact_for_ever_and_a_fallen_load_is_not() -> None:
     """What drift could explain ends a contact only if much more was carried just before."""
     standing, lifted = Leg(), Leg()
-    assert standing.carry(0.06, 4000, doubt_n=0.1)
-    lifted.carry(1.0, 100, doubt_n=0.1)
-    assert not lifted.carry(0.06, doubt_n=0.1)
+    assert standing.carry(0.06, 4000, drift_n=0.1)
+    lifted.carry(1.0, 100, drift_n=0.1)
+    assert not lifted.carry(0.06, drift_n=0.1)
     leaning = Leg()
     leaning.carry(1.0, 100)
     assert leaning.carry(0.4, 4000)
@@ -92,7 +92,7 @@ def test_a_glitch_right_after_a_lift_off_makes_no_contact() -> None:
     leg = Leg()
     leg.carry(-0.02, 20)
     leg.carry(1.0, 20)
-    assert not leg.carry(-0.005, doubt_n=0.01)
+    assert not leg.carry(-0.005, drift_n=0.01)
     assert not leg.carry(-0.3)
     assert not leg.carry(0.02, 20)
 
@@ -106,31 +106,31 @@ def test_a_lift_off_that_swings_below_nothing_is_followed_by_no_contact() -> Non
     assert leg.carry(0.039)
 
 
-def test_a_touch_is_foreseen_and_held_until_all_have_been_read() -> None:
+def test_a_touch_is_predicted_and_held_until_all_have_been_read() -> None:
     """The first element of a touchdown makes contact; if the others do not follow within a scan, it was none."""
     leg = Leg()
     leg.carry(0.0, 20)
-    assert not leg.foresee(0.029)
-    assert leg.foresee(0.05)
-    assert all(leg.foresee(0.2, load_n=0.02 * n) for n in range(9))
-    assert leg.foresee(0.3, load_n=0.3)
+    assert not leg.predict(0.029)
+    assert leg.predict(0.05)
+    assert all(leg.predict(0.2, load_n=0.02 * n) for n in range(9))
+    assert leg.predict(0.3, load_n=0.3)
     other = Leg()
     other.carry(0.0, 20)
-    assert other.foresee(0.05)
-    assert not other.foresee(0.0, after_ms=31.0)
+    assert other.predict(0.05)
+    assert not other.predict(0.0, after_ms=31.0)
 
 
-def test_a_prediction_that_rings_after_lift_off_foresees_nothing() -> None:
+def test_a_prediction_that_rings_after_lift_off_predicts_nothing() -> None:
     """For a tenth of a second; a touch that is measured counts all the same."""
     leg = Leg()
     leg.carry(1.0, 20)
     assert not leg.carry(0.0)
-    assert not any(leg.foresee(0.1, after_ms=9.0) for _ in range(11))
-    assert leg.foresee(0.1, after_ms=9.0)
+    assert not any(leg.predict(0.1, after_ms=9.0) for _ in range(11))
+    assert leg.predict(0.1, after_ms=9.0)
     other = Leg()
     other.carry(1.0, 20)
     assert not other.carry(0.0)
-    assert other.foresee(0.1, load_n=0.04)
+    assert other.predict(0.1, load_n=0.04)
 
 
 def test_silence_is_not_contact() -> None:
@@ -139,8 +139,8 @@ def test_silence_is_not_contact() -> None:
     leg.carry(0.5, 4)
     assert leg.carry(math.nan, 10)
     assert not leg.carry(math.nan)
-    assert not leg.contact.aloft
-    assert not leg.contact.explained
+    assert not leg.contact.in_swing
+    assert not leg.contact.explained_by_drift
     assert leg.carry(0.5)
 
 
@@ -153,16 +153,16 @@ def test_whatever_is_read_a_touch_is_seen_at_once_and_no_touch_is_invented(
     for load_n, passed_ms in readings:
         leg.t_ns += passed_ms * MS
         leg.carry(load_n)
-        assert not (leg.contact.touching and leg.contact.aloft)
+        assert not (leg.contact.in_contact and leg.contact.in_swing)
     leg.carry(1.0, 200)
     leg.carry(0.0, 40)
-    assert not leg.contact.touching
-    assert leg.contact.aloft
+    assert not leg.contact.in_contact
+    assert leg.contact.in_swing
     assert leg.carry(1.0)
 
 
 @pytest.mark.parametrize(
-    ("kind", "touching", "load_n", "doubt_n", "says"),
+    ("kind", "in_contact", "load_n", "drift_n", "says"),
     [
         (CommandKind.START, True, 1.0, 0.0, None),
         (CommandKind.STOP, False, 0.0, 0.0, None),
@@ -177,18 +177,18 @@ def test_whatever_is_read_a_touch_is_seen_at_once_and_no_touch_is_invented(
     ],
 )
 def test_commands_only_where_they_are_safe(
-    kind: CommandKind, *, touching: bool, load_n: float, doubt_n: float, says: str | None
+    kind: CommandKind, *, in_contact: bool, load_n: float, drift_n: float, says: str | None
 ) -> None:
     """On the ground no STOP and no TARE, unless drift explains the whole load; START and unknown contact always."""
-    reason = refusal(kind, touching=touching, load_n=load_n, doubt_n=doubt_n)
+    reason = refusal(kind, in_contact=in_contact, load_n=load_n, drift_n=drift_n)
     assert reason is None if says is None else reason is not None and says in reason
 
 
 @given(st.lists(st.floats(-1, 1) | st.just(math.nan), min_size=9, max_size=9))
-def test_the_middle_mean_leaves_out_two(closures: list[float]) -> None:
+def test_the_trimmed_mean_leaves_out_two(closures: list[float]) -> None:
     """As the definition says, with any readings missing."""
     known = sorted(value for value in closures if not math.isnan(value))
-    [mean] = middle_mean(np.array([closures]))
+    [mean] = trimmed_means(np.array([closures]))
     if len(known) < 3:
         assert math.isnan(mean)
     else:

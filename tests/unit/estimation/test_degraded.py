@@ -6,15 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.leg_status import (
-    Faulty,
-    causes,
-    converter_states,
-    floating_pf,
-    missing_elements,
-)
+from footsense.estimation.faults.causes import ElementFaults, causes, converter_states, drift_causes
+from footsense.estimation.faults.open_elements import floating_pf, missing_elements
 from footsense.frames import USABLE, BaselineDrift, CapFrame, Cause, Reading, State
 from tests.support.feet import SCAN_NS, SIGMA_N, WINDOW, Feet
+
+NO_DRIFT = drift_causes(BaselineDrift.none(1))
 
 #: What an element reads whose line is open [pF].
 OPEN_PF = 0.8
@@ -197,15 +194,15 @@ def test_an_element_over_the_range_of_a_free_foot_is_shorted() -> None:
 def test_a_line_is_told_from_single_faults(elements: list[int], cause: Cause) -> None:
     """By all three of its elements."""
     nothing = np.zeros((1, 9), bool)
-    faulty = Faulty(opened(*elements), nothing, nothing, nothing)
+    faulty = ElementFaults(opened(*elements), nothing, nothing, nothing)
     reading = np.zeros((1, 9), np.uint8)
-    assert causes(reading, np.array([State.DEGRADED]), faulty, BaselineDrift.none(1)).tolist() == [cause]
+    assert causes(reading, np.array([State.DEGRADED]), faulty, NO_DRIFT).tolist() == [cause]
 
 
 def test_the_gravest_reading_gives_state_and_cause() -> None:
     """An element that is garbled is nothing beside a chip that does not answer; what is known of elements is less."""
     whole = np.zeros((1, 9), bool)
-    faulty = Faulty(opened(4), whole, whole, whole)
+    faulty = ElementFaults(opened(4), whole, whole, whole)
     for readings, state, cause in (
         ([Reading.DELAYED], State.STALE, Cause.DELAYED),
         ([Reading.DELAYED, Reading.CORRUPT], State.CONVERTER_FAULT, Cause.CORRUPT),
@@ -218,14 +215,17 @@ def test_the_gravest_reading_gives_state_and_cause() -> None:
         states = np.array([State.VALID], np.uint8)
         converter_states(states, reading, whole, whole)
         assert states.tolist() == [state]
-        assert causes(reading, states, faulty, BaselineDrift.none(1)).tolist() == [cause]
+        assert causes(reading, states, faulty, NO_DRIFT).tolist() == [cause]
 
 
 def test_a_zero_that_left_the_others_is_told() -> None:
     """Though it is followed and the force is valid."""
     whole = np.zeros((2, 9), bool)
-    zero = BaselineDrift.none(2)._replace(mean_pf=np.array([-0.03, -0.03]), worst_pf=np.array([-0.036, 0.0]))
+    drift = BaselineDrift.none(2)._replace(mean_pf=np.array([-0.03, -0.03]), worst_pf=np.array([-0.036, 0.0]))
     cause = causes(
-        np.zeros((2, 9), np.uint8), np.full(2, State.VALID), Faulty(whole, whole, whole, whole), zero
+        np.zeros((2, 9), np.uint8),
+        np.full(2, State.VALID),
+        ElementFaults(whole, whole, whole, whole),
+        drift_causes(drift),
     )
     assert cause.tolist() == [Cause.NONE, Cause.ELEMENT_DRIFTS]

@@ -9,28 +9,32 @@ from footsense.estimation.baseline.drift import (
     DRIFT_PF2_PER_S,
     FASTEST_PF_PER_S,
     MARGIN_PF,
-    LegZero,
-    ZeroLimits,
+    BaselineLimits,
+    LegBaseline,
+    baseline_sigma_pf,
 )
 from footsense.frames import BaselineStatus
 
 UNLOADED_PF = np.full(9, 5.4)
-LIMITS = ZeroLimits(noise_limit_ff=5.0, unloaded_limit_rel=0.03)
+LIMITS = BaselineLimits(noise_limit_ff=5.0, unloaded_limit_rel=0.03)
 S = 1_000_000_000
 
 
-class Aloft:
+class Swinging:
     """A foot in the air, read every 25 ms."""
 
     def __init__(self, tared_pf: np.ndarray = UNLOADED_PF) -> None:
-        self.zero = LegZero(UNLOADED_PF, LIMITS)
+        self.baseline = LegBaseline(UNLOADED_PF, LIMITS)
         self.t_ns = 10 * S
-        self.zero.take(tared_pf, self.t_ns)
+        self.baseline.set_tared(tared_pf, self.t_ns)
+
+    def sigma_pf(self, t_ns: int) -> float:
+        return float(baseline_sigma_pf(self.baseline.variance_pf2, self.baseline.updated_ns, t_ns))
 
     def read(self, offset_ff: float | np.ndarray, n: int = 1, passed_ns: int = S // 40) -> None:
         for _ in range(n):
             self.t_ns += passed_ns
-            self.zero.follow(UNLOADED_PF + np.asarray(offset_ff) * 1e-3, np.full(9, self.t_ns))
+            self.baseline.follow(UNLOADED_PF + np.asarray(offset_ff) * 1e-3, np.full(9, self.t_ns))
 
 
 @given(
@@ -43,95 +47,95 @@ def test_no_reading_moves_it_faster_or_farther_than_it_may(
     history: list[tuple[float, int, int, bool]],
 ) -> None:
     """Two margins and the fastest drift bound every way; the tare's limit bounds the place."""
-    foot = Aloft()
+    foot = Swinging()
     start_ns = foot.t_ns
     for offset_ff, n, passed_ns, grounded in history:
         if grounded:
-            foot.zero.hold()
+            foot.baseline.hold()
             foot.t_ns += passed_ns
         else:
             foot.read(offset_ff, n, passed_ns)
-        moved_pf = np.abs(foot.zero.zero_pf - UNLOADED_PF).max()
+        moved_pf = np.abs(foot.baseline.baseline_pf - UNLOADED_PF).max()
         assert moved_pf <= 2 * MARGIN_PF + FASTEST_PF_PER_S * (foot.t_ns - start_ns) / S + 1e-12
         assert moved_pf <= 0.03 * 5.4 + 1e-12
-        assert 0.0 < foot.zero.sigma_pf(foot.t_ns) < 1.0
+        assert 0.0 < foot.sigma_pf(foot.t_ns) < 1.0
 
 
 def test_it_is_less_sure_the_longer_it_stands_still() -> None:
     """15 fF after ten minutes, a reading's noise after some swings; what the margin cuts off stays uncertain."""
-    foot = Aloft()
-    assert foot.zero.sigma_pf(foot.t_ns + 600 * S) == pytest.approx(15e-3, rel=1e-3)
+    foot = Swinging()
+    assert foot.sigma_pf(foot.t_ns + 600 * S) == pytest.approx(15e-3, rel=1e-3)
     foot.t_ns += 600 * S
     foot.read(0.0, 100)
-    assert foot.zero.sigma_pf(foot.t_ns) < 0.5e-3
+    assert foot.sigma_pf(foot.t_ns) < 0.5e-3
     foot.t_ns += 600 * S
-    before = foot.zero.sigma_pf(foot.t_ns)
+    before = foot.sigma_pf(foot.t_ns)
     foot.read(30.0, 100)
-    assert foot.zero.sigma_pf(foot.t_ns) > 0.9 * before
+    assert foot.sigma_pf(foot.t_ns) > 0.9 * before
 
 
 def test_the_newest_reading_is_never_used() -> None:
     """It may be the first of a touchdown: whatever it is, the zero moves by the one before it."""
     moved_pf = []
     for newest_ff in (0.5, -3.0, 4.0):
-        foot = Aloft()
+        foot = Swinging()
         foot.read(0.5)
-        np.testing.assert_array_equal(foot.zero.zero_pf, UNLOADED_PF)
+        np.testing.assert_array_equal(foot.baseline.baseline_pf, UNLOADED_PF)
         foot.read(newest_ff)
-        moved_pf.append(foot.zero.zero_pf - UNLOADED_PF)
+        moved_pf.append(foot.baseline.baseline_pf - UNLOADED_PF)
     assert (moved_pf[0] > 0.0).all()
     np.testing.assert_array_equal(moved_pf[1:], moved_pf[:1] * 2)
 
 
 def test_a_lift_off_begins_with_two_new_readings() -> None:
     """The last reading before a stance confirms nothing after it."""
-    foot = Aloft()
+    foot = Swinging()
     foot.read(0.5, 3)
-    foot.zero.hold()
-    held_pf = foot.zero.zero_pf
+    foot.baseline.hold()
+    held_pf = foot.baseline.baseline_pf
     foot.read(0.6)
-    np.testing.assert_array_equal(foot.zero.zero_pf, held_pf)
+    np.testing.assert_array_equal(foot.baseline.baseline_pf, held_pf)
     foot.read(0.6)
-    assert (foot.zero.zero_pf > held_pf).all()
+    assert (foot.baseline.baseline_pf > held_pf).all()
 
 
 def test_a_frame_counts_only_if_every_element_was_read_anew() -> None:
     """Nine frames with one new element each are one reading."""
-    foot = Aloft()
+    foot = Swinging()
     stamps = np.full(9, foot.t_ns)
     moved = []
     for frame in range(27):
         stamps = stamps.copy()
         stamps[frame % 9] = foot.t_ns + (frame + 1) * 2_500_000
-        moved.append(foot.zero.follow(UNLOADED_PF + 1e-3, stamps))
+        moved.append(foot.baseline.follow(UNLOADED_PF + 1e-3, stamps))
     assert sum(moved) == 2
 
 
 def test_it_stops_where_a_tare_would_be_refused() -> None:
     """TOO_FAR, element by element; the way back is open."""
-    foot = Aloft(UNLOADED_PF * 1.0299)
+    foot = Swinging(UNLOADED_PF * 1.0299)
     foot.read(5.4 * 0.05 * 1e3 * np.eye(9)[3] + 5.4 * 0.0299 * 1e3 * (1 - np.eye(9)[3]), 200)
-    assert foot.zero.status is BaselineStatus.TOO_FAR
-    assert foot.zero.zero_pf[3] <= 5.4 * 1.03
+    assert foot.baseline.status is BaselineStatus.TOO_FAR
+    assert foot.baseline.baseline_pf[3] <= 5.4 * 1.03
     foot.read(5.4 * 0.02 * 1e3, 60)
-    assert foot.zero.offset_pf[0] < -0.5e-3
+    assert foot.baseline.offset_pf[0] < -0.5e-3
 
 
 def test_an_element_without_a_zero_gets_one_from_two_quiet_readings() -> None:
     """And only near what the free foot reads; the offset counts from there."""
     tared_pf = UNLOADED_PF.copy()
     tared_pf[[2, 5]] = np.nan
-    foot = Aloft(tared_pf)
+    foot = Swinging(tared_pf)
     away_ff = np.zeros(9)
     away_ff[5] = 500.0
     foot.read(away_ff + 1.0, 3)
-    assert np.isfinite(foot.zero.zero_pf[2])
-    assert np.isnan(foot.zero.zero_pf[5])
-    assert np.abs(foot.zero.offset_pf).max() < 2e-3
+    assert np.isfinite(foot.baseline.baseline_pf[2])
+    assert np.isnan(foot.baseline.baseline_pf[5])
+    assert np.abs(foot.baseline.offset_pf).max() < 2e-3
 
 
 def test_variance_grows_with_time_only() -> None:
     """The stated rate, in pF^2/s."""
-    foot = Aloft()
-    at_once, later = (foot.zero.sigma_pf(foot.t_ns + t_ns) ** 2 for t_ns in (0, 100 * S))
+    foot = Swinging()
+    at_once, later = (foot.sigma_pf(foot.t_ns + t_ns) ** 2 for t_ns in (0, 100 * S))
     assert later - at_once == pytest.approx(100 * DRIFT_PF2_PER_S)

@@ -5,7 +5,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.imputation import Filling
+from footsense.estimation.faults.imputation import Imputation
 
 seeds = st.integers(0, 2**32 - 1)
 #: Some elements missing, never all.
@@ -33,7 +33,7 @@ def test_what_the_others_decide_comes_out_exact(seed: int, missing: Mask) -> Non
         np.linalg.svd(closure_rel[:, ~missing], compute_uv=False)[rank - 1] > 1e-2
     )  # else nothing is decided
     moments = closure_rel.T @ closure_rel + 1e-12 * np.eye(9)  # the card's are definite too
-    filled = Filling(moments).fill(closure_rel, np.broadcast_to(missing, closure_rel.shape))
+    filled = Imputation(moments).impute(closure_rel, np.broadcast_to(missing, closure_rel.shape))
     np.testing.assert_allclose(filled, closure_rel, atol=1e-6)
 
 
@@ -41,8 +41,8 @@ def test_what_the_others_decide_comes_out_exact(seed: int, missing: Mask) -> Non
 def test_the_error_is_uncorrelated_with_what_is_known(seed: int, missing: Mask) -> None:
     """The normal equations of least squares: no linear read-out of the kept elements could improve the guess."""
     closure_rel = loads(seed)
-    filling = Filling(closure_rel.T @ closure_rel)
-    filled = filling.fill(closure_rel, np.broadcast_to(missing, closure_rel.shape))
+    imputation = Imputation(closure_rel.T @ closure_rel)
+    filled = imputation.impute(closure_rel, np.broadcast_to(missing, closure_rel.shape))
     error = (filled - closure_rel)[:, missing]
     np.testing.assert_allclose(error.T @ closure_rel[:, ~missing], 0.0, atol=1e-9)
     np.testing.assert_array_equal(filled[:, ~missing], closure_rel[:, ~missing])
@@ -52,11 +52,11 @@ def test_the_error_is_uncorrelated_with_what_is_known(seed: int, missing: Mask) 
 def test_what_stands_in_a_missing_place_has_no_influence(seed: int, missing: Mask, rubbish: float) -> None:
     """NaN included, and the argument stays as it was."""
     closure_rel = loads(seed, n=3)
-    filling = Filling(np.eye(9) + closure_rel.T @ closure_rel)
+    imputation = Imputation(np.eye(9) + closure_rel.T @ closure_rel)
     mask = np.broadcast_to(missing, closure_rel.shape)
     spoilt = np.where(mask, rubbish, closure_rel)
     before = spoilt.copy()
-    np.testing.assert_array_equal(filling.fill(spoilt, mask), filling.fill(closure_rel, mask))
+    np.testing.assert_array_equal(imputation.impute(spoilt, mask), imputation.impute(closure_rel, mask))
     np.testing.assert_array_equal(spoilt, before)
 
 
@@ -65,7 +65,7 @@ def test_the_scale_of_the_moments_does_not_matter(seed: int, missing: Mask) -> N
     """Only ratios of moments enter."""
     closure_rel = loads(seed)
     moments = closure_rel.T @ closure_rel
-    one, other = (Filling(scale * moments).matrix(missing) for scale in (1.0, 1e6))
+    one, other = (Imputation(scale * moments).matrix(missing) for scale in (1.0, 1e6))
     np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(one).max())
 
 
@@ -74,8 +74,8 @@ def test_each_row_has_its_own_mask() -> None:
     closure_rel = loads(0, n=3)
     missing = np.zeros((3, 9), bool)
     missing[1, 4], missing[2] = True, True
-    filling = Filling(closure_rel.T @ closure_rel + np.eye(9))
-    filled = filling.fill(closure_rel, missing)
+    imputation = Imputation(closure_rel.T @ closure_rel + np.eye(9))
+    filled = imputation.impute(closure_rel, missing)
     np.testing.assert_array_equal(filled[0], closure_rel[0])
-    np.testing.assert_array_equal(filled[1], filling.matrix(missing[1]) @ closure_rel[1])
+    np.testing.assert_array_equal(filled[1], imputation.matrix(missing[1]) @ closure_rel[1])
     np.testing.assert_array_equal(filled[2], 0.0)

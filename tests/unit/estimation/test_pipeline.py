@@ -114,7 +114,7 @@ def test_many_small_tares_do_not_lead_into_a_load() -> None:
     """Each is judged against the free foot, not against the one before."""
     feet = Feet(n_legs=1)
     for step in range(10):
-        feet.pipeline.obey(Command(CommandKind.TARE, 0))
+        feet.pipeline.execute(Command(CommandKind.TARE, 0))
         for _ in range(WINDOW):
             feet.feed(feet.scan(0.5 * step))
     results = [result for _, result, _ in feet.outcomes]
@@ -127,7 +127,7 @@ def test_a_tare_makes_no_jump_in_the_force() -> None:
     feet = Feet(n_legs=1).tared()
     for _ in range(3):
         feet.feed(feet.scan(0.05))
-    assert feet.pipeline.obey(Command(CommandKind.TARE, 0)) is None
+    assert feet.pipeline.execute(Command(CommandKind.TARE, 0)) is None
     for _ in range(WINDOW + 3):
         forces = feet.feed(feet.scan(0.05))
         expected_rel = 0.0 if feet.outcomes else 9 * 0.0025
@@ -265,7 +265,7 @@ def test_a_network_that_gives_no_number_makes_no_valid_force(what: str, number: 
             return force_n, sigma_n
 
     feet = Feet().tared()
-    feet.pipeline._reckoning._estimator = Hole()  # type: ignore[attr-defined]
+    feet.pipeline._alignment._estimator = Hole()  # type: ignore[attr-defined]
     forces = feet.feed(feet.scan(2.0))
     assert forces.state.tolist() == [State.OUT_OF_RANGE, State.VALID]
     assert np.isnan(forces.force_n[0]).all()
@@ -276,7 +276,7 @@ def test_a_network_that_gives_no_number_makes_no_valid_force(what: str, number: 
 def test_a_tare_of_an_absent_leg_says_so() -> None:
     """ABSENT, not an element's fault."""
     feet = Feet().tared()
-    feet.pipeline.obey(Command(CommandKind.TARE, 0))
+    feet.pipeline.execute(Command(CommandKind.TARE, 0))
     scan = feet.scan()
     scan.capacitance_pf[0] = np.nan
     scan.reading[0] = Reading.NO_ANSWER
@@ -287,7 +287,7 @@ def test_a_tare_of_an_absent_leg_says_so() -> None:
 def test_a_refused_command_keeps_the_baseline_and_says_so() -> None:
     """The old baseline stays in use, the frames carry the flag until a tare succeeds."""
     feet = Feet().tared()
-    feet.pipeline.obey(Command(CommandKind.TARE, 1))
+    feet.pipeline.execute(Command(CommandKind.TARE, 1))
     for _ in range(WINDOW):
         forces = feet.feed(feet.scan(3.0))
     assert [(leg, result) for leg, result, _ in feet.outcomes] == [(1, Result.LOADED)]
@@ -295,7 +295,7 @@ def test_a_refused_command_keeps_the_baseline_and_says_so() -> None:
     touching = Flag.SIMULATED | Flag.CONTACT
     assert forces.flags.tolist() == [touching, touching | Flag.TARE_REFUSED]
     feet.feed(feet.scan(0.02))
-    feet.pipeline.obey(Command(CommandKind.TARE, 1))
+    feet.pipeline.execute(Command(CommandKind.TARE, 1))
     for _ in range(WINDOW):
         forces = feet.feed(feet.scan(0.02))
     assert forces.flags.tolist() == [Flag.SIMULATED] * 2
@@ -306,16 +306,16 @@ def test_a_leg_on_the_ground_is_neither_stopped_nor_tared() -> None:
     """Refused at once with what it carries; its forces go on, with the flag; START is always safe."""
     feet = Feet().tared()
     feet.feed(feet.scan(5.0))
-    stop = feet.pipeline.obey(Command(CommandKind.STOP, 0))
+    stop = feet.pipeline.execute(Command(CommandKind.STOP, 0))
     assert stop == (
         Command(CommandKind.STOP, 0),
         Result.LOADED,
-        "the foot is on the ground: it carries 2.25 N",
+        "the foot is in contact: it carries 2.25 N",
     )
-    tare = feet.pipeline.obey(Command(CommandKind.TARE, 1))
+    tare = feet.pipeline.execute(Command(CommandKind.TARE, 1))
     assert tare is not None
     assert tare.result is Result.LOADED
-    start = feet.pipeline.obey(Command(CommandKind.START, 0))
+    start = feet.pipeline.execute(Command(CommandKind.START, 0))
     assert start is not None
     assert start.result is Result.DONE
     forces = feet.feed(feet.scan(5.0))
@@ -339,14 +339,14 @@ def test_an_element_that_was_missing_at_the_tare_gets_its_zero_in_the_air() -> N
     assert states[-1] is State.VALID
 
 
-def test_stop_and_start_are_obeyed_at_once() -> None:
+def test_stop_and_start_are_executed_at_once() -> None:
     """STOPPED has no value; after START the force is back."""
     feet = Feet().tared()
-    outcome = feet.pipeline.obey(Command(CommandKind.STOP, 0))
+    outcome = feet.pipeline.execute(Command(CommandKind.STOP, 0))
     assert outcome is not None
     assert outcome.result is Result.DONE
     assert feet.feed(feet.scan()).state.tolist() == [State.STOPPED, State.VALID]
-    feet.pipeline.obey(Command(CommandKind.START, 0))
+    feet.pipeline.execute(Command(CommandKind.START, 0))
     assert feet.feed(feet.scan()).state.tolist() == [State.VALID, State.VALID]
 
 
@@ -378,7 +378,7 @@ def test_whatever_the_converters_say_a_value_is_usable_or_missing(
 def test_sigma_knows_how_long_the_zero_has_stood_still() -> None:
     """After 100 s without a reading in the air, what drift may have done since is part of it."""
     feet = Feet(n_legs=1).tared()
-    feet.pipeline._footing._sensitivity = Sensitivity(load_n=9.0, zero_n=np.array([1.0, 1.0, 9.0]))
+    feet.pipeline._baselines._sensitivity = Sensitivity(load_n=9.0, baseline_n=np.array([1.0, 1.0, 9.0]))
     feet.sequence += 100_000_000_000 // SCAN_NS
     for _ in range(3):
         forces = feet.feed(feet.scan(5.0))

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.estimation.alignment.element_by_element import ElementByElement
-from footsense.estimation.alignment.prediction import _FADES_S, _OWN_REL, _WANDERS, Prediction
-from footsense.estimation.alignment.scan_by_scan import Moment
-from footsense.estimation.faults.missing_sets import KNOWN_MISSING, known_missing
+from footsense.estimation.alignment.prediction import _DECAY_S, _DENSITY, _OWN_REL, Prediction
+from footsense.estimation.alignment.scan_by_scan import AlignedSample
+from footsense.estimation.faults.missing_sets import MISSING_SETS, missing_set_index
 from tests.support.feet import SIGMA_N, SumOfClosures
 
 Vector = NDArray[np.float64]
@@ -44,11 +44,11 @@ def run(motion: Vector) -> Vector:
 def textbook(motion: Vector) -> Vector:
     """Return the same by a Kalman filter as it is taught, whose covariance is carried along with the readings."""
     wandering = MOMENTS / np.trace(MOMENTS) + _OWN_REL * np.eye(9)
-    kept = np.exp(-STEP_S / _FADES_S)
+    kept = np.exp(-STEP_S / _DECAY_S)
     step = np.eye(18)
-    step[:9, 9:] = _FADES_S * (1 - kept) * np.eye(9)
+    step[:9, 9:] = _DECAY_S * (1 - kept) * np.eye(9)
     step[9:, 9:] = kept * np.eye(9)
-    noise = _WANDERS * np.kron(np.array([[STEP_S**3 / 3, STEP_S**2 / 2], [STEP_S**2 / 2, STEP_S]]), wandering)
+    noise = _DENSITY * np.kron(np.array([[STEP_S**3 / 3, STEP_S**2 / 2], [STEP_S**2 / 2, STEP_S]]), wandering)
     state = np.concatenate((motion[0], np.zeros(9)))
     covariance = np.kron(np.diag([1.0, 1.0 / STEP_S]), wandering)
     told = []
@@ -98,41 +98,41 @@ def test_a_missing_element_moves_nothing(number: int) -> None:
     """Whatever is read of what is missing, the other elements stay where they were."""
     filter_ = prediction()
     filter_.begin(0, np.zeros(9), 0)
-    for n, element in enumerate(np.flatnonzero(KNOWN_MISSING[number]), 1):
+    for n, element in enumerate(np.flatnonzero(MISSING_SETS[number]), 1):
         filter_.observe(
             np.array([0]), np.array([element]), np.array([5.0]), np.array([n * STEP_NS]), np.array([number])
         )
     at = filter_.at(10 * STEP_NS)[0]
-    assert (at[~KNOWN_MISSING[number]] == 0.0).all()
+    assert (at[~MISSING_SETS[number]] == 0.0).all()
 
 
 class Leg:
     """One leg read element by element."""
 
     def __init__(self) -> None:
-        self.reckoning = ElementByElement(SumOfClosures(), 1, MOMENTS, ORDER, STEP_NS, NOISE)
+        self.alignment = ElementByElement(SumOfClosures(), 1, MOMENTS, ORDER, STEP_NS, NOISE)
         self.t_ns = np.zeros((1, 9), np.int64)
         self.values = np.full((1, 9), 1.3)
         self.n = 0
 
     def read(self, value: float = 1.3, missing: NDArray[np.bool_] | None = None) -> bool:
         """Read the next element; return whether the leg is together."""
-        return bool(self._align(value, np.zeros(9, bool) if missing is None else missing).together[0])
+        return bool(self._align(value, np.zeros(9, bool) if missing is None else missing).time_aligned[0])
 
     def predict(self, value: float, missing: NDArray[np.bool_]) -> Vector:
         """Read the next element; return what all are predicted to be, shape (9,)."""
-        predicted: Vector = self._align(value, missing).values[0]
+        predicted: Vector = self._align(value, missing).distance_rel[0]
         return predicted
 
-    def _align(self, value: float, missing: NDArray[np.bool_]) -> Moment:
+    def _align(self, value: float, missing: NDArray[np.bool_]) -> AlignedSample:
         element = ORDER[self.n % 9]
         self.n += 1
         self.t_ns[0, element], self.values[0, element] = self.n * STEP_NS, value
-        return self.reckoning.align(self.values.copy(), self.t_ns.copy(), self.n * STEP_NS, missing[None])
+        return self.alignment.align(self.values.copy(), self.t_ns.copy(), self.n * STEP_NS, missing[None])
 
     def sigma_n(self) -> Vector:
         closed, none = np.zeros((1, 9)), np.zeros((1, 9), bool)
-        sigma_n: Vector = self.reckoning.estimate(closed, closed, np.ones(1, bool), none)[1][0]
+        sigma_n: Vector = self.alignment.estimate(closed, closed, np.ones(1, bool), none)[1][0]
         return sigma_n
 
 
@@ -147,16 +147,16 @@ def test_a_leg_is_together_with_nine_readings_and_not_before() -> None:
 @pytest.mark.parametrize("number", [1, 5, 10, 15])
 def test_a_leg_is_together_without_what_is_missing(number: int) -> None:
     """An element that nobody asks for may give nothing, or nonsense."""
-    leg, missing = Leg(), KNOWN_MISSING[number]
+    leg, missing = Leg(), MISSING_SETS[number]
     together = [leg.read(np.nan if missing[ORDER[n % 9]] else 1.3, missing) for n in range(18)]
     assert all(together[9:])
-    assert known_missing(missing[None])[0] == number
+    assert missing_set_index(missing[None])[0] == number
 
 
 @pytest.mark.parametrize("number", [0, 1, 5, 10, 15])
 def test_a_load_that_grows_is_followed_without_what_is_missing(number: int) -> None:
     """The filter goes on from scan to scan, whatever a leg lacks: no element is a scan's growth behind."""
-    leg, missing = Leg(), KNOWN_MISSING[number]
+    leg, missing = Leg(), MISSING_SETS[number]
     for n in range(90):
         truth = 1.3 - 0.002 * n
         predicted = leg.predict(truth, missing)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from footsense.estimation.baseline.tare import TareLimits, TareWindow, Verdict
+from footsense.estimation.baseline.tare import TareLimits, TareResult, TareWindow
 from footsense.frames import Reading, Result
 
 UNLOADED_PF = np.full(9, 5.4)
@@ -11,7 +11,7 @@ NONE = np.zeros(9, bool)
 OK = np.zeros(9, np.uint8)
 
 
-def tare(readings_pf: np.ndarray, missing: np.ndarray = NONE, foot: str = "") -> Verdict | None:
+def tare(readings_pf: np.ndarray, missing: np.ndarray = NONE, foot: str = "") -> TareResult | None:
     """Return the verdict over scans of these readings, shape (9,), one after the other."""
     window = TareWindow(LIMITS, UNLOADED_PF, foot)
     for number in range(LIMITS.window_frames):
@@ -23,7 +23,7 @@ def test_a_foot_that_is_another_is_told_by_name() -> None:
     """A foot of a pack has a fingerprint of its own; whoever reads the line need not know what unloaded_pf is."""
     verdict = tare(UNLOADED_PF * np.linspace(0.88, 1.1, 9), foot="foot-0008")
     assert verdict is not None
-    assert (verdict.result, verdict.zero_pf) == (Result.LOADED, None)
+    assert (verdict.result, verdict.baseline_pf) == (Result.LOADED, None)
     assert verdict.reason == (
         "the foot is not unloaded, or another than foot-0008: element 0 reads 4.752 pF, -12.0% from the 5.400 pF "
         "expected of foot-0008, at most 3.0% is allowed"
@@ -39,8 +39,8 @@ def test_an_element_that_is_missing_is_left_out() -> None:
         assert verdict is not None
         assert verdict.result is Result.DONE
         assert verdict.reason == "tared over 4 scans, 0.00 fF rms without elements 4"
-        assert verdict.zero_pf is not None
-        assert np.isnan(verdict.zero_pf).tolist() == (np.arange(9) == 4).tolist()
+        assert verdict.baseline_pf is not None
+        assert np.isnan(verdict.baseline_pf).tolist() == (np.arange(9) == 4).tolist()
 
 
 def test_an_open_element_that_nobody_knew_of_is_called_open_and_not_loaded() -> None:

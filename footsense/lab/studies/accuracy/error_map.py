@@ -1,6 +1,11 @@
-"""The paper's Figs. 18 and 19: where on the ball the shipped network errs, and by how much on the 180 cases."""
+"""Study `error-map`: where on the ball the released network errs, and by how much on the 180 cases.
+
+Source:
+    Aoyagi et al., Figs. 18 and 19.
+"""
 
 from dataclasses import dataclass
+from typing import NamedTuple, Self
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,18 +15,16 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from footsense.foot.directions import angles_between_deg
-from footsense.foot.force_errors import magnitude_errors_gf
+from footsense.foot.directions import angles_between_deg, directions
+from footsense.foot.force_errors import GRAM_FORCE_N, magnitude_errors_gf
 from footsense.foot.specimen import Foot
 from footsense.lab.ball import circle, rim, touch
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF
-from footsense.lab.studies.page import Page, Workbench, table
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
 from footsense.lab.training.load_cases import (
     BASELINE_NOISE_PF,
-    GRAM_FORCE_N,
     NOISE_PF,
     Cases,
-    directions,
     measured_closure_rel,
     paper_verification,
     sensed_closure_um,
@@ -31,9 +34,9 @@ Vector = NDArray[np.float64]
 
 _MAP, _HISTOGRAM = "error-map.png", "error-histogram.png"
 #: The paper's errors in the experiment, section V C [deg, gf].
-_EXPERIMENT_DEG, _EXPERIMENT_GF = 15.9, 18.7
+EXPERIMENT_DEG, EXPERIMENT_GF = 15.9, 18.7
 _MAGNITUDE_GF = 100.0
-#: Lowest elevation that is computed, so that the rim of the map is cut from something [deg].
+#: Lowest elevation that is computed, a little below the rim of the map [deg].
 _LOWEST_DEG = 26.0
 #: Steps of the map's colours, and its iso-lines [deg].
 _LEVELS_DEG = (0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
@@ -54,13 +57,12 @@ def _disc(points: int) -> tuple[Vector, Vector]:
 
 
 def _normals(right: Vector, up: Vector) -> Vector:
-    """Return the inward normals of places on the map: the inverse of `ball.touch`."""
+    """Return the inward normals of points of the map: the inverse of `ball.touch`."""
     squared = right**2 + up**2
     return np.stack([-2.0 * up, -2.0 * right, 1.0 - squared], axis=-1) / (1.0 + squared)[..., None]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Errors:
+class ReadingErrors(NamedTuple):
     """Errors of single readings.
 
     Attributes:
@@ -72,24 +74,70 @@ class _Errors:
     magnitude_gf: Vector
 
 
-def _read(bench: Workbench, cases: Cases, draws: int) -> _Errors:
-    """Return the errors of the shipped network, case by case.
+@dataclass(frozen=True, kw_only=True)
+class Distribution:
+    """Distribution of an error.
+
+    Attributes:
+        mean: Mean.
+        p95: 95th percentile.
+        largest: Maximum.
+    """
+
+    mean: float
+    p95: float
+    largest: float
+
+    @classmethod
+    def of(cls, values: Vector) -> Self:
+        """Return the distribution of some errors."""
+        return cls(mean=values.mean(), p95=float(np.percentile(values, 95)), largest=values.max())
+
+    def __str__(self) -> str:
+        return f"{self.mean:.2f}, {self.p95:.2f}, {self.largest:.2f}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """The map without noise, and the verification cases.
+
+    Attributes:
+        noise_draws: Draws of the converter's noise.
+        lowest_deg: Lowest elevation of the map [deg].
+        map_mean_deg: Mean direction error over the map [deg].
+        map_max_deg: Largest direction error on the map [deg].
+        worst_azimuth_deg: Azimuth of the force of the largest error [deg].
+        worst_elevation_deg: Its elevation [deg].
+        verification: Direction errors [deg] and magnitude errors [gf], by reading.
+    """
+
+    noise_draws: int
+    lowest_deg: float
+    map_mean_deg: float
+    map_max_deg: float
+    worst_azimuth_deg: float
+    worst_elevation_deg: float
+    verification: dict[str, tuple[Distribution, Distribution]]
+
+
+def _read(context: StudyContext, cases: Cases, draws: int) -> ReadingErrors:
+    """Return the errors of the released network, case by case.
 
     Args:
-        bench: What to work on.
+        context: The models.
         cases: The loads.
         draws: Of the converter's noise; 0 for one reading without.
     """
-    design, rng = bench.response.design, np.random.default_rng(_SEED)
+    design, rng = context.response.design, np.random.default_rng(_SEED)
     direction, magnitude = [], []
     for _ in range(max(draws, 1)):
         closure_rel = cases.closure_um / design.gap_um
         if draws:
             closure_rel = measured_closure_rel(design, cases.closure_um, rng)
-        read_n = bench.network.force_n(closure_rel)
+        read_n = context.network.force_n(closure_rel)
         direction.append(angles_between_deg(cases.force_n, read_n))
         magnitude.append(magnitude_errors_gf(cases.force_n, read_n))
-    return _Errors(np.stack(direction), np.stack(magnitude))
+    return ReadingErrors(np.stack(direction), np.stack(magnitude))
 
 
 def _draw_map(axes: Axes, grid: tuple[Vector, Vector], error_deg: Vector, lowest_deg: float) -> ContourSet:
@@ -107,14 +155,14 @@ def _draw_map(axes: Axes, grid: tuple[Vector, Vector], error_deg: Vector, lowest
             float(right), float(up), f"{elevation_deg:g} deg", fontsize=8, color="w", ha="center", va="top"
         )
     (middle,) = directions(*np.array(_CIRCLES_AT_DEG)[:, None])
-    for radius_deg, style in ((PAPER_DIRECTION_DEG, "-"), (_EXPERIMENT_DEG, "--")):
+    for radius_deg, style in ((PAPER_DIRECTION_DEG, "-"), (EXPERIMENT_DEG, "--")):
         axes.plot(*circle(middle, radius_deg), "r" + style, lw=1.8, label=f"{radius_deg} deg")
     axes.set(aspect="equal", xticks=[], yticks=[], frame_on=False, xlabel="rear")
     return filled
 
 
 def _map_figure(grid: tuple[Vector, Vector], maps: dict[str, Vector], lowest_deg: float) -> Figure:
-    """Return the maps side by side, on one scale."""
+    """Draw the maps side by side, on one scale."""
     figure = Figure(figsize=(8.6, 4.7), layout="constrained")
     row = figure.subplots(1, len(maps))
     for axes, (name, error_deg) in zip(row, maps.items(), strict=True):
@@ -128,15 +176,15 @@ def _map_figure(grid: tuple[Vector, Vector], maps: dict[str, Vector], lowest_deg
     return figure
 
 
-def _histogram_figure(read: dict[str, _Errors]) -> Figure:
-    """Return how often which error occurs on the 180 cases."""
-    figure = Figure(figsize=(8.6, 3.6), layout="constrained")
-    papers = ((PAPER_DIRECTION_DEG, _EXPERIMENT_DEG), (PAPER_MAGNITUDE_GF, _EXPERIMENT_GF))
+def _histogram_figure(readings: dict[str, ReadingErrors]) -> Figure:
+    """Draw the histograms of both errors on the 180 cases."""
+    figure, row = panels(2, 8.6, 3.6)
+    papers = ((PAPER_DIRECTION_DEG, EXPERIMENT_DEG), (PAPER_MAGNITUDE_GF, EXPERIMENT_GF))
     for axes, what, unit, marks in zip(
-        figure.subplots(1, 2), ("direction_deg", "magnitude_gf"), ("deg", "gf"), papers, strict=True
+        row, ("direction_deg", "magnitude_gf"), ("deg", "gf"), papers, strict=True
     ):
-        bins = np.geomspace(1e-3, 40.0, 60)
-        for name, one in read.items():
+        bins = np.geomspace(1e-3, 40.0, 60).tolist()
+        for name, one in readings.items():
             values = np.clip(getattr(one, what).ravel(), bins[0], bins[-1])
             share = np.full(len(values), 100.0 / len(values))
             axes.hist(values, bins, weights=share, histtype="stepfilled", alpha=0.5, label=name)
@@ -144,56 +192,65 @@ def _histogram_figure(read: dict[str, _Errors]) -> Figure:
             axes.axvline(mark, color="r", ls=style, label=f"the paper's mean, {where}")
         axes.set(xscale="log", xlabel=f"{what.split('_')[0]} error [{unit}]", ylabel="share of readings [%]")
         axes.xaxis.set_major_formatter("{x:g}")
-        axes.grid(alpha=0.3)
     axes.legend(fontsize=7, loc="upper left")
     return figure
 
 
-def _spread(values: Vector) -> str:
-    """Return mean, 95th percentile and largest of some errors."""
-    return f"{values.mean():.2f}, {np.percentile(values, 95):.2f}, {values.max():.2f}"
-
-
-def page(bench: Workbench) -> Page:
-    """Return the page."""
-    points, draws = (_POINTS_QUICK, _DRAWS_QUICK) if bench.quick else (_POINTS, _DRAWS)
+def compute(context: StudyContext) -> tuple[Results, Figures]:
+    """Read centred loads from all over the ball, and the 180 verification cases."""
+    points, draws = (_POINTS_QUICK, _DRAWS_QUICK) if context.quick else (_POINTS, _DRAWS)
     right, up = _disc(points)
     normal = _normals(right, up)
-    seen = normal[..., 2] >= np.sin(np.radians(_LOWEST_DEG))
-    force_n = normal[seen] * _MAGNITUDE_GF * GRAM_FORCE_N
-    foot = Foot(bench.response)
-    cases = Cases(force_n, sensed_closure_um(foot, normal[seen], force_n))
-    verification = paper_verification(bench.response)
-    readings = {"without noise": 0, f"with {1e3 * NOISE_PF:g} fF of noise": draws}
-    maps = {}
-    for name, n in readings.items():
+    computed = normal[..., 2] >= np.sin(np.radians(_LOWEST_DEG))
+    force_n = normal[computed] * _MAGNITUDE_GF * GRAM_FORCE_N
+    cases = Cases(force_n, sensed_closure_um(Foot(context.response), normal[computed], force_n))
+    verification = paper_verification(context.response)
+    maps, readings = {}, {}
+    for name, n in (("without noise", 0), (f"with {1e3 * NOISE_PF:g} fF of noise", draws)):
         maps[name] = np.full(right.shape, np.nan)
-        maps[name][seen] = _read(bench, cases, n).direction_deg.mean(axis=0)
-        bench.say(f"error-map: {seen.sum()} directions {name}")
-    read = {name: _read(bench, verification, n) for name, n in readings.items()}
-    rows = [[name, _spread(one.direction_deg), _spread(one.magnitude_gf)] for name, one in read.items()]
+        maps[name][computed] = _read(context, cases, n).direction_deg.mean(axis=0)
+        readings[name] = _read(context, verification, n)
+        context.say(f"error-map: {computed.sum()} directions {name}")
+    lowest_deg = context.sole.loads.min_elevation_deg
+    exact = np.where(normal[..., 2] >= np.sin(np.radians(lowest_deg)), maps["without noise"], np.nan)
+    worst = normal.reshape(-1, 3)[np.nanargmax(exact)]
+    results = Results(
+        noise_draws=draws,
+        lowest_deg=lowest_deg,
+        map_mean_deg=float(np.nanmean(exact)),
+        map_max_deg=float(np.nanmax(exact)),
+        worst_azimuth_deg=float(np.degrees(np.arctan2(worst[1], worst[0]))),
+        worst_elevation_deg=float(np.degrees(np.arcsin(worst[2]))),
+        verification={
+            name: (Distribution.of(one.direction_deg), Distribution.of(one.magnitude_gf))
+            for name, one in readings.items()
+        },
+    )
+    figures = {_MAP: _map_figure((right, up), maps, lowest_deg), _HISTOGRAM: _histogram_figure(readings)}
+    return results, figures
+
+
+def render(results: Results) -> str:
+    """Return the page's text."""
+    rows = [
+        [name, str(direction), str(magnitude)]
+        for name, (direction, magnitude) in results.verification.items()
+    ]
     rows += [
         ["the paper, simulation", f"{PAPER_DIRECTION_DEG}", f"{PAPER_MAGNITUDE_GF}"],
-        ["the paper, experiment", f"{_EXPERIMENT_DEG}", f"{_EXPERIMENT_GF}"],
+        ["the paper, experiment", f"{EXPERIMENT_DEG}", f"{EXPERIMENT_GF}"],
     ]
-    lowest_deg = bench.sole.loads.min_elevation_deg
-    taught = normal[..., 2] >= np.sin(np.radians(lowest_deg))
-    exact = np.where(taught, maps["without noise"], np.nan)
-    worst = normal.reshape(-1, 3)[np.nanargmax(exact)]
-    body = f"""
-{"**Quick run: a coarser map, fewer draws of the noise.**" if bench.quick else ""}
-
-Where on the ball is the shipped network wrong? Centred loads of {_MAGNITUDE_GF:g} gf from all directions down to an
-elevation of {lowest_deg:g} deg, drawn where the ground touches the ball, seen from below (stereographic, so
+    return f"""
+Where on the ball is the released network wrong? Centred loads of {_MAGNITUDE_GF:g} gf from all directions down to an
+elevation of {results.lowest_deg:g} deg, drawn where the ground touches the ball, seen from below (stereographic, so
 that circles stay circles). Noise is {1e3 * NOISE_PF:g} fF per conversion and {1e3 * BASELINE_NOISE_PF:g} fF of the
-baseline; the map shows the mean over {draws} draws. The red circles are the paper's mean errors, drawn to scale around
-a contact as in its Fig. 19.
+baseline; the map shows the mean over {results.noise_draws} draws. The red circles are the paper's mean errors, drawn to
+scale around a contact as in its Fig. 19.
 
 ![]({_MAP})
 
-Without noise the error is {np.nanmean(exact):.2f} deg in the mean over the map and {np.nanmax(exact):.2f} deg at
-most, there under a force of azimuth {np.degrees(np.arctan2(worst[1], worst[0])):.0f} deg and elevation
-{np.degrees(np.arcsin(worst[2])):.0f} deg.
+Without noise the mean error over the map is {results.map_mean_deg:.2f} deg and the largest {results.map_max_deg:.2f}
+deg, under a force of azimuth {results.worst_azimuth_deg:.0f} deg and elevation {results.worst_elevation_deg:.0f} deg.
 
 ### The 180 verification cases
 
@@ -201,27 +258,11 @@ most, there under a force of azimuth {np.degrees(np.arctan2(worst[1], worst[0]))
 
 ![]({_HISTOGRAM})
 
-The paper's experiment is on a foot as it was made, with gaps that are not the designed ones; both rows of ours are of
-the designed foot, so they stand beside its simulation.
+The paper's experiment is on a fabricated foot, whose gaps are not the designed ones; both rows of ours are of the
+designed foot, so they stand beside its simulation.
 """
-    return Page(
-        name="error-map",
-        title="Where the network errs",
-        body=body,
-        figures={_MAP: _map_figure((right, up), maps, lowest_deg), _HISTOGRAM: _histogram_figure(read)},
-        values={
-            "quick": bench.quick,
-            "noise_draws": draws,
-            "map_mean_deg": float(np.nanmean(exact)),
-            "map_max_deg": float(np.nanmax(exact)),
-            "verification": {
-                name: {
-                    "direction_deg": float(one.direction_deg.mean()),
-                    "direction_p95_deg": float(np.percentile(one.direction_deg, 95)),
-                    "magnitude_gf": float(one.magnitude_gf.mean()),
-                    "magnitude_p95_gf": float(np.percentile(one.magnitude_gf, 95)),
-                }
-                for name, one in read.items()
-            },
-        },
-    )
+
+
+STUDY = Study(
+    name="error-map", title="Where the network errs", results=Results, compute=compute, render=render
+)

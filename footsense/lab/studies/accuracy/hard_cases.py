@@ -1,8 +1,9 @@
-"""Study `hard-cases`: what happens at the limits, each case with what is expected of it and what was measured."""
+"""Study `hard-cases`: inputs at the limits of the models, each with the expected and the measured result."""
 
 import dataclasses
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+import re
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from functools import partial
 
 import msgspec
@@ -12,6 +13,8 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from footsense.errors import ConfigError, ModelError
+from footsense.foot.directions import directions
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import ALL_CELLS, kkt_residual, touch
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
@@ -21,13 +24,12 @@ from footsense.lab.fem.quarter import Parity, Quarter
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import Material, SoleDesign
 from footsense.lab.studies.accuracy.hard_inputs import network_cases, pipeline_cases
-from footsense.lab.studies.page import Page, Workbench, table
-from footsense.lab.training.load_cases import GRAM_FORCE_N, directions
+from footsense.lab.studies.page import Figures, Study, StudyContext, table
 
 Vector = NDArray[np.float64]
 
 _UP = np.array([[0.0, 0.0, 1.0]])
-#: A mesh for what holds on any mesh.
+#: A mesh for statements that hold on any mesh.
 _PLAIN = MeshSize(layers=0, order=2, bar_mm=1.0)
 
 
@@ -36,10 +38,10 @@ class Case:
     """One hard case.
 
     Attributes:
-        name: What is done.
-        expected: What has to come of it.
-        measured: What came of it.
-        held: Whether that is what was expected.
+        name: The input.
+        expected: The expected result.
+        measured: The measured result.
+        held: Whether it is as expected.
     """
 
     name: str
@@ -49,17 +51,17 @@ class Case:
 
 
 def _refused(name: str, error: type[Exception], attempt: Callable[[], object]) -> Case:
-    """Return the case of something that has to be refused with an error."""
+    """Return the case of an input that an error has to refuse."""
     try:
         attempt()
-    except Exception as raised:  # noqa: BLE001  whatever is raised is what was measured
-        first = str(raised).split(";")[0][:90]
+    except Exception as raised:  # noqa: BLE001  any exception is the measured result
+        first = re.split(r"[;(]|, got", str(raised))[0][:90]
         return Case(name, error.__name__, f"{type(raised).__name__}: {first}", isinstance(raised, error))
     return Case(name, error.__name__, "no error", held=False)
 
 
 def _light(response: FootResponse) -> Iterator[Case]:
-    """Yield no load, and a tenth of a gram."""
+    """Yield cases of no load, and of a tenth of a gram-force."""
     foot = Foot(response)
     none_um = float(np.abs(foot.cells_um(_UP, 0.0 * _UP)).max())
     yield Case("no load", "0 um, exactly", f"{none_um:g} um", none_um == 0.0)
@@ -69,8 +71,8 @@ def _light(response: FootResponse) -> Iterator[Case]:
     yield Case("0.1 gf", "closure per newton as at 1e-7 gf, to 1e-3", f"{apart:.1e}", apart < 1e-3)
 
 
-def _shutting(response: FootResponse) -> Iterator[Case]:
-    """Yield the loads at which gaps shut, and how well the contact is solved on the way."""
+def _closing(response: FootResponse) -> Iterator[Case]:
+    """Yield cases of loads that close gaps, and of the accuracy of the contact solution."""
     foot, gap_um = Foot(response), response.design.gap_um
     loads_n = np.linspace(0.0, 200.0, 801)
     cells_um = foot.cells_um(np.repeat(_UP, len(loads_n), 0), loads_n[:, None] * _UP)
@@ -78,7 +80,7 @@ def _shutting(response: FootResponse) -> Iterator[Case]:
     first_n = float(loads_n[np.argmax(shut > 0)])
     rise_um = np.diff(cells_um, axis=0)
     steady = float(rise_um.min())
-    yield Case("first cell shuts, upright", "above 1 N", f"{first_n:g} N", first_n > 1.0)
+    yield Case("first cell closes, upright", "above 1 N", f"{first_n:g} N", first_n > 1.0)
     yield Case("closures from 0 to 200 N", "never fall", f"least step {steady:.1e} um", steady > -1e-9)
     everything = bool(shut[-1] == ALL_CELLS)
     all_n = loads_n[np.argmax(shut == ALL_CELLS)]
@@ -88,7 +90,7 @@ def _shutting(response: FootResponse) -> Iterator[Case]:
         if everything
         else f"{shut[-1]} of {ALL_CELLS} cells at 200 N"
     )
-    yield Case("all nine gaps shut", "an end, every cell at its gap", found, everything)
+    yield Case("all nine gaps closed", "an end, every cell at its gap", found, everything)
     worst = 0.0
     compliance, gaps_um = response.compliance_um_per_n, np.full(ALL_CELLS, gap_um)
     for load_n in (2.0, 5.0, 20.0, 100.0):
@@ -99,7 +101,7 @@ def _shutting(response: FootResponse) -> Iterator[Case]:
 
 
 def _rim(response: FootResponse) -> Iterator[Case]:
-    """Yield contacts near the rim, and inputs that are none."""
+    """Yield cases of contacts near the rim, and of invalid inputs."""
     low = directions(np.array([0.0, 90.0]), np.array([40.0, 40.0]))
     closures = response.closure_um(low, low)
     turned = float(np.abs(closures[1].reshape(3, 3) - closures[0].reshape(3, 3).T).max())
@@ -117,7 +119,7 @@ def _rim(response: FootResponse) -> Iterator[Case]:
 
 
 def _designs(sole: SoleDesign) -> Iterator[Case]:
-    """Yield feet that cannot be, which takes no solve."""
+    """Yield cases of impossible feet, which take no solve."""
     yield _refused("plate of 10 nm", ModelError, lambda: build_mesh(replace(sole, plate_mm=1e-5), COARSE))
     wide = msgspec.json.encode(replace(sole, sheet_mm=1.5 * sole.ball_radius_mm))
     yield _refused("sheet wider than the ball", ConfigError, lambda: load_foot(wide))
@@ -129,7 +131,7 @@ def _designs(sole: SoleDesign) -> Iterator[Case]:
 
 
 def _solids(sole: SoleDesign) -> Iterator[Case]:
-    """Yield hard materials, each solved."""
+    """Yield cases of hard materials, each solved."""
     lost = []
     for poisson in (0.49, 0.499, 0.4999):
         rubber = replace(sole, rubber=replace(sole.rubber, poisson=poisson))
@@ -157,35 +159,42 @@ def _solids(sole: SoleDesign) -> Iterator[Case]:
     yield _refused("a half that nothing holds", ModelError, lambda: Quarter(loose, _PLAIN, Parity(1, 1)))
 
 
-def page(bench: Workbench) -> Page:
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """All cases, by heading."""
+
+    groups: dict[str, list[Case]]
+
+
+def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Try every case; the quick form leaves out those that need a finite element solve."""
-    response = bench.response
-    groups: dict[str, list[Case]] = {
+    response = context.response
+    groups: dict[str, Iterable[Case]] = {
         "The foot under load": [
             *_light(response),
-            *_shutting(response),
+            *_closing(response),
             *_rim(response),
-            *_designs(bench.sole),
+            *_designs(context.sole),
         ],
-        "The solid": [] if bench.quick else list(_solids(bench.sole)),
-        "The network": [Case(*row) for row in network_cases(bench)],
-        "The daemon": [Case(*row) for row in pipeline_cases(bench)],
+        "The network": (Case(*row) for row in network_cases(context)),
+        "The daemon": (Case(*row) for row in pipeline_cases(context)),
     }
-    parts, cases = [], []
-    for heading, group in groups.items():
-        if group:
-            rows = [
-                [case.name, case.expected, case.measured, "yes" if case.held else "**no**"] for case in group
-            ]
-            parts.append(f"### {heading}\n\n{table(['case', 'expected', 'measured', 'held'], rows)}")
-            cases += group
-            bench.say(f"{heading}: {sum(case.held for case in group)} of {len(group)} as expected")
-    held = sum(case.held for case in cases)
-    quick = " Quick form: the solid's own cases are left out." if bench.quick else ""
-    body = f"{held} of {len(cases)} cases came out as expected, all tried anew for this page.{quick}\n\n"
-    return Page(
-        name="hard-cases",
-        title="Hard cases",
-        body=body + "\n\n".join(parts),
-        values={"held": held, "cases": [asdict(case) for case in cases]},
-    )
+    if not context.quick:
+        groups["The solid"] = _solids(context.sole)
+    tried = {heading: list(cases) for heading, cases in groups.items()}
+    for heading, cases in tried.items():
+        context.say(f"{heading}: {sum(case.held for case in cases)} of {len(cases)} as expected")
+    return Results(groups=tried), {}
+
+
+def render(results: Results) -> str:
+    """Return the page's text."""
+    cases = [case for group in results.groups.values() for case in group]
+    parts = [f"{sum(case.held for case in cases)} of {len(cases)} cases came out as expected."]
+    for heading, group in results.groups.items():
+        rows = [[case.name, case.expected, case.measured, "yes" if case.held else "**no**"] for case in group]
+        parts.append(f"### {heading}\n\n{table(['case', 'expected', 'measured', 'as expected'], rows)}")
+    return "\n\n".join(parts)
+
+
+STUDY = Study(name="hard-cases", title="Hard cases", results=Results, compute=compute, render=render)

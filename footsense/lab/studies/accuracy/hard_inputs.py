@@ -21,7 +21,7 @@ from footsense.foot.network_card import read_card
 from footsense.foot.specimen import Foot
 from footsense.frames import CapFrame, ContactFrame, Reading, State
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
-from footsense.lab.studies.page import Workbench
+from footsense.lab.studies.page import StudyContext
 from footsense.lab.training.load_cases import paper_verification
 
 Vector = NDArray[np.float64]
@@ -34,9 +34,9 @@ _SETTLING = 3
 _SINGLE_N = 5e-5
 
 
-def _in_double(bench: Workbench, closure_rel: Vector) -> Vector:
+def _in_double(context: StudyContext, closure_rel: Vector) -> Vector:
     """Return the forces [N] of the network's graph computed in float64, shape (n, 3)."""
-    model = onnx.load(bench.models / NETWORK_FILE)
+    model = onnx.load(context.models / NETWORK_FILE)
     for stored in model.graph.initializer:
         if stored.data_type == TensorProto.FLOAT:
             stored.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(stored).astype(float), stored.name))
@@ -44,9 +44,9 @@ def _in_double(bench: Workbench, closure_rel: Vector) -> Vector:
     return np.asarray(ReferenceEvaluator(model).run(["force_n"], inputs)[0], dtype=np.float64)
 
 
-def network_cases(bench: Workbench) -> Iterator[Row]:
+def network_cases(context: StudyContext) -> Iterator[Row]:
     """Yield the cases of the network alone."""
-    network, gap_um = bench.network, bench.response.design.gap_um
+    network, gap_um = context.network, context.response.design.gap_um
     none_n = float(np.abs(network.force_n(np.zeros((1, 9)))).max())
     yield "no closure", "0 N, exactly", f"{none_n:g} N", none_n == 0.0
     tiny = np.full((1, 9), 1e-40)
@@ -56,9 +56,9 @@ def network_cases(bench: Workbench) -> Iterator[Row]:
     broken[0, 4] = np.nan
     force_n = network.force_n(broken)
     yield "one NaN", "no number", str(force_n[0].tolist()), bool(np.isnan(force_n).any())
-    cases = paper_verification(bench.response)
+    cases = paper_verification(context.response)
     closure_rel = cases.closure_um / gap_um
-    apart_n = float(np.abs(network.force_n(closure_rel) - _in_double(bench, closure_rel)).max())
+    apart_n = float(np.abs(network.force_n(closure_rel) - _in_double(context, closure_rel)).max())
     yield (
         "float32 against float64, 180 cases",
         f"below {1e3 * _SINGLE_N:g} mN",
@@ -77,17 +77,17 @@ def network_cases(bench: Workbench) -> Iterator[Row]:
 class _Leg:
     """One leg's pipeline with the released network, tared on a free foot."""
 
-    def __init__(self, bench: Workbench) -> None:
-        self.design = bench.response.design
-        calibration = read_card(json.dumps(bench.network.card), str(bench.models)).calibration
+    def __init__(self, context: StudyContext) -> None:
+        self.design = context.response.design
+        calibration = read_card(json.dumps(context.network.card), str(context.models)).calibration
         stray_pf, unloaded_pf = np.zeros((1, 9)), np.full((1, 9), self.design.rest_pf)
-        reckoning = ScanByScan(bench.network, 1, calibration.moments)
+        alignment = ScanByScan(context.network, 1, calibration.moments)
         self._pipeline = Pipeline(
-            reckoning,
+            alignment,
             calibration,
             stray_pf,
             unloaded_pf,
-            sensitivity=sensitivity(bench.network, 2, calibration.moments),
+            sensitivity=sensitivity(context.network, 2, calibration.moments),
             tare=TareLimits(window_frames=_WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
             contact=ContactLimits(touch_n=0.03),
             max_age_ns=_MAX_AGE_NS,
@@ -108,9 +108,9 @@ class _Leg:
         return self._pipeline.process(scan, t_ns + age_ns)[0]
 
 
-def pipeline_cases(bench: Workbench) -> Iterator[Row]:
+def pipeline_cases(context: StudyContext) -> Iterator[Row]:
     """Yield the cases of broken lines and loads beyond the training, as the state of the leg and its force."""
-    response, design = bench.response, bench.response.design
+    response, design = context.response, context.response.design
     up = np.array([[0.0, 0.0, 1.0]])
     felt_pf = Foot(response).capacitance_pf(up, up)[0]
     free_pf = 0.05 * felt_pf
@@ -140,9 +140,9 @@ def pipeline_cases(bench: Workbench) -> Iterator[Row]:
             0,
         ),
         ("one element shorted, beyond the converter", State.SATURATED, felt_pf, Reading.OVER_RANGE, 0),
-        # No load shuts one corner alone: something is in its gap, and the force is that of the others.
-        ("one gap shut to 97 %", State.DEGRADED, design.capacitance_pf(deep_um), Reading.OK, 0),
-        ("all gaps shut to 97 %", State.SATURATED, design.capacitance_pf(deepest_um), Reading.OK, 0),
+        # No load closes one corner alone: something is in its gap, and the force comes from the others.
+        ("one gap closed to 97 %", State.DEGRADED, design.capacitance_pf(deep_um), Reading.OK, 0),
+        ("all gaps closed to 97 %", State.SATURATED, design.capacitance_pf(deepest_um), Reading.OK, 0),
         (
             "pulled off by 30 % of the gap",
             State.OUT_OF_RANGE,
@@ -154,7 +154,7 @@ def pipeline_cases(bench: Workbench) -> Iterator[Row]:
         ("older than the limit", State.STALE, felt_pf, Reading.OK, _MAX_AGE_NS + 1),
     ]
     for name, state, capacitance_pf, reading, age_ns in cases:
-        leg = _Leg(bench)
+        leg = _Leg(context)
         for _ in range(_SETTLING):
             leg.feed(capacitance_pf, reading)
         frame = leg.feed(capacitance_pf, reading, age_ns)

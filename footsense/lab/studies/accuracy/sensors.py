@@ -1,4 +1,8 @@
-"""Study `sensors` (sections III B to E, Figs. 5, 6 and 8, Table I): how many elements, and how large."""
+"""Study `sensors`: how many elements, and how large.
+
+Source:
+    Aoyagi et al., sections III B to III E, Figs. 5, 6 and 8, Table I.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,17 +11,19 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from footsense.foot.directions import paper_directions
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.symmetry import mirrored_series
 from footsense.lab.evaluation.evaluate import errors
 from footsense.lab.fem.block import BLOCK_SIZE, COARSE_BLOCK, Column, block_fields
 from footsense.lab.fem.mesh import MeshSize
 from footsense.lab.geometry import SoleDesign
-from footsense.lab.monte_carlo.statistics import Spread
+from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.response import DEGREE, add_series, fit_class, patch_mean, transposed_series
-from footsense.lab.studies.page import Page, Workbench, table
-from footsense.lab.training.load_cases import GRAM_FORCE_N, directions
-from footsense.lab.training.mlp import forward, learn, stack, start_layers, unstack
-from footsense.lab.training.rprop import rprop_start, rprop_step
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
+from footsense.lab.training.mlp import forward, stack, train, unstack
+from footsense.lab.training.paper_procedure import HIDDEN, starts_of
+from footsense.lab.training.rprop import RPROP
 
 Vector = NDArray[np.float64]
 
@@ -25,19 +31,18 @@ Vector = NDArray[np.float64]
 FORCE_GF = 100.0
 #: Random error of each element [1], rms of its own output.
 NOISE_REL = 0.05
-#: Neurons of the two hidden layers, the same for all sensors.
-HIDDEN = (18, 18)
-#: Networks for each sensor, and epochs of learning.
+#: Networks for each sensor, and epochs of training.
 SEEDS, QUICK_SEEDS = 5, 3
 EPOCHS, QUICK_EPOCHS = 2000, 500
 #: Seed of the random errors.
 NOISE_SEED = 5
 #: A difference counts from this many of its standard errors on.
-SURE = 2.0
+SIGNIFICANT = 2.0
 #: Saturated is what gains less than this of the step from 4 to 9 elements [1].
 SATURATED_REL = 0.2
 
 _FIGURE = "sensors.png"
+_TRAINING, _TEST = paper_directions("training"), paper_directions("verification")
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,75 +128,97 @@ def patterns(sole: SoleDesign, series: Vector, direction: Vector) -> Vector:
     return pressure_mpa
 
 
-def protocol() -> tuple[Vector, Vector]:
-    """Return the 181 taught and the 180 asked directions of sections III A and B."""
-
-    def ring(shift_deg: float) -> Vector:
-        azimuth, elevation = np.meshgrid(
-            shift_deg + 10.0 * np.arange(36), shift_deg + 40.0 + 10.0 * np.arange(5), indexing="ij"
-        )
-        return directions(azimuth.ravel(), elevation.ravel())
-
-    return np.concatenate([ring(0.0), [[0.0, 0.0, 1.0]]]), ring(5.0)
-
-
-def _fed(pressure: Vector, noise_rel: float, rng: np.random.Generator) -> Vector:
-    """Return patterns with random errors, each divided by its maximum."""
-    erring = pressure * (1.0 + noise_rel * rng.normal(size=pressure.shape))
-    fed: Vector = erring / np.abs(erring).max(axis=1, keepdims=True)
-    return fed
-
-
-def direction_errors(taught: Vector, asked: Vector, noise_rel: float, seeds: int, epochs: int) -> Spread:
+def direction_errors(training: Vector, test: Vector, noise_rel: float, seeds: int, epochs: int) -> MeanStd:
     """Return the mean direction error of networks that differ in their start weights [deg].
 
     Args:
-        taught: Pressures of the taught directions, shape (181, elements).
-        asked: Pressures of the asked directions, shape (180, elements).
+        training: Pressures of the training directions, shape (181, elements).
+        test: Pressures of the test directions, shape (180, elements).
         noise_rel: Random error of both [1].
         seeds: Networks.
-        epochs: Of learning.
+        epochs: Of training.
     """
-    train_n, ask_n = protocol()
     rng = np.random.default_rng(NOISE_SEED)
-    inputs, questions = _fed(taught, noise_rel, rng), _fed(asked, noise_rel, rng)
-    widths = (taught.shape[1], *HIDDEN, 3)
-    starts = stack([start_layers(np.random.default_rng(seed), widths) for seed in range(seeds)])
-    learnt = learn(rprop_step, starts, rprop_start(starts), inputs, train_n, epochs)
-    answers = [
-        np.asarray(forward(network, questions.astype(np.float32)), float)
-        for network in unstack(learnt.layers)
-    ]
-    return Spread.over(errors(ask_n, answer).direction_deg for answer in answers)
+
+    def inputs(pressure: Vector) -> Vector:
+        erring = pressure * (1.0 + noise_rel * rng.normal(size=pressure.shape))
+        scaled: Vector = erring / np.abs(erring).max(axis=1, keepdims=True)
+        return scaled
+
+    training_inputs, test_inputs = inputs(training), inputs(test).astype(np.float32)
+    starts = stack(starts_of(seeds, (training.shape[1], *HIDDEN, 3)))
+    networks = unstack(train(RPROP, starts, training_inputs, _TRAINING, epochs).layers)
+    return MeanStd.over(
+        errors(_TEST, np.asarray(forward(network, test_inputs), float)).direction_deg for network in networks
+    )
 
 
-def _figure(results: dict[str, tuple[Spread, Spread]]) -> Figure:
-    """Return the direction error over the number of elements, small and large ones, without and with errors."""
-    figure = Figure(figsize=(8.2, 3.9), layout="constrained")
-    titles = ("no random error", f"{NOISE_REL:.0%} random error")
-    for which, (axes, title) in enumerate(zip(figure.subplots(1, 2), titles, strict=True)):
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """Direction errors [deg] of all sensors.
+
+    Attributes:
+        sheet_mm: Side of the block [mm].
+        thick_mm: Thickness of the block [mm].
+        epochs: Of training.
+        seeds: Networks for each sensor.
+        clean_deg: Without random error, by sensor.
+        noisy_deg: With random error, by sensor.
+    """
+
+    sheet_mm: float
+    thick_mm: float
+    epochs: int
+    seeds: int
+    clean_deg: dict[str, MeanStd]
+    noisy_deg: dict[str, MeanStd]
+
+
+def compute(context: StudyContext) -> tuple[Results, Figures]:
+    """Solve the block under every sensor, and train networks on its patterns."""
+    sole, quick = context.sole, context.quick
+    sensors = [sensor for sensor in SENSORS if not quick or sensor.name in QUICK_NAMES]
+    seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)
+    series = sensor_series(sole, sensors, COARSE_BLOCK if quick else BLOCK_SIZE)
+    context.say(f"sensors: stresses of {len(sensors)} sensors solved")
+    clean, noisy = {}, {}
+    for name in series:
+        training, test = (patterns(sole, series[name], direction) for direction in (_TRAINING, _TEST))
+        clean[name] = direction_errors(training, test, 0.0, seeds, epochs)
+        noisy[name] = direction_errors(training, test, NOISE_REL, seeds, epochs)
+        context.say(f"sensors: {name} trained")
+    results = Results(
+        sheet_mm=sole.sheet_mm,
+        thick_mm=2.0 * sole.plate_mm + sole.spacer_mm,
+        epochs=epochs,
+        seeds=seeds,
+        clean_deg=clean,
+        noisy_deg=noisy,
+    )
+    return results, {_FIGURE: _figure(results)}
+
+
+def _figure(results: Results) -> Figure:
+    """Draw the direction error over the number of elements, small and large ones, without and with errors."""
+    figure, row = panels(2, 8.2, 3.9)
+    columns = (("no random error", results.clean_deg), (f"{NOISE_REL:.0%} random error", results.noisy_deg))
+    for axes, (title, errors_deg) in zip(row, columns, strict=True):
         for names, marker, label in (("ABCDE", "o-", "1 mm elements"), ("FGH", "s--", "larger elements")):
-            known = [sensor for sensor in SENSORS if sensor.name in names and sensor.name in results]
-            number = [sensor.per_side**2 for sensor in known]
-            spreads = [results[sensor.name][which] for sensor in known]
-            mean, deviation = ([getattr(s, part) for s in spreads] for part in ("mean", "deviation"))
-            axes.errorbar(number, mean, deviation, fmt=marker, capsize=3, ms=5, label=label)
-            for sensor, x, y in zip(known, number, mean, strict=True):
+            drawn = [sensor for sensor in SENSORS if sensor.name in names and sensor.name in errors_deg]
+            number, found = (
+                [sensor.per_side**2 for sensor in drawn],
+                [errors_deg[sensor.name] for sensor in drawn],
+            )
+            mean, std = [one.mean for one in found], [one.std for one in found]
+            axes.errorbar(number, mean, std, fmt=marker, capsize=3, ms=5, label=label)
+            for sensor, x, y in zip(drawn, number, mean, strict=True):
                 axes.annotate(sensor.name, (x, y), xytext=(4, 5), textcoords="offset points", fontsize=8)
         axes.set(title=title, xlabel="elements", ylabel="mean direction error [deg]", xscale="log")
         axes.set_xticks([4, 9, 25, 49, 81], ["4", "9", "25", "49", "81"])
         axes.minorticks_off()
         axes.set_ylim(bottom=0.0)
-        axes.grid(alpha=0.3)
-    axes.legend(fontsize=8)
+    row[-1].legend(fontsize=8)
     return figure
-
-
-def _against(first: Spread, second: Spread) -> str:
-    """Say by how much the first mean is above the second, and whether that is more than chance."""
-    excess, error = first.excess(second)
-    sure = "more" if abs(excess) > SURE * error else "no more"
-    return f"{excess:+.3f} ± {error:.3f} deg ({sure} than chance)"
 
 
 def _holds(*, true: bool) -> str:
@@ -199,73 +226,53 @@ def _holds(*, true: bool) -> str:
     return "holds" if true else "does not hold"
 
 
-def _findings(results: dict[str, tuple[Spread, Spread]]) -> str:
-    """Put the paper's statements about Fig. 8 to the test."""
+def _findings(title: str, errors_deg: dict[str, MeanStd]) -> str:
+    """Test the paper's statements about Fig. 8."""
     lines = []
-    for which, title in enumerate(("Without random error", f"With {NOISE_REL:.0%}")):
-        of = {name: spreads[which] for name, spreads in results.items()}
-        most = max(name for name in of if name in "ABCDE")
-        first, rest = of["A"].mean - of["B"].mean, of["B"].mean - of[most].mean
-        if most > "B":
-            lines.append(
-                f"- **{title}, number.** From 4 to 9 elements (A to B) the error falls by {first:.2f} deg, from B to "
-                f"{most} by another {rest:.2f} deg. That it saturates beyond about 10 "
-                f"{_holds(true=rest < SATURATED_REL * first)}, if saturated is what gains less than "
-                f"{SATURATED_REL:.0%} of the first step."
-            )
-        pairs = [(small, large) for small, large in PAIRS if small in of and large in of]
-        gains = [of[small].mean - of[large].mean for small, large in pairs]
-        not_worse = all(
-            gain > -SURE * of[s].excess(of[b])[1] for gain, (s, b) in zip(gains, pairs, strict=True)
-        )
-        said = "; ".join(f"{small} minus {large} {_against(of[small], of[large])}" for small, large in pairs)
+    most = max(name for name in errors_deg if name in "ABCDE")
+    if most > "B":
+        first, rest = (errors_deg[a].mean - errors_deg[b].mean for a, b in (("A", "B"), ("B", most)))
         lines.append(
-            f"- **{title}, area.** {said}. That a larger area is better, or no worse than chance, "
-            f"{_holds(true=not_worse)} for all of these; that it is conspicuous for 4 elements alone, at least "
-            f"{SURE:g} times what the others gain, {_holds(true=gains[0] > SURE * max(0.0, *gains[1:]))}."
+            f"- **{title}, number.** From 4 to 9 elements (A to B) the error falls by {first:.2f} deg, from B to "
+            f"{most} by another {rest:.2f} deg. That it saturates beyond about 10 "
+            f"{_holds(true=rest < SATURATED_REL * first)}, if saturated means less than "
+            f"{SATURATED_REL:.0%} of the first step."
         )
+    pairs = {f"{s} minus {b}": errors_deg[s].excess(errors_deg[b]) for s, b in PAIRS if b in errors_deg}
+    said = "; ".join(
+        f"{name} {gain:+.3f} ± {error:.3f} deg "
+        f"({'more' if abs(gain) > SIGNIFICANT * error else 'no more'} than chance)"
+        for name, (gain, error) in pairs.items()
+    )
+    gains = [gain for gain, _ in pairs.values()]
+    not_worse = all(gain > -SIGNIFICANT * error for gain, error in pairs.values())
+    lines.append(
+        f"- **{title}, area.** {said}. That a larger area is better, or no worse than chance, "
+        f"{_holds(true=not_worse)} for all of these; that it is conspicuous for 4 elements alone, at least "
+        f"{SIGNIFICANT:g} times the others' gain, {_holds(true=gains[0] > SIGNIFICANT * max(0.0, *gains[1:]))}."
+    )
     return "\n".join(lines)
 
 
-def page(bench: Workbench) -> Page:
-    """Return the page."""
-    sole, quick = bench.sole, bench.quick
-    sensors = [sensor for sensor in SENSORS if not quick or sensor.name in QUICK_NAMES]
-    seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)
-    series = sensor_series(sole, sensors, COARSE_BLOCK if quick else BLOCK_SIZE)
-    bench.say(f"sensors: stresses of {len(sensors)} sensors solved")
-    taught, asked = protocol()
-    results = {}
-    for sensor in sensors:
-        cases = [patterns(sole, series[sensor.name], direction) for direction in (taught, asked)]
-        results[sensor.name] = (
-            direction_errors(cases[0], cases[1], 0.0, seeds, epochs),
-            direction_errors(cases[0], cases[1], NOISE_REL, seeds, epochs),
-        )
-        bench.say(f"sensors: {sensor.name} has learnt")
+def render(results: Results) -> str:
+    """Return the page's text."""
+    clean, noisy = results.clean_deg, results.noisy_deg
     rows = [
-        [
-            sensor.name,
-            str(sensor.per_side**2),
-            f"{sensor.side_mm:g}",
-            f"{sensor.pitch_mm:.3g}",
-            *(f"{spread.mean:.3f} ± {spread.deviation:.3f}" for spread in results[sensor.name]),
-        ]
-        for sensor in sensors
+        [sensor.name, str(sensor.per_side**2), f"{sensor.side_mm:g}", f"{sensor.pitch_mm:.3g}"]
+        + [f"{one.mean:.3f} ± {one.std:.3f}" for one in (clean[sensor.name], noisy[sensor.name])]
+        for sensor in SENSORS
+        if sensor.name in clean
     ]
-    thick_mm = 2.0 * sole.plate_mm + sole.spacer_mm
-    factors = ", ".join(f"{name} {noisy.mean / clean.mean:.1f}" for name, (clean, noisy) in results.items())
-    largest = max(noisy.mean / clean.mean for clean, noisy in results.values())
+    factors = {name: noisy[name].mean / clean[name].mean for name in clean}
     header = ["sensor", "elements", "side [mm]", "pitch [mm]", "clean [deg]", f"{NOISE_REL:.0%} error [deg]"]
-    body = f"""
-{"**Quick run: four sensors, a coarse mesh, few seeds and epochs.**" if quick else ""}
-
+    return f"""
 Before the paper settles on 3 x 3 elements of 4 mm, it reads a plain block of PDMS between the hemispheres with eight
-assumed sensors (sections III B to E). Ours: a block of {sole.sheet_mm:g} mm, {thick_mm:g} mm thick; the mean of sigma_z
-over each element and through the thickness, from adjoint solves; centred contacts with the Hertz patch of
-{FORCE_GF:g} gf; {len(taught)} directions taught and {len(asked)} asked; each pattern divided by its largest value.
-Networks n-{HIDDEN[0]}-{HIDDEN[1]}-3, RPROP, {epochs} epochs, {seeds} start weights; mean ± deviation between them. The
-random error is normal, {NOISE_REL:.0%} rms of each element's own output, in taught and asked patterns alike.
+assumed sensors (sections III B to E). Ours: a block of {results.sheet_mm:g} mm, {results.thick_mm:g} mm thick; the mean
+of sigma_z over each element and through the thickness, from adjoint solves; centred contacts with the Hertz patch of
+{FORCE_GF:g} gf; {len(_TRAINING)} directions for training and {len(_TEST)} for the test; each pattern divided by its
+largest value. Networks n-{HIDDEN[0]}-{HIDDEN[1]}-3, RPROP, {results.epochs} epochs, {results.seeds} start weights; mean
+± standard deviation between them. The random error is normal, {NOISE_REL:.0%} rms of each element's own output, in
+training and test patterns alike.
 
 The paper's drawing gives no sizes for F to H nor pitches. Chosen here: A to C at the centres of F to H, and these the
 largest that leave bars of 1 mm between them, as 4 mm do for G; D and E reach to the edge.
@@ -277,18 +284,18 @@ largest that leave bars of 1 mm between them, as 4 mm do for G; D and E reach to
 The paper says that the error falls with the number of elements and saturates beyond about 10, that a larger area is
 better, conspicuously so only with 4 elements, and that 5 % random error changes next to nothing.
 
-{_findings(results)}
-- **Random error.** With it the error is larger by these factors: {factors}.
-  That it changes next to nothing {_holds(true=largest < SURE)} for our block, if that means by less than {SURE:g}.
+{_findings("Without random error", clean)}
+{_findings(f"With {NOISE_REL:.0%}", noisy)}
+- **Random error.** With it the error is larger by these factors:
+  {", ".join(f"{name} {f:.1f}" for name, f in factors.items())}. That it changes next to nothing
+  {_holds(true=max(factors.values()) < SIGNIFICANT)} for our block, if that means by less than {SIGNIFICANT:g}.
 """
-    values = {
-        name: {"clean_deg": clean.json(), "noisy_deg": noisy.json()}
-        for name, (clean, noisy) in results.items()
-    }
-    return Page(
-        name="sensors",
-        title="How many elements, and how large",
-        body=body,
-        figures={_FIGURE: _figure(results)},
-        values={"quick": quick, "epochs": epochs, "seeds": seeds, "noise_rel": NOISE_REL, "sensors": values},
-    )
+
+
+STUDY = Study(
+    name="sensors",
+    title="How many elements, and how large",
+    results=Results,
+    compute=compute,
+    render=render,
+)

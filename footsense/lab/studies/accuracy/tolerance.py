@@ -1,12 +1,13 @@
-"""Study `tolerance` (section V): what turns the simulated error into the measured one.
+"""Study `tolerance`: which tolerances turn the paper's simulated error into its measured one.
 
 The paper measured 15.9 deg and 18.7 gf where it had simulated 2.4 deg and 5.3 gf, and left open why. Here hundreds of
-feet are drawn, and what was learnt on the design is judged on them, beside what is learnt anew from their own cases.
+feet are drawn, and read by read-outs trained on the design and by read-outs trained on their own cases.
+
+Source:
+    Aoyagi et al., section V.
 """
 
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,27 +16,27 @@ from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITU
 from footsense.lab.monte_carlo.campaign import Tolerances, Workers, in_turn
 from footsense.lab.monte_carlo.cluster import has_dask, on_cluster
 from footsense.lab.monte_carlo.sweeps import (
-    BENCH,
-    BENCHES,
+    CAREFUL,
     EXACT,
     FEET,
     FULL,
     QUICK,
+    TEST_STANDS,
     TYPICAL,
     Plan,
-    Results,
     Sweep,
-    all_results,
+    SweepResults,
+    sweep_results,
 )
-from footsense.lab.studies.page import Page, Workbench, table
+from footsense.lab.studies.page import Figures, Study, StudyContext, plot_band, table
 
 #: The paper's mean errors on its fabricated sensor (section V C) [deg, gf].
 MEASURED_DIRECTION_DEG, MEASURED_MAGNITUDE_GF = 15.9, 18.7
-#: Read-outs by the names of `specimens.judge`: learnt on the design, and learnt on the foot.
-ON_DESIGN = {"network": "shipped network", "plain": "network on ΔC", "change": "linear on ΔC"}
+#: Read-outs by the names of `specimens.judge`: trained on the design, and trained on the foot.
+ON_DESIGN = {"network": "released network", "plain": "network on ΔC", "change": "linear on ΔC"}
 ON_FOOT = {"own_network": "network on ΔC", "own_change": "linear on ΔC", "own_closure": "linear on closures"}
 _OWN_LINEAR = {"own_change": "ΔC", "own_closure": "closures"}
-_FEET_FIGURE, _BENCH_FIGURE = "tolerance-feet.png", "tolerance-bench.png"
+_FEET_FIGURE, _STAND_FIGURE = "tolerance-feet.png", "tolerance-test-stand.png"
 _COLOURS = {
     "network": "C0",
     "plain": "C3",
@@ -46,16 +47,16 @@ _COLOURS = {
 }
 
 
-def _reached(results: Results, sweep: Sweep, name: str, target: float) -> str:
-    """Say at which level a target is reached, or how far the largest level comes."""
+def _reached(results: SweepResults, sweep: Sweep, name: str, target: float) -> str:
+    """Return the level at which a target is reached, or the error at the largest level."""
     level = results.reached(sweep, name, target)
     if level is not None:
         return f"{level:.2g}" if level else "at once"
     return f"no ({results.means(sweep, name)[-1]:.1f} at {sweep.levels[-1]:g})"
 
 
-def _reached_table(results: Results, sweeps: tuple[Sweep, ...], readouts: dict[str, str]) -> str:
-    """Return at which level each imperfection gives the paper's measured errors."""
+def _reached_table(results: SweepResults, sweeps: tuple[Sweep, ...], readouts: dict[str, str]) -> str:
+    """Return the table of the levels at which each imperfection gives the paper's measured errors."""
     header = ["imperfection", *(f"{label}: {MEASURED_DIRECTION_DEG} deg at" for label in readouts.values())]
     header += [f"{label}: {MEASURED_MAGNITUDE_GF} gf at" for label in readouts.values()]
     rows = [
@@ -68,7 +69,7 @@ def _reached_table(results: Results, sweeps: tuple[Sweep, ...], readouts: dict[s
 
 
 def _level_table(
-    results: Results, sweeps: tuple[Sweep, ...], columns: dict[str, str], shares: tuple[str, ...] = ()
+    results: SweepResults, sweeps: tuple[Sweep, ...], columns: dict[str, str], shares: tuple[str, ...] = ()
 ) -> str:
     """Return direction / magnitude errors at each level, mean over feet, and shares of components within sigma."""
     rows: dict[Tolerances, list[str]] = {}  # sweeps begin alike: such a row is shown once
@@ -86,20 +87,15 @@ def _level_table(
     )
 
 
-def _figure(results: Results, sweeps: tuple[Sweep, ...], readouts: dict[str, str]) -> Figure:
-    """Return the mean direction error over the level of each imperfection, deviation between feet as a band."""
+def _figure(results: SweepResults, sweeps: tuple[Sweep, ...], readouts: dict[str, str]) -> Figure:
+    """Draw the mean direction error over the level of each imperfection, with the standard deviation between feet."""
     figure = Figure(figsize=(9.0, 5.8), layout="constrained")
     panels = figure.subplots(2, 3, sharey=True).ravel()
     for axes, sweep in zip(panels, sweeps, strict=False):
         levels = results.plan.levels(sweep)
         for name, label in readouts.items():
-            spreads = [results.over_feet(sweep, level, f"{name}_deg") for level in levels]
-            mean = np.array([spread.mean for spread in spreads])
-            deviation = np.array([spread.deviation for spread in spreads])
-            axes.plot(levels, mean, "o-", ms=4, color=_COLOURS[name], label=label)
-            axes.fill_between(
-                levels, mean - deviation, mean + deviation, color=_COLOURS[name], alpha=0.2, lw=0
-            )
+            statistics = [results.over_feet(sweep, level, f"{name}_deg") for level in levels]
+            plot_band(axes, levels, statistics, color=_COLOURS[name], label=label)
         axes.axhline(MEASURED_DIRECTION_DEG, color="k", ls=":", label="the paper, measured")
         axes.set(xlabel=f"{sweep.what}, rms", ylim=(0.0, 45.0))
         axes.grid(alpha=0.3)
@@ -113,24 +109,8 @@ def _figure(results: Results, sweeps: tuple[Sweep, ...], readouts: dict[str, str
     return figure
 
 
-def _values(results: Results) -> dict[str, Any]:
-    """Return all means and deviations as JSON values, by imperfection, level and figure."""
-    names = [f"{name}_{unit}" for name in (*ON_DESIGN, *ON_FOOT, "reference") for unit in ("deg", "gf")]
-    values: dict[str, Any] = {}
-    for sweep in (*FEET, *BENCHES):
-        known = [name for name in names if sweep in BENCHES or not name.startswith("own_network")]
-        values[sweep.what] = {
-            f"{level:g}": {
-                name: results.over_feet(sweep, level, name).json()
-                for name in (*known, "within_1", "within_2")
-            }
-            for level in results.plan.levels(sweep)
-        }
-    return values
-
-
-def _at_most(results: Results, sweep: Sweep) -> str:
-    """Say what the linear read-outs of a foot's own cases have at the largest level."""
+def _at_most(results: SweepResults, sweep: Sweep) -> str:
+    """Return the errors of linear read-outs of a foot's own cases at the largest level, as a line."""
     level = sweep.levels[-1]
     ends = [
         f"{results.over_feet(sweep, level, f'{name}_deg')} deg on {on}" for name, on in _OWN_LINEAR.items()
@@ -138,8 +118,8 @@ def _at_most(results: Results, sweep: Sweep) -> str:
     return f"  - {sweep.what}, {level:g}: " + ", ".join(ends)
 
 
-def _met(results: Results, sweep: Sweep, name: str) -> str:
-    """Say at which level a read-out has the paper's direction error, and which magnitude error it has there."""
+def _met(results: SweepResults, sweep: Sweep, name: str) -> str:
+    """Return the level at which a read-out has the paper's direction error, and its magnitude error there."""
     level = results.reached(sweep, f"{name}_deg", MEASURED_DIRECTION_DEG)
     if level is None:
         end = results.means(sweep, f"{name}_deg")[-1]
@@ -149,124 +129,133 @@ def _met(results: Results, sweep: Sweep, name: str) -> str:
 
 
 def _question(plan: Plan) -> str:
-    """Return the part of the page that says what is asked and how feet are drawn."""
-    quick = "**Quick run: few feet and levels, short learning. The figures are not those of the study.**"
+    """Return the part of the page with the question and the distribution of the feet."""
     return f"""
-{quick if plan is QUICK else ""}
-
 The paper simulated {PAPER_DIRECTION_DEG} deg / {PAPER_MAGNITUDE_GF} gf and measured {MEASURED_DIRECTION_DEG} deg /
 {MEASURED_MAGNITUDE_GF} gf (section V). It supposes fabrication, above all the gaps, and gives no tolerance. How large
 would it have to be? Two readings are possible:
 
-1. **What was learnt on the design meets a foot that differs.** Here: the shipped network on closures; on ΔC, the
+1. **A read-out trained on the design reads a foot that differs.** Here: the released network on closures; on ΔC, the
    paper's kind of network and a linear read-out.
-2. **What was learnt on the foot's own cases meets the noise of its bench.** This is what section V C describes: 362
-   measured cases to learn, 180 to verify. Here: the paper's kind of network and linear read-outs.
+2. **A read-out trained on the foot's own cases meets the noise of its test stand.** Section V C describes this: 362
+   measured training cases, 180 for verification. Here: the paper's kind of network and linear read-outs.
 
 Of each level, {plan.feet} feet (reading 1) or {plan.taught} (reading 2) were drawn: normal deviates of the stated rms;
-gap, film and stray of each element for itself. Drawn again: what leaves less than a quarter of a gap, of a film or of
-the stiffness, and a mount that tilts by more than the response table reaches. Errors are means over the 180 cases; ±
-is the deviation between feet.
+gap, film and stray of each element for itself. Drawn again: feet with less than a quarter of a gap, of a film or of
+the stiffness, and mounts that tilt beyond the response table. Errors are means over the 180 cases; ± is the standard
+deviation between feet.
 """
 
 
-def _on_design(results: Results, gap_um: float) -> str:
-    """Return the part about what was learnt on the design; the gap [um] is the designed one."""
+def _on_design(results: SweepResults) -> str:
+    """Return the part about read-outs trained on the design."""
     gap, stray = FEET[0], FEET[1]
     typical = (
         f"gap {TYPICAL.gap_um:g} um, film {TYPICAL.film_um:g} um, unknown stray {TYPICAL.stray_pf:g} pF, "
         f"stiffness {TYPICAL.stiffness_rel:.0%}, mount {TYPICAL.mount_deg:g} deg"
     )
     return f"""
-### Reading 1: learnt on the design
+### Reading 1: trained on the design
 
-The rms level at which each imperfection alone has the paper's measured error, on straight lines between levels, or
-what the largest level has:
+The rms level at which each imperfection alone causes the paper's measured error, interpolated linearly between
+levels, or the error at the largest level:
 
 {_reached_table(results, FEET, ON_DESIGN)}
 
 ![]({_FEET_FIGURE})
 
-- **Gaps** of {gap_um:g} um by design. The paper's {MEASURED_DIRECTION_DEG} deg (and {MEASURED_MAGNITUDE_GF} gf), in um:
-  linear on ΔC {_met(results, gap, "change")}, network on ΔC {_met(results, gap, "plain")}, shipped network on closures
-  {_met(results, gap, "network")}. A closure is found without knowing the gap; ΔC goes with its inverse square.
-- **Stray** that the daemon does not know, in pF: shipped network {_met(results, stray, "network")}, linear on ΔC
+- **Gaps** of {results.gap_um:g} um by design. The paper's {MEASURED_DIRECTION_DEG} deg (and {MEASURED_MAGNITUDE_GF}
+  gf), in um: linear on ΔC {_met(results, gap, "change")}, network on ΔC {_met(results, gap, "plain")}, released network
+  on closures {_met(results, gap, "network")}. A closure follows without the gap; ΔC goes with its inverse square.
+- **Stray** that the daemon does not know, in pF: released network {_met(results, stray, "network")}, linear on ΔC
   {_met(results, stray, "change")}. A closure needs the capacitance without stray; in ΔC it cancels.
-- **Learnt anew**, linear, from the foot's own cases, exactly measured, at the largest level:
+- **Fitted anew**, linear, to the foot's own cases, exactly measured, at the largest level:
 {chr(10).join(_at_most(results, sweep) for sweep in FEET)}
 
-All levels, as direction / magnitude error. "Typical" is {typical}: assumed, nobody published these of the paper's foot.
+All levels, as direction / magnitude error. "Typical" is {typical}: assumed, these of the paper's foot are not
+published.
 
 {_level_table(results, FEET, ON_DESIGN, ("within_1", "within_2"))}
 
-The last columns are the shares of the shipped network's force components within 1 and 2 of the sigma that it states: it
-knows of no foot but the designed one. Of a normal error it would be 68 % and 95 %.
+The last columns are the shares of the released network's force components within 1 and 2 of its stated sigma, which
+holds for the designed foot. A normal error would have 68 % and 95 %.
 """
 
 
-def _on_foot(results: Results) -> str:
-    """Return the part about what was learnt on the foot."""
-    stick = BENCHES[3]
+def _on_foot(results: SweepResults) -> str:
+    """Return the part about read-outs trained on the foot."""
+    stick = TEST_STANDS[3]
     careful = (
-        f"{BENCH.reading_pf * 1e3:g} fF, {BENCH.repeat_rel:.0%}, {BENCH.reference_rel:g} resolutions, "
-        f"{BENCH.stick_deg:g} deg"
+        f"{CAREFUL.reading_pf * 1e3:g} fF, {CAREFUL.repeat_rel:.0%}, {CAREFUL.reference_rel:g} resolutions, "
+        f"{CAREFUL.stick_deg:g} deg"
     )
     columns = {name: f"{label}, own" for name, label in ON_FOOT.items()}
     return f"""
-### Reading 2: learnt on the foot
+### Reading 2: trained on the foot
 
-The bench alone, with feet as designed: noise of each capacitance (the paper's meter resolves 1 fF), of each ΔC relative
-to it (rubber creeps while nine elements are read one by one), of the reference force in resolutions of the paper's
-sensor (4, 4, 12 gf, Table II), and of the stick: the angle between force and contact normal, zero when centred. Then
-all of it on typical feet, "careful" being {careful}, assumed too.
+The test stand alone, with feet as designed: noise of each capacitance (the paper's meter resolves 1 fF), of each ΔC
+relative to it (rubber creeps while nine elements are read one by one), of the reference force in resolutions of the
+paper's sensor (4, 4, 12 gf, Table II), and of the stick: the angle between force and contact normal, zero when centred.
+Then all of it on typical feet, "careful" being {careful}, assumed too.
 
-{_reached_table(results, BENCHES, ON_FOOT)}
+{_reached_table(results, TEST_STANDS, ON_FOOT)}
 
-![]({_BENCH_FIGURE})
+![]({_STAND_FIGURE})
 
 - **The stick**, in deg: network on ΔC {_met(results, stick, "own_network")}, linear on ΔC
-  {_met(results, stick, "own_change")}, linear on closures {_met(results, stick, "own_closure")}; the shipped network,
-  which learnt contacts that lean, {_met(results, stick, "network")}.
-- **The reference** errs in what is learnt and again in what is held to be true: a perfect sensor would seem to
-  have what its column below says. Its linearity, 1.5 % of the rated 4 kgf, is 60 gf. Being the same in both sets, it is
-  learnt along and is not in these figures.
+  {_met(results, stick, "own_change")}, linear on closures {_met(results, stick, "own_closure")}; the released network,
+  whose training has leaning contacts, {_met(results, stick, "network")}.
+- **The reference** errs in the training cases and again in the verification cases: a perfect foot sensor would seem to
+  have the errors of its column below. Its linearity, 1.5 % of the rated 4 kgf, is 60 gf. It is the same in both sets,
+  so the read-outs fit it, and it is not in these figures.
 
-{_level_table(results, BENCHES, {**columns, "reference": "perfect sensor", "network": "shipped"})}
+{_level_table(results, TEST_STANDS, {**columns, "reference": "perfect sensor", "network": "released"})}
 
 ### What this says
 
 Two measured numbers do not decide between the readings. The first needs a read-out from the design, which the paper
-does not describe for its experiment. The second follows its text; there, what fabrication leaves for good is mostly
-learnt along, and what differs from load to load is not. The distributions are assumed, feet differ from the design in
+does not describe for its experiment. The second follows its text; there, constant deviations of fabrication are
+mostly fitted, those from load to load are not. The distributions are assumed, feet differ from the design in
 these five ways alone, and temperature, hysteresis and wear are not in them.
 """
 
 
-def campaign_page(bench: Workbench, plan: Plan, workers: Workers, file: Path | None = None) -> Page:
-    """Return the page of a plan, its feet judged by these workers and kept in this file.
+def run_study(
+    context: StudyContext, workers: Workers, file: Path | None = None
+) -> tuple[SweepResults, Figures]:
+    """Judge the feet of the full or the quick plan.
 
     Args:
-        bench: What the study works on.
-        plan: How much: `FULL`, `QUICK` or another.
-        workers: Who judges the feet.
-        file: As for `all_results`.
+        context: The models.
+        workers: Run the jobs.
+        file: As for `sweep_results`.
     """
-    results = all_results(bench.models, plan, workers, file)
-    bench.say(f"tolerance: {plan.feet} feet at each level of fabrication, {plan.taught} at each of the bench")
-    return Page(
-        name="tolerance",
-        title="What fabrication and calibration cost",
-        body=_question(plan) + _on_design(results, bench.response.design.gap_um) + _on_foot(results),
-        figures={
-            _FEET_FIGURE: _figure(results, FEET, ON_DESIGN),
-            _BENCH_FIGURE: _figure(results, BENCHES, ON_FOOT),
-        },
-        values={"quick": plan is QUICK, "plan": asdict(plan), "means": _values(results)},
+    plan = QUICK if context.quick else FULL
+    results = sweep_results(context.models, context.response.design.gap_um, plan, workers, file)
+    context.say(
+        f"tolerance: {plan.feet} feet at each level of fabrication, {plan.taught} at each of the test stand"
     )
+    figures = {
+        _FEET_FIGURE: _figure(results, FEET, ON_DESIGN),
+        _STAND_FIGURE: _figure(results, TEST_STANDS, ON_FOOT),
+    }
+    return results, figures
 
 
-def page(bench: Workbench) -> Page:
-    """Return the page."""
-    if bench.quick:
-        return campaign_page(bench, QUICK, in_turn)
-    return campaign_page(bench, FULL, on_cluster() if has_dask() else in_turn)
+def compute(context: StudyContext) -> tuple[SweepResults, Figures]:
+    """Judge the feet in this process, or on a dask cluster of this machine."""
+    return run_study(context, on_cluster() if has_dask() and not context.quick else in_turn)
+
+
+def render(results: SweepResults) -> str:
+    """Return the page's text."""
+    return _question(results.plan) + _on_design(results) + _on_foot(results)
+
+
+STUDY = Study(
+    name="tolerance",
+    title="What fabrication and calibration cost",
+    results=SweepResults,
+    compute=compute,
+    render=render,
+)

@@ -9,16 +9,16 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from footsense.foot import gap_contact
+from footsense.foot.directions import directions
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import Errors, Readout, elastance_readout, errors
-from footsense.lab.studies.page import Page, Workbench, table
+from footsense.lab.studies.page import Page, StudyContext, table
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
-    GRAM_FORCE_N,
-    directions,
     measured_closure_rel,
     paper_training,
-    wide,
+    random_loads,
 )
 
 Vector = NDArray[np.float64]
@@ -88,7 +88,7 @@ class _Judge:
         readouts: By name.
     """
 
-    def __init__(self, bench: Workbench) -> None:
+    def __init__(self, bench: StudyContext) -> None:
         """Teach the linear read-outs."""
         self.response = bench.response
         gap_um = self.response.design.gap_um
@@ -98,7 +98,7 @@ class _Judge:
             "shipped network": lambda closure_um: network.force_n(closure_um / gap_um),
             "linear, taught centred loads": elastance_readout(paper_training(self.response)),
             "linear, taught leaning loads": elastance_readout(
-                wide(self.response, bench.sole.loads, n_wide, SEED)
+                random_loads(self.response, bench.sole.loads, n_wide, SEED)
             ),
         }
 
@@ -227,7 +227,7 @@ def _json(x: Any, found: list[dict[str, Errors]]) -> dict[str, Any]:
     }
 
 
-def page(bench: Workbench) -> Page:
+def page(bench: StudyContext) -> Page:
     """Return the page."""
     judge = _Judge(bench)
     lean, within = leaning(judge)

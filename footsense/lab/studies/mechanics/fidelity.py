@@ -26,9 +26,9 @@ from footsense.lab.fidelity.compare import (
 from footsense.lab.fidelity.drawing import error_against_time, pattern_tiles
 from footsense.lab.fidelity.half_space import HalfSpace
 from footsense.lab.fidelity.levels import NAMES, Full, rung
-from footsense.lab.studies.page import Page, Workbench, table
+from footsense.lab.studies.page import Page, StudyContext, table
 
-_FIGURE, _PATTERN = "ladder.png", "ladder-pattern.png"
+_FIGURE, _PATTERN = "fidelity.png", "fidelity-pattern.png"
 #: What the full solve is asked: elevation of contact normal and of force [deg], magnitude [gf]. The load of the
 #: paper's Fig. 17, one that leans away from the normal, and two that shut gaps.
 _FULL_CASES = ((45.0, 45.0, 100.0), (70.0, 90.0, 100.0), (90.0, 90.0, 150.0), (60.0, 60.0, 150.0))
@@ -53,7 +53,7 @@ class _Climbed:
     n: int
 
 
-def _climb(bench: Workbench, names: tuple[str, ...], loads: Loads) -> _Climbed:
+def _climb(bench: StudyContext, names: tuple[str, ...], loads: Loads) -> _Climbed:
     """Ask the rungs."""
     answers, seconds = {}, {}
     for name in names:
@@ -61,11 +61,11 @@ def _climb(bench: Workbench, names: tuple[str, ...], loads: Loads) -> _Climbed:
             rung(name, bench.response, bench.sole), loads, repeats=1 if name == "full" else 3
         )
         seconds[name] = taken_s / len(loads)
-        bench.say(f"ladder: {name}, {len(loads)} loads in {taken_s:.2g} s")
+        bench.say(f"fidelity: {name}, {len(loads)} loads in {taken_s:.2g} s")
     return _Climbed(answers, seconds, len(loads))
 
 
-def _distances(bench: Workbench, answers: dict[str, Answer], finest: Answer) -> dict[str, Distance]:
+def _distances(bench: StudyContext, answers: dict[str, Answer], finest: Answer) -> dict[str, Distance]:
     """Return how far each answer is from the finest."""
     network, design = bench.network.force_n, bench.response.design
     return {name: distance(answer, finest, network, design) for name, answer in answers.items()}
@@ -97,13 +97,13 @@ def _distance_table(distances: dict[str, Distance]) -> str:
     return table(header, rows)
 
 
-def _forward(bench: Workbench, loads: Loads) -> ForwardAgainstTable:
+def _forward(bench: StudyContext, loads: Loads) -> ForwardAgainstTable:
     """Solve some loads one by one, on the mesh that the table is of; quick: on a coarse one."""
     size = COARSE if bench.quick else MeshSize(**bench.response.provenance["mesh"])
     start = default_timer()
     foot = ForwardFoot(bench.sole, size)
     factorise_s = default_timer() - start
-    bench.say(f"ladder: three classes factorised in {factorise_s:.1f} s")
+    bench.say(f"fidelity: three classes factorised in {factorise_s:.1f} s")
     n = _FORWARD_CASES_QUICK if bench.quick else _FORWARD_CASES
     return forward_against_table(foot, factorise_s, bench.response, loads, n)
 
@@ -136,7 +136,7 @@ the table answers {found.ratio:.0f} times as fast. Its {_ADJOINT_SOLVES} adjoint
 """
 
 
-def _half_space_text(bench: Workbench, loads: Loads, contact: Answer) -> str:
+def _half_space_text(bench: StudyContext, loads: Loads, contact: Answer) -> str:
     """Return the part on the formula."""
     sole = bench.sole
     alone = HalfSpace(sole, balanced=False)
@@ -168,12 +168,12 @@ them for, and the outer cavities are open at the edge.
 
 
 def _full_text(
-    bench: Workbench, full: _Climbed, distances: dict[str, Distance]
+    bench: StudyContext, full: _Climbed, distances: dict[str, Distance]
 ) -> tuple[str, dict[str, Any]]:
     """Return the part on the full solve, and its numbers."""
     one = mirrored_loads(_FULL_CASES[:1])
     reduced, taken_s = timed(Full(bench.sole, reduced=True), one)
-    bench.say(f"ladder: full without finite strain and floor, in {taken_s:.1f} s")
+    bench.say(f"fidelity: full without finite strain and floor, in {taken_s:.1f} s")
     first = Answer(full.answers["full"].closure_um[:1], full.answers["full"].capacitance_pf[:1])
     contact = Answer(full.answers["contact"].closure_um[:1], full.answers["contact"].capacitance_pf[:1])
     parts = _distances(bench, {"contact": contact}, reduced)["contact"]
@@ -197,13 +197,13 @@ at that load, by all four:
     return text, {"mesh_at_first": parts.json(), "physics_at_first": physics.json()}
 
 
-def _first_changes_pf(bench: Workbench, climbed: _Climbed) -> dict[str, NDArray[np.float64]]:
+def _first_changes_pf(bench: StudyContext, climbed: _Climbed) -> dict[str, NDArray[np.float64]]:
     """Return the changes of capacitance at the first load, shape (3, 3), by rung."""
     rest_pf = bench.response.design.rest_pf
     return {name: one.capacitance_pf[0].reshape(3, 3) - rest_pf for name, one in climbed.answers.items()}
 
 
-def page(bench: Workbench) -> Page:
+def page(bench: StudyContext) -> Page:
     """Return the page."""
     ng.ngsglobals.msg_level = 0
     loads = paper_loads(bench.response)
@@ -251,7 +251,7 @@ On the {len(loads)} loads:
 {full_text}{formula_text}{forward_text}
 """
     return Page(
-        name="ladder",
+        name="fidelity",
         title="The ladder of models",
         body=body,
         figures=figures,

@@ -1,8 +1,11 @@
-"""Study `film` (section VI): a gelled polyurethane film of 20 kPa without gaps, beside the spacer with gaps."""
+"""Study `film`: a gelled polyurethane film of 20 kPa without gaps, beside the spacer with gaps.
 
-from collections.abc import Callable
+Source:
+    Aoyagi et al., section VI.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,13 +13,14 @@ from numpy.typing import NDArray
 
 from footsense.foot import gap_contact
 from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.directions import directions, normalized
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate import Errors, elastance_readout, errors
 from footsense.lab.fem.film import FilmDesign, film_response, upright_closure_um
 from footsense.lab.fem.mesh import COARSE, SHIPPED
-from footsense.lab.geometry import Material, SoleDesign
-from footsense.lab.monte_carlo.statistics import Spread
-from footsense.lab.studies.page import Page, Workbench, table
+from footsense.lab.geometry import Material
+from footsense.lab.monte_carlo.statistics import MeanStd
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
     NOISE_PF,
@@ -26,37 +30,36 @@ from footsense.lab.training.load_cases import (
     paper_verification,
     sensed_closure_um,
 )
-from footsense.lab.training.mlp import start_layers
-from footsense.lab.training.paper_procedure import HIDDEN, Lesson
+from footsense.lab.training.paper_procedure import HIDDEN, PaperTraining, starts_of
 
 Vector = NDArray[np.float64]
 
-#: Nothing is singular where the film covers all: no layers of thin elements.
+#: Nothing is singular where the film covers everything: no layers of thin elements.
 FILM_SIZE, QUICK_FILM_SIZE = replace(SHIPPED, layers=0), replace(COARSE, layers=0)
 #: Largest share of the film's thickness that may close anywhere [1]: beyond, a gel is no longer linear.
 STRAIN_LIMIT_REL = 0.1
-#: Poisson's ratios for which confinement is looked into.
+#: Poisson's ratios of the table on confinement.
 POISSONS, QUICK_POISSONS = (0.3, 0.45, 0.49, 0.499, 0.4999), (0.3, 0.4999)
-#: Load that sensitivity is read at [N]: no gap shuts.
+#: Load of the sensitivity [N]: no gap closes.
 SMALL_N = 0.05
-#: Loads among which the range is sought [N].
+#: Loads of the search for the range [N].
 LOADS_N = np.geomspace(0.05, 50.0, 200)
-#: Networks for each design, and epochs of learning.
+#: Networks for each design, and epochs of training.
 SEEDS, QUICK_SEEDS = 6, 2
 EPOCHS, QUICK_EPOCHS = 3000, 300
-#: Seed of the converter's noise, and how often the 180 cases are asked with new noise.
-NOISE_SEED, ASKED = 7, 20
+#: Seed of the converter's noise, and draws of it for the 180 cases.
+NOISE_SEED, DRAWS = 7, 20
 
 _FIGURE = "film.png"
 _UP = np.array([[0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sole:
+class Sensor:
     """One of the two designs.
 
     Attributes:
-        name: What it is called.
+        name: Label in the figure.
         capacitor: Its capacitors.
         closure_um: Makes closures as capacitance has them [um], shape (n, 9), of normals and forces [N], (n, 3) each.
         usable: Tells which loads (normals, forces) are within its range, shape (n,).
@@ -69,10 +72,11 @@ class Sole:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
-    """What one design can do.
+class Measured:
+    """Figures of one design.
 
     Attributes:
+        rest_pf: Capacitance of an unloaded element [pF].
         closure_um_per_n: Mean closure of the elements under an upright force [um/N].
         sensitivity_pf_per_n: Mean change of capacitance with it [pF/N].
         range_n: Largest upright force in range [N].
@@ -82,35 +86,73 @@ class Verdict:
         magnitude_gf: Their magnitude errors.
     """
 
+    rest_pf: float
     closure_um_per_n: float
     sensitivity_pf_per_n: float
     range_n: float
     low_range_n: float
     linear: Errors
-    direction_deg: Spread
-    magnitude_gf: Spread
+    direction_deg: MeanStd
+    magnitude_gf: MeanStd
 
 
-def gap_sole(bench: Workbench) -> Sole:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Confined:
+    """The film with another Poisson's ratio.
+
+    Attributes:
+        confined_mpa: Modulus of the confined layer [MPa].
+        relief_mm: Relief length at the rim [mm].
+        closure_um: Mean closure under an upright newton [um].
+    """
+
+    confined_mpa: float
+    relief_mm: float
+    closure_um: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """Both designs.
+
+    Attributes:
+        film: The film.
+        pdms_mpa: Young's modulus of the plates [MPa].
+        sheet_mm: Side of the sheet [mm].
+        electrode_mm: Side of an electrode [mm].
+        gaps: Figures of the design with gaps.
+        gel: Figures of the design with the film.
+        by_poisson: Confinement, by Poisson's ratio.
+    """
+
+    film: FilmDesign
+    pdms_mpa: float
+    sheet_mm: float
+    electrode_mm: float
+    gaps: Measured
+    gel: Measured
+    by_poisson: dict[str, Confined]
+
+
+def with_gaps(context: StudyContext) -> Sensor:
     """Return the design with gaps, from the released table."""
-    foot = Foot(bench.response)
+    foot = Foot(context.response)
 
     def usable(normal: Vector, force_n: Vector) -> NDArray[np.bool_]:
         return np.asarray(foot.capacitance_pf(normal, force_n).max(axis=1) < FULL_SCALE_PF)
 
-    return Sole(
+    return Sensor(
         name="gaps",
-        capacitor=bench.response.design,
+        capacitor=context.response.design,
         closure_um=lambda normal, force_n: sensed_closure_um(foot, normal, force_n),
         usable=usable,
     )
 
 
-def film_sole(bench: Workbench, film: FilmDesign) -> Sole:
+def with_film(context: StudyContext, film: FilmDesign) -> Sensor:
     """Return the design with the film, solved."""
-    sole = bench.sole
-    response = film_response(sole, QUICK_FILM_SIZE if bench.quick else FILM_SIZE, film)
-    capacitor = film.capacitor(sole)
+    response = film_response(context.sole, QUICK_FILM_SIZE if context.quick else FILM_SIZE, film)
+    capacitor = film.capacitor(context.sole)
 
     def closure_um(normal: Vector, force_n: Vector) -> Vector:
         distance_um = capacitor.gap_um - response.free_closure_um(normal, force_n)
@@ -121,182 +163,157 @@ def film_sole(bench: Workbench, film: FilmDesign) -> Sole:
         strain = np.abs(response.free_closure_um(normal, force_n)).max(axis=1) / capacitor.gap_um
         return np.asarray(strain < STRAIN_LIMIT_REL)
 
-    return Sole(name="film", capacitor=capacitor, closure_um=closure_um, usable=usable)
+    return Sensor(name="film", capacitor=capacitor, closure_um=closure_um, usable=usable)
 
 
-def _range_n(sole: Sole, direction: Vector) -> float:
+def _range_n(sensor: Sensor, direction: Vector) -> float:
     """Return the largest of `LOADS_N` in range [N], of a centred contact."""
-    # More load never brings a foot back into its range: halve.
+    # A larger load never returns into the range, so bisect.
     inside, outside = 0, len(LOADS_N)
     while outside - inside > 1:
         middle = (inside + outside) // 2
-        if sole.usable(direction, LOADS_N[middle] * direction)[0]:
+        if sensor.usable(direction, LOADS_N[middle] * direction)[0]:
             inside = middle
         else:
             outside = middle
     return float(LOADS_N[inside])
 
 
-def judged(sole: Sole, training_n: Vector, asked_n: Vector, *, quick: bool) -> Verdict:
-    """Return what a design can do; both designs are judged by the same noise in pF.
-
-    Args:
-        sole: The design.
-        training_n: Forces of the paper's 362 cases [N], shape (362, 3).
-        asked_n: Forces of its 180 cases [N], shape (180, 3).
-        quick: Few networks, few epochs.
-    """
+def measured(context: StudyContext, sensor: Sensor) -> Measured:
+    """Return the figures of a design; the noise in pF is the same for both."""
     rng = np.random.default_rng(NOISE_SEED)
+    capacitor = sensor.capacitor
 
     def noisy(force_n: Vector) -> Cases:
-        closure_um = sole.closure_um(force_n / np.linalg.norm(force_n, axis=1, keepdims=True), force_n)
-        return Cases(force_n, sole.capacitor.gap_um * measured_closure_rel(sole.capacitor, closure_um, rng))
+        closure_um = sensor.closure_um(normalized(force_n), force_n)
+        return Cases(force_n, capacitor.gap_um * measured_closure_rel(capacitor, closure_um, rng))
 
-    taught, asked = noisy(training_n), noisy(np.tile(asked_n, (ASKED, 1)))
-    seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)
-    starts = [start_layers(np.random.default_rng(seed), (9, *HIDDEN, 3)) for seed in range(seeds)]
-    readouts = Lesson(sole.capacitor, taught, "closure").teach(starts, epochs)
-    answers = [errors(asked.force_n, read(asked.closure_um)) for read in readouts]
-    small_um = sole.closure_um(_UP, SMALL_N * _UP)
-    change_pf = sole.capacitor.capacitance_pf(small_um) - sole.capacitor.rest_pf
-    low = np.array([[np.sqrt(0.5), 0.0, np.sqrt(0.5)]])
-    return Verdict(
+    training = noisy(paper_training(context.response).force_n)
+    test = noisy(np.tile(paper_verification(context.response).force_n, (DRAWS, 1)))
+    seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if context.quick else (SEEDS, EPOCHS)
+    networks = PaperTraining(capacitor, training, "closure").train(starts_of(seeds), epochs)
+    answers = [errors(test.force_n, read(test.closure_um)) for read in networks]
+    small_um = sensor.closure_um(_UP, SMALL_N * _UP)
+    change_pf = capacitor.capacitance_pf(small_um) - capacitor.rest_pf
+    context.say(f"film: {sensor.name} measured")
+    return Measured(
+        rest_pf=capacitor.rest_pf,
         closure_um_per_n=float(small_um.mean() / SMALL_N),
         sensitivity_pf_per_n=float(change_pf.mean() / SMALL_N),
-        range_n=_range_n(sole, _UP),
-        low_range_n=_range_n(sole, low),
-        linear=errors(asked.force_n, elastance_readout(taught)(asked.closure_um)),
-        direction_deg=Spread.over(answer.direction_deg for answer in answers),
-        magnitude_gf=Spread.over(answer.magnitude_gf for answer in answers),
+        range_n=_range_n(sensor, _UP),
+        low_range_n=_range_n(sensor, directions(0.0, 45.0)[None]),
+        linear=errors(test.force_n, elastance_readout(training)(test.closure_um)),
+        direction_deg=MeanStd.over(answer.direction_deg for answer in answers),
+        magnitude_gf=MeanStd.over(answer.magnitude_gf for answer in answers),
     )
 
 
-def _figure(soles: list[Sole]) -> Figure:
-    """Return capacitance of a corner and the middle element over an upright force, up to the end of each range."""
-    figure = Figure(figsize=(8.2, 3.9), layout="constrained")
-    absolute, change = figure.subplots(1, 2)
-    for colour, sole in zip(("C0", "C1"), soles, strict=True):
-        loads_n = np.linspace(0.0, _range_n(sole, _UP), 30)
-        closure_um = sole.closure_um(np.repeat(_UP, len(loads_n), axis=0), loads_n[:, None] * _UP)
-        sensed_pf = sole.capacitor.capacitance_pf(closure_um)
+def compute(context: StudyContext) -> tuple[Results, Figures]:
+    """Solve the foot with the film, and measure both designs."""
+    sole = context.sole
+    film = FilmDesign(film_mm=sole.spacer_mm)
+    gaps, gel = sensors = with_gaps(context), with_film(context, film)
+    context.say("film: the foot with the film is solved")
+    poissons = QUICK_POISSONS if context.quick else POISSONS
+    films = [replace(film, gel=Material(film.gel.youngs_mpa, poisson)) for poisson in poissons]
+    closures = upright_closure_um(sole, QUICK_FILM_SIZE, films)
+    results = Results(
+        film=film,
+        pdms_mpa=sole.pdms.youngs_mpa,
+        sheet_mm=sole.sheet_mm,
+        electrode_mm=sole.electrode_mm,
+        gaps=measured(context, gaps),
+        gel=measured(context, gel),
+        by_poisson={
+            f"{nu:g}": Confined(
+                confined_mpa=other.gel.confined_mpa, relief_mm=other.relief_mm, closure_um=closure_um
+            )
+            for nu, other, closure_um in zip(poissons, films, closures, strict=True)
+        },
+    )
+    return results, {_FIGURE: _figure(sensors)}
+
+
+def _figure(sensors: Sequence[Sensor]) -> Figure:
+    """Draw the capacitance of a corner and the middle element over an upright force, up to the end of each range."""
+    figure, (absolute, change) = panels(2, 8.2, 3.9)
+    for colour, sensor in zip(("C0", "C1"), sensors, strict=True):
+        loads_n = np.linspace(0.0, _range_n(sensor, _UP), 30)
+        closure_um = sensor.closure_um(np.repeat(_UP, len(loads_n), axis=0), loads_n[:, None] * _UP)
+        sensed_pf = sensor.capacitor.capacitance_pf(closure_um)
         for element, style, where in ((0, "-", "corner"), (4, "--", "middle")):
-            label = f"{sole.name}, {where}"
+            label = f"{sensor.name}, {where}"
             absolute.plot(loads_n, sensed_pf[:, element], style, color=colour, label=label)
             change.plot(loads_n, sensed_pf[:, element] / sensed_pf[0, element] - 1.0, style, color=colour)
     absolute.axhline(FULL_SCALE_PF, color="k", lw=0.8, ls=":", label="full scale without offset")
     absolute.set(xlabel="upright force [N]", ylabel="capacitance [pF]", ylim=(0.0, None))
     change.set(xlabel="upright force [N]", ylabel="change over rest [1]")
     absolute.legend(fontsize=8)
-    for axes in (absolute, change):
-        axes.grid(alpha=0.3)
     return figure
 
 
-def _confinement(
-    sole: SoleDesign, poissons: tuple[float, ...], film: FilmDesign
-) -> tuple[list[list[str]], list[float]]:
-    """Return a row for each Poisson's ratio, and the closures under an upright force [um/N]."""
-    films = [replace(film, gel=Material(film.gel.youngs_mpa, poisson)) for poisson in poissons]
-    closures = upright_closure_um(sole, QUICK_FILM_SIZE, films)
-    rows = [
-        [f"{nu:g}", f"{1e3 * other.gel.confined_mpa:.0f}", f"{other.relief_mm:.3f}", f"{closure:.3f}"]
-        for nu, other, closure in zip(poissons, films, closures, strict=True)
+def render(results: Results) -> str:
+    """Return the page's text."""
+    film, gaps, gel = results.film, results.gaps, results.gel
+    pairs = (
+        ("capacitance at rest [pF]", gaps.rest_pf, gel.rest_pf, ".2f"),
+        ("mean closure, upright [um/N]", gaps.closure_um_per_n, gel.closure_um_per_n, ".2f"),
+        ("sensitivity, upright [pF/N]", gaps.sensitivity_pf_per_n, gel.sensitivity_pf_per_n, ".3f"),
+        ("range, upright [N]", gaps.range_n, gel.range_n, ".2f"),
+        ("range, elevation 45 deg [N]", gaps.low_range_n, gel.low_range_n, ".2f"),
+        ("linear read-out [deg]", gaps.linear.direction_deg, gel.linear.direction_deg, ".2f"),
+        ("linear read-out [gf]", gaps.linear.magnitude_gf, gel.linear.magnitude_gf, ".2f"),
+        ("network [deg]", gaps.direction_deg, gel.direction_deg, ""),
+        ("network [gf]", gaps.magnitude_gf, gel.magnitude_gf, ""),
+    )
+    rows = [[name, *(format(one, form) if form else str(one) for one in both)] for name, *both, form in pairs]
+    confined = [
+        [nu, f"{1e3 * one.confined_mpa:.0f}", f"{one.relief_mm:.3f}", f"{one.closure_um:.3f}"]
+        for nu, one in results.by_poisson.items()
     ]
-    return rows, closures
-
-
-def page(bench: Workbench) -> Page:
-    """Return the page."""
-    quick, sole = bench.quick, bench.sole
-    film = FilmDesign(film_mm=sole.spacer_mm)
-    soles = [gap_sole(bench), film_sole(bench, film)]
-    bench.say("film: the foot with the film is solved")
-    training_n = paper_training(bench.response).force_n
-    asked_n = paper_verification(bench.response).force_n
-    gap, gel = (judged(one, training_n, asked_n, quick=quick) for one in soles)
-    bench.say("film: both designs are judged")
-    poissons = QUICK_POISSONS if quick else POISSONS
-    confined, closures = _confinement(sole, poissons, film)
-    slide_um = 1e3 * film.film_mm / (film.gel.shear_mpa * sole.sheet_mm**2)
+    (first, wide), *_, (last, narrow) = results.by_poisson.items()
+    slide_um = 1e3 * film.film_mm / (film.gel.shear_mpa * results.sheet_mm**2)
     soft_kpa, thick_um = 1e3 * film.gel.youngs_mpa, 1e3 * film.film_mm
-    gap_rest, gel_rest = (one.capacitor.rest_pf for one in soles)
-    rows = [
-        ["capacitance at rest [pF]", f"{gap_rest:.2f}", f"{gel_rest:.2f}"],
-        ["mean closure, upright [um/N]", f"{gap.closure_um_per_n:.2f}", f"{gel.closure_um_per_n:.2f}"],
-        ["sensitivity, upright [pF/N]", f"{gap.sensitivity_pf_per_n:.3f}", f"{gel.sensitivity_pf_per_n:.3f}"],
-        ["range, upright [N]", f"{gap.range_n:.2f}", f"{gel.range_n:.2f}"],
-        ["range, elevation 45 deg [N]", f"{gap.low_range_n:.2f}", f"{gel.low_range_n:.2f}"],
-        ["linear read-out [deg]", f"{gap.linear.direction_deg:.2f}", f"{gel.linear.direction_deg:.2f}"],
-        ["linear read-out [gf]", f"{gap.linear.magnitude_gf:.2f}", f"{gel.linear.magnitude_gf:.2f}"],
-        ["network [deg]", str(gap.direction_deg), str(gel.direction_deg)],
-        ["network [gf]", str(gap.magnitude_gf), str(gel.magnitude_gf)],
-    ]
-    ratio = gel.sensitivity_pf_per_n / gap.sensitivity_pf_per_n
-    body = f"""
-{"**Quick run: a coarse mesh, few networks and epochs.**" if quick else ""}
-
+    return f"""
 The paper's outlook (section VI): a film of gelled polyurethane, E = {soft_kpa:g} kPa, without gaps, in place of the
 spacer, for more sensitivity and so that nothing sticks. Here it covers the whole sheet, {thick_um:g} um thick like the
 spacer, between the same plates of PDMS, as an elastic layer. Our choices: Poisson's ratio {film.gel.poisson:g},
 relative permittivity {film.eps_r:g} (capacitance and sensitivity are proportional to it). Both designs have the
-converter's {1e3 * NOISE_PF:g} fF of noise. The range of the gaps ends at {FULL_SCALE_PF:.0f} pF, that of the film where
-it is anywhere pressed or stretched by {STRAIN_LIMIT_REL:.0%}; at rest the film has {gel_rest:.1f} pF, for which the
-converter needs its offset. Errors: the paper's 362 cases taught, its 180 asked, {ASKED} times with new noise;
-networks on closures 9-{HIDDEN[0]}-{HIDDEN[1]}-3, mean ± deviation of {gap.direction_deg.n} start weights.
+converter's {1e3 * NOISE_PF:g} fF of noise. The range of the gaps ends at {FULL_SCALE_PF:.0f} pF, the range of the film
+where any part of it closes or opens by {STRAIN_LIMIT_REL:.0%}; at rest the film has {gel.rest_pf:.1f} pF, for which the
+converter needs its offset. Errors: the paper's 362 cases for training, its 180 for the test, {DRAWS} times with new
+noise; networks on closures 9-{HIDDEN[0]}-{HIDDEN[1]}-3, mean ± standard deviation of {gaps.direction_deg.n} start
+weights.
 
 {table(["", "gaps in PDMS", "film"], rows)}
 
 ![]({_FIGURE})
 
-- The film has {ratio:.2f} times the sensitivity of the gaps; it is softer than PDMS by a factor of
-  {sole.pdms.youngs_mpa / film.gel.youngs_mpa:.0f}. It is confined: a layer of {thick_um:g} um between plates of
-  {sole.sheet_mm:g} mm cannot spread, and is pressed against M = {1e3 * film.gel.confined_mpa:.0f} kPa instead of
-  {soft_kpa:g}. The gaps in turn close by bending of the plates, which nothing resists.
-- Its range ends at {gel.range_n:.1f} N upright, that of the gaps at {gap.range_n:.1f} N.
-- A linear read-out of elastance has
-  {gel.linear.direction_deg:.2f} deg and {gel.linear.magnitude_gf:.2f} gf with the film,
-  {gap.linear.direction_deg:.2f} deg and {gap.linear.magnitude_gf:.2f} gf with the gaps, some of which shut at the
-  150 gf that are taught.
-- Against shear it is as soft as it is said to be: a lateral newton slides the plates by {slide_um:.0f} um,
-  {slide_um / 1e3 / sole.electrode_mm:.1%} of an electrode, where the closure of an upright one is
-  {gel.closure_um_per_n / thick_um:.1%} of the thickness. What that does to the overlap of the electrodes is
-  not in these figures; it would have to be designed away with electrodes of different sizes.
+- The film has {gel.sensitivity_pf_per_n / gaps.sensitivity_pf_per_n:.2f} times the sensitivity of the gaps; it is
+  softer than PDMS by a factor of {results.pdms_mpa / film.gel.youngs_mpa:.0f}. It is confined: a layer of
+  {thick_um:g} um between plates of {results.sheet_mm:g} mm cannot spread, and has a modulus of
+  M = {1e3 * film.gel.confined_mpa:.0f} kPa instead of {soft_kpa:g}. The gaps close by bending of the plates, which
+  nothing resists.
+- Its range ends at {gel.range_n:.1f} N upright, the range of the gaps at {gaps.range_n:.1f} N.
+- A linear read-out of elastance has {gel.linear.direction_deg:.2f} deg and {gel.linear.magnitude_gf:.2f} gf with the
+  film, {gaps.linear.direction_deg:.2f} deg and {gaps.linear.magnitude_gf:.2f} gf with the gaps, some of which close
+  under the 150 gf of the training.
+- In shear it is soft: a lateral newton slides the plates by {slide_um:.0f} um,
+  {slide_um / 1e3 / results.electrode_mm:.1%} of an electrode, where the closure of an upright one is
+  {gel.closure_um_per_n / thick_um:.1%} of the thickness. Its effect on the overlap of the electrodes is not in these
+  figures; electrodes of different sizes would remove it.
 
-### What confinement does
+### The effect of confinement
 
-An upright newton, spread over the ball; a coarse mesh does.
+An upright newton, spread over the ball; a coarse mesh suffices.
 
 {table(["Poisson's ratio", "M [kPa]", "relief at the rim [mm]", "mean closure [um/N]"], confined)}
 
-- From {poissons[0]:g} to {poissons[-1]:g} the closure falls by a factor of {closures[0] / closures[-1]:.0f}: not E but
-  compressibility sets the sensitivity of a continuous film, and it is the number that a gel's data sheet does not
-  give. Only where the relief length comes near the size of the sheet would the film yield sideways, and the layer
-  model err; to gain from a soft gel, it has to be given room to spread: pores, pillars or gaps.
+- From {first} to {last} the closure falls by a factor of {wide.closure_um / narrow.closure_um:.0f}: compressibility,
+  not E, sets the sensitivity of a continuous film, and a gel's data sheet does not state it. Only where the relief
+  length comes near the size of the sheet would the film yield sideways, and the layer model err; to gain from a soft
+  gel, it needs room to spread: pores, pillars or gaps.
 """
-    return Page(
-        name="film",
-        title="A soft film without gaps",
-        body=body,
-        figures={_FIGURE: _figure(soles)},
-        values={
-            "quick": quick,
-            "gaps": _json(gap, gap_rest),
-            "film": _json(gel, gel_rest),
-            "upright_closure_um_per_n_by_poisson": dict(zip(map(str, poissons), closures, strict=True)),
-        },
-    )
 
 
-def _json(verdict: Verdict, rest_pf: float) -> dict[str, Any]:
-    """Return a verdict as JSON values."""
-    return {
-        "rest_pf": rest_pf,
-        "closure_um_per_n": verdict.closure_um_per_n,
-        "sensitivity_pf_per_n": verdict.sensitivity_pf_per_n,
-        "range_n": verdict.range_n,
-        "low_range_n": verdict.low_range_n,
-        "linear_direction_deg": verdict.linear.direction_deg,
-        "linear_magnitude_gf": verdict.linear.magnitude_gf,
-        "network_direction_deg": verdict.direction_deg.json(),
-        "network_magnitude_gf": verdict.magnitude_gf.json(),
-    }
+STUDY = Study(name="film", title="A soft film without gaps", results=Results, compute=compute, render=render)

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.lab.contact.full_solve import FullFoot, FullSolution
 from footsense.lab.contact.mesh import Fineness
-from footsense.lab.studies.page import Page, Workbench, table
-from footsense.lab.training.load_cases import GRAM_FORCE_N
+from footsense.lab.studies.page import Page, StudyContext, table
 
 _FIGURE = "floor.png"
 #: Differences on one mesh need no fine one.
@@ -83,7 +83,7 @@ def _figure(loads: list[_Load], found: dict[str, list[float]]) -> Figure:
     return figure
 
 
-def page(bench: Workbench) -> Page:
+def page(bench: StudyContext) -> Page:
     """Solve every load with everything, and with each part left out."""
     loads = list(_LOADS[:1] if bench.quick else _LOADS)
     fineness = _QUICK_FINENESS if bench.quick else _FINENESS

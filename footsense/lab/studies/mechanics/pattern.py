@@ -2,17 +2,18 @@
 
 import numpy as np
 
+from footsense.foot.directions import directions
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.lab.fidelity.drawing import pattern_tiles
 from footsense.lab.fidelity.levels import NAMES, rung
-from footsense.lab.studies.page import Page, Workbench, table
-from footsense.lab.training.load_cases import GRAM_FORCE_N, directions
+from footsense.lab.studies.page import Page, StudyContext, table
 
 _FIGURE = "pattern.png"
 #: The load of Fig. 17: (theta1, theta2) [deg]. Its magnitude is not given; this is the one of the verification [gf].
 _DIRECTION_DEG, _MAGNITUDE_GF = (0.0, 45.0), 100.0
 
 
-def page(bench: Workbench) -> Page:
+def page(bench: StudyContext) -> Page:
     """Return the page."""
     normal = directions(*np.array(_DIRECTION_DEG)[:, None])
     force_n = _MAGNITUDE_GF * GRAM_FORCE_N * normal

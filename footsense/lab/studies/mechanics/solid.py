@@ -16,7 +16,7 @@ from footsense.lab.fem.mesh import COARSE, FINEST, SHIPPED, MeshSize
 from footsense.lab.fem.strip import strip_closure_um
 from footsense.lab.geometry import Material, SoleDesign
 from footsense.lab.response import make_response
-from footsense.lab.studies.page import Page, Workbench, table
+from footsense.lab.studies.page import Page, StudyContext, table
 from footsense.lab.training.load_cases import paper_training, paper_verification
 
 Vector = NDArray[np.float64]
@@ -167,7 +167,7 @@ def _cells(response: FootResponse) -> tuple[float, float]:
     return float(np.sqrt(variance.max())), float(lost.max())
 
 
-def page(bench: Workbench) -> Page:
+def page(bench: StudyContext) -> Page:
     """Measure it all; the quick form leaves out the fine meshes and the complete response."""
     both = (90.0, INCLINED_DEG)
     names = ["quadratic, no layers", "COARSE"] if bench.quick else list(_MESHES)
@@ -258,7 +258,7 @@ Inside a cell the closure varies by at most {spread_um:.2f} um rms.
     )
 
 
-def _speed(bench: Workbench) -> tuple[str, dict[str, float]]:
+def _speed(bench: StudyContext) -> tuple[str, dict[str, float]]:
     """Return what the response and 542 cases take: the table, and seconds of wall by step."""
     marks = [os.times()]
     if not bench.quick:

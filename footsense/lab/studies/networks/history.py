@@ -1,43 +1,41 @@
-"""Study `history`: does a network that also sees earlier scans know more, once the rubber creeps?"""
+"""Study `history`: does a network that also sees earlier scans know the force better, once the rubber creeps?"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-import optax
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
 
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.specimen import Foot
 from footsense.lab.creep import ASSUMED, Kelvin, crept_closure, uncrept_closure
 from footsense.lab.evaluation.evaluate import errors
-from footsense.lab.studies.page import Page, Workbench, table
+from footsense.lab.studies.page import Figures, Study, StudyContext, table
 from footsense.lab.training.load_cases import measured_closure_rel, sensed_closure_um
-from footsense.lab.training.network import SOFT_REL
+from footsense.lab.training.scan_network import HIDDEN, train_scans
 from footsense.sim.loads.ground_load import Walk, measured_walk, smooth_step
 
 Vector = NDArray[np.float64]
 
 #: A scan of nine conversions on the default board [s].
 PERIOD_S = 24.1e-3
-#: Scans of one walk, walks that are learnt from, and measured walks that are asked.
-SCANS, WALKS, ASKED = 192, 240, 40
-QUICK_WALKS, QUICK_ASKED = 40, 10
-#: Largest vertical force of a walk [N]: with creep on top, still no gap shuts.
+#: Scans of one walk, walks for training, and measured walks for the test.
+SCANS, TRAINING_WALKS, TEST_WALKS = 192, 240, 40
+QUICK_TRAINING_WALKS, QUICK_TEST_WALKS = 40, 10
+#: Steps of training.
+STEPS, QUICK_STEPS = 4000, 300
+#: Largest vertical force of a walk [N]: with creep on top, still no gap closes.
 LARGEST_N = (0.2, 0.5)
-#: Units of each of two hidden layers, and how they learn.
-HIDDEN, STEPS, QUICK_STEPS, BATCH, RATE, FLOOR_N = 24, 4000, 300, 512, 1e-2, 0.1
-#: Low-pass filters whose states are offered [s]: not the times of the chain, which nobody would know.
+#: Time constants of the low-pass filters [s]: not the times of the chain, which are unknown on a real foot.
 FILTERS_S = (0.1, 1.0)
 #: Above this a foot counts as loaded [N].
 LOADED_N = 0.1
 
-#: A foot that creeps otherwise than the ones that were learnt from: by 30 % more, and 30 % more slowly.
+#: Feet that creep by 30 % more, and 30 % more slowly, than those of the training.
 OTHER = tuple(Kelvin(share_rel=1.3 * part.share_rel, time_s=1.3 * part.time_s) for part in ASSUMED)
 
 _NS = 1_000_000_000
@@ -56,13 +54,13 @@ class Walks:
     force_n: Vector
     elastic_um: Vector
 
-    def seen_rel(self, design: CapacitorDesign, chain: tuple[Kelvin, ...], seed: int) -> Vector:
+    def measured_rel(self, design: CapacitorDesign, chain: tuple[Kelvin, ...], seed: int) -> Vector:
         """Return measured closures over the gap of feet that creep by a chain, shape (walks, scans, 9)."""
         crept = np.stack([crept_closure(walk, PERIOD_S, chain) for walk in self.elastic_um])
         return measured_closure_rel(design, crept, np.random.default_rng(seed))
 
 
-def _made_up(rng: np.random.Generator) -> Walk:
+def _synthetic(rng: np.random.Generator) -> Walk:
     """Return a walk with rounded flanks, of random pace, weight, friction and lean."""
     duty = rng.uniform(0.5, 0.75)
     reaction = smooth_step(duty, rng.uniform(*LARGEST_N), rng.uniform(-0.3, 0.3))
@@ -74,24 +72,19 @@ def _measured(rng: np.random.Generator) -> Walk:
     return measured_walk(rng.uniform(*LARGEST_N), rng.uniform(-15.0, 15.0), 0)
 
 
-def _walked(foot: Foot, draw: Callable[[np.random.Generator], Walk], n: int, seed: int) -> Walks:
-    """Return n walks of one leg, each in a random heading and with ground tilted by up to 10 deg, in step at random."""
+def _walks(foot: Foot, draw: Callable[[np.random.Generator], Walk], n: int, seed: int) -> Walks:
+    """Return n walks of one leg, in random headings and phases, on ground tilted by up to 10 deg."""
     rng = np.random.default_rng(seed)
     normals, forces = [], []
     for _ in range(n):
         walk, begin_s = draw(rng), rng.uniform(0.0, 1.0)
         contacts = [walk.contact("lf", round((begin_s + PERIOD_S * k) * _NS)) for k in range(SCANS)]
-        # Foot at rest before the first scan: a walk begins in the air, whatever its phase.
+        # The foot is unloaded before the first scan: a walk begins in swing, whatever its phase.
         landed = np.cumsum([float(c.force_n[2]) == 0.0 for c in contacts]) > 0
-        turn, tilt = rng.uniform(0.0, 2.0 * np.pi), np.radians(rng.uniform(0.0, 10.0))
-        lean = np.array(
-            [[np.cos(tilt), 0.0, np.sin(tilt)], [0.0, 1.0, 0.0], [-np.sin(tilt), 0.0, np.cos(tilt)]]
-        )
-        head = np.array(
-            [[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]]
-        )
-        normals.append(np.array([c.normal for c in contacts]) @ (head @ lean).T)
-        forces.append(landed[:, None] * np.array([c.force_n for c in contacts]) @ (head @ lean).T)
+        turn, tilt_deg = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, 10.0)
+        turned = Rotation.from_euler("ZY", [turn, np.radians(tilt_deg)])
+        normals.append(turned.apply([c.normal for c in contacts]))
+        forces.append(landed[:, None] * turned.apply([c.force_n for c in contacts]))
     normal, force = np.stack(normals), np.stack(forces)
     elastic = np.zeros((n, SCANS, 9))
     loaded = np.linalg.norm(force, axis=-1) > 0.0
@@ -100,153 +93,171 @@ def _walked(foot: Foot, draw: Callable[[np.random.Generator], Walk], n: int, see
 
 
 def last_scans(n: int) -> Callable[[Vector], Vector]:
-    """Return what offers the n last scans, newest first: (walks, scans, 9) becomes (walks, scans, 9 n)."""
+    """Return the function that appends earlier scans, newest first: (walks, scans, 9) becomes (walks, scans, 9 n)."""
 
-    def offer(seen: Vector) -> Vector:
+    def append(scans: Vector) -> Vector:
         delayed = [
-            np.concatenate([np.zeros_like(seen[:, :k]), seen[:, : SCANS - k]], axis=1) for k in range(n)
+            np.concatenate([np.zeros_like(scans[:, :k]), scans[:, : SCANS - k]], axis=1) for k in range(n)
         ]
         return np.concatenate(delayed, axis=-1)
 
-    return offer
+    return append
 
 
-def low_passed(seen: Vector) -> Vector:
-    """Return the scan and the states of the low-pass filters, shape (walks, scans, 27)."""
-    parts = [seen]
-    for time_s in FILTERS_S:
-        share = -np.expm1(-PERIOD_S / time_s)
-        state, states = np.zeros_like(seen[:, 0]), np.empty_like(seen)
-        for k in range(seen.shape[1]):
-            state = state + share * (seen[:, k] - state)
-            states[:, k] = state
-        parts.append(states)
-    return np.concatenate(parts, axis=-1)
+def low_passed(scans: Vector) -> Vector:
+    """Return the scans and the states of the low-pass filters, shape (walks, scans, 27)."""
+    shares = [-np.expm1(-PERIOD_S / time_s) for time_s in FILTERS_S]
+    states = [lfilter([share], [1.0, share - 1.0], scans, axis=1) for share in shares]
+    return np.concatenate([scans, *states], axis=-1)
 
 
-def _undone(chain: tuple[Kelvin, ...]) -> Callable[[Vector], Vector]:
-    """Return what takes the creep of a chain out of the scans."""
-    return lambda seen: np.stack([uncrept_closure(walk, PERIOD_S, chain) for walk in seen])
+def _without_creep(scans: Vector) -> Vector:
+    """Return the scans with the creep of the assumed chain taken out."""
+    return np.stack([uncrept_closure(walk, PERIOD_S, ASSUMED) for walk in scans])
 
 
-def _features(offered: Any) -> tuple[Any, Any]:
-    """Return pattern and size, shape (n, m + 1), and what scales the answer, shape (n, 1), of offered closures."""
-    square = (offered**2).mean(axis=-1, keepdims=True)
-    size = (square + SOFT_REL**2) ** 0.5
-    module = jnp if isinstance(offered, jax.Array) else np
-    return module.concatenate([offered / size, size], axis=-1), square / size
+class _Readout(NamedTuple):
+    """A way to read forces from scans.
 
-
-def taught(offered: Vector, force_n: Vector, steps: int) -> Callable[[Vector], Vector]:
-    """Return a network like the shipped one, a linear path beside two hidden layers, for any number of inputs.
-
-    Args:
-        offered: Closures over the gap, shape (n, m).
-        force_n: Forces [N], shape (n, 3).
-        steps: Steps of Muon.
+    Attributes:
+        name: In words.
+        training_creep: Chain of the feet of the training.
+        inputs: Makes the network's inputs of scans.
+        correct: Corrects the scans of the test before.
     """
-    pattern, _ = _features(offered)
-    variance, axes = np.linalg.eigh(np.cov(pattern.T))
-    whiten = jnp.asarray(axes / np.sqrt(np.maximum(variance, 1e-7)), jnp.float32)
-    mean = jnp.asarray(pattern.mean(axis=0), jnp.float32)
-    weight = 1.0 / np.sqrt((force_n**2).sum(axis=1, keepdims=True) + FLOOR_N**2)
-    line = np.linalg.lstsq(offered * weight, force_n * weight, rcond=None)[0]
-    x, f = jnp.asarray(offered, jnp.float32), jnp.asarray(force_n, jnp.float32)
-    keys = jax.random.split(jax.random.PRNGKey(20090304), 4)
-    widths = (pattern.shape[1], HIDDEN, HIDDEN, 3)
-    free = {
-        "linear": jnp.asarray(line, jnp.float32),
-        "weights": [
-            jax.random.normal(key, pair) / np.sqrt(pair[0])
-            for key, pair in zip(keys[:3], pairwise(widths), strict=True)
-        ],
-        "offsets": [jnp.zeros(width) for width in widths[1:]],
-    }
-
-    def answer(net: Any, closures: jax.Array) -> jax.Array:
-        layer, scale = _features(closures)
-        layer = (layer - mean) @ whiten
-        for k in range(2):
-            layer = jnp.tanh(layer @ net["weights"][k] + net["offsets"][k])
-        return closures @ net["linear"] + scale * (layer @ net["weights"][2] + net["offsets"][2])
-
-    def loss(net: Any, closures: jax.Array, force: jax.Array) -> jax.Array:
-        square = ((answer(net, closures) - force) ** 2).sum(axis=-1)
-        return (square / ((force**2).sum(axis=-1) + FLOOR_N**2)).mean()
-
-    optimiser = optax.contrib.muon(optax.cosine_onecycle_schedule(steps, RATE, pct_start=0.1))
-
-    def step(carry: tuple[Any, Any], key: jax.Array) -> tuple[tuple[Any, Any], None]:
-        chosen = jax.random.randint(key, (BATCH,), 0, len(x))
-        change, state = optimiser.update(jax.grad(loss)(carry[0], x[chosen], f[chosen]), carry[1], carry[0])
-        return (optax.apply_updates(carry[0], change), state), None
-
-    (net, _), _ = jax.jit(lambda carry, all_keys: jax.lax.scan(step, carry, all_keys))(
-        (free, optimiser.init(free)), jax.random.split(keys[3], steps)
-    )
-    return lambda closures: np.asarray(answer(net, jnp.asarray(closures, jnp.float32)), dtype=np.float64)
-
-
-class _Way(NamedTuple):
-    """A way to read forces from scans: its name, the creep of the feet it learns from, and what it is offered."""
 
     name: str
-    learnt: tuple[Kelvin, ...]
-    offer: Callable[[Vector], Vector]
-    before: Callable[[Vector], Vector]
+    training_creep: tuple[Kelvin, ...]
+    inputs: Callable[[Vector], Vector]
+    correct: Callable[[Vector], Vector] = np.asarray
 
 
-def _as_seen(seen: Vector) -> Vector:
-    """Return the scans as they are."""
-    return seen
-
-
-_WAYS = (
-    _Way("this scan, learnt without creep", (), last_scans(1), _as_seen),
-    _Way("this scan, learnt with creep", ASSUMED, last_scans(1), _as_seen),
-    _Way("last 2 scans", ASSUMED, last_scans(2), _as_seen),
-    _Way("last 4 scans", ASSUMED, last_scans(4), _as_seen),
-    _Way("this scan and 2 low-pass states", ASSUMED, low_passed, _as_seen),
-    _Way("this scan, creep undone by its chain", (), last_scans(1), _undone(ASSUMED)),
+_THIS_SCAN = last_scans(1)
+_ALONE, _FILTERED, _UNDONE = (
+    "this scan, trained with creep",
+    "this scan and 2 low-pass states",
+    "this scan, creep undone by its chain",
+)
+_READOUTS = (
+    _Readout("this scan, trained without creep", (), _THIS_SCAN),
+    _Readout(_ALONE, ASSUMED, _THIS_SCAN),
+    _Readout("last 2 scans", ASSUMED, last_scans(2)),
+    _Readout("last 4 scans", ASSUMED, last_scans(4)),
+    _Readout(_FILTERED, ASSUMED, low_passed),
+    _Readout(_UNDONE, (), _THIS_SCAN, _without_creep),
 )
 #: Each network takes seconds to compile.
 _LEFT_OUT_QUICK = ("last 2 scans", "last 4 scans")
-_CEILING = "this scan, no foot creeps"
 
 
-class _Score(NamedTuple):
-    """How wrong forces are: rms at load [N], mean angle at load [deg], rms in the air [N]."""
+class ForceErrors(NamedTuple):
+    """Errors of forces.
+
+    Attributes:
+        loaded_n: rms under load [N].
+        direction_deg: Mean angle under load [deg].
+        swing_n: rms in swing [N].
+    """
 
     loaded_n: float
     direction_deg: float
-    air_n: float
+    swing_n: float
+
+    def cells(self) -> list[str]:
+        """Return them as cells of the table."""
+        return [f"{1e3 * self.loaded_n:.2f}", f"{self.direction_deg:.3f}", f"{1e3 * self.swing_n:.2f}"]
 
 
-def _score(truth: Vector, estimate: Vector) -> _Score:
+@dataclass(frozen=True, slots=True)
+class Tested:
+    """One way to read forces.
+
+    Attributes:
+        n_inputs: Inputs of the network.
+        same: Errors on feet that creep as in the training.
+        other: Errors on feet that creep more, and more slowly.
+    """
+
+    n_inputs: int
+    same: ForceErrors
+    other: ForceErrors
+
+
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """All ways to read forces.
+
+    Attributes:
+        steps: Of training.
+        training_walks: Walks of the training.
+        test_walks: Walks of the test.
+        without_creep: Errors of one scan where no foot creeps.
+        readouts: By name.
+    """
+
+    steps: int
+    training_walks: int
+    test_walks: int
+    without_creep: ForceErrors
+    readouts: dict[str, Tested]
+
+
+def _errors(truth_n: Vector, estimate_n: Vector) -> ForceErrors:
     """Return the errors of forces [N], both of shape (walks, scans, 3)."""
-    size = np.linalg.norm(truth, axis=-1)
-    loaded, square = size > LOADED_N, ((estimate - truth) ** 2).sum(axis=-1)
-    return _Score(
+    size = np.linalg.norm(truth_n, axis=-1)
+    loaded, square = size > LOADED_N, ((estimate_n - truth_n) ** 2).sum(axis=-1)
+    return ForceErrors(
         float(np.sqrt(square[loaded].mean())),
-        errors(truth[loaded], estimate[loaded]).direction_deg,
+        errors(truth_n[loaded], estimate_n[loaded]).direction_deg,
         float(np.sqrt(square[size == 0.0].mean())),
     )
 
 
-def _read(net: Callable[[Vector], Vector], offered: Vector) -> Vector:
-    """Return forces [N], shape (walks, scans, 3), of offered closures, shape (walks, scans, m)."""
-    return net(offered.reshape(-1, offered.shape[-1])).reshape(*offered.shape[:2], 3)
+def compute(context: StudyContext) -> tuple[Results, Figures]:
+    """Train a network for each kind of inputs, and test it on measured walks."""
+    quick, design, foot = context.quick, context.response.design, Foot(context.response)
+    steps = QUICK_STEPS if quick else STEPS
+    training = _walks(foot, _synthetic, QUICK_TRAINING_WALKS if quick else TRAINING_WALKS, 1)
+    test = _walks(foot, _measured, QUICK_TEST_WALKS if quick else TEST_WALKS, 2)
+    networks: dict[tuple[Any, ...], Callable[[Vector], Vector]] = {}
+    readouts, drawn = {}, {}
+    for readout in _READOUTS:
+        if quick and readout.name in _LEFT_OUT_QUICK:
+            continue
+        key = readout.training_creep, readout.inputs
+        if key not in networks:
+            inputs = readout.inputs(training.measured_rel(design, readout.training_creep, 3))
+            networks[key] = train_scans(
+                inputs.reshape(-1, inputs.shape[-1]), training.force_n.reshape(-1, 3), steps
+            )
+            context.say(f"history: {readout.name} trained")
+        inputs_of = [
+            readout.inputs(readout.correct(test.measured_rel(design, c, 4))) for c in (ASSUMED, OTHER)
+        ]
+        estimates = [networks[key](inputs) for inputs in inputs_of]
+        same, other = (_errors(test.force_n, estimate) for estimate in estimates)
+        readouts[readout.name] = Tested(inputs_of[0].shape[-1], same, other)
+        drawn[readout.name] = estimates[0][0]
+    elastic = networks[(), _THIS_SCAN](test.measured_rel(design, (), 4))
+    results = Results(
+        steps=steps,
+        training_walks=len(training.force_n),
+        test_walks=len(test.force_n),
+        without_creep=_errors(test.force_n, elastic),
+        readouts=readouts,
+    )
+    return results, {_FIGURE: _figure(test.force_n[0], drawn)}
 
 
-def _figure(walk: Vector, estimates: dict[str, Vector]) -> Figure:
-    """Return one walk's force and the error of each way over time."""
+def _figure(walk_n: Vector, estimates_n: dict[str, Vector]) -> Figure:
+    """Draw one walk's force and the error of each read-out over time."""
     figure = Figure(figsize=(8.4, 5.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2))
     time_s = PERIOD_S * np.arange(SCANS)
-    upper.plot(time_s, np.linalg.norm(walk, axis=-1), "k-")
+    upper.plot(time_s, np.linalg.norm(walk_n, axis=-1), "k-")
     upper.set_ylabel("|force| [N]")
-    for name, estimate in estimates.items():
-        off_mn = 1e3 * np.linalg.norm(estimate - walk, axis=-1)
+    for name, estimate_n in estimates_n.items():
+        off_mn = 1e3 * np.linalg.norm(estimate_n - walk_n, axis=-1)
         lower.semilogy(time_s, np.maximum(off_mn, 0.1), lw=1.2, label=name)
     lower.set(xlabel="time [s]", ylabel="error of the force [mN]")
     lower.legend(fontsize=8, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.16))
@@ -255,69 +266,38 @@ def _figure(walk: Vector, estimates: dict[str, Vector]) -> Figure:
     return figure
 
 
-def page(bench: Workbench) -> Page:
-    """Return the page."""
-    quick, design = bench.quick, bench.response.design
-    steps, foot = QUICK_STEPS if quick else STEPS, Foot(bench.response)
-    learnt = _walked(foot, _made_up, QUICK_WALKS if quick else WALKS, 1)
-    asked = _walked(foot, _measured, QUICK_ASKED if quick else ASKED, 2)
-    bench.say(f"history: {len(learnt.force_n)} walks to learn from, {len(asked.force_n)} to be asked")
-    nets: dict[tuple[Any, ...], Callable[[Vector], Vector]] = {}
-    scores: dict[str, tuple[_Score, _Score]] = {}
-    drawn, n_inputs = {}, {}
-    ways = [way for way in _WAYS if not (quick and way.name in _LEFT_OUT_QUICK)]
-    for way in ways:
-        key = (way.learnt, way.offer)
-        if key not in nets:
-            offered = way.offer(learnt.seen_rel(design, way.learnt, 3))
-            nets[key] = taught(offered.reshape(-1, offered.shape[-1]), learnt.force_n.reshape(-1, 3), steps)
-            bench.say(f"history: {way.name} has learnt")
-        offers = [way.offer(way.before(asked.seen_rel(design, chain, 4))) for chain in (ASSUMED, OTHER)]
-        same, other = (_read(nets[key], offered) for offered in offers)
-        scores[way.name] = _score(asked.force_n, same), _score(asked.force_n, other)
-        drawn[way.name], n_inputs[way.name] = same[0], offers[0].shape[-1]
-    still = _read(nets[_WAYS[0].learnt, _WAYS[0].offer], asked.seen_rel(design, (), 4))
-    ceiling = _score(asked.force_n, still)
-    rows = [[_CEILING, "9", *_cells(ceiling), "-", "-"]]
-    rows += [[name, f"{n_inputs[name]}", *_cells(a), *_cells(b)[:2]] for name, (a, b) in scores.items()]
-    header = ["read from", "inputs", "at load [mN rms]", "direction [deg]", "in the air [mN rms]"]
-    alone, best = scores[_WAYS[1].name][0], scores[_WAYS[4].name][0]  # rows of the table, in its order
-    undone = scores[_WAYS[5].name]
+def render(results: Results) -> str:
+    """Return the page's text."""
+    rows = [["this scan, no foot creeps", "9", *results.without_creep.cells(), "-", "-"]]
+    rows += [
+        [name, f"{one.n_inputs}", *one.same.cells(), *one.other.cells()[:2]]
+        for name, one in results.readouts.items()
+    ]
+    header = ["read from", "inputs", "under load [mN rms]", "direction [deg]", "in swing [mN rms]"]
+    alone, best, undone = (results.readouts[name] for name in (_ALONE, _FILTERED, _UNDONE))
     filters = " and ".join(f"{time_s:g}" for time_s in FILTERS_S)
     chain = " and ".join(f"{100 * part.share_rel:g} % with {part.time_s:g} s" for part in ASSUMED)
-    body = f"""
-{"**Quick run: few walks and steps. The figures are not those of the study.**" if quick else ""}
+    return f"""
+Rubber creeps: a closure grows for a while under a constant load, and lingers after lift-off. Then one scan does not
+determine the force. Does a short history? The chain is *assumed*, {chain} on top of every elastic closure; no foot was
+measured. A scan of nine conversions takes {1e3 * PERIOD_S:g} ms; the skew within it is left out, no gap closes, the
+converter's noise is in. Each network has two hidden layers of {HIDDEN} units beside a linear path and is trained in
+{results.steps} steps on {results.training_walks} synthetic walks with rounded stances up to {LARGEST_N[1]:g} N. The
+test has {results.test_walks} *measured* walks in random headings, whose stances are not in the training. The low-pass
+filters have {filters} s, not the times of the chain. The last two columns are feet that creep 30 % more and 30 % more
+slowly than those of the training.
 
-Rubber creeps: a closure grows for a while under a load that stands still, and lingers after lift-off. Then one scan no
-longer tells the force. Does a short history? The chain is *assumed*, {chain} on top of every elastic closure;
-no foot was measured. A scan of nine conversions takes {1e3 * PERIOD_S:g} ms; the skew within it is left out, no gap
-shuts, the converter's noise is in. Each network has two hidden layers of {HIDDEN} units beside a linear path and learnt
-in {steps} steps from {len(learnt.force_n)} made-up walks with rounded stances up to {LARGEST_N[1]:g} N. Asked are
-{len(asked.force_n)} *measured* walks in random headings, whose stances none of them has seen. The low-pass filters have
-{filters} s, not the times of the chain. The last two columns are feet that creep 30 % more and 30 % more slowly than
-those learnt from.
-
-{table([*header, "other feet: at load [mN rms]", "direction [deg]"], rows)}
+{table([*header, "other feet: under load [mN rms]", "direction [deg]"], rows)}
 
 ![]({_FIGURE})
 
-Low-pass states bring the error at load from {1e3 * alone.loaded_n:.1f} mN (this scan alone, knowing of creep) to
-{1e3 * best.loaded_n:.1f} mN, by a factor of {alone.loaded_n / best.loaded_n:.1f}; in the air from
-{1e3 * alone.air_n:.1f} to {1e3 * best.air_n:.1f} mN. Taking the creep out by its chain (two states per element, no
-training) leaves {1e3 * undone[0].loaded_n:.1f} mN when the chain is the foot's own, and
-{1e3 * undone[1].loaded_n:.1f} mN when it is not; without creep {1e3 * ceiling.loaded_n:.1f} mN are left. The last scans
-alone span at most a tenth of a second.
+Low-pass states bring the error under load from {1e3 * alone.same.loaded_n:.1f} mN (this scan alone, trained with creep)
+to {1e3 * best.same.loaded_n:.1f} mN, by a factor of {alone.same.loaded_n / best.same.loaded_n:.1f}; in swing from
+{1e3 * alone.same.swing_n:.1f} to {1e3 * best.same.swing_n:.1f} mN. Taking the creep out by its chain (two states per
+element, no training) leaves {1e3 * undone.same.loaded_n:.1f} mN when the chain is the foot's own, and
+{1e3 * undone.other.loaded_n:.1f} mN when it is not; without creep {1e3 * results.without_creep.loaded_n:.1f} mN are
+left. The last scans alone span at most a tenth of a second.
 """
-    values = {
-        "quick": quick,
-        "steps": steps,
-        "without_creep": ceiling._asdict(),
-        "ways": {name: {"same": a._asdict(), "other": b._asdict()} for name, (a, b) in scores.items()},
-    }
-    figures = {_FIGURE: _figure(asked.force_n[0], drawn)}
-    return Page(name="history", title="Does a history pay", body=body, figures=figures, values=values)
 
 
-def _cells(score: _Score) -> list[str]:
-    """Return a score as cells of the table."""
-    return [f"{1e3 * score.loaded_n:.2f}", f"{score.direction_deg:.3f}", f"{1e3 * score.air_n:.2f}"]
+STUDY = Study(name="history", title="Does a history pay", results=Results, compute=compute, render=render)

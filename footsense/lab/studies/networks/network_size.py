@@ -1,62 +1,72 @@
-"""Study `network-size`: what more weights buy, and what they cost."""
+"""Study `network-size`: error and time of networks with more or fewer weights."""
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from timeit import Timer
 
 import numpy as np
 import onnxruntime
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from footsense.lab.evaluation.evaluate import Errors, errors
-from footsense.lab.studies.page import Page, Workbench, table
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
 from footsense.lab.training.export import onnx_model
-from footsense.lab.training.load_cases import Cases, measured_closure_rel, paper_verification, wide
+from footsense.lab.training.load_cases import Cases, measured_closure_rel, paper_verification, random_loads
 from footsense.lab.training.network import Weights
 from footsense.lab.training.train import Protocol, predict, train
 
-#: Channels of each hidden layer, eight units each; 14 are shipped.
+#: Channels of each hidden layer, eight units each; the released network has 14.
 CHANNELS, QUICK_CHANNELS = (2, 4, 6, 8, 11, 14, 18, 24), (4, 8)
-#: Steps of training, far fewer than the shipped network's, the same for every size.
+#: Steps of training, far fewer than the released network's, the same for every size.
 STEPS, QUICK_STEPS, BATCH = 4000, 1000, 256
-#: Random loads that are learnt from and asked, and their seeds.
-CASES, QUICK_CASES, LEARNT_SEED, ASKED_SEED = 20_000, 2000, 11, 12
-#: More weights than this the project does not want.
+#: Random loads for training and for the test (a quarter as many), and their seeds.
+CASES, QUICK_CASES, TRAINING_SEED, TEST_SEED = 20_000, 2000, 11, 12
+#: The project's limit of the weights.
 WEIGHT_LIMIT = 2000
-#: Runs in one timing, and timings, of which the fastest counts: whatever else runs only adds.
+#: Runs in one timing, and timings; the fastest counts, because other processes only add time.
 RUNS, TIMINGS = 200, 25
 
 _FIGURE = "network-size.png"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Result:
-    """What one size costs and is worth.
+class Size:
+    """One network.
 
     Attributes:
         channels: Channels of each hidden layer.
-        weights: Numbers that training finds.
+        weights: Number of weights.
         run_us: One row through ONNX Runtime on one thread [us].
-        wide: Errors on held-out random loads with noise.
+        random: Errors on held-out random loads with noise.
         paper: Errors on the paper's verification cases with noise.
     """
 
     channels: int
     weights: int
     run_us: float
-    wide: Errors
+    random: Errors
     paper: Errors
 
 
-def run_us(models: list[bytes]) -> list[float]:
-    """Return what one row takes through each ONNX file on one thread [us], in turns, the fastest timing of each.
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """All sizes.
 
-    Args:
-        models: The files' bytes.
+    Attributes:
+        steps: Of training.
+        cases: Random loads for training.
+        from_n: Smallest force of the test loads [N].
+        sizes: The networks, the smallest first.
     """
+
+    steps: int
+    cases: int
+    from_n: float
+    sizes: list[Size]
+
+
+def run_us(models: list[bytes]) -> list[float]:
+    """Return the time of one row through each ONNX file on one thread [us], timed in turns, the fastest of each."""
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     timers = []
@@ -71,115 +81,104 @@ def run_us(models: list[bytes]) -> list[float]:
     return [1e6 * float(seconds) / RUNS for seconds in fastest]
 
 
-def learn_sizes(bench: Workbench, channels: Sequence[int], cases: int, steps: int) -> list[Weights]:
-    """Return networks with so many channels each, taught by the same steps on the same random loads."""
-    learnt = wide(bench.response, bench.sole.loads, cases, LEARNT_SEED)
+def train_sizes(context: StudyContext, channels: tuple[int, ...], cases: int, steps: int) -> list[Weights]:
+    """Return networks with so many channels each, trained in the same steps on the same random loads."""
+    training = random_loads(context.response, context.sole.loads, cases, TRAINING_SEED)
     trained = []
     for c in channels:
-        trained.append(train(learnt, bench.response.design, Protocol(channels=c, steps=steps, batch=BATCH)))
-        bench.say(f"{trained[-1].size} weights have learnt")
+        trained.append(
+            train(training, context.response.design, Protocol(channels=c, steps=steps, batch=BATCH))
+        )
+        context.say(f"network-size: {trained[-1].size} weights trained")
     return trained
 
 
-def _errors(weights: Weights, cases: Cases, seen_rel: NDArray[np.float64]) -> Errors:
-    """Return the errors of a network on measured closures of cases."""
-    force_n, _ = predict(weights, seen_rel)
-    return errors(cases.force_n, force_n)
+def compute(context: StudyContext) -> tuple[Results, Figures]:
+    """Train, test and time a network of every size."""
+    response, loads = context.response, context.sole.loads
+    channels, steps, n = (
+        (QUICK_CHANNELS, QUICK_STEPS, QUICK_CASES) if context.quick else (CHANNELS, STEPS, CASES)
+    )
+    drawn = random_loads(response, loads, n // 4, TEST_SEED)
+    counted = np.linalg.norm(drawn.force_n, axis=1) >= loads.judged_from_n
+    tests = Cases(drawn.force_n[counted], drawn.closure_um[counted]), paper_verification(response)
+    rng = np.random.default_rng(TEST_SEED)
+    measured = [
+        (cases.force_n, measured_closure_rel(response.design, cases.closure_um, rng)) for cases in tests
+    ]
+    trained = train_sizes(context, channels, n, steps)
+    times_us = run_us([onnx_model(weights, {}).SerializeToString() for weights in trained])
+    sizes = []
+    for c, weights, time_us in zip(channels, trained, times_us, strict=True):
+        random, paper = (
+            errors(force_n, predict(weights, closure_rel)[0]) for force_n, closure_rel in measured
+        )
+        sizes.append(Size(channels=c, weights=weights.size, run_us=time_us, random=random, paper=paper))
+    return Results(steps=steps, cases=n, from_n=loads.judged_from_n, sizes=sizes), {_FIGURE: _figure(sizes)}
 
 
-def _decorate(axes: Axes, values: list[float], results: list[Result]) -> None:
-    """Draw direction errors over a cost, and where the limit of the weights lies."""
-    for name, colour, what in (
-        ("wide", "C0", "random loads"),
-        ("paper", "C3", "the paper's 180, centred"),
+def _figure(sizes: list[Size]) -> Figure:
+    """Draw the direction error over weights and over microseconds."""
+    figure, axes = panels(2, 8.8, 4.0, sharey=True)
+    for panel, x in zip(
+        axes, ([size.weights for size in sizes], [size.run_us for size in sizes]), strict=True
     ):
-        mean = [getattr(result, name).direction_deg for result in results]
-        high = [getattr(result, name).direction_p95_deg for result in results]
-        axes.loglog(values, mean, "o-", color=colour, label=f"{what}, mean")
-        axes.loglog(values, high, "^:", color=colour, label=f"{what}, p95", ms=4)
-    axes.grid(alpha=0.3, which="both")
-
-
-def _figure(results: list[Result]) -> Figure:
-    """Return the direction error against weights and against microseconds."""
-    figure = Figure(figsize=(8.8, 4.0), layout="constrained")
-    left, right = figure.subplots(1, 2, sharey=True)
-    _decorate(left, [float(result.weights) for result in results], results)
-    _decorate(right, [result.run_us for result in results], results)
-    left.axvline(WEIGHT_LIMIT, color="k", ls="--", lw=1, label=f"{WEIGHT_LIMIT} weights")
-    left.set(xlabel="weights", ylabel="direction error [deg]")
-    right.set(xlabel="one row, one thread [us]")
-    left.legend(fontsize=7)
+        for name, colour, words in (
+            ("random", "C0", "random loads"),
+            ("paper", "C3", "the paper's 180, centred"),
+        ):
+            rows = [getattr(size, name) for size in sizes]
+            panel.loglog(x, [row.direction_deg for row in rows], "o-", color=colour, label=f"{words}, mean")
+            panel.loglog(
+                x, [row.direction_p95_deg for row in rows], "^:", color=colour, label=f"{words}, p95", ms=4
+            )
+        panel.grid(alpha=0.3, which="both")
+    axes[0].axvline(WEIGHT_LIMIT, color="k", ls="--", lw=1, label=f"{WEIGHT_LIMIT} weights")
+    axes[0].set(xlabel="weights", ylabel="direction error [deg]")
+    axes[1].set(xlabel="one row, one thread [us]")
+    axes[0].legend(fontsize=7)
     return figure
 
 
-def _beside(other: Result, chosen: Result) -> str:
-    """Say what another size errs and takes, compared with the chosen one."""
-    error, time = other.wide.direction_deg / chosen.wide.direction_deg, other.run_us / chosen.run_us
-    return f"With {other.weights} weights it errs {error:.2f} times as much in {time:.2f} of the time."
-
-
-def page(bench: Workbench) -> Page:
-    """Return the page."""
-    quick, response, loads = bench.quick, bench.response, bench.sole.loads
-    channels, steps, n = (QUICK_CHANNELS, QUICK_STEPS, QUICK_CASES) if quick else (CHANNELS, STEPS, CASES)
-    held_out = wide(response, loads, n // 4, ASKED_SEED)
-    felt = np.linalg.norm(held_out.force_n, axis=1) >= loads.judged_from_n
-    asked = Cases(held_out.force_n[felt], held_out.closure_um[felt])
-    paper = paper_verification(response)
-    rng = np.random.default_rng(ASKED_SEED)
-    seen, paper_seen = (
-        measured_closure_rel(response.design, cases.closure_um, rng) for cases in (asked, paper)
+def render(results: Results) -> str:
+    """Return the page's text."""
+    sizes = results.sizes
+    chosen = max((size for size in sizes if size.weights <= WEIGHT_LIMIT), key=lambda size: size.weights)
+    beside = " ".join(
+        f"With {other.weights} weights the error is "
+        f"{other.random.direction_deg / chosen.random.direction_deg:.2f} times as large in "
+        f"{other.run_us / chosen.run_us:.2f} of the time."
+        for other in (sizes[0], sizes[-1])
+        if other is not chosen
     )
-    trained = learn_sizes(bench, channels, n, steps)
-    times_us = run_us([onnx_model(weights, {}).SerializeToString() for weights in trained])
-    results = [
-        Result(
-            channels=weights.channels,
-            weights=weights.size,
-            run_us=time_us,
-            wide=_errors(weights, asked, seen),
-            paper=_errors(weights, paper, paper_seen),
-        )
-        for weights, time_us in zip(trained, times_us, strict=True)
-    ]
     rows = [
-        [
-            f"{result.weights}",
-            f"{result.channels}",
-            f"{result.run_us:.1f}",
-            f"{result.wide.direction_deg:.3f} / {result.wide.direction_p95_deg:.3f}",
-            f"{result.wide.magnitude_gf:.3f} / {result.wide.magnitude_p95_gf:.3f}",
-            f"{result.paper.direction_deg:.3f} / {result.paper.direction_p95_deg:.3f}",
-            f"{result.paper.magnitude_gf:.3f} / {result.paper.magnitude_p95_gf:.3f}",
+        [str(size.weights), str(size.channels), f"{size.run_us:.1f}"]
+        + [
+            cell
+            for row in (size.random, size.paper)
+            for cell in (
+                f"{row.direction_deg:.3f} / {row.direction_p95_deg:.3f}",
+                f"{row.magnitude_gf:.3f} / {row.magnitude_p95_gf:.3f}",
+            )
         ]
-        for result in results
+        for size in sizes
     ]
     header = ["weights", "channels", "one row [us]", "random: direction [deg]", "magnitude [gf]"]
-    chosen = max((r for r in results if r.weights <= WEIGHT_LIMIT), key=lambda r: r.weights)
-    beside = " ".join(_beside(other, chosen) for other in (results[0], results[-1]) if other is not chosen)
-    body = f"""
-{"**Quick run: two sizes, few steps. The figures are not those of the study.**" if quick else ""}
-
-The same foot, the same {n} random loads, the same {steps} steps of {BATCH} cases (the shipped network learns
-much longer; what counts here is the comparison): how much does each size err, and how long does it take? Errors are
-mean / p95 with the converter's noise, on {len(asked.force_n)} held-out loads from {loads.judged_from_n:g} N and on the
-paper's 180. Time is one row through ONNX Runtime on one thread, the fastest of {TIMINGS} timings of {RUNS} runs.
-A mean above its p95 is the work of a few directions near the diagonals (page `limit`).
+    return f"""
+The same foot, the same {results.cases} random loads, the same {results.steps} steps of {BATCH} cases (the released
+network is trained much longer; the comparison counts here): how large is the error of each size, and how long does it
+take? Errors are mean / p95 with the converter's noise, on {sizes[0].random.n} held-out loads from {results.from_n:g} N
+and on the paper's 180. Time is one row through ONNX Runtime on one thread, the fastest of {TIMINGS} timings of {RUNS}
+runs. A few directions near the diagonals raise a mean above its p95 (page `cramer-rao`).
 
 {table([*header, "paper: direction [deg]", "magnitude [gf]"], rows)}
 
 ![]({_FIGURE})
 
-Time hardly grows with the size, error falls all the way: so the largest size within {WEIGHT_LIMIT} weights is the one
-shipped. It has {chosen.weights} and errs here by {chosen.wide.direction_deg:.3f} deg on the random loads in
+Time hardly grows with the size, the error falls all the way: so the largest size within {WEIGHT_LIMIT} weights is
+released. It has {chosen.weights} and an error of {chosen.random.direction_deg:.3f} deg here on the random loads in
 {chosen.run_us:.1f} us. {beside}
 """
-    values = {"quick": quick, "steps": steps, "cases": n, "sizes": [asdict(result) for result in results]}
-    return Page(
-        name="network-size",
-        title="How many weights",
-        body=body,
-        figures={_FIGURE: _figure(results)},
-        values=values,
-    )
+
+
+STUDY = Study(name="network-size", title="How many weights", results=Results, compute=compute, render=render)

@@ -1,130 +1,125 @@
-"""Study `paper-way`: the paper's network on the paper's cases, many times, and once more on closures."""
+"""Study `paper-procedure`: the paper's network on the paper's cases, with many start weights, and fed with closures.
 
-from typing import Any
+Source:
+    Aoyagi et al., section III F.
+"""
 
-import numpy as np
+from dataclasses import dataclass
+
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import (
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
     Errors,
-    Readout,
     capacitance_readout,
     elastance_readout,
     errors,
 )
-from footsense.lab.monte_carlo.statistics import Spread
-from footsense.lab.studies.page import Page, Workbench, table
-from footsense.lab.training.load_cases import Cases, paper_training
+from footsense.lab.monte_carlo.statistics import MeanStd
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels, plot_band, table
+from footsense.lab.training.load_cases import paper_training
 from footsense.lab.training.paper_procedure import (
     EPOCHS,
     HIDDEN,
     QUICK_EPOCHS,
     Feed,
-    paper_way,
+    paper_networks,
     verification_at,
 )
 
-#: Magnitudes at which the 180 directions are asked for [gf]; the first and the last are taught, the middle is the
-#: paper's.
+#: Magnitudes of the 180 directions [gf]; the training cases have the first and the last, the paper's test the middle.
 MAGNITUDES_GF = (50.0, 60.0, 70.0, 80.0, 90.0, 100.0, 110.0, 120.0, 130.0, 140.0, 150.0)
-_PAPERS = MAGNITUDES_GF.index(100.0)
+_PAPER = MAGNITUDES_GF.index(100.0)
 
-_FIGURE = "paper-way.png"
-_COLOURS: dict[Feed, str] = {"capacitance": "C0", "closure": "C1"}
+_FIGURE = "paper-procedure.png"
 _NAMES: dict[Feed, str] = {"capacitance": "ΔC", "closure": "closures"}
 
 
-def _examined(read: Readout, asked: list[Cases]) -> list[Errors]:
-    """Return a read-out's errors at each magnitude."""
-    return [errors(cases.force_n, read(cases.closure_um)) for cases in asked]
-
-
-class _Answers:
-    """What the networks and the linear read-out that are fed with the same said.
+@dataclass(frozen=True, kw_only=True)
+class FeedErrors:
+    """Errors of the read-outs with the same inputs.
 
     Attributes:
-        networks: Errors of each seed at the paper's 100 gf.
-        direction_deg: Direction error at each magnitude.
-        magnitude_gf: Magnitude error at each magnitude.
-        linear: Errors of the linear read-out at 100 gf.
+        direction_deg: Direction errors of the networks at each magnitude [deg].
+        magnitude_gf: Magnitude errors of the networks at each magnitude [gf].
+        linear_deg: Direction error of the linear read-out at 100 gf [deg].
+        linear_gf: Its magnitude error [gf].
     """
 
-    def __init__(self, response: FootResponse, asked: list[Cases], feed: Feed, *, quick: bool) -> None:
-        seeds = [_examined(read, asked) for read in paper_way(response, quick=quick, feed=feed)]
-        self.networks = [rows[_PAPERS] for rows in seeds]
-        self.direction_deg = [
-            Spread.over(row.direction_deg for row in rows) for rows in zip(*seeds, strict=True)
-        ]
-        self.magnitude_gf = [
-            Spread.over(row.magnitude_gf for row in rows) for rows in zip(*seeds, strict=True)
-        ]
-        training = paper_training(response)
-        on_change = capacitance_readout(response.design, training)
-        read = on_change if feed == "capacitance" else elastance_readout(training)
-        self.linear = _examined(read, asked)[_PAPERS]
-
-    def rows(self, name: str) -> list[list[str]]:
-        """Return the rows of the table."""
-        at_paper = [str(spread[_PAPERS]) for spread in (self.direction_deg, self.magnitude_gf)]
-        linear = [f"{self.linear.direction_deg:.2f}", f"{self.linear.magnitude_gf:.2f}"]
-        return [[f"network on {name}", *at_paper], [f"linear read-out of {name}", *linear]]
-
-    def json(self) -> dict[str, Any]:
-        """Return the errors as JSON values, by magnitude [gf]."""
-        return {
-            f"{magnitude:g}": {"direction_deg": direction.json(), "magnitude_gf": size.json()}
-            for magnitude, direction, size in zip(
-                MAGNITUDES_GF, self.direction_deg, self.magnitude_gf, strict=True
-            )
-        }
+    direction_deg: list[MeanStd]
+    magnitude_gf: list[MeanStd]
+    linear_deg: float
+    linear_gf: float
 
 
-def _figure(answers: dict[Feed, _Answers]) -> Figure:
-    """Return every network as a point of its two errors, and the direction error over the magnitude."""
-    figure = Figure(figsize=(8.2, 4.0), layout="constrained")
-    points, curve = figure.subplots(1, 2)
-    for feed, said in answers.items():
-        colour, name = _COLOURS[feed], _NAMES[feed]
-        direction_deg = [row.direction_deg for row in said.networks]
-        magnitude_gf = [row.magnitude_gf for row in said.networks]
-        points.plot(direction_deg, magnitude_gf, "o", color=colour, alpha=0.6, label=f"networks on {name}")
-        linear = said.linear
-        points.plot(
-            linear.direction_deg,
-            linear.magnitude_gf,
-            "X",
-            color=colour,
-            mec="k",
-            ms=9,
-            label=f"linear on {name}",
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """Errors by the inputs of the read-outs.
+
+    Attributes:
+        epochs: Of training.
+        by_feed: For `capacitance` and `closure`.
+    """
+
+    epochs: int
+    by_feed: dict[str, FeedErrors]
+
+
+def compute(context: StudyContext) -> tuple[Results, Figures]:
+    """Train and test networks on capacitance changes and on closures."""
+    response = context.response
+    tests = [verification_at(response, magnitude_gf) for magnitude_gf in MAGNITUDES_GF]
+    training = paper_training(response)
+    linear = {
+        "capacitance": capacitance_readout(response.design, training),
+        "closure": elastance_readout(training),
+    }
+    by_feed, points = {}, {}
+    for feed, name in _NAMES.items():
+        networks = paper_networks(response, quick=context.quick, feed=feed)
+        rows = [[errors(cases.force_n, read(cases.closure_um)) for read in networks] for cases in tests]
+        alone = errors(tests[_PAPER].force_n, linear[feed](tests[_PAPER].closure_um))
+        by_feed[str(feed)] = FeedErrors(
+            direction_deg=[MeanStd.over(one.direction_deg for one in row) for row in rows],
+            magnitude_gf=[MeanStd.over(one.magnitude_gf for one in row) for row in rows],
+            linear_deg=alone.direction_deg,
+            linear_gf=alone.magnitude_gf,
         )
-        mean = np.array([spread.mean for spread in said.direction_deg])
-        deviation = np.array([spread.deviation for spread in said.direction_deg])
-        curve.plot(MAGNITUDES_GF, mean, "o-", color=colour, ms=4, label=f"networks on {name}")
-        curve.fill_between(MAGNITUDES_GF, mean - deviation, mean + deviation, color=colour, alpha=0.2, lw=0)
-    points.plot(PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, "k*", ms=13, label="the paper")
-    points.set(xscale="log", yscale="log", title="180 directions at 100 gf")
-    points.set(xlabel="mean direction error [deg]", ylabel="mean magnitude error [gf]")
-    for axis in (points.xaxis, points.yaxis):
+        points[str(feed)] = rows[_PAPER]
+        context.say(f"paper-procedure: {len(networks)} networks on {name} trained")
+    results = Results(epochs=QUICK_EPOCHS if context.quick else EPOCHS, by_feed=by_feed)
+    return results, {_FIGURE: _figure(by_feed, points)}
+
+
+def _figure(by_feed: dict[str, FeedErrors], points: dict[str, list[Errors]]) -> Figure:
+    """Draw every network as a point of its two errors, and the direction error over the magnitude."""
+    figure, (cloud, curve) = panels(2, 8.2, 4.0)
+    for colour, (feed, name) in zip(("C0", "C1"), _NAMES.items(), strict=True):
+        networks, found = points[feed], by_feed[feed]
+        x, y = [one.direction_deg for one in networks], [one.magnitude_gf for one in networks]
+        cloud.plot(x, y, "o", color=colour, alpha=0.6, label=f"networks on {name}")
+        label = f"linear on {name}"
+        cloud.plot(found.linear_deg, found.linear_gf, "X", color=colour, mec="k", ms=9, label=label)
+        plot_band(curve, MAGNITUDES_GF, found.direction_deg, color=colour, label=f"networks on {name}")
+    cloud.plot(PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, "k*", ms=13, label="the paper")
+    cloud.set(xscale="log", yscale="log", title="180 directions at 100 gf")
+    cloud.set(xlabel="mean direction error [deg]", ylabel="mean magnitude error [gf]")
+    for axis in (cloud.xaxis, cloud.yaxis):
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
-    points.legend(fontsize=8)
-    for taught_gf in (MAGNITUDES_GF[0], MAGNITUDES_GF[-1]):
-        curve.axvline(taught_gf, color="k", ls=":", label="taught" if taught_gf == MAGNITUDES_GF[0] else None)
+    for training_gf, label in ((MAGNITUDES_GF[0], "training cases"), (MAGNITUDES_GF[-1], "_")):
+        curve.axvline(training_gf, color="k", ls=":", label=label)
     curve.set(title="the same directions, other forces", ylim=(0.0, None))
-    curve.legend(fontsize=8)
     curve.set(xlabel="force [gf]", ylabel="mean direction error [deg]")
-    for axes in (points, curve):
-        axes.grid(alpha=0.3)
+    for axes in (cloud, curve):
+        axes.legend(fontsize=8)
     return figure
 
 
-def _place(paper: float, ours: Spread, unit: str) -> str:
+def _place(paper: float, ours: MeanStd, unit: str) -> str:
     """Say where the paper's figure lies among those of the seeds."""
     span = f"ours, {ours.lowest:.2f} to {ours.highest:.2f} {unit}"
     if paper < ours.lowest:
@@ -132,52 +127,42 @@ def _place(paper: float, ours: Spread, unit: str) -> str:
     return f"above all of {span}" if paper > ours.highest else f"among {span}"
 
 
-def page(bench: Workbench) -> Page:
-    """Return the page."""
-    response, quick = bench.response, bench.quick
-    asked = [verification_at(response, magnitude_gf) for magnitude_gf in MAGNITUDES_GF]
-    answers: dict[Feed, _Answers] = {}
+def render(results: Results) -> str:
+    """Return the page's text."""
+    rows = [["the paper (simulation), one network on ΔC", f"{PAPER_DIRECTION_DEG}", f"{PAPER_MAGNITUDE_GF}"]]
     for feed, name in _NAMES.items():
-        answers[feed] = _Answers(response, asked, feed, quick=quick)
-        bench.say(f"paper-way: {len(answers[feed].networks)} networks on {name} have learnt")
-    ours, elastic = answers["capacitance"], answers["closure"]
-    direction, magnitude = ours.direction_deg[_PAPERS], ours.magnitude_gf[_PAPERS]
-    epochs = QUICK_EPOCHS if quick else EPOCHS
-    paper = ["the paper (simulation), one network on ΔC", f"{PAPER_DIRECTION_DEG}", f"{PAPER_MAGNITUDE_GF}"]
-    rows = [paper, *(row for feed, name in _NAMES.items() for row in answers[feed].rows(name))]
-    body = f"""
-{"**Quick run: few seeds, few epochs. The figures are not those of the study.**" if quick else ""}
+        found = results.by_feed[feed]
+        rows.append([f"network on {name}", str(found.direction_deg[_PAPER]), str(found.magnitude_gf[_PAPER])])
+        rows.append([f"linear read-out of {name}", f"{found.linear_deg:.2f}", f"{found.linear_gf:.2f}"])
+    ours, elastic = results.by_feed["capacitance"], results.by_feed["closure"]
+    direction, magnitude = ours.direction_deg[_PAPER], ours.magnitude_gf[_PAPER]
+    return f"""
+What does the paper's own procedure (section III F) reach on our foot? A plain network 9-{HIDDEN[0]}-{HIDDEN[1]}-3,
+tanh, RPROP, {results.epochs} epochs on the 362 cases with 50 and 150 gf, tested on the 180 cases with 100 gf;
+{direction.n} networks that differ in their start weights alone. Then the same network fed with gap closures, which the
+elastance 1/C measures: only the curve on each input changes.
 
-What does the paper's own way (section III F) reach on our foot? A plain network 9-{HIDDEN[0]}-{HIDDEN[1]}-3, tanh,
-RPROP, {epochs} epochs on the 362 cases with 50 and 150 gf, asked for the 180 cases with 100 gf; {direction.n} networks
-that differ in their start weights alone. Then the same network fed with gap closures, which are what the elastance
-1/C measures: all that this changes is the curve on each input.
-
-{table(["mean over the 180 cases ± deviation between seeds", "direction [deg]", "magnitude [gf]"], rows)}
+{table(["mean over the 180 cases ± standard deviation between seeds", "direction [deg]", "magnitude [gf]"], rows)}
 
 ![]({_FIGURE})
 
 - The paper's {PAPER_DIRECTION_DEG} deg are {_place(PAPER_DIRECTION_DEG, direction, "deg")}, its {PAPER_MAGNITUDE_GF} gf
   {_place(PAPER_MAGNITUDE_GF, magnitude, "gf")}. The start weights alone change our direction error by a
   factor of {direction.highest / direction.lowest:.1f}, so a single network tells little.
-- What a force costs that was not taught: for the same 180 directions, none of them taught, the networks on ΔC err by
-  {ours.direction_deg[0].mean:.2f} deg at the taught 50 gf, {direction.mean:.2f} deg at 100 gf and
-  {ours.direction_deg[-1].mean:.2f} deg at the taught 150 gf.
+- Forces between the training cases cost error: in the same 180 directions, none of them a training case, the networks
+  on ΔC have {ours.direction_deg[0].mean:.2f} deg at 50 gf, {direction.mean:.2f} deg at 100 gf and
+  {ours.direction_deg[-1].mean:.2f} deg at 150 gf.
 - Closures instead of ΔC change the direction error at 100 gf by a factor of
-  {elastic.direction_deg[_PAPERS].mean / direction.mean:.2f} and the magnitude error by
-  {elastic.magnitude_gf[_PAPERS].mean / magnitude.mean:.2f}; those of the linear read-outs by
-  {elastic.linear.direction_deg / ours.linear.direction_deg:.2f} and
-  {elastic.linear.magnitude_gf / ours.linear.magnitude_gf:.2f}.
+  {elastic.direction_deg[_PAPER].mean / direction.mean:.2f} and the magnitude error by
+  {elastic.magnitude_gf[_PAPER].mean / magnitude.mean:.2f}; those of the linear read-outs by
+  {elastic.linear_deg / ours.linear_deg:.2f} and {elastic.linear_gf / ours.linear_gf:.2f}.
 """
-    return Page(
-        name="paper-way",
-        title="The paper's own way",
-        body=body,
-        figures={_FIGURE: _figure(answers)},
-        values={
-            "quick": quick,
-            "epochs": epochs,
-            "hidden": list(HIDDEN),
-            "by_force_gf": {feed: said.json() for feed, said in answers.items()},
-        },
-    )
+
+
+STUDY = Study(
+    name="paper-procedure",
+    title="The paper's own procedure",
+    results=Results,
+    compute=compute,
+    render=render,
+)

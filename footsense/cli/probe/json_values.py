@@ -1,0 +1,99 @@
+"""A probe's result as plain values for JSON; null stands for an unknown value."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from footsense.acquisition.probe.address_scan import AddressScan
+from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
+from footsense.frames import Reading
+
+__all__ = ["adapters_json", "probe_json"]
+
+
+def probe_json(result: ProbeResult) -> dict[str, Any]:
+    """Return buses, legs, the shortest scan and the diagnoses."""
+    scan_ns = result.scan_ns
+    return {
+        "buses": [_bus(report) for report in result.buses],
+        "legs": {report.leg: _leg(report) for report in result.legs},
+        "scan_ms": None if scan_ns is None else round(scan_ns * 1e-6, 3),
+        "scan_over_conversions": None if scan_ns is None else round(scan_ns / result.floor_ns, 3),
+        "frames_hz": None if scan_ns is None else round(1e9 / scan_ns, 2),
+        "diagnoses": [diagnosis._asdict() for diagnosis in result.diagnoses],
+    }
+
+
+def adapters_json(reports: list[ProbedAdapter]) -> dict[str, Any]:
+    """Return the addresses that answer on each adapter."""
+    return {
+        "adapters": [
+            {
+                "device": report.device,
+                **_address_scan(report.addresses, "answering"),
+                "kernel_drivers": _drivers(report.kernel_drivers),
+                "error": report.error or None,
+            }
+            for report in reports
+        ]
+    }
+
+
+def _bus(report: ProbedBus) -> dict[str, Any]:
+    bus, scan, drivers = report
+    values: dict[str, Any] = {
+        "device": bus.device,
+        "mux": None if bus.adapters else {"address": f"{bus.mux.address:#04x}", "answers": scan.mux_answers},
+        **_address_scan(scan.upstream, "upstream"),
+        "kernel_drivers": _drivers(drivers),
+        "channels": {str(number): _addresses(chips.answering) for number, chips in scan.channels.items()},
+        "configured_rate_hz": bus.rate_hz,
+    }
+    timing = scan.timing
+    if timing is None:
+        names = ("rate_hz", "host_cost_us", "conversion_limit_ms", "readout_limit_ms", "limit")
+        return values | dict.fromkeys(names)
+    return values | {
+        "rate_hz": round(timing.costs.rate_hz),
+        "host_cost_us": round(timing.costs.host_cost_ns * 1e-3, 1),
+        "conversion_limit_ms": round(timing.limits.conversion_ns * 1e-6, 3),
+        "readout_limit_ms": round(timing.limits.readout_ns * 1e-6, 3),
+        "limit": timing.limits.holds,
+    }
+
+
+def _leg(report: ProbedLeg) -> dict[str, Any]:
+    chips, scans = report.chips, report.scans
+    return {
+        "bus": report.device,
+        "channel": report.channel,
+        "answering": None if chips is None else _addresses(chips.answering),
+        "chips": None if chips is None else chips.outcome.name.lower(),
+        "mean_pf": None if scans is None else [_number(value, 4) for value in scans.mean_pf.tolist()],
+        "noise_ff": None if scans is None else [_number(value, 2) for value in scans.noise_ff.tolist()],
+        "reading": None if scans is None else [Reading(code).name.lower() for code in scans.worst.tolist()],
+        "faults": [
+            {"cause": fault.cause.name.lower(), "elements": list(fault.elements)} for fault in report.faults
+        ],
+        "unloaded_pf": report.unloaded_pf,
+    }
+
+
+def _address_scan(scan: AddressScan | None, name: str) -> dict[str, list[str] | None]:
+    """Return the addresses that answer, under `name`, and those that could not be scanned."""
+    return {
+        name: None if scan is None else _addresses(scan.answering),
+        "not_scanned": None if scan is None else _addresses(scan.unasked),
+    }
+
+
+def _addresses(addresses: tuple[int, ...]) -> list[str]:
+    return [f"{address:#04x}" for address in addresses]
+
+
+def _drivers(drivers: Mapping[int, str]) -> dict[str, str]:
+    return {f"{address:#04x}": name for address, name in sorted(drivers.items())}
+
+
+def _number(value: float, digits: int) -> float | None:
+    return round(value, digits) if math.isfinite(value) else None

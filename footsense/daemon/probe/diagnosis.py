@@ -1,0 +1,116 @@
+"""Faults on a robot's buses in words: where, observed instead of expected, and what to check."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from footsense.acquisition.probe.bus_scan import leg_addresses
+from footsense.acquisition.probe.foot_check import CHIP_READINGS
+from footsense.acquisition.scan_plan import ScanPlan
+from footsense.daemon.acquisition import SLOW_REL
+from footsense.daemon.probe.report import Diagnosis, ProbedBus, ProbedLeg
+from footsense.frames import Reading
+
+__all__ = ["bus_diagnoses", "leg_diagnoses"]
+
+_MUXES = range(0x70, 0x78)
+
+_CHECKS = {
+    Reading.NO_ANSWER: "its plug, its 3.3 V, and whether this is its channel",
+    Reading.WRONG_CHIP: "what is plugged in there, and `board` in the configuration",
+    Reading.DELAYED: "other masters on this bus, its pull-ups and its clock",
+}
+
+
+def bus_diagnoses(report: ProbedBus, plan: ScanPlan) -> Iterator[Diagnosis]:
+    """Yield the faults of a bus as a whole."""
+    for what, check in _bus_faults(report, plan):
+        yield Diagnosis(report.bus.device, what, check)
+
+
+def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
+    """Yield observation and what to check."""
+    bus, scan, drivers = report
+    if scan.upstream is None:
+        wire = "; only the mux's RESET pin frees a leg that holds it: wire one"
+        yield (
+            "SDA or SCL is held low on the upstream bus, and the mux cannot free it",
+            f"short, missing pull-ups or an unpowered chip upstream of the mux{'' if bus.mux.reset else wire}",
+        )
+        return
+    for address in leg_addresses(plan):
+        if not bus.adapters and address in (*scan.upstream.answering, *drivers):
+            name = next((d.name for d in bus.other_devices if d.address == address), "something")
+            yield (
+                f"{name} answers at {address:#04x} with no leg connected: a chip of every leg has that address",
+                "what it is; move it to another address or another bus",
+            )
+    if not scan.mux_answers:
+        yield _no_mux(report)
+    if scan.timing is not None and scan.timing.costs.rate_hz < SLOW_REL * bus.rate_hz:
+        yield (
+            f"it runs at {scan.timing.costs.rate_hz * 1e-3:.0f} kHz, {bus.rate_hz * 1e-3:.0f} kHz are configured",
+            "dtparam=i2c_arm_baudrate and core_freq_min on a Raspberry Pi, or correct rate_hz",
+        )
+    skipped = [leg for leg, channel in bus.channels.items() if channel not in scan.channels]
+    if scan.mux_answers and skipped:
+        yield (
+            f"{', '.join(skipped)} could not be scanned: the leg before them holds the bus, and nothing frees it",
+            "that leg first; and wire the mux's RESET pin (mux.reset)",
+        )
+    silent = {channel for channel, chips in scan.channels.items() if chips.outcome is Reading.NO_ANSWER}
+    missing = ", ".join(leg for leg, channel in bus.channels.items() if channel in silent)
+    for channel, chips in scan.channels.items():
+        is_no_leg = not bus.adapters and channel not in bus.channels.values()
+        if is_no_leg and set(leg_addresses(plan)) <= {*chips.answering}:
+            yield (
+                f"a leg's chips answer on channel {channel}, which is no leg's",
+                f"whether they are those of {missing}"
+                if missing
+                else "whether the configuration lacks a leg",
+            )
+
+
+def _no_mux(report: ProbedBus) -> tuple[str, str]:
+    """Return why there is no mux, and what to check."""
+    bus, scan, drivers = report
+    assert scan.upstream is not None
+    address = bus.mux.address
+    if address in drivers:
+        return (
+            f"the kernel's driver {drivers[address]} holds the mux at {address:#04x}",
+            "name each leg's adapter instead of its channel, or unbind the driver; never both",
+        )
+    if address in scan.upstream.answering:
+        return (
+            f"the chip at {address:#04x} does not read back what is written, as a TCA9548A does",
+            "which chip that is; LED and servo drivers have such addresses too",
+        )
+    others = ", ".join(f"{other:#04x}" for other in scan.upstream.answering if other in _MUXES)
+    if others:
+        return (
+            f"no mux (TCA9548A) answers at {address:#04x}; {others} does",
+            "its address straps A0..A2, or mux.address in the configuration",
+        )
+    return f"no mux (TCA9548A) answers at {address:#04x}", "its power, wires and RESET pin"
+
+
+def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
+    """Yield the faults of a leg: of its chips, or if they work, of its foot.
+
+    A leg that could not be scanned is a fault of its bus.
+    """
+    where = f"{'channel' if isinstance(report.channel, int) else 'adapter'} {report.channel}"
+    chips, scans = report.chips, report.scans
+    chips_fail = chips is not None and chips.outcome is not Reading.OK
+    if scans is not None and (scans.is_intermittent or chips_fail):
+        n_lost = int(np.isin(scans.reading, CHIP_READINGS).sum())
+        what = f"{where}: its chips answer now and then; {n_lost} of {scans.reading.size} readings were lost"
+        yield Diagnosis(report.leg, what, "its plug and cable: a loose contact")
+    elif chips is not None and chips.outcome is Reading.BUS_STUCK:
+        what = f"it holds SDA or SCL low as soon as {where} is connected"
+        yield Diagnosis(report.leg, what, "short in its cable or plug, and whether its chips have power")
+    elif chips is not None and chips_fail:
+        yield Diagnosis(report.leg, f"{where}: {chips.why}", _CHECKS[chips.outcome])
+    for fault in report.faults:
+        yield Diagnosis(report.leg, fault.what, fault.check)

@@ -1,0 +1,59 @@
+"""From configuration and scene to a simulated robot."""
+
+from collections.abc import Iterator
+
+from footsense.config import Config
+from footsense.daemon.foot_types import artefact, require_foot_type
+from footsense.errors import ConfigError
+from footsense.foot.response_table import FootResponse
+from footsense.sim.faults.scene_faults import OnChips, OnWires
+from footsense.sim.robot import SimulatedRobot, Wiring
+from footsense.sim.scene import Scene
+
+__all__ = ["is_simulated", "simulated_robot"]
+
+
+def is_simulated(config: Config) -> bool:
+    """Tell whether the configuration names simulated buses, or a simulated serial line."""
+    if config.serial is not None:
+        return config.serial.device == "sim"
+    return all(bus.device.startswith("sim") for bus in config.buses)
+
+
+def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
+    """Return the robot of a scene, wired as configured.
+
+    Raises:
+        ModelError: The response table of its feet is missing, unreadable, or of another foot type.
+        ConfigError: A fault of the scene is for a leg or bus that the robot does not have.
+    """
+    for problem in _faults_elsewhere(config, scene):
+        raise ConfigError(f"scene: {problem}")
+    wiring = [
+        Wiring(
+            bus.rate_hz,
+            bus.mux.address,
+            bus.channels or {leg: channel for channel, leg in enumerate(bus.legs)},
+            kernel_mux=bool(bus.adapters),
+            board=config.board,
+        )
+        for bus in config.buses
+    ]
+    if config.serial is not None:  # its legs are on wires of the microcontroller, which do not appear
+        wiring = [Wiring(400_000, 0x71, {leg: channel for channel, leg in enumerate(config.legs)})]
+    table = artefact(config, "response.npz")
+    response = FootResponse.load(table)
+    require_foot_type(table, response.foot_type, config)
+    return SimulatedRobot(scene, response, wiring)
+
+
+def _faults_elsewhere(config: Config, scene: Scene) -> Iterator[str]:
+    """Yield the faults of a scene that this robot cannot have, in words."""
+    for n, fault in enumerate(scene.faults):
+        leg, bus = getattr(fault, "leg", None), getattr(fault, "bus", None)
+        if config.serial is not None and isinstance(fault, OnChips | OnWires):
+            yield f"faults[{n}]: is for chips or wires of an I2C bus, which the board mcu does not have"
+        if leg is not None and leg not in config.legs:
+            yield f"faults[{n}].leg: {leg} is no leg of this robot; it has {', '.join(config.legs)}"
+        if bus is not None and bus >= len(config.buses):
+            yield f"faults[{n}].bus: {bus} is no bus of this robot; it has 0 to {len(config.buses) - 1}"

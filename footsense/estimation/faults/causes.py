@@ -1,0 +1,118 @@
+"""States, causes and fault masks of legs in trouble."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.estimation.faults.missing_sets import COLUMNS, ROWS
+from footsense.frames import ELEMENTS, BaselineDrift, Cause, Reading, State
+
+Mask = NDArray[np.bool_]
+Codes = NDArray[np.uint8]
+
+#: Largest distance of an element's drift from the mean of its leg's [pF]: all drift by 30 fF over 20 K, and elements
+#: differ in that by a fifth.
+DRIFT_LIMIT_PF = 20e-3
+
+_BITS = (1 << np.arange(ELEMENTS)).astype(np.uint16)
+
+#: State and cause of a leg by the readings of its elements, the most severe last.
+_BY_READING = {
+    Reading.DELAYED: (State.STALE, Cause.DELAYED),
+    Reading.NOT_READY: (State.CONVERTER_FAULT, Cause.NEVER_FINISHES),
+    Reading.CORRUPT: (State.CONVERTER_FAULT, Cause.CORRUPT),
+    Reading.MISCONFIGURED: (State.CONVERTER_FAULT, Cause.SETTINGS_LOST),
+    Reading.EXCITATION: (State.CONVERTER_FAULT, Cause.CANNOT_EXCITE),
+    Reading.WRONG_CHIP: (State.ABSENT, Cause.WRONG_CHIP),
+    Reading.BUS_STUCK: (State.ABSENT, Cause.BUS_STUCK),
+    Reading.NO_ANSWER: (State.ABSENT, Cause.NO_ANSWER),
+}
+#: Readings of a leg whose foot does not answer: it may come back with another foot.
+SILENT = np.array([Reading.NO_ANSWER, Reading.BUS_STUCK, Reading.WRONG_CHIP], np.uint8)
+
+
+class ElementFaults(NamedTuple):
+    """Faulty elements by kind, shape (legs, 9) each.
+
+    Attributes:
+        opened: The electrode is disconnected.
+        shorted: Over the converter's range, while the other elements are not pressed like that.
+        stuck: The reading does not follow the load.
+        drifting: The reading follows the load with an offset.
+    """
+
+    opened: Mask
+    shorted: Mask
+    stuck: Mask
+    drifting: Mask
+
+    @property
+    def any(self) -> Mask:
+        """Elements with any fault."""
+        return self.opened | self.shorted | self.stuck | self.drifting
+
+
+def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
+    """Return bit e for each unusable element e of each leg, shape (legs,).
+
+    Example:
+        >>> unusable = np.zeros((1, 9), bool)
+        >>> unusable[0, [0, 8]] = True
+        >>> bin(int(fault_mask(unusable)[0]))
+        '0b100000001'
+    """
+    masks: NDArray[np.uint16] = unusable @ _BITS
+    return masks
+
+
+def converter_states(state: Codes, reading: Codes, faulty: Mask, closed: Mask) -> None:
+    """Write the states that forbid any value over `state`, shape (legs,), the most severe last.
+
+    Args:
+        state: The states so far.
+        reading: How each element answered, shape (legs, 9).
+        faulty: Faulty elements that the network cannot do without, shape (legs, 9).
+        closed: Elements pressed beyond their range, shape (legs, 9).
+    """
+    if closed.any():
+        state[closed.any(axis=1)] = State.SATURATED
+    if faulty.any():
+        state[faulty.any(axis=1)] = State.ELEMENT_FAULT
+    if reading.any():
+        for kind, (worse, _) in _BY_READING.items():
+            state[(reading == kind).any(axis=1)] = worse
+
+
+def drift_causes(drift: BaselineDrift) -> Codes:
+    """Return ELEMENT_DRIFTS for legs with an element whose drift differs from the others', else NONE, shape (legs,)."""
+    apart = np.abs(drift.worst_pf - drift.mean_pf) > DRIFT_LIMIT_PF
+    return np.where(apart, np.uint8(Cause.ELEMENT_DRIFTS), np.uint8(Cause.NONE))
+
+
+def causes(reading: Codes, state: Codes, faults: ElementFaults, drift_cause: Codes) -> Codes:
+    """Return the cause of each leg's state, shape (legs,), NONE where no fault is known.
+
+    An open line shows as all three of its elements being open. A shorted element ties its column to its row and takes
+    the other two elements of its column along.
+
+    Args:
+        reading: How each element answered, shape (legs, 9).
+        state: State of each leg, shape (legs,).
+        faults: Faulty elements.
+        drift_cause: Causes by the drift of the baselines, as of `drift_causes`: told, though it is still followed.
+    """
+    cause = drift_cause.copy()
+    cause[state == State.SATURATED] = Cause.GAP_CLOSED
+    if faults.any.any():
+        cause[faults.drifting.any(axis=1)] = Cause.ELEMENT_DRIFTS
+        cause[faults.stuck.any(axis=1)] = Cause.ELEMENT_STUCK
+        cause[faults.opened.any(axis=1)] = Cause.ELEMENT_OPEN
+        for lines, broken in ((COLUMNS, Cause.COLUMN_OPEN), (ROWS, Cause.ROW_OPEN)):
+            for line in lines:
+                cause[faults.opened[:, line].all(axis=1)] = broken
+        cause[faults.shorted.any(axis=1)] = Cause.ELEMENT_SHORTED
+    if reading.any():
+        for kind, (_, reason) in _BY_READING.items():
+            cause[(reading == kind).any(axis=1)] = reason
+    return cause

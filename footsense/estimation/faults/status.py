@@ -1,0 +1,224 @@
+"""Status of every element and of every leg in a frame.
+
+An element is classified by its reading alone: usable, open, over range, or missing for the network. Whether a possible
+reading is the right one is decided by `consistency.py`. A leg is classified by its elements, closures and baseline.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_interface import fdc1004
+from footsense.estimation.alignment.scan_by_scan import AlignedSample
+from footsense.estimation.faults.causes import ElementFaults, causes, converter_states, fault_mask
+from footsense.estimation.faults.consistency import ConsistencyResult
+from footsense.estimation.faults.open_elements import OPEN_REL, floating_pf, missing_elements
+from footsense.foot.network_card import TrainedInputs
+from footsense.frames import USABLE, CapFrame, Reading, State
+
+Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Codes = NDArray[np.uint8]
+
+#: Least capacitance of an element over the range of an FDC1004 [pF].
+RANGE_END_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
+#: By state: to search the few usable ones for each leg costs ten times as much.
+_IS_USABLE = np.isin(np.arange(256), sorted(USABLE))
+
+
+class ElementStatus(NamedTuple):
+    """Status of every element in a frame, shape (legs, 9) each.
+
+    Attributes:
+        capacitance_pf: Capacitances without stray [pF], NaN where there is none to be used.
+        opened: Elements whose electrode is disconnected.
+        over_range: Elements above the converter's range.
+        faulty: Elements that are open, or excluded by the consistency test.
+        missing: Elements that a tare and the network do without.
+        ok: Whether no reading of the frame has a fault.
+    """
+
+    capacitance_pf: Vector
+    opened: Mask
+    over_range: Mask
+    faulty: Mask
+    missing: Mask
+    ok: bool
+
+
+class ElementClassifier:
+    """Classifies the elements frame by frame.
+
+    Args:
+        stray_pf: Known capacitance in parallel with each element [pF], shape (legs, 9).
+        unloaded_pf: Expected reading of each element of the free foot, without stray [pF], shape (legs, 9).
+        range_end_pf: Least capacitance of an element over the converter's range [pF].
+    """
+
+    def __init__(self, stray_pf: Vector, unloaded_pf: Vector, range_end_pf: float = RANGE_END_PF) -> None:
+        self._stray_pf = stray_pf
+        self._range_end_pf = range_end_pf
+        self._open_below_pf = OPEN_REL * unloaded_pf
+        self._none: Mask = np.zeros(stray_pf.shape, bool)
+        self._opened = self._none
+        self._any_opened = False
+
+    def classify(self, scan: CapFrame, excluded: Mask, baseline_pf: Vector) -> ElementStatus:
+        """Classify the elements of a frame.
+
+        Args:
+            scan: The frame.
+            excluded: Elements that the consistency test excludes, shape (legs, 9).
+            baseline_pf: Baselines [pF], shape (legs, 9), NaN where there is none.
+        """
+        capacitance_pf = scan.capacitance_pf - self._stray_pf
+        # NaN compares as False: an element that was not read is not open.
+        opened = capacitance_pf < self._open_below_pf
+        all_ok = not np.count_nonzero(scan.reading)
+        if not all_ok:
+            opened |= scan.reading == Reading.UNDER_RANGE
+        before, self._opened = self._opened, opened
+        any_before, self._any_opened = self._any_opened, bool(np.count_nonzero(opened))
+        if all_ok and not (self._any_opened or any_before):
+            missing = missing_elements(excluded) if np.count_nonzero(excluded) else excluded
+            return ElementStatus(capacitance_pf, self._none, self._none, excluded, missing, ok=True)
+        over_range = scan.reading == Reading.OVER_RANGE
+        if over_range.any():  # at least that much: the consistency test decides whether it can be
+            capacitance_pf = np.where(over_range, self._range_end_pf - self._stray_pf, capacitance_pf)
+        if self._any_opened:
+            capacitance_pf = capacitance_pf - floating_pf(scan.capacitance_pf, opened)
+        # A line that breaks or returns was intact for a part of the scan, and so was its effect on other elements.
+        unsettled = opened | (opened != before).any(axis=1, keepdims=True)
+        faulty = opened | excluded
+        # Pressed or shorted? The other closures tell, and without a baseline there are none.
+        missing = missing_elements(faulty | over_range & np.isnan(baseline_pf))
+        # A parabola through an unsettled reading would take the element's return for a load.
+        settled_pf = np.where(unsettled, np.nan, capacitance_pf)
+        return ElementStatus(settled_pf, opened, over_range, faulty, missing, ok=False)
+
+
+class LegStatus(NamedTuple):
+    """Status of every leg, shape (legs,) each; fields as in `ContactFrame`.
+
+    Attributes:
+        state: Whether its force may be used, and if not, why.
+        usable: Whether its force may be used.
+        fault_mask: Elements that are not usable.
+        cause: Cause of the state.
+        t_ns: Time of its measurement [ns]; 0 without one.
+        all_usable: Whether every leg is usable.
+        in_range: Whether no element of any leg has a closed gap or is out of the trained range.
+    """
+
+    state: Codes
+    usable: Mask
+    fault_mask: NDArray[np.uint16]
+    cause: Codes
+    t_ns: NDArray[np.int64]
+    all_usable: bool
+    in_range: bool
+
+
+class LegClassifier:
+    """Classifies the legs frame by frame.
+
+    Args:
+        n_legs: Legs in a frame.
+        trained: Range of closures that the network was trained for.
+        gap_um: Air gap of each element [um], shape (legs, 9).
+        max_age_ns: Age of the oldest reading from which a measurement is stale [ns].
+
+    Attributes:
+        stopped: Legs that a command has stopped, shape (legs,).
+    """
+
+    def __init__(
+        self, n_legs: int, trained: TrainedInputs, gap_um: NDArray[np.float64], max_age_ns: int
+    ) -> None:
+        self.stopped: Mask = np.zeros(n_legs, bool)
+        self._closure_min_rel = trained.closure_rel_min
+        self._closure_max_rel = trained.usable_max_rel(gap_um)
+        self._gap_closed_rel = trained.gap_closed_rel(gap_um)
+        self._max_age_ns = max_age_ns
+        # Of healthy legs; shared by their frames and never written to.
+        self._valid = np.full(n_legs, State.VALID, np.uint8)
+        self._all = np.ones(n_legs, bool)
+        self._no_fault = np.zeros(n_legs, np.uint16)
+
+    def classify(
+        self,
+        reading: Codes,
+        elements: ElementStatus,
+        missing: Mask,
+        sample: AlignedSample,
+        measured_rel: NDArray[np.float64],
+        consistency: ConsistencyResult,
+        untared: Mask,
+        untared_legs: Mapping[int, State],
+        drift_cause: Codes,
+        now_ns: int,
+    ) -> LegStatus:
+        """Classify the legs of a frame.
+
+        Args:
+            reading: How each element answered, shape (legs, 9).
+            elements: Status of the elements.
+            missing: Elements missing before the consistency test, shape (legs, 9).
+            sample: The elements as of one time.
+            measured_rel: Measured closures over the gap [1], shape (legs, 9).
+            consistency: Result of the consistency test.
+            untared: Elements without a baseline on legs that have others, shape (legs, 9).
+            untared_legs: State of every leg without a baseline, by row.
+            drift_cause: Cause of each leg by the drift of its baseline, shape (legs,).
+            now_ns: Current time [ns].
+        """
+        out_of_range = (measured_rel < self._closure_min_rel) | (measured_rel > self._closure_max_rel)
+        in_range = not np.count_nonzero(out_of_range)
+        oldest_ns = min(sample.oldest_ns.tolist())
+        fresh = oldest_ns > 0 and now_ns - oldest_ns <= self._max_age_ns
+        aligned = np.count_nonzero(sample.time_aligned) == len(sample.time_aligned)
+        # A leg without a baseline has no closures, and fails the consistency test.
+        if (
+            elements.ok
+            and consistency.ok
+            and fresh
+            and aligned
+            and in_range
+            and not np.count_nonzero(self.stopped)
+        ):
+            return LegStatus(
+                self._valid,
+                self._all,
+                self._no_fault,
+                drift_cause,
+                sample.t_ns,
+                all_usable=True,
+                in_range=True,
+            )
+        excluded = consistency.stuck | consistency.drifting
+        shorted = elements.over_range & (missing | excluded)
+        faulty = elements.opened | untared | excluded | (consistency.missing & ~missing)
+        kept = ~consistency.missing
+        closed = measured_rel > self._gap_closed_rel
+        state = self._valid.copy()
+        state[~kept.all(axis=1) | (consistency.inconsistency_rel > 0.0)] = State.DEGRADED
+        state[(out_of_range & kept).any(axis=1)] = State.OUT_OF_RANGE
+        state[(now_ns - sample.oldest_ns > self._max_age_ns) | ~sample.time_aligned] = State.STALE
+        for leg, untared_state in untared_legs.items():
+            state[leg] = untared_state
+        state[(state == State.TARING) & ~sample.time_aligned] = State.STARTING
+        converter_states(state, reading, faulty & kept, closed & kept | elements.over_range & ~shorted)
+        state[self.stopped] = State.STOPPED
+        faults = ElementFaults(elements.opened, shorted, consistency.stuck, consistency.drifting)
+        usable = _IS_USABLE[state]
+        return LegStatus(
+            state=state,
+            usable=usable,
+            fault_mask=fault_mask((reading != 0) | faulty | closed),
+            cause=causes(reading, state, faults, drift_cause),
+            t_ns=np.where(sample.oldest_ns > 0, sample.t_ns, 0),
+            all_usable=bool(usable.all()),
+            in_range=in_range,
+        )

@@ -1,0 +1,191 @@
+"""Errors of a read-out over the Cramer-Rao bound, by magnitude of the force."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.foot.directions import angles_between_deg, directions, paper_directions
+from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
+from footsense.lab.evaluation.cramer_rao import Bound, Unknowns, force_bound
+from footsense.lab.geometry import LoadRange
+from footsense.lab.training.load_cases import (
+    FULL_SCALE_PF,
+    leaning_normals,
+    measured_closure_rel,
+    sensed_closure_um,
+)
+
+Vector = NDArray[np.float64]
+
+#: Magnitudes at which a network is compared with the bound [gf].
+MAGNITUDES_GF = (20.0, 35.0, 50.0, 75.0, 100.0, 125.0, 150.0)
+#: Leaning loads at each magnitude, before those beyond the converter's range are left out.
+LEANING_LOADS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorSummary:
+    """Errors of one magnitude, over loads and noise.
+
+    Attributes:
+        direction_rms_deg: Root of the mean squared angle [deg].
+        direction_mean_deg: Mean angle [deg].
+        magnitude_rms_gf: Root of the mean squared magnitude error [gf].
+        component_rms_n: The same of each component [N].
+    """
+
+    direction_rms_deg: float
+    direction_mean_deg: float
+    magnitude_rms_gf: float
+    component_rms_n: tuple[float, float, float]
+
+    @classmethod
+    def of_bound(cls, bound: Bound) -> "ErrorSummary":
+        """Return the errors of a read-out that reaches the bound."""
+        return cls(
+            _rms(bound.direction_rms_deg),
+            float(bound.direction_mean_deg.mean()),
+            _rms(bound.magnitude_gf),
+            _components(bound.component_n),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MagnitudeBin:
+    """A read-out beside the bound at one magnitude.
+
+    Attributes:
+        magnitude_gf: The magnitude [gf].
+        n: Loads.
+        n_saturated: Loads beyond the converter's range, left out.
+        network: Errors of the read-out.
+        leaning: The bound with five unknowns.
+        centred: The bound with three unknowns; None where the loads lean.
+        typical_ratio: Median over the loads of the rms angle over the bound's, load by load.
+    """
+
+    magnitude_gf: float
+    n: int
+    n_saturated: int
+    network: ErrorSummary
+    leaning: ErrorSummary
+    centred: ErrorSummary | None
+    typical_ratio: float
+
+    @property
+    def direction_ratio(self) -> float:
+        """Rms angle over the bound's with five unknowns."""
+        return self.network.direction_rms_deg / self.leaning.direction_rms_deg
+
+    @property
+    def magnitude_ratio(self) -> float:
+        """Rms magnitude error over the bound's with five unknowns."""
+        return self.network.magnitude_rms_gf / self.leaning.magnitude_rms_gf
+
+
+@dataclass(frozen=True, slots=True)
+class CrbRatio:
+    """A read-out beside the bound over the loading range.
+
+    Attributes:
+        centred: The paper's 180 verification directions, centred.
+        leaning: Random directions on contacts that lean by up to the friction angle.
+    """
+
+    centred: tuple[MagnitudeBin, ...]
+    leaning: tuple[MagnitudeBin, ...]
+
+    @property
+    def worst(self) -> float:
+        """The headline: the largest `direction_ratio` of the centred loads."""
+        return max(one.direction_ratio for one in self.centred)
+
+
+def leaning_contacts(loads: LoadRange, rng: np.random.Generator, n: int) -> tuple[Vector, Vector]:
+    """Return contact normals and directions of force, shapes (m, 3), m <= n: those of n whose contact is in reach.
+
+    Both are drawn like the random loads of the training.
+    """
+    lowest = np.sin(np.radians(loads.min_elevation_deg))
+    elevation = np.degrees(np.arcsin(rng.uniform(lowest, 1.0, n)))
+    direction = directions(rng.uniform(0.0, 360.0, n), elevation)
+    normal = leaning_normals(loads, rng, direction)
+    reached = normal[:, 2] >= lowest
+    return normal[reached], direction[reached]
+
+
+def _rms(values: Vector) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _components(values: Vector) -> tuple[float, float, float]:
+    """Return the root mean square of each component over all loads."""
+    x, y, z = (_rms(values[..., axis]) for axis in range(3))
+    return x, y, z
+
+
+def _bin(
+    foot: Foot,
+    force_of: Callable[[Vector], Vector],
+    contacts: tuple[Vector, Vector],
+    magnitude_gf: float,
+    draws: int,
+    rng: np.random.Generator,
+) -> MagnitudeBin:
+    """Return the errors of a read-out at one magnitude."""
+    design = foot.response.design
+    normal, force = contacts[0], contacts[1] * magnitude_gf * GRAM_FORCE_N
+    closure_um = sensed_closure_um(foot, normal, force)
+    in_range = design.capacitance_pf(closure_um).max(axis=1) < FULL_SCALE_PF
+    normal, force, closure_um = normal[in_range], force[in_range], closure_um[in_range]
+    estimate = np.stack([force_of(measured_closure_rel(design, closure_um, rng)) for _ in range(draws)])
+    angle = angles_between_deg(force, estimate)
+    excess_gf = np.linalg.norm(estimate, axis=-1) / GRAM_FORCE_N - magnitude_gf
+    bound = force_bound(foot, normal, force, Unknowns.LEANING)
+    centred = np.allclose(contacts[0], contacts[1])
+    return MagnitudeBin(
+        magnitude_gf=magnitude_gf,
+        n=len(force),
+        n_saturated=len(in_range) - len(force),
+        network=ErrorSummary(
+            _rms(angle), float(angle.mean()), _rms(excess_gf), _components(estimate - force)
+        ),
+        leaning=ErrorSummary.of_bound(bound),
+        centred=ErrorSummary.of_bound(force_bound(foot, normal, force, Unknowns.CENTRED))
+        if centred
+        else None,
+        typical_ratio=float(np.median(np.sqrt((angle**2).mean(axis=0)) / bound.direction_rms_deg)),
+    )
+
+
+def crb_ratio(
+    response: FootResponse,
+    loads: LoadRange,
+    force_of: Callable[[Vector], Vector],
+    *,
+    draws: int = 64,
+    magnitudes_gf: tuple[float, ...] = MAGNITUDES_GF,
+    seed: int = 1,
+) -> CrbRatio:
+    """Return the errors of a read-out with noise over the Cramer-Rao bound.
+
+    Args:
+        response: The foot.
+        loads: Range of the leaning loads.
+        force_of: The read-out: forces [N], shape (n, 3), of noisy closures over the gap, shape (n, 9).
+        draws: Draws of the noise per load.
+        magnitudes_gf: Magnitudes [gf].
+        seed: Of the noise and of the leaning loads.
+    """
+    foot, rng = Foot(response), np.random.default_rng(seed)
+    direction = paper_directions("verification")
+    sets = ((direction, direction), leaning_contacts(loads, rng, LEANING_LOADS))
+    centred, leaning = (
+        tuple(_bin(foot, force_of, contacts, gf, draws, rng) for gf in magnitudes_gf) for contacts in sets
+    )
+    return CrbRatio(centred, leaning)
