@@ -12,15 +12,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, decode_quality
+from firmware_interface.can_frames import FORCE_ID, NODE_IDS, QUALITY_ID, decode_quality
 from firmware_interface.socketcan import split_frames
 from footsense.frames import USABLE, ContactFrame, Cycle, State
+from footsense.sim.can.interface import AS_DEPLOYED
 from footsense.sim.faults.scene_faults import CanFault, Fault
 from footsense.validation.tolerances import Rules, Spans, tolerated_delays_s, tolerated_spans_s
 
 __all__ = ["Invariants", "Violation"]
 
 _NS_PER_S = 1_000_000_000
+#: Name of each leg by its node id.
+_LEG_OF_NODE = {node: leg for leg, node in NODE_IDS.items()}
 _USABLE = frozenset(int(state) for state in USABLE)
 #: Limit of an error in sigmas.
 _SIGMAS = 5.0
@@ -33,8 +36,10 @@ CAN_RECOVERY_S = 2.0
 
 #: Delay of the next frame by the search for a leg [s]; considerable only against a single conversion.
 _SEARCH_DELAY_S = 1.5e-3
-#: Frames ahead of one on the wire: a full queue and three mailboxes, each of which loses to another node's [bits].
-_DRAIN_BITS = 2 * 19 * 135
+#: Frames of a leg in a cycle on CAN: `Force` and `Quality`.
+_FRAMES_PER_LEG = 2
+#: Frames ahead of one on the wire: a full queue and the mailboxes, each of which loses to another node's [bits].
+_DRAIN_BITS = 2 * (AS_DEPLOYED.queue_frames + AS_DEPLOYED.mailboxes) * 135
 #: Values of the counter in a frame of CAN.
 _COUNTER_VALUES = 15
 
@@ -94,7 +99,9 @@ class Invariants:
         self._last: tuple[int, int] | None = None  # sequence, t_sent_ns
         self._counters: dict[int, tuple[int, int]] = {}  # by node: counter, t_ns
         self._on_time_s = 1.1 * rules.period_s + _SEARCH_DELAY_S
-        self._longest_wait_s = 2.0 * rules.period_s + _DRAIN_BITS / rules.bitrate
+        # A full queue holds frames of so many cycles: two of six legs, three of three legs.
+        n_cycles = math.ceil(AS_DEPLOYED.queue_frames / (_FRAMES_PER_LEG * len(rules.legs)))
+        self._longest_wait_s = n_cycles * rules.period_s + _DRAIN_BITS / rules.bitrate
         self.violations: list[Violation] = []
         self.n_violations: Counter[str] = Counter()
         self.n_cycles = self.n_checked = self.n_received = self.n_missed = 0
@@ -113,19 +120,21 @@ class Invariants:
         sigma_n: list[list[float]] = frame.sigma_n.tolist()
         self.n_states.update(states)
         usable = [state in _USABLE for state in states]
-        for leg, (state, is_usable, t_ns) in enumerate(zip(states, usable, frame.t_ns.tolist(), strict=True)):
+        for leg, (name, state, is_usable, t_ns) in enumerate(
+            zip(rules.legs, states, usable, frame.t_ns.tolist(), strict=True)
+        ):
             some = any(map(math.isfinite, force_n[leg]))
             numbers = all(map(math.isfinite, (*force_n[leg], *sigma_n[leg])))
             if not numbers == some == is_usable:
-                self._violate("a number if and only if the state allows one", t_s, leg, State(state).name)
+                self._violate("a number if and only if the state allows one", t_s, name, State(state).name)
             age_ns = frame.t_sent_ns - t_ns
             if is_usable and age_ns > rules.max_age_s * _NS_PER_S:
-                self._violate("no force above its age limit", t_s, leg, f"{age_ns / 1e6:.1f} ms")
+                self._violate("no force above its age limit", t_s, name, f"{age_ns / 1e6:.1f} ms")
             if is_usable or t_s < rules.from_s or self._tolerated[leg].contain(t_s):
                 self._good_s[leg] = t_s
             elif t_s - self._good_s[leg] > self._on_time_s + self._delay_s(self._good_s[leg], t_s):
                 detail = f"{State(state).name}, cause {frame.cause[leg]}"
-                self._violate("the other legs go on", t_s, leg, detail)
+                self._violate("the other legs go on", t_s, name, detail)
         self._check_errors(frame, [leg for leg in range(len(usable)) if usable[leg]], force_n, sigma_n)
 
     def on_delivered(self, t_ns: int, handed_ns: int, frame: bytes) -> None:
@@ -144,7 +153,7 @@ class Invariants:
         wait_ns = t_ns - handed_ns
         if wait_ns > self._longest_wait_s * _NS_PER_S:
             detail = f"0x{can_id:03x} {wait_ns / 1e6:.1f} ms"
-            self._violate("no frame waits for two periods", t_s, node - 1, detail)
+            self._violate("no frame waits longer than in a full queue", t_s, _LEG_OF_NODE[node], detail)
         if kind == QUALITY_ID:
             self._check_age_on_wire(can_id, data, wait_ns, t_s)
             return
@@ -154,7 +163,7 @@ class Invariants:
         missed = (counter - before[0] - 1) % _COUNTER_VALUES if before is not None else 0
         self.n_missed += missed
         if before is not None and missed and not self._can_was_broken(before[1] / _NS_PER_S, t_s):
-            self._violate("every frame reaches CAN", t_s, node - 1, f"{missed} missing")
+            self._violate("every frame reaches CAN", t_s, _LEG_OF_NODE[node], f"{missed} missing")
 
     def close(self) -> None:
         """Nothing is held."""
@@ -164,11 +173,11 @@ class Invariants:
         if last is None:
             return
         if sequence != last[0] + 1:
-            self._violate("no frame is left out", t_s, None, f"{last[0]}, then {sequence}")
+            self._violate("no frame is left out", t_s, "", f"{last[0]}, then {sequence}")
         gap_s = (t_sent_ns - last[1]) / _NS_PER_S
         self.longest_gap_s = max(self.longest_gap_s, gap_s)
         if not 0.0 < gap_s <= self._on_time_s + self._delay_s(t_s - gap_s, t_s):
-            self._violate("frames keep coming on time", t_s, None, f"{1e3 * gap_s:.1f} ms")
+            self._violate("frames keep coming on time", t_s, "", f"{1e3 * gap_s:.1f} ms")
 
     def _delay_s(self, from_s: float, until_s: float) -> float:
         """Return the tolerated delay of a frame by faults of a bus [s]."""
@@ -199,13 +208,14 @@ class Invariants:
             return  # no force goes with it
         age_ns = quality.age_ns + wait_ns
         if age_ns > (self._rules.max_age_s + self._longest_wait_s) * _NS_PER_S:
-            self._violate("nothing old leaves the wire", t_s, quality.node - 1, f"{age_ns / 1e6:.1f} ms")
+            self._violate(
+                "nothing old leaves the wire", t_s, _LEG_OF_NODE[quality.node], f"{age_ns / 1e6:.1f} ms"
+            )
 
     def _can_was_broken(self, from_s: float, until_s: float) -> bool:
         return any(at_s <= until_s and from_s <= end_s for at_s, end_s in self._can_broken_s)
 
-    def _violate(self, rule: str, t_s: float, leg: int | None, detail: str) -> None:
+    def _violate(self, rule: str, t_s: float, leg: str, detail: str) -> None:
         self.n_violations[rule] += 1
         if len(self.violations) < _KEPT:
-            name = "" if leg is None else self._rules.legs[leg]
-            self.violations.append(Violation(rule, round(t_s, 4), name, detail))
+            self.violations.append(Violation(rule, round(t_s, 4), leg, detail))

@@ -121,7 +121,7 @@ def test_what_is_missing_or_late_on_can_is_noticed() -> None:
     hear(seen, 10, 5300, wait_ms=80)
     hear(seen, 11, 5400, age_ms=200)
     assert violated(seen) - {"every frame reaches CAN"} == {
-        "no frame waits for two periods",
+        "no frame waits longer than in a full queue",
         "nothing old leaves the wire",
     }
 
@@ -160,3 +160,11 @@ def test_random_faults_all_pass() -> None:
         fault.rate_ff_per_s * (fault.until_s - fault.at_s) for fault in drifts if fault.until_s is not None
     ]
     assert sum(drifted_ff) == pytest.approx(0.0, abs=0.5)
+
+
+def test_a_violation_on_can_names_the_leg_of_its_node() -> None:
+    """A robot of three legs keeps the node ids of six."""
+    seen = watching(rules=RULES._replace(legs=("lf", "lm", "rm")))
+    force = pack_frame(FORCE_ID + 5, encode_force(5, 0, State.VALID, (0.0, 0.0, 1.0)))
+    seen.on_delivered(2_000 * MS, 0, force)
+    assert [violation.leg for violation in seen.violations] == ["rm"]
