@@ -33,16 +33,16 @@ class Register(IntEnum):
 
 N_REGISTERS = 0x13
 
-#: Written in the place of a register address, it resets the chip, which does not answer for `RESET_NS` after it.
+#: Written instead of a register address, it resets the chip, which then does not answer for `RESET_NS`.
 RESET_COMMAND = 0xBF
 RESET_NS = 200_000
 
-#: Registers CAP_SETUP to CAP_OFFSET after power-up or reset: what a chip without an id is recognised by.
+#: Registers CAP_SETUP to CAP_OFFSET after power-up or reset (table 7); they identify a chip that has no id.
 RESET_VALUES = bytes((0x00, 0x00, 0x03, 0xA0, 0x00, 0x00, 0x80, 0x00))
 
 # STATUS (table 8). The three ready bits are 0 when there is new data; they are 1 again once it is read.
-EXCERR = 0x08  #: the excitation output cannot drive what is connected to it
-NOT_RDY = 0x04  #: all conversions that were asked for are done
+EXCERR = 0x08  #: the excitation output cannot drive its load
+NOT_RDY = 0x04  #: a conversion that was started is not done
 NOT_RDYVT = 0x02
 NOT_RDYCAP = 0x01
 STATUS_NEVER_SET = 0xF0
@@ -77,7 +77,7 @@ class Rate(NamedTuple):
 
     @property
     def noise_ff(self) -> float:
-        """Return what to plan with [fF rms]: the chip's noise, and that of wires to a foot.
+        """Planning value of the noise [fF rms]: of the chip, and of the wires to a foot.
 
         Example:
             >>> [round(RATES[rate_sps].noise_ff, 2) for rate_sps in (91, 50, 9)]
@@ -86,7 +86,7 @@ class Rate(NamedTuple):
         return hypot(self.chip_noise_ff, WIRE_NOISE_FF_PER_RTHZ * sqrt(self.bandwidth_hz))
 
 
-#: What a ribbon cable to the sensor makes of 1.5 to 4 aF/sqrt(Hz) [fF/sqrt(Hz)] (EngineerZone, thread 88349).
+#: Noise with a ribbon cable to the sensor, instead of 1.5 to 4 aF/sqrt(Hz) [fF/sqrt(Hz)] (EngineerZone, thread 88349).
 WIRE_NOISE_FF_PER_RTHZ = 0.1
 
 #: Conversion times by conversions per second, as the Linux driver names them (tables 5 and 13).
@@ -104,12 +104,12 @@ RATES = {
 #: Conversion times of temperature and voltage by the value of VTFS [ns] (table 6).
 VT_CONVERSION_NS = (20_100_000, 32_100_000, 62_100_000, 122_100_000)
 
-#: Planning value for how far a chip's own clock may be off. Not specified: verify on hardware.
+#: Planning value of the deviation of a chip's clock [1]. Not specified: verify on hardware.
 CLOCK_TOLERANCE_REL = 0.02
 
 ZERO_CODE = 0x800000
 CODE_MAX = 0xFFFFFF
-#: Capacitance at the upper end of the codes [pF]; the lower end has the same with a minus.
+#: Capacitance at the upper end of the codes [pF]; the lower end is its negative.
 FULL_SCALE_PF = 4.096
 
 #: One nominal step of the CAPDAC [pF]: 21 pF over 127. Full scale is specified as 17 pF at least and 21 pF typically:
@@ -122,7 +122,7 @@ def configuration(mode: int, capfs: int = 0, vtfs: int = 0) -> int:
     """Return the CONFIGURATION byte.
 
     Args:
-        mode: MODE_SINGLE starts one conversion of whatever is enabled, after which the chip is idle.
+        mode: MODE_SINGLE starts one conversion of the enabled channel, after which the chip is idle.
         capfs: Code of the conversion time, 0..7.
         vtfs: Index into VT_CONVERSION_NS.
 
@@ -134,7 +134,7 @@ def configuration(mode: int, capfs: int = 0, vtfs: int = 0) -> int:
 
 
 def capdac(code: int) -> int:
-    """Return the CAPDAC byte that takes so many steps off what the input sees.
+    """Return the CAPDAC byte that subtracts so many steps from the input.
 
     Raises:
         ValueError: There is no such step.

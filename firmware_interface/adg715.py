@@ -1,9 +1,9 @@
-"""The ADG715 octal analog switch, and how it selects lines of a foot.
+"""The ADG715 octal analog switch, which selects the lines of a foot.
 
 Source: Analog Devices ADG714/ADG715 data sheet rev. B. One data byte, bit n closes switch n + 1; all switches are
 open after power-up. The address is 1001 0 A1 A0; A1 A0 = 01 and 10 keep it clear of an AD7746 at 0x48.
 
-Switches 1..3 connect lines 0..2 to where a selected line belongs, switches 4..6 to where the others wait:
+Switches 1..3 connect lines 0..2 to the node of a selected line, switches 4..6 to that of a waiting line:
 
 | board | address | lines | selected | waiting |
 |---|---|---|---|---|
@@ -23,7 +23,7 @@ _ALL_LINES = (1 << LINES) - 1
 
 
 def select_lines(lines: int) -> int:
-    """Return the switch byte that selects the lines in the bit mask and lets the others wait.
+    """Return the switch byte that selects the lines in a bit mask and connects the others as waiting.
 
     Raises:
         ValueError: The mask has more bits than a foot has rows or columns.
@@ -43,5 +43,5 @@ def selected_lines(switches: int) -> int:
 
 
 def waiting_lines(switches: int) -> int:
-    """Return the mask of the lines that a switch byte lets wait."""
+    """Return the mask of the lines that a switch byte connects as waiting."""
     return switches >> _WAITING_SHIFT & _ALL_LINES

@@ -1,6 +1,6 @@
-"""The codes that stand in the CAN frames of footsense: nodes, states, flags, commands, results.
+"""Codes in the CAN frames of footsense: nodes, states, flags, commands, results.
 
-The same names, in CamelCase, are the value tables of `footsense.dbc`. A code is never given a new meaning.
+The same names in CamelCase are the value tables of `footsense.dbc`. No code ever changes its meaning.
 """
 
 from enum import IntEnum, IntFlag
@@ -25,41 +25,39 @@ NODE_IDS = {"lf": 1, "lm": 2, "lr": 3, "rf": 4, "rm": 5, "rr": 6}
 
 
 class State(IntEnum):
-    """Whether a leg's force may be used, and if not, why. Zero is not a usable state on purpose."""
+    """State of a leg: whether its force may be used, and if not, why. Code 0 is no usable state on purpose."""
 
     ABSENT = 0  #: the leg's chips do not answer
     VALID = 1  #: the force may be used
     NO_BASELINE = 2  #: no tare has succeeded yet
     TARING = 3  #: a tare is being taken
-    SATURATED = 4  #: a gap is shut or a code stands at the end of its range
+    SATURATED = 4  #: a gap is closed, or a code is at the end of its range
     ELEMENT_FAULT = 5  #: an element is open, shorted or gives no number; see the element mask
     CONVERTER_FAULT = 6  #: the converter answers but its conversions do not finish
     STALE = 7  #: the measurement is older than the age limit
     OUT_OF_RANGE = 8  #: the load lies outside what the network was trained on
-    STOPPED = 9  #: the service was told to stop
-    DEGRADED = (
-        10  #: an element, row or column is missing; the force is that of the others, and sigma says how good
-    )
-    STARTING = 11  #: the chips answer, the first readings are not complete yet
+    STOPPED = 9  #: the leg was stopped by command
+    DEGRADED = 10  #: an element, row or column is missing: the force is estimated from the others, with a larger sigma
+    STARTING = 11  #: the chips answer; the first readings are incomplete
 
 
 #: States under which a force is sent.
 USABLE = frozenset({State.VALID, State.DEGRADED})
 
-#: States that a leg passes through when nothing is wrong with it.
+#: States of a leg without a fault.
 EXPECTED = frozenset({State.VALID, State.STARTING, State.TARING, State.STOPPED})
 
 
 class Phase(IntEnum):
-    """Where a leg is on its way from power-up to forces: its states, grouped for a person or a dashboard."""
+    """Phase of a leg from power-up to forces: its states, grouped for people and dashboards."""
 
     ABSENT = 0  #: its chips do not answer
-    STARTING = 1  #: they answer, but no force can be told yet: readings or a tare are missing
+    STARTING = 1  #: they answer, but readings or a tare are missing for a force
     TARING = 2  #: a tare is being taken
     VALID = 3  #: forces come
-    DEGRADED = 4  #: forces come, of fewer elements
-    FAULTED = 5  #: something is broken, held up or out of range
-    STOPPED = 6  #: the service was told to stop
+    DEGRADED = 4  #: forces come from fewer elements
+    FAULTED = 5  #: something is broken, delayed or out of range
+    STOPPED = 6  #: the leg was stopped by command
 
 
 _PHASES = {
@@ -79,77 +77,79 @@ _PHASES = {
 
 
 def phase_of(state: State) -> Phase:
-    """Return the phase that a state belongs to."""
+    """Return the phase of a state."""
     return _PHASES[state]
 
 
 class Flag(IntFlag):
-    """Notes that do not forbid the value."""
+    """Properties of a force that do not forbid its use."""
 
-    SIMULATED = 1  #: made by the simulator, not by a foot
+    SIMULATED = 1  #: from the simulator, not from a foot
     DEGRADED_TIMING = 2  #: the loop did not get the scheduling that it asked for
     TARE_REFUSED = 4  #: the last tare was refused; the older baseline is in use
-    CONTACT = 8  #: the foot is on the ground, judged with hysteresis
+    CONTACT = 8  #: the foot is in contact with the ground, with hysteresis
 
 
 class Cause(IntEnum):
-    """What lies behind a state, as far as it is known; a fault report names it."""
+    """Cause of a state, as far as it is known; part of the fault report."""
 
     NONE = 0  #: nothing is wrong, or nothing is known
     NO_ANSWER = 1  #: the leg's chips do not acknowledge: cable, power, or mux channel
     BUS_STUCK = 2  #: SDA or SCL is held low while the leg is connected
     WRONG_CHIP = 3  #: another chip answers at the converter's address
     NEVER_FINISHES = 4  #: conversions do not end
-    SETTINGS_LOST = 5  #: a chip does not hold what it was told: a dip of its supply, or a deaf switch
+    SETTINGS_LOST = 5  #: a chip has lost its settings: a dip of its supply, or a switch that does not respond
     CORRUPT = 6  #: answers that no healthy chip gives
     ELEMENT_OPEN = 7  #: single elements have lost their electrode
-    ELEMENT_SHORTED = 8  #: an element reads beyond anything a foot can be pressed to
+    ELEMENT_SHORTED = 8  #: an element reads more than any load can cause
     ELEMENT_STUCK = 9  #: an element no longer moves, not even by its noise
-    ELEMENT_DRIFTS = 10  #: an element's zero has left the others'
+    ELEMENT_DRIFTS = 10  #: an element's baseline has drifted away from the others'
     ROW_OPEN = 11  #: the line of a row is interrupted
     COLUMN_OPEN = 12  #: the line of a column is interrupted
-    GAP_CLOSED = 13  #: a gap is shut: more load than the foot can tell
-    DELAYED = 14  #: the loop or the bus was held up
+    GAP_CLOSED = 13  #: a gap is closed: more load than the foot can measure
+    DELAYED = 14  #: the loop or the bus was delayed
     CANNOT_EXCITE = 15  #: the converter cannot drive the leg's rows: a short, or a leak to ground
-    CALIBRATION_STALE = (
-        16  #: its loads or its elements no longer fit together with the robot's; the force is as before
-    )
+    CALIBRATION_STALE = 16  #: its loads or elements no longer match the calibration; the force is unchanged
 
 
 class BaselineStatus(IntEnum):
-    """What the tracking of a leg's zero does at the moment."""
+    """Status of a leg's baseline tracking."""
 
-    NONE = 0  #: there is no zero yet
-    TRACKING = 1  #: the foot is in confirmed swing, and the zero follows it
-    HELD = 2  #: the foot is loaded, or its swing is not confirmed: the zero stands still
+    NONE = 0  #: there is no baseline yet
+    TRACKING = 1  #: the foot is in confirmed swing, and the baseline tracks it
+    HELD = 2  #: the foot is loaded, or its swing is not confirmed: the baseline holds
     NOT_QUIET = 3  #: refused: the readings move more than noise does
-    TOO_FAR = 4  #: refused: further from the free foot's readings than the limit allows
-    TOO_FAST = 5  #: refused: it would move faster than any temperature does
+    TOO_FAR = 4  #: refused: further from the unloaded foot's readings than the limit
+    TOO_FAST = 5  #: refused: faster than temperature can change
 
 
 class CommandKind(IntEnum):
-    """What a consumer may ask of one leg."""
+    """Commands to one leg."""
 
     TARE = 1  #: take the present capacitances as those of the unloaded foot
     START = 2  #: publish forces again after STOP
-    STOP = 3  #: publish no force of this leg; its state becomes STOPPED
+    STOP = 3  #: publish no force of this leg: its state becomes STOPPED
 
 
 class Result(IntEnum):
-    """What became of a command."""
+    """Result of a command."""
 
     DONE = 0
     NOT_QUIET = 1  #: tare refused: the readings move more than noise does
-    LOADED = 2  #: refused: the foot is on the ground, or its readings are not those of an unloaded one
+    LOADED = 2  #: refused: the foot is in contact, or its readings are not those of an unloaded foot
     ELEMENT_FAULT = 3  #: tare refused: an element gives no usable number
     ABSENT = 4  #: refused: the leg does not answer
     UNKNOWN = 5  #: refused: no such command
 
 
 class NmtState(IntEnum):
-    """What a heartbeat says of its node. Source: CiA 301, producer heartbeat."""
+    """State of a node in its heartbeat.
+
+    Source:
+        CiA 301, heartbeat protocol.
+    """
 
     BOOT = 0x00  #: the service has just opened the channel
-    STOPPED = 0x04  #: no forces come: the service ends, or was told to stop
+    STOPPED = 0x04  #: no forces: the service ends, or the leg was stopped by command
     OPERATIONAL = 0x05
     PRE_OPERATIONAL = 0x7F  #: alive, but without a baseline, or without an answer of the leg's chips

@@ -1,9 +1,11 @@
-"""The CAN frames that go with events: fault report, command, answer, heartbeat.
+"""The CAN frames of events: fault report, command, answer, heartbeat.
 
-All but the heartbeat are protected as told in `crc8`. The ids are CANopen's, so that a CANopen tool shows an
-emergency, a request, an answer and a heartbeat; the contents of the first three are footsense's own.
+All but the heartbeat are protected as `crc8` describes. The ids are CANopen's, so that a CANopen tool shows an
+emergency, a request, an answer and a heartbeat; the contents of the first three are footsense's own. The file is long
+for the drawing of each frame beside its two functions.
 
-The file is long for its drawings: each frame has one, beside the two functions that it explains.
+Source:
+    CiA 301, pre-defined connection set and heartbeat protocol.
 """
 
 import struct
@@ -41,8 +43,8 @@ COMMAND_ID = 0x200
 ANSWER_ID = 0x580
 HEARTBEAT_ID = 0x700
 
-#: The word that a command spells out beside its kind, so that no stray frame is one.
-#: Source: CiA 404 auto-zero is started by writing "zero" to object 0x6125; the others follow its manner.
+#: Word of each command beside its kind, so that no stray frame is a command.
+#: Source: CiA 404 starts an auto-zero by writing "zero" to object 0x6125; the others follow it.
 WORDS = {CommandKind.TARE: b"zero", CommandKind.START: b"strt", CommandKind.STOP: b"stop"}
 
 #: Stands for the counter of the command in an answer that no command frame command_counter for.
@@ -50,11 +52,11 @@ UNSOLICITED = COUNTER_PERIOD
 
 
 class UnknownCommandError(FrameError):
-    """A frame that arrived whole but asks for nothing that exists.
+    """A frame with a valid crc and no known command.
 
     Attributes:
         kind: Its kind byte.
-        counter: Its counter.
+        counter: Its sequence counter.
     """
 
     def __init__(self, kind: int, counter: int, word: bytes) -> None:
@@ -64,15 +66,15 @@ class UnknownCommandError(FrameError):
 
 
 class Fault(NamedTuple):
-    """What a fault report says: the state of a leg, its element mask or what lies behind them has changed.
+    """Content of a fault report: the state of a leg, its element mask or its cause has changed.
 
     Attributes:
         node: CAN node id of the leg, 1..6.
-        counter: Running number of the frame, 0..14.
+        counter: Sequence counter of the frame, 0..14.
         state: State from now on.
         previous: State until now.
         fault_mask: Bit e set where element e is not usable, 9 bits.
-        cause: What lies behind the state, as far as it is known.
+        cause: Cause of the state, as far as it is known.
     """
 
     node: int
@@ -84,12 +86,12 @@ class Fault(NamedTuple):
 
 
 class Command(NamedTuple):
-    """A request to one leg.
+    """Content of a command to one leg.
 
     Attributes:
         node: CAN node id of the leg, 1..6.
-        counter: Running number of the frame, 0..14; the answer repeats it.
-        kind: What to do.
+        counter: Sequence counter of the frame, 0..14; the answer repeats it.
+        kind: The command.
     """
 
     node: int
@@ -98,14 +100,14 @@ class Command(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What became of a command.
+    """Content of an answer: the result of a command.
 
     Attributes:
         node: CAN node id of the leg, 1..6.
-        counter: Running number of the frame, 0..14.
+        counter: Sequence counter of the frame, 0..14.
         result: DONE, or why it was refused.
         kind: Kind byte of the command, known or not.
-        command_counter: Counter of the command; `UNSOLICITED` for the tare that the service takes by itself.
+        command_counter: Counter of the command; `UNSOLICITED` for a tare that the service takes by itself.
     """
 
     node: int
@@ -116,7 +118,7 @@ class Answer(NamedTuple):
 
 
 class Heartbeat(NamedTuple):
-    """What a heartbeat says of its node.
+    """Content of a heartbeat.
 
     Attributes:
         node: CAN node id of the leg, 1..6.
@@ -154,7 +156,7 @@ def encode_fault(node: int, counter: int, state: int, previous: int, fault_mask:
 
 
 def decode_fault(can_id: int, data: bytes) -> Fault:
-    """Return what a `Fault` frame says.
+    """Return the content of a `Fault` frame.
 
     Raises:
         FrameError: The id, length, crc, counter, a state or the cause is wrong.
@@ -188,10 +190,10 @@ def encode_command(node: int, counter: int, kind: CommandKind) -> bytes:
 
 
 def decode_command(can_id: int, data: bytes) -> Command:
-    """Return what a `Command` frame asks for.
+    """Return the content of a `Command` frame.
 
     Raises:
-        UnknownCommandError: The frame is whole, but kind and word are not those of a command.
+        UnknownCommandError: The crc is right, but kind and word are those of no command.
         FrameError: The id, length, crc or counter is wrong.
     """
     node = node_of(can_id, COMMAND_ID)
@@ -222,7 +224,7 @@ def encode_answer(node: int, counter: int, result: int, kind: int, command_count
 
 
 def decode_answer(can_id: int, data: bytes) -> Answer:
-    """Return what an `Answer` frame says.
+    """Return the content of an `Answer` frame.
 
     Raises:
         FrameError: The id, length, crc, counter or result is wrong.
@@ -240,9 +242,8 @@ def decode_answer(can_id: int, data: bytes) -> Answer:
 def encode_heartbeat(state: NmtState, *, degraded_timing: bool = False) -> bytes:
     """Return the data byte of `Heartbeat`, which is CANopen's and has no crc.
 
-    With degraded timing the bit is set that CiA 301 keeps at 0. A CANopen tool then sees no valid state, which is
-    what it should see, or, if it masks the bit out as node guarding does, the plain one. In normal operation the
-    byte is CANopen's.
+    Degraded timing sets the bit that CiA 301 keeps at 0. A CANopen tool then shows no valid state, as intended, or
+    the plain state if it masks the bit out, as node guarding does. In normal operation the byte is CANopen's.
 
     Example:
         >>> encode_heartbeat(NmtState.OPERATIONAL).hex()
@@ -254,7 +255,7 @@ def encode_heartbeat(state: NmtState, *, degraded_timing: bool = False) -> bytes
 
 
 def decode_heartbeat(can_id: int, data: bytes) -> Heartbeat:
-    """Return what a heartbeat tells of its node.
+    """Return the content of a heartbeat.
 
     Raises:
         FrameError: The id, length or state is wrong.

@@ -1,11 +1,8 @@
-"""The CAN frames of footsense as bytes and numbers; `footsense.dbc` says the same for other tools.
+"""The CAN frames `Force` and `Quality`, sent for each leg with every scan; in `footsense.dbc` for other tools.
 
-Here are the two frames that every scan sends for each leg, `Force` and `Quality`. The frames that go with
-events are in `can_events`, the codes of states and the like in `can_codes`. Everything is little-endian.
-Byte 0 and the low nibble of byte 1 protect a frame as told in `crc8`.
-
-A number that is not there has a code of its own, apart from those of numbers too large for their field, so
-that neither is ever taken for a measurement.
+Event frames are in `can_events`, codes in `can_codes`. Everything is little-endian. Byte 0 and the low nibble of byte
+1 protect a frame as `crc8` describes. "No value" has a code of its own, apart from the code of a number too large for
+its field, so that neither passes for a measurement.
 
 Units:
     Force and its standard deviation N, age ns; on the wire 1 mN, 2 mN and 0.1 ms per bit.
@@ -41,18 +38,19 @@ __all__ = [
     "state_of",
 ]
 
-#: CAN ids are these plus the node id, as CANopen's default transmit PDOs 1 and 2.
+#: CAN ids are these plus the node id, as CANopen's default transmit PDOs 1 and 2. Source: CiA 301, pre-defined
+#: connection set.
 FORCE_ID = 0x180
 QUALITY_ID = 0x280
 
 
 class Force(NamedTuple):
-    """What `Force` says of one leg.
+    """Content of a `Force` frame.
 
     Attributes:
         node: CAN node id of the leg, 1..6.
-        counter: Running number of the frame, 0..14.
-        state: Whether the force may be used.
+        counter: Sequence counter of the frame, 0..14.
+        state: State of the leg: whether the force may be used.
         force_n: Ground reaction (fx, fy, fz) on the foot in the foot frame [N]; NaN: no value.
     """
 
@@ -63,12 +61,12 @@ class Force(NamedTuple):
 
 
 class Quality(NamedTuple):
-    """What `Quality` says of the force with the same counter.
+    """Content of a `Quality` frame, about the force with the same counter.
 
     Attributes:
         node: CAN node id of the leg, 1..6.
-        counter: Running number of the frame, 0..14.
-        flags: Notes that do not forbid the value.
+        counter: Sequence counter of the frame, 0..14.
+        flags: Properties of the force that do not forbid its use.
         age_ns: From the measurement to the send [ns], in steps of 0.1 ms; None: unknown, or above 409.4 ms.
         fault_mask: Bit e set where element e is not usable, 9 bits.
         sigma_n: Standard deviation of each component [N]; NaN: no value; 1.02: or more.
@@ -96,7 +94,7 @@ _NO_SIGMA = 511
 _MAX_SIGMA = 510
 _SIGMA_PER_N = 500
 _MAX_SIGMA_N = _MAX_SIGMA / _SIGMA_PER_N
-# Rounds up, but not for what double arithmetic adds to a whole number of bits.
+# Rounds up, except for the rounding error of a whole number of bits.
 _ROUND_UP = 1 - 1e-6
 
 _NAN = float("nan")
@@ -115,7 +113,7 @@ def node_of(can_id: int, base: int) -> int:
 
 
 def state_of(code: int) -> State:
-    """Return the state that a code of four bits stands for.
+    """Return the state of a 4-bit code.
 
     Raises:
         FrameError: No state has this code.
@@ -239,7 +237,7 @@ def encode_force(node: int, counter: int, state: int, force_n: Sequence[float]) 
 
 
 def decode_force(can_id: int, data: bytes) -> Force:
-    """Return what a `Force` frame says.
+    """Return the content of a `Force` frame.
 
     Raises:
         FrameError: The id, length, crc, counter or state is wrong.
@@ -282,7 +280,7 @@ def encode_quality(
 
 
 def decode_quality(can_id: int, data: bytes) -> Quality:
-    """Return what a `Quality` frame says.
+    """Return the content of a `Quality` frame.
 
     Raises:
         FrameError: The id, length, crc or counter is wrong.

@@ -1,6 +1,6 @@
-"""The end-to-end protection of every frame but the heartbeat: AUTOSAR E2E profile 11, variant A.
+"""End-to-end protection of every frame but the heartbeat: AUTOSAR E2E profile 11, variant A.
 
-A frame is guarded by a CRC-8 in byte 0 and a counter in the low nibble of byte 1::
+A CRC-8 in byte 0 and a sequence counter in the low nibble of byte 1 protect a frame::
 
     byte    0        1          2 .. 7
          +-------+----+----+---------------+
@@ -8,19 +8,19 @@ A frame is guarded by a CRC-8 in byte 0 and a counter in the low nibble of byte 
          +-------+----+----+---------------+
                   7..4 3..0
 
-The crc runs over the CAN id (low byte first, then high byte) and over every byte behind the crc, so a frame
-that arrives under another leg's id is wrong too. Every error of one or two bits and every burst of up to
-eight bits behind the crc is found; of those that reach into the crc itself, 5 of 1785 are not, because it
-stands in front. CAN's own crc is below all that. The counter runs 0, 1, .. 14, 0; 15 is never sent.
+The crc covers the CAN id (low byte first) and every byte behind the crc, so a frame under another leg's id is wrong
+too. Every error of one or two bits and every burst of up to eight bits behind the crc is detected; of bursts that
+reach into the crc, 5 of 1785 are not, because it stands in front. CAN's own crc comes on top. The counter runs 0, 1,
+.. 14, 0; 15 is never sent.
 
 Source:
     AUTOSAR FO R22-11, PRS E2EProtocol, profile 11, data id mode BOTH: polynomial x^8 + x^4 + x^3 + x^2 + 1
-    (0x1D). Start and final value cancel out in that text; written plainly, both are 0.
+    (0x1D). Start and final value of that text cancel out; both are 0 here.
 """
 
 __all__ = ["COLUMN_CRC", "COUNTER_PERIOD", "ID_CRC", "FrameError", "check", "crc8", "next_counter", "protect"]
 
-#: The counter takes this many values, 0..14.
+#: Number of values of the counter, 0..14.
 COUNTER_PERIOD = 15
 
 _POLYNOMIAL = 0x1D
@@ -45,7 +45,7 @@ _TABLE = _table()
 
 
 def crc8(data: bytes, start: int = 0) -> int:
-    """Return the CRC-8 of `data`, going on from `start`.
+    """Return the CRC-8 of `data`, continued from `start`.
 
     Example:
         >>> hex(crc8(b"123456789"))
@@ -66,7 +66,7 @@ COLUMN_CRC = [bytes(crc8(bytes([byte]) + bytes(6 - place)) for byte in range(256
 
 
 def protect(can_id: int, payload: bytes) -> bytes:
-    """Return a frame's data: the crc, and behind it `payload`, whose first low nibble is the counter.
+    """Return a frame's data: the crc, then `payload`, whose first low nibble is the counter.
 
     Example:
         >>> protect(0x0123, bytes(7)).hex()
@@ -76,7 +76,7 @@ def protect(can_id: int, payload: bytes) -> bytes:
 
 
 def check(can_id: int, data: bytes, length: int) -> int:
-    """Return the counter of a frame whose length, crc and counter are right.
+    """Return the counter of a frame after checking its length, crc and counter.
 
     Raises:
         FrameError: One of the three is wrong.
@@ -93,5 +93,5 @@ def check(can_id: int, data: bytes, length: int) -> int:
 
 
 def next_counter(counter: int) -> int:
-    """Return the counter of the frame behind this one."""
+    """Return the counter of the next frame."""
     return (counter + 1) % COUNTER_PERIOD

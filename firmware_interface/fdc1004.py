@@ -1,8 +1,8 @@
 """Registers of the FDC1004 capacitance-to-digital converter.
 
 Source: Texas Instruments FDC1004 data sheet SNOSCY5; the sections named below are that document's.
-The converter measures the capacitance of one CIN pin to ground, whatever stands on that path included. All
-registers are 16 bits wide, sent most significant byte first.
+The converter measures the capacitance of one CIN pin to ground, wires included. All registers are 16 bits wide, sent
+most significant byte first.
 """
 
 from dataclasses import dataclass
@@ -116,7 +116,7 @@ RATES = {
     400: Rate(code=3, conversion_ns=2_500_000, noise_ff=0.470),
 }
 
-#: Planning value for how far a chip's own clock may be off. Not specified: verify on hardware.
+#: Planning value of the deviation of a chip's clock [1]. Not specified: verify on hardware.
 CLOCK_TOLERANCE_REL = 0.02
 
 #: One pF in codes: the 24-bit two's complement result has 19 fractional bits (section 8.6.1.1).
@@ -124,9 +124,8 @@ CODES_PER_PF = 1 << 19
 CODE_MAX = 0x7FFFFF
 CODE_MIN = -0x800000
 
-#: One nominal step of the CAPDAC [pF], which is taken off what a pin sees. Real steps do not match well enough to be
-#: changed between tare and measurement: of one 18.9 pF, codes 1 to 7 made 18.85 to 19.01 pF and code 8 made 17.63 pF
-#: (TI E2E forum, thread 1178477).
+#: One nominal step of the CAPDAC [pF]. Real steps do not match well enough to be changed between tare and measurement:
+#: one capacitor of 18.9 pF read 18.85 to 19.01 pF at codes 1 to 7, and 17.63 pF at code 8 (TI E2E, thread 1178477).
 CAPDAC_STEP_PF = 3.125
 
 SLOTS = 4
@@ -169,22 +168,11 @@ def result_register(slot: int) -> Register:
     return Register(Register.MEAS1_MSB + 2 * slot)
 
 
-def signed_code(word_msb: int, word_lsb: int = 0) -> int:
-    """Return the 24-bit result of its two registers; without the second, its lowest 8 bits are zero.
-
-    Example:
-        >>> signed_code(0x2B00), signed_code(0xFFFF, 0xFF00), signed_code(0x7FFF, 0xFF00) == CODE_MAX
-        (2818048, -1, True)
-    """
-    code = word_msb << 8 | word_lsb >> 8
-    return code - (1 << 24) if code & 0x800000 else code
-
-
 def capacitance_pf(code: int) -> float:
     """Return the capacitance of a result [pF], exact in float64.
 
     Example:
-        >>> capacitance_pf(signed_code(0x2B00))
+        >>> capacitance_pf(0x2B0000)
         5.375
     """
     return code / CODES_PER_PF

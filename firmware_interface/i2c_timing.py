@@ -1,4 +1,4 @@
-"""How long an I2C transaction keeps the bus busy.
+"""The time of an I2C transaction on the wire.
 
 A byte is nine clocks (eight bits and the acknowledge); START, repeated START and STOP are counted as one clock
 each; between two transactions the bus rests for tBUF. `README.md` in this folder derives the scan period from it.
@@ -27,7 +27,7 @@ def transaction_bits(n_write: int, n_read: int = 0) -> int:
 
 
 def nack_bits() -> int:
-    """Return the clocks of a transaction whose address nobody acknowledges: START, one byte, STOP.
+    """Return the clocks of a transaction whose address no chip acknowledges: START, one byte, STOP.
 
     Example:
         >>> nack_bits()
@@ -37,7 +37,7 @@ def nack_bits() -> int:
 
 
 def wire_time_ns(bits: int, rate_hz: int) -> int:
-    """Return how long `bits` clocks and the bus free time behind them last [ns].
+    """Return the time of `bits` clocks and of the bus free time after them [ns].
 
     Example:
         >>> wire_time_ns(transaction_bits(1), 400_000)

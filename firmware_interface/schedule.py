@@ -15,14 +15,14 @@ _ELEMENTS = 9
 
 
 class Traffic(NamedTuple):
-    """What a board's transactions are, and how few of them do.
+    """The least transactions of a board's scan.
 
     Attributes:
         n_switches: Writes of line switches in a scan, in the order that needs the fewest.
         n_start: Bytes of the write that starts a conversion.
-        done: Bytes written and read to ask all legs whether they are done; None if their results tell.
+        done: Bytes written and read to ask all legs whether they are done; None if their results show it.
         result: Bytes written and read for one part of a result.
-        clock_tolerance_rel: How much slower than nominal a converter may be [1].
+        clock_tolerance_rel: Largest deviation of a converter's clock [1].
     """
 
     n_switches: int
@@ -76,10 +76,10 @@ def scan_limits(
         n_legs: Legs on the bus.
         conversion_ns: Nominal conversion time [ns].
         rate_hz: Clock of the bus [Hz].
-        host_cost_ns: What the host adds to every transaction [ns].
+        host_cost_ns: Time that the host adds to every transaction [ns].
         n_result_reads: Transactions that read a result: 1 or 2.
-        kernel_mux: Whether the kernel switches the mux: each leg is then told and read by itself, and the switch is on
-            the wire, but costs the host no transaction of its own.
+        kernel_mux: Whether the kernel switches the mux: each leg is then triggered and read by itself, and the
+            selection is on the wire, but costs the host no transaction.
         traffic: The board's transactions.
 
     Example:

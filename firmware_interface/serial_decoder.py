@@ -1,7 +1,6 @@
-"""Records out of the bytes of a serial line (`serial_frames.py`), whatever happens to them on the way.
+"""Decode the bytes of a serial line to records (`serial_frames.py`); at most one frame is held, losses are counted."""
 
-What is held is at most one frame; what is lost is counted by kind, never passed over in silence.
-"""
+from collections import Counter
 
 from firmware_interface.serial_frames import (
     MOST_BYTES,
@@ -13,58 +12,39 @@ from firmware_interface.serial_frames import (
     unstuff,
 )
 
-__all__ = ["Losses", "SerialDecoder"]
+__all__ = ["SerialDecoder"]
 
 #: A plain number: an enumeration's arithmetic costs as much as the crc.
 _STARTING = int(RecordFlag.STARTING)
 
 
-class Losses:
-    """What a decoder has not passed on, by kind, since it began.
-
-    Attributes:
-        crc: Frames whose bytes are wrong: the crc, or the stuffing.
-        length: Frames of a length that no record has: bytes were lost.
-        version: Whole records of another version, or with a leg or flags that this one does not know.
-        overflow: Bytes in which no zero came for longer than any record is.
-        lost: Records that are missing between two numbers of a leg.
-        repeated: Records with the number of the one before.
-        restarts: How often a leg's numbers began anew because the controller had been started again.
-    """
-
-    def __init__(self) -> None:
-        self.crc = self.length = self.version = self.overflow = self.lost = self.repeated = self.restarts = 0
-
-    def __str__(self) -> str:
-        """Return those that are not zero, such as `crc 2, lost 3`."""
-        return ", ".join(f"{kind} {count}" for kind, count in vars(self).items() if count)
-
-    @property
-    def total(self) -> int:
-        """Return their sum."""
-        return sum(vars(self).values())
-
-
 class SerialDecoder:
-    """Takes bytes as they come and returns the whole records in them.
+    """Decoder of one line.
 
     Attributes:
-        losses: What was not passed on.
+        losses: Losses since the start, by kind:
+            crc: frames with wrong bytes: the checksum, or the stuffing;
+            length: frames of a length that no record has: bytes were lost;
+            version: whole records of another version, or with an unknown leg or flag;
+            overflow: bytes without a zero for longer than any record is;
+            lost: records missing between two numbers of a leg;
+            repeated: records with the number of the one before;
+            restarts: restarts of a leg's numbers because the controller was started again.
     """
 
     def __init__(self) -> None:
-        self.losses = Losses()
+        self.losses = Counter[str]()
         self._rest = b""
-        self._starting = True  # what comes first may be the end of a record
+        self._starting = True  # the first bytes may be the end of a record
         self._overflowing = False
         self._last: dict[int, tuple[int, int]] = {}  # number and flags of each leg's last record
 
     def begin_anew(self) -> None:
-        """Drop the part of a record that is held: the line was interrupted."""
+        """Drop the partial record that is held: the line was interrupted."""
         self._rest, self._starting, self._overflowing = b"", True, False
 
     def feed(self, data: bytes) -> list[Record]:
-        """Return the records that are whole with these bytes, in their order."""
+        """Return the records that these bytes complete, in their order."""
         *frames, self._rest = (self._rest + data).split(b"\0")
         if self._overflowing or len(self._rest) > MOST_BYTES:
             self._let_overflow(frames)
@@ -75,50 +55,47 @@ class SerialDecoder:
         return [record for frame in frames if frame and (record := self._decode(frame)) is not None]
 
     def _let_overflow(self, frames: list[bytes]) -> None:
-        """Drop and count what no zero has ended in time, up to the next one."""
+        """Drop and count bytes without a zero in time, up to the next zero."""
         if self._overflowing and frames:
-            self.losses.overflow += len(frames.pop(0))
+            self.losses["overflow"] += len(frames.pop(0))
             self._overflowing = False
         if self._overflowing or len(self._rest) > MOST_BYTES:
-            self.losses.overflow += len(self._rest)
+            self.losses["overflow"] += len(self._rest)
             self._rest, self._overflowing, self._starting = b"", True, False
 
     def _decode(self, frame: bytes) -> Record | None:
-        """Return the record in a frame; None, and count, if there is none to be used."""
-        losses = self.losses
+        """Return the record in a frame; None, and count, if it cannot be used."""
         if len(frame) > MOST_BYTES:
-            losses.overflow += len(frame)
+            self.losses["overflow"] += len(frame)
             return None
         data = unstuff(frame)
         if data is None or not is_whole(data):
-            if len(frame) == STUFFED_BYTES:
-                losses.crc += 1
-            else:
-                losses.length += 1
+            self.losses["crc" if len(frame) == STUFFED_BYTES else "length"] += 1
             return None
         try:
             record = decode_record(data)
         except ValueError:
-            losses.length += 1
+            self.losses["length"] += 1
             return None
         if record is None:
-            losses.version += 1
+            self.losses["version"] += 1
             return None
         return record if self._follows(record.leg, record.seq, record.flags) else None
 
     def _follows(self, leg: int, seq: int, flags: int) -> bool:
-        """Count what is missing before a record; tell whether it is another one than the last."""
+        """Count the records missing before this one, and return whether it differs from the last."""
         last = self._last.get(leg)
         self._last[leg] = seq, flags
         if last is None:
             return True
         last_seq, last_flags = last
         if flags & _STARTING and (not last_flags & _STARTING or seq < last_seq):
-            self.losses.restarts += 1
+            self.losses["restarts"] += 1
             return True
         ahead = (seq - last_seq) & 0xFFFF
         if ahead == 0:
-            self.losses.repeated += 1
+            self.losses["repeated"] += 1
             return False
-        self.losses.lost += ahead - 1
+        if ahead > 1:
+            self.losses["lost"] += ahead - 1
         return True

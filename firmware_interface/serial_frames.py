@@ -1,4 +1,4 @@
-"""The link from a microcontroller that scans feet by itself, board `mcu`: records on a serial line.
+"""The serial line of board `mcu`, whose microcontroller scans the feet: its records.
 
 A record is one scan of one leg, 50 bytes, little endian::
 
@@ -8,20 +8,20 @@ A record is one scan of one leg, 50 bytes, little endian::
          |   u8    | u8  |  u8   | u8 | u16 |   u16   | u32  |     9 x 4 bytes     |  u16  |
          +---------+-----+-------+----+-----+---------+------+---------------------+-------+
 
-    version  1; a record of another version is counted and left alone
+    version  1; a record of another version is counted and ignored
     leg      node id as on CAN: 1 lf, 2 lm, 3 lr, 4 rf, 5 rm, 6 rr
     flags    `RecordFlag`
-    n        elements, 9; the values stand in flat index 3 * row + column, whatever order they were converted in
+    n        elements, 9; the values are in flat index 3 * row + column, in any order of conversion
     seq      counts the records of a leg, and wraps
     step_us  from the middle of one element's conversion to that of the next; 0 if all are converted together
     t_us     middle of the first element's conversion, in the controller's time, which wraps after 71.6 minutes; the
              legs of one scan agree within half a scan
-    values   capacitance, stray included; -2^31 + code says why there is none (`NoValue`)
+    values   capacitance, stray included; or -2^31 + the code of `NoValue`
     crc16    CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF, no reflection, no final value; "123456789" gives
              0x29B1) over all bytes before it
 
-On the line a record is stuffed by COBS, so that no byte of it is zero, and a zero ends it: 52 bytes. Whoever starts to
-listen in the middle, or has lost a byte, is right again behind the next zero (`serial_decoder.py`). Six legs at 200
+On the line a record is stuffed by COBS, so that no byte of it is zero, and a zero ends it: 52 bytes. After a lost byte,
+or a start within a record, a reader is in step again after the next zero (`serial_decoder.py`). Six legs at 200
 scans/s are 62 400 bytes/s: 68 % of 921600 bit/s, 8N1.
 
 Source:
@@ -76,7 +76,7 @@ FRAME_BYTES = STUFFED_BYTES + 1
 #: The same in bits, 8N1.
 RECORD_BITS = 10 * FRAME_BYTES
 
-#: Room for a record of any version, stuffed; what is longer and has no zero is no record.
+#: Longest record of any version, stuffed; more bytes without a zero are no record.
 MOST_BYTES = 255
 
 _LEGS = frozenset(NODE_IDS.values())
@@ -112,8 +112,8 @@ class Record(NamedTuple):
         flags: Bits of `RecordFlag`.
         step_us: Time from element to element [us], 0 to 65535.
         t_us: Middle of the first conversion in the controller's time [us], 0 to 2^32 - 1.
-        values: Capacitance of each element [aF], little endian int32, 36 bytes: in a stream they are not worth 54
-            objects each scan.
+        values: Capacitance of each element [aF], little endian int32, 36 bytes; not decoded here, which would cost 54
+            objects a scan.
     """
 
     leg: int
@@ -129,7 +129,7 @@ class Record(NamedTuple):
 
 
 def encode_record(record: Record) -> bytes:
-    """Return a record as it stands on the line.
+    """Return the bytes of a record on the line.
 
     Raises:
         ValueError: A field does not fit, or there are not nine values.
@@ -147,12 +147,12 @@ def encode_record(record: Record) -> bytes:
 
 
 def pack_values(values_af: Sequence[int]) -> bytes:
-    """Return nine values [aF] as a record holds them."""
+    """Return nine values [aF] in the encoding of a record."""
     return _VALUES.pack(*values_af)
 
 
 def stuff(data: bytes) -> bytes:
-    """Return bytes without a zero: each run before one is led by its length. At most 253 bytes.
+    """Encode at most 253 bytes by COBS: each run before a zero is preceded by its length.
 
     Example:
         >>> stuff(bytes([0x11, 0, 0, 0x22])).hex()
@@ -162,7 +162,7 @@ def stuff(data: bytes) -> bytes:
 
 
 def unstuff(stuffed: bytes) -> bytes | None:
-    """Return the bytes that `stuff` was given, None if it never made these; at most 254 of them.
+    """Decode at most 254 bytes of COBS; None if `stuff` cannot have made them.
 
     Example:
         >>> unstuff(bytes.fromhex("0211010222")) == bytes.fromhex("11000022"), unstuff(b"broken")
@@ -170,23 +170,23 @@ def unstuff(stuffed: bytes) -> bytes | None:
     """
     data, end, at = bytearray(stuffed), len(stuffed), 0
     while at < end:
-        length = data[at] or MOST_BYTES  # no zero is ever made: it leads out
+        length = data[at] or MOST_BYTES  # a zero is never encoded: it leads past the end
         data[at] = 0
         at += length
     return bytes(data[1:]) if at == end and end else None
 
 
 def is_whole(data: bytes) -> bool:
-    """Tell whether bytes have what records of all versions have: a header, and a crc that is right."""
+    """Return whether bytes have a header and a right checksum, as records of all versions do."""
     end = len(data) - _CRC.size
     return end >= _HEADER.size and crc_hqx(data[:end], _CRC_START) == _CRC.unpack_from(data, end)[0]
 
 
 def decode_record(data: bytes) -> Record | None:
-    """Return the record in bytes that are whole; None if another version, leg or flag is in them.
+    """Decode whole bytes; None for another version, or an unknown leg or flag.
 
     Raises:
-        ValueError: They are a record of this version, but of another length.
+        ValueError: A record of this version has another length.
     """
     version, leg, flags, n, seq, step_us, t_us = _HEADER.unpack_from(data)
     if version != VERSION or leg not in _LEGS or flags & ~_FLAGS:

@@ -1,4 +1,4 @@
-"""CAN frames as Linux hands them over: `struct can_frame`, 16 bytes, and what its error frames say.
+"""CAN frames of Linux: `struct can_frame`, 16 bytes, and its error frames.
 
 ::
 
@@ -7,7 +7,7 @@
         | id, flags in bits 29..31  | length |  zero   |   data   |
         +---------------------------+--------+---------+----------+
 
-The id is in the order of the machine, which is little-endian on everything that footsense runs on.
+The id has the byte order of the machine, which is little-endian wherever footsense runs.
 
 Source:
     Linux, include/uapi/linux/can.h and can/error.h.
@@ -41,21 +41,21 @@ _FRAME = struct.Struct("<IB3x8s")
 
 
 class ErrorClass(IntFlag):
-    """What an error frame is about: the bits of its id."""
+    """Classes of an error frame: bits of its id."""
 
     CONTROLLER = 0x004  #: the controller's state has changed, see `data[1]`
-    NO_ACKNOWLEDGE = 0x020  #: nobody acknowledged
-    BUS_OFF = 0x040  #: after too many errors the controller has left the bus
-    RESTARTED = 0x100  #: it has come back
+    NO_ACKNOWLEDGE = 0x020  #: no node acknowledged
+    BUS_OFF = 0x040  #: the controller has left the bus after too many errors
+    RESTARTED = 0x100  #: the controller has returned to the bus
 
 
-#: Bits of `data[1]` of a `CONTROLLER` error frame: error passive, as receiver or transmitter; all is well again.
+#: Bits of `data[1]` of a `CONTROLLER` error frame: error passive as receiver or transmitter; error active again.
 CONTROLLER_PASSIVE = 0x10 | 0x20
 CONTROLLER_ACTIVE = 0x40
 
 
 def pack_frame(can_id: int, data: bytes) -> bytes:
-    """Return a frame of at most 8 bytes of data; flags stand in `can_id`.
+    """Return a frame with at most 8 bytes of data; `can_id` includes the flag bits.
 
     Example:
         >>> pack_frame(0x701, bytes([5])).hex(" ", 4)
@@ -65,12 +65,12 @@ def pack_frame(can_id: int, data: bytes) -> bytes:
 
 
 def error_frame(kind: ErrorClass, controller: int = 0) -> bytes:
-    """Return an error frame as a driver sends it upwards, with `data[1]` as given."""
+    """Return an error frame as a driver reports it, with `controller` as `data[1]`."""
     return pack_frame(ERROR | kind, bytes([0, controller, 0, 0, 0, 0, 0, 0]))
 
 
 def split_frames(frames: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield id, flags included, and data of each frame of whole ones behind each other."""
+    """Yield CAN id, with its flag bits, and data of each frame of consecutive ones."""
     for can_id, length, data in _FRAME.iter_unpack(frames):
         yield can_id, data[:length]
 

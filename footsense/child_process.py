@@ -1,31 +1,58 @@
-"""The processes beside the loop: how one that writes a file is started, and what each gives up when it begins.
-
-The loop is the only one that may have a processor to itself; what it hands down, its children give back.
-"""
+"""Child processes of the loop: start a writer of a file, read its pipe, and drop the inherited real-time scheduling."""
 
 import contextlib
 import fcntl
 import os
+import select
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
-__all__ = ["start_writer", "yield_to_the_loop"]
+from footsense.errors import RecordingError
+
+__all__ = ["check_new_file", "drop_realtime", "gathered", "start_writer"]
+
+#: Longest time that bytes stay in the pipe [ms]. A wake-up at every scan would cost the loop, whose write does the
+#: waking. At 370 cycles a second the pipe has room for five times as many.
+_GATHER_MS = 200
+_READ_BYTES = 1 << 18
+#: So many bytes at once come only from a loop in virtual time, which waits for room [bytes].
+_BUSY_BYTES = 1 << 17
+
+
+def check_new_file(name: str, path: Path) -> None:
+    """Check that a file can be created; call it before anything is opened.
+
+    Args:
+        name: Name of the file in error messages.
+        path: The file.
+
+    Raises:
+        RecordingError: It exists, or its directory cannot be written to.
+    """
+    if path.exists():
+        raise RecordingError(f"{name}: exists and is not overwritten; choose another name or remove it")
+    if not path.parent.is_dir():
+        raise RecordingError(f"{name}: there is no directory {path.parent}")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise RecordingError(f"{name}: the directory {path.parent} cannot be written to")
 
 
 def start_writer(
     module: str, arguments: list[str], file: int, pipe_bytes: int
 ) -> tuple[subprocess.Popen[bytes], int]:
-    """Start a module of ours as the process that writes a file from what comes through a pipe.
+    """Start a module of ours as the process that writes a file from the bytes of a pipe.
 
     Args:
-        module: What runs.
+        module: Name of the module.
         arguments: Its command line.
         file: Descriptor of the open file, its standard output; closed here.
-        pipe_bytes: Room in the pipe that is its standard input [bytes]; a smaller one serves too.
+        pipe_bytes: Size of the pipe that is its standard input [bytes]; the kernel may grant less.
 
     Returns:
-        The process, whose last words come on its standard error, and the end of the pipe that feeds it.
+        The process, which reports its failure on its standard error, and the writing end of the pipe.
     """
     read_end, write_end = os.pipe()
     with contextlib.suppress(OSError):
@@ -47,13 +74,33 @@ def start_writer(
     return writer, write_end
 
 
-def yield_to_the_loop(nice: int = 0) -> None:
-    """Give up what a service with real-time scheduling hands down to its children, as far as that is allowed.
+def gathered(pipe: int) -> Iterator[bytes]:
+    """Read the pipe a few times a second, up to its end.
 
     Args:
-        nice: By how much less than others this process may ask for.
+        pipe: Descriptor of the reading end; made non-blocking.
+
+    Yields:
+        The bytes received since the last time.
     """
+    end = select.poll()
+    end.register(pipe, 0)  # without events, poll still reports the end of the pipe
+    os.set_blocking(pipe, False)
+    n_read = -1
+    while n_read:
+        end.poll(0 if n_read >= _BUSY_BYTES else _GATHER_MS)
+        try:
+            data = os.read(pipe, _READ_BYTES)
+        except BlockingIOError:  # the loop sends nothing
+            n_read = -1
+            continue
+        n_read = len(data)
+        if data:
+            yield data
+
+
+def drop_realtime() -> None:
+    """Return to ordinary scheduling on all processors, as far as that is allowed."""
     with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         os.sched_setaffinity(0, range(os.cpu_count() or 1))
-        os.nice(nice)

@@ -1,9 +1,8 @@
-"""The real time, and the scheduling that makes it reliable: the only file that calls `time`, and that asks for a place.
+"""Real time and real-time scheduling: the only file that calls `time` and the scheduler.
 
-What a loop in Python needs of the kernel, and what each costs where it is missing (p99.9 of the wake-up, two busy
-cores): SCHED_FIFO 6 ms instead of 0.1; locked memory 4 ms where its pages were pushed out; the collector of garbage
-off, 45 ms where it meets a large heap. None of it is had without a right that a user lacks: what is not granted is
-said, one line each.
+A Python loop needs three settings of the kernel and the interpreter. Latency without each (p99.9 of the wake-up, two
+busy cores): SCHED_FIFO, 6 ms instead of 0.1 ms; locked memory, 4 ms where its pages were reclaimed; garbage collection
+off, 45 ms where the heap is large. An ordinary user has none of the rights: what is refused is reported, one line each.
 """
 
 import ctypes
@@ -18,20 +17,20 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 __all__ = [
-    "LATENESS_BOUNDS_S",
+    "LATENCY_BOUNDS_S",
     "MonotonicClock",
-    "Wakeups",
-    "foremost",
+    "WakeupLatency",
+    "fifo_priority",
+    "gc_disabled",
     "process_age_ns",
     "request_realtime",
     "resident_mib",
     "stopwatch_ns",
-    "undisturbed",
     "wall_time_iso",
 ]
 
-#: Bounds of the histogram of lateness [s]: FIFO wakes within 0.2 ms, a busy machine without it within some 10 ms.
-LATENESS_BOUNDS_S = (
+#: Bounds of the wake-up latency histogram [s]: FIFO wakes within 0.2 ms, a busy machine without it within some 10 ms.
+LATENCY_BOUNDS_S = (
     *(5e-6, 1e-5, 2e-5, 3e-5, 5e-5, 7e-5, 1e-4, 1.5e-4, 2e-4, 3e-4, 5e-4),
     *(1e-3, 2e-3, 5e-3, 1e-2, 5e-2),
 )
@@ -41,23 +40,23 @@ _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _PR_SET_TIMERSLACK = 29
 _CAP_IPC_LOCK = 14
 
-#: How long a thread may keep the interpreter from another that wants it [s]; Python's own 5 ms are two conversions.
+#: Longest time that a thread keeps the interpreter from a waiting one [s]; Python's default of 5 ms is two conversions.
 _SWITCH_INTERVAL_S = 1e-4
 
 
-class Wakeups:
-    """What became of the deadlines of one thread.
+class WakeupLatency:
+    """Wake-up latency of one thread.
 
     Attributes:
         bounds_s: Bounds of the histogram [s].
-        lateness: Wake-ups in each bucket, those above the last bound, and the sum of their lateness [s].
-        overruns: Deadlines that had passed before they were waited for.
+        histogram: Wake-ups in each bucket, those above the last bound, and the sum of their latencies [s].
+        overruns: Deadlines that had passed before the thread could sleep.
     """
 
-    bounds_s = LATENESS_BOUNDS_S
+    bounds_s = LATENCY_BOUNDS_S
 
     def __init__(self) -> None:
-        self.lateness = array("d", [0.0]) * (len(LATENESS_BOUNDS_S) + 2)
+        self.histogram = array("d", [0.0]) * (len(LATENCY_BOUNDS_S) + 2)
         self.overruns = 0
 
 
@@ -65,11 +64,11 @@ class MonotonicClock:
     """The machine's monotonic clock.
 
     Attributes:
-        wakeups: How late it woke its sleepers. It counts for one thread: each has a clock of its own.
+        wakeups: Wake-up latency of its thread: each thread has a clock of its own.
     """
 
     def __init__(self) -> None:
-        self.wakeups = Wakeups()
+        self.wakeups = WakeupLatency()
 
     def now_ns(self) -> int:
         """Return the time since an arbitrary start [ns]; steps of the wall clock do not touch it."""
@@ -84,34 +83,33 @@ class MonotonicClock:
         while remaining_ns > 0:
             time.sleep(remaining_ns * 1e-9)
             remaining_ns = t_ns - time.monotonic_ns()
-        lateness, late_s = self.wakeups.lateness, remaining_ns * -1e-9
-        lateness[bisect_left(LATENESS_BOUNDS_S, late_s)] += 1.0
-        lateness[-1] += late_s
+        histogram, latency_s = self.wakeups.histogram, remaining_ns * -1e-9
+        histogram[bisect_left(LATENCY_BOUNDS_S, latency_s)] += 1.0
+        histogram[-1] += latency_s
 
 
 def request_realtime(priority: int, cpu: int | None) -> tuple[str, ...]:
-    """Ask for SCHED_FIFO, one processor and memory that stays, for this thread and those that it starts from now on.
+    """Request SCHED_FIFO, processor affinity and locked memory, for this thread and those that it starts from now on.
 
     Args:
-        priority: Of SCHED_FIFO, 1 to 99.
-        cpu: Number of the processor to stay on; None leaves it to the kernel.
+        priority: Priority of SCHED_FIFO, 1 to 99.
+        cpu: Number of the processor; None for any.
 
     Returns:
-        What was not granted and what would help, one line each; empty if all was.
+        Each refused request and its remedy, one line each.
     """
     libc = ctypes.CDLL(None, use_errno=True)
-    # Only counts where FIFO is not granted: 50 us less of lateness for a right that nobody is refused.
+    # Without FIFO this saves 50 us of latency, and needs no right.
     libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
-    refusals = (_stay_on(cpu), _come_first(priority), _stay_in_memory(libc))
+    refusals = (_set_affinity(cpu), _set_fifo(priority), _lock_memory(libc))
     return tuple(refusal for refusal in refusals if refusal is not None)
 
 
 @contextmanager
-def undisturbed() -> Iterator[None]:
-    """Keep the interpreter out of the loop's way.
+def gc_disabled() -> Iterator[None]:
+    """Disable garbage collection, and shorten the interpreter's switch interval between threads.
 
-    Nothing is collected meanwhile, so the loop must not make cycles of references; a test counts them. Where several
-    threads share the interpreter, one that wants it waits for less than a conversion.
+    Reference cycles are not freed meanwhile, so the loop must not make any; a test counts them.
     """
     interval_s, collecting = sys.getswitchinterval(), gc.isenabled()
     gc.collect()
@@ -128,21 +126,21 @@ def undisturbed() -> Iterator[None]:
 
 
 @contextmanager
-def foremost(priority: int) -> Iterator[None]:
-    """Come before all ordinary processes for a while, where that is granted: to measure where others are busy.
+def fifo_priority(priority: int) -> Iterator[None]:
+    """Run with SCHED_FIFO for a while, where that is granted: to measure on a busy machine.
 
     Args:
-        priority: Of SCHED_FIFO, 1 to 99.
+        priority: Priority of SCHED_FIFO, 1 to 99.
     """
     before = os.sched_getscheduler(0), os.sched_getparam(0)
-    _come_first(priority)
+    _set_fifo(priority)
     try:
         yield
     finally:
         os.sched_setscheduler(0, *before)
 
 
-def _stay_on(cpu: int | None) -> str | None:
+def _set_affinity(cpu: int | None) -> str | None:
     try:
         if cpu is not None:
             os.sched_setaffinity(0, {cpu})
@@ -152,7 +150,7 @@ def _stay_on(cpu: int | None) -> str | None:
     return None
 
 
-def _come_first(priority: int) -> str | None:
+def _set_fifo(priority: int) -> str | None:
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except PermissionError:
@@ -162,12 +160,12 @@ def _come_first(priority: int) -> str | None:
     return None
 
 
-def _stay_in_memory(libc: ctypes.CDLL) -> str | None:
-    # Under a limit that is not reached yet the lock would be granted, and the next allocation would fail instead.
+def _lock_memory(libc: ctypes.CDLL) -> str | None:
+    # Under a limit that is not reached yet the lock succeeds, and the next allocation fails instead.
     limited = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] != resource.RLIM_INFINITY
     if limited and not int(_status("CapEff"), 16) >> _CAP_IPC_LOCK & 1:
         return "memory was not locked: LimitMEMLOCK of the service, or `ulimit -l`, has to be unlimited"
-    # ONFAULT: a page stays from its first use on. Else every thread's stack would be there at once, all 8 MiB of it.
+    # ONFAULT locks a page at its first use; without it every thread's stack of 8 MiB is resident at once.
     if libc.mlockall(_MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT):
         return f"memory was not locked: {os.strerror(ctypes.get_errno())}"
     return None
@@ -184,7 +182,7 @@ def wall_time_iso() -> str:
 
 
 def process_age_ns() -> int:
-    """Return how long ago this process was started, interpreter start included [ns]. Linux only."""
+    """Return the time since the start of this process, interpreter start included [ns]. Linux only."""
     with open("/proc/self/stat", encoding="ascii") as stat:  # noqa: PTH123 - no path arithmetic here
         started_ticks = int(stat.read().rpartition(")")[2].split()[19])
     ticks_per_s = 100  # USER_HZ, part of the kernel's interface
@@ -192,11 +190,11 @@ def process_age_ns() -> int:
 
 
 def resident_mib() -> float:
-    """Return the memory of this process that is in RAM [MiB]. Linux only."""
+    """Return the resident memory of this process [MiB]. Linux only."""
     return int(_status("VmRSS").split()[0]) / 1024
 
 
 def _status(key: str) -> str:
-    """Return what the kernel says of this process under a key."""
+    """Return the value of a key of /proc/self/status."""
     with open("/proc/self/status", encoding="ascii", errors="replace") as status:  # noqa: PTH123
         return next(line for line in status if line.startswith(f"{key}:")).partition(":")[2].strip()

@@ -38,7 +38,7 @@ class BusScanner:
 
     Attributes:
         timing: Cost of transactions and limits of the scan, measured by `start`; None if no leg answered.
-        late_ticks: Number of times that the loop was delayed for so long that conversions were discarded.
+        missed_deadlines: Number of times that the loop was delayed for so long that conversions were discarded.
     """
 
     def __init__(self, transport: Transport, clock: Clock, channels: dict[str, int], plan: ScanPlan) -> None:
@@ -59,7 +59,7 @@ class BusScanner:
         self._late_ns = 2 * plan.wait_ns
         self._temperature_due_ns = 0
         self.timing: Timing | None = None
-        self.late_ticks = 0
+        self.missed_deadlines = 0
 
     @property
     def temperature_c(self) -> tuple[float, ...]:
@@ -122,7 +122,7 @@ class BusScanner:
         now_ns, late = self._clock.now_ns(), False
         for group in self._groups:
             late |= group.running is not None and now_ns > group.running.t_start_ns + self._late_ns
-        self.late_ticks += late
+        self.missed_deadlines += late
         for group in self._groups:
             if late or group.running is None:
                 group.begin_anew(self._plan.steps[self._position])

@@ -1,8 +1,8 @@
-"""What a bus really costs, measured at start, and what follows from it for the scan.
+"""The cost of a bus's transactions, measured at start, and the limits of the scan that follow from it.
 
-A Linux adapter does not tell its clock, and often does not keep the one that it was set to: on a Raspberry Pi it
-follows the processor's. So two reads of the mux, a short and a long one, are timed: their difference is the clock,
-the rest is what interpreter, system call and interrupts add to every transaction.
+A Linux adapter does not report its clock, and often does not keep the configured one: on a Raspberry Pi it follows the
+processor's. So two reads of one chip, a short and a long one, are timed: their difference gives the clock, the rest is
+the time that interpreter, system call and interrupts add to every transaction.
 """
 
 from collections.abc import Iterable
@@ -21,27 +21,27 @@ _TRIES = 9
 
 
 class BusCosts(NamedTuple):
-    """What a transaction on one bus costs.
+    """The cost of a transaction on one bus.
 
     Attributes:
         rate_hz: Clock of the bus [Hz].
-        host_cost_ns: What the host adds to each transaction [ns].
+        host_cost_ns: Time that the host adds to each transaction [ns].
     """
 
     rate_hz: float
     host_cost_ns: float
 
     def lasts_ns(self, n_write: int, n_read: int = 0) -> float:
-        """Return how long a transaction takes [ns]."""
+        """Return the time of a transaction of so many bytes [ns]."""
         return transaction_bits(n_write, n_read) * 1e9 / self.rate_hz + BUS_FREE_NS + self.host_cost_ns
 
     def of_ns(self, transactions: Iterable[Transaction]) -> float:
-        """Return how long some transactions take [ns]."""
+        """Return the time of several transactions [ns]."""
         return sum(self.lasts_ns(len(each.write), each.n_read) for each in transactions)
 
 
 def measure(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
-    """Return what transactions cost, from reads of a chip with a single byte, which it repeats as long as it is read.
+    """Measure the cost of transactions with reads of a chip that repeats its single byte for as long as it is read.
 
     Args:
         bus: The adapter.
@@ -76,11 +76,11 @@ def measure(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
 
 
 class Timing(NamedTuple):
-    """What is to be expected of a bus.
+    """Cost and limits of a bus.
 
     Attributes:
-        costs: What its transactions cost.
-        limits: The shortest scans that its limits allow.
+        costs: Cost of its transactions.
+        limits: The shortest scans that they allow.
         floor_ns: Nine bare conversions [ns].
     """
 
@@ -90,7 +90,7 @@ class Timing(NamedTuple):
 
     @property
     def late_ns(self) -> int:
-        """Return the age of a conversion at which the loop must have been held up [ns]: two steps."""
+        """Age of a conversion from which the loop must have been delayed [ns]: two steps."""
         return 2 * self.limits.scan_ns // ELEMENTS
 
     def __str__(self) -> str:
@@ -104,7 +104,14 @@ class Timing(NamedTuple):
 
 
 def timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool) -> Timing:
-    """Return what to expect of a bus with these costs."""
+    """Return the timing of a bus.
+
+    Args:
+        costs: Cost of its transactions.
+        plan: The conversions of one scan.
+        n_legs: Legs on it.
+        kernel_mux: Whether the kernel drives its mux.
+    """
     limits = scan_limits(
         n_legs=n_legs,
         conversion_ns=plan.conversion_ns,

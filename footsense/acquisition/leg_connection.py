@@ -1,9 +1,9 @@
-"""The connection to one leg's chips: is it there, has it gone, when is it tried again.
+"""The connection to one leg's chips: in the scan, or left out and tried again later.
 
-A leg that fails for three scans in a row is left out, so that it costs the others nothing; it is tried
-again with growing pauses, one leg per scan at most. A converter that answers but never finishes is reset the same
-way, which is what frees a hung FDC1004. A leg that holds a line of the bus low is left out at once and tried more
-rarely: each try costs the others an adapter's timeout.
+A leg that fails for three scans in a row is left out, so that it costs the others no time, and tried again with growing
+pauses, at most one leg per scan. The same resets a converter that answers but never finishes, which frees a hung
+FDC1004. A leg that holds a line low is left out at once and tried more rarely: each try costs the others an adapter
+timeout.
 """
 
 import logging
@@ -24,10 +24,11 @@ _log = logging.getLogger(__name__)
 _MISSES_ALLOWED = 3
 _FIRST_PAUSE_NS = 250_000_000
 _LONGEST_PAUSE_NS = 4_000_000_000
-#: How many pauses a leg waits that holds a line, and one that waits for a bus to get free: that try costs nobody.
-HOLDER_PAUSES, HELD_PAUSES = 4.0, 0.25
+#: Factor on the pause of a leg that holds a line low, and of a leg on a stuck bus, whose try costs no other leg.
+STUCK_LEG_PAUSES, STUCK_BUS_PAUSES = 4.0, 0.25
 
-_WORDS = {
+#: Readings that count as a miss, the gravest first.
+_MISSES = {
     Reading.NO_ANSWER: "does not answer",
     Reading.NOT_READY: "does not finish its conversions",
     Reading.MISCONFIGURED: "does not hold its settings",
@@ -48,11 +49,11 @@ class LegConnection:
     Attributes:
         selection: Control byte of the mux that connects the leg alone.
         in_scan: Whether the leg takes part in the scans.
-        outcome: OK while the leg does well; else why it gives nothing in this scan, or since it was left out.
-        in_doubt: Whether `note_scan` has to see the next scan even if all its readings are there.
-        retry_at_ns: When a leg that was left out is tried again [ns].
-        offset_pf: What the converter's CAPDAC takes off each result [pF].
-        temperature_c: What the converter said last of its temperature [deg C]; NaN for nothing.
+        outcome: OK, or why the leg gives no reading in this scan, or since it was left out.
+        in_doubt: Whether `note_scan` needs the next scan even if no reading is missing.
+        retry_at_ns: Time at which a leg that was left out is tried again [ns].
+        offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
+        temperature_c: Last temperature of the converter [degC]; NaN without one.
     """
 
     def __init__(self, name: str, channel: int, row: int) -> None:
@@ -70,10 +71,13 @@ class LegConnection:
         self._pause_ns = _FIRST_PAUSE_NS
 
     def probe(self, bus: I2cBus, board: Board, select: Iterable[Transaction], clock: Clock) -> None:
-        """Look for the leg's chips, set them up, and take the leg into the scan or put off the next try.
+        """Look for the leg's chips, set them up, and take the leg into the scan, or put off the next try.
 
-        The leg must be connected. `select` gives the switches the lines that the other legs have now.
-        Nothing is raised: a leg that is missing is a state.
+        Args:
+            bus: The bus of the leg's chips; no other leg is connected.
+            board: Its electronics.
+            select: Selects the lines that the other legs have now.
+            clock: The time that the bus lives in.
         """
         now_ns = clock.now_ns()
         try:
@@ -82,14 +86,14 @@ class LegConnection:
             for write in select:
                 bus.transfer(write)
         except BusTimeoutError as error:
-            self.leave(Reading.BUS_STUCK, str(error), now_ns, pauses=HOLDER_PAUSES)
+            self.leave(Reading.BUS_STUCK, str(error), now_ns, pauses=STUCK_LEG_PAUSES)
         except WrongChipError as error:
             self.leave(Reading.WRONG_CHIP, str(error), now_ns)
         except HardwareError as error:
             self.leave(Reading.NO_ANSWER, str(error), now_ns)
         else:
             if reading is not Reading.OK:
-                self.leave(reading, _WORDS[reading], now_ns)
+                self.leave(reading, _MISSES[reading], now_ns)
                 return
             _log.info("leg %s: converter and line switches answer on channel %d", self.name, self._channel)
             self.in_scan = True
@@ -97,9 +101,14 @@ class LegConnection:
             self._misses = 0
 
     def note_scan(self, readings: NDArray[np.uint8], now_ns: int) -> None:
-        """Count scans with a reading that is missing; after too many, leave the leg out for a while."""
+        """Count scans with a missing reading in a row; after three, leave the leg out for a while.
+
+        Args:
+            readings: How each element answered, shape (9,), uint8 of `Reading`.
+            now_ns: The time now [ns].
+        """
         present = set(readings.tolist())
-        missing = [reading for reading in _WORDS if reading in present]
+        missing = [reading for reading in _MISSES if reading in present]
         if not missing:
             self._misses = 0
             self._pause_ns = _FIRST_PAUSE_NS
@@ -108,10 +117,17 @@ class LegConnection:
         self.in_doubt = True
         self._misses += 1
         if self._misses >= _MISSES_ALLOWED:
-            self.leave(missing[0], _WORDS[missing[0]], now_ns)
+            self.leave(missing[0], _MISSES[missing[0]], now_ns)
 
     def leave(self, outcome: Reading, why: str, now_ns: int, pauses: float = 1.0) -> None:
-        """Leave the leg out of the scans, and put off the next try by some pauses: twice as long each time."""
+        """Leave the leg out of the scans, and put off the next try, twice as long each time.
+
+        Args:
+            outcome: Why.
+            why: The same in words.
+            now_ns: The time now [ns].
+            pauses: Factor on the pause.
+        """
         if outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS:
             _log.warning("leg %s: %s; left out of the scan and tried again later", self.name, why)
         self.in_scan = False

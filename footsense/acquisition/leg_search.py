@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from footsense.acquisition.leg_connection import HELD_PAUSES, LegConnection
+from footsense.acquisition.leg_connection import STUCK_BUS_PAUSES, LegConnection
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import Transport
 from footsense.errors import BusError, BusTimeoutError
@@ -26,7 +26,7 @@ def probe(
     try:
         bus = transport.connect(leg.selection)
     except BusTimeoutError as error:
-        leg.leave(Reading.BUS_STUCK, str(error), clock.now_ns(), pauses=HELD_PAUSES)
+        leg.leave(Reading.BUS_STUCK, str(error), clock.now_ns(), pauses=STUCK_BUS_PAUSES)
         for other in others:
             if not other.in_scan:
                 other.retry_at_ns = max(other.retry_at_ns, leg.retry_at_ns)

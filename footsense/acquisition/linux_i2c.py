@@ -28,7 +28,7 @@ _NACK_ERRNOS = {errno.EREMOTEIO, errno.ENXIO}
 
 
 class Adapter(Protocol):
-    """What is used of `smbus2.SMBus`."""
+    """The methods that are used of `smbus2.SMBus`."""
 
     def i2c_rdwr(self, *messages: smbus2.i2c_msg) -> None:
         """Do the messages as one transaction."""
@@ -70,7 +70,7 @@ class LinuxI2cBus:
                 f"{device}: permission denied; the service's user belongs in group i2c"
             ) from error
         except OSError as error:
-            # Other kinds of files do not know the question that an adapter answers.
+            # Other files do not have the ioctl I2C_FUNCS.
             what = "not an I2C adapter; see `ls /dev/i2c-*`" if error.errno in _NO_ADAPTER else error.strerror
             raise HardwareError(f"{device}: {what}") from error
         shorten_timeout(adapter.fd, device)
@@ -80,7 +80,7 @@ class LinuxI2cBus:
         """Do one transaction and return the bytes read.
 
         Raises:
-            NackError: Nobody acknowledged.
+            NackError: No chip acknowledged.
             BusTimeoutError: A line is stuck.
             BusError: The transaction failed otherwise.
         """
@@ -112,7 +112,7 @@ def adapters(folder: Path = Path("/dev")) -> list[str]:
 
 
 def kernel_drivers(device: str, folder: Path = Path("/sys/bus/i2c/devices")) -> dict[int, str]:
-    """Return the addresses on an adapter that a driver of the kernel holds, and its name."""
+    """Return the name of each kernel driver on an adapter, by the address that it holds."""
     number = device.removeprefix("/dev/i2c-")
     held = {}
     for client in folder.glob(f"{number}-*"):
@@ -123,7 +123,7 @@ def kernel_drivers(device: str, folder: Path = Path("/sys/bus/i2c/devices")) -> 
 
 
 def shorten_timeout(descriptor: int, device: str) -> None:
-    """Have an adapter give up soon; one that does not take that still works, and is named in the journal."""
+    """Shorten an adapter's timeout to 20 ms; one that refuses still works, and is named in the journal."""
     try:
         fcntl.ioctl(descriptor, _I2C_TIMEOUT, _TIMEOUT_10MS)
         fcntl.ioctl(descriptor, _I2C_RETRIES, _RETRIES)
@@ -136,7 +136,7 @@ def shorten_timeout(descriptor: int, device: str) -> None:
 
 
 def _messages(transaction: Transaction) -> list[smbus2.i2c_msg]:
-    # A message without a byte still asks whether the address is acknowledged.
+    # A write without a byte asks for the acknowledge of the address alone.
     writes = transaction.write or not transaction.n_read
     messages = [smbus2.i2c_msg.write(transaction.address, transaction.write)] if writes else []
     if transaction.n_read:

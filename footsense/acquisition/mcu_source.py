@@ -1,13 +1,14 @@
-"""Scans out of the records that a microcontroller streams: the frame source of board `mcu`.
+"""The frame source of board `mcu`: scans from the records that a microcontroller streams.
 
-The controller sets the pace. A frame is complete when a record of every leg that speaks is there; then it goes on at
-once. A leg whose record is missing in a frame reads as held up, and as not answering when it has been silent for
-longer than any line holds records back. When nothing comes at all, frames without a reading say so.
+The controller sets the pace. A frame is complete, and returned at once, when every leg that sends has sent its record.
+A leg whose record is missing in a frame reads DELAYED; after a silence longer than any line holds records back, it
+reads NO_ANSWER. Without any record, frames without a reading are returned.
 """
 
 import logging
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,75 +28,74 @@ from footsense.clock_map import ClockMap
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Clock, SerialPort
 
-__all__ = ["RecordSource"]
+__all__ = ["McuSource"]
 
 _NS_PER_US = 1000
 _NS_PER_S = 1_000_000_000
 _PF_PER_AF = 1e-6
 _LO_SHU = int(RecordFlag.LO_SHU)  # a plain number: an enumeration's arithmetic costs a microsecond
 
-#: Silence of a leg after which it does not answer: three scans, but no less than an FTDI adapter keeps bytes back.
-_SILENT_SCANS, _LEAST_SILENT_NS = 3, 25_000_000
-#: How long it takes to empty the buffers between a port that was opened and whoever begins to read it.
+#: Silence after which a leg counts as absent: three scans, and longer than an FTDI adapter holds bytes back.
+_SILENT_SCANS, _MIN_SILENT_NS = 3, 25_000_000
+#: Time in which the buffers between port and reader are emptied after the start.
 _BACKLOG_NS = 50_000_000
-#: A step whose conversions last for more scans than this is none: the next scan would have begun.
+#: A record whose conversions last for more scans than this is corrupt: the next scan would have begun.
 _LONGEST_SCANS = 1.5
-#: At most how often the journal hears of losses, and how often it is looked for any.
-_TELL_NS, _LOOK_NS = 10 * _NS_PER_S, _NS_PER_S
+#: Shortest time between two log lines about losses, and between two looks for them.
+_LOG_NS, _LOOK_NS = 10 * _NS_PER_S, _NS_PER_S
 
 _NO_VALUE_ENDS = NO_VALUE + N_CODES
 _READING_OF_CODE = np.full(N_CODES, Reading.CORRUPT, np.uint8)
 _READING_OF_CODE[list(NoValue)] = list(NoValue)
 _CORRUPT = pack_values([NO_VALUE + Reading.CORRUPT] * ELEMENTS)
 
-#: Place of each element in the scan, by the flag that tells the order, shape (2, 9).
-_PLACES = np.array([np.argsort(ORDERS[order]) for order in ("raster", "lo_shu")])
+#: Position of each element in the scan, by order flag, shape (2, 9).
+_POSITIONS = np.array([np.argsort(ORDERS[order]) for order in ("raster", "lo_shu")])
 
 _log = logging.getLogger(__name__)
 
 
-class _Scan:
-    """The records of one scan, as far as they have come.
+class _Scan(NamedTuple):
+    """The records of one scan that have arrived.
 
     Attributes:
         t_us: Its time in the controller's clock [us], not unwrapped.
-        t_ns: The same here [ns].
+        t_ns: The same in this machine's clock [ns].
         records: Record of each leg by its row.
     """
 
-    def __init__(self, t_us: int, t_ns: int) -> None:
-        self.t_us = t_us
-        self.t_ns = t_ns
-        self.records: dict[int, Record] = {}
+    t_us: int
+    t_ns: int
+    records: dict[int, Record]
 
 
-class RecordSource:
+class McuSource:
     """The frame source of a robot whose feet a microcontroller scans.
 
     Args:
         port: The line.
-        clock: The time of arrival, which frames are stamped in.
+        clock: This machine's clock, of arrivals and of stamps.
         legs: Names of the legs, in the order of a frame's rows.
-        rate_hz: Scans per second that the controller makes.
-        wire_ns: How long a record takes on the line [ns].
+        rate_hz: Scans per second of the controller.
+        wire_ns: Time of a record on the line [ns].
 
     Attributes:
-        late_ticks: Frames that went out incomplete because a leg that had spoken did not.
-        n_unused: Records that no frame could take: of legs that the robot does not have, of a scan that had gone out
-            already, or of one between two others, as come if the controller scans at twice the rate and more.
+        missed_deadlines: Frames that were returned without the record of a leg that had sent before.
+        n_unused: Records that fit into no frame: of legs that the robot does not have, of a scan that was returned
+            already, or between two scans, which happens if the controller scans at twice the rate or more.
     """
 
     def __init__(
         self, port: SerialPort, clock: Clock, legs: Sequence[str], *, rate_hz: float, wire_ns: int = 0
     ) -> None:
-        self.late_ticks = 0
+        self.missed_deadlines = 0
         self.n_unused = 0
         self._port = port
         self._clock = clock
         self._rows = {NODE_IDS[leg]: row for row, leg in enumerate(legs)}
         self._half_scan_us = round(0.5e6 / rate_hz)
         self._longest_step_us = _LONGEST_SCANS * 1e6 / rate_hz / (ELEMENTS - 1)
-        self._silent_ns = max(round(_SILENT_SCANS * _NS_PER_S / rate_hz), _LEAST_SILENT_NS)
+        self._silent_ns = max(round(_SILENT_SCANS * _NS_PER_S / rate_hz), _MIN_SILENT_NS)
         self._wire_ns = wire_ns
         self._decoder = SerialDecoder()
         self._map = ClockMap()
@@ -104,16 +104,16 @@ class RecordSource:
         self._scan: _Scan | None = None
         self._frames: deque[CapFrame] = deque()
         self._sequence = 0
-        self._last_t_us: int | None = None  # of the scan that went out last
+        self._last_t_us: int | None = None  # of the scan that was returned last
         self._heard_ns: dict[int, int] = {}
         self._expected: frozenset[int] = frozenset(self._rows.values())
         self._listens = False
         self._deadline_ns = 0
-        self._told: dict[str, int] = {}
-        self._tell_at_ns = 0
+        self._logged = Counter[str]()
+        self._log_at_ns = 0
 
     def read(self) -> CapFrame:
-        """Wait for the next scan and return it; without any, a frame that says so, again and again."""
+        """Wait for the next scan and return it; after a silence, a frame without readings."""
         if not self._listens:
             self._begin()
         while not self._frames:
@@ -128,12 +128,12 @@ class RecordSource:
             if not self._frames and now_ns >= self._deadline_ns:
                 self._emit(now_ns)
                 self._deadline_ns = now_ns + self._silent_ns
-            if now_ns >= self._tell_at_ns:
-                self._tell(now_ns)
+            if now_ns >= self._log_at_ns:
+                self._log_losses(now_ns)
         return self._frames.popleft()
 
     def _begin(self) -> None:
-        """Drop what has waited in buffers since the port was opened: how long, nobody knows."""
+        """Drop the bytes that have waited in buffers for an unknown time since the port was opened."""
         until_ns = self._clock.now_ns() + _BACKLOG_NS
         while self._clock.now_ns() < until_ns:
             self._port.wait_until_ns(until_ns)
@@ -148,16 +148,16 @@ class RecordSource:
 
     @property
     def temperature_c(self) -> NDArray[np.float64]:
-        """Return each leg's temperature [deg C], shape (legs,): NaN, records carry none."""
+        """Temperature of each leg's converter [degC], shape (legs,): NaN, records carry none."""
         return np.full(len(self._rows), np.nan)
 
     @property
     def losses(self) -> dict[str, int]:
-        """What of the stream was not used, by kind, since the start."""
-        return vars(self._decoder.losses) | {"unused": self.n_unused, "clock jumps": self._map.restarts}
+        """Losses since the start, by kind: those of the decoder, records unused, jumps of the controller's clock."""
+        return {**self._decoder.losses, "unused": self.n_unused, "clock jumps": self._map.restarts}
 
     def _take(self, data: bytes, now_ns: int) -> None:
-        """Sort what has arrived into scans."""
+        """Sort the records in some bytes into scans."""
         for sent in self._decoder.feed(data):
             record = sent
             row = self._rows.get(record.leg)
@@ -176,67 +176,65 @@ class RecordSource:
                 scan = None
             if scan is None:
                 if self._last_t_us is not None and self._is_near(record.t_us, self._last_t_us):
-                    self.n_unused += 1  # its scan has gone out
+                    self.n_unused += 1  # its scan was returned
                     continue
-                scan = self._scan = _Scan(record.t_us, self._here_ns(record, now_ns))
+                scan = self._scan = _Scan(record.t_us, self._t_ns(record, now_ns), {})
             scan.records[row] = record
             if scan.records.keys() >= self._expected:
                 self._emit(now_ns)
 
     def _is_near(self, t_us: int, other_us: int) -> bool:
-        """Tell whether two times are those of one scan."""
+        """Return whether two times belong to one scan."""
         return abs(_difference_us(t_us, other_us)) < self._half_scan_us
 
-    def _here_ns(self, record: Record, now_ns: int) -> int:
-        """Return when a record's first conversion was, in this machine's time [ns].
+    def _t_ns(self, record: Record, now_ns: int) -> int:
+        """Return the time of a record's first conversion in this machine's clock [ns].
 
-        A record cannot go out before its last conversion, and that is what is held against its arrival.
+        A record cannot be sent before its last conversion: the arrival is compared with that.
         """
         self._unwrapped_us += _difference_us(record.t_us, self._unwrapped_us)
         lasts_ns = (ELEMENTS - 1) * record.step_us * _NS_PER_US
         return self._map.map(self._unwrapped_us * _NS_PER_US + lasts_ns, now_ns - self._wire_ns) - lasts_ns
 
     def _emit(self, now_ns: int) -> None:
-        """Make a frame of what has come, which may be nothing."""
+        """Make a frame of the records that have arrived, if any."""
         n_legs = len(self._rows)
-        speaking = frozenset(
+        sending = frozenset(
             row for row, heard_ns in self._heard_ns.items() if now_ns - heard_ns < self._silent_ns
         )
         t_ns = np.zeros((n_legs, ELEMENTS), np.int64)
         capacitance_pf = np.full((n_legs, ELEMENTS), np.nan)
         reading = np.full((n_legs, ELEMENTS), Reading.NO_ANSWER, np.uint8)
-        reading[list(speaking)] = Reading.DELAYED
+        reading[list(sending)] = Reading.DELAYED
         if self._scan is not None:
             rows = list(self._scan.records)
             t_ns[rows], capacitance_pf[rows], reading[rows] = _readings(self._scan, now_ns)
             self._last_t_us, self._scan = self._scan.t_us, None
-            if not speaking <= set(rows):
-                self.late_ticks += 1
-        self._expected = speaking or frozenset(self._rows.values())
+            if not sending <= set(rows):
+                self.missed_deadlines += 1
+        self._expected = sending or frozenset(self._rows.values())
         self._frames.append(CapFrame(self._sequence, t_ns, capacitance_pf, reading))
         self._sequence += 1
 
-    def _tell(self, now_ns: int) -> None:
-        """Say in the journal what has been lost since the last time."""
-        new = {kind: n - self._told.get(kind, 0) for kind, n in self.losses.items()}
-        if any(new.values()):
-            _log.warning(
-                "serial line of the microcontroller: %s",
-                ", ".join(f"{kind} {n}" for kind, n in new.items() if n),
-            )
-            self._told = self.losses
-        self._tell_at_ns = now_ns + (_TELL_NS if any(new.values()) else _LOOK_NS)
+    def _log_losses(self, now_ns: int) -> None:
+        """Write the losses since the last line to the journal."""
+        losses = Counter(self.losses)
+        if new := losses - self._logged:
+            counts = ", ".join(f"{kind} {n}" for kind, n in new.items())
+            _log.warning("serial line of the microcontroller: %s", counts)
+            self._logged = losses
+        self._log_at_ns = now_ns + (_LOG_NS if new else _LOOK_NS)
 
 
 def _difference_us(t_us: int, other_us: int) -> int:
-    """Return t - other of a counter of 32 bits, -2^31 to 2^31 - 1 [us]."""
+    """Return t - other of a 32-bit counter, -2^31 to 2^31 - 1 [us]."""
     return (t_us - other_us + (1 << 31)) % (1 << 32) - (1 << 31)
 
 
 def _readings(scan: _Scan, now_ns: int) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.uint8]]:
     """Return stamps [ns], capacitances [pF] and readings of the legs of a scan, shape (records, 9) each.
 
-    A record whose steps would not be over by now is garbled: what it says of its times is wrong.
+    A record whose last conversion would be in the future is corrupt: its times are wrong.
     """
     records = scan.records.values()
     values_af = np.frombuffer(b"".join(record.values for record in records), "<i4").reshape(-1, ELEMENTS)
@@ -247,7 +245,7 @@ def _readings(scan: _Scan, now_ns: int) -> tuple[NDArray[np.int64], NDArray[np.f
         ]
     ).T
     ahead = scan.t_ns + _NS_PER_US * (ELEMENTS - 1) * step_us > now_ns
-    t_ns = scan.t_ns + _NS_PER_US * (after_us[:, None] + step_us[:, None] * _PLACES[order])
+    t_ns = scan.t_ns + _NS_PER_US * (after_us[:, None] + step_us[:, None] * _POSITIONS[order])
     capacitance_pf = values_af * _PF_PER_AF
     reading = np.zeros(values_af.shape, np.uint8)
     without = values_af < _NO_VALUE_ENDS

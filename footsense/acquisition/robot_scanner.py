@@ -1,7 +1,7 @@
-"""The scans of all buses of the robot, put together into one frame.
+"""The scans of all I2C buses of the robot in one frame.
 
-Buses scan at the same time, each in a thread of its own when there are several: the adapter's system call lets the
-others run. A frame is complete when the slowest bus is.
+Several buses scan at the same time, each in a thread of its own: the adapter's system call releases the interpreter. A
+frame is complete when the slowest bus is.
 """
 
 from collections.abc import Sequence
@@ -32,15 +32,15 @@ class RobotScanner:
         )
 
     @property
-    def late_ticks(self) -> int:
-        """Return how often a scan was begun anew because it had been held up."""
-        return sum(bus.late_ticks for bus in self._buses)
+    def missed_deadlines(self) -> int:
+        """Number of times that conversions were discarded because the loop was delayed."""
+        return sum(bus.missed_deadlines for bus in self._buses)
 
     @property
     def temperature_c(self) -> NDArray[np.float64]:
-        """Return what each leg's converter said last of its temperature [deg C], shape (legs,); NaN for nothing.
+        """Temperature of each leg's converter [degC], shape (legs,), at most ten seconds old.
 
-        At most ten seconds old; of a board without a sensor, and of a leg that is out of the scan, there is none.
+        NaN for a board without a sensor, and for a leg that is out of the scan.
         """
         return np.array([each for bus in self._buses for each in bus.temperature_c])
 
@@ -54,9 +54,9 @@ class RobotScanner:
             bus.start()
 
     def read(self) -> CapFrame:
-        """Scan every element of every leg once, or only the next one and keep the latest of the others.
+        """Read every element of every leg, or the next one alone beside the latest readings of the others.
 
-        The first time it is always a whole scan: there are no others yet.
+        The first frame is always a whole scan.
         """
         read_all = map if self._pool is None else self._pool.map
         n_steps = 1 if self._element_wise and self._sequence else ELEMENTS

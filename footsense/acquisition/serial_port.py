@@ -1,7 +1,7 @@
 """A serial port behind the SerialPort port; the only file that knows pyserial.
 
-pyserial finds the way to set up a line, whatever its baud rate; its `read` costs two or three system calls, where one
-on the descriptor that it opened says the same.
+pyserial sets up the line at any baud rate; bytes are read from its descriptor, with one system call instead of the two
+or three of its `read`.
 """
 
 import logging
@@ -17,8 +17,8 @@ from footsense.ports import Clock
 
 __all__ = ["SerialLink"]
 
-#: More than the kernel hands over at once.
-_MOST_BYTES = 65_536
+#: More than the kernel returns at once.
+_MAX_BYTES = 65_536
 _FIRST_PAUSE_NS = 100_000_000
 _LONGEST_PAUSE_NS = 2_000_000_000
 _GONE = select.POLLHUP | select.POLLERR | select.POLLNVAL
@@ -29,19 +29,19 @@ _log = logging.getLogger(__name__)
 class SerialLink:
     """One serial port, 8N1, opened for this process alone.
 
-    What is unplugged is looked for again at its name, with growing pauses: a name under /dev/serial/by-id stays, while
-    /dev/ttyACM0 may be another device by then.
+    A port that was unplugged is opened again by its name, with growing pauses. A name under /dev/serial/by-id stays the
+    same device; /dev/ttyACM0 may be another one by then.
 
     Args:
         device: Its name.
-        baud: Bits per second; of no effect on a USB device that is no adapter.
+        baud: Bits per second; without effect on a USB device that is no UART adapter.
         clock: The time to wait in.
 
     Attributes:
-        opened: How often it has been opened.
+        opened: Number of times that it was opened.
 
     Raises:
-        HardwareError: It is not there, is in use, or this user may not use it.
+        HardwareError: It is missing, is in use, or this user may not use it.
     """
 
     def __init__(self, device: str, baud: int, clock: Clock) -> None:
@@ -57,23 +57,23 @@ class SerialLink:
         self._open()
 
     def read(self) -> bytes:
-        """Return what has arrived; never waits, and opens again what had gone."""
+        """Return the bytes that have arrived, without waiting; open a lost port again when it is time."""
         if self._port is None and not self._reopened():
             return b""
         try:
-            data = os.read(self._descriptor, _MOST_BYTES)
+            data = os.read(self._descriptor, _MAX_BYTES)
         except BlockingIOError:
             return b""
         except OSError as error:
             self._lose(error.strerror or "unreadable")
             return b""
-        # A line that is quiet and one that has gone both read as nothing.
+        # A quiet line and a lost one both read as no bytes.
         if not data and any(events & _GONE for _, events in self._poll.poll(0)):
             self._lose("hung up")
         return data
 
     def wait_until_ns(self, t_ns: int) -> None:
-        """Return when something has arrived or the line has gone, at `t_ns` at the latest."""
+        """Return when bytes have arrived or the line is lost, at `t_ns` at the latest."""
         if self._port is None:
             self._clock.sleep_until_ns(min(t_ns, self._retry_at_ns))
             return
@@ -82,7 +82,7 @@ class SerialLink:
             select.select((self._descriptor,), (), (), remaining_ns * 1e-9)
 
     def write(self, data: bytes) -> None:
-        """Send a few bytes; those that a line that has gone does not take are lost."""
+        """Send a few bytes; a lost line drops them."""
         if self._port is None:
             return
         try:
@@ -108,7 +108,7 @@ class SerialLink:
                 f"{self._device}: {why}; `ls /dev/serial/by-id` shows what is there, nobody else may have it open, "
                 "and the service's user belongs in group dialout"
             ) from error
-        # Else an FTDI adapter keeps what it has for up to 16 ms (deploy/README.md); others know no such thing.
+        # Without it an FTDI adapter holds bytes back for up to 16 ms (deploy/README.md); others do not support it.
         with suppress(OSError, ValueError):
             port.set_low_latency_mode(True)
         self._port, self._descriptor = port, port.fileno()
@@ -116,7 +116,7 @@ class SerialLink:
         self.opened += 1
 
     def _reopened(self) -> bool:
-        """Try again when it is time, and tell whether the port is open."""
+        """Open the port again if it is time, and return whether it is open."""
         if self._clock.now_ns() < self._retry_at_ns:
             return False
         try:
@@ -126,7 +126,7 @@ class SerialLink:
             self._pause_ns = min(2 * self._pause_ns, _LONGEST_PAUSE_NS)
             return False
         self._pause_ns = _FIRST_PAUSE_NS
-        _log.info("%s: there again", self._device)
+        _log.info("%s: back", self._device)
         return True
 
     def _lose(self, why: str) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from firmware_interface import adg715
 from footsense.acquisition.bus_timing import BusCosts, measure
-from footsense.acquisition.leg_connection import HELD_PAUSES, HOLDER_PAUSES, LegConnection
+from footsense.acquisition.leg_connection import STUCK_BUS_PAUSES, STUCK_LEG_PAUSES, LegConnection
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, ResetLine, Transaction
@@ -102,14 +102,14 @@ class UpstreamBus:
         for leg in legs:
             if not free:
                 why = "the bus is held low and does not get free"
-                leg.leave(Reading.BUS_STUCK, why, clock.now_ns(), pauses=HELD_PAUSES)
+                leg.leave(Reading.BUS_STUCK, why, clock.now_ns(), pauses=STUCK_BUS_PAUSES)
                 continue
             try:
                 self.connect(leg.selection).transfer(ask)
             except BusTimeoutError:
                 free = self.free()
                 why = "holds a line of the bus low"
-                leg.leave(Reading.BUS_STUCK, why, clock.now_ns(), pauses=HOLDER_PAUSES)
+                leg.leave(Reading.BUS_STUCK, why, clock.now_ns(), pauses=STUCK_LEG_PAUSES)
             except BusError as error:  # of this leg alone, and met by the scan too
                 _log.debug("leg %s: %s", leg.name, error)
 

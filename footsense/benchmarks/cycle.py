@@ -20,7 +20,7 @@ from footsense import daemon
 from footsense.benchmarks.c_floor import CFloor, codes_of, has_c_floor
 from footsense.benchmarks.naive import NaiveCycle, naive_cycle
 from footsense.can.socketcan import SocketWire
-from footsense.clock import foremost, stopwatch_ns, undisturbed
+from footsense.clock import fifo_priority, gc_disabled, stopwatch_ns
 from footsense.config import DEFAULT, Realtime
 from footsense.daemon.loop import step
 from footsense.errors import FootsenseError
@@ -30,8 +30,7 @@ from footsense.sim.clock import VirtualClock
 from footsense.sim.scene import load_scene
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.metrics import Metrics
-from footsense.telemetry.supervision import Supervision
-from footsense.telemetry.systemd import SystemdNotifier
+from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
 
 __all__ = [
     "PRIORITY",
@@ -132,7 +131,7 @@ def our_cycle() -> Iterator[OurCycle]:
         metrics = Metrics(DEFAULT.legs, stats, counters)
         observers = (
             Journal(DEFAULT.legs),
-            Supervision(SystemdNotifier({}), DEFAULT.legs),
+            SystemdObserver(SystemdNotifier({}), DEFAULT.legs),
             metrics,
             _Recording(outlets.pipe, DEFAULT.legs),
         )
@@ -165,7 +164,7 @@ def tared_floor(folder: Path, scans: list[CapFrame]) -> CFloor:
     Raises:
         FootsenseError: It cannot be compiled.
     """
-    floor = CFloor(folder, DEFAULT, daemon.load_network(DEFAULT).card.calibration)
+    floor = CFloor(folder, DEFAULT, daemon.load_network(DEFAULT).card.trained_inputs)
     floor.tare(np.mean([scan.capacitance_pf for scan in scans[: DEFAULT.tare.window_scans]], axis=0))
     return floor
 
@@ -195,7 +194,7 @@ def cycle_figures(scans: list[CapFrame]) -> dict[str, Any]:
 def _figures(scans: list[CapFrame], run: int) -> dict[str, float | None]:
     with TemporaryDirectory() as folder, our_cycle() as ours, naive_cycle(DEFAULT) as naive:
         floor = tared_floor(Path(folder), scans) if has_c_floor() else None
-        with undisturbed(), foremost(PRIORITY):
+        with gc_disabled(), fifo_priority(PRIORITY):
             times = _time(scans, run, ours, floor, naive)
     ours_us, floor_us, naive_us = (np.array(part[WARM_UP:]) * 1e-3 for part in times)
     p50 = float(np.median(ours_us))

@@ -8,8 +8,8 @@ What the simulator calls is left out as well: `footsense/foot`, and the register
 too. The latter are given as a figure of their own, since a count by file name alone includes them.
 
 A scan of six legs is nine conversions, one turn of the loop, and two frames on CAN per leg. Counted are the scans after
-the tare. A function counts from one call in two scans on; what runs less often (a stride, a step of drift tracking) is
-in the total of calls, and marked in the list.
+the tare. A function counts with more than one call in two scans; what runs less often (the calibration monitor, a step
+of drift tracking) is in the total of calls, and marked in the list.
 """
 
 import argparse
@@ -26,13 +26,13 @@ import footsense
 from footsense import daemon
 from footsense.config import DEFAULT
 from footsense.sim.scene import load_scene
-from footsense.telemetry.run_statistics import Score
+from footsense.telemetry.run_statistics import RunStatistics
 
 #: Scans before anything is counted: a second of walk, which includes the tare.
 _WARM_UP = 50
 _COUNTED = 500
-#: Calls per scan from which a function counts as part of every scan.
-_LEAST_PER_SCAN = 0.5
+#: Calls per scan above which a function counts as part of every scan.
+_RARE_PER_SCAN = 0.5
 
 _ROOT = Path(footsense.__file__).parent.parent
 _SIMULATOR = f"{_ROOT.as_posix()}/footsense/sim/"
@@ -60,7 +60,7 @@ def calls_per_scan() -> tuple[Calls, Calls]:
             DEFAULT, load_scene("measured_walk"), real_time=False, record=Path(folder) / "walk.mcap"
         ) as service,
     ):
-        service.observers.append(Score(service.legs, service.scanning.true_force_n))
+        service.observers.append(RunStatistics(service.legs, service.scanning.true_force_n))
         service.run(_after(_WARM_UP))
         sys.setprofile(count)
         try:
@@ -106,8 +106,8 @@ def main() -> None:
             inside = {name: n for (path, name), n in calls.items() if path == module}
             click.echo(f"{sum(inside.values()):8.1f} {module}")
             for name, n in sorted(inside.items(), key=lambda function: -function[1]):
-                click.echo(f"{n:17.2f} {name}{'' if n >= _LEAST_PER_SCAN else '  (not in every scan)'}")
-    steady = [function for function, n in calls.items() if n >= _LEAST_PER_SCAN]
+                click.echo(f"{n:17.2f} {name}{'' if n > _RARE_PER_SCAN else '  (not in every scan)'}")
+    steady = [function for function, n in calls.items() if n > _RARE_PER_SCAN]
     n_modules = len({module for module, _ in steady})
     layouts = sum(n for (module, _), n in simulator_calls.items() if module.startswith("firmware_interface/"))
     click.echo(

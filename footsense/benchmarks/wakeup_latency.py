@@ -23,7 +23,7 @@ import numpy as np
 
 from footsense.benchmarks.c_floor import has_c_floor, round_ns
 from footsense.benchmarks.cycle import PRIORITY, WARM_UP, Outlets, our_cycle, sent_ns, tared_floor
-from footsense.clock import MonotonicClock, request_realtime, undisturbed
+from footsense.clock import MonotonicClock, gc_disabled, request_realtime
 from footsense.errors import FootsenseError
 from footsense.frames import CapFrame
 
@@ -182,7 +182,7 @@ def _serve_ours(connection: Connection, scans: list[CapFrame]) -> None:
         rounds = _rounds([(scan, sent_ns(scan)) for scan in scans[WARM_UP:]])
         for n in _requests(connection):
             late_ns = [0] * n
-            with undisturbed():
+            with gc_disabled():
                 deadline_ns = clock.now_ns()
                 for i in range(n):
                     # The next deadline that is still to come: missed ones are not made up for.

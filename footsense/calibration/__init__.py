@@ -1,5 +1,5 @@
-"""From the recordings of a foot on a bench to the pack that it ships with.
+"""From the recordings of a foot on a test stand to its calibration.
 
-Pokes are found in a recording, a model of the foot is fitted to them, and what the model leaves is learnt by a small
-correction. Runs with numpy alone, so a foot can be calibrated where it is used.
+`loads` finds the presses, `session` guides and reads a session, `fit` fits a model of the foot and learns
+what it leaves, `evaluation` compares the result with the reference, `writer` writes the files.
 """

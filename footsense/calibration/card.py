@@ -1,4 +1,4 @@
-"""The card of a foot pack: what a person wants to know of a calibrated foot."""
+"""The card of a calibration: a summary of a calibrated foot for people, in Markdown."""
 
 from collections.abc import Sequence
 
@@ -14,16 +14,16 @@ def card_text(manifest: Manifest, parameters: Parameters) -> str:
     """Return the card as Markdown.
 
     Args:
-        manifest: What the pack says of itself; the hashes of its files are not needed.
-        parameters: How the foot differs from its design.
+        manifest: Its manifest; the hashes of the files are not used.
+        parameters: Its parameters.
     """
     recordings = "\n".join(f"| {name} | `{sha256}` |" for name, sha256 in manifest.recordings.items())
-    strayed = "stray capacitance, bench wiring included [pF]"
+    strayed = "stray capacitance, wiring of the test stand included [pF]"
     return f"""# {manifest.foot}
 
 A foot of type {manifest.foot_type}, calibrated {manifest.made} by footsense {manifest.footsense}
-on {_count(manifest.n_pokes, "poke")} in {_count(manifest.n_sessions, "session")}{_temperature(parameters)}. The
-robot takes these files as they are, or not at all: whatever is edited here by hand is refused.
+on {_count(manifest.n_loads, "load")} in {_count(manifest.n_sessions, "session")}{_temperature(parameters)}. The
+robot uses these files unchanged, or not at all: it detects and refuses every edit by hand.
 
 ## Errors
 
@@ -38,11 +38,11 @@ robot takes these files as they are, or not at all: whatever is edited here by h
 {_grid(strayed, parameters.stray_pf, 3)}
 {_grid("gain of the closure [1]", parameters.gain_rel, 3)}
 
-Stiffness {parameters.stiffness_rel:+.1%}; mounted {_turned_deg(parameters):.1f} deg off; largest term of the
-correction {np.abs(parameters.correction).max():.3f}. What the pokes left unexplained: {parameters.error_rel:.1%} of
+Stiffness {parameters.stiffness_rel:+.1%}; mounted {_mount_deg(parameters):.1f} deg off; largest term of the
+correction {np.abs(parameters.correction).max():.3f}. Unexplained by the calibration: {parameters.error_rel:.1%} of
 the force.
 
-## Made of
+## Origin
 
 Network `{parameters.network_sha256}`, training set `{manifest.training_sha256}`:
 
@@ -58,22 +58,22 @@ def _count(n: int, what: str) -> str:
 
 def _temperature(parameters: Parameters) -> str:
     if parameters.temperature_c is None:
-        return ", at a temperature that nothing measured"
+        return ", at an unknown temperature"
     per_k = parameters.stiffness_per_k
-    stiffer = "" if per_k is None else f", {per_k:+.2%} of stiffness for each kelvin from there"
+    stiffer = "" if per_k is None else f", stiffness {per_k:+.2%} per kelvin"
     return f", at {parameters.temperature_c:.1f} degC{stiffer}"
 
 
 def _errors(manifest: Manifest) -> str:
     held_out = manifest.held_out
     if held_out is None:
-        return "Not known: no poke was kept from the fit to tell."
-    return f"""{held_out.protocol}, {_count(held_out.calibrated.n, "poke")}:
+        return "Unknown: no load was held out."
+    return f"""{held_out.protocol}, {_count(held_out.calibrated.n, "load")}:
 
 | mean / p95 / largest | direction [deg] | magnitude [gf] |
 |---|---:|---:|
 {_row("network of the design alone", held_out.design_only)}
-{_row("this pack", held_out.calibrated)}"""
+{_row("with this calibration", held_out.calibrated)}"""
 
 
 def _row(name: str, errors: Errors) -> str:
@@ -89,6 +89,6 @@ def _grid(what: str, values: Sequence[float], digits: int) -> str:
     return f"| {what} | {'<br>'.join(rows)} | mean {np.mean(values):.{digits}f} |"
 
 
-def _turned_deg(parameters: Parameters) -> float:
+def _mount_deg(parameters: Parameters) -> float:
     """Return the angle of the mount's rotation [deg]."""
     return float(np.degrees(np.arccos(np.clip((np.trace(parameters.mount) - 1.0) / 2.0, -1.0, 1.0))))

@@ -1,7 +1,7 @@
-"""What a foot's pack is worth: forces of its pokes by the network alone, and by its pack, beside the reference.
+"""Forces of calibration loads by the network alone and by the foot's calibration, beside the reference.
 
-Both are made as the robot makes them: closures against the foot's own rest, what lies outside of what the network was
-taught is no force. Errors are compared on the pokes that both can read, and the others are counted.
+Both are computed as on the robot: closures against the foot's own unloaded reading, no force outside of the network's
+training range. Errors are compared over the loads that both can read.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,33 +10,57 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.loads.detection import Poke
-from footsense.calibration.session.recorded_session import BenchSession
+from footsense.calibration.loads.calibration_load import LoadSet
+from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
 from footsense.foot.network_card import TrainedInputs
 from footsense.foot.parameters import FootParameters
+from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS
 from footsense.ports import Estimator
 
-__all__ = ["BANDS", "LEAST_POKES", "Band", "Evaluation", "Read", "evaluate", "read_pokes"]
+__all__ = [
+    "BANDS",
+    "MIN_LOADS",
+    "Band",
+    "DesignModels",
+    "Estimates",
+    "Evaluation",
+    "estimate_loads",
+    "evaluate",
+]
 
 Vector = NDArray[np.float64]
 
-#: Below so many, a 95th percentile is one poke.
-LEAST_POKES = 20
+#: Fewest loads of an evaluation: with fewer, a 95th percentile is a single load.
+MIN_LOADS = 20
+
+
+class DesignModels(NamedTuple):
+    """Models of a foot type, before any foot of it is calibrated.
+
+    Attributes:
+        response: Response table of the type.
+        network: Returns the type's network for a number of rows.
+        trained_inputs: Training range of that network.
+    """
+
+    response: FootResponse
+    network: Callable[[int], Estimator]
+    trained_inputs: TrainedInputs
 
 
 class Band(NamedTuple):
-    """Loads that are judged together: those of at least `least_gf` and less than `most_gf`."""
+    """Loads of at least `min_gf` and less than `max_gf`, which are evaluated together."""
 
     name: str
-    least_gf: float
-    most_gf: float
+    min_gf: float
+    max_gf: float
 
 
-#: The first holds all; the others have one magnitude of the paper in each.
+#: All loads, and one magnitude of the paper in each of the others.
 BANDS = (
     Band("all", 0.0, np.inf),
     Band("below 75 gf", 0.0, 75.0),
@@ -45,11 +69,11 @@ BANDS = (
 )
 
 
-class Read(NamedTuple):
-    """What one way of reading makes of the pokes.
+class Estimates(NamedTuple):
+    """Forces estimated from loads.
 
     Attributes:
-        closure_rel: Closures that the network was given [1], shape (n, 9).
+        closure_rel: Inputs of the network [1], shape (n, 9).
         force_n: Forces [N], shape (n, 3), NaN where the robot would give none.
         sigma_n: Their standard deviations [N], same shape.
     """
@@ -60,102 +84,98 @@ class Read(NamedTuple):
 
     @property
     def usable(self) -> NDArray[np.bool_]:
-        """Which pokes have a force, shape (n,)."""
+        """Which loads have a force, shape (n,)."""
         usable: NDArray[np.bool_] = np.asarray(np.isfinite(self.force_n).all(axis=1))
         return usable
 
 
 class Evaluation(NamedTuple):
-    """All that was found.
+    """Reference and estimates of the same loads.
 
     Attributes:
-        truth_n: What the reference said [N], shape (n, 3), leg's frame.
-        design_only: What the network alone makes of it.
-        calibrated: What the pack makes of it; None without one.
+        reference_n: Forces of the reference [N], shape (n, 3), leg frame.
+        design_only: Estimates of the network alone.
+        calibrated: Estimates with the calibration; None without one.
     """
 
-    truth_n: Vector
-    design_only: Read
-    calibrated: Read | None
+    reference_n: Vector
+    design_only: Estimates
+    calibrated: Estimates | None
 
     @property
     def compared(self) -> NDArray[np.bool_]:
-        """Which pokes can be read either way, shape (n,)."""
-        ways = [self.design_only, *([self.calibrated] if self.calibrated else [])]
-        both: NDArray[np.bool_] = np.all([way.usable for way in ways], axis=0)
-        return both
+        """Which loads have a force with and without the calibration, shape (n,)."""
+        usable = self.design_only.usable
+        return usable if self.calibrated is None else usable & self.calibrated.usable
 
-    def errors_of(self, read: Read, band: Band) -> Errors | None:
-        """Return the errors of one way on the loads of a band, None if there are none."""
-        size_gf = np.linalg.norm(self.truth_n, axis=1) / GRAM_FORCE_N
-        chosen = self.compared & (size_gf >= band.least_gf) & (size_gf < band.most_gf)
-        return errors(self.truth_n[chosen], read.force_n[chosen]) if chosen.any() else None
+    def errors_of(self, estimates: Estimates, band: Band) -> Errors | None:
+        """Return the errors of estimates over the compared loads of a band, None if there are none."""
+        magnitude_gf = np.linalg.norm(self.reference_n, axis=1) / GRAM_FORCE_N
+        chosen = self.compared & (magnitude_gf >= band.min_gf) & (magnitude_gf < band.max_gf)
+        return errors(self.reference_n[chosen], estimates.force_n[chosen]) if chosen.any() else None
 
 
-def read_pokes(
-    pokes: Sequence[Poke], network: Estimator, calibration: TrainedInputs, foot: FootParameters | None
-) -> Read:
-    """Return what a robot would make of pokes.
+def estimate_loads(
+    loads: LoadSet, network: Estimator, trained_inputs: TrainedInputs, foot: FootParameters | None
+) -> Estimates:
+    """Return the forces that a robot would estimate of loads.
 
     Args:
-        pokes: Those that count, at least one.
+        loads: At least one.
         network: For as many rows.
-        calibration: What its card says.
-        foot: How the foot differs from its design; None to take it as designed.
+        trained_inputs: Its training range.
+        foot: Parameters of the foot; None to read it as designed.
     """
+    design = trained_inputs.design
     stray_pf = np.zeros(ELEMENTS) if foot is None else foot.stray_pf
-    pressed_pf = np.array([poke.capacitance_pf for poke in pokes]) - stray_pf
-    rest_pf = np.array([poke.rest_pf for poke in pokes]) - stray_pf
-    design = calibration.design
     gain_rel = np.ones(ELEMENTS) if foot is None else foot.gain_rel
-    closure_rel = design.closure_um(pressed_pf, rest_pf) / design.gap_um / gain_rel
     gap_um = np.full(ELEMENTS, design.gap_um) if foot is None else foot.gap_um
+    closure_um = design.closure_um(loads.capacitance_pf - stray_pf, loads.baseline_pf - stray_pf)
+    closure_rel = closure_um / design.gap_um / gain_rel
     # A NaN fails every comparison.
-    inside = (closure_rel >= calibration.closure_rel_min) & (
-        closure_rel <= calibration.usable_max_rel(gap_um)
+    inside = (closure_rel >= trained_inputs.closure_rel_min) & (
+        closure_rel <= trained_inputs.usable_max_rel(gap_um)
     )
-    taught: NDArray[np.bool_] = np.asarray(inside.all(axis=1))
-    estimator = CalibratedFeet(network, [foot], len(pokes))
-    force_n, sigma_n = estimator.estimate(
-        np.where(taught[:, None], closure_rel, 0.0), np.zeros(closure_rel.shape, bool)
+    trained = inside.all(axis=1, keepdims=True)
+    force_n, sigma_n = CalibratedFeet(network, [foot], len(loads)).estimate(
+        np.where(trained, closure_rel, 0.0), np.zeros(closure_rel.shape, bool)
     )
-    force_n[~taught] = sigma_n[~taught] = np.nan
-    return Read(closure_rel, force_n, sigma_n)
+    return Estimates(closure_rel, np.where(trained, force_n, np.nan), np.where(trained, sigma_n, np.nan))
 
 
 def evaluate(
-    sessions: Sequence[BenchSession],
+    sessions: Sequence[RecordedSession],
     network: Callable[[int], Estimator],
-    calibration: TrainedInputs,
+    trained_inputs: TrainedInputs,
     foot: FootParameters | None,
 ) -> Evaluation:
-    """Return what the network alone and a foot's pack make of its pokes.
+    """Compare the network alone and a foot's calibration with the reference.
 
     Args:
         sessions: The recordings.
-        network: Makes the network for a number of rows.
-        calibration: What its card says.
-        foot: What the pack says of the foot; None without one.
+        network: Returns the network for a number of rows.
+        trained_inputs: Its training range.
+        foot: Parameters of the calibration; None without one.
 
     Raises:
-        CalibrationError: There are too few pokes, or hardly any that can be read.
+        CalibrationError: Too few loads are there, or have a force.
     """
-    pokes = [poke for session in sessions for poke in session.pokes]
-    if len(pokes) < LEAST_POKES:
+    loads = LoadSet.of([load for session in sessions for load in session.loads])
+    if len(loads) < MIN_LOADS:
         raise CalibrationError(
-            f"{len(pokes)} pokes that count in {len(sessions)} recordings; "
-            f"at least {LEAST_POKES} are needed to say how wrong a foot is"
+            f"{len(loads)} accepted loads in {len(sessions)} recordings; "
+            f"at least {MIN_LOADS} are needed for an evaluation"
         )
-    estimator = network(len(pokes))
-    found = Evaluation(
-        truth_n=np.array([poke.force_n for poke in pokes]),
-        design_only=read_pokes(pokes, estimator, calibration, None),
-        calibrated=read_pokes(pokes, estimator, calibration, foot) if foot is not None else None,
+    estimator = network(len(loads))
+    evaluation = Evaluation(
+        reference_n=loads.force_n,
+        design_only=estimate_loads(loads, estimator, trained_inputs, None),
+        calibrated=None if foot is None else estimate_loads(loads, estimator, trained_inputs, foot),
     )
-    n_compared = int(found.compared.sum())
-    if n_compared < LEAST_POKES:
+    n_compared = int(evaluation.compared.sum())
+    if n_compared < MIN_LOADS:
         raise CalibrationError(
-            f"{n_compared} of {len(pokes)} pokes lie within what the network was taught, at least {LEAST_POKES} are "
+            f"{n_compared} of {len(loads)} loads lie in the network's training range, at least {MIN_LOADS} are "
             "needed; press less hard, and check that the recordings are of this foot type"
         )
-    return found
+    return evaluation

@@ -1,11 +1,11 @@
 """One CAN channel and the log of what was sent on it.
 
-A frame that the channel does not take at once is dropped and counted, never tried again: by then there is a
-newer one. An interface that goes down or disappears is opened again, at growing intervals, for as long as it
-takes. Nothing here waits, and once the channel is open nothing here raises.
+A frame that the channel does not accept at once is dropped and counted, never sent later: by then there is a newer one.
+An interface that goes down or disappears is opened again, at growing intervals, without end. Nothing here waits, and
+once the channel is open nothing here raises.
 
-What becomes of a frame between the kernel's queue and the wire is a matter of the interface's settings:
-`deploy/80-can0.network` says which.
+How long a frame may stay between the kernel's queue and the wire depends on the interface's settings
+(`deploy/80-can0.network`).
 """
 
 import logging
@@ -16,7 +16,7 @@ from pathlib import Path
 from firmware_interface.socketcan import FRAME_BYTES, is_data, is_error, pack_frame, split_frames
 from footsense.can.bus_health import BusHealth
 from footsense.can.frame_log import CanLog, check_log_suffix
-from footsense.can.python_can import open_wire, what_is_wrong
+from footsense.can.python_can import error_text, open_wire
 from footsense.errors import CanError
 from footsense.frames import CanStatistics
 from footsense.ports import CanWire
@@ -25,7 +25,7 @@ __all__ = ["CanChannel"]
 
 _log = logging.getLogger(__name__)
 
-#: Shortest and longest time between two attempts to open an interface that has gone [ns].
+#: Shortest and longest time between two attempts to reopen an interface [ns].
 _BACK_OFF_NS = 50_000_000
 _LONGEST_BACK_OFF_NS = 250_000_000
 
@@ -36,11 +36,11 @@ class CanChannel:
     Args:
         interface: Kind of channel, as python-can calls it: `virtual` or `socketcan`.
         channel: Its name, such as `can0`.
-        bitrate: Bit rate of the bus [bit/s]; Linux sets it when the interface comes up, so it is only told.
+        bitrate: Bit rate of the bus [bit/s], for error messages: Linux sets it when the interface comes up.
         accept: CAN ids that `receive` returns.
-        greeting: First frames, by CAN id; they also show whether the channel is up.
-        log_file: File for every frame sent, its format by suffix; None for none. Made when all else is well.
-        stats: Where to count.
+        greeting: First frames, by CAN id; sending them also tests whether the channel is up.
+        log_file: File for every frame sent, its format by suffix; None for none. Created last.
+        stats: Statistics of the channel.
         log_waits: Whether the log may make the loop wait, as in virtual time.
         connect: Opens the interface; None for python-can's way to `interface` and `channel`.
 
@@ -67,41 +67,41 @@ class CanChannel:
             check_log_suffix(log_file)
         self.stats = stats
         self._accept = frozenset(accept)
-        self._explain = partial(what_is_wrong, interface, channel, bitrate)
+        self._explained = partial(error_text, interface, channel, bitrate)
         self._connect: Callable[[], CanWire] = connect or partial(
             open_wire, interface, channel, bitrate, self._accept
         )
         self._name = f"CAN channel {channel} ({interface})"
         self._health = BusHealth(channel, stats)
         self._t_ns = 0
-        self._back_off_ns = 0  # 0: the interface is there
+        self._back_off_ns = 0  # 0: the interface is open
         self._due_ns = 0
         self._lost_ns = 0
         self._log: CanLog | None = None
         self._wire: CanWire | None = self._connect()
         try:
-            # Sent before there is a log, and before there are forces to tell the time.
+            # Sent before the log is open, and before the first force defines the time.
             self._unlogged = self._greet(b"".join(pack_frame(*frame) for frame in greeting.items()))
             if log_file is not None:
                 self._log = CanLog(log_file, channel, stats, waits=log_waits)
         except BaseException:
-            self._let_go()
+            self._release()
             raise
 
     def send(self, frames: bytes, t_ns: int) -> int:
-        """Hand over frames up to the first for which there is no room, and drop the rest.
+        """Hand over frames up to the first without room, and drop the rest.
 
         Args:
             frames: Whole frames behind each other, as in `firmware_interface.socketcan`.
-            t_ns: The present time [ns]; the log shows it.
+            t_ns: The present time [ns], for the log.
 
         Returns:
-            How many were taken.
+            How many were accepted.
         """
         self._t_ns = t_ns
         n = len(frames) // FRAME_BYTES
         taken = 0
-        wire = self._wire or self._try_again()
+        wire = self._wire or self._reopen()
         if wire is not None:
             try:
                 taken = wire.send(frames, t_ns)
@@ -109,7 +109,7 @@ class CanChannel:
                 self._lose(error)
             else:
                 if self._back_off_ns:
-                    self._say_back()
+                    self._log_return()
         self.stats.sent += taken
         self.stats.dropped += n - taken
         if self._log is not None and taken:
@@ -120,7 +120,7 @@ class CanChannel:
         return taken
 
     def receive(self) -> list[tuple[int, bytes]]:
-        """Return id and data of each accepted frame that has arrived, oldest first; the rest is dropped."""
+        """Return CAN id and data of each received frame with an accepted id, oldest first; drop the others."""
         if self._wire is None:
             return []
         try:
@@ -144,39 +144,39 @@ class CanChannel:
         """Release the channel and finish the log.
 
         Raises:
-            RecordingError: The log is not whole.
+            RecordingError: The log is incomplete.
         """
-        self._let_go()
+        self._release()
         if self._log is not None:
             log, self._log = self._log, None
             log.close()
 
     def _greet(self, frames: bytes) -> bytes:
-        """Send the first frames and return those that were taken.
+        """Send the first frames and return the accepted ones.
 
         Raises:
-            CanError: The channel is down. A full queue is no reason: where nobody listens, it fills at once.
+            CanError: The channel is down. A full queue is no error: without a listener it fills at once.
         """
         assert self._wire is not None
         try:
             taken = self._wire.send(frames, 0) if frames else 0
         except OSError as error:
-            raise CanError(self._explain(error)) from error
+            raise CanError(self._explained(error)) from error
         self.stats.sent += taken
         self.stats.dropped += len(frames) // FRAME_BYTES - taken
         return frames[: taken * FRAME_BYTES]
 
     def _lose(self, error: OSError) -> None:
-        """Give up an interface that has gone, and wait longer each time before the next attempt."""
-        self._let_go()
+        """Release a lost interface, and double the time before the next attempt."""
+        self._release()
         if not self._back_off_ns:
             self._lost_ns = self._t_ns
-            _log.warning("%s; no frame goes out until it is back", self._explain(error))
+            _log.warning("%s; no frame goes out until it is back", self._explained(error))
         self._back_off_ns = min(max(2 * self._back_off_ns, _BACK_OFF_NS), _LONGEST_BACK_OFF_NS)
         self._due_ns = self._t_ns + self._back_off_ns
 
-    def _try_again(self) -> CanWire | None:
-        """Open the interface again if it is time to; that it opens does not yet mean that it is up."""
+    def _reopen(self) -> CanWire | None:
+        """Open the interface again if an attempt is due; an open interface may still be down."""
         if self._t_ns < self._due_ns:
             return None
         try:
@@ -185,12 +185,12 @@ class CanChannel:
             self._lose(OSError(None, str(error)))
         return self._wire
 
-    def _say_back(self) -> None:
+    def _log_return(self) -> None:
         self._back_off_ns = 0
         self.stats.reopened += 1
         _log.warning("%s is back after %.1f s", self._name, (self._t_ns - self._lost_ns) / 1e9)
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         if self._wire is not None:
             self._wire.close()
             self._wire = None

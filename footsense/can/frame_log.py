@@ -1,8 +1,8 @@
-"""The file that keeps what was sent on CAN: whether it may be made, and the loop's end of the pipe that fills it.
+"""The log of sent CAN frames: checks of its file, and the loop's end of the pipe to its writer.
 
-A file can make its writer wait: a disk that is busy, a network drive that is away. So a process of its own writes
-it (`can_log_writer`), and the loop copies a scan's frames into a pipe, with one system call. In virtual time the
-loop waits for room there; in real time it never does, and what finds no room is counted.
+A busy disk or an absent network drive makes a writer wait, so a process of its own writes the file (`log_writer`), and
+the loop copies a scan's frames into a pipe with one system call. In virtual time the loop waits for room there; in real
+time it never does, and frames without room are counted.
 """
 
 import logging
@@ -12,7 +12,7 @@ import subprocess
 from pathlib import Path
 
 from firmware_interface.socketcan import FRAME_BYTES
-from footsense.child_process import start_writer
+from footsense.child_process import check_new_file, start_writer
 from footsense.errors import ConfigError, RecordingError
 from footsense.frames import CanStatistics
 
@@ -23,14 +23,14 @@ _log = logging.getLogger(__name__)
 #: Formats of the log: candump, Vector ASCII, Vector binary.
 LOG_SUFFIXES = (".log", ".asc", ".blf")
 
-#: Before the frames of one call: their time [ns] and their length [bytes].
+#: Time [ns] and length [bytes] of the frames of one call, before them.
 RECORD_HEAD = struct.Struct("<qI")
 
-#: Room in the pipe [bytes], the most that Linux gives a user by default: two minutes of scans, 14 s of single
-#: conversions.
+#: Size of the pipe [bytes], the most that Linux grants a user by default: two minutes of scans, or 14 s of forces
+#: after every conversion.
 PIPE_BYTES = 1 << 20
 
-#: Longest wait for the writer after the pipe has ended [s].
+#: Longest wait for the writer after the pipe was closed [s].
 FINISH_TIMEOUT_S = 10.0
 
 
@@ -45,21 +45,14 @@ def check_log_suffix(path: Path) -> None:
 
 
 def check_log_target(path: Path) -> None:
-    """Check that a log may be written to `path`; to be called before anything is opened.
+    """Check that a log may be written to `path`; call it before anything is opened.
 
     Raises:
         ConfigError: The suffix names no format.
         RecordingError: The file exists, or the directory cannot be written to.
     """
     check_log_suffix(path)
-    if path.exists():
-        raise RecordingError(
-            f"CAN log {path}: exists and is not overwritten; choose another name or remove it"
-        )
-    if not path.parent.is_dir():
-        raise RecordingError(f"CAN log {path}: there is no directory {path.parent}")
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise RecordingError(f"CAN log {path}: the directory {path.parent} cannot be written to")
+    check_new_file(f"CAN log {path}", path)
 
 
 class CanLog:
@@ -67,8 +60,8 @@ class CanLog:
 
     Args:
         path: The file, its format by suffix.
-        channel: Name of the channel, as the log tells it.
-        stats: Where frames are counted that are not in the log.
+        channel: Name of the channel in the log.
+        stats: Statistics; counts frames missing in the log.
         waits: Whether a full pipe makes the loop wait (virtual time) or loses the frames (real time).
 
     Raises:
@@ -83,10 +76,10 @@ class CanLog:
         self._ended = False
 
     def add(self, t_ns: int, frames: bytes) -> None:
-        """Copy frames into the pipe; never fails, whatever becomes of the writer."""
+        """Copy frames into the pipe, with their time [ns]; never fails, even without a writer."""
         if not self._ended:
             try:
-                # Shorter than what a pipe takes whole or not at all, PIPE_BUF, for any robot.
+                # Below PIPE_BUF for any robot: written completely or not at all. Source: pipe(7).
                 os.write(self._pipe, RECORD_HEAD.pack(t_ns, len(frames)) + frames)
             except BlockingIOError:
                 pass
@@ -98,13 +91,13 @@ class CanLog:
         self._stats.unlogged += len(frames) // FRAME_BYTES
 
     def close(self, timeout_s: float = FINISH_TIMEOUT_S) -> None:
-        """End the log and wait until it is whole.
+        """End the log and wait until it is complete.
 
         Args:
             timeout_s: How long to wait for the writer [s].
 
         Raises:
-            RecordingError: It is not whole.
+            RecordingError: It is incomplete.
         """
         os.close(self._pipe)
         try:

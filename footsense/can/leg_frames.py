@@ -66,7 +66,7 @@ class CanLeg:
 
     def baseline_frame(self, frame: ContactFrame) -> bytes:
         """Return the leg's baseline."""
-        status, mean_pf, worst_pf, moved_ns = (column[self._row].item() for column in frame.baseline)
+        status, mean_pf, worst_pf, moved_ns = [column[self._row].item() for column in frame.baseline]
         age_ns = frame.t_sent_ns - moved_ns if moved_ns else None
         data = can_baseline.encode_baseline(
             self.node, self._baseline_counter, status, mean_pf, worst_pf, age_ns

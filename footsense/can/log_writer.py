@@ -1,50 +1,29 @@
 """The process that writes the CAN log: `python -m footsense.can.log_writer SUFFIX CHANNEL`.
 
-Its standard input is the loop's pipe, its standard output the open file, and its standard error one line if the
-log is not whole. It ends when the pipe does: when the daemon stops or dies.
+Its standard input is the loop's pipe, its standard output the open file, and its standard error one line if the log is
+incomplete. It ends with the pipe: when the service stops or is killed.
 """
 
 import contextlib
 import os
-import select
 import sys
 from collections.abc import Iterator
 from typing import IO, TYPE_CHECKING, Any
 
 from firmware_interface.socketcan import split_frames
 from footsense.can.frame_log import RECORD_HEAD
-from footsense.child_process import yield_to_the_loop
+from footsense.child_process import drop_realtime, gathered
 
 if TYPE_CHECKING:
     from can.io.generic import FileIOMessageWriter
 
 __all__ = ["main"]
 
-#: Longest time that frames wait in the pipe [ms]. To be woken by every scan would be work for the loop, whose
-#: write has to do the waking.
-_GATHER_MS = 200
-
-_READ_BYTES = 1 << 18
-
-#: So much at once comes only from a loop in virtual time, which waits for room.
-_BUSY_BYTES = 1 << 16
-
 
 def _records(pipe: int) -> Iterator[list[tuple[int, bytes]]]:
-    """Yield the time and the frames of each record, as many as have gathered, up to the end of the pipe."""
-    end = select.poll()
-    end.register(pipe, 0)  # asked for no event, poll still tells the end of the pipe
-    os.set_blocking(pipe, False)
+    """Yield the time [ns] and the frames of the records received so far, up to the end of the pipe."""
     rest = b""
-    n_read = -1
-    while n_read:
-        end.poll(0 if n_read >= _BUSY_BYTES else _GATHER_MS)
-        try:
-            data = os.read(pipe, _READ_BYTES)
-        except BlockingIOError:  # the loop stands still
-            n_read = -1
-            continue
-        n_read = len(data)
+    for data in gathered(pipe):
         rest += data
         records = []
         while len(rest) >= RECORD_HEAD.size:
@@ -57,7 +36,7 @@ def _records(pipe: int) -> Iterator[list[tuple[int, bytes]]]:
 
 
 def _open(file: int, suffix: str, channel: str) -> "tuple[IO[Any], FileIOMessageWriter[Any]]":
-    """Return an open file and a writer of the format that the suffix names."""
+    """Return the open file and a writer of its suffix's format."""
     import can
 
     if suffix == ".blf":
@@ -73,13 +52,13 @@ def main(suffix: str, channel: str, pipe: int = 0, file: int = 1) -> str:
     """Write a log until the pipe ends.
 
     Args:
-        suffix: Of the file's name: the format.
+        suffix: Suffix of the file's name, which names the format.
         channel: Name of the channel.
         pipe: Descriptor to read from.
         file: Descriptor of the open file.
 
     Returns:
-        Why the log is not whole; empty if it is.
+        The reason why the log is incomplete; empty if it is complete.
     """
     import can
 
@@ -110,15 +89,15 @@ def main(suffix: str, channel: str, pipe: int = 0, file: int = 1) -> str:
 
 
 def _abandon(opened: IO[Any]) -> None:
-    """Close a file whose last words do not fit."""
+    """Close a file whose buffer cannot be written."""
     with contextlib.suppress(OSError):
         opened.close()
 
 
 if __name__ == "__main__":
-    yield_to_the_loop()
+    drop_realtime()
     failure = main(sys.argv[1], sys.argv[2])
     if failure:
-        with contextlib.suppress(BrokenPipeError):  # nobody listens any more if the daemon was killed
+        with contextlib.suppress(BrokenPipeError):  # without a reader if the service was killed
             os.write(2, failure.encode())
-        os._exit(1)  # what could not be flushed would be tried again
+        os._exit(1)  # a normal exit would try to flush the buffer again

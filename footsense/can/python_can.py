@@ -1,8 +1,8 @@
-"""Opening a CAN interface through python-can, and sending and receiving where Linux's own frames do not reach.
+"""Opens CAN interfaces through python-can; sends and receives on those without a Linux CAN socket.
 
-The only file that knows python-can's buses. On `socketcan` python-can opens the socket and sets its filters;
-the frames go past it (`can_socket`). python-can does not check the settings that it is given and would add those
-of files in the home directory: it gets the chance for neither.
+The only file that knows python-can's buses. On `socketcan`, python-can opens the socket and sets its filters, and the
+frames bypass it (`socketcan.py`). python-can neither checks its settings nor ignores files in the home directory, so it
+gets checked settings and no files.
 """
 
 import errno
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     #: A message, its contents, and their length.
     _Message = tuple[can.Message, bytearray, int]
 
-__all__ = ["NO_CHANNEL", "errno_of", "open_wire", "what_is_wrong"]
+__all__ = ["NO_CHANNEL", "errno_of", "error_text", "open_wire"]
 
-#: What the system says when the interface is down or not there; a bus that is only full or silent says other things.
+#: Error numbers of an interface that is down or missing; a full or silent bus has others.
 NO_CHANNEL = frozenset({errno.ENETDOWN, errno.ENXIO, errno.ENODEV, errno.EAFNOSUPPORT, errno.EBADF})
 
 
@@ -33,8 +33,8 @@ def open_wire(interface: str, channel: str, bitrate: int, accept: Collection[int
     Args:
         interface: Kind of channel, as python-can calls it: `virtual` or `socketcan`.
         channel: Its name, such as `can0`.
-        bitrate: Bit rate of the bus [bit/s], for the remedy that an error names.
-        accept: CAN ids that the kernel lets through, where there is one.
+        bitrate: Bit rate of the bus [bit/s], for the remedy in an error message.
+        accept: CAN ids that the kernel's filter accepts, on `socketcan`.
 
     Returns:
         The open interface.
@@ -47,30 +47,32 @@ def open_wire(interface: str, channel: str, bitrate: int, accept: Collection[int
     try:
         bus = can.Bus(interface=interface, channel=channel, ignore_config=True, **_options(interface, accept))
     except (can.CanError, OSError, ValueError, ImportError, NotImplementedError) as error:
-        raise CanError(what_is_wrong(interface, channel, bitrate, error)) from error
+        raise CanError(error_text(interface, channel, bitrate, error)) from error
     if interface == "socketcan":
         return SocketWire(bus.socket, bus.shutdown)  # type: ignore[attr-defined]
     return _BusWire(bus)
 
 
 class _BusWire:
-    """Any other interface of python-can: frame by frame."""
+    """Another interface of python-can, frame by frame."""
 
     def __init__(self, bus: "can.BusABC") -> None:
         import can
 
         self._bus = bus
         self._failures = (can.CanError, OSError)
-        # python-can copies what it is handed, so one message of each id and length is filled again and again.
+        # python-can copies each message, so one per id and length is filled again and again.
         self._messages: dict[bytes, _Message] = {}
 
     def send(self, frames: bytes, t_ns: int) -> int:
         """Hand over frames up to the first that is refused.
 
-        Each carries the time of its forces, so that on the virtual channel a simulated minute lasts a minute.
+        Args:
+            frames: Whole frames behind each other.
+            t_ns: Time stamp of all frames [ns], so that on the virtual channel a simulated minute lasts a minute.
 
         Returns:
-            How many were taken.
+            How many were accepted.
 
         Raises:
             OSError: The interface is down or gone.
@@ -95,7 +97,7 @@ class _BusWire:
         return len(frames) // FRAME_BYTES
 
     def receive(self) -> list[bytes]:
-        """Return what has arrived; all is taken, because an unread queue of the virtual channel grows for ever.
+        """Return all received frames, as an unread queue of the virtual channel grows without limit.
 
         Raises:
             OSError: The interface is down or gone.
@@ -103,7 +105,7 @@ class _BusWire:
         arrived = []
         for _ in range(MAX_DRAINED):
             try:
-                # Its recv() measures even no timeout with the wall clock, and waits as long as that is set back.
+                # Its recv() measures even a zero timeout with the wall clock, and hangs if that is set back.
                 message, _ = self._bus._recv_internal(timeout=0)  # noqa: SLF001
             except self._failures as error:
                 if errno_of(error) in NO_CHANNEL:
@@ -128,7 +130,7 @@ class _BusWire:
 
 
 def _flagged_id(message: "can.Message") -> int:
-    """Return a message's id with Linux's flags."""
+    """Return a message's CAN id with Linux's flag bits."""
     return (
         message.arbitration_id
         | (EXTENDED if message.is_extended_id else 0)
@@ -138,7 +140,7 @@ def _flagged_id(message: "can.Message") -> int:
 
 
 def _options(interface: str, accept: Collection[int]) -> dict[str, Any]:
-    """Return what only this kind of channel understands."""
+    """Return the options of this kind of interface."""
     if interface == "virtual":
         return {"preserve_timestamps": True}
     if interface == "socketcan":
@@ -146,18 +148,18 @@ def _options(interface: str, accept: Collection[int]) -> dict[str, Any]:
             "can_filters": [{"can_id": can_id, "can_mask": 0x7FF, "extended": False} for can_id in accept]
         }
     if interface == "udp_multicast":
-        return {"hop_limit": 0, "fd": False}  # no network ever sees it
+        return {"hop_limit": 0, "fd": False}  # never leaves the computer
     return {}
 
 
 def errno_of(error: BaseException) -> int | None:
-    """Return the system's number for what went wrong, which python-can keeps in a field of its own."""
+    """Return the system's error number, which python-can keeps in a field of its own."""
     number = getattr(error, "error_code", None) or getattr(error, "errno", None)
     return number if isinstance(number, int) else None
 
 
-def what_is_wrong(interface: str, channel: str, bitrate: int, error: BaseException) -> str:
-    """Return one line: what is wrong with the channel, and what would be right."""
+def error_text(interface: str, channel: str, bitrate: int, error: BaseException) -> str:
+    """Return one line with the error of a channel and its remedy."""
     name = f"CAN channel {channel} ({interface})"
     match errno_of(error):
         case errno.ENETDOWN:
@@ -171,5 +173,5 @@ def what_is_wrong(interface: str, channel: str, bitrate: int, error: BaseExcepti
             return f"{name} cannot be opened: {error}"
 
 
-# python-can logs what it also raises; without a listener of its own, Python would print that beside our line.
+# python-can logs what it also raises; without a handler, Python would print that beside our line.
 logging.getLogger("can").addHandler(logging.NullHandler())

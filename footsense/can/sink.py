@@ -137,7 +137,8 @@ class CanSink:
         present = [states, masks, frame.cause.tolist()]
         unreported = [] if present == self._reported else self._unreported(present)
         reports = unreported[:_MOST_EVENTS]
-        frames += [leg.fault_frame(*report) for leg, report in reports]
+        for leg, report in reports:
+            frames.append(leg.fault_frame(*report))
         room = _MOST_EVENTS - len(reports)
         if t_ns >= self._due[0][0]:
             room = self._add_periodic(frames, frame, states, room)

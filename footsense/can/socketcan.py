@@ -1,7 +1,10 @@
-"""Many CAN frames to the kernel with one system call.
+"""All CAN frames of a scan to the kernel with one system call.
 
-Sending frame by frame through python-can costs a dozen calls of select, send and log each; here the frames of a
-whole scan go through one `sendmmsg`, whose arguments are prepared once.
+python-can calls select, send and log for each frame, and `socket.send` costs a third more than one `sendmmsg` for all
+(docs/adr/0014), whose arguments are prepared once.
+
+Source:
+    sendmmsg(2).
 """
 
 import ctypes
@@ -14,13 +17,13 @@ from firmware_interface.socketcan import FRAME_BYTES
 
 __all__ = ["MAX_DRAINED", "NO_ROOM", "SocketWire"]
 
-#: What the kernel says when the queue of the interface or of the socket is full.
+#: Error numbers of a full queue of the interface or of the socket.
 NO_ROOM = frozenset({errno.ENOBUFS, errno.EAGAIN})
 
 #: Most frames of one call; six legs send 30 at most.
 MAX_FRAMES = 64
 
-#: Ends the drain of a channel that never falls silent; a full bus of 1 Mbit/s carries fewer frames in a scan.
+#: Most frames of one `receive`; a full bus of 1 Mbit/s carries fewer in a scan.
 MAX_DRAINED = 1000
 
 
@@ -44,19 +47,18 @@ class _MMsgHdr(ctypes.Structure):
     _fields_ = (("header", _MsgHdr), ("length", ctypes.c_uint))
 
 
-# PyDLL keeps hold of the interpreter: the call does not wait, and to get the interpreter back from another
-# thread can take longer than the call.
+# PyDLL keeps the interpreter lock: the call does not wait, and regaining the lock from another thread can take longer.
 _sendmmsg = ctypes.PyDLL(None, use_errno=True).sendmmsg
 _sendmmsg.argtypes = (ctypes.c_int, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int)
 _sendmmsg.restype = ctypes.c_int
 
 
 class SocketWire:
-    """An open CAN socket, or another that keeps the bounds of messages.
+    """An open CAN socket, or another that keeps message boundaries.
 
     Args:
         channel: The socket.
-        close: What releases it; by default its own `close`.
+        close: Releases it; by default its own `close`.
 
     Timing:
         `send` is one system call and a copy, `receive` one system call and one for each frame; neither waits.
@@ -67,21 +69,27 @@ class SocketWire:
         self._close = close or channel.close
         self._fd = channel.fileno()
         self._frames = bytearray(MAX_FRAMES * FRAME_BYTES)
-        self._pinned = ctypes.c_char.from_buffer(self._frames)  # stays where it is while this lives
+        self._pinned = ctypes.c_char.from_buffer(
+            self._frames
+        )  # keeps its address as long as this object exists
         address = ctypes.addressof(self._pinned)
         self._vectors = (_IoVec * MAX_FRAMES)()
         self._headers = (_MMsgHdr * MAX_FRAMES)()
-        # Addresses and not pointers: those are objects that refer to each other, and nothing collects them here.
+        # Addresses instead of ctypes pointers, which form reference cycles: the loop runs without garbage collection.
         for n, (vector, header) in enumerate(zip(self._vectors, self._headers, strict=True)):
             vector.base, vector.length = address + n * FRAME_BYTES, FRAME_BYTES
             header.header.iov, header.header.iov_count = ctypes.addressof(vector), 1
         self._first = ctypes.addressof(self._headers)
 
     def send(self, frames: bytes, t_ns: int = 0) -> int:
-        """Hand over frames, as many as there is room for.
+        """Hand over frames up to the first without room, and drop the rest.
+
+        Args:
+            frames: Whole frames behind each other.
+            t_ns: Unused; the kernel needs no time.
 
         Returns:
-            How many were taken, from the first on.
+            How many were accepted, from the first on.
 
         Raises:
             OSError: The interface is down or gone.
@@ -109,7 +117,7 @@ class SocketWire:
                 frame = self._socket.recv(FRAME_BYTES, socket.MSG_DONTWAIT)
             except BlockingIOError:
                 break
-            if not frame:  # the other end of a socket pair has gone
+            if not frame:  # the other end of a socket pair is closed
                 break
             arrived.append(frame)
         return arrived

@@ -9,6 +9,7 @@ import importlib
 import logging
 import os
 import sys
+from pathlib import Path
 from typing import Any
 
 import click
@@ -21,36 +22,21 @@ from footsense.telemetry.log_lines import LogLines
 #: Exit code of a command that Ctrl-C ended, as shells have it: 128 + SIGINT. `run` ends well, with 0.
 _INTERRUPTED = 130
 
-#: Where each command is, and its line in the help, so that help imports none of them.
+#: Module and help line of each command, in the order of use; `footsense --help` imports none of them.
 _COMMANDS = {
-    "run": ("footsense.cli.run.command:run", "Read the feet, estimate their forces, publish them on CAN."),
-    "monitor": (
-        "footsense.cli.monitor.command:monitor",
-        "Show the legs on CAN, as a consumer of their forces sees them.",
-    ),
-    "exporter": (
-        "footsense.cli.exporter:exporter",
-        "Serve the metrics of a running service to Prometheus.",
-    ),
-    "replay": ("footsense.cli.replay:replay", "Run a recording through the pipeline again, or check it."),
-    "recover": ("footsense.cli.recover:recover", "Rewrite a recording that was cut short."),
-    "check-config": ("footsense.cli.check_config:check_config", "Say what a configuration file means."),
-    "record": (
-        "footsense.cli.record.command:record",
-        "Record presses of a foot on the bench beside a force sensor.",
-    ),
-    "calibrate": ("footsense.cli.calibrate:calibrate", "Make a foot's pack of its recordings on a bench."),
-    "evaluate": (
-        "footsense.cli.evaluate.command:evaluate",
-        "Compare a foot's forces with the reference of a bench.",
-    ),
-    "probe": ("footsense.cli.probe.command:probe", "Say what is on the buses, and what is wrong with it."),
-    "benchmark": ("footsense.cli.benchmark:benchmark", "Measure scan, cycle and start beside their limits."),
-    "soak": (
-        "footsense.cli.soak:soak",
-        "Walk for a virtual day while things break, and count what must not be.",
-    ),
-    "lab": ("footsense.cli.lab.group:lab", "From rubber to network (needs footsense[lab])."),
+    "run": ("run.command", "Read the feet, estimate their forces, publish them on CAN."),
+    "monitor": ("monitor.command", "Show the legs on CAN, as a consumer of their forces sees them."),
+    "exporter": ("exporter", "Serve the metrics of a running service to Prometheus."),
+    "replay": ("replay", "Run a recording through the pipeline again, or check it."),
+    "recover": ("recover", "Rewrite a recording that was cut short."),
+    "check-config": ("check_config", "Explain a configuration file, or name its first error."),
+    "record": ("record.command", "Record presses of a foot on the test stand beside a force sensor."),
+    "calibrate": ("calibrate", "Calibrate a foot from its recordings on a test stand."),
+    "evaluate": ("evaluate.command", "Compare a foot's forces with the reference of a test stand."),
+    "probe": ("probe.command", "Check buses and feet, and name what to check."),
+    "benchmark": ("benchmark", "Measure scan, cycle and start beside their limits."),
+    "soak": ("soak", "Walk for a virtual day with random faults, and count violated invariants."),
+    "lab": ("lab.group", "From rubber to network (needs footsense[lab])."),
 }
 
 
@@ -58,7 +44,7 @@ class LazyGroup(click.Group):
     """A group that imports a command's module only when it is needed."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names in the order of the table, which is the order of use."""
+        """Return the names in the order of use."""
         del ctx
         return list(_COMMANDS)
 
@@ -67,12 +53,12 @@ class LazyGroup(click.Group):
         del ctx
         if cmd_name not in _COMMANDS:
             return None
-        module, _, name = _COMMANDS[cmd_name][0].partition(":")
-        command: click.Command = getattr(importlib.import_module(module), name)
+        module = importlib.import_module(f"footsense.cli.{_COMMANDS[cmd_name][0]}")
+        command: click.Command = getattr(module, cmd_name.replace("-", "_"))
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the table of commands."""
+        """Write the help lines of the commands."""
         del ctx
         with formatter.section("Commands"):
             formatter.write_dl([(name, line) for name, (_, line) in _COMMANDS.items()])
@@ -100,22 +86,20 @@ class LazyGroup(click.Group):
             try:
                 return super().main(*args, **extra)
             finally:
-                if sys.stdout is not None:  # closed by whoever started us
+                if sys.stdout is not None:  # closed by the parent process
                     sys.stdout.flush()
         except OSError as error:
             _give_up_output()
-            if error.errno != errno.EPIPE:  # whoever reads no further wants no more lines either
+            if error.errno != errno.EPIPE:  # a reader that has closed the pipe gets no message
                 where = error.filename or "the output"
                 click.echo(f"footsense: {where}: {error.strerror or error}", err=True)
             sys.exit(FootsenseError.exit_code)
 
 
 def _give_up_output() -> None:
-    """Let what is still buffered go nowhere, so that Python does not stumble over it at its end."""
-    with contextlib.suppress(OSError, ValueError, AttributeError):
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)
+    """Redirect buffered output to /dev/null, so that Python's flush at exit does not fail again."""
+    with contextlib.suppress(OSError, ValueError, AttributeError), Path(os.devnull).open("wb") as devnull:
+        os.dup2(devnull.fileno(), sys.stdout.fileno())
 
 
 def _log_sink() -> logging.Handler:
@@ -127,7 +111,7 @@ def _log_sink() -> logging.Handler:
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(footsense.__version__)
-@click.option("--verbose", "-v", is_flag=True, help="Say what is found and done, not only what is wrong.")
+@click.option("--verbose", "-v", is_flag=True, help="Log what is found and done, not only faults.")
 def main(*, verbose: bool) -> None:
     """Contact forces of a legged robot's soft capacitive feet."""
     # journald adds time and unit; the level is what it needs of us.

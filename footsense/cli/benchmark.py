@@ -17,7 +17,7 @@ from rich.table import Table
 from footsense.benchmarks.cycle import WARM_UP, cycle_figures, recorded_scans
 from footsense.benchmarks.scan import conversion_limit_ms, publish_age_ms, scan_figures
 from footsense.benchmarks.wakeup_latency import wakeup_latency_figures
-from footsense.cli.options import json_option
+from footsense.cli.options import echo_json, json_option
 from footsense.errors import FootsenseError
 
 _CYCLES, _QUICK_CYCLES = 400, 60
@@ -58,7 +58,7 @@ def benchmark(*, as_json: bool, quick: bool, cycles: int | None) -> None:
         **_start_figures(),
     }
     if as_json:
-        click.echo(json.dumps(figures, indent=2))
+        echo_json(figures)
     else:
         _print(figures)
 

@@ -1,96 +1,99 @@
-"""`footsense calibrate`: from recordings of a foot on the bench to its pack."""
+"""`footsense calibrate`: from recordings of a foot on the test stand to its calibration."""
 
 import json
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
 
-from footsense.calibration.fit.calibrate import Design
-from footsense.calibration.fit.sessions import CalibratedFoot, calibrate_sessions
-from footsense.calibration.session.recorded_session import BenchSession, read_sessions
-from footsense.calibration.writer import PackContent, check_pack_target, write_pack
-from footsense.cli.test_stand_options import foot_files, foot_type_option
+import footsense
+from footsense.calibration.fit.calibrate import CalibrationResult, calibrate_sessions
+from footsense.calibration.session.recorded_session import read_sessions
+from footsense.calibration.writer import check_calibration_target, write_calibration
+from footsense.cli.test_stand_options import (
+    design_models,
+    foot_option,
+    foot_type_option,
+    recordings_argument,
+)
 from footsense.clock import stopwatch_ns, wall_time_iso
-from footsense.estimation.network import Network
-from footsense.foot.calibration_reader import FootPack
+from footsense.foot.calibration_format import Manifest
+from footsense.foot.calibration_reader import FootCalibration
 from footsense.foot.force_errors import Errors
-from footsense.foot.response_table import FootResponse
 
 
 @click.command()
-@click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--foot", required=True, help="Which foot was on the bench, such as foot-0007.")
+@recordings_argument
+@foot_option
 @click.option(
-    "--feet",
+    "--calibrations",
+    "folder",
     type=click.Path(file_okay=False, path_type=Path),
     default=Path("feet"),
     show_default=True,
-    help="Folder of all packs; this foot's gets its name in it.",
+    help="Folder of all calibrations; this foot's is named after the foot.",
 )
 @foot_type_option
-@click.option("--hold-out", help="Session that tells how good the pack is; without it, the last of several.")
-@click.option("--replace", is_flag=True, help="Take the place of a pack that is there; that one is kept.")
+@click.option("--hold-out", help="Session to hold out for the accuracy; by default the last of several.")
+@click.option("--replace", is_flag=True, help="Replace an existing calibration; the old one is kept.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def calibrate(
     recordings: tuple[Path, ...],
     foot: str,
-    feet: Path,
+    folder: Path,
     foot_type_folder: Path | None,
     hold_out: str | None,
     *,
     replace: bool,
     as_json: bool,
 ) -> None:
-    """Find what makes a foot differ from its design, and write its pack.
+    """Fit the parameters in which a foot differs from its design, and write its calibration.
 
-    The RECORDINGS are those of `footsense record --reference`, one for each session.
+    The RECORDINGS are those of `footsense record --reference`, one or more of each session.
     """
     began_ns = stopwatch_ns()
-    check_pack_target(feet / foot, replace=replace)
+    check_calibration_target(folder / foot, replace=replace)
     sessions = read_sessions(recordings, foot)
     for line in (line for session in sessions for line in session.warnings):
         click.echo(f"warning: {line}", err=True)
-    files = foot_files(sessions[0].foot_type, foot_type_folder)
-    design = Design(FootResponse.load(files.response), partial(Network, files.network), files.calibration)
-    found = calibrate_sessions(design, sessions, hold_out)
-    pack = write_pack(feet, _content(foot, files.network, sessions, found), replace=replace)
-    figures = _figures(pack, found, (stopwatch_ns() - began_ns) * 1e-9)
-    click.echo(json.dumps(figures, indent=2) if as_json else _text(pack, found, figures))
-
-
-def _content(foot: str, network: Path, sessions: list[BenchSession], found: CalibratedFoot) -> PackContent:
-    return PackContent(
+    models, network, _ = design_models(sessions[0].foot_type, foot_type_folder)
+    result = calibrate_sessions(models, sessions, hold_out)
+    manifest = Manifest(
         foot=foot,
         foot_type=sessions[0].foot_type,
-        parameters=found.calibrated.parameters,
-        network=network,
+        footsense=footsense.__version__,
         made=wall_time_iso(),
-        n_pokes=found.n_pokes,
+        n_loads=result.n_loads,
         n_sessions=len({session.name for session in sessions}),
-        held_out=found.held_out,
+        held_out=result.held_out,
         recordings={session.path.name: session.sha256 for session in sessions},
-        temperature_c=found.temperature_c,
+    )
+    calibration = write_calibration(
+        folder, manifest, result.parameters, network, temperature_c=result.temperature_c, replace=replace
+    )
+    took_s = (stopwatch_ns() - began_ns) * 1e-9
+    click.echo(
+        json.dumps(_figures(calibration, result, took_s), indent=2)
+        if as_json
+        else _text(calibration, result, took_s)
     )
 
 
-def _figures(pack: FootPack, found: CalibratedFoot, took_s: float) -> dict[str, Any]:
-    foreseen, parameters = found.calibrated.foreseen, pack.parameters
-    held_out = pack.manifest.held_out
+def _figures(calibration: FootCalibration, result: CalibrationResult, took_s: float) -> dict[str, Any]:
+    predicted, parameters, held_out = result.predicted, calibration.parameters, result.held_out
     return {
-        "pack": str(pack.folder),
-        "sha256": pack.manifest.sha256,
-        "n_pokes": found.n_pokes,
+        "calibration": str(calibration.folder),
+        "sha256": calibration.manifest.sha256,
+        "n_loads": result.n_loads,
         "took_s": round(took_s, 2),
-        "temperature_c": found.temperature_c,
+        "temperature_c": result.temperature_c,
         "stiffness_rel": parameters.stiffness_rel,
         "stray_pf": parameters.stray_pf.tolist(),
         "gap_um": parameters.gap_um.tolist(),
         "gain_rel": parameters.gain_rel.tolist(),
         "corrected": bool(parameters.correction.any()),
-        "foreseen": {"direction_deg": foreseen.direction_deg, "magnitude_rel": foreseen.magnitude_rel},
-        "not_told": list(foreseen.untold),
+        "predicted": {"direction_deg": predicted.direction_deg, "magnitude_rel": predicted.magnitude_rel},
+        "not_identified": list(predicted.not_identified),
         "held_out": None
         if held_out is None
         else {
@@ -101,28 +104,28 @@ def _figures(pack: FootPack, found: CalibratedFoot, took_s: float) -> dict[str, 
     }
 
 
-def _errors(found: Errors) -> dict[str, float]:
-    return {"direction_deg": found.direction_deg, "magnitude_gf": found.magnitude_gf, "pokes": found.n}
+def _errors(errors: Errors) -> dict[str, float]:
+    return {"direction_deg": errors.direction_deg, "magnitude_gf": errors.magnitude_gf, "loads": errors.n}
 
 
-def _text(pack: FootPack, found: CalibratedFoot, figures: dict[str, Any]) -> str:
-    own, foreseen, held_out = pack.parameters, found.calibrated.foreseen, pack.manifest.held_out
-    strays = f"stray {own.stray_pf.min():+.3f} to {own.stray_pf.max():+.3f} pF"
-    gaps = f"gaps {own.gap_um.min():.1f} to {own.gap_um.max():.1f} um"
-    warmth = "" if found.temperature_c is None else f" at {found.temperature_c:.1f} degC"
-    made = f"{found.n_pokes} pokes in {pack.manifest.n_sessions} sessions{warmth}"
+def _text(calibration: FootCalibration, result: CalibrationResult, took_s: float) -> str:
+    parameters, predicted, held_out = calibration.parameters, result.predicted, result.held_out
+    strays = f"stray {parameters.stray_pf.min():+.3f} to {parameters.stray_pf.max():+.3f} pF"
+    gaps = f"gaps {parameters.gap_um.min():.1f} to {parameters.gap_um.max():.1f} um"
+    temperature = "" if result.temperature_c is None else f" at {result.temperature_c:.1f} degC"
+    origin = f"{result.n_loads} loads in {calibration.manifest.n_sessions} sessions{temperature}"
     lines = [
-        f"{pack.folder}: {made}, {figures['took_s']:.1f} s",
-        f"  stiffness {1.0 + own.stiffness_rel:.3f} of the design's, {strays}, {gaps}",
-        f"  known well enough for {foreseen.direction_deg:.2f} deg and {foreseen.magnitude_rel:.1%} of a force",
+        f"{calibration.folder}: {origin}, {took_s:.1f} s",
+        f"  stiffness {1.0 + parameters.stiffness_rel:.3f} of the design's, {strays}, {gaps}",
+        f"  predicted uncertainty: {predicted.direction_deg:.2f} deg, {predicted.magnitude_rel:.1%} of the force",
     ]
-    if foreseen.untold:
-        lines.append(f"  not told by the pokes, as designed: {', '.join(foreseen.untold)}")
+    if predicted.not_identified:
+        lines.append(f"  not identified, near the design's value: {', '.join(predicted.not_identified)}")
     if held_out is None:
-        lines.append("  no poke was kept to tell how good it is; record a second session")
+        lines.append("  accuracy unknown, no load was held out; record a second session")
     else:
         before, after = held_out.design_only, held_out.calibrated
-        lines.append(f"  held out: {held_out.protocol}, {after.n} pokes")
-        lines.append(f"    network alone   {before.direction_deg:6.2f} deg {before.magnitude_gf:6.2f} gf")
-        lines.append(f"    with its pack   {after.direction_deg:6.2f} deg {after.magnitude_gf:6.2f} gf")
+        lines.append(f"  held out: {held_out.protocol}, {after.n} loads")
+        lines.append(f"    network alone     {before.direction_deg:6.2f} deg {before.magnitude_gf:6.2f} gf")
+        lines.append(f"    with calibration  {after.direction_deg:6.2f} deg {after.magnitude_gf:6.2f} gf")
     return "\n".join(lines)

@@ -12,7 +12,7 @@ from footsense.clock import wall_time_iso
 from footsense.config import Bus, Config, load_config
 from footsense.config.contradictions import warnings
 from footsense.estimation.network import Network
-from footsense.foot.calibration_reader import FootPack
+from footsense.foot.calibration_reader import FootCalibration
 
 
 @click.command("check-config")
@@ -20,27 +20,27 @@ from footsense.foot.calibration_reader import FootPack
 def check_config(file: Path) -> None:
     """Say what the configuration FILE means, or which key is wrong and what would be right."""
     config = load_config(file)
-    packs = daemon.load_packs(config)
-    network = daemon.load_network(config, packs)
-    daemon.pipeline_for(config, network, 0, packs)  # refuses what these feet cannot tell, as a run would
-    for line in _summary(config, network, packs):
+    calibrations = daemon.load_calibrations(config)
+    network = daemon.load_network(config, calibrations)
+    daemon.pipeline_for(config, network, 0, calibrations)  # raises as a run would
+    for line in _summary(config, network, calibrations):
         click.echo(line)
     for warning in warnings(config):
         click.echo(f"warning: {warning}", err=True)
 
 
-def _summary(config: Config, network: Network, packs: Mapping[str, FootPack]) -> list[str]:
+def _summary(config: Config, network: Network, calibrations: Mapping[str, FootCalibration]) -> list[str]:
     realtime, metrics = config.realtime, config.metrics
-    model = "that of the packs" if packs else config.model
+    model = "that of the calibrations" if calibrations else config.model
     cpu = "" if realtime is None or realtime.cpu is None else f" on processor {realtime.cpu}"
-    design = network.card.calibration.design
+    design = network.card.trained_inputs.design
     return [
         f"{len(config.legs)} legs on the board {config.board}",
         f"feet: {config.foot_type}, {design.rest_pf:.2f} pF per element at rest, gaps of {design.gap_um:g} um",
         f"scan: {_scan(config)}",
         f"forces: {_forces(config)}",
         *(_bus_line(bus, config) for bus in config.buses),
-        *(_pack_line(leg, pack) for leg, pack in packs.items()),
+        *(_calibration_line(leg, calibration) for leg, calibration in calibrations.items()),
         f"tare: over {config.tare.window_scans} scans",
         f"  quiet below {config.tare.noise_limit_ff:g} fF of noise",
         f"  unloaded within {config.tare.unloaded_limit_rel:.1%} of what the free foot reads",
@@ -62,16 +62,16 @@ def _scan(config: Config) -> str:
     return f"{serial.rate_hz:g}/s by the microcontroller at {serial.device}, {serial.baud} bit/s"
 
 
-def _pack_line(leg: str, pack: FootPack) -> str:
-    manifest = pack.manifest
+def _calibration_line(leg: str, calibration: FootCalibration) -> str:
+    manifest = calibration.manifest
     age = datetime.fromisoformat(wall_time_iso()) - datetime.fromisoformat(manifest.made)
-    line = f"{leg}: {manifest.foot}, calibrated {manifest.made[:10]}, {age.days} days ago, {manifest.n_pokes} pokes"
+    line = f"{leg}: {manifest.foot}, calibrated {manifest.made[:10]}, {age.days} days ago, {manifest.n_loads} loads"
     if manifest.held_out is None:
         return f"{line}, errors not known"
     errors, before = manifest.held_out.calibrated, manifest.held_out.design_only
     return (
         f"{line}, {errors.direction_deg:.1f} deg and {errors.magnitude_gf:.1f} gf on those held out "
-        f"({before.direction_deg:.1f} deg and {before.magnitude_gf:.1f} gf without the pack)"
+        f"({before.direction_deg:.1f} deg and {before.magnitude_gf:.1f} gf without the calibration)"
     )
 
 

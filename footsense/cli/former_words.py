@@ -8,10 +8,15 @@ __all__ = ["with_present_word"]
 
 _RENAMED = {
     "bench": "benchmark",
+    "ladder": "fidelity",
+    "limit": "cramer-rao",
     "quiet": "low-noise",
     "steady": "default",
     "fresh": "low-latency",
     "--packs": "--calibrations",
+    "--pack": "--calibration",
+    "--pokes": "--loads",
+    "--feet": "--calibrations",
 }
 
 #: How click's messages begin: "No such command 'bench'", "No such option: --packs", "'quiet' is not one of".

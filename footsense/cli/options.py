@@ -1,4 +1,4 @@
-"""Options that several commands share, and the end of a run by time or by signal."""
+"""Options and JSON output that several commands share, and the end of a run by time or by signal."""
 
 import math
 import signal
@@ -8,6 +8,7 @@ from types import FrameType
 from typing import Any
 
 import click
+import msgspec
 
 __all__ = [
     "FILE",
@@ -16,6 +17,7 @@ __all__ = [
     "can_log_option",
     "config_option",
     "duration_option",
+    "echo_json",
     "json_option",
     "pace_option",
 ]
@@ -34,6 +36,11 @@ pace_option = click.option(
     default=None,
     help="Pace a simulation with the wall clock, or not. Default: paced if a live picture is shown.",
 )
+
+
+def echo_json(values: object, indent: int = 2) -> None:
+    """Print values as JSON, NaN as null; on one line if `indent` is negative."""
+    click.echo(msgspec.json.format(msgspec.json.encode(values), indent=indent))
 
 
 def config_option(default: str) -> Decorator:

@@ -84,13 +84,13 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
     _require_same_legs(file, recording, config)
     if folder is not None and config.calibrations is not None:
         config = msgspec.structs.replace(config, calibrations=str(folder))
-    packs = daemon.load_packs(config)
-    network = daemon.load_network(config, packs)
+    calibrations = daemon.load_calibrations(config)
+    network = daemon.load_network(config, calibrations)
     comparison = Comparison(file, recording) if check else None
     if comparison:
         _require_same_network(file, recording, network)
-    _judge_packs(file, daemon.packs_difference(recording.header, packs), comparison)
-    pipeline = daemon.pipeline_for(config, network, daemon.recorded_flags(recording), packs)
+    _judge_calibrations(file, daemon.calibrations_difference(recording.header, calibrations), comparison)
+    pipeline = daemon.pipeline_for(config, network, daemon.recorded_flags(recording), calibrations)
     n_frames = 0
     with ExitStack() as stack:
         sink = stack.enter_context(daemon.can_sink(config, clock, can_log, real_time=realtime))
@@ -132,8 +132,8 @@ def _require_same_network(file: Path, recording: Replay, network: Network) -> No
         )
 
 
-def _judge_packs(file: Path, difference: str | None, comparison: Comparison | None) -> None:
-    """Say if the forces are not made with the packs that were recorded.
+def _judge_calibrations(file: Path, difference: str | None, comparison: Comparison | None) -> None:
+    """Say if the forces are not made with the calibrations that were recorded.
 
     Raises:
         ModelError: And they are to be compared.

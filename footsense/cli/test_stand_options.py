@@ -1,46 +1,37 @@
-"""What the commands of the bench share: where the network and the response table of a foot's type are."""
+"""Options that the commands of a test stand share."""
 
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import click
 
 from footsense import daemon
+from footsense.calibration.evaluation import DesignModels
 from footsense.errors import ConfigError
 from footsense.estimation.network import Network
-from footsense.foot.network_card import TrainedInputs
+from footsense.foot.response_table import FootResponse
 
+__all__ = ["design_models", "foot_option", "foot_type_option", "recordings_argument"]
+
+recordings_argument = click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
+foot_option = click.option("--foot", required=True, help="The foot on the test stand, such as foot-0007.")
 foot_type_option = click.option(
     "--foot-type",
     "foot_type_folder",
     type=click.Path(file_okay=False, path_type=Path),
-    help="Folder with network.onnx and response.npz of the foot's type; without it, the released one.",
+    help="Folder with network.onnx and response.npz of the foot's type; by default the released one.",
 )
 
 
-class FootFiles(NamedTuple):
-    """What is known of a type of foot.
-
-    Attributes:
-        network: File of its network.
-        response: File of its response table.
-        calibration: What the network's card says.
-    """
-
-    network: Path
-    response: Path
-    calibration: TrainedInputs
-
-
-def foot_files(foot_type: str, folder: Path | None) -> FootFiles:
-    """Return the files of a foot type.
+def design_models(foot_type: str, folder: Path | None) -> tuple[DesignModels, Path, Path]:
+    """Return the models of a foot type, and the files of its network and response table.
 
     Args:
         foot_type: Its name, as recorded.
-        folder: Where they are; None for the released ones.
+        folder: Folder of the files; None for the released ones.
 
     Raises:
-        ConfigError: They are not there, or are of another type.
+        ConfigError: They are missing, or of another type.
     """
     remedy = "--foot-type names the folder that `footsense lab build --foot` made"
     folder = folder or daemon.released("network.onnx", foot_type).parent
@@ -51,4 +42,5 @@ def foot_files(foot_type: str, folder: Path | None) -> FootFiles:
     card = Network(network, 1).card
     if card.foot_type != foot_type:
         raise ConfigError(f"{folder}: of foot type {card.foot_type!r}, recorded is {foot_type!r}; {remedy}")
-    return FootFiles(network, response, card.calibration)
+    models = DesignModels(FootResponse.load(response), partial(Network, network), card.trained_inputs)
+    return models, network, response

@@ -1,4 +1,4 @@
-"""What a configuration has to know of the boards that are read over I2C."""
+"""Facts of the boards that are read over I2C, as far as a configuration depends on them."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -10,11 +10,11 @@ __all__ = ["BOARDS", "BoardFacts"]
 
 
 class BoardFacts(NamedTuple):
-    """One kind of electronics.
+    """Conversion rates and addresses of one board.
 
     Attributes:
         rates: Time and noise of a conversion, by conversions per second.
-        leg_devices: What answers on a leg's segment, by its 7-bit address.
+        leg_devices: Names of the chips on a leg's segment by their 7-bit address.
     """
 
     rates: Mapping[int, fdc1004.Rate | ad7746.Rate]

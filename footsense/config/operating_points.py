@@ -1,7 +1,7 @@
-"""Ways to run a robot that are worth a name: how fast the converters run, how much is averaged, when a force goes out.
+"""Operating points: named settings of conversion rate, averaging and publishing.
 
-What each is worth was measured by `footsense lab tradeoff` on the measured walk of six legs (docs/report, "Latency
-against error", where all the others stand too); a test holds the figures here against that page.
+Measured by `footsense lab tradeoff` on the measured walk of six legs (docs/report, "Latency against error", with all
+other settings); a test compares the figures here with that page.
 """
 
 from typing import Literal, NamedTuple
@@ -16,16 +16,16 @@ __all__ = ["OPERATING_POINTS", "OperatingPoint", "at_operating_point"]
 
 
 class OperatingPoint(NamedTuple):
-    """A way to run a robot, and what it is worth.
+    """Settings of a robot, and the latency, error and noise that they give.
 
     Attributes:
         rate_sps: Conversions per second, `scan.rate_sps` of the configuration.
-        average_scans: Scans that are averaged, `average_scans`.
-        publish: When a force goes out, `publish`.
-        age_ms: Median age of the measurement behind the force that a consumer holds [ms].
+        average_scans: Scans averaged, `average_scans`.
+        publish: Time of sending, `publish`.
+        age_ms: Median age of the measurement behind the force in use by a consumer [ms].
         walk_error_mn: Error of that force on the walk, rms of its length [mN].
-        noise_mn: Noise of the force of a foot that stands still, rms of its length [mN].
-        purpose: What it is for.
+        noise_mn: Noise of the force of a foot at rest, rms of its length [mN].
+        purpose: Use of the operating point.
     """
 
     rate_sps: Literal[100, 200, 400]
@@ -56,7 +56,7 @@ def at_operating_point(config: Config, name: str) -> Config:
         name: One of `OPERATING_POINTS`.
 
     Raises:
-        ConfigError: The robot cannot run there.
+        ConfigError: The settings contradict others of the robot.
     """
     point = OPERATING_POINTS[name]
     moved = replace(

@@ -1,4 +1,4 @@
-"""The shape of a bench's file: which force sensor stands under the foot, and how it sits."""
+"""Schema of a test stand's file: the force sensor under the foot and its mounting."""
 
 import struct
 from pathlib import Path
@@ -8,9 +8,19 @@ import msgspec
 from msgspec import Meta, Struct
 
 from footsense import strict_yaml
-from footsense.reference.record_decoder import TIMES, integer_bits
+from footsense.reference.record_columns import TIMES, integer_bits
 
-__all__ = ["Axes", "Bench", "Binary", "FileSensor", "Lines", "NetFt", "Serial", "Simulated", "load_bench"]
+__all__ = [
+    "Axes",
+    "Binary",
+    "FileSensor",
+    "Lines",
+    "NetFt",
+    "Serial",
+    "Simulated",
+    "StandConfig",
+    "load_test_stand",
+]
 
 Column = Literal["time_s", "time_ms", "time_us", "sequence", "fx", "fy", "fz", "saturated", "-"]
 Columns = Annotated[tuple[Column, ...], Meta(min_length=3, max_length=40)]
@@ -20,15 +30,15 @@ Range = Annotated[float, Meta(gt=0.0, le=1e9)]
 
 
 class _Part(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A strict part of a bench."""
+    """A part of the file; unknown keys are errors."""
 
 
 class Lines(_Part, frozen=True, tag="lines", tag_field="kind"):
     """Lines of text.
 
     Attributes:
-        columns: What each number of a line is; "-" for what is of no use.
-        separator: What stands between them; empty for white space.
+        columns: Meaning of each number of a line; "-" for an unused one.
+        separator: Text between them; empty for white space.
     """
 
     columns: Columns
@@ -39,10 +49,10 @@ class Binary(_Part, frozen=True, tag="binary", tag_field="kind"):
     """Binary records of one length: sync bytes, values, checksum.
 
     Attributes:
-        columns: What each value of a record is; "-" for what is of no use.
-        layout: The values in the letters of Python's `struct`, such as "<Ihhh".
-        sync: The bytes that every record begins with, in hexadecimal.
-        checksum: Over the values: `sum8`, `xor8`, or `crc16` (CCITT-FALSE, little-endian).
+        columns: Meaning of each value of a record; "-" for an unused one.
+        layout: Format of the values as of Python's `struct`, such as "<Ihhh".
+        sync: Bytes at the begin of every record, in hexadecimal.
+        checksum: Of the values: `sum8`, `xor8`, or `crc16` (CCITT-FALSE, little-endian).
     """
 
     columns: Columns
@@ -55,12 +65,12 @@ class Serial(_Part, frozen=True, tag="serial", tag_field="kind"):
     """A sensor on a serial port.
 
     Attributes:
-        device: The port; a name under /dev/serial/by-id finds it again when it was unplugged.
+        device: The port; a name under /dev/serial/by-id survives unplugging.
         baud: Bits per second.
-        framing: How its samples come.
-        rate_hz: Samples per second.
-        start: What it has to be sent before it streams.
-        unit_per_count: What one count of its forces is.
+        framing: Format of its samples.
+        rate_hz: Samples per second [Hz].
+        start: Command that makes it stream; empty if it streams by itself.
+        unit_per_count: Force of one count [`units`].
     """
 
     device: Annotated[
@@ -78,8 +88,8 @@ class NetFt(_Part, frozen=True, tag="net_ft", tag_field="kind"):
 
     Attributes:
         host: Its address.
-        counts_per_force: Counts of a unit of force, as its web page says.
-        rate_hz: Its RDT output rate.
+        counts_per_force: Counts per unit of force, from its web page.
+        rate_hz: Its RDT output rate [Hz].
         port: Its UDP port.
     """
 
@@ -93,19 +103,19 @@ class FileSensor(_Part, frozen=True, tag="file", tag_field="kind"):
     """A recorded sensor, played from the first scan on.
 
     Attributes:
-        path: A .csv with columns `time_s` (or ms, us), `fx`, `fy`, `fz`; or a recording of a bench, which is in N and
-            in the foot's axes already.
+        path: A .csv with columns `time_s` (or ms, us), `fx`, `fy`, `fz`; or a recording of a test stand, whose forces
+            are in N and in the foot's axes.
     """
 
     path: Annotated[str, Meta(pattern=r"\.(csv|mcap)$", description="a .csv or .mcap file")]
 
 
 class Simulated(_Part, frozen=True, tag="simulated", tag_field="kind"):
-    """A simulated MINI 4/20 under the simulated foot; it speaks in gf, and its axes are all against the foot's.
+    """A simulated MINI 4/20 under the simulated foot, in gf; all its axes are opposite to the foot's.
 
     Attributes:
-        seed: Of the specimen.
-        linearity_rel: How far its readings are bent at most, of the rated value [1].
+        seed: Seed of the specimen.
+        linearity_rel: Largest nonlinearity over the rated value [1].
     """
 
     seed: Annotated[int, Meta(ge=0)] = 1
@@ -113,9 +123,9 @@ class Simulated(_Part, frozen=True, tag="simulated", tag_field="kind"):
 
 
 class Axes(_Part, frozen=True):
-    """Axis of the sensor that is each of the foot's (x forward, y left, z up), for the force of the ground on the foot.
+    """Signed sensor axis along each of the foot's (x forward, y left, z up), for the ground reaction on the foot.
 
-    A sensor that the foot pushes on from above reads the opposite force: all three have a minus then.
+    A sensor under the foot reads the opposite force: all three have a minus.
     """
 
     x: Axis
@@ -123,17 +133,17 @@ class Axes(_Part, frozen=True):
     z: Axis
 
 
-class Bench(_Part, frozen=True):
-    """What stands under the foot.
+class StandConfig(_Part, frozen=True):
+    """The force sensor under the foot.
 
     Attributes:
-        sensor: The force sensor and how it speaks.
-        axes: How it is turned, by right angles.
-        units: What its forces are in.
-        rated: Ends of the range of its own x, y and z, in these units.
-        mount_deg: What it is turned besides, about the foot's x, then y, then z [deg].
-        latency_ms: How old a sample is when it arrives at the soonest: filter and transmission [ms].
-        description: One line for the reader.
+        sensor: Its interface.
+        axes: Its orientation in right angles.
+        units: Unit of its forces.
+        rated: Ends of the range of its own x, y and z, in that unit.
+        mount_deg: Further rotation about the foot's x, then y, then z [deg].
+        latency_ms: Smallest age of a sample on arrival, by filter and transmission [ms].
+        description: One line for people.
     """
 
     sensor: Serial | NetFt | FileSensor | Simulated
@@ -149,29 +159,29 @@ class Bench(_Part, frozen=True):
     description: str = ""
 
 
-def load_bench(path: Path) -> Bench:
-    """Return the bench in a YAML file, the path of a recorded sensor resolved against the file's directory.
+def load_test_stand(path: Path) -> StandConfig:
+    """Return the test stand in a YAML file, the path of a recorded sensor resolved against the file's folder.
 
     Raises:
         ConfigError: The file is missing, is not such YAML, does not fit, or contradicts itself.
     """
-    bench = strict_yaml.load(path, Bench, check=_contradiction)
-    if not isinstance(bench.sensor, FileSensor):
-        return bench
-    sensor = msgspec.structs.replace(bench.sensor, path=str(path.parent / bench.sensor.path))
-    return msgspec.structs.replace(bench, sensor=sensor)
+    test_stand = strict_yaml.load(path, StandConfig, check=_contradiction)
+    if not isinstance(test_stand.sensor, FileSensor):
+        return test_stand
+    sensor = msgspec.structs.replace(test_stand.sensor, path=str(path.parent / test_stand.sensor.path))
+    return msgspec.structs.replace(test_stand, sensor=sensor)
 
 
-def _contradiction(bench: Bench) -> strict_yaml.Problem | None:
-    """Return what is right by itself and cannot be meant."""
-    axes = (bench.axes.x, bench.axes.y, bench.axes.z)
+def _contradiction(test_stand: StandConfig) -> strict_yaml.Problem | None:
+    """Return the first contradiction between valid values."""
+    axes = (test_stand.axes.x, test_stand.axes.y, test_stand.axes.z)
     if len({axis[-1] for axis in axes}) < len(axes):
         said = ", ".join(axes)
         return strict_yaml.Problem(
             "axes", f"{said} names an axis of the sensor twice; each belongs to one of x, y, z"
         )
-    if isinstance(bench.sensor, Serial):
-        return _framing(bench.sensor.framing)
+    if isinstance(test_stand.sensor, Serial):
+        return _framing(test_stand.sensor.framing)
     return None
 
 

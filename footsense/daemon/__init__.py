@@ -7,10 +7,10 @@ service      all of it, opened in order and closed in the opposite one
 """
 
 from footsense.daemon.acquisition import Scanning, scanning
-from footsense.daemon.calibrations import packs_difference
+from footsense.daemon.calibrations import calibrations_difference
 from footsense.daemon.estimation import (
+    load_calibrations,
     load_network,
-    load_packs,
     pipeline_for,
     recorded_config,
     recorded_flags,
@@ -24,12 +24,12 @@ __all__ = [
     "Scanning",
     "Service",
     "artefact",
+    "calibrations_difference",
     "can_sink",
     "foot_type_of",
     "is_simulated",
+    "load_calibrations",
     "load_network",
-    "load_packs",
-    "packs_difference",
     "pipeline_for",
     "recorded_config",
     "recorded_flags",

@@ -13,12 +13,12 @@ from firmware_interface.serial_frames import RECORD_BITS
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.bus_timing import Timing
 from footsense.acquisition.linux_i2c import LinuxI2cBus
-from footsense.acquisition.mcu_source import RecordSource
+from footsense.acquisition.mcu_source import McuSource
 from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import ScanPlan, scan_plan
 from footsense.acquisition.serial_port import SerialLink
 from footsense.acquisition.transports import KernelMux, Transport, UpstreamBus
-from footsense.clock import MonotonicClock, Wakeups
+from footsense.clock import MonotonicClock, WakeupLatency
 from footsense.config import Bus, Config, Serial
 from footsense.daemon.simulation import simulated_robot
 from footsense.ports import Clock, SerialPort
@@ -46,11 +46,11 @@ class Scanning:
         has_thermometers: Whether the converters have temperature sensors.
     """
 
-    source: RobotScanner | RecordSource
+    source: RobotScanner | McuSource
     clock: Clock
     response_sha256: str | None = None
     true_force_n: Callable[[int], NDArray[np.float64]] | None = None
-    wakeups: tuple[Wakeups, ...] = ()
+    wakeups: tuple[WakeupLatency, ...] = ()
     has_thermometers: bool = False
 
 
@@ -172,7 +172,7 @@ def _microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: Scene 
         mcu = simulated_mcu(robot, scene, serial.rate_hz)
         port = SimulatedLine(mcu, clock, rate_hz=serial.rate_hz, baud=serial.baud)
     wire_ns = round(RECORD_BITS * 1e9 / serial.baud)
-    source = RecordSource(port, clock, serial.legs, rate_hz=serial.rate_hz, wire_ns=wire_ns)
+    source = McuSource(port, clock, serial.legs, rate_hz=serial.rate_hz, wire_ns=wire_ns)
     return Scanning(source, clock, wakeups=(own.wakeups,))
 
 

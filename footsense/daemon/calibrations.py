@@ -1,4 +1,4 @@
-"""Which foot is mounted where, and the pack that it was calibrated into."""
+"""The calibrations of the feet that are mounted on a robot."""
 
 import logging
 from collections.abc import Mapping
@@ -6,72 +6,73 @@ from pathlib import Path
 
 from footsense.config import Config
 from footsense.errors import ModelError
-from footsense.foot.calibration_reader import FootPack, read_pack
+from footsense.foot.calibration_reader import FootCalibration, read_calibration
 
-__all__ = ["packs_difference", "packs_entry", "packs_of"]
+__all__ = ["calibrations_difference", "calibrations_entry", "calibrations_of"]
 
 _log = logging.getLogger(__name__)
 
 #: Entry of a recording's header.
-PACKS_KEY = "packs"
+_KEY = "calibrations"
 
 
-def packs_of(config: Config, foot_type: str) -> dict[str, FootPack]:
-    """Return the pack of every leg whose foot is named; none if the configuration names no packs.
+def calibrations_of(config: Config, foot_type: str) -> dict[str, FootCalibration]:
+    """Return the calibration of every leg whose foot is named; empty if the configuration names no folder of them.
 
     Args:
         config: The robot.
-        foot_type: Of its feet.
+        foot_type: Type of its feet.
 
     Raises:
-        ModelError: A pack is missing, not whole, or for another foot or foot type; or two were fitted on different
-            networks, which would cost a second call of the network in every cycle.
+        ModelError: A calibration is missing, damaged, or for another foot or foot type; or two were fitted on different
+            networks, which would cost a second network call per cycle.
     """
     if config.calibrations is None:
         return {}
     feet: Mapping[str, str] = dict(config.feet.items())
-    found: dict[str, FootPack] = {}
+    found: dict[str, FootCalibration] = {}
     for leg in config.legs:
         foot = feet.get(leg)
         if foot is None:
-            _log.warning(
-                "%s: no foot is named under feet: what is mounted is taken for the designed one", leg
-            )
+            _log.warning("%s: no foot is named under feet: the mounted one is read as designed", leg)
             continue
-        found[leg] = pack = read_pack(Path(config.calibrations) / foot, foot_type, foot)
-        first = next(iter(found.values()))
-        if pack.network_sha256 != first.network_sha256:
+        found[leg] = calibration = read_calibration(Path(config.calibrations) / foot, foot_type, foot)
+        manifest, first = calibration.manifest, next(iter(found.values()))
+        if calibration.network_sha256 != first.network_sha256:
             raise ModelError(
-                f"{pack.folder}: fitted on network {pack.network_sha256[:12]}, {first.manifest.foot} on "
+                f"{calibration.folder}: fitted on network {calibration.network_sha256[:12]}, {first.manifest.foot} on "
                 f"{first.network_sha256[:12]}; a robot has one network, calibrate one of the two again on the other's"
             )
-        _log.info("%s: %s by its pack of %s, %s", leg, foot, pack.manifest.made, pack.manifest.sha256[:12])
+        _log.info("%s: %s by its calibration of %s, %s", leg, foot, manifest.made, manifest.sha256[:12])
     return found
 
 
-def packs_entry(packs: Mapping[str, FootPack]) -> dict[str, str]:
-    """Return what a recording's header says of the packs: the hash of each leg's."""
-    return {PACKS_KEY: ",".join(f"{leg}={pack.manifest.sha256}" for leg, pack in packs.items())}
+def calibrations_entry(calibrations: Mapping[str, FootCalibration]) -> dict[str, str]:
+    """Return the entry of a recording's header: the hash of each leg's calibration."""
+    hashes = (f"{leg}={calibration.manifest.sha256}" for leg, calibration in calibrations.items())
+    return {_KEY: ",".join(hashes)}
 
 
-def packs_difference(header: Mapping[str, str], packs: Mapping[str, FootPack]) -> str | None:
-    """Return which leg's pack is not the one that was recorded, in words; None if all are.
+def calibrations_difference(
+    header: Mapping[str, str], calibrations: Mapping[str, FootCalibration]
+) -> str | None:
+    """Return which leg's calibration is not the recorded one, in words; None if all are.
 
     Args:
-        header: What the recording says of itself; without an entry it was made without packs.
-        packs: Those that are here, by leg.
+        header: Header of the recording; without an entry it was made without calibrations.
+        calibrations: Those used now, by leg.
     """
-    entries = [entry.partition("=") for entry in header.get(PACKS_KEY, "").split(",") if entry]
+    entries = [entry.partition("=") for entry in header.get(_KEY, "").split(",") if entry]
     then = {leg: sha256 for leg, _, sha256 in entries}
-    here = {leg: pack.manifest.sha256 for leg, pack in packs.items()}
+    here = {leg: calibration.manifest.sha256 for leg, calibration in calibrations.items()}
     for leg in sorted(then.keys() | here.keys()):
         if then.get(leg) != here.get(leg):
             return (
                 f"{leg} was recorded with {_named(then.get(leg))}, here is {_named(here.get(leg))}; "
-                "only the same packs can give the same forces, --packs says where they are"
+                "only the same calibrations give the same forces, --calibrations names their folder"
             )
     return None
 
 
 def _named(sha256: str | None) -> str:
-    return "no pack" if sha256 is None else f"the pack {sha256[:12]}"
+    return "no calibration" if sha256 is None else f"the calibration {sha256[:12]}"

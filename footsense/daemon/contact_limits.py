@@ -1,4 +1,4 @@
-"""When a foot counts as on the ground: what is configured, beside what this type of foot can tell."""
+"""Limits of contact detection: the configured threshold, checked against noise and drift of the foot type."""
 
 from dataclasses import replace
 
@@ -11,21 +11,21 @@ from footsense.estimation.baseline.drift import FASTEST_PF_PER_S
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.capacitor import CapacitorDesign
 
-#: How many times the fastest drift a load has to rise by to be one [1].
+#: Least rise of a load over the fastest drift [1].
 _OVER_DRIFT_REL = 5.0
-#: How many standard deviations of an element's noise a contact has to be above [1].
+#: Least contact threshold over the standard deviation of an element's noise [1].
 _OVER_NOISE_REL = 5.0
 
 
 def closure_rel_per_pf(design: CapacitorDesign) -> float:
-    """Return the closure over the gap that a picofarad stands for on an unloaded element [1/pF]."""
+    """Return the change of closure over gap per picofarad on an unloaded element [1/pF]."""
     # dC / C = -d(distance) / distance.
     distance_um = float(design.plate_distance_um(np.array([design.rest_pf]))[0])
     return distance_um / design.rest_pf / design.gap_um
 
 
 def contact_limits(config: Config, design: CapacitorDesign, force_sensitivity: Sensitivity) -> ContactLimits:
-    """Return the limits for one type of foot: the stiffer it is, the more newtons its drift and noise look like.
+    """Return the limits for one foot type: the stiffer the foot, the more force its drift and noise amount to.
 
     Args:
         config: The robot.
@@ -33,7 +33,7 @@ def contact_limits(config: Config, design: CapacitorDesign, force_sensitivity: S
         force_sensitivity: Forces per closure.
 
     Raises:
-        ConfigError: The configured contact drowns in the noise of these feet.
+        ConfigError: The configured threshold is within the noise of these feet.
     """
     n_per_pf = force_sensitivity.load_n * closure_rel_per_pf(design)
     least_n = _OVER_NOISE_REL * config.rate.noise_ff * 1e-3 * n_per_pf

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from footsense.acquisition.scan_plan import BOARDS, ORDERS
 from footsense.config import Can, Config
 from footsense.config.former_keys import with_present_keys
-from footsense.daemon.calibrations import packs_of
+from footsense.daemon.calibrations import calibrations_of
 from footsense.daemon.contact_limits import closure_rel_per_pf, contact_limits
 from footsense.daemon.foot_types import artefact, foot_type_of, require_foot_type
 from footsense.errors import RecordingError
@@ -23,64 +23,66 @@ from footsense.estimation.faults.status import RANGE_END_PF
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Alignment, Pipeline
 from footsense.estimation.sensitivity import sensitivity
-from footsense.foot.calibration_reader import FootPack
+from footsense.foot.calibration_reader import FootCalibration
 from footsense.foot.network_card import TrainedInputs
 from footsense.frames import ELEMENTS
 from footsense.ports import Estimator
 from footsense.recording.replay import Replay
 
-#: Packs by leg.
-Packs = Mapping[str, FootPack]
+#: Calibrations by leg.
+Calibrations = Mapping[str, FootCalibration]
 PerElement = Sequence[float] | NDArray[np.float64]
 
 #: Scans in which a step of the load has passed through all elements, and what was made of them.
 _SETTLED_SCANS = 4
 
 
-def load_packs(config: Config) -> dict[str, FootPack]:
-    """Return the pack of every leg whose foot is named; none if the configuration names no packs.
+def load_calibrations(config: Config) -> dict[str, FootCalibration]:
+    """Return the calibration of every leg whose foot is named; none if the configuration names no calibrations.
 
     Raises:
         ModelError: One is missing, or cannot be used for that foot.
     """
-    return packs_of(config, foot_type_of(config))
+    return calibrations_of(config, foot_type_of(config))
 
 
-def load_network(config: Config, packs: Packs | None = None) -> Network:
+def load_network(config: Config, calibrations: Calibrations | None = None) -> Network:
     """Return the network that the configuration names, or that of its foot type.
 
     Args:
         config: The robot.
-        packs: Those of its feet, which bring their network; None to read them.
+        calibrations: Those of its feet, which bring their network; None to read them.
 
     Raises:
         ModelError: There is none, or it is made for another foot.
     """
     path = Path(config.model) if config.model else artefact(config, "network.onnx")
-    for pack in (load_packs(config) if packs is None else packs).values():
-        path = pack.network
+    for calibration in (load_calibrations(config) if calibrations is None else calibrations).values():
+        path = calibration.network
     network = Network(path, n_rows=_n_rows(config))
     require_foot_type(path, network.card.foot_type, config)
     return network
 
 
-def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | None = None) -> Pipeline:
+def pipeline_for(
+    config: Config, network: Network, flags: int, calibrations: Calibrations | None = None
+) -> Pipeline:
     """Return the pipeline of a robot whose frames carry these flags.
 
     Args:
         config: The robot.
         network: Its network.
         flags: The flags.
-        packs: Those of its feet; None to read them.
+        calibrations: Those of its feet; None to read them.
 
     Raises:
-        ModelError: A pack is missing, or cannot be used for its foot.
+        ModelError: A calibration is missing, or cannot be used for its foot.
         ConfigError: A limit of `contact` is below the noise of these feet.
     """
-    packs = load_packs(config) if packs is None else packs
-    feet = {leg: pack.parameters for leg, pack in packs.items()}
-    calibration = network.card.calibration
-    # A leg has these from its foot's pack or from the configuration, never from both.
+    calibrations = load_calibrations(config) if calibrations is None else calibrations
+    feet = {leg: calibration.parameters for leg, calibration in calibrations.items()}
+    trained_inputs = network.card.trained_inputs
+    # A leg has these from its foot's calibration or from the configuration, never from both.
     strays_pf: dict[str, PerElement] = dict(config.stray_pf.items())
     strays_pf |= {leg: foot.stray_pf for leg, foot in feet.items()}
     stray_pf = _per_leg(config, strays_pf, 0.0)
@@ -88,12 +90,12 @@ def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | No
     readings_pf: dict[str, PerElement] = dict(config.unloaded_pf.items())
     readings_pf |= {leg: foot.unloaded_pf for leg, foot in feet.items()}
     expected_pf = _per_leg(config, readings_pf, np.nan)
-    unloaded_pf = np.where(np.isnan(expected_pf), calibration.design.rest_pf, expected_pf - stray_pf)
-    force_sensitivity = sensitivity(network, _n_rows(config), calibration.moments)
-    estimator, set_temperature = _estimator(config, network, packs)
+    unloaded_pf = np.where(np.isnan(expected_pf), trained_inputs.design.rest_pf, expected_pf - stray_pf)
+    force_sensitivity = sensitivity(network, _n_rows(config), trained_inputs.moments)
+    estimator, set_temperature = _estimator(config, network, calibrations)
     return Pipeline(
-        alignment=_alignment(config, calibration, estimator),
-        trained=calibration,
+        alignment=_alignment(config, trained_inputs, estimator),
+        trained=trained_inputs,
         stray_pf=stray_pf,
         unloaded_pf=unloaded_pf,
         sensitivity=force_sensitivity,
@@ -102,14 +104,16 @@ def pipeline_for(config: Config, network: Network, flags: int, packs: Packs | No
             noise_limit_ff=config.tare.noise_limit_ff,
             unloaded_limit_rel=config.tare.unloaded_limit_rel,
         ),
-        contact=contact_limits(config, calibration.design, force_sensitivity),
+        contact=contact_limits(config, trained_inputs.design, force_sensitivity),
         track_baseline=config.baseline.track,
         max_age_ns=round(config.stale_after_ms * 1e6),
         settled_ns=round(_SETTLED_SCANS * config.shortest_scan_ms * 1e6),
         flags=flags,
-        gap_um=_per_leg(config, {leg: foot.gap_um for leg, foot in feet.items()}, calibration.design.gap_um),
+        gap_um=_per_leg(
+            config, {leg: foot.gap_um for leg, foot in feet.items()}, trained_inputs.design.gap_um
+        ),
         gain_rel=_per_leg(config, {leg: foot.gain_rel for leg, foot in feet.items()}, 1.0),
-        feet=[packs[leg].manifest.foot if leg in packs else "" for leg in config.legs],
+        feet=[calibrations[leg].manifest.foot if leg in calibrations else "" for leg in config.legs],
         body_weight_n=config.body_weight_n,
         set_temperature=set_temperature,
         range_end_pf=BOARDS[config.board].range_end_pf if config.board in BOARDS else RANGE_END_PF,
@@ -126,29 +130,32 @@ def _n_rows(config: Config) -> int:
     return len(config.legs) * (1 if config.publish == "element" else 2)
 
 
-def _alignment(config: Config, calibration: TrainedInputs, estimator: Estimator) -> Alignment:
+def _alignment(config: Config, trained_inputs: TrainedInputs, estimator: Estimator) -> Alignment:
     """Return the alignment of whole scans, or of single elements."""
     if config.publish == "frame":
-        return ScanByScan(estimator, len(config.legs), calibration.moments, config.average_scans)
-    noise_rel = config.rate.noise_ff * 1e-3 * closure_rel_per_pf(calibration.design)
+        return ScanByScan(estimator, len(config.legs), trained_inputs.moments, config.average_scans)
+    noise_rel = config.rate.noise_ff * 1e-3 * closure_rel_per_pf(trained_inputs.design)
     order = ORDERS[config.order]
     return ElementByElement(
-        estimator, len(config.legs), calibration.moments, order, _step_ns(config), noise_rel
+        estimator, len(config.legs), trained_inputs.moments, order, _step_ns(config), noise_rel
     )
 
 
 def _estimator(
-    config: Config, network: Network, packs: Packs
+    config: Config, network: Network, calibrations: Calibrations
 ) -> tuple[Estimator, Callable[[NDArray[np.float64]], None] | None]:
     """Return the estimator of these feet, and what takes their temperature: None for feet without calibrations."""
-    if not packs:
+    if not calibrations:
         return network, None
-    mounted = [packs.get(leg) for leg in config.legs]
+    mounted = [calibrations.get(leg) for leg in config.legs]
     feet = CalibratedFeet(
-        network, [None if pack is None else pack.parameters for pack in mounted], _n_rows(config)
+        network,
+        [None if calibration is None else calibration.parameters for calibration in mounted],
+        _n_rows(config),
     )
     set_temperature = partial(
-        feet.set_temperature, calibrated_at=[None if pack is None else pack.calibrated_at for pack in mounted]
+        feet.set_temperature,
+        calibrated_at=[None if calibration is None else calibration.calibrated_at for calibration in mounted],
     )
     set_temperature(np.full(len(mounted), np.nan))
     return feet, set_temperature

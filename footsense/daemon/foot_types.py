@@ -1,4 +1,4 @@
-"""Which type of foot a robot has, and where its network and response table are."""
+"""Foot type of a robot, and the files of its network and response table."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import footsense
 from footsense.config import DEFAULT, Config
 from footsense.errors import ModelError
 
-#: The foot that is meant where none is named.
+#: Foot type where none is configured.
 FOOT_TYPE = DEFAULT.foot_type
 
 
@@ -18,7 +18,7 @@ def released(name: str, foot_type: str = FOOT_TYPE) -> Path:
 
 
 def foot_type_of(config: Config) -> str:
-    """Return the name of the foot type that a configuration is for: its folder has the same."""
+    """Return the name of the configured foot type, which is also that of its folder."""
     return Path(config.foot_type).name
 
 
@@ -43,11 +43,11 @@ def require_foot_type(path: Path, found: str, config: Config) -> None:
 
     Args:
         path: The file.
-        found: The foot type that it is for.
+        found: Foot type in the file.
         config: The robot.
 
     Raises:
-        ModelError: It is for another one.
+        ModelError: The two differ.
     """
     if found != foot_type_of(config):
         raise ModelError(f"{path}: made for foot type {found!r}, these feet are {foot_type_of(config)!r}")

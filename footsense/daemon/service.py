@@ -12,13 +12,13 @@ import msgspec
 from footsense import __version__
 from footsense.can.frame_log import check_log_target
 from footsense.can.sink import CanSink
-from footsense.clock import MonotonicClock, Wakeups, request_realtime, undisturbed, wall_time_iso
+from footsense.clock import MonotonicClock, WakeupLatency, gc_disabled, request_realtime, wall_time_iso
 from footsense.config import Can, Config
 from footsense.config import Metrics as MetricsConfig
 from footsense.daemon import loop
 from footsense.daemon.acquisition import Scanning, scanning
-from footsense.daemon.calibrations import packs_entry
-from footsense.daemon.estimation import Packs, load_network, load_packs, pipeline_for
+from footsense.daemon.calibrations import calibrations_entry
+from footsense.daemon.estimation import Calibrations, load_calibrations, load_network, pipeline_for
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import ConfigError, FootsenseError, RecordingError
 from footsense.estimation.network import Network
@@ -33,11 +33,10 @@ from footsense.sim.scene import Scene
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.log_lines import lost_lines
 from footsense.telemetry.metrics import Metrics
-from footsense.telemetry.supervision import Supervision
-from footsense.telemetry.systemd import SystemdNotifier
+from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
 
 if TYPE_CHECKING:
-    from footsense.daemon.test_stand import BenchRun, FigureSensor
+    from footsense.daemon.test_stand import StandSensor, StandSession
 
 _log = logging.getLogger(__name__)
 
@@ -103,7 +102,7 @@ class Service:
         observers: Who sees every cycle; more may be added before `run`.
         recorder: What records, if anything does.
         can: The simulated CAN interface of a scene in which it breaks.
-        reference: The force sensor of a bench, on a bench.
+        reference: The force sensor of a test stand.
     """
 
     legs: tuple[str, ...]
@@ -115,12 +114,12 @@ class Service:
     observers: list[Observer]
     recorder: Recorder | None
     can: SimulatedCan | None
-    reference: "FigureSensor | None" = None
+    reference: "StandSensor | None" = None
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Run until `stop` says so."""
         scanning = self.scanning
-        with undisturbed():
+        with gc_disabled():
             loop.run(
                 self.source,
                 self.pipeline,
@@ -149,7 +148,7 @@ def service(
     real_time: bool,
     record: Path | None = None,
     can_log: Path | None = None,
-    bench: "BenchRun | None" = None,
+    test_stand: "StandSession | None" = None,
 ) -> Iterator[Service]:
     """Open all that the daemon needs, outputs last, and close it in the opposite order.
 
@@ -161,7 +160,7 @@ def service(
         real_time: Whether the loop must never wait for its recorder; a simulation is then played at that pace.
         record: File to record to.
         can_log: File for what is sent on CAN.
-        bench: The bench that a leg's foot is pressed on; there the loop waits for its recorder, as nobody walks.
+        test_stand: The test stand that one foot is pressed on; there the loop waits for its recorder, as nobody walks.
 
     Yields:
         The service.
@@ -180,16 +179,16 @@ def service(
         if scene is not None and not is_simulated(config):
             # Simulated forces must not reach the controller of the robot whose wiring they borrow.
             config = msgspec.structs.replace(config, can=Can(interface="virtual"))
-        packs = load_packs(config)
-        network = load_network(config, packs)
+        calibrations = load_calibrations(config)
+        network = load_network(config, calibrations)
         # Before any chip is touched; the recorder's process gives up again what they inherit of it.
         flags = _flags(config, simulated=scene is not None)
         scan = stack.enter_context(scanning(config, scene))
         if scan.response_sha256 not in {None, network.card.response_sha256}:
             _log.warning("the network was trained on another response table than the simulated feet follow")
         observers: list[Observer] = [
-            Journal(legs, on_bench=bench is not None),
-            Supervision(SystemdNotifier(), legs),
+            Journal(legs, on_test_stand=test_stand is not None),
+            SystemdObserver(SystemdNotifier(), legs),
         ]
         source: FrameSource = scan.source
         wakeups = scan.wakeups
@@ -206,14 +205,14 @@ def service(
             can_sink(config, scan.clock, can_log, stats, real_time=real_time, connect=connect)
         )
         reference = None
-        if bench is not None:
+        if test_stand is not None:
             from footsense.daemon.test_stand import sensor_of  # a robot needs no serial port
 
-            reference = stack.enter_context(sensor_of(bench, legs.index(bench.leg), scan))
+            reference = stack.enter_context(sensor_of(test_stand, legs.index(test_stand.leg), scan))
         if record is not None:
-            header = _recording_header(config, scene, network, flags, packs)
-            header |= bench.header() if bench is not None else {}
-            recorder = Recorder(record, legs, header, blocking=not real_time or bench is not None)
+            header = _recording_header(config, scene, network, flags, calibrations)
+            header |= test_stand.header() if test_stand is not None else {}
+            recorder = Recorder(record, legs, header, blocking=not real_time or test_stand is not None)
             observers.append(recorder)
         for observer in observers:
             stack.enter_context(_ending(observer.close))
@@ -222,7 +221,7 @@ def service(
             scanning=scan,
             source=source,
             network=network,
-            pipeline=pipeline_for(config, network, flags, packs),
+            pipeline=pipeline_for(config, network, flags, calibrations),
             sink=sink,
             observers=observers,
             recorder=recorder,
@@ -235,7 +234,7 @@ def _counted(
     config: MetricsConfig | None,
     legs: tuple[str, ...],
     stats: CanStatistics,
-    wakeups: Sequence[Wakeups],
+    wakeups: Sequence[WakeupLatency],
     scan: Scanning,
     recorder_lost: Callable[[], int],
 ) -> list[Metrics]:
@@ -248,7 +247,7 @@ def _counted(
             stats,
             Path(config.counters),
             wakeups=wakeups,
-            missed_deadlines=lambda: scan.source.late_ticks,
+            missed_deadlines=lambda: scan.source.missed_deadlines,
             recorder_lost=recorder_lost,
             log_lost=lost_lines,
         )
@@ -282,7 +281,7 @@ def _flags(config: Config, *, simulated: bool) -> Flag:
 
 
 def _recording_header(
-    config: Config, scene: Scene | None, network: Network, flags: Flag, packs: Packs
+    config: Config, scene: Scene | None, network: Network, flags: Flag, calibrations: Calibrations
 ) -> dict[str, str]:
     return {
         "footsense": __version__,
@@ -293,6 +292,6 @@ def _recording_header(
         "model_sha256": network.sha256,
         "foot_type": network.card.foot_type,
         "feet": ",".join(f"{leg}={foot}" for leg, foot in config.feet.items()),
-        **packs_entry(packs),
+        **calibrations_entry(calibrations),
         **this_machine(),
     }

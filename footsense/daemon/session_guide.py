@@ -1,49 +1,45 @@
-"""What holds a session's reference against its foot, and the practice session of a simulated bench."""
+"""The guide of a session with the foot's network, and the practice session of a simulated test stand."""
 
-from collections.abc import Callable
 from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.evaluation import read_pokes
-from footsense.calibration.loads.detection import Poke
-from footsense.calibration.session.guide import Guide
-from footsense.calibration.session.reference_judge import judge_of
-from footsense.config.test_stand import Bench
+from footsense.calibration.evaluation import estimate_loads
+from footsense.calibration.loads.calibration_load import CalibrationLoad, LoadSet
+from footsense.calibration.session.guide import SessionGuide
+from footsense.calibration.session.reference_checks import reference_check
+from footsense.config.test_stand import StandConfig
 from footsense.estimation.network import Network
-from footsense.sim.scene import Effects, Fabrication, Pokes, Scene
-from footsense.sim.test_stand.calibration_loads import paper_presses
+from footsense.sim.scene import CalibrationLoads, Effects, Fabrication, Scene
+from footsense.sim.test_stand.press_sequence import paper_presses
 
-__all__ = ["guide_of", "practice_scene"]
+__all__ = ["practice_scene", "session_guide"]
 
 Vector = NDArray[np.float64]
 
 
-def guide_of(bench: Bench, row: int, wanted: int, network: Network) -> Guide:
-    """Return what guides a session.
+def session_guide(test_stand: StandConfig, row: int, wanted: int, network: Network) -> SessionGuide:
+    """Return the guide of a session.
 
     Args:
-        bench: Its force sensor.
+        test_stand: Its force sensor.
         row: Row of the leg in the frames.
-        wanted: How many pokes make a set.
-        network: That of the design: its forces tell whether those of the sensor may be right.
+        wanted: Number of loads of a complete set.
+        network: Network of the design, whose forces check those of the sensor.
     """
-    return Guide(row, wanted, _estimate_of(network), judge_of(bench))
+    one_row = _OneRow(network)
 
-
-def _estimate_of(network: Network) -> Callable[[Poke], Vector]:
-    one = _OneRow(network)
-
-    def estimate(poke: Poke) -> Vector:
-        force_n: Vector = read_pokes([poke], one, network.card.calibration, None).force_n[0]
+    def estimate(load: CalibrationLoad) -> Vector:
+        estimates = estimate_loads(LoadSet.of([load]), one_row, network.card.trained_inputs, None)
+        force_n: Vector = estimates.force_n[0]
         return force_n
 
-    return estimate
+    return SessionGuide(row, wanted, estimate, reference_check(test_stand))
 
 
 class _OneRow:
-    """A network for all legs, asked for one foot: every row is given the same."""
+    """A network for all legs, called for one foot: all its rows get the same inputs."""
 
     def __init__(self, network: Network) -> None:
         self._network = network
@@ -54,21 +50,21 @@ class _OneRow:
 
 
 def practice_scene(foot: str, row: int, session: str) -> Scene:
-    """Return a bench on which a foot that is made as badly as the paper's is pressed 362 times, in a mixed order.
+    """Return a test stand that presses a foot, made as badly as the paper's, 362 times in random order.
 
     Args:
         foot: Its identity: another foot is another specimen.
-        row: Row of the leg that it is on.
-        session: Name of the mounting: in another one the foot sits a little differently, and is pressed otherwise.
+        row: Row of its leg in the frames.
+        session: Name of the mounting: in another one the foot sits a little differently, and the order is another.
     """
     mounting = crc32(session.encode()) & 0xFFFF
     presses = paper_presses("training")
     presses = presses[np.random.default_rng(mounting).permutation(len(presses))]
     number = int(foot.rpartition("-")[2])
     return Scene(
-        description=f"{foot} on the bench, pressed as in the paper.",
-        load=Pokes(
-            presses=tuple((float(x), float(y), float(z)) for x, y, z in presses), lean_deg=1.0, seed=mounting
+        description=f"{foot} on the test stand, pressed as in the paper.",
+        load=CalibrationLoads(
+            presses=tuple((x, y, z) for x, y, z in presses.tolist()), lean_deg=1.0, seed=mounting
         ),
         lead_in_s=1.5,
         seed=mounting,

@@ -1,145 +1,131 @@
-"""From a bench's file to its force sensor: which backend stands behind the port, and what it is told."""
+"""Open the force sensor of a test stand: the place that chooses its backend."""
 
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import msgspec
-import numpy as np
 
 from footsense.acquisition.serial_port import SerialLink
-from footsense.config.test_stand import Bench, Binary, FileSensor, Lines, NetFt, Serial, Simulated
+from footsense.calibration.loads.detection import join_references
+from footsense.config.test_stand import Binary, FileSensor, Lines, NetFt, Serial, Simulated, StandConfig
 from footsense.daemon.acquisition import Scanning
 from footsense.errors import ConfigError, RecordingError
 from footsense.frames import Reference
-from footsense.ports import ReferenceSensor, SerialPort
 from footsense.recording.replay import Replay
-from footsense.reference.mounting import Mounting
 from footsense.reference.net_ft import NetFtReference
-from footsense.reference.record_decoder import BinaryDecoder, Decoder, LineDecoder
+from footsense.reference.record_decoder import BinaryDecoder, LineDecoder, RecordDecoder
 from footsense.reference.recorded_file import FileReference, read_csv
-from footsense.reference.sample_stream import ReferenceFigures, ReferenceStream
+from footsense.reference.sample_stream import SampleStream
 from footsense.reference.sample_times import SampleTimes
+from footsense.reference.sensor_mounting import SensorMounting
 from footsense.reference.serial_sensor import SerialReference
 from footsense.sim.test_stand import reference_sensor as simulated
 
-__all__ = ["BenchRun", "FigureSensor", "is_live", "sensor_of"]
+__all__ = ["StandSensor", "StandSession", "is_live", "sensor_of"]
+
+StandSensor = SerialReference | NetFtReference | FileReference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BenchRun:
-    """What is recorded on a bench.
+class StandSession:
+    """One session on a test stand.
 
     Attributes:
-        bench: Its force sensor.
+        test_stand: Its force sensor.
         leg: The leg whose foot is pressed.
         foot: The identity of that foot.
         session: Name of this mounting of the foot.
     """
 
-    bench: Bench
+    test_stand: StandConfig
     leg: str
     foot: str
     session: str
 
     def header(self) -> dict[str, str]:
-        """Return what the recording is to say of it."""
+        """Return the entries of the recording's header: foot, session, leg, reference."""
         return {
             "foot": self.foot,
             "session": self.session,
             "leg": self.leg,
-            "reference": msgspec.json.encode(self.bench).decode(),
+            "reference": msgspec.json.encode(self.test_stand).decode(),
         }
 
 
-class FigureSensor(ReferenceSensor, Protocol):
-    """A force sensor that tells how it went."""
-
-    def figures(self) -> ReferenceFigures:
-        """Return the figures so far."""
-        ...
-
-
-def is_live(bench: Bench) -> bool:
-    """Tell whether a sensor lives in real time: one that is no simulation, and no file."""
-    return isinstance(bench.sensor, Serial | NetFt)
+def is_live(test_stand: StandConfig) -> bool:
+    """Return whether the sensor runs in real time: neither simulated nor a file."""
+    return isinstance(test_stand.sensor, Serial | NetFt)
 
 
 @contextmanager
-def sensor_of(run: BenchRun, row: int, scanning: Scanning) -> Iterator[FigureSensor]:
-    """Open a bench's force sensor, and close it at the end.
+def sensor_of(run: StandSession, row: int, scanning: Scanning) -> Iterator[StandSensor]:
+    """Open the force sensor of a session, and close it at the end.
 
     Args:
-        run: The bench and its leg.
-        row: Row of that leg in the frames.
-        scanning: The clock that its samples are stamped in; on a simulated robot, what the foot feels.
+        run: The session.
+        row: Row of its leg in the frames.
+        scanning: Clock that stamps the samples; for a simulated sensor, the true forces on the simulated feet.
 
     Yields:
         The sensor.
 
     Raises:
-        HardwareError: It is not there.
+        HardwareError: It is not connected.
         ConfigError: It is simulated, and the robot is not.
-        RecordingError: The recording that it is to be read from is none of a bench.
+        RecordingError: The recording to play has no reference.
     """
-    with closing(_opened(run.bench, row, scanning)) as sensor:
+    with closing(_opened(run.test_stand, row, scanning)) as sensor:
         yield sensor
 
 
-def _opened(bench: Bench, row: int, scanning: Scanning) -> FigureSensor:
-    match bench.sensor:
-        case Serial() as described:
-            link = SerialLink(described.device, described.baud, scanning.clock)
-            stream = _stream(described.device, bench, described.rate_hz, described.unit_per_count)
-            return SerialReference(link, _decoder(described.framing), stream, described.start.encode())
-        case NetFt() as described:
-            name = f"{described.host}:{described.port}"
-            stream = _stream(name, bench, described.rate_hz, 1 / described.counts_per_force)
-            return NetFtReference(described.host, described.port, stream)
-        case FileSensor() as described:
-            return FileReference(_recorded(Path(described.path), bench))
-        case Simulated() as described:
-            return _simulated(described, bench, row, scanning)
+def _opened(test_stand: StandConfig, row: int, scanning: Scanning) -> StandSensor:
+    match test_stand.sensor:
+        case Serial() as sensor:
+            link = SerialLink(sensor.device, sensor.baud, scanning.clock)
+            stream = _stream(sensor.device, test_stand, sensor.rate_hz, sensor.unit_per_count)
+            return SerialReference(link, _decoder(sensor.framing), stream, sensor.start.encode())
+        case NetFt() as sensor:
+            name = f"{sensor.host}:{sensor.port}"
+            stream = _stream(name, test_stand, sensor.rate_hz, 1 / sensor.counts_per_force)
+            return NetFtReference(sensor.host, sensor.port, stream)
+        case FileSensor() as sensor:
+            return FileReference(_recorded(Path(sensor.path), test_stand))
+        case Simulated() as sensor:
+            true_force_n = scanning.true_force_n
+            if true_force_n is None:
+                raise ConfigError(
+                    "sensor.kind: simulated needs a simulated foot; this configuration names real buses"
+                )
+            specimen = simulated.SimulatedSensor(
+                lambda t_ns: true_force_n(t_ns)[row], sensor.seed, sensor.linearity_rel
+            )
+            port = simulated.SimulatedPort(specimen, scanning.clock)
+            stream = _stream("simulated sensor", test_stand, simulated.RATE_HZ, 1.0)
+            return SerialReference(port, LineDecoder(simulated.COLUMNS, ","), stream, b"start")
 
 
-def _simulated(described: Simulated, bench: Bench, row: int, scanning: Scanning) -> FigureSensor:
-    true_force_n = scanning.true_force_n
-    if true_force_n is None:
-        raise ConfigError(
-            "sensor.kind: simulated needs a simulated foot; this configuration names real buses"
-        )
-    sensor = simulated.SimulatedSensor(
-        lambda t_ns: true_force_n(t_ns)[row], described.seed, described.linearity_rel
-    )
-    port: SerialPort = simulated.SimulatedPort(sensor, scanning.clock)
-    stream = _stream("simulated sensor", bench, simulated.RATE_HZ, 1.0)
-    return SerialReference(port, LineDecoder(simulated.COLUMNS, ","), stream, b"start")
+def _stream(name: str, test_stand: StandConfig, rate_hz: float, unit_per_count: float) -> SampleStream:
+    times = SampleTimes(rate_hz, round(test_stand.latency_ms * 1e6))
+    return SampleStream(name, _mounting(test_stand, unit_per_count), times)
 
 
-def _stream(name: str, bench: Bench, rate_hz: float, unit_per_count: float) -> ReferenceStream:
-    times = SampleTimes(rate_hz, round(bench.latency_ms * 1e6))
-    return ReferenceStream(name, _mounting(bench, unit_per_count), times)
+def _mounting(test_stand: StandConfig, unit_per_count: float) -> SensorMounting:
+    axes = msgspec.structs.asdict(test_stand.axes)
+    return SensorMounting(axes, test_stand.mount_deg, test_stand.units, unit_per_count, test_stand.rated)
 
 
-def _mounting(bench: Bench, unit_per_count: float) -> Mounting:
-    axes = {"x": bench.axes.x, "y": bench.axes.y, "z": bench.axes.z}
-    return Mounting(axes, bench.mount_deg, bench.units, unit_per_count, bench.rated)
-
-
-def _decoder(framing: Lines | Binary) -> Decoder:
+def _decoder(framing: Lines | Binary) -> RecordDecoder:
     if isinstance(framing, Lines):
         return LineDecoder(framing.columns, framing.separator)
     return BinaryDecoder(framing.columns, framing.layout, bytes.fromhex(framing.sync), framing.checksum)
 
 
-def _recorded(path: Path, bench: Bench) -> Reference:
+def _recorded(path: Path, test_stand: StandConfig) -> Reference:
     if path.suffix == ".csv":
-        return read_csv(path, _mounting(bench, 1.0), round(bench.latency_ms * 1e6))
-    blocks = [cycle.reference for cycle in Replay(path) if cycle.reference is not None]
-    if not any(len(block.t_ns) for block in blocks):
+        return read_csv(path, _mounting(test_stand, 1.0), round(test_stand.latency_ms * 1e6))
+    reference = join_references(cycle.reference for cycle in Replay(path) if cycle.reference is not None)
+    if not len(reference.t_ns):
         raise RecordingError(f"{path}: holds no reference; a recording of `footsense record` does")
-    t_ns, force_n, saturated = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
-    order = np.argsort(t_ns, kind="stable")
-    return Reference(t_ns[order], force_n[order], saturated[order])
+    return reference

@@ -44,6 +44,8 @@ Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Codes = NDArray[np.uint8]
 
+_VALID, _CONTACT = np.uint8(State.VALID), np.uint8(Flag.CONTACT)
+
 
 class Alignment(Protocol):
     """Brings readings taken one after the other to one time, and estimates the force there.
@@ -242,7 +244,7 @@ class Pipeline:
     ) -> tuple[Vector, Vector, Codes]:
         """Return force and sigma [N], shape (legs, 3) each, NaN where not usable, and the state of each leg."""
         closure_rel = closures.rel
-        if closures.predicted_rel is not None or not legs.in_range:
+        if closures.predicted_rel is not None or not legs.healthy:
             # A prediction may overshoot, at lift-off for instance: the network gets trained inputs only.
             closure_rel = np.minimum(
                 np.maximum(closure_rel, self._trained.closure_rel_min), self._trained.closure_rel_max
@@ -254,7 +256,7 @@ class Pipeline:
         if not consistency.ok and consistency.inconsistency_rel.any():
             inconsistent_n = consistency.inconsistency_rel * np.linalg.norm(force_n, axis=1)
             sigma_n = np.hypot(sigma_n, inconsistent_n[:, None])
-        if legs.all_usable and math.isfinite(np.vdot(force_n, sigma_n)):
+        if legs.healthy and math.isfinite(np.vdot(force_n, sigma_n)):
             return force_n, sigma_n, legs.state
         finite = legs.usable & np.isfinite(force_n + sigma_n).all(axis=1)
         force_n[~finite] = sigma_n[~finite] = np.nan
@@ -267,8 +269,8 @@ class Pipeline:
         """Feed the calibration monitor, and return each leg's cause: a stale calibration where there is no other."""
         monitor = self._monitor
         if now_ns >= monitor.due_ns:
-            load_n = np.where(state == State.VALID, force_n[:, 2], np.nan)
-            in_contact = self._baselines.flags & np.uint8(Flag.CONTACT) != 0
+            load_n = np.where(state == _VALID, force_n[:, 2], np.nan)
+            in_contact = self._baselines.flags & _CONTACT != 0
             monitor.observe(load_n, in_contact, self._consistency.squared_residuals(measured_rel), now_ns)
         if not monitor.any_stale:
             return legs.cause

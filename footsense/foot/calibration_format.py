@@ -1,14 +1,14 @@
-"""The files of a foot pack, as they stand on disk.
+"""The files of a foot's calibration.
 
-A pack is the directory that a calibrated foot ships with, `foot-0007/`:
+A calibration is the folder that a calibrated foot ships with, `foot-0007/`:
 
-    manifest.json    what it is, of what it was made, how good it is, and the SHA-256 of every other file
+    manifest.json    foot, origin, accuracy, and the SHA-256 of every other file
     parameters.json  how this foot differs from its design
-    network.onnx     the network of the design that the parameters were fitted on, sealed (foot/checksum_trailer.py)
+    network.onnx     network of the design that the parameters were fitted on, with its checksum
     card.md          the same for people
 
-The manifest seals itself too: its last entry is the SHA-256 of the others, written without space and in the order of
-`Manifest`. So a pack has one hash, by which recordings name it, and whatever is edited in it by hand shows.
+The last entry of the manifest is the SHA-256 of its other entries, encoded without spaces in the order of `Manifest`.
+So a calibration has one hash, by which recordings name it, and every edit by hand is detected.
 """
 
 import hashlib
@@ -21,34 +21,32 @@ from footsense.foot.force_errors import Errors
 from footsense.foot.parameters import FEATURES
 from footsense.foot.temperature import COLDEST_C, WARMEST_C
 
-FORMAT = 1
+FORMAT = 2
 
 MANIFEST, PARAMETERS, NETWORK, CARD = "manifest.json", "parameters.json", "network.onnx", "card.md"
-#: What a manifest has the hashes of.
+#: Files whose hashes are in the manifest.
 FILES = (PARAMETERS, NETWORK, CARD)
 
 FootId = Annotated[str, Meta(pattern=r"^foot-[0-9]{4}$")]
 Sha256 = Annotated[str, Meta(pattern=r"^[0-9a-f]{64}$")]
 Nine = Annotated[list[float], Meta(min_length=9, max_length=9)]
 Three = Annotated[list[float], Meta(min_length=3, max_length=3)]
-Rows = Annotated[
-    list[Annotated[list[float], Meta(min_length=FEATURES, max_length=FEATURES)]], Meta(min_length=3)
-]
+CorrectionRow = Annotated[list[float], Meta(min_length=FEATURES, max_length=FEATURES)]
 
 
 class Format(msgspec.Struct, frozen=True):
-    """The one field that every format has; it is looked at first, as another one may lack what this one has."""
+    """The field that every format has; read first, since another format may lack the others."""
 
     format: int
 
 
 class HeldOut(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How good a pack is, by pokes that were kept from the fit.
+    """Accuracy on loads that the fit did not use.
 
     Attributes:
-        protocol: Which pokes those were, in words.
-        design_only: Errors of the network alone on them.
-        calibrated: Errors with the parameters of a fit without them.
+        protocol: Which loads, in words.
+        design_only: Errors of the network alone.
+        calibrated: Errors with the parameters of a fit without these loads.
     """
 
     protocol: Annotated[str, Meta(min_length=1)]
@@ -57,53 +55,53 @@ class HeldOut(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
 
 
 class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What a pack says of itself.
+    """Identity and origin of a calibration.
 
     Attributes:
-        format: Of these files.
-        foot: Which foot it is for; also the name of its directory.
-        foot_type: Of which type that is.
-        footsense: Version that made it.
-        made: When, UTC, ISO 8601.
-        n_pokes: On how many pokes it rests.
-        n_sessions: In how many sessions they were made.
-        held_out: How good it is; None if no poke was kept to tell.
-        recordings: SHA-256 of every recording with those pokes, by file name.
+        format: Format of these files.
+        foot: The foot; also the name of the folder.
+        foot_type: Its type.
+        footsense: Version that made the calibration.
+        made: Time, UTC, ISO 8601.
+        n_loads: Number of loads used.
+        n_sessions: Number of sessions they are from.
+        held_out: Accuracy; None if no load was held out.
+        recordings: SHA-256 of every recording used, by file name.
         files: SHA-256 of every other file, by name.
-        sha256: Of all entries above.
+        sha256: Hash of all entries above.
     """
 
-    format: int
+    format: int = FORMAT
     foot: FootId
     foot_type: Annotated[str, Meta(min_length=1)]
     footsense: str
     made: Annotated[str, Meta(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ$")]
-    n_pokes: Annotated[int, Meta(ge=1)]
+    n_loads: Annotated[int, Meta(ge=1)]
     n_sessions: Annotated[int, Meta(ge=1)]
     held_out: HeldOut | None
     recordings: Annotated[dict[str, Sha256], Meta(min_length=1)]
-    files: dict[str, Sha256]
+    files: dict[str, Sha256] = {}
     sha256: str = ""
 
     @property
     def own_sha256(self) -> str:
-        """The hash of all but the hash."""
+        """Hash of all entries but `sha256`."""
         return hashlib.sha256(msgspec.json.encode(msgspec.structs.replace(self, sha256=""))).hexdigest()
 
     @property
     def training_sha256(self) -> str:
-        """One hash for the recordings, whatever they are called."""
+        """One hash for all recordings, independent of their names."""
         return hashlib.sha256("".join(sorted(self.recordings.values())).encode()).hexdigest()
 
 
 class Parameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """`footsense.foot.parameters.FootParameters` as lists, and what they hold for.
+    """`footsense.foot.parameters.FootParameters` as lists, and the conditions they hold for.
 
     Attributes:
-        format: Of these files.
-        network_sha256: The network that they were fitted on: its file without the seal.
-        temperature_c: At which the foot was on the bench [degC]; None if nothing there measured it.
-        stiffness_per_k: By how much the foot grows stiffer with each kelvin [1/K]; None if nobody measured it.
+        format: Format of these files.
+        network_sha256: Hash of the network that they were fitted on, without its checksum trailer.
+        temperature_c: Temperature of the foot on the test stand [degC]; None if not measured.
+        stiffness_per_k: Relative increase of the stiffness per kelvin [1/K]; None if not measured.
     """
 
     format: int
@@ -114,8 +112,8 @@ class Parameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     gain_rel: Nine
     stiffness_rel: float
     mount: Annotated[list[Three], Meta(min_length=3, max_length=3)]
-    correction: Annotated[Rows, Meta(max_length=3)]
+    correction: Annotated[list[CorrectionRow], Meta(min_length=3, max_length=3)]
     error_rel: float
     temperature_c: Annotated[float, Meta(ge=COLDEST_C, le=WARMEST_C)] | None
-    # More would leave no stiffness at the other end of what a converter measures.
+    # A larger one would leave no stiffness at the other end of a converter's range.
     stiffness_per_k: Annotated[float, Meta(ge=-0.006, le=0.006)] | None

@@ -1,9 +1,9 @@
-"""A foot pack, read and checked: it is used whole and for its own foot, or not at all."""
+"""Read and check a foot's calibration: it is used whole and for its own foot, or not at all."""
 
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -23,7 +23,7 @@ from footsense.foot.checksum_trailer import unsealed_sha256
 from footsense.foot.parameters import FootParameters
 from footsense.foot.temperature import STIFFNESS_PER_K, CalibratedAt
 
-__all__ = ["FootPack", "read_pack"]
+__all__ = ["FootCalibration", "read_calibration"]
 
 #: Largest file that is read [bytes]; a network has 18 thousand.
 MAX_BYTES = 1 << 24
@@ -32,16 +32,16 @@ _Struct = TypeVar("_Struct", Manifest, Parameters)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FootPack:
-    """All that is known of one foot.
+class FootCalibration:
+    """The calibration of one foot.
 
     Attributes:
-        folder: Where it was read.
-        manifest: What it says of itself.
+        folder: Its folder.
+        manifest: Its identity and origin.
         parameters: How the foot differs from its design.
-        network: File of the network that they were fitted on.
-        network_sha256: Hash of that file without its seal.
-        calibrated_at: At which temperature the foot was on the bench.
+        network: File of the network that the parameters were fitted on.
+        network_sha256: Hash of that file without its checksum trailer.
+        calibrated_at: Temperature on the test stand.
     """
 
     folder: Path
@@ -52,43 +52,45 @@ class FootPack:
     calibrated_at: CalibratedAt
 
 
-def read_pack(folder: Path, foot_type: str, foot: str | None = None) -> FootPack:
-    """Return the pack in a directory.
+def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> FootCalibration:
+    """Return the calibration in a folder.
 
     Args:
-        folder: The directory.
-        foot_type: Of which type the foot has to be.
-        foot: Which foot it has to be for; None for the one that the directory is named after, where the packs that
-            were replaced end in a number: `foot-0007`, `foot-0007.1`.
+        folder: The folder.
+        foot_type: Type that the foot has to be of.
+        foot: The foot that it has to be for; None for the one that the folder is named after, without the number of a
+            replaced calibration: `foot-0007`, `foot-0007.1`.
 
     Raises:
-        ModelError: A file is missing, was edited, is of another format or not readable, or the pack is for another
-            foot or foot type, or its parameters are none.
+        ModelError: A file is missing, edited, unreadable or of another format, or the calibration is for another foot
+            or foot type, or its parameters are impossible.
     """
     if not folder.is_dir():
         raise ModelError(
-            f"{folder}: no such foot pack; `footsense calibrate` makes one from recordings of the foot"
+            f"{folder}: no such calibration; `footsense calibrate` makes one from recordings of the foot"
         )
     path = folder / MANIFEST
     manifest = _decoded(path, _content(path), Manifest)
     foot = foot or folder.absolute().name.partition(".")[0]
     if manifest.sha256 != manifest.own_sha256:
-        raise ModelError(_edited(path, "what it says"))
+        raise ModelError(_edited(path, "its own hash"))
     if manifest.foot != foot:
         raise ModelError(
-            f"{folder}: the pack of {manifest.foot}, not of {foot}; a pack stays in the directory of its foot"
+            f"{folder}: the calibration of {manifest.foot}, not of {foot}; it stays in the folder of its foot"
         )
     if manifest.foot_type != foot_type:
         raise ModelError(
             f"{folder}: for foot type {manifest.foot_type!r}, this robot's feet are {foot_type!r}; "
-            f"take the pack of a {foot_type} foot"
+            f"take the calibration of a {foot_type} foot"
         )
     if set(manifest.files) != set(FILES):
-        raise ModelError(f"{path}: lists {', '.join(sorted(manifest.files))}; a pack has {', '.join(FILES)}")
+        raise ModelError(
+            f"{path}: lists {', '.join(sorted(manifest.files))}; a calibration has {', '.join(FILES)}"
+        )
     contents = {name: _content(folder / name) for name in FILES}
     for name, content in contents.items():
         if hashlib.sha256(content).hexdigest() != manifest.files[name]:
-            raise ModelError(_edited(folder / name, f"what {MANIFEST} has the hash of"))
+            raise ModelError(_edited(folder / name, f"its hash in {MANIFEST}"))
     found = _decoded(folder / PARAMETERS, contents[PARAMETERS], Parameters)
     network_sha256 = unsealed_sha256(contents[NETWORK], str(folder / NETWORK))
     if network_sha256 != found.network_sha256:
@@ -96,10 +98,19 @@ def read_pack(folder: Path, foot_type: str, foot: str | None = None) -> FootPack
             f"{folder / NETWORK}: network {network_sha256[:12]}, but the parameters were fitted on "
             f"{found.network_sha256[:12]}; calibrate the foot on this one"
         )
-    return FootPack(
+    try:
+        values: dict[str, Any] = {
+            name: np.array(value) if isinstance(value, list) else value
+            for name, value in msgspec.structs.asdict(found).items()
+            if name in FootParameters.__slots__
+        }
+        parameters = FootParameters(**values)
+    except ValueError as error:
+        raise ModelError(f"{folder / PARAMETERS}: {error}") from None
+    return FootCalibration(
         folder=folder,
         manifest=manifest,
-        parameters=_parameters(folder / PARAMETERS, found),
+        parameters=parameters,
         network=folder / NETWORK,
         network_sha256=network_sha256,
         calibrated_at=CalibratedAt(
@@ -109,30 +120,33 @@ def read_pack(folder: Path, foot_type: str, foot: str | None = None) -> FootPack
     )
 
 
-def _edited(path: Path, than: str) -> str:
+def _edited(path: Path, expected: str) -> str:
     return (
-        f"{path}: is not {than}: edited by hand, or damaged; copy the pack again, or calibrate the foot again"
+        f"{path}: does not match {expected}: edited by hand, or damaged; copy the calibration again, or calibrate the "
+        "foot again"
     )
 
 
 def _content(path: Path) -> bytes:
-    """Return the bytes of a file of a pack.
+    """Return the bytes of a file of a calibration.
 
     Raises:
-        ModelError: It is missing, cannot be read, or is larger than any such file.
+        ModelError: It is missing, cannot be read, or is too large.
     """
     try:
         if path.is_file() and path.stat().st_size > MAX_BYTES:
             raise ModelError(f"{path}: has {path.stat().st_size} bytes, at most {MAX_BYTES} are read")
         return path.read_bytes()
     except FileNotFoundError:
-        raise ModelError(f"{path}: missing; a pack is whole or of no use, copy it again") from None
+        raise ModelError(
+            f"{path}: missing; a calibration is used whole or not at all, copy it again"
+        ) from None
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def _decoded(path: Path, content: bytes, kind: type[_Struct]) -> _Struct:
-    """Return what a file of JSON holds.
+    """Return the content of a JSON file.
 
     Raises:
         ModelError: It is of another format, or does not fit.
@@ -144,26 +158,5 @@ def _decoded(path: Path, content: bytes, kind: type[_Struct]) -> _Struct:
     except (msgspec.DecodeError, RecursionError) as error:
         raise ModelError(f"{path}: does not fit: {error}") from None
     raise ModelError(
-        f"{path}: pack format {found}, this version reads format {FORMAT}; calibrate the foot again"
+        f"{path}: calibration format {found}, this version reads format {FORMAT}; calibrate the foot again"
     )
-
-
-def _parameters(path: Path, found: Parameters) -> FootParameters:
-    """Return the parameters as the daemon computes with them.
-
-    Raises:
-        ModelError: A value is not finite, or no foot can have it.
-    """
-    try:
-        return FootParameters(
-            stray_pf=np.array(found.stray_pf),
-            unloaded_pf=np.array(found.unloaded_pf),
-            gap_um=np.array(found.gap_um),
-            gain_rel=np.array(found.gain_rel),
-            stiffness_rel=found.stiffness_rel,
-            mount=np.array(found.mount),
-            correction=np.array(found.correction),
-            error_rel=found.error_rel,
-        )
-    except ValueError as error:
-        raise ModelError(f"{path}: {error}") from None

@@ -1,9 +1,9 @@
 """The checksum at the end of a network's file.
 
-A flipped bit in a weight gives forces that look like any other. Of 1200 random damages to the released file one in
-twenty changed a force by more than a millinewton and was taken, one in five by less; so a file is used only whole.
+A flipped bit in a weight gives plausible, wrong forces. Without a checksum, one in twenty of 1200 random damages to the
+released file was accepted and changed a force by more than 1 mN, one in five by less.
 
-The seal is one more entry of the metadata, and the file stays an ONNX network for every tool::
+The trailer is one more entry of the ONNX metadata, so every tool still reads the file::
 
     72 54                       an entry of the metadata, 84 bytes
     0a 10 "footsense_sha256"    its key
@@ -22,7 +22,7 @@ _HEAD = bytes((0x72, 2 + len(_KEY) + 2 + _DIGITS, 0x0A, len(_KEY))) + _KEY + byt
 
 
 def seal(content: bytes) -> bytes:
-    """Return an ONNX file with the checksum at its end.
+    """Return an ONNX file with its checksum trailer.
 
     Args:
         content: The file without one.
@@ -31,14 +31,14 @@ def seal(content: bytes) -> bytes:
 
 
 def unsealed_sha256(content: bytes, where: str) -> str:
-    """Return the hash of a file without its seal, by which the network is known.
+    """Return the hash of a file without its trailer, which identifies the network.
 
     Args:
         content: The file.
         where: Its name, for messages.
 
     Raises:
-        ModelError: The file has no seal, or its content is not what was sealed.
+        ModelError: The file has no trailer, or its checksum does not match.
     """
     start = len(content) - _DIGITS - len(_HEAD)
     if start < 0 or content[start : start + len(_HEAD)] != _HEAD:

@@ -1,13 +1,14 @@
-"""Nine cavities that close: where a load would push the electrodes through each other, they touch and push back.
+"""Unilateral contact of the gaps: where a load would push the electrodes through each other, they push back.
 
-Every electrode is cut into square cells. Without contact a load closes the cells by d0 (linear in the load); a contact
-force l_j >= 0 on cell j opens cell i by B_ij l_j, with B the compliance of the solid, symmetric and positive definite:
+Every electrode is divided into square cells. Without contact a load closes the cells by d0 (linear in the load); a
+contact force l_j >= 0 on cell j opens cell i by B_ij l_j, with B the compliance of the solid, symmetric and positive
+definite:
 
     d = d0 - B l,      s = g - d >= 0,      l >= 0,      s l = 0           (Signorini's conditions, per cell)
 
-A linear complementarity problem with one solution. Solved by block principal pivoting: all cells that break a condition
-change sides at once (a primal-dual active set), and if that has not helped for a while, only the last of them (Murty's
-rule), which ends for certain.
+A linear complementarity problem with one solution. It is solved by block principal pivoting: all cells that violate a
+condition change sides at once (a primal-dual active set), and after ten such steps without progress only the last of
+them (Murty's rule), which terminates.
 
 Source:
     Judice and Pires, Computers & Operations Research 21(5), 1994, for the pivoting.
@@ -30,9 +31,9 @@ CELLS = CELLS_PER_SIDE**2
 #: Cells of a foot.
 ALL_CELLS = ELEMENTS * CELLS
 
-#: How often all cells that break a condition may change sides at once without there being fewer of them.
+#: Block pivots without fewer violations before single pivots follow.
 _PATIENCE = 10
-#: What rounding may break a condition by: of the gap and of the largest contact force [1].
+#: Violation by rounding, over the gap and over the largest contact force [1].
 _ROUNDING = 1e-10
 
 
@@ -57,13 +58,13 @@ def capacitance_pf(design: CapacitorDesign, distance_um: Vector) -> Vector:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Touch:
-    """The solution of the contact problem of one load.
+class ContactSolution:
+    """Solution of the contact problem of one load.
 
     Attributes:
         closure_um: Closure of each cell [um], shape (324,), at most its gap.
         force_n: Contact force on each cell [N], shape (324,), at least zero.
-        pivots: Systems that were solved.
+        pivots: Linear systems solved.
     """
 
     closure_um: Vector
@@ -72,12 +73,12 @@ class Touch:
 
 
 def kkt_residual(
-    touch: Touch, free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector
+    solution: ContactSolution, free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector
 ) -> dict[str, float]:
-    """Return by how much a solution breaks each condition, all zero for an exact one.
+    """Return the violation of each condition by a solution, zero for an exact one.
 
     Args:
-        touch: The solution.
+        solution: The solution.
         free_um: Closure of each cell without contact [um], shape (324,).
         gap_um: Gap of each cell at rest [um], shape (324,).
         compliance_um_per_n: B, shape (324, 324).
@@ -86,21 +87,21 @@ def kkt_residual(
         The largest of each: `balance_um` |d - (d0 - B l)|, `penetration_um` d - g, `pull_n` -l, `slack_nm_n`
         |l (g - d)|.
     """
-    rest = touch.closure_um - (free_um - compliance_um_per_n @ touch.force_n)
-    slack_um = gap_um - touch.closure_um
+    rest = solution.closure_um - (free_um - compliance_um_per_n @ solution.force_n)
+    slack_um = gap_um - solution.closure_um
     return {
         "balance_um": float(np.abs(rest).max()),
         "penetration_um": float(max(0.0, -slack_um.min())),
-        "pull_n": float(max(0.0, -touch.force_n.min())),
-        "slack_nm_n": float(1e3 * np.abs(slack_um * touch.force_n).max()),
+        "pull_n": float(max(0.0, -solution.force_n.min())),
+        "slack_nm_n": float(1e3 * np.abs(slack_um * solution.force_n).max()),
     }
 
 
-def touch(free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector) -> Touch:
+def solve_contact_lcp(free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector) -> ContactSolution:
     """Solve the contact problem of one load.
 
     Args:
-        free_um: Closure of each cell as if no gap could shut [um], shape (324,).
+        free_um: Closure of each cell without contact [um], shape (324,).
         gap_um: Gap of each cell at rest [um], shape (324,).
         compliance_um_per_n: B, symmetric and positive definite, shape (324, 324).
 
@@ -113,13 +114,13 @@ def touch(free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector) -> Touch
     """
     if not (np.isfinite(free_um).all() and np.isfinite(gap_um).all()):
         raise ValueError("closures and gaps have to be finite numbers")
-    shut = free_um > gap_um
-    if not shut.any():
-        return Touch(free_um, np.zeros_like(free_um), 0)
+    closed = free_um > gap_um
+    if not closed.any():
+        return ContactSolution(free_um, np.zeros_like(free_um), 0)
     fewest, patience = len(free_um) + 1, _PATIENCE
     for pivots in range(1, 40 * len(free_um)):
         force = np.zeros_like(free_um)
-        inside = np.flatnonzero(shut)
+        inside = np.flatnonzero(closed)
         try:
             force[inside] = np.linalg.solve(
                 compliance_um_per_n[np.ix_(inside, inside)], (free_um - gap_um)[inside]
@@ -127,12 +128,12 @@ def touch(free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector) -> Touch
         except np.linalg.LinAlgError as error:
             raise ArithmeticError("the compliance is singular, not positive definite") from error
         closure = free_um - compliance_um_per_n[:, inside] @ force[inside]
-        pulls = shut & (force < -_ROUNDING * np.abs(force).max(initial=0.0))
-        overlaps = ~shut & (closure > gap_um * (1.0 + _ROUNDING))
+        pulls = closed & (force < -_ROUNDING * np.abs(force).max(initial=0.0))
+        overlaps = ~closed & (closure > gap_um * (1.0 + _ROUNDING))
         wrong = pulls | overlaps
         n_wrong = int(wrong.sum())
         if n_wrong == 0:
-            return Touch(np.where(shut, gap_um, closure), np.maximum(force, 0.0), pivots)
+            return ContactSolution(np.where(closed, gap_um, closure), np.maximum(force, 0.0), pivots)
         if n_wrong < fewest:
             fewest, patience = n_wrong, _PATIENCE
         else:
@@ -141,5 +142,19 @@ def touch(free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector) -> Touch
             last = np.flatnonzero(wrong)[-1]
             wrong = np.zeros_like(wrong)
             wrong[last] = True
-        shut = shut ^ wrong
+        closed = closed ^ wrong
     raise ArithmeticError("the contact problem has no end: its compliance is not positive definite")
+
+
+def contact_closures_um(free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector) -> Vector:
+    """Return the closure of each cell under several loads [um], shape (n, 324), at most its gap.
+
+    Args:
+        free_um: Closures without contact [um], shape (n, 324).
+        gap_um: Gap of each cell at rest [um], shape (324,).
+        compliance_um_per_n: B, shape (324, 324).
+    """
+    closure_um = free_um.copy()
+    for load in np.flatnonzero((free_um > gap_um).any(axis=1)):
+        closure_um[load] = solve_contact_lcp(free_um[load], gap_um, compliance_um_per_n).closure_um
+    return closure_um

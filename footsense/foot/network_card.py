@@ -1,4 +1,4 @@
-"""The card inside a network's ONNX file: what it was made for. A network without a fitting card is not used."""
+"""The card in the metadata of a network's ONNX file: its capacitors, units and training range."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -15,7 +15,7 @@ from footsense.foot.capacitor import GAP_CLOSED_REL, CapacitorDesign
 METADATA_KEY = "footsense_card"
 FORMAT = 2
 
-#: What the numbers of input and output mean; `footsense lab build` writes it, and nothing else is understood.
+#: Units and orders of inputs and outputs, as `footsense lab build` writes them; a network with others is refused.
 INPUT_UNIT, INPUT_ORDER = "1", "flat index 3 * row + column, row 0 most forward, column 0 leftmost"
 OUTPUT_UNIT, OUTPUT_ORDER = "N", "x y z, foot frame"
 
@@ -26,13 +26,13 @@ NineByNine = Annotated[list[Nine], Meta(min_length=9, max_length=9)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainedInputs:
-    """What a network was trained for: capacitors, and the range and moments of its inputs.
+    """Capacitors that a network was trained for, and range and moments of its training inputs.
 
     Attributes:
-        design: The capacitors that it was trained for.
-        closure_rel_min: Smallest trained input of each element [1], shape (9,).
-        closure_rel_max: Largest trained input of each element [1], shape (9,).
-        moments: Second moments of the closures, for filling in missing ones, shape (9, 9).
+        design: The capacitors.
+        closure_rel_min: Smallest training input of each element [1], shape (9,).
+        closure_rel_max: Largest training input of each element [1], shape (9,).
+        moments: Second moments of the closures, for the imputation of missing ones, shape (9, 9).
     """
 
     design: CapacitorDesign
@@ -55,13 +55,13 @@ class TrainedInputs:
 
 
 class _Format(msgspec.Struct, frozen=True):
-    """The one field that every format has."""
+    """The field that every format has."""
 
     format: int
 
 
 class Signal(msgspec.Struct, frozen=True):
-    """An input or output of the network; fields of a card that the daemon does not need are left unread."""
+    """An input or output of the network; the daemon ignores the card's other fields."""
 
     name: str
     unit: str
@@ -69,7 +69,7 @@ class Signal(msgspec.Struct, frozen=True):
 
 
 class Card(msgspec.Struct, frozen=True):
-    """What the daemon needs of a card."""
+    """The fields of a card that the daemon needs."""
 
     format: int
     foot_type: str
@@ -87,8 +87,8 @@ class Card(msgspec.Struct, frozen=True):
     response_sha256: str
 
     @property
-    def calibration(self) -> TrainedInputs:
-        """What the pipeline needs of it."""
+    def trained_inputs(self) -> TrainedInputs:
+        """Capacitors and training inputs, for the pipeline."""
         return TrainedInputs(
             design=CapacitorDesign(
                 gap_um=self.gap_um,
@@ -103,15 +103,15 @@ class Card(msgspec.Struct, frozen=True):
 
 
 def read_card(text: str | None, where: str) -> Card:
-    """Return the card, or say why the file is not a network of footsense.
+    """Return the checked card of a network.
 
     Args:
         text: The metadata entry, None if the file has none.
         where: Name of the file, for messages.
 
     Raises:
-        ModelError: There is no card, it is not readable, it is of another format, unit or order, or its values
-            cannot be (JSON has no word for a number that is not finite, so none gets here).
+        ModelError: There is no card, it is unreadable, of another format, unit or order, or its values are impossible
+            (JSON cannot express numbers that are not finite).
     """
     if text is None:
         raise ModelError(

@@ -1,14 +1,15 @@
-"""What makes one foot differ from its design, as found on a bench: all that the daemon needs to read it right.
+"""Parameters in which one foot differs from its design: everything that the daemon needs to read it right.
 
-The first three belong to the electrodes and go before the network, the rest goes behind it. With p the forces that the
-network of the design makes of the foot's own closures,
+Stray, unloaded reading, gap and gain belong to the electrodes and act before the network, the rest behind it. With p
+the force that the network of the design estimates from the foot's own closures,
 
     f = M p + C phi(p),        M = (1 + stiffness) * mount^T
 
-M holds exactly for a linear solid, gaps that shut at the design's closures included; C phi(p) is what remains, learnt.
+M is exact for a linear solid, even where gaps close at the design's closures; C phi(p) is the learnt residual.
 """
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,17 +26,17 @@ _AXES = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FootParameters:
-    """One foot, measured.
+    """Parameters of one foot.
 
     Attributes:
-        stray_pf: Capacitance in parallel with each element that is not the foot's [pF], shape (9,).
-        unloaded_pf: What each element of the free foot reads, stray included [pF], shape (9,): its fingerprint.
+        stray_pf: Capacitance of the wiring in parallel with each element [pF], shape (9,).
+        unloaded_pf: Reading of each element of the unloaded foot, stray included [pF], shape (9,): its fingerprint.
         gap_um: Air gap of each element [um], shape (9,).
-        gain_rel: Closure of each element by the design's electrodes, of its real closure [1], shape (9,).
-        stiffness_rel: Stiffness of the whole foot over the design's, less one [1].
+        gain_rel: Closure of each element by the design's electrodes over its real closure [1], shape (9,).
+        stiffness_rel: Stiffness of the whole foot over the design's, minus one [1].
         mount: Rotation from the leg's frame to the foot's, shape (3, 3).
         correction: C above, shape (3, FEATURES); zero for none.
-        error_rel: Standard deviation of what the pokes leave unexplained, of the force [1].
+        error_rel: Standard deviation of the remaining error over the force [1].
     """
 
     stray_pf: Vector
@@ -48,26 +49,20 @@ class FootParameters:
     error_rel: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the shapes and what cannot be.
+        """Check shapes and physical limits.
 
         Raises:
-            ValueError: A shape is wrong, a value is not finite, or no foot can have it; the message names it.
+            ValueError: A shape is wrong, a value is not finite or impossible; the message names it.
         """
-        shapes = {
-            "stray_pf": (ELEMENTS,),
-            "unloaded_pf": (ELEMENTS,),
-            "gap_um": (ELEMENTS,),
-            "gain_rel": (ELEMENTS,),
-            "mount": (_AXES, _AXES),
-            "correction": (_AXES, FEATURES),
-        }
+        nine = ("stray_pf", "unloaded_pf", "gap_um", "gain_rel")
+        shapes = dict.fromkeys(nine, (ELEMENTS,)) | {"mount": (_AXES, _AXES), "correction": (_AXES, FEATURES)}
         for name, shape in shapes.items():
             value = getattr(self, name)
             if value.shape != shape or not np.isfinite(value).all():
                 raise ValueError(f"{name}: {shape} finite numbers are expected, got {value.tolist()}")
-        for name, least in (("gap_um", self.gap_um.min()), ("gain_rel", self.gain_rel.min())):
-            if least <= 0.0:
-                raise ValueError(f"{name}: has to be above 0, got {least:g}")
+        for name, smallest in (("gap_um", self.gap_um.min()), ("gain_rel", self.gain_rel.min())):
+            if smallest <= 0.0:
+                raise ValueError(f"{name}: has to be above 0, got {smallest:g}")
         if (self.unloaded_pf <= self.stray_pf).any():
             raise ValueError("unloaded_pf: has to be above stray_pf at every element")
         if not self.stiffness_rel > -1.0:
@@ -80,16 +75,21 @@ class FootParameters:
 
     @property
     def force_matrix(self) -> Vector:
-        """M above: forces in the leg's frame for each newton that the design would have felt, shape (3, 3)."""
+        """M above: force in the leg's frame per newton that the design's network estimates, shape (3, 3)."""
         matrix: Vector = (1.0 + self.stiffness_rel) * self.mount.T
         return matrix
 
+    def as_lists(self) -> dict[str, Any]:
+        """Return all parameters as lists and floats by name, for a file."""
+        return {name: np.asarray(getattr(self, name)).tolist() for name in self.__slots__}
+
 
 def features(force_n: Vector) -> Vector:
-    """Return phi: what a correction is made of [N], shape (n, FEATURES).
+    """Return phi, the terms of a correction [N], shape (n, FEATURES).
 
-    Products of a direction's components up to the third degree, times the force: of degree one in it, as the solid is.
-    Products that follow from the others by the direction's unit length are left out.
+    They are the products of a direction's components up to degree three times the magnitude, which keeps them
+    homogeneous of degree one in the force, as the linear solid is. Products that follow from the others because a
+    direction has length one are left out.
 
     Args:
         force_n: Forces p [N], shape (n, 3); zero gives zeros.

@@ -1,7 +1,6 @@
-"""A foot as it was made: the designed response, and how this one specimen differs from the design.
+"""A specimen of a foot: the response of its type, and its deviations from the design.
 
-What differs is named and costs nothing where it is zero. The solid stays the designed one but for its stiffness;
-gaps, films, strays and the way the foot sits on the leg are each foot's own.
+The solid is the designed one but for its stiffness; gaps, films, strays and the mounting are each foot's own.
 """
 
 from dataclasses import dataclass, field
@@ -18,7 +17,7 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Deviations:
-    """How one foot differs from its design.
+    """Deviations of one foot from its design.
 
     Attributes:
         gap_um: Added to the gap of each element [um], shape (9,).
@@ -39,16 +38,16 @@ class Foot:
     """One specimen of a foot.
 
     Args:
-        response: How its type yields.
-        deviations: How it differs; None for a foot exactly as designed.
-        contact: Whether a gap that shuts carries load; else its closure is only limited to the gap.
+        response: Response of its type.
+        deviations: Its deviations; None for a foot exactly as designed.
+        contact: Whether a closed gap carries load; else closures are only limited to the gap.
 
     Attributes:
-        response: How its type yields.
+        response: Response of its type.
         rest_pf: Capacitance of each element of the free foot, stray included [pF], shape (9,).
 
     Raises:
-        ValueError: A gap or a film is not thicker than nothing, or the foot has no stiffness left.
+        ValueError: A gap, a film or the stiffness is not above 0.
     """
 
     def __init__(
@@ -87,15 +86,11 @@ class Foot:
         free_um *= self._softness
         if not self._contact:
             return np.minimum(free_um, self._gap_of_cell_um)
-        shut = np.flatnonzero((free_um > self._gap_of_cell_um).any(axis=1))
-        for load in shut:
-            touch = gap_contact.touch(free_um[load], self._gap_of_cell_um, self._compliance_um_per_n)
-            free_um[load] = touch.closure_um
-        return free_um
+        return gap_contact.contact_closures_um(free_um, self._gap_of_cell_um, self._compliance_um_per_n)
 
     def capacitance_pf(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return what each element measures under loads as in `cells_um`, stray included [pF], shape (n, 9)."""
-        if not force_n.any():  # a foot in the air costs nothing
+        """Return the capacitance of each element under loads as in `cells_um`, stray included [pF], shape (n, 9)."""
+        if not force_n.any():  # a foot in swing costs nothing
             return np.tile(self.rest_pf, (len(force_n), 1))
         return self._capacitance_pf(self.cells_um(normal, force_n))
 

@@ -1,10 +1,12 @@
-"""What a temperature does to the forces of a calibrated foot, and what is left open where none is measured.
+"""Temperature compensation of a calibrated foot's forces, and the uncertainty where no temperature is measured.
 
-Rubber is stiffer when it is warm: its shear modulus grows by 1.1 kPa/K of 250 kPa (Lotters et al., J. Micromech.
-Microeng. 7, 145, 1997). The same load then makes smaller closures, and the force read from them is too small by the
-same share, on every axis. A converter tells the temperature of its board: mount it where the foot's is. What the gaps
-do, -1.5 fF/K of an element, moves the zero alone, which the tracking of the zero takes away: closures are reckoned from
-the elastance, so that the gap at rest drops out.
+The shear modulus of PDMS grows by 1.1 kPa/K of 250 kPa. The same load then makes smaller closures, and the estimated
+force is too small by the same share, on every axis. The converter measures the temperature of its board, which has to
+be that of the foot. The gaps' own change, -1.5 fF/K per element, moves only the baseline, which the baseline tracker
+follows: closures are computed from the elastance, in which the unloaded gap cancels.
+
+Source:
+    Lotters et al., Journal of Micromechanics and Microengineering 7, 145, 1997, for the shear modulus of PDMS.
 """
 
 import math
@@ -20,21 +22,21 @@ __all__ = [
     "unknown_temperature_rel",
 ]
 
-#: Growth of the stiffness of PDMS [1/K].
+#: Relative increase of the stiffness of PDMS [1/K].
 STIFFNESS_PER_K = 4.4e-3
-#: What a converter measures [degC].
+#: Range of a converter's sensor [degC].
 COLDEST_C, WARMEST_C = -40.0, 125.0
-#: How far a foot that nothing measures may be from the temperature of its bench [K]: 12 to 32 degC about the 22 of a
-#: workshop, an unheated hall and a summer's day.
+#: Half range of an unmeasured foot's temperature about that of its test stand [K]: from an unheated hall, 12 degC, to a
+#: summer's day, 32 degC.
 _RANGE_K = 10.0
 
 
 class CalibratedAt(NamedTuple):
-    """At what temperature a foot was on the bench.
+    """Temperature of a foot on the test stand.
 
     Attributes:
-        temperature_c: That [degC]; None if nothing there measured it.
-        stiffness_per_k: Growth of its stiffness, over that at `temperature_c` [1/K].
+        temperature_c: The temperature [degC]; None if not measured.
+        stiffness_per_k: Increase of its stiffness over that at `temperature_c` [1/K].
     """
 
     temperature_c: float | None
@@ -42,13 +44,13 @@ class CalibratedAt(NamedTuple):
 
 
 def effect(temperature_c: float, then: CalibratedAt | None) -> tuple[float, float]:
-    """Return by what the force of a foot is to be multiplied, and the share of it that remains unknown [1].
+    """Return the factor for the force of a foot, and the standard deviation over the force that remains [1].
 
-    Where either temperature is not known, or is none that a converter measures, nothing is corrected.
+    If either temperature is unknown or outside of a converter's range, the factor is 1.
 
     Args:
-        temperature_c: Temperature of the foot now [degC], NaN where nothing measures it.
-        then: That of the bench; None for a foot that was never on one, which is read as its design.
+        temperature_c: Present temperature of the foot [degC], NaN if not measured.
+        then: Its temperature on the test stand; None for an uncalibrated foot, which is not corrected.
 
     Example:
         >>> effect(23.0, CalibratedAt(23.0)), effect(23.0, CalibratedAt(None))[0]
@@ -64,16 +66,15 @@ def effect(temperature_c: float, then: CalibratedAt | None) -> tuple[float, floa
 def force_gain(
     temperature_c: float, calibrated_at_c: float, stiffness_per_k: float = STIFFNESS_PER_K
 ) -> float:
-    """Return by what a force is to be multiplied that was read as if the foot were as warm as when it was calibrated.
+    """Return the factor for a force that was estimated as if the foot had the temperature of its calibration.
 
     Args:
         temperature_c: Temperature of the foot [degC], -40 to 125.
         calibrated_at_c: Temperature at which it was calibrated [degC], -40 to 125.
-        stiffness_per_k: Growth of its stiffness, over that at `calibrated_at_c` [1/K].
+        stiffness_per_k: Increase of its stiffness over that at `calibrated_at_c` [1/K].
 
     Raises:
-        ValueError: A temperature is no number or lies outside what a converter measures, or the foot would have no
-            stiffness left.
+        ValueError: A temperature is NaN or outside of a converter's range, or the stiffness would not be positive.
 
     Example:
         >>> round(force_gain(43.0, 23.0), 3), force_gain(23.0, 23.0)
@@ -93,16 +94,16 @@ def force_gain(
 
 
 def unknown_temperature_rel(range_k: float, stiffness_per_k: float = STIFFNESS_PER_K) -> float:
-    """Return the share of a force by which its sigma is to be widened where no temperature is measured [1].
+    """Return the standard deviation over the force that an unmeasured temperature causes [1].
 
-    Any temperature within the range is as likely as any other: the root mean square of that is 1 / sqrt(3) of its end.
+    The temperature is taken as uniform within the range, whose standard deviation is 1 / sqrt(3) of its half width.
 
     Args:
-        range_k: How far the temperature may be from that of the calibration, either way [K], at least 0.
+        range_k: Half width of the range about the temperature of the calibration [K], at least 0.
         stiffness_per_k: As for `force_gain`.
 
     Raises:
-        ValueError: The range is below 0, or no number.
+        ValueError: The range is negative or NaN.
 
     Example:
         >>> round(unknown_temperature_rel(20.0), 3)

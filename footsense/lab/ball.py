@@ -7,6 +7,8 @@ the foot sees it. Needs numpy alone.
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.foot.directions import tangent_frame
+
 __all__ = ["circle", "rim", "touch"]
 
 Vector = NDArray[np.float64]
@@ -39,10 +41,8 @@ def circle(direction: Vector, radius_deg: float) -> tuple[Vector, Vector]:
         direction: Unit vector, shape (3,).
         radius_deg: The angle.
     """
-    # Any vector that is not along it will do.
-    across = np.cross(direction, np.eye(3)[np.abs(direction).argmin()])
-    across /= np.linalg.norm(across)
+    first, second = tangent_frame(direction)
     turn = np.linspace(0.0, 2.0 * np.pi, 181)[:, None]
-    sideways = np.cos(turn) * across + np.sin(turn) * np.cross(direction, across)
+    sideways = np.cos(turn) * first + np.sin(turn) * second
     radius = np.radians(radius_deg)
     return touch(np.cos(radius) * direction + np.sin(radius) * sideways)

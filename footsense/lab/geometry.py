@@ -15,6 +15,7 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.hertz import contact_radius_mm
 
 #: Lowest contact normal that a foot's response table answers for [deg].
 MIN_ELEVATION_DEG = 25.0
@@ -148,5 +149,5 @@ class SoleDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def patch_deg(self, force_n: float) -> float:
         """Return how far a contact patch reaches around the ball under a force along its normal [deg], by Hertz."""
-        radius_mm = np.cbrt(0.75 * force_n * self.ball_radius_mm / self.rubber.hertz_mpa)
+        radius_mm = contact_radius_mm(force_n, self.ball_radius_mm, self.rubber.hertz_mpa)
         return float(np.degrees(radius_mm / self.ball_radius_mm))

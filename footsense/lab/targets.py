@@ -113,8 +113,8 @@ TARGETS = (
             paper=paper,
         )
         for way, words, wanted_deg, wanted_gf in (
-            ("calibrated_362", "all pokes", 1.6, 1.9),
-            ("calibrated_20", "20 pokes", 3.0, 4.0),
+            ("calibrated_362", "all loads", 1.6, 1.9),
+            ("calibrated_20", "20 loads", 3.0, 4.0),
         )
         for what, unit, key, wanted, paper in (
             ("direction", "deg", "direction_deg", wanted_deg, "15.9"),

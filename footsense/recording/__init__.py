@@ -4,5 +4,5 @@
     Recorder.observe ──pipe──▶ writer ──▶ FILE.mcap.partial ──▶ FILE.mcap ──▶ Replay, ReplaySource, compare
     (cycle_records)            (cycle_records, messages, mcap_writer)         (mcap_reader, replay)
 
-The loop's process imports `recorder` alone, which costs it no MCAP library and microseconds per cycle.
+The loop's process imports `recorder` alone: no MCAP library, and microseconds per cycle.
 """

@@ -1,4 +1,4 @@
-"""Whether the forces made again are those that were recorded."""
+"""Comparison of recomputed forces with recorded ones."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,10 +10,10 @@ from footsense.recording.messages import NOT_RECORDED
 
 __all__ = ["TOLERANCE_N", "compare", "same_machine"]
 
-#: Largest difference of a force made on another processor or by other library versions [N].
+#: Largest difference of a force computed on another processor or with other library versions [N].
 TOLERANCE_N = 1e-3
 
-#: Largest difference of a baseline offset, made likewise [pF]: half a code of the converter.
+#: Largest difference of a baseline offset then [pF]: half a code of the converter.
 TOLERANCE_PF = 1e-6
 
 #: Entries of the header that have to be equal for bits to be equal.
@@ -30,11 +30,11 @@ def same_machine(header: Mapping[str, str], here: Mapping[str, str]) -> bool:
 def compare(
     recorded: ContactFrame, recomputed: ContactFrame, *, exact: bool, legs: Sequence[str]
 ) -> str | None:
-    """Return the first difference between two frames in words.
+    """Return a message about the first difference between two frames.
 
     Args:
-        recorded: What was published then.
-        recomputed: What the same scan gives now.
+        recorded: The published frame.
+        recomputed: The frame computed from the same scan now.
         exact: Whether forces and sigmas have to be equal bit for bit (NaN equals NaN), else to 1 mN.
         legs: Name of each row.
 

@@ -1,12 +1,12 @@
-"""The pipe that carries cycles out of the loop's process, and what happens when it is full.
+"""The writing end of the pipe that carries cycles out of the loop's process.
 
-In virtual time the loop waits for room and nothing is lost. In real time it never waits: a cycle that finds
-the pipe full is lost, counted, and its loss recorded before the next cycle that gets in.
+In virtual time the loop waits for room and nothing is lost. In real time it never waits: a cycle that finds the pipe
+full is lost, counted, and its loss recorded before the next cycle that finds room.
 """
 
 import os
 import select
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from footsense.frames import Cycle
 from footsense.recording.cycle_records import Loss, pack_cycle, pack_header, pack_loss
@@ -19,30 +19,44 @@ class CyclePipe:
 
     Args:
         fd: The descriptor, nothing written to it yet; closed by `close`.
-        legs: Name of each row of the frames.
-        header: What the recording is to say of itself.
+        legs: Name of the leg in each row of the frames.
+        header: Entries of the recording's header.
         blocking: Whether a full pipe makes the sender wait.
+        on_broken: Called once when the reader has ended.
 
     Attributes:
-        n_cycles: Cycles that were to be sent.
-        lost: Those of them that found no room, or no reader.
-        broken: Whether there is no reader any more.
+        n_cycles: Cycles so far, lost ones counted.
+        lost: Cycles that found no room, or no reader.
+        broken: Whether the reader has ended.
     """
 
-    def __init__(self, fd: int, legs: Sequence[str], header: Mapping[str, str], *, blocking: bool) -> None:
+    def __init__(
+        self,
+        fd: int,
+        legs: Sequence[str],
+        header: Mapping[str, str],
+        *,
+        blocking: bool,
+        on_broken: Callable[[], None] = lambda: None,
+    ) -> None:
         self._fd = fd
+        self._on_broken = on_broken
         self._rest = b""
         self._unreported = 0
         self._t_ns = 0
         self.n_cycles = 0
         self.lost = 0
         self.broken = False
-        # The header has to get in whatever its length.
+        # Before the pipe stops blocking: the header needs room, whatever its length.
         self._write(pack_header({**header, "legs": ",".join(legs)}))
         os.set_blocking(fd, blocking)
 
     def send(self, cycle: Cycle) -> None:
-        """Copy one cycle into the pipe; never fails, whatever becomes of the reader."""
+        """Copy one cycle into the pipe; never fails, even without a reader.
+
+        Timing:
+            3 us for six legs, unless `blocking`.
+        """
         self._t_ns = cycle.forces.t_sent_ns
         record = pack_cycle(self.n_cycles, cycle)
         if self._unreported:
@@ -55,10 +69,10 @@ class CyclePipe:
             self.lost += 1
 
     def _write(self, record: bytes) -> bool:
-        """Write a record; a part that found no room goes first next time.
+        """Write a record; a rest without room goes first next time.
 
         Returns:
-            Whether the record is on its way; if not, none of it is.
+            Whether the record was accepted; if not, none of it was written.
         """
         try:
             if self._rest:
@@ -69,17 +83,19 @@ class CyclePipe:
         except BlockingIOError:
             return False
         except BrokenPipeError:
-            self.broken = True
+            if not self.broken:
+                self.broken = True
+                self._on_broken()
             return False
         if n < len(record):
             self._rest = record[n:]
         return True
 
     def close(self, timeout_s: float) -> None:
-        """Wait until the pipe has taken what is left, a last loss included, and end it.
+        """Write the rest, a last loss included, and close the pipe.
 
         Args:
-            timeout_s: How long to wait for room [s]; what found none by then is lost.
+            timeout_s: Longest wait for room [s]; what found none by then is lost.
         """
         left = memoryview(self._rest)
         if self._unreported:
@@ -92,5 +108,5 @@ class CyclePipe:
             while left and room.poll(timeout_s * 1000):
                 left = left[os.write(self._fd, left) :]
         except (BlockingIOError, BrokenPipeError):
-            pass  # nobody reads; the recorder learns it from the writer's end
+            pass  # without a reader; the recorder learns it from the writer's report
         os.close(self._fd)

@@ -1,4 +1,4 @@
-"""What decides whether the same computation gives the same bits: the processor and the libraries."""
+"""Processor and library versions, which decide whether the same computation gives the same bits."""
 
 import platform
 import zlib

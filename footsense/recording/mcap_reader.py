@@ -1,8 +1,8 @@
-"""Cycles out of an MCAP container, in file order, as far as they are certainly what was written.
+"""Cycles out of an MCAP container, in file order, up to the first damage.
 
-The library's indexed readers give nothing for a file without its end, and its stream reader takes short
-reads, missing checksums and lost chunks for good; so everything is counted and checked here, and reading
-stops at the first byte that is in doubt.
+The library's indexed readers return nothing of a file without its end, and its stream reader accepts short reads,
+missing checksums and lost chunks; so everything is counted and checked here, and reading stops at the first doubtful
+byte.
 """
 
 import json
@@ -27,10 +27,10 @@ from footsense.recording.reference_messages import decode_reference
 
 __all__ = ["read_entries", "read_header"]
 
-#: Largest chunk that is unpacked [bytes]; ours have 64 KiB.
+#: Largest chunk that is unpacked [bytes]; footsense's have 64 KiB.
 MAX_CHUNK_BYTES = 1 << 24
 
-#: What the libraries below raise when they meet bytes that they did not write.
+#: Errors of the libraries below on damaged bytes.
 _DAMAGE = (
     *(McapError, ZstdError, ValueError, LookupError, TypeError, AttributeError, OverflowError),
     *(MemoryError, RecursionError, EOFError, struct.error),
@@ -40,7 +40,7 @@ _Record = Any  # the library is not typed
 
 
 class _Bounded:
-    """A file that never tries to read beyond its end, whatever a damaged length says."""
+    """A file that never reads beyond its end, even for a damaged length."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -50,7 +50,7 @@ class _Bounded:
         """Return `n` bytes, fewer at the end.
 
         Raises:
-            ValueError: They are more than any record has that is written.
+            ValueError: No written record is so large.
         """
         if n > MAX_CHUNK_BYTES:
             raise ValueError("a record is larger than any that is written")
@@ -58,7 +58,7 @@ class _Bounded:
 
 
 def read_header(path: Path) -> dict[str, str]:
-    """Return what a recording says of itself.
+    """Return the header of a recording.
 
     Args:
         path: The recording.
@@ -101,17 +101,17 @@ def _check_legs(path: Path, legs: str) -> None:
 
 
 def read_entries(path: Path, legs: tuple[str, ...]) -> Iterator[Numbered | Loss]:
-    """Yield every whole cycle and every known loss, in file order.
+    """Yield every complete cycle and every recorded loss, in file order.
 
     Args:
         path: The recording.
         legs: Name of each row of the frames.
 
     Yields:
-        What the file holds up to its end or its first damage.
+        Cycles and losses up to the end of the file or its first damage.
 
     Raises:
-        RecordingError: The file ends before its end mark, or is damaged; the message says from where on.
+        RecordingError: The file ends before its end mark, or is damaged; the message names the byte.
     """
     with path.open("rb") as file:
         bounded = _Bounded(file)
@@ -126,15 +126,15 @@ def read_entries(path: Path, legs: tuple[str, ...]) -> Iterator[Numbered | Loss]
                     return
                 good = file.tell()
         except _DAMAGE as error:
-            raise RecordingError(f"{path}: {assembly.words(good, bounded.size, error)}") from None
-        raise RecordingError(f"{path}: {assembly.words(good, bounded.size, ValueError('no end mark'))}")
+            raise RecordingError(f"{path}: {assembly.damage_text(good, bounded.size, error)}") from None
+        raise RecordingError(f"{path}: {assembly.damage_text(good, bounded.size, ValueError('no end mark'))}")
 
 
 def _require(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the sentence it checks
-    """Treat what was not written by us as damage.
+    """Treat a false condition as damage.
 
     Raises:
-        ValueError: It does not hold.
+        ValueError: The condition is false.
     """
     if not holds:
         raise ValueError(words)
@@ -143,7 +143,7 @@ def _require(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the 
 def _contents(chunk: _Record) -> list[_Record]:
     _require(chunk.uncompressed_crc != 0, "a chunk has no checksum")
     _require(chunk.uncompressed_size <= MAX_CHUNK_BYTES, "a chunk is larger than any that is written")
-    # The library would make room for what the compressed data say of themselves, whatever that is.
+    # The library would allocate the size that the compressed data claim.
     _require(
         chunk.compression == "zstd" and frame_content_size(chunk.data) == chunk.uncompressed_size,
         "a chunk is not packed as it says",
@@ -152,7 +152,7 @@ def _contents(chunk: _Record) -> list[_Record]:
 
 
 class _Assembly:
-    """Puts cycles together from their messages, and notices when one is missing."""
+    """Assembles cycles from their messages, and detects missing ones."""
 
     def __init__(self, legs: tuple[str, ...]) -> None:
         self._legs = legs
@@ -162,8 +162,8 @@ class _Assembly:
         self._commands: list[Command] = []
         self._outcomes: list[CommandResult] = []
         self._samples: list[bytes] = []
-        self._warmth: dict[str, Any] | None = None
-        self._on_bench = False
+        self._temperature_event: dict[str, Any] | None = None
+        self._has_reference = False
         self._n_cycles = 0
         self._t_first_ns = 0
         self._t_last_ns = 0
@@ -172,7 +172,7 @@ class _Assembly:
         for record in records:
             if isinstance(record, Channel):
                 self._topics[record.id] = record.topic
-                self._on_bench |= record.topic == messages.REFERENCE
+                self._has_reference |= record.topic == messages.REFERENCE
             elif isinstance(record, Message):
                 whole = self._message(self._topics[record.channel_id], record)
                 if whole is not None:
@@ -191,7 +191,7 @@ class _Assembly:
             case messages.EVENT, "outcome":
                 self._outcomes.append(messages.decode_outcome(event, self._legs))
             case messages.EVENT, "temperature":
-                self._warmth = event
+                self._temperature_event = event
             case messages.REFERENCE, None:
                 self._samples.append(message.data)
             case messages.SCAN, None:
@@ -205,14 +205,18 @@ class _Assembly:
         forces = messages.decode_force(data, self._legs)
         if self._scan is None:
             raise ValueError("a scan is missing")
-        # A bench's recording has the topic, and every cycle of it a reference, without samples too.
-        reference = decode_reference(self._samples) if self._on_bench else None
-        temperature_c = messages.decode_temperature(self._warmth, self._legs) if self._warmth else None
+        # Every cycle of a test stand's recording has a reference, possibly without samples.
+        reference = decode_reference(self._samples) if self._has_reference else None
+        temperature_c = (
+            messages.decode_temperature(self._temperature_event, self._legs)
+            if self._temperature_event
+            else None
+        )
         cycle = Cycle(
             self._scan, tuple(self._commands), forces, tuple(self._outcomes), reference, temperature_c
         )
         numbered = Numbered(self._expected, cycle)
-        self._scan, self._warmth = None, None
+        self._scan, self._temperature_event = None, None
         self._commands, self._outcomes, self._samples = [], [], []
         self._expected += 1
         self._t_first_ns = forces.t_sent_ns if self._n_cycles == 0 else self._t_first_ns
@@ -220,8 +224,8 @@ class _Assembly:
         self._n_cycles += 1
         return numbered
 
-    def words(self, good: int, size: int, error: Exception) -> str:
-        """Return what is lost, in words."""
+    def damage_text(self, good: int, size: int, error: Exception) -> str:
+        """Return a message about the damage."""
         t_s = (self._t_last_ns - self._t_first_ns) * 1e-9
         why = " ".join(str(error).split())[:80] or "the file ends there"
         return (

@@ -1,8 +1,11 @@
 """Cycles into an MCAP container.
 
-Chunks are small and carry checksums, so that a killed process loses little and a damaged one is noticed; the
-whole data section has a checksum of its own, and so has our header, which stands outside the chunks.
-A cycle's force is written last: a reader that has it has the whole cycle.
+Chunks are small and carry checksums, so that a killed process loses little and damage is detected; the data section
+has a checksum of its own, and so has footsense's header, which stands outside the chunks. A cycle's force is written
+last: a reader that has it has the complete cycle.
+
+Source:
+    MCAP format specification, https://mcap.dev/spec.
 """
 
 import json
@@ -19,13 +22,13 @@ from footsense.recording.reference_messages import encode_reference, reference_s
 
 __all__ = ["HEADER_CRC", "METADATA", "PROFILE", "McapFile", "Stream", "header_crc"]
 
-#: Profile of the container, by which a reader knows our files from others'.
+#: Profile of the container, which identifies footsense's files.
 PROFILE = "footsense"
 
-#: Name of the metadata record that carries the header.
+#: Name of the metadata record with the header.
 METADATA = "footsense"
 
-#: Key of the header's own checksum.
+#: Key of the header's checksum.
 HEADER_CRC = "crc32"
 
 #: Chunk size before compression [bytes]: about half a second of six legs.
@@ -33,14 +36,14 @@ CHUNK_BYTES = 65_536
 
 
 class Stream(Protocol):
-    """What the container is written to."""
+    """A file, as the container needs it."""
 
     def write(self, data: bytes) -> int:
         """Write all of `data`."""
         ...
 
     def tell(self) -> int:
-        """Return how many bytes were written."""
+        """Return the number of written bytes."""
         ...
 
     def flush(self) -> None:
@@ -49,7 +52,7 @@ class Stream(Protocol):
 
 
 def header_crc(header: Mapping[str, str]) -> str:
-    """Return the checksum of a header, itself left out."""
+    """Return the checksum of a header without its own entry."""
     entries = sorted((key, value) for key, value in header.items() if key != HEADER_CRC)
     return f"{zlib.crc32(json.dumps(entries).encode()):08x}"
 
@@ -58,8 +61,8 @@ class McapFile:
     """One recording while it is written.
 
     Args:
-        stream: Where to.
-        header: What the recording says of itself; its entry `legs` names the rows of the frames.
+        stream: The empty file.
+        header: Entries of the recording's header; `legs` names the rows of the frames.
     """
 
     def __init__(self, stream: Stream, header: Mapping[str, str]) -> None:
@@ -90,14 +93,14 @@ class McapFile:
         self._add(messages.FORCE, counter, t_ns, messages.encode_force(forces, self._legs))
 
     def _add_reference(self, counter: int, reference: Reference) -> None:
-        # The topic tells a bench's recording from others, whose cycles have no reference, so it comes with the first.
+        # The topic identifies recordings of a test stand, so it is registered with the first reference.
         if messages.REFERENCE not in self._channels:
             self._register(messages.REFERENCE, reference_schema())
         for t_ns, sample in encode_reference(reference):
             self._add(messages.REFERENCE, counter, t_ns, sample)
 
     def add_loss(self, loss: Loss) -> None:
-        """Write that cycles are missing here."""
+        """Write that cycles are missing at this place."""
         self._add(messages.EVENT, loss.counter, loss.t_ns, messages.loss_event(loss.n_cycles))
 
     def _register(self, topic: str, schema: bytes) -> None:
@@ -105,7 +108,7 @@ class McapFile:
         self._channels[topic] = self._writer.register_channel(topic, "json", schema_id)
 
     def _add(self, topic: str, counter: int, t_ns: int, data: bytes) -> None:
-        # The container's own sequence field has 32 bits and serves to notice a missing chunk.
+        # The sequence field has 32 bits; readers detect a missing chunk by it.
         self._writer.add_message(
             self._channels[topic], log_time=t_ns, publish_time=t_ns, sequence=counter & 0xFFFF_FFFF, data=data
         )

@@ -3,8 +3,8 @@
 A float is written with the fewest digits that give the same 64 bits back; NaN is null, and infinity, for
 which JSON has no word, is the number 1e999.
 
-Every scan is written whole, also where forces go out after each conversion and one ninth of it is new: the
-container's compression finds what repeats, and writing the changes alone would save a tenth of the file.
+Every scan is written in full, also where forces go out after each conversion and one ninth of it is new: the
+container's compression finds repetitions, and writing the changes alone would save a tenth of the file.
 
 Recordings from before causes and baselines were recorded lack these entries: they are read as `NOT_RECORDED` and as
 no baseline, are not compared, and stay out when the recording is recovered. Older names of entries and causes are read
@@ -59,12 +59,12 @@ __all__ = [
 
 SCAN, FORCE, EVENT, REFERENCE = "/scan", "/force", "/event", "/reference"
 
-#: Largest whole number in a message: one more bit is the sign of the arrays' entries.
+#: Largest whole number in a message: the next bit is the sign of the arrays' entries.
 _MOST = (1 << 63) - 1
 
 _Whole = TypeVar("_Whole", np.int64, np.uint8, np.uint16)
 
-#: Stands for the cause of a state in what was recorded before there were causes; no `Cause` has this code.
+#: Stands for the cause in recordings from before causes were recorded; no `Cause` has this code.
 NOT_RECORDED = 255
 
 _AXES = ("x", "y", "z")
@@ -157,7 +157,7 @@ def _cause(row: Mapping[str, Any]) -> int:
 
 
 def whole(value: object, most: int = _MOST, least: int = 0) -> int:
-    """Return a value that is a whole number.
+    """Return a value after checking that it is a whole number.
 
     Raises:
         ValueError: It is not, or not from `least` to `most`.
@@ -198,12 +198,12 @@ def _require_shape(found: NDArray[Any], shape: tuple[int, ...]) -> None:
 
 
 def command_event(command: Command, legs: Sequence[str]) -> bytes:
-    """Return the event of a command that was obeyed."""
+    """Return the event of an executed command."""
     return json.dumps({"event": "command", "command": command.kind.name, "leg": legs[command.leg]}).encode()
 
 
 def outcome_event(outcome: CommandResult, legs: Sequence[str]) -> bytes:
-    """Return the event of a command that came to an end."""
+    """Return the event of a command's result."""
     message = {
         "event": "outcome",
         "command": outcome.command.kind.name,
@@ -220,7 +220,7 @@ def loss_event(n_cycles: int) -> bytes:
 
 
 def temperature_event(temperature_c: NDArray[np.float64], legs: Sequence[str]) -> bytes:
-    """Return the event of converters that have become warmer or colder."""
+    """Return the event of changed converter temperatures [degC], shape (legs,)."""
     return dump(
         {"event": "temperature", "temperature_c": dict(zip(legs, temperature_c.tolist(), strict=True))}
     )
@@ -237,7 +237,7 @@ def decode_command(event: Mapping[str, Any], legs: Sequence[str]) -> Command:
 
 
 def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> CommandResult:
-    """Return the outcome of an outcome event.
+    """Return the result of an outcome event.
 
     Raises:
         TypeError: Its reason is no text.

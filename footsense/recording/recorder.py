@@ -1,6 +1,6 @@
-"""The recorder's end in the loop's process: it starts the writer's process and copies cycles into its pipe.
+"""The recorder in the loop's process: starts the writer's process and copies cycles into its pipe.
 
-An MCAP writer in the loop's process, thread or not, costs the loop milliseconds now and then; a pipe costs
+An MCAP writer in the loop's process, in a thread or not, costs the loop milliseconds now and then; a pipe costs
 microseconds.
 """
 
@@ -14,9 +14,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from footsense.child_process import start_writer
+from footsense.child_process import check_new_file, start_writer
 from footsense.errors import ConfigError, RecordingError
-from footsense.frames import Cycle
 from footsense.recording.cycle_pipe import CyclePipe
 
 __all__ = ["Recorder", "check_not_being_written", "check_target", "partial_path"]
@@ -25,25 +24,25 @@ _log = logging.getLogger(__name__)
 
 SUFFIX = ".mcap"
 
-#: Room in the pipe [bytes], the most that Linux gives a user by default: 512 cycles of six legs, which stand two to a
-#: page. These are 12 s of whole scans, or 1.4 s of forces after every conversion; the writer takes them out five times
-#: a second, even if its disk stands still.
+#: Size of the pipe [bytes], the most that Linux grants a user by default: 512 cycles of six legs, two to a page. These
+#: are 12 s of whole scans, or 1.4 s of forces after every conversion; the writer empties it five times a second, even
+#: while its disk hangs.
 PIPE_BYTES = 1 << 20
 
-#: Longest wait for the writer to take what is left in the loop's process [s].
+#: Longest wait for the writer to read the rest [s].
 DRAIN_TIMEOUT_S = 10.0
 
-#: Longest wait for the writer to finish after the pipe has ended [s].
+#: Longest wait for the writer to finish after the pipe was closed [s].
 FINISH_TIMEOUT_S = 30.0
 
 
 def partial_path(path: Path) -> Path:
-    """Return the name that a recording has until it is whole."""
+    """Return the name of a recording until it is complete."""
     return path.with_name(path.name + ".partial")
 
 
 def check_target(path: Path) -> None:
-    """Check that a recording may be written to `path`; to be called before anything is started.
+    """Check that a recording may be written to `path`; call it before anything is started.
 
     Raises:
         ConfigError: The name does not end in .mcap.
@@ -52,26 +51,21 @@ def check_target(path: Path) -> None:
     if path.suffix != SUFFIX:
         raise ConfigError(f"recording {path}: the name has to end in {SUFFIX}")
     partial = partial_path(path)
-    if path.exists():
-        raise RecordingError(f"{path}: exists and is not overwritten; choose another name or remove it")
-    if partial.exists():
+    if partial.exists() and not path.exists():
         check_not_being_written(partial)
         raise RecordingError(
             f"{partial}: exists, a recording that was cut short; footsense recover it, or remove it"
         )
-    if not path.parent.is_dir():
-        raise RecordingError(f"{path}: there is no directory {path.parent}")
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise RecordingError(f"{path}: the directory {path.parent} cannot be written to")
+    check_new_file(str(path), path)
 
 
 def check_not_being_written(partial: Path) -> None:
-    """Check that an unfinished recording is one that was left, not one that is in the making.
+    """Check that an unfinished recording is not still being written.
 
     Raises:
-        RecordingError: Its writer, which holds a lock on it, is alive.
+        RecordingError: Its writer, which holds a lock on it, runs.
     """
-    with contextlib.suppress(OSError):  # what cannot be opened is told by whoever needs it
+    with contextlib.suppress(OSError):  # a file that cannot be opened is reported where it is needed
         fd = os.open(partial, os.O_RDONLY | os.O_CLOEXEC)
         try:
             fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -84,67 +78,51 @@ def check_not_being_written(partial: Path) -> None:
 
 
 class Recorder:
-    """Records every cycle that it observes.
+    """An observer that records every cycle.
 
-    The writer gives up again what it inherits of a process with real-time scheduling.
+    The writer's process gives up the real-time scheduling that it inherits.
 
     Args:
-        path: File to make; it is `FILE.partial` until it is whole.
-        legs: Name of each row of the frames.
-        header: What the recording is to say of itself.
+        path: File to write; `FILE.partial` until it is complete.
+        legs: Name of the leg in each row of the frames.
+        header: Entries of the recording's header.
         blocking: Whether a full pipe makes the loop wait (virtual time) or loses the cycle (real time).
 
+    Attributes:
+        observe: Copies one cycle into the pipe: microseconds unless `blocking`; never fails, even without a writer.
+
     Raises:
-        RecordingError: The file cannot be made.
+        RecordingError: The file cannot be created.
     """
 
     def __init__(self, path: Path, legs: Sequence[str], header: Mapping[str, str], *, blocking: bool) -> None:
         check_target(path)
         self._path = path.absolute()
         self._writer, fd = _start_writer(self._path)
-        self._pipe = CyclePipe(fd, legs, header, blocking=blocking)
+        self._pipe = CyclePipe(fd, legs, header, blocking=blocking, on_broken=self._log_failure)
         self._n_written: int | None = None
         self._report = b""
-        self._told = False
+        self.observe = self._pipe.send  # the loop calls it after every scan
 
     @property
     def lost(self) -> int:
-        """Return how many cycles are not in the recording as far as is known; final after `close`."""
+        """Number of cycles known to be missing in the recording; final after `close`."""
         return self._pipe.lost if self._n_written is None else self._pipe.n_cycles - self._n_written
 
-    def observe(self, cycle: Cycle) -> None:
-        """Copy one cycle into the pipe.
-
-        Timing: microseconds unless `blocking`; never fails, whatever becomes of the writer.
-        """
-        self._pipe.send(cycle)
-        if self._pipe.broken and not self._told:
-            self._told = True
-            failure = self._hear(self._last_words())["failure"]
-            _log.error("%s: %s; the run goes on without its recording", self._path, failure)
-
-    def _last_words(self) -> bytes:
-        """Return what the writer has said before it ended, without waiting for it."""
+    def _log_failure(self) -> None:
+        """Log why the writer has ended, from the report that it left."""
         assert self._writer.stderr is not None
         os.set_blocking(self._writer.stderr.fileno(), False)
         with contextlib.suppress(BlockingIOError):
             self._report = os.read(self._writer.stderr.fileno(), 65_536)
-        return self._report
-
-    def _hear(self, report: bytes) -> dict[str, Any]:
-        """Return how many cycles the writer has written and what stopped it, if anything."""
-        last = report.decode(errors="replace").strip().rpartition("\n")[2]
-        try:
-            said: dict[str, Any] = json.loads(last)
-        except ValueError:
-            said = {"n_cycles": 0, "failure": last or "its writer was killed"}
-        return said
+        failure = _parsed(self._report)["failure"]
+        _log.error("%s: %s; the run goes on without its recording", self._path, failure)
 
     def close(self) -> None:
-        """End the recording and wait until it is whole.
+        """End the recording and wait until it is complete.
 
         Raises:
-            RecordingError: It is not whole; what was written is in `FILE.partial`.
+            RecordingError: It is incomplete; what was written is in `FILE.partial`.
         """
         if self._n_written is not None:
             return
@@ -156,13 +134,23 @@ class Recorder:
             raise RecordingError(
                 f"{self._path}: not whole yet, its writer goes on; the disk is slow"
             ) from None
-        said = self._hear(self._report + report)
-        self._n_written = int(said["n_cycles"])
-        if said["failure"]:
+        parsed = _parsed(self._report + report)
+        self._n_written = int(parsed["n_cycles"])
+        if parsed["failure"]:
             raise RecordingError(
-                f"{self._path}: {said['failure']}; {self.lost} of {self._pipe.n_cycles} cycles are missing, "
+                f"{self._path}: {parsed['failure']}; {self.lost} of {self._pipe.n_cycles} cycles are missing, "
                 f"the others are in {partial_path(self._path).name}"
             )
+
+
+def _parsed(report: bytes) -> dict[str, Any]:
+    """Return the writer's report: the number of written cycles, and the failure that ended it, if any."""
+    last = report.decode(errors="replace").strip().rpartition("\n")[2]
+    try:
+        parsed: dict[str, Any] = json.loads(last)
+    except ValueError:
+        parsed = {"n_cycles": 0, "failure": last or "its writer was killed"}
+    return parsed
 
 
 def _start_writer(path: Path) -> tuple[subprocess.Popen[bytes], int]:
@@ -172,14 +160,14 @@ def _start_writer(path: Path) -> tuple[subprocess.Popen[bytes], int]:
         The process, and the end of the pipe that feeds it.
 
     Raises:
-        RecordingError: The file cannot be made.
+        RecordingError: The file cannot be created.
     """
     partial = partial_path(path)
     try:
         file = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
     except OSError as error:
         raise RecordingError(f"{partial}: cannot be made: {error.strerror}") from None
-    with contextlib.suppress(OSError):  # some network drives know no locks; the file is written all the same
-        # The writer inherits the lock with the file, and it ends with whoever has the file open last.
+    with contextlib.suppress(OSError):  # network drives without locks are written to all the same
+        # The writer inherits the lock with the file; the lock ends when the last process closes the file.
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     return start_writer("footsense.recording.writer", [str(path)], file, PIPE_BYTES)

@@ -1,4 +1,4 @@
-"""A sound recording out of one that was cut short."""
+"""Recovery of a recording that was cut short."""
 
 import os
 from pathlib import Path
@@ -15,11 +15,11 @@ __all__ = ["Recovered", "recover", "recovered_path"]
 
 
 class Recovered(NamedTuple):
-    """What came out.
+    """Result of a recovery.
 
     Attributes:
         n_cycles: Cycles in the new file.
-        damage: What is lost, in words; None if nothing but the index was.
+        damage: Error about the lost part; None if only the index was missing.
     """
 
     n_cycles: int
@@ -27,7 +27,7 @@ class Recovered(NamedTuple):
 
 
 def recovered_path(path: Path) -> Path:
-    """Return the name for the sound file: without `.partial`, else with `.recovered` in it.
+    """Return the name of the recovered file: without `.partial`, else with `.recovered` in it.
 
     Example:
         >>> recovered_path(Path("walk.mcap.partial")).name, recovered_path(Path("walk.mcap")).name
@@ -37,18 +37,18 @@ def recovered_path(path: Path) -> Path:
 
 
 def recover(path: Path, target: Path) -> Recovered:
-    """Write all that is whole in a recording to a new one, with its index.
+    """Copy the complete cycles of a recording to a new one, with its index.
 
     Args:
-        path: The recording that was cut short; left as it is.
-        target: The file to make.
+        path: The recording that was cut short; not changed.
+        target: The file to write.
 
     Returns:
-        How much came through and what did not.
+        The number of copied cycles and the damage.
 
     Raises:
         ConfigError: `target` does not end in .mcap.
-        RecordingError: `path` is no recording or is still being written, or `target` cannot be made.
+        RecordingError: `path` is no recording or is still being written, or `target` cannot be created.
     """
     check_not_being_written(path)
     replay = Replay(path)

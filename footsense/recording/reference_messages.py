@@ -1,4 +1,4 @@
-"""What a bench's force sensor said as JSON, one message for each sample: so they can be plotted beside the scans."""
+"""Samples of a test stand's force sensor as JSON, one message each, so that they can be plotted beside the scans."""
 
 import json
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ _FORCE_KEYS = ("fx_n", "fy_n", "fz_n")
 
 
 def encode_reference(reference: Reference) -> list[tuple[int, bytes]]:
-    """Return the samples of a bench's force sensor, one JSON object each, with their times [ns]."""
+    """Return each sample of a test stand's force sensor as a JSON object, with its time [ns]."""
     rows = zip(reference.t_ns.tolist(), reference.force_n.tolist(), reference.saturated.tolist(), strict=True)
     return [
         (t_ns, dump({"t_ns": t_ns, **dict(zip(_FORCE_KEYS, force_n, strict=True)), "saturated": saturated}))
@@ -26,7 +26,7 @@ def decode_reference(samples: Sequence[bytes]) -> Reference:
     """Return the samples that `encode_reference` wrote.
 
     Raises:
-        TypeError: Whether one was saturated is neither true nor false.
+        TypeError: `saturated` is neither true nor false.
     """
     rows = [json.loads(sample) for sample in samples]
     if not all(isinstance(row["saturated"], bool) for row in rows):

@@ -1,4 +1,4 @@
-"""A recording as the source of scans for the very same loop."""
+"""A recording as the source of scans for the loop of the service."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,9 +18,9 @@ class Replay:
         path: The recording, finished or not.
 
     Attributes:
-        path: The same.
-        header: What the recording says of itself.
-        legs: Name of each row of the frames.
+        path: The recording.
+        header: Entries of its header.
+        legs: Name of the leg in each row of the frames.
 
     Raises:
         RecordingError: The file is missing, or not a recording, or its header is damaged.
@@ -32,7 +32,7 @@ class Replay:
         self.legs = tuple(self.header["legs"].split(","))
 
     def entries(self) -> Iterator[Numbered | Loss]:
-        """Return whole cycles and known losses in file order.
+        """Return complete cycles and recorded losses in file order.
 
         Returns:
             An iterator that reads the file as it goes.
@@ -43,7 +43,7 @@ class Replay:
         return read_entries(self.path, self.legs)
 
     def __iter__(self) -> Iterator[Cycle]:
-        """Iterate over whole cycles in file order.
+        """Iterate over complete cycles in file order.
 
         Returns:
             An iterator that reads the file as it goes.
@@ -61,9 +61,9 @@ class ReplaySource:
         replay: The recording.
 
     Attributes:
-        cycle: The cycle as recorded, whose scan was read last; None before the first.
-        lost: Cycles before that one that the recorder could not keep; what follows a loss saw another past.
-        damage: Why the recording ended early; None if it did not, or has not ended yet.
+        cycle: The recorded cycle of the last scan; None before the first.
+        lost: Cycles missing in the recording before that one; states after a loss may differ from the recorded ones.
+        damage: The error that ended the recording early; None without one.
     """
 
     def __init__(self, replay: Replay) -> None:
@@ -87,19 +87,19 @@ class ReplaySource:
         return None
 
     def commands(self) -> list[Command]:
-        """Return the commands that were obeyed before the scan read last was processed, once."""
+        """Return the commands executed before the last scan, once."""
         commands, self._commands = list(self._commands), ()
         return commands
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: the file closes with its iterator."""
 
 
 class ReplayClock:
     """The time at which the recorded loop sent its forces, as a `Clock` that never waits.
 
     Args:
-        source: Tells which cycle it is.
+        source: Source of the current cycle.
     """
 
     def __init__(self, source: ReplaySource) -> None:

@@ -1,45 +1,35 @@
 """The process that turns the loop's pipe into an MCAP file: `python -m footsense.recording.writer FILE`.
 
-Its standard input is the pipe, its standard output the open `FILE.partial`, which it renames to FILE when the
-pipe ends, and its standard error one line of JSON with the number of cycles written and what stopped it, if
-anything. The pipe ends when the daemon stops or dies; `footsense.recording.recorder` starts this process with
-SIGINT and SIGTERM blocked, so that a recording is finished properly in both cases.
+Its standard input is the pipe, its standard output the open `FILE.partial`, which it renames to FILE at the end of
+the pipe, and its standard error one line of JSON: the number of written cycles, and the failure that stopped it, if
+any. The pipe ends when the service stops or is killed; `footsense.recording.recorder` starts this process with SIGINT
+and SIGTERM blocked, so that it finishes the recording in both cases.
 """
 
 import contextlib
 import json
 import os
 import queue
-import select
 import sys
 import threading
 from pathlib import Path
 
-from footsense.child_process import yield_to_the_loop
+from footsense.child_process import drop_realtime, gathered
 from footsense.errors import RecordingError
 from footsense.recording.cycle_records import Loss, Numbered, unpack
 from footsense.recording.mcap_writer import McapFile
 
 __all__ = ["FdStream", "PipeWriter", "main"]
 
-#: Longest time that cycles wait in an unfinished chunk [ns].
+#: Longest time that cycles stay in an unfinished chunk [ns].
 FLUSH_PERIOD_NS = 400_000_000
 
-#: Longest time that cycles wait in the pipe [ms], which has room for five times as many at 370 Hz.
-GATHER_MS = 200
-
-#: Most that is taken out of the pipe at once [bytes].
-_READ_BYTES = 1 << 18
-
-#: Pieces that wait while the disk does not take them: 20 s, however many cycles there are in a second.
+#: Pieces of the pipe that are kept while the disk hangs: 20 s at any rate of cycles.
 _WAITING_PIECES = 100
-
-#: So much at once comes only from a loop in virtual time, which waits for room.
-_BUSY_BYTES = 1 << 17
 
 
 class FdStream:
-    """A file descriptor that is written to without a buffer, so that a full disk shows at the write.
+    """A file without a buffer, so that a full disk is an error of the write.
 
     Args:
         fd: The descriptor, at the start of an empty file.
@@ -50,11 +40,7 @@ class FdStream:
         self._n_written = 0
 
     def write(self, data: bytes) -> int:
-        """Write all of `data`.
-
-        Returns:
-            Its length.
-        """
+        """Write all of `data` and return its length."""
         rest = memoryview(data)
         while rest:
             n = os.write(self._fd, rest)
@@ -63,15 +49,15 @@ class FdStream:
         return len(data)
 
     def tell(self) -> int:
-        """Return how many bytes were written."""
+        """Return the number of written bytes."""
         return self._n_written
 
     def flush(self) -> None:
-        """Nothing waits here."""
+        """Do nothing: there is no buffer."""
 
 
 class PipeWriter:
-    """Writes what arrives on the pipe.
+    """Writes the records of the pipe to an MCAP file.
 
     Args:
         fd: The open file.
@@ -90,7 +76,11 @@ class PipeWriter:
         self.n_cycles = 0
 
     def feed(self, data: bytes) -> None:
-        """Take bytes from the pipe, whole records or not."""
+        """Write the complete records among bytes from the pipe; keep the rest.
+
+        Raises:
+            RecordingError: The bytes are damaged.
+        """
         self._buffer += data
         for entry in unpack(self._buffer, self._n_legs):
             if isinstance(entry, dict):
@@ -99,9 +89,8 @@ class PipeWriter:
             elif self._file is not None and isinstance(entry, Numbered):
                 n_written = self._stream.tell()
                 self._file.add_cycle(entry)
-                if (
-                    self._stream.tell() > n_written
-                ):  # a chunk was full; this cycle may have its force in the next
+                # A chunk was full and is written; the force of this cycle may be in the next one.
+                if self._stream.tell() > n_written:
                     self.n_cycles = self._n_added
                 self._n_added += 1
                 self._pace(entry.cycle.forces.t_sent_ns)
@@ -116,46 +105,33 @@ class PipeWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Hand every whole cycle to the kernel."""
+        """Hand every complete cycle to the kernel."""
         if self._file is not None:
             self._file.flush()
             self.n_cycles = self._n_added
 
     def finish(self) -> None:
-        """Write what waits and the index.
+        """Write the last chunk and the index.
 
         Raises:
-            RecordingError: The pipe ended before the header came.
+            RecordingError: The pipe ended before the header.
         """
         if self._file is None:
-            raise RecordingError("the recorder went away before it said what it records")
+            raise RecordingError("the recorder ended before it sent a header")
         self.flush()
         self._file.finish()
 
 
-def _gather(pipe: int, pieces: queue.Queue[bytes]) -> None:
-    """Take what comes out of the pipe, up to its end, which is an empty piece."""
-    # Asked for no event, poll still tells the end of the pipe. To be woken for every cycle would be work for
-    # the loop, whose write has to do the waking.
-    end = select.poll()
-    end.register(pipe, 0)
-    os.set_blocking(pipe, False)
-    n_read = -1
-    while n_read:
-        end.poll(0 if n_read >= _BUSY_BYTES else GATHER_MS)
-        try:
-            data = os.read(pipe, _READ_BYTES)
-        except BlockingIOError:  # the loop stands still
-            n_read = -1
-        else:
-            n_read = len(data)
-            pieces.put(data)
-
-
 def _write_until_end(writer: PipeWriter, pipe: int) -> None:
-    # A disk may stand still for longer than the pipe has room; so a thread of its own empties the pipe.
+    # A disk may hang for longer than the pipe has room, so a thread of its own empties the pipe.
     pieces: queue.Queue[bytes] = queue.Queue(_WAITING_PIECES)
-    threading.Thread(target=_gather, args=(pipe, pieces), daemon=True).start()
+
+    def empty_pipe() -> None:
+        for data in gathered(pipe):
+            pieces.put(data)
+        pieces.put(b"")
+
+    threading.Thread(target=empty_pipe, daemon=True).start()
     while True:
         try:
             data = pieces.get(timeout=FLUSH_PERIOD_NS * 1e-9)
@@ -171,7 +147,7 @@ def _give_name(path: Path) -> None:
     """Turn `FILE.partial` into FILE.
 
     Raises:
-        RecordingError: There is such a file by now.
+        RecordingError: FILE exists by now.
     """
     if path.exists():
         raise RecordingError("it appeared in the meantime and is not overwritten")
@@ -182,15 +158,15 @@ def main(path: Path, pipe: int = 0, fd: int = 1, report: int = 2) -> int:
     """Write a recording until the pipe ends.
 
     Args:
-        path: Name that the file gets when it is whole.
+        path: Name of the file once it is complete.
         pipe: Descriptor to read from.
         fd: Descriptor of the open `.partial` file.
-        report: Descriptor that gets the last word.
+        report: Descriptor for the report.
 
     Returns:
-        The exit code: 0 if the recording is whole and has its name.
+        The exit code: 0 if the recording is complete and has its name.
     """
-    yield_to_the_loop()
+    drop_realtime()
     writer = PipeWriter(fd)
     failure = ""
     try:
@@ -202,7 +178,7 @@ def main(path: Path, pipe: int = 0, fd: int = 1, report: int = 2) -> int:
         failure = error.strerror or str(error)
     except RecordingError as error:
         failure = str(error)
-    with contextlib.suppress(BrokenPipeError):  # nobody listens any more if the daemon was killed
+    with contextlib.suppress(BrokenPipeError):  # without a reader if the service was killed
         os.write(report, json.dumps({"n_cycles": writer.n_cycles, "failure": failure}).encode())
     return 1 if failure else 0
 

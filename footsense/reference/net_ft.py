@@ -1,11 +1,13 @@
-"""A force sensor that streams over UDP as an ATI Net F/T does: Raw Data Transfer, RDT.
+"""A force sensor that streams over UDP as an ATI Net F/T does: Raw Data Transfer (RDT).
 
     request   header u16 0x1234 | command u16 | samples u32, 0 for no end              8 bytes
     record    rdt sequence u32 | ft sequence u32 | status u32 | fx fy fz tx ty tz i32   36 bytes, one or more a packet
 
-All big-endian (ATI, Net F/T manual 9620-05-NET FT, section RDT). Forces are counts; the counts of a unit stand on the
-sensor's web page. The rdt sequence goes up by one with each record, at the output rate that is set there; a status that
-is not zero says that the sensor needs attention (same manual, table 5.1).
+All big-endian. Forces are counts; the sensor's web page shows the counts per unit. The rdt sequence increases by one
+with each record, at the output rate set there; a status other than zero means that the sensor needs attention.
+
+Source:
+    ATI, Net F/T manual 9620-05-NET FT, section RDT, and table 5.1 for the status.
 """
 
 import errno
@@ -18,8 +20,8 @@ from numpy.typing import NDArray
 
 from footsense.errors import SensorError
 from footsense.frames import Reference
-from footsense.reference.record_decoder import Rows
-from footsense.reference.sample_stream import ReferenceFigures, ReferenceStream
+from footsense.reference.record_decoder import SensorRecords
+from footsense.reference.sample_stream import SampleStream, SensorStatistics
 
 __all__ = ["RDT_PORT", "NetFtReference", "rdt_request"]
 
@@ -29,15 +31,15 @@ _HEADER, _STOP, _START = 0x1234, 0x0000, 0x0002
 _RECORD = np.dtype(
     [("rdt", ">u4"), ("ft", ">u4"), ("status", ">u4"), ("force", ">i4", 3), ("torque", ">i4", 3)]
 )
-#: The stream is asked for again when it has been silent for this long [ns]: the sensor was switched off.
-_ASK_AGAIN_NS = 1_000_000_000
+#: Silence after which the stream is requested again [ns]: the sensor was switched off.
+_REQUEST_AGAIN_NS = 1_000_000_000
 _MOST_PACKETS = 4096
 
 _log = logging.getLogger(__name__)
 
 
 def rdt_request(command: int) -> bytes:
-    """Return what tells the sensor to stream without end (2) or to stop (0).
+    """Return the request to stream without end (2) or to stop (0).
 
     Example:
         >>> rdt_request(2).hex()
@@ -47,18 +49,18 @@ def rdt_request(command: int) -> bytes:
 
 
 class NetFtReference:
-    """Reads the records of one sensor, and asks for them again when they stay out.
+    """Reads the records of one sensor, and requests them again after a silence.
 
     Args:
         host: The sensor's address.
         port: Its UDP port.
-        stream: What makes forces of its counts.
+        stream: Conversion of its counts to forces.
 
     Raises:
         SensorError: There is no such address.
     """
 
-    def __init__(self, host: str, port: int, stream: ReferenceStream) -> None:
+    def __init__(self, host: str, port: int, stream: SampleStream) -> None:
         self._stream = stream
         self._name = f"{host}:{port}"
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -68,10 +70,10 @@ class NetFtReference:
             self._socket.close()
             raise SensorError(f"{self._name}: {error.strerror or error}; give the sensor's address") from None
         self._socket.setblocking(False)
-        self._asked_ns: int | None = None
-        self._n_asked = 0
+        self._requested_ns: int | None = None
+        self._n_requests = 0
         self._last_rdt: int | None = None
-        self._whole = 0
+        self._unwrapped = 0
         self._n_bad = 0
         self._bad = b""
         self._status = 0
@@ -80,42 +82,43 @@ class NetFtReference:
         """Return the samples that have arrived since the last call.
 
         Raises:
-            SensorError: What arrives is no record.
+            SensorError: What arrives are no records.
         """
         packets = self._packets()
         good = [packet for packet in packets if len(packet) % _RECORD.itemsize == 0]
         for packet in packets:
             if len(packet) % _RECORD.itemsize:
                 self._n_bad, self._bad = self._n_bad + 1, packet[:40]
-        rows = self._rows(np.frombuffer(b"".join(good), _RECORD))
-        # Records that all come late are of a sensor that counts anew: somebody else has asked it to.
-        if self._asked_ns is None or (not len(rows.raw) and now_ns - self._asked_ns > _ASK_AGAIN_NS):
-            self._ask()
-            self._asked_ns = now_ns
-        elif len(rows.raw):
-            self._asked_ns = now_ns
-        return self._stream.take(rows, sum(map(len, packets)), now_ns, self._bad)
+        records = self._in_order(np.frombuffer(b"".join(good), _RECORD))
+        # If all records come late, the sensor has restarted its sequence at the request of another client.
+        silent = self._requested_ns is None or now_ns - self._requested_ns > _REQUEST_AGAIN_NS
+        if self._requested_ns is None or (silent and not len(records.raw)):
+            self._request()
+            self._requested_ns = now_ns
+        elif len(records.raw):
+            self._requested_ns = now_ns
+        return self._stream.convert(records, sum(map(len, packets)), now_ns, self._bad)
 
-    def figures(self) -> ReferenceFigures:
-        """Return how it went so far."""
-        return self._stream.figures(self._n_bad, self._n_asked)
+    def statistics(self) -> SensorStatistics:
+        """Return the counts so far."""
+        return self._stream.statistics(self._n_bad, self._n_requests)
 
     def close(self) -> None:
-        """Let the sensor be silent, and release the socket."""
+        """Stop the stream, and release the socket."""
         self._send(_STOP)
         self._socket.close()
 
-    def _ask(self) -> None:
-        if self._n_asked:
+    def _request(self) -> None:
+        if self._n_requests:
             self._stream.restart()
             self._last_rdt = None
-        self._n_asked += 1
+        self._n_requests += 1
         self._send(_START)
 
     def _send(self, command: int) -> None:
         try:
             self._socket.send(rdt_request(command))
-        except OSError as error:  # it is asked again; the stream says how long it has been silent
+        except OSError as error:  # it is requested again, and the stream logs the silence
             _log.info("%s: %s", self._name, error.strerror)
 
     def _packets(self) -> list[bytes]:
@@ -126,12 +129,12 @@ class NetFtReference:
             except BlockingIOError:
                 break
             except OSError as error:
-                if error.errno != errno.ECONNREFUSED:  # nobody listens at that port now
+                if error.errno != errno.ECONNREFUSED:  # the port is closed now
                     raise SensorError(f"{self._name}: {error.strerror}") from None
         return packets
 
-    def _rows(self, records: np.ndarray[tuple[int], np.dtype[np.void]]) -> Rows:
-        """Return records in their order; what comes twice or late is left out and counted: its place is taken."""
+    def _in_order(self, records: np.ndarray[tuple[int], np.dtype[np.void]]) -> SensorRecords:
+        """Return the records in order; count and drop repeated and late ones."""
         sequence, keep = [], []
         for number in records["rdt"].tolist():
             step = 1 if self._last_rdt is None else (number - self._last_rdt) % (1 << 32)
@@ -139,19 +142,19 @@ class NetFtReference:
             keep.append(not late)
             if not late:
                 self._last_rdt = number
-                self._whole += step
-                sequence.append(self._whole)
+                self._unwrapped += step
+                sequence.append(self._unwrapped)
         self._n_bad += keep.count(False)
         kept = records[np.array(keep, np.bool_)]
-        return Rows(
+        return SensorRecords(
             None,
             np.array(sequence, np.int64),
             kept["force"].astype(np.float64).reshape(-1, 3),
-            self._judged(kept["status"]),
+            self._faulty(kept["status"]),
         )
 
-    def _judged(self, status: NDArray[np.uint32]) -> NDArray[np.bool_]:
-        """Return which readings the sensor itself does not stand by, and say so when that begins."""
+    def _faulty(self, status: NDArray[np.uint32]) -> NDArray[np.bool_]:
+        """Return which readings the sensor flags as faulty, and log when that begins."""
         bad: NDArray[np.bool_] = status != 0
         now = int(status[bad][0]) if bad.any() else 0
         if len(status):

@@ -1,41 +1,22 @@
-"""The records of a bench's force sensor out of the bytes that it sends, as lines of text or as binary records.
+"""Decoders of a force sensor's byte stream: lines of text, and binary records.
 
-Both resynchronise by themselves: what is not a record is skipped and counted, and the next one is read.
+Both resynchronise: what is not a record is skipped and counted, and the next record is read.
 """
 
 import binascii
-import re
 import struct
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "CHECKSUMS",
-    "COLUMNS",
-    "TIMES",
-    "BinaryDecoder",
-    "Decoder",
-    "LineDecoder",
-    "Rows",
-    "integer_bits",
-    "most",
-]
+from footsense.reference.record_columns import MAX_RECORD_BYTES, TIMES, integer_bits, largest_plausible
 
-#: Columns that mean something, and the length of a unit of time [ns] of those that are one; others are called "-".
-TIMES = {"time_s": 1_000_000_000, "time_ms": 1_000_000, "time_us": 1_000}
-COLUMNS = (*TIMES, "sequence", "fx", "fy", "fz", "saturated")
+__all__ = ["CHECKSUMS", "BinaryDecoder", "LineDecoder", "RecordDecoder", "SensorRecords"]
 
-#: Longest line or record [bytes]; what is longer is none.
-_LONGEST = 1024
-
-#: What no sensor says, and bytes that were garbled may: a century and more [ns], a number of 35 bits, a force whose
-#: square is none. Beyond it a record is none, else one would put all times or zeros wrong.
-_MOST_NS, _MOST_NUMBER, _MOST_FORCE = 4e18, 3e10, 1e12
-
-#: Checksums of a binary record: over all between the sync bytes and itself, little-endian.
+#: Checksums of a binary record: length [bytes], and function of the bytes between sync bytes and checksum; sent
+#: little-endian.
 CHECKSUMS: dict[str, tuple[int, Callable[[bytes], int]]] = {
     "none": (0, lambda _: 0),
     "sum8": (1, lambda data: sum(data) & 0xFF),
@@ -45,14 +26,14 @@ CHECKSUMS: dict[str, tuple[int, Callable[[bytes], int]]] = {
 }
 
 
-class Rows(NamedTuple):
+class SensorRecords(NamedTuple):
     """Records of a sensor, oldest first.
 
     Attributes:
-        t_ns: The sensor's own time of each [ns], shape (n,), int64; None if it sends none.
-        sequence: Their numbers, shape (n,), int64; None if it sends none.
-        raw: The three forces as sent, shape (n, 3).
-        saturated: Whether the sensor says so, shape (n,).
+        t_ns: Time of each by the sensor's clock [ns], shape (n,), int64; None if it sends none.
+        sequence: Sequence numbers, shape (n,), int64; None if it sends none.
+        raw: Forces as sent, shape (n, 3).
+        saturated: Whether the sensor flags them as saturated, shape (n,).
     """
 
     t_ns: NDArray[np.int64] | None
@@ -61,159 +42,150 @@ class Rows(NamedTuple):
     saturated: NDArray[np.bool_]
 
 
-class Decoder(Protocol):
-    """What turns bytes into records.
+class RecordDecoder:
+    """Part of both decoders: the columns of a record, unwrapped counters, and bad records.
+
+    Args:
+        names: Column of each value, of `COLUMNS` or "-".
+        wraps: Modulus of each value that is an integer counter, else None.
 
     Attributes:
-        n_bad: Lines or records that were none.
+        n_bad: Lines or runs of bytes that were no record.
         last_bad: The last of them.
     """
 
-    n_bad: int
-    last_bad: bytes
-
-    def feed(self, data: bytes) -> Rows:
-        """Return the records that these bytes complete."""
-        ...
-
-    def reset(self) -> None:
-        """Forget what is not complete: the line has been opened anew."""
-        ...
-
-
-class _Columns:
-    """Which value of a record is what, and counters that have wrapped made whole."""
-
     def __init__(self, names: Sequence[str], wraps: Sequence[int | None]) -> None:
-        self.n = len(names)
+        self._n_columns = len(names)
         self._forces = [names.index(axis) for axis in ("fx", "fy", "fz")]
         self._time = next(((names.index(name), unit) for name, unit in TIMES.items() if name in names), None)
         self._sequence = names.index("sequence") if "sequence" in names else None
         self._saturated = names.index("saturated") if "saturated" in names else None
-        self.used = [index for index, name in enumerate(names) if name != "-"]
-        self._most = [(index, most(names[index])) for index in self.used]
+        self._limits = {index: largest_plausible(name) for index, name in enumerate(names) if name != "-"}
         self._wraps = wraps
-        self._whole: dict[int, int] = {}
-
-    def may_be(self, record: Sequence[float]) -> bool:
-        """Tell whether a sensor may have said this; NaN it may not."""
-        return all(abs(record[index]) <= most_there for index, most_there in self._most)
-
-    def rows(self, records: list[list[float]]) -> Rows:
-        values = np.array(records, dtype=np.float64).reshape(-1, self.n)
-        time = sequence = None
-        if self._time is not None:
-            index, unit_ns = self._time
-            time = np.rint(self._unwrapped(values[:, index], index) * unit_ns).astype(np.int64)
-        if self._sequence is not None:
-            sequence = self._unwrapped(values[:, self._sequence], self._sequence).astype(np.int64)
-        none = np.zeros(len(values), np.bool_)
-        saturated = none if self._saturated is None else values[:, self._saturated] != 0
-        return Rows(time, sequence, values[:, self._forces], saturated)
-
-    def _unwrapped(self, counts: NDArray[np.float64], index: int) -> NDArray[np.float64]:
-        """Return counts that never wrap; one that goes back by less than half its range has gone back."""
-        wrap = self._wraps[index]
-        if wrap is None or not len(counts):
-            return counts
-        whole = []
-        for count in counts.astype(np.int64).tolist():
-            last = self._whole.get(index, count)
-            step = (count - last) % wrap
-            self._whole[index] = last + (step if step < wrap // 2 else step - wrap)
-            whole.append(self._whole[index])
-        return np.array(whole, np.float64)
-
-
-class LineDecoder:
-    r"""Lines of numbers, each ended by \n or \r\n.
-
-    Args:
-        columns: What each number is, some of `COLUMNS` or "-".
-        separator: What stands between them; "" for any white space.
-
-    Attributes:
-        n_bad: Lines that were none, but for the first after the opening, which may have begun before.
-        last_bad: The last of them.
-    """
-
-    def __init__(self, columns: Sequence[str], separator: str) -> None:
-        self._columns = _Columns(columns, [None] * len(columns))
-        self._separator = separator or None
-        self._rest = b""
-        self._begun = False
+        self._unwrapped: dict[int, int] = {}
+        self._synchronised = False
         self.n_bad = 0
         self.last_bad = b""
 
-    def feed(self, data: bytes) -> Rows:
+    def feed(self, data: bytes) -> SensorRecords:
         """Return the records that these bytes complete."""
+        values = np.array(self._parse(data), dtype=np.float64).reshape(-1, self._n_columns)
+        t_ns = sequence = None
+        if self._time is not None:
+            index, unit_ns = self._time
+            t_ns = np.rint(self._unwrap(values[:, index], index) * unit_ns).astype(np.int64)
+        if self._sequence is not None:
+            sequence = self._unwrap(values[:, self._sequence], self._sequence).astype(np.int64)
+        none = np.zeros(len(values), np.bool_)
+        saturated = none if self._saturated is None else values[:, self._saturated] != 0
+        return SensorRecords(t_ns, sequence, values[:, self._forces], saturated)
+
+    def reset(self) -> None:
+        """Drop an incomplete record: the line has been opened anew."""
+        self._synchronised = False
+
+    def _parse(self, data: bytes) -> list[list[float]]:
+        """Return the values of the records that these bytes complete."""
+        raise NotImplementedError
+
+    def _plausible(self, record: list[float]) -> list[float] | None:
+        """Return the record, None if a sensor cannot have sent it; NaN fails every comparison."""
+        return record if all(abs(record[index]) <= limit for index, limit in self._limits.items()) else None
+
+    def _count_bad(self, data: bytes) -> None:
+        self.n_bad += 1
+        self.last_bad = data[:60]
+
+    def _unwrap(self, counts: NDArray[np.float64], index: int) -> NDArray[np.float64]:
+        """Return counts without wraps; one that goes back by less than half its range has gone back."""
+        wrap = self._wraps[index]
+        if wrap is None or not len(counts):
+            return counts
+        unwrapped = []
+        for count in counts.astype(np.int64).tolist():
+            last = self._unwrapped.get(index, count)
+            step = (count - last) % wrap
+            self._unwrapped[index] = last + (step if step < wrap // 2 else step - wrap)
+            unwrapped.append(self._unwrapped[index])
+        return np.array(unwrapped, np.float64)
+
+
+class LineDecoder(RecordDecoder):
+    r"""Lines of numbers, each ended by \n or \r\n.
+
+    Args:
+        columns: Column of each number, of `COLUMNS` or "-".
+        separator: Text between them; "" for white space.
+    """
+
+    def __init__(self, columns: Sequence[str], separator: str) -> None:
+        super().__init__(columns, [None] * len(columns))
+        self._separator = separator or None
+        self._rest = b""
+
+    def reset(self) -> None:
+        """Drop an incomplete line: the port has been opened anew."""
+        super().reset()
+        self._rest = b""
+
+    def _parse(self, data: bytes) -> list[list[float]]:
         *lines, self._rest = (self._rest + data).split(b"\n")
-        if len(self._rest) > _LONGEST:
-            self._note(self._rest)
+        if len(self._rest) > MAX_RECORD_BYTES:
+            self._count_bad(self._rest)
             self._rest = b""
         records = []
         for line in lines:
             record = self._record(line)
             if record is not None:
                 records.append(record)
-            elif self._begun and line.strip():
-                self._note(line)
-            self._begun = True
-        return self._columns.rows(records)
-
-    def reset(self) -> None:
-        """Forget what is not complete: the line has been opened anew."""
-        self._rest, self._begun = b"", False
+            elif self._synchronised and line.strip():
+                self._count_bad(line)
+            self._synchronised = True  # the first line may have begun before the port was opened
+        return records
 
     def _record(self, line: bytes) -> list[float] | None:
         fields = line.decode("ascii", "replace").strip().split(self._separator)
-        if len(fields) != self._columns.n:
+        if len(fields) != self._n_columns:
             return None
         record = [0.0] * len(fields)
         try:
-            for index in self._columns.used:
+            for index in self._limits:
                 record[index] = float(fields[index])
         except ValueError:
             return None
-        return record if self._columns.may_be(record) else None
-
-    def _note(self, line: bytes) -> None:
-        self.n_bad += 1
-        self.last_bad = line[:60]
+        return self._plausible(record)
 
 
-class BinaryDecoder:
+class BinaryDecoder(RecordDecoder):
     """Binary records of one length.
 
         sync bytes | values | checksum
 
     Args:
-        columns: What each value is, some of `COLUMNS` or "-".
+        columns: Column of each value, of `COLUMNS` or "-".
         layout: The values as of Python's `struct`, byte order included, such as "<Ihhh".
         sync: Bytes that each record begins with, at least one.
         checksum: One of `CHECKSUMS`.
-
-    Attributes:
-        n_bad: Runs of bytes that were no record.
-        last_bad: The last of them.
     """
 
     def __init__(self, columns: Sequence[str], layout: str, sync: bytes, checksum: str) -> None:
+        super().__init__(columns, [None if bits is None else 1 << bits for bits in integer_bits(layout)])
         self._values = struct.Struct(layout)
-        wraps = [None if bits is None else 1 << bits for bits in integer_bits(layout)]
-        self._columns = _Columns(columns, wraps)
         self._sync = sync
         self._n_check, self._check = CHECKSUMS[checksum]
         self._length = len(sync) + self._values.size + self._n_check
+        # Without a checksum, the next record has to begin where this one ends.
         self._n_ahead = 0 if self._n_check else len(sync)
         self._buffer = bytearray()
         self._skipped = b""
-        self._begun = False
-        self.n_bad = 0
-        self.last_bad = b""
 
-    def feed(self, data: bytes) -> Rows:
-        """Return the records that these bytes complete."""
+    def reset(self) -> None:
+        """Drop an incomplete record: the port has been opened anew."""
+        super().reset()
+        self._buffer.clear()
+        self._skipped = b""
+
+    def _parse(self, data: bytes) -> list[list[float]]:
         buffer = self._buffer
         buffer += data
         records: list[list[float]] = []
@@ -221,14 +193,17 @@ class BinaryDecoder:
         while (found := buffer.find(self._sync, at)) >= 0:
             self._skip(buffer[at:found])
             at = found
-            if len(buffer) < at + self._length + self._n_ahead:
+            end = at + self._length + self._n_ahead
+            if len(buffer) < end:
                 break
-            record = self._record(bytes(buffer[at : at + self._length + self._n_ahead]))
+            record = self._record(bytes(buffer[at:end]))
             if record is None:
                 self._skip(buffer[at : at + 1])
                 at += 1
             else:
-                self._end_skipping()
+                if self._skipped and self._synchronised:
+                    self._count_bad(self._skipped)
+                self._skipped, self._synchronised = b"", True
                 records.append(record)
                 at += self._length
         else:  # the last bytes may be the first of the next sync bytes
@@ -236,59 +211,16 @@ class BinaryDecoder:
             self._skip(buffer[at:keep])
             at = keep
         del buffer[:at]
-        return self._columns.rows(records)
-
-    def reset(self) -> None:
-        """Forget what is not complete: the line has been opened anew."""
-        self._buffer.clear()
-        self._skipped, self._begun = b"", False
+        return records
 
     def _record(self, record: bytes) -> list[float] | None:
-        n_sync, n_end = len(self._sync), self._length - self._n_check
-        body = record[n_sync:n_end]
-        # Without a checksum, the next record has to begin where this one ends.
+        body = record[len(self._sync) : self._length - self._n_check]
+        checksum = int.from_bytes(record[self._length - self._n_check : self._length], "little")
         if self._n_ahead and record[self._length :] != self._sync:
             return None
-        if self._check(body) != int.from_bytes(record[n_end : self._length], "little"):
+        if self._check(body) != checksum:
             return None
-        values = [float(value) for value in self._values.unpack(body)]
-        return values if self._columns.may_be(values) else None
+        return self._plausible([float(value) for value in self._values.unpack(body)])
 
     def _skip(self, data: bytes | bytearray) -> None:
-        self._skipped += data[: _LONGEST - len(self._skipped)]
-
-    def _end_skipping(self) -> None:
-        if self._skipped and self._begun:
-            self.n_bad += 1
-            self.last_bad = self._skipped[:60]
-        self._skipped, self._begun = b"", True
-
-
-def most(column: str) -> float:
-    """Return the largest value that a sensor may say in a column, in that column's unit."""
-    if column in TIMES:
-        return _MOST_NS / TIMES[column]
-    return _MOST_NUMBER if column == "sequence" else _MOST_FORCE
-
-
-def integer_bits(layout: str) -> list[int | None]:
-    """Return for each value of a layout how many bits it counts with, None where it does not count.
-
-    Raises:
-        struct.error: The layout is none, or holds something else than numbers.
-
-    Example:
-        >>> integer_bits("<IH2hf")
-        [32, 16, 16, 16, None]
-    """
-    size = struct.Struct(layout).size  # checks it
-    if size > _LONGEST:
-        raise struct.error(f"{size} bytes are no record, at most {_LONGEST} are")
-    order, counted = (layout[0], layout[1:]) if layout[:1] in tuple("<>=!@") else ("@", layout)
-    codes = re.sub(r"(\d*)(\D)", lambda found: found[2] * int(found[1] or 1), counted.replace(" ", ""))
-    for code in codes:
-        if code not in "bBhHiIlLqQfd":
-            raise struct.error(f"{code!r} is no number")
-    if not codes or size != sum(struct.calcsize(order + code) for code in codes):
-        raise struct.error("gaps between the values; begin with < or >")
-    return [None if code in "fd" else 8 * struct.calcsize(order + code) for code in codes]
+        self._skipped += data[: MAX_RECORD_BYTES - len(self._skipped)]

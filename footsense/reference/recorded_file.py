@@ -1,4 +1,4 @@
-"""A force sensor that was recorded, played beside the scans from the first of them on."""
+"""A recorded force sensor, played beside the scans from the first scan on."""
 
 import csv
 from pathlib import Path
@@ -8,18 +8,18 @@ from numpy.typing import NDArray
 
 from footsense.errors import SensorError
 from footsense.frames import Reference
-from footsense.reference.mounting import Mounting
-from footsense.reference.record_decoder import TIMES, most
-from footsense.reference.sample_stream import ReferenceFigures
+from footsense.reference.record_columns import TIMES, largest_plausible
+from footsense.reference.sample_stream import SensorStatistics
+from footsense.reference.sensor_mounting import SensorMounting
 
 __all__ = ["FileReference", "read_csv"]
 
 
 class FileReference:
-    """Plays samples at their own pace; its first one is that of the first call.
+    """Plays samples at their own rate; the first one is that of the first call.
 
     Args:
-        reference: All of them, in their order.
+        reference: All samples in their order.
     """
 
     def __init__(self, reference: Reference) -> None:
@@ -28,7 +28,7 @@ class FileReference:
         self._n_read = 0
 
     def read(self, now_ns: int) -> Reference:
-        """Return the samples whose time has come."""
+        """Return the samples up to now that were not returned yet."""
         t_ns = self._reference.t_ns
         if self._offset_ns is None:
             self._offset_ns = now_ns - int(t_ns[0])
@@ -39,20 +39,25 @@ class FileReference:
             t_ns[span] + self._offset_ns, self._reference.force_n[span], self._reference.saturated[span]
         )
 
-    def figures(self) -> ReferenceFigures:
-        """Return how it went so far."""
+    def statistics(self) -> SensorStatistics:
+        """Return the counts so far."""
         n_saturated = int(np.count_nonzero(self._reference.saturated[: self._n_read]))
-        return ReferenceFigures(self._n_read, 0, 0, n_saturated, 0, 1, 0.0)
+        return SensorStatistics(self._n_read, 0, 0, n_saturated, 0, 1, 0.0)
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Hold nothing: there is nothing to release."""
 
 
-def read_csv(path: Path, mounting: Mounting, latency_ns: int) -> Reference:
-    """Return the samples of a CSV file, whose first line names its columns: a time, fx, fy and fz.
+def read_csv(path: Path, mounting: SensorMounting, latency_ns: int) -> Reference:
+    """Return the samples of a CSV file.
+
+    Args:
+        path: The file; its first line names the columns: a time, fx, fy and fz.
+        mounting: Mounting of the sensor.
+        latency_ns: Age of a sample at its recorded time [ns].
 
     Raises:
-        SensorError: A column is missing, or a line is no sample, or they are not in their order.
+        SensorError: A column is missing, a line is no sample, or the times do not increase.
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
@@ -83,6 +88,6 @@ def _sample(path: Path, line: int, row: dict[str, str], time: str) -> NDArray[np
     except (TypeError, ValueError):
         values = np.full(4, np.nan)
     # A NaN fails every comparison.
-    if not (np.abs(values) <= [most(column) for column in columns]).all():
-        raise SensorError(f"{path}, line {line}: is not four numbers that a sensor may say")
+    if not (np.abs(values) <= [largest_plausible(column) for column in columns]).all():
+        raise SensorError(f"{path}, line {line}: is not four numbers that a sensor can send")
     return values

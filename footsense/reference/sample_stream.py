@@ -1,4 +1,4 @@
-"""A force sensor that sends its samples by itself: what all such have in common, whatever they come through."""
+"""Conversion of a streaming force sensor's records to timed forces, and supervision of the stream."""
 
 import logging
 from typing import NamedTuple
@@ -7,32 +7,32 @@ import numpy as np
 
 from footsense.errors import SensorError
 from footsense.frames import Reference
-from footsense.reference.mounting import Mounting
-from footsense.reference.record_decoder import Rows
+from footsense.reference.record_decoder import SensorRecords
 from footsense.reference.sample_times import SampleTimes
+from footsense.reference.sensor_mounting import SensorMounting
 
-__all__ = ["ReferenceFigures", "ReferenceStream"]
+__all__ = ["SampleStream", "SensorStatistics"]
 
-#: A sensor that says nothing for this long is said to be silent, and one that never spoke is not there [ns].
+#: Silence that is logged, and silence from the start on that is an error [ns].
 _SILENT_NS = 500_000_000
 _NEVER_NS = 3_000_000_000
-#: So many bytes without a single record in them are no misfortune but another format.
-_SENSELESS_BYTES = 4096
+#: Bytes without a single record that are another format [bytes].
+_WRONG_FORMAT_BYTES = 4096
 
 _log = logging.getLogger(__name__)
 
 
-class ReferenceFigures(NamedTuple):
-    """How it went with a sensor so far.
+class SensorStatistics(NamedTuple):
+    """Counts of a force sensor so far.
 
     Attributes:
-        n_samples: Samples that came.
-        n_missing: Samples that did not, as far as times and numbers tell.
-        n_bad: Lines, records or packets that were none.
-        n_saturated: Samples with an axis at its end.
-        n_jumps: How often its clock has jumped.
-        n_opened: How often its line was opened.
-        residual_ms: What times may be wrong by [ms].
+        n_samples: Samples received.
+        n_missing: Samples lost, by their times and sequence numbers.
+        n_bad: Lines, records or packets that could not be decoded.
+        n_saturated: Samples with a saturated axis.
+        n_jumps: Jumps of its clock.
+        n_opened: Openings of its line.
+        residual_ms: Uncertainty of the times [ms].
     """
 
     n_samples: int
@@ -44,16 +44,16 @@ class ReferenceFigures(NamedTuple):
     residual_ms: float
 
 
-class ReferenceStream:
-    """Makes references of a sensor's records, and says what is wrong with them while it is.
+class SampleStream:
+    """Converts a sensor's records, and logs silence, its end, and jumps of the clock.
 
     Args:
-        name: What the sensor is, for messages.
-        mounting: How it sits.
-        times: When its samples were taken.
+        name: Name of the sensor, for messages.
+        mounting: Its mounting.
+        times: Its clock.
     """
 
-    def __init__(self, name: str, mounting: Mounting, times: SampleTimes) -> None:
+    def __init__(self, name: str, mounting: SensorMounting, times: SampleTimes) -> None:
         self._name = name
         self._mounting = mounting
         self._times = times
@@ -62,39 +62,39 @@ class ReferenceStream:
         self._n_bytes = 0
         self._heard_ns: int | None = None
         self._silent = False
-        self._n_jumps_told = 0
+        self._n_jumps_logged = 0
         self._n_missing_before = 0
 
     def restart(self) -> None:
-        """Begin anew: the line was opened again."""
+        """Restart the clock map: the line was opened again."""
         self._times.restart()
 
-    def take(self, rows: Rows, n_bytes: int, now_ns: int, example: bytes) -> Reference:
-        """Return what has arrived as a reference; what waited in the line before the first look is left out.
+    def convert(self, records: SensorRecords, n_bytes: int, now_ns: int, example: bytes) -> Reference:
+        """Return records as timed forces, without those that waited in the line before the first call.
 
         Args:
-            rows: The records.
-            n_bytes: Bytes that they were found in, and others.
-            now_ns: The time now [ns].
-            example: The last that was no record, for the message.
+            records: The records.
+            n_bytes: Number of bytes received with them.
+            now_ns: Present time [ns].
+            example: Bytes that were no record, for the message.
 
         Raises:
-            SensorError: There was never a record in it, or never anything.
+            SensorError: There has never been a record, or never a byte.
         """
-        t_ns = self._times.stamp(rows, now_ns)
-        force_n, saturated = self._mounting.apply(rows.raw)
-        saturated = saturated | rows.saturated
-        # Nor has a clock that began with the run a time for what was taken before.
+        t_ns = self._times.stamp(records, now_ns)
+        force_n, saturated = self._mounting.apply(records.raw)
+        saturated |= records.saturated
+        # Samples older than the clock of a simulation have no time.
         fresh = np.full(len(t_ns), self._heard_ns is not None) & (t_ns >= 0)
         self._watch(int(np.count_nonzero(fresh)), n_bytes, now_ns, example)
         self._n_saturated += int(np.count_nonzero(saturated[fresh]))
         return Reference(t_ns[fresh], force_n[fresh], saturated[fresh])
 
-    def figures(self, n_bad: int, n_opened: int) -> ReferenceFigures:
-        """Return how it went so far."""
+    def statistics(self, n_bad: int, n_opened: int) -> SensorStatistics:
+        """Return the counts so far."""
         times = self._times
         counts = (self._n_samples, times.n_missing, n_bad, self._n_saturated, times.n_jumps, n_opened)
-        return ReferenceFigures(*counts, residual_ms=times.residual_ns * 1e-6)
+        return SensorStatistics(*counts, residual_ms=times.residual_ns * 1e-6)
 
     def _watch(self, n: int, n_bytes: int, now_ns: int, example: bytes) -> None:
         if self._heard_ns is None:
@@ -102,11 +102,11 @@ class ReferenceStream:
         self._n_samples += n
         self._n_bytes += n_bytes
         if self._n_samples == 0:
-            self._require_sense(now_ns - self._heard_ns, example)
+            self._require_records(now_ns - self._heard_ns, example)
         elif n:
             if self._silent:
                 missing = self._times.n_missing - self._n_missing_before
-                _log.warning("%s: speaks again; %d samples are missing", self._name, missing)
+                _log.warning("%s: sends again; %d samples are missing", self._name, missing)
             self._heard_ns, self._silent = now_ns, False
             self._n_missing_before = self._times.n_missing
         elif now_ns - self._heard_ns > _SILENT_NS and not self._silent:
@@ -114,23 +114,23 @@ class ReferenceStream:
             _log.warning(
                 "%s: no sample for %g s; the recording goes on without", self._name, _SILENT_NS * 1e-9
             )
-        if self._times.n_jumps > self._n_jumps_told:
-            self._n_jumps_told = self._times.n_jumps
-            _log.warning("%s: its clock has jumped; it is followed anew", self._name)
+        if self._times.n_jumps > self._n_jumps_logged:
+            self._n_jumps_logged = self._times.n_jumps
+            _log.warning("%s: its clock has jumped; the clock map restarts", self._name)
 
-    def _require_sense(self, waited_ns: int, example: bytes) -> None:
-        """Check that a sensor that has not spoken yet still may.
+    def _require_records(self, waited_ns: int, example: bytes) -> None:
+        """Check a sensor that has not sent a record yet.
 
         Raises:
-            SensorError: It sends what is no record, or nothing.
+            SensorError: It sends something else, or nothing for too long.
         """
-        if self._n_bytes > _SENSELESS_BYTES or (self._n_bytes and waited_ns > _NEVER_NS):
+        if self._n_bytes > _WRONG_FORMAT_BYTES or (self._n_bytes and waited_ns > _NEVER_NS):
             raise SensorError(
                 f"{self._name}: no record in {self._n_bytes} bytes, such as {example!r}; "
                 "baud, framing and columns have to be the sensor's"
             )
         if waited_ns > _NEVER_NS:
             raise SensorError(
-                f"{self._name}: nothing arrives for {_NEVER_NS * 1e-9:g} s; is it switched on, does it have to be "
-                "asked (`start`), is the baud rate its own?"
+                f"{self._name}: nothing arrives for {_NEVER_NS * 1e-9:g} s; is it switched on, does it need a start "
+                "command (`start`), is the baud rate its own?"
             )

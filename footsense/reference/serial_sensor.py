@@ -1,25 +1,25 @@
-"""A force sensor on a serial port, or on whatever stands for one."""
+"""A force sensor on a serial port, or on a simulated one."""
 
 from footsense.frames import Reference
 from footsense.ports import SerialPort
-from footsense.reference.record_decoder import Decoder
-from footsense.reference.sample_stream import ReferenceFigures, ReferenceStream
+from footsense.reference.record_decoder import RecordDecoder
+from footsense.reference.sample_stream import SampleStream, SensorStatistics
 
 __all__ = ["SerialReference"]
 
 
 class SerialReference:
-    """Reads a sensor that streams, after it was asked to where it has to be.
+    """Reads a sensor that streams, by itself or on a start command.
 
     Args:
-        port: Where its bytes come from.
-        decoder: What makes records of them.
-        stream: What makes forces of those.
-        start: What to send when the port was opened, nothing if it streams by itself.
+        port: Source of its bytes.
+        decoder: Decoder of its records.
+        stream: Conversion of the records to forces.
+        start: Bytes to send after the port was opened; empty if it streams by itself.
     """
 
     def __init__(
-        self, port: SerialPort, decoder: Decoder, stream: ReferenceStream, start: bytes = b""
+        self, port: SerialPort, decoder: RecordDecoder, stream: SampleStream, start: bytes = b""
     ) -> None:
         self._port = port
         self._decoder = decoder
@@ -32,7 +32,7 @@ class SerialReference:
         """Return the samples that have arrived since the last call.
 
         Raises:
-            SensorError: What arrives is no record of this sensor.
+            SensorError: The bytes are no records of this sensor.
         """
         data = self._port.read()
         if self._port.opened != self._opened:
@@ -40,12 +40,12 @@ class SerialReference:
             self._decoder.reset()
             self._stream.restart()
             self._port.write(self._start)
-        rows = self._decoder.feed(data)
-        return self._stream.take(rows, len(data), now_ns, self._decoder.last_bad or data[:60])
+        records = self._decoder.feed(data)
+        return self._stream.convert(records, len(data), now_ns, self._decoder.last_bad or data[:60])
 
-    def figures(self) -> ReferenceFigures:
-        """Return how it went so far."""
-        return self._stream.figures(self._decoder.n_bad, self._opened)
+    def statistics(self) -> SensorStatistics:
+        """Return the counts so far."""
+        return self._stream.statistics(self._decoder.n_bad, self._opened)
 
     def close(self) -> None:
         """Release the port."""

@@ -17,8 +17,7 @@ from footsense.frames import LEGS
 from footsense.sim.faults.scene_faults import FORMER_FAULTS, Fault, Leg
 from footsense.sim.foot.fabrication import AS_BADLY_MADE, REMOUNT_DEG, FootTolerances
 from footsense.sim.loads import ground_load
-from footsense.sim.test_stand.calibration_loads import Pokes as PokingStick
-from footsense.sim.test_stand.calibration_loads import paper_presses
+from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 
 _NS_PER_S = 1_000_000_000
 #: Lowest elevation of a contact [deg].
@@ -106,33 +105,41 @@ class MeasuredWalk(_Part, frozen=True, tag="measured_walk", tag_field="kind"):
         return ground_load.measured_walk(self.peak_force_n, self.pitch_deg, from_ns)
 
 
-class Pokes(_Part, frozen=True, tag="pokes", tag_field="kind"):
-    """A bench that pokes every foot through the centre of its ball, once after the other.
+#: Words of earlier versions of `CalibrationLoads`, each with what replaces it.
+_FORMER_LOADS = {
+    "pokes": "now called calibration_loads",
+    "hold_s": "now called dwell_s",
+    "rest_s": "now called pause_s",
+}
+
+
+class CalibrationLoads(_Part, frozen=True, tag="calibration_loads", tag_field="kind"):
+    """Presses of all feet through the centre of the ball, one after the other, as on a test stand.
 
     Attributes:
         presses: The forces [N]; or the paper's: `training`, 362, or `verification`, 180.
-        rise_s: How long a force grows, and how long it goes [s].
-        hold_s: How long it stands [s].
-        rest_s: How long the foot is free before the next [s].
+        rise_s: Duration of a force's rise, and of its fall [s].
+        dwell_s: Duration of the constant force [s].
+        pause_s: Time without load before the next press [s].
         lean_deg: Root mean square angle between the contact's normal and the force [deg].
-        seed: Of how each one leans.
+        seed: Seed of these angles.
     """
 
     presses: Literal["training", "verification"] | Annotated[tuple[_Pressing, ...], Meta(min_length=1)]
     rise_s: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.1
-    hold_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 0.6
-    rest_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 0.4
+    dwell_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 0.6
+    pause_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 0.4
     lean_deg: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
     seed: Annotated[int, Meta(ge=0)] = 1
 
-    def build(self, from_ns: int) -> PokingStick:
+    def build(self, from_ns: int) -> PressSequence:
         """Return the load."""
-        return PokingStick(
+        return PressSequence(
             paper_presses(self.presses) if isinstance(self.presses, str) else self.presses,
             from_ns=from_ns,
             rise_ns=round(self.rise_s * _NS_PER_S),
-            hold_ns=round(self.hold_s * _NS_PER_S),
-            rest_ns=round(self.rest_s * _NS_PER_S),
+            dwell_ns=round(self.dwell_s * _NS_PER_S),
+            pause_ns=round(self.pause_s * _NS_PER_S),
             lean_deg=self.lean_deg,
             seed=self.seed,
         )
@@ -261,7 +268,7 @@ class Scene(_Part, frozen=True):
     """
 
     description: str
-    load: Unloaded | Constant | Ramp | Tripod | MeasuredWalk | Pokes
+    load: Unloaded | Constant | Ramp | Tripod | MeasuredWalk | CalibrationLoads
     lead_in_s: Annotated[float, Meta(ge=0.0)] = 1.0
     host_cost_us: Annotated[float, Meta(ge=0.0, le=10_000.0)] = 0.0
     seed: Annotated[int, Meta(ge=0)] = 1
@@ -294,7 +301,7 @@ def load_scene(name_or_path: str) -> Scene:
         raise ConfigError(
             f"no scene {name_or_path!r}: there are {', '.join(scene_names())}, or give the path of a YAML file"
         )
-    return strict_yaml.load(source, Scene, where, check=_contradiction, former=FORMER_FAULTS)
+    return strict_yaml.load(source, Scene, where, check=_contradiction, former=FORMER_FAULTS | _FORMER_LOADS)
 
 
 def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
@@ -320,7 +327,7 @@ def _too_low(scene: Scene) -> strict_yaml.Problem | None:
     forces: dict[str, _Pressing] = {}
     if isinstance(scene.load, Constant | Ramp):
         forces = {"load.force_n": scene.load.force_n}
-    elif isinstance(scene.load, Pokes) and not isinstance(scene.load.presses, str):
+    elif isinstance(scene.load, CalibrationLoads) and not isinstance(scene.load.presses, str):
         forces = {f"load.presses[{n}]": force_n for n, force_n in enumerate(scene.load.presses)}
     for path, (x, y, z) in forces.items():
         elevation_deg = math.degrees(math.atan2(z, math.hypot(x, y)))

@@ -1,7 +1,7 @@
-"""What the journal says of the legs: a line when a leg's state changes, with its cause, and when a tare ends.
+"""Journal lines of the legs: changes of state, with their cause, and results of commands.
 
-A state that flickers would fill the journal, so each leg gets a limited number of lines per minute and the rest is
-counted; the wire and the metrics show every change.
+A flickering state would fill the journal, so each leg gets a limited number of lines per minute and the rest is
+counted; CAN and the metrics show every change.
 """
 
 import logging
@@ -10,8 +10,8 @@ from footsense.frames import EXPECTED, Cause, CommandKind, Cycle, Result, State
 
 _log = logging.getLogger(__name__)
 
-#: What a foot that is not calibrated yet goes through all the time while it is pressed.
-_NO_NEWS_ON_A_BENCH = frozenset({State.VALID, State.DEGRADED, State.SATURATED, State.OUT_OF_RANGE})
+#: States that a foot without a calibration keeps changing between while it is pressed.
+_UNLOGGED_ON_TEST_STAND = frozenset({State.VALID, State.DEGRADED, State.SATURATED, State.OUT_OF_RANGE})
 
 _LINES_PER_MINUTE = 10
 _MINUTE_NS = 60_000_000_000
@@ -22,45 +22,45 @@ class Journal:
 
     Args:
         legs: Names of the legs in the order of the frames' rows.
-        on_bench: Whether a foot is being measured that contradicts its design, which is no news.
+        on_test_stand: Whether a foot without a calibration is pressed on a test stand, whose changes are not logged.
     """
 
-    def __init__(self, legs: tuple[str, ...], *, on_bench: bool = False) -> None:
+    def __init__(self, legs: tuple[str, ...], *, on_test_stand: bool = False) -> None:
         self._legs = legs
-        self._no_news = _NO_NEWS_ON_A_BENCH if on_bench else frozenset[State]()
-        # What a leg begins with; to get there is no news.
-        self._seen = (bytes([State.STARTING] * len(legs)), bytes(len(legs)))
+        self._unlogged = _UNLOGGED_ON_TEST_STAND if on_test_stand else frozenset[State]()
+        # The first state of every leg, which is not logged.
+        self._last = (bytes([State.STARTING] * len(legs)), bytes(len(legs)))
         self._lines = [0] * len(legs)
         self._suppressed = [0] * len(legs)
         self._minute = 0
 
     def observe(self, cycle: Cycle) -> None:
-        """Log what has changed."""
+        """Log changes of state and cause, and results of commands."""
         forces = cycle.forces
         if forces.t_sent_ns // _MINUTE_NS != self._minute:
             self._next_minute(forces.t_sent_ns // _MINUTE_NS)
-        seen = (forces.state.tobytes(), forces.cause.tobytes())
-        if seen != self._seen:
-            self._changed(*seen)
-            self._seen = seen
+        present = (forces.state.tobytes(), forces.cause.tobytes())
+        if present != self._last:
+            self._log_changes(*present)
+            self._last = present
         for outcome in cycle.outcomes:
             level = logging.INFO if outcome.result is Result.DONE else logging.WARNING
-            what = CommandKind(outcome.command.kind).name.lower()
-            verdict = "done" if outcome.result is Result.DONE else "refused"
-            self._line(outcome.command.leg, level, f"{what} {verdict}: {outcome.reason}")
+            command = CommandKind(outcome.command.kind).name.lower()
+            result = "done" if outcome.result is Result.DONE else "refused"
+            self._line(outcome.command.leg, level, f"{command} {result}: {outcome.reason}")
 
     def close(self) -> None:
-        """Say what was left unsaid."""
+        """Log how many lines of the last minute were suppressed."""
         self._next_minute(0)
 
-    def _changed(self, states: bytes, causes: bytes) -> None:
-        """Log every leg whose state, or what lies behind it, is another than before."""
-        rows = zip(self._legs, *self._seen, states, causes, strict=True)
+    def _log_changes(self, states: bytes, causes: bytes) -> None:
+        """Log every leg whose state or cause has changed."""
+        rows = zip(self._legs, *self._last, states, causes, strict=True)
         for leg, (_, state_before, cause_before, state, cause) in enumerate(rows):
-            if (state_before, cause_before) != (state, cause) and state not in self._no_news:
+            if (state_before, cause_before) != (state, cause) and state not in self._unlogged:
                 before, now = State(state_before).name.lower(), State(state)
                 why = f" ({Cause(cause).name.lower()})" if cause else ""
-                # A leg may be valid, and something be wrong with it all the same.
+                # A valid leg may have a cause too, such as a stale calibration.
                 level = logging.WARNING if cause or now not in EXPECTED else logging.INFO
                 self._line(leg, level, f"{before} -> {now.name.lower()}{why}")
 

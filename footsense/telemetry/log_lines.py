@@ -1,11 +1,11 @@
-"""The way of log lines out of the loop's process: none of them is ever waited for.
+"""Log lines out of the loop's process without ever waiting for their reader.
 
-Standard error is a pipe or a socket to whoever keeps the log. When that one stands still, the pipe fills, and a write
-to it waits: the loop would wait with it. Here a line that finds no room is lost and counted, and the next one that
-finds some says how many. The kernel's buffer is the queue, and its size the bound.
+Standard error is a pipe or a socket to the reader of the log. When the reader hangs, the pipe fills, and a blocking
+write would hang the loop. Here a line that finds no room is dropped and counted, and the next line that finds room is
+preceded by the count. The kernel's buffer is the queue, and its size the bound.
 
-Standard error is shared with the shell and with our own helper processes, so it is not made non-blocking itself: that
-would be so for all of them.
+Standard error is shared with the shell and with the writers' processes, so it is not made non-blocking itself: that
+would change it for all of them.
 """
 
 import contextlib
@@ -23,20 +23,20 @@ _LINE_BYTES = 4096
 
 
 class LogLines(logging.Handler):
-    """Writes each record as a line, if there is room for it.
+    """A log handler that writes each record as one line if there is room for it.
 
     Args:
-        fd: Where to; it stays as it is, and open.
+        fd: Descriptor to write to; its mode stays as it is, and it stays open.
 
     Attributes:
-        lost: Lines that found no room, since start.
+        lost: Dropped lines since start.
     """
 
     def __init__(self, fd: int) -> None:
         super().__init__()
         self._write, self._release = _writer(fd)
         self._rest = b""
-        self._untold = 0
+        self._unreported = 0
         self.lost = 0
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -46,33 +46,35 @@ class LogLines(logging.Handler):
         except Exception:  # noqa: BLE001 - a record that does not fit its own format must not end the loop
             line = f"{record.levelname}: {record.msg}"
         data = _one_line(line)
-        if self._untold:
-            data = _one_line(f"WARNING: {self._untold} lines of the log found no room and are lost") + data
+        if self._unreported:
+            data = (
+                _one_line(f"WARNING: {self._unreported} lines of the log found no room and are lost") + data
+            )
         if self._put(data):
-            self._untold = 0
+            self._unreported = 0
         else:
-            self._untold += 1
+            self._unreported += 1
             self.lost += 1
 
     def close(self) -> None:
-        """Release what was opened for writing."""
+        """Release the descriptor opened for writing."""
         self._release()
         super().close()
 
     def _put(self, data: bytes) -> bool:
-        """Write what is left of the line before and then `data`; tell whether that is on its way."""
+        """Write the rest of the line before and then `data`; return whether `data` was accepted."""
         try:
             self._rest = self._rest[self._write(self._rest) :] if self._rest else b""
             if self._rest:
                 return False
             self._rest = data[self._write(data) :]
-        except OSError:  # full, or nobody is there any more
+        except OSError:  # full, or without a reader
             return False
         return True
 
 
 def lost_lines() -> int:
-    """Return how many lines the process's log has lost."""
+    """Return how many lines of the process's log were dropped."""
     return sum(sink.lost for sink in logging.getLogger().handlers if isinstance(sink, LogLines))
 
 
@@ -82,7 +84,7 @@ def _one_line(text: str) -> bytes:
 
 
 def _writer(fd: int) -> tuple[Callable[[bytes], int], Callable[[], None]]:
-    """Return what writes to a descriptor without waiting, and what releases it."""
+    """Return a function that writes to a descriptor without waiting, and one that releases it."""
     kind = os.fstat(fd).st_mode
     if stat.S_ISSOCK(kind):  # as systemd gives it to a service
         journal = socket.socket(fileno=os.dup(fd))

@@ -24,25 +24,25 @@ from footsense.telemetry.metric_families import (
 )
 from footsense.telemetry.shared_counters import SharedCounters
 
-__all__ = ["Metrics", "Wakeups"]
+__all__ = ["Metrics", "WakeupLatency"]
 
 _COPY_PERIOD_NS = 100_000_000
 _FARADS_PER_PF = 1e-12
 
 
-class Wakeups(Protocol):
+class WakeupLatency(Protocol):
     """What a clock counts of the deadlines of one thread.
 
     Attributes:
         bounds_s: Bounds of the histogram [s].
-        lateness: Wake-ups in each bucket, those above the last bound, and the sum of their latencies [s].
+        histogram: Wake-ups in each bucket, those above the last bound, and the sum of their latencies [s].
         overruns: Deadlines that had passed before the thread could sleep.
     """
 
     @property
     def bounds_s(self) -> Sequence[float]: ...  # noqa: D102 - above
     @property
-    def lateness(self) -> "array[float]": ...  # noqa: D102
+    def histogram(self) -> "array[float]": ...  # noqa: D102
     @property
     def overruns(self) -> int: ...  # noqa: D102
 
@@ -72,7 +72,7 @@ class Metrics:
         can: CanStatistics,
         path: Path,
         *,
-        wakeups: Sequence[Wakeups] = (),
+        wakeups: Sequence[WakeupLatency] = (),
         missed_deadlines: Callable[[], int] = int,
         recorder_lost: Callable[[], int] = int,
         log_lost: Callable[[], int] = int,
@@ -158,7 +158,7 @@ class Metrics:
         ages_s = [(now_ns - t_ns) * 1e-9 if t_ns > 0 else math.nan for t_ns in baseline.moved_ns.tolist()]
         self._set("footsense_baseline_age_seconds", ages_s)
         if self._wakeups:
-            histograms = [wakeups.lateness for wakeups in self._wakeups]
+            histograms = [wakeups.histogram for wakeups in self._wakeups]
             self._set(
                 "footsense_wakeup_latency_seconds", [sum(cell) for cell in zip(*histograms, strict=True)]
             )

@@ -1,7 +1,7 @@
-"""How good the published forces were: rate, age, states, and, where the truth is known, the error.
+"""Statistics of a run: scan rate, age, states, and the force error where the true force is known.
 
-The truth is what the foot felt at the time of sending, so the age of a measurement counts as error here. All
-statistics are kept in fixed tables: a day of walking takes no more memory than a minute.
+The error is taken against the true force at the time of sending, so that a measurement's age counts. All statistics
+are kept in fixed tables: a day of walking takes no more memory than a minute.
 """
 
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from footsense.frames import EXPECTED, USABLE, Cycle, State
 
-#: Truth from which a frame counts as loaded and its direction as defined [N].
+#: Smallest true force of a loaded frame, whose direction is defined [N].
 LOADED_N = 0.1
 
 _DIRECTION_BIN_DEG = 0.02
@@ -19,7 +19,7 @@ _AGE_BIN_MS = 0.05
 
 
 class Histogram:
-    """Counts in bins of equal width from 0; what lies beyond the last one is counted in it.
+    """Counts in bins of equal width from 0; the last bin also counts values beyond it.
 
     Args:
         width: Width of a bin.
@@ -32,7 +32,7 @@ class Histogram:
         self._sum = 0.0
 
     def add(self, values: NDArray[np.float64]) -> None:
-        """Count the values, none of them negative."""
+        """Count values, none of them negative, shape (n,)."""
         bins = np.minimum((values / self._width).astype(np.int64), len(self._counts) - 1)
         np.add.at(self._counts, bins, 1)
         self._sum += float(values.sum())
@@ -62,12 +62,12 @@ class Histogram:
         return float((rank + 1) * self._width)
 
 
-class Score:
-    """Watches every cycle and keeps the tally.
+class RunStatistics:
+    """An observer that keeps the statistics of a run.
 
     Args:
-        legs: Names of the legs in the order of the frames' rows.
-        true_force_n: What every foot felt at a time [ns -> N, shape (legs, 3)]; None where nobody knows.
+        legs: Name of the leg in each row of the frames.
+        true_force_n: Returns the true force on each foot at a time [ns -> N, shape (legs, 3)]; None if unknown.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class Score:
         self._valid = 0
 
     def observe(self, cycle: Cycle) -> None:
-        """Take note of one cycle."""
+        """Count one cycle."""
         forces = cycle.forces
         if self._scans == 0:
             self._first_ns = forces.t_sent_ns
@@ -101,17 +101,16 @@ class Score:
     def close(self) -> None:
         """Nothing is held."""
 
-    def _compare(self, said_n: NDArray[np.float64], true_force_n: NDArray[np.float64]) -> None:
-        self._squared_n2 += np.square(said_n - true_force_n).sum(axis=0)
-        self._valid += len(said_n)
-        felt = np.linalg.norm(true_force_n, axis=1)
-        said = np.linalg.norm(said_n, axis=1)
-        loaded = (felt >= LOADED_N) & (said > 0)
-        cosine = (said_n[loaded] * true_force_n[loaded]).sum(axis=1) / (felt[loaded] * said[loaded])
+    def _compare(self, estimate_n: NDArray[np.float64], true_n: NDArray[np.float64]) -> None:
+        self._squared_n2 += np.square(estimate_n - true_n).sum(axis=0)
+        self._valid += len(estimate_n)
+        true, estimate = np.linalg.norm(true_n, axis=1), np.linalg.norm(estimate_n, axis=1)
+        loaded = (true >= LOADED_N) & (estimate > 0)
+        cosine = (estimate_n[loaded] * true_n[loaded]).sum(axis=1) / (true[loaded] * estimate[loaded])
         self._direction_deg.add(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
     def summary(self) -> dict[str, object]:
-        """Return the tally as plain values; a figure that does not exist is None."""
+        """Return the statistics as plain values; None for a figure without samples."""
         span_s = (self._last_ns - self._first_ns) * 1e-9
         summary: dict[str, object] = {
             "scans": self._scans,

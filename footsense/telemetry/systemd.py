@@ -1,8 +1,7 @@
-"""What the service tells systemd: ready, alive, stopping, and one line of status.
+"""Messages to systemd: ready with the first forces, alive while cycles come, stopping, and a line of status.
 
-The protocol is one datagram per message to the socket that systemd names in the environment; without that
-variable, as in a terminal, nothing is sent. A message that cannot be delivered is dropped: the loop does not
-wait for its supervisor.
+A message is one datagram to the socket that systemd names in the environment; without that variable, as in a terminal,
+nothing is sent. A message that cannot be delivered is dropped: the loop does not wait for its supervisor.
 
 Source:
     sd_notify(3), sd_watchdog_enabled(3).
@@ -12,14 +11,18 @@ import os
 import socket
 from collections.abc import Mapping
 
-__all__ = ["SystemdNotifier", "watchdog_interval_ns"]
+from footsense.frames import Cycle, Flag, State
+
+__all__ = ["SystemdNotifier", "SystemdObserver", "watchdog_interval_ns"]
+
+_STATUS_PERIOD_NS = 10_000_000_000
 
 
 def watchdog_interval_ns(environment: Mapping[str, str] = os.environ) -> int | None:
-    """Return how often to call `watchdog`: at half of the time after which systemd would restart the service.
+    """Return the interval of watchdog messages: half of the time after which systemd restarts the service.
 
     Returns:
-        The interval [ns], or None if systemd watches no watchdog of this process.
+        The interval [ns], or None if systemd expects no watchdog messages of this process.
     """
     if environment.get("WATCHDOG_PID", str(os.getpid())) != str(os.getpid()):
         return None  # meant for the process that started this one
@@ -30,10 +33,10 @@ def watchdog_interval_ns(environment: Mapping[str, str] = os.environ) -> int | N
 
 
 class SystemdNotifier:
-    """The way to systemd.
+    """The notification socket of systemd.
 
     Args:
-        environment: Where `NOTIFY_SOCKET` is looked up: a path, or an abstract socket's name behind an `@`.
+        environment: Environment with `NOTIFY_SOCKET`: a path, or an abstract socket's name behind an `@`.
 
     Timing:
         One system call a message, some microseconds; never waits.
@@ -48,36 +51,57 @@ class SystemdNotifier:
             self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
             self._socket.setblocking(False)
 
-    def ready(self, status: str) -> None:
-        """Tell that forces are coming, and a line for `systemctl status`."""
-        self._send(f"READY=1\nSTATUS={_one_line(status)}")
-
-    def watchdog(self) -> None:
-        """Tell that the loop turns."""
-        self._send("WATCHDOG=1")
-
-    def status(self, status: str) -> None:
-        """Set the line that `systemctl status` shows."""
-        self._send(f"STATUS={_one_line(status)}")
-
-    def stopping(self) -> None:
-        """Tell that the service ends because it was asked to."""
-        self._send("STOPPING=1")
+    def send(self, **assignments: str) -> None:
+        """Send assignments such as `READY="1"` as one message; line breaks in values become blanks."""
+        if self._socket is not None:
+            lines = (f"{name}={' '.join(value.split())}" for name, value in assignments.items())
+            try:
+                self._socket.sendto("\n".join(lines).encode(), self._address)
+            except OSError:
+                return  # systemd is being re-executed or its queue is full; the next message will do
 
     def close(self) -> None:
-        """Release the socket; later messages go nowhere."""
+        """Release the socket; later messages are dropped."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
-    def _send(self, message: str) -> None:
-        if self._socket is not None:
-            try:
-                self._socket.sendto(message.encode(), self._address)
-            except OSError:
-                return  # systemd is being re-executed or its queue is full; the next message will do
 
+class SystemdObserver:
+    """An observer that keeps systemd informed; without systemd it does nothing.
 
-def _one_line(text: str) -> str:
-    """Return a text that cannot end its assignment and begin another."""
-    return " ".join(text.split())
+    Args:
+        notifier: The notification socket.
+        legs: Name of the leg in each row of the frames.
+    """
+
+    def __init__(self, notifier: SystemdNotifier, legs: tuple[str, ...]) -> None:
+        self._notifier = notifier
+        self._legs = legs
+        self._interval_ns = watchdog_interval_ns()
+        self._alive_ns: int | None = None
+        self._status_ns = 0
+
+    def observe(self, cycle: Cycle) -> None:
+        """Report the first cycle as readiness, and send watchdog and status when due."""
+        now_ns = cycle.forces.t_sent_ns
+        if self._alive_ns is None:
+            self._notifier.send(READY="1", STATUS=self._status(cycle))
+            self._alive_ns = self._status_ns = now_ns
+        if self._interval_ns is not None and now_ns - self._alive_ns >= self._interval_ns:
+            self._notifier.send(WATCHDOG="1")
+            self._alive_ns = now_ns
+        if now_ns - self._status_ns >= _STATUS_PERIOD_NS:
+            self._notifier.send(STATUS=self._status(cycle))
+            self._status_ns = now_ns
+
+    def close(self) -> None:
+        """Report that the service ends on request."""
+        self._notifier.send(STOPPING="1")
+        self._notifier.close()
+
+    def _status(self, cycle: Cycle) -> str:
+        states = zip(self._legs, cycle.forces.state.tolist(), strict=True)
+        status = ", ".join(f"{leg} {State(state).name.lower()}" for leg, state in states)
+        degraded = any(flags & Flag.DEGRADED_TIMING for flags in cycle.forces.flags.tolist())
+        return f"degraded timing; {status}" if degraded else status

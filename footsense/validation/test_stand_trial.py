@@ -1,55 +1,54 @@
-"""A made foot on a simulated bench: poked, read by the daemon through the chips' bytes, recorded, and found again.
+"""A made foot on a simulated test stand: pressed, read by the daemon through the chips' bytes, recorded, and read back.
 
-Two sessions: one to learn, with the paper's 362 presses, one to judge, with its 180, in which the foot was put on anew
-and the reference was zeroed anew. Forces are those of the reference; what the foot really felt is kept beside them.
+Two sessions: one for calibration, with the paper's 362 presses, and one for evaluation, with its 180, in which the foot
+is mounted anew and the reference has a new offset. The simulator's true forces are kept beside those of the reference.
 """
 
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.session.recorded_session import BenchSession, read_session
+from footsense.calibration.session.recorded_session import RecordedSession, read_session
 from footsense.config import Bus, Can, Config
-from footsense.config.test_stand import Axes, Bench, Simulated
+from footsense.config.test_stand import Axes, Simulated, StandConfig
 from footsense.daemon.acquisition import scanning
 from footsense.daemon.foot_types import FOOT_TYPE
 from footsense.daemon.service import service
-from footsense.daemon.test_stand import BenchRun
+from footsense.daemon.test_stand import StandSession
 from footsense.sim.loads.ground_load import Load
-from footsense.sim.scene import Effects, Fabrication, Pokes, Scene, Unloaded
-from footsense.sim.test_stand.calibration_loads import Pokes as PokingStick
-from footsense.sim.test_stand.calibration_loads import paper_presses
+from footsense.sim.scene import CalibrationLoads, Effects, Fabrication, Scene, Unloaded
+from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 from footsense.sim.test_stand.reference_sensor import RATED_GF, TRANSMISSION_NS
+
+__all__ = ["FootBatch", "Trial", "foot_name", "run_trial"]
 
 Vector = NDArray[np.float64]
 
-#: Twenty feet of this seed are much like the mean of 160.
+#: Twenty feet of this seed have errors near the mean of 160.
 _TYPICAL_SEED = 8
 
 LEG: Final = "lf"
-#: How long a press grows and goes, how long it is held, and how long the foot then rests [s].
-_RISE_S, _HOLD_S, _REST_S = 0.05, 0.5, 0.5
-#: How exactly rails hold a stick [deg].
+#: Rise and fall of a press, dwell, and pause before the next [s].
+_RISE_S, _DWELL_S, _PAUSE_S = 0.05, 0.5, 0.5
+#: Accuracy of the rails of the stick [deg].
 _LEAN_DEG = 1.0
-#: Before the first press, the foot is tared and the reference finds its zero [s].
+#: Time before the first press, for the tare and the offset of the reference [s].
 _LEAD_IN_S = 1.5
-#: Scans whose mean is what an element reads at rest.
-_REST_SCANS = 40
+#: Scans of the unloaded reading.
+_UNLOADED_SCANS = 40
 
-_RATED = (float(RATED_GF[0]), float(RATED_GF[1]), float(RATED_GF[2]))
-
-#: What is not ideal on a bench, all at once.
+#: All effects of a test stand that are not ideal.
 _EFFECTS = Effects(converter_noise=True, converter_clock_rel=0.02, gap_contact=True, rubber=True)
 
 
-class Workshop(NamedTuple):
-    """Which feet are made, as badly as the paper's, and of what type.
+class FootBatch(NamedTuple):
+    """A batch of feet, made as badly as the paper's.
 
     Attributes:
-        seed: Of all that is drawn.
+        seed: Seed of the batch.
         foot_type: A released type, or a folder.
     """
 
@@ -58,102 +57,108 @@ class Workshop(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """One foot, poked.
+    """The sessions of one foot.
 
     Attributes:
-        learning: Its session with the 362 presses.
-        judging: Its session with the 180.
-        felt_n: What it really felt in each poke of the second that counts [N], shape (n, 3).
+        training: Session for the calibration, 362 presses.
+        test: Session for the evaluation, 180 presses.
+        true_force_n: True force of each accepted load of `test` [N], shape (n, 3).
     """
 
-    learning: BenchSession
-    judging: BenchSession
-    felt_n: Vector
+    training: RecordedSession
+    test: RecordedSession
+    true_force_n: Vector
 
 
-def poke_foot(workshop: Workshop, number: int, folder: Path, *, every: int = 1) -> Trial:
-    """Poke a foot in both sessions and read the recordings.
+def run_trial(batch: FootBatch, number: int, folder: Path, *, every: int = 1) -> Trial:
+    """Press a foot in both sessions and read the recordings.
 
     Args:
-        workshop: Where it was made.
-        number: Which of its feet.
-        folder: Where the recordings go; not there yet, both are made.
-        every: Take one of so many presses.
+        batch: Batch of the foot.
+        number: Number of the foot in it.
+        folder: Folder for the recordings, which must not exist yet.
+        every: Use one of so many presses.
 
     Raises:
-        FootsenseError: The daemon cannot be started, or a recording is there already.
+        FootsenseError: The daemon cannot be started, or a recording exists.
     """
-    config = _config(workshop, number)
-    learning, _ = _session(workshop, number, config, "training", folder, every)
-    judging, load = _session(workshop, number, config, "verification", folder, every)
-    felt_n = np.array([load.contact(LEG, poke.t_ns).force_n for poke in judging.pokes])
-    return Trial(learning, judging, felt_n)
+    config = _config(batch, number)
+    training, _ = _session(batch, number, config, "training", folder, every)
+    test, presses = _session(batch, number, config, "verification", folder, every)
+    true_force_n = np.array([presses.contact(LEG, load.t_ns).force_n for load in test.loads])
+    return Trial(training, test, true_force_n)
 
 
-def name_of(number: int) -> str:
-    """Return the identity of a foot of the workshop."""
+def foot_name(number: int) -> str:
+    """Return the identity of a foot of a batch."""
     return f"foot-{number:04d}"
 
 
 def _session(
-    workshop: Workshop, number: int, config: Config, presses: str, folder: Path, every: int
-) -> tuple[BenchSession, Load]:
-    """Record a session on the bench, and read it; return what was done to the foot beside it."""
-    judging = presses == "verification"
+    batch: FootBatch,
+    number: int,
+    config: Config,
+    protocol: Literal["training", "verification"],
+    folder: Path,
+    every: int,
+) -> tuple[RecordedSession, Load]:
+    """Record a session and read it; return the simulated presses with it."""
+    foot, mounting = foot_name(number), 1 + (protocol == "verification")
+    seed = _seed(batch, number)
     scene = Scene(
-        description=f"{name_of(number)} on the bench, {presses}",
-        load=Pokes(
-            presses=tuple((x, y, z) for x, y, z in paper_presses(presses)[::every].tolist()),
+        description=f"{foot} on the test stand, {protocol}",
+        load=CalibrationLoads(
+            presses=tuple((x, y, z) for x, y, z in paper_presses(protocol)[::every].tolist()),
             rise_s=_RISE_S,
-            hold_s=_HOLD_S,
-            rest_s=_REST_S,
+            dwell_s=_DWELL_S,
+            pause_s=_PAUSE_S,
             lean_deg=_LEAN_DEG,
-            seed=_seed(workshop, number) + judging,
+            seed=seed + mounting - 1,
         ),
         lead_in_s=_LEAD_IN_S,
-        seed=_seed(workshop, number) + judging,
+        seed=seed + mounting - 1,
         effects=_EFFECTS,
-        fabrication=Fabrication.as_badly_made(seed=workshop.seed, first=number, mounting=1 + judging),
+        fabrication=Fabrication.as_badly_made(seed=batch.seed, first=number, mounting=mounting),
     )
-    sensor = Simulated(seed=_seed(workshop, number))
-    bench = Bench(
-        sensor=sensor,
+    x_gf, y_gf, z_gf = RATED_GF.tolist()
+    test_stand = StandConfig(
+        sensor=Simulated(seed=seed),
         axes=Axes(x="-x", y="-y", z="-z"),
         units="gf",
-        rated=_RATED,
+        rated=(x_gf, y_gf, z_gf),
         latency_ms=TRANSMISSION_NS / 1e6,
     )
-    run = BenchRun(bench=bench, leg=LEG, foot=name_of(number), session=presses)
-    path = folder / f"{name_of(number)}-{presses}.mcap"
+    run = StandSession(test_stand=test_stand, leg=LEG, foot=foot, session=protocol)
+    path = folder / f"{foot}-{protocol}.mcap"
     load = scene.load.build(round(scene.lead_in_s * 1e9))
-    assert isinstance(load, PokingStick), "a bench pokes"
-    with service(config, scene, real_time=False, record=path, bench=run) as running:
+    assert isinstance(load, PressSequence), "the scene is of presses"
+    with service(config, scene, real_time=False, record=path, test_stand=run) as running:
         clock = running.scanning.clock
         running.run(lambda: clock.now_ns() > load.ends_ns)
-    return read_session(path, name_of(number)), load
+    return read_session(path, foot), load
 
 
-def _config(workshop: Workshop, number: int) -> Config:
-    """Return a bench's configuration: one leg, its elements at rest as a probe finds them."""
+def _config(batch: FootBatch, number: int) -> Config:
+    """Return the configuration of one leg, with the unloaded readings that a probe would measure."""
     config = Config(
         buses=(Bus(device="sim", legs={LEG: 0}),),
         can=Can(interface="virtual"),
-        feet={LEG: name_of(number)},
-        foot_type=workshop.foot_type,
+        feet={LEG: foot_name(number)},
+        foot_type=batch.foot_type,
     )
     hanging = Scene(
-        description="at rest",
+        description="unloaded",
         load=Unloaded(),
-        seed=_seed(workshop, number),
+        seed=_seed(batch, number),
         effects=_EFFECTS,
-        fabrication=Fabrication.as_badly_made(seed=workshop.seed, first=number, mounting=0),
+        fabrication=Fabrication.as_badly_made(seed=batch.seed, first=number, mounting=0),
     )
     with scanning(config, hanging) as found:
-        scans = [found.source.read() for _ in range(_REST_SCANS)]
-    read_pf = [scan.capacitance_pf[0] for scan in scans if not scan.reading.any()]
-    unloaded_pf = tuple(np.mean(read_pf, axis=0).round(4).tolist())
+        scans = [found.source.read() for _ in range(_UNLOADED_SCANS)]
+    readings_pf = [scan.capacitance_pf[0] for scan in scans if not scan.reading.any()]
+    unloaded_pf = tuple(np.mean(readings_pf, axis=0).round(4).tolist())
     return msgspec.structs.replace(config, unloaded_pf={LEG: unloaded_pf})
 
 
-def _seed(workshop: Workshop, number: int) -> int:
-    return 10_000 * workshop.seed + 2 * number
+def _seed(batch: FootBatch, number: int) -> int:
+    return 10_000 * batch.seed + 2 * number

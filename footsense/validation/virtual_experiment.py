@@ -1,8 +1,8 @@
-"""The experiment of the paper on feet that were never made: many of them poked, calibrated and judged, side by side.
+"""The paper's experiment on simulated feet: many of them pressed, calibrated and evaluated, in parallel.
 
-Every way of reading a foot is judged by the same pokes, those of a session that none of them learnt from, and by the
-same truth: the reference of the bench, as in the paper. What the foot really felt, which only a simulation knows, is
-kept too. A poke that one of the ways gives no force for is left out for all, and counted.
+Every estimator is evaluated on the same loads, of a session that none was trained on, against the reference of the test
+stand, as in the paper, and against the simulator's true force. Loads for which some estimator has no force are left out
+for all, and counted.
 """
 
 import logging
@@ -17,10 +17,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.evaluation import Read, read_pokes
-from footsense.calibration.fit.calibrate import Design, calibrate
-from footsense.calibration.loads.load_set import PokeSet
-from footsense.calibration.session.recorded_session import BenchSession, read_session
+from footsense.calibration.evaluation import DesignModels, estimate_loads
+from footsense.calibration.fit.calibrate import calibrate
+from footsense.calibration.loads.calibration_load import LoadSet
+from footsense.calibration.session.recorded_session import read_session
 from footsense.clock import stopwatch_ns
 from footsense.config import Bus, Can, Config
 from footsense.daemon.foot_types import artefact
@@ -28,88 +28,128 @@ from footsense.errors import CalibrationError
 from footsense.estimation.network import Network
 from footsense.foot.force_errors import errors
 from footsense.foot.response_table import FootResponse
-from footsense.validation.test_stand_trial import Trial, Workshop, name_of, poke_foot
+from footsense.validation.test_stand_trial import FootBatch, foot_name, run_trial
+
+__all__ = ["ALL", "FEW", "FootErrors", "FootResult", "models_folder", "run_experiment"]
 
 Vector = NDArray[np.float64]
 
-#: Pokes of which a calibration is made; the last is all there are.
+#: Numbers of loads that a calibration uses; the last is all there are.
 FEW = (5, 10, 20, 50, 100)
 ALL = 362
 
-#: Learns forces [N], shape (n, 3), of changes of capacitance [pF], shape (n, 9), and answers others.
-Scratch = Callable[[Vector, Vector, Vector], Vector]
+#: Trains on changes of capacitance [pF], shape (n, 9), and forces [N], shape (n, 3); returns those of other changes.
+PerFootNetwork = Callable[[Vector, Vector, Vector], Vector]
 
 
-class Wrong(msgspec.Struct, frozen=True):
-    """Mean errors of one way of reading one foot.
+class FootErrors(msgspec.Struct, frozen=True):
+    """Mean errors of one estimator on one foot.
 
     Attributes:
         direction_deg: Against the reference [deg].
-        magnitude_gf: The same [gf].
-        felt_direction_deg: Against what the foot felt [deg].
-        felt_magnitude_gf: The same [gf].
+        magnitude_gf: Against the reference [gf].
+        true_direction_deg: Against the true force [deg].
+        true_magnitude_gf: Against the true force [gf].
     """
 
     direction_deg: float
     magnitude_gf: float
-    felt_direction_deg: float
-    felt_magnitude_gf: float
+    true_direction_deg: float
+    true_magnitude_gf: float
 
 
-class FootJudged(msgspec.Struct, frozen=True, kw_only=True):
-    """One foot.
+class FootResult(msgspec.Struct, frozen=True, kw_only=True):
+    """Results of one foot.
 
     Attributes:
         foot: Its identity.
-        n_learnt: Pokes that count of those to learn from.
-        n_judged: Pokes by which all ways are judged.
-        n_unread: Pokes of the judging session that some way gives no force for.
-        wrong: Errors by way: `design_only`, `calibrated_<n>`, `linear_per_foot`, `scratch_per_foot`.
-        refused: Why a calibration was refused, by way.
-        calibrate_s: From the recording to the parameters, all pokes [s].
+        n_training: Accepted loads of the training session.
+        n_test: Loads of the test session on which all estimators are compared.
+        n_unread: Loads of the test session for which some estimator has no force.
+        errors: Errors by estimator: `design_only`, `calibrated_<n>`, `linear_per_foot`, `network_per_foot`.
+        refused: Why a calibration was refused, by estimator.
+        calibrate_s: Time from the recording to the parameters, with all loads [s].
     """
 
     foot: str
-    n_learnt: int
-    n_judged: int
+    n_training: int
+    n_test: int
     n_unread: int
-    wrong: dict[str, Wrong]
+    errors: dict[str, FootErrors]
     refused: dict[str, str]
     calibrate_s: float
 
 
 def run_experiment(
-    workshop: Workshop, numbers: Sequence[int], scratch: Scratch | None, *, jobs: int, every: int = 1
-) -> Iterator[FootJudged]:
-    """Make, poke, calibrate and judge feet, in processes of their own.
+    batch: FootBatch,
+    numbers: Sequence[int],
+    per_foot_network: PerFootNetwork | None,
+    *,
+    jobs: int,
+    every: int = 1,
+) -> Iterator[FootResult]:
+    """Press, calibrate and evaluate feet, in processes of their own.
 
     Args:
-        workshop: Where they are made.
-        numbers: Which.
-        scratch: What learns a foot without any physics; picklable; None to leave that out.
-        jobs: Processes at a time.
-        every: Take one of so many presses.
+        batch: Batch of the feet.
+        numbers: Their numbers in it.
+        per_foot_network: Trains a network on one foot without a physical model; picklable; None to leave it out.
+        jobs: Number of processes.
+        every: Use one of so many presses.
 
     Yields:
-        Each foot as it is done.
+        Each result as it is done.
     """
-    work = partial(judge_foot, workshop, scratch=scratch, every=every)
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_quiet) as processes:
+    work = partial(evaluate_foot, batch, per_foot_network=per_foot_network, every=every)
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_mute) as processes:
         for done in as_completed([processes.submit(work, number) for number in numbers]):
             yield done.result()
 
 
-def judge_foot(workshop: Workshop, number: int, *, scratch: Scratch | None, every: int = 1) -> FootJudged:
-    """Make, poke, calibrate and judge one foot."""
-    with tempfile.TemporaryDirectory(prefix="footsense-bench-") as folder:
-        trial = poke_foot(workshop, number, Path(folder), every=every)
+def evaluate_foot(
+    batch: FootBatch, number: int, *, per_foot_network: PerFootNetwork | None, every: int = 1
+) -> FootResult:
+    """Press, calibrate and evaluate one foot; arguments as of `run_experiment`."""
+    models = _design_models(batch.foot_type)
+    with tempfile.TemporaryDirectory(prefix="footsense-test-stand-") as folder:
+        trial = run_trial(batch, number, Path(folder), every=every)
         began_ns = stopwatch_ns()
-        learning = read_session(trial.learning.path, name_of(number))
-        return _judged(design_of(workshop.foot_type), trial, learning, began_ns, scratch)
+        training = LoadSet.of(read_session(trial.training.path, foot_name(number)).loads)
+        refused: dict[str, str] = {}
+        calibrated = {}
+        order = training.spread_order()
+        for wanted in (ALL, *(n for n in FEW if n < len(training))):
+            loads = training if wanted == ALL else training.subset(order[:wanted])
+            try:
+                calibrated[f"calibrated_{wanted}"] = calibrate(models, loads).parameters
+            except CalibrationError as error:
+                refused[f"calibrated_{wanted}"] = str(error)
+            if wanted == ALL:
+                calibrate_s = (stopwatch_ns() - began_ns) * 1e-9
+    test = LoadSet.of(trial.test.loads)
+    network = models.network(len(test))
+    estimates_n = {
+        name: estimate_loads(test, network, models.trained_inputs, foot).force_n
+        for name, foot in ({"design_only": None} | calibrated).items()
+    }
+    usable = np.logical_and.reduce([np.isfinite(force_n).all(axis=1) for force_n in estimates_n.values()])
+    estimates_n |= _without_model(training, test, per_foot_network)
+    return FootResult(
+        foot=foot_name(number),
+        n_training=len(training),
+        n_test=int(usable.sum()),
+        n_unread=int((~usable).sum()) + trial.test.rejected.total(),
+        errors={
+            name: _errors(test.force_n[usable], trial.true_force_n[usable], force_n[usable])
+            for name, force_n in estimates_n.items()
+        },
+        refused=refused,
+        calibrate_s=calibrate_s,
+    )
 
 
-def models_of(foot_type: str) -> Path:
-    """Return the folder of a type of feet.
+def models_folder(foot_type: str) -> Path:
+    """Return the folder of a foot type.
 
     Raises:
         ModelError: There is no such type.
@@ -120,71 +160,30 @@ def models_of(foot_type: str) -> Path:
     return artefact(config, "network.onnx").parent
 
 
-def design_of(foot_type: str) -> Design:
-    """Return what is known of a type of feet.
-
-    Raises:
-        ModelError: There is no such type.
-    """
-    folder = models_of(foot_type)
+def _design_models(foot_type: str) -> DesignModels:
+    folder = models_folder(foot_type)
     network = lru_cache(maxsize=8)(partial(Network, folder / "network.onnx"))
-    response = FootResponse.load(folder / "response.npz")
-    return Design(response, network, network(1).card.calibration)
+    return DesignModels(FootResponse.load(folder / "response.npz"), network, network(1).card.trained_inputs)
 
 
-def _judged(
-    design: Design, trial: Trial, learning: BenchSession, began_ns: int, scratch: Scratch | None
-) -> FootJudged:
-    pokes = PokeSet.of(learning.pokes)
-    refused: dict[str, str] = {}
-    network = design.network(len(trial.judging.pokes))
-    reads: dict[str, Read] = {"design_only": read_pokes(trial.judging.pokes, network, design.card, None)}
-    calibrate_s = 0.0
-    order = pokes.spread()
-    for wanted in (ALL, *FEW):
-        way = f"calibrated_{wanted}"
-        if wanted != ALL and wanted >= len(pokes):
-            continue
-        try:
-            found = calibrate(design, pokes if wanted == ALL else pokes.some(order[:wanted]))
-        except CalibrationError as error:
-            refused[way] = str(error)
-            continue
-        finally:
-            calibrate_s = calibrate_s or (stopwatch_ns() - began_ns) * 1e-9
-        reads[way] = read_pokes(trial.judging.pokes, network, design.card, found.parameters)
-    both = np.logical_and.reduce([read.usable for read in reads.values()])
-    forces_n = {way: read.force_n for way, read in reads.items()} | _without_physics(pokes, trial, scratch)
-    truth_n = np.array([poke.force_n for poke in trial.judging.pokes])
-    return FootJudged(
-        foot=learning.foot,
-        n_learnt=len(pokes),
-        n_judged=int(both.sum()),
-        n_unread=int((~both).sum()) + trial.judging.refused.total(),
-        wrong={
-            way: _wrong(truth_n[both], trial.felt_n[both], force_n[both]) for way, force_n in forces_n.items()
-        },
-        refused=refused,
-        calibrate_s=calibrate_s,
-    )
-
-
-def _without_physics(pokes: PokeSet, trial: Trial, scratch: Scratch | None) -> dict[str, Vector]:
-    """Return what is made of the judging pokes by what learnt this foot alone [N], shape (n, 3) each."""
-    asked = PokeSet.of(trial.judging.pokes)
-    learnt_pf, asked_pf = pokes.capacitance_pf - pokes.rest_pf, asked.capacitance_pf - asked.rest_pf
-    linear = np.linalg.lstsq(learnt_pf, pokes.force_n, rcond=None)[0]
-    found = {"linear_per_foot": asked_pf @ linear}
-    if scratch is not None:
-        found["scratch_per_foot"] = scratch(learnt_pf, pokes.force_n, asked_pf)
+def _without_model(
+    training: LoadSet, test: LoadSet, per_foot_network: PerFootNetwork | None
+) -> dict[str, Vector]:
+    """Return the test forces of estimators trained on this foot alone [N], shape (n, 3) each."""
+    change_pf, test_pf = (loads.capacitance_pf - loads.baseline_pf for loads in (training, test))
+    found = {"linear_per_foot": test_pf @ np.linalg.lstsq(change_pf, training.force_n, rcond=None)[0]}
+    if per_foot_network is not None:
+        found["network_per_foot"] = per_foot_network(change_pf, training.force_n, test_pf)
     return found
 
 
-def _wrong(truth_n: Vector, felt_n: Vector, force_n: Vector) -> Wrong:
-    seen, felt = errors(truth_n, force_n), errors(felt_n, force_n)
-    return Wrong(seen.direction_deg, seen.magnitude_gf, felt.direction_deg, felt.magnitude_gf)
+def _errors(reference_n: Vector, true_force_n: Vector, force_n: Vector) -> FootErrors:
+    by_reference, by_truth = errors(reference_n, force_n), errors(true_force_n, force_n)
+    return FootErrors(
+        by_reference.direction_deg, by_reference.magnitude_gf, by_truth.direction_deg, by_truth.magnitude_gf
+    )
 
 
-def _quiet() -> None:
-    """Say nothing of what an uncalibrated foot looks like to the daemon."""
+def _mute() -> None:
+    """Drop the daemon's warnings about an uncalibrated foot."""
     logging.disable(logging.WARNING)

@@ -98,7 +98,7 @@ def test_what_is_read_of_a_stream_and_what_is_counted(vector: dict[str, Any], pi
     decoder, line = SerialDecoder(), bytes.fromhex(vector["line"])
     read = [r.seq for at in range(0, len(line), piece) for r in decoder.feed(line[at : at + piece])]
     assert read == vector["seqs"]
-    assert {kind: n for kind, n in vars(decoder.losses).items() if n} == vector["losses"]
+    assert decoder.losses == vector["losses"]
 
 
 def test_the_check_of_the_crc_and_the_golden_bytes_of_the_stuffing(encoder: ctypes.CDLL) -> None:
@@ -127,7 +127,7 @@ def test_what_no_record_has_is_written_by_nobody_and_read_by_nobody(
     assert c_encodes(encoder, record) == b""
     decoder = SerialDecoder()
     assert decoder.feed(b"\0" + encode_record(record)) == []
-    assert vars(decoder.losses) == vars(SerialDecoder().losses) | {"version": 1}
+    assert decoder.losses == {"version": 1}
 
 
 @given(st.binary(max_size=254))
@@ -182,7 +182,7 @@ def test_a_line_that_was_interrupted_begins_anew() -> None:
     assert len(decoder.feed(line + line[:30])) == 1
     decoder.begin_anew()
     assert decoder.feed(line[20:]) == []
-    assert decoder.losses.total == 0
+    assert not decoder.losses
 
 
 def test_codes_mean_here_what_they_mean_there() -> None:

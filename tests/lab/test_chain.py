@@ -33,7 +33,7 @@ from footsense.lab.training.export import OnnxNetwork, onnx_model
 from footsense.lab.training.network import N_SYMMETRIES, SEEN, Weights
 from footsense.lab.training.train import MASKS, predict
 from footsense.sim.scene import load_scene
-from footsense.telemetry.run_statistics import Score
+from footsense.telemetry.run_statistics import RunStatistics
 from tests.lab.released import RELEASED
 from tests.lab.released import SOLE as SHIPPED
 
@@ -275,11 +275,11 @@ def test_a_robot_walks_on_feet_of_another_type(built: Built, folder: Path, tmp_p
         f"buses: [{{device: sim, legs: {{lf: 0, rr: 1}}}}]\ncan: {{interface: virtual}}\nfoot_type: {folder}\n"
     )
     with service(load_config(config), load_scene("tripod"), real_time=False) as robot:
-        score = Score(robot.legs, robot.scanning.true_force_n)
-        robot.observers.append(score)
+        statistics = RunStatistics(robot.legs, robot.scanning.true_force_n)
+        robot.observers.append(statistics)
         robot.run(lambda: robot.scanning.clock.now_ns() > 2_000_000_000)
     assert robot.network.card.foot_type == "large-3x3"
-    found: dict[str, Any] = score.summary()
+    found: dict[str, Any] = statistics.summary()
     assert found["faults"] == 0
     assert found["direction_error_deg"]["loaded_frames"] > 30
     assert found["direction_error_deg"]["mean"] < 5.0

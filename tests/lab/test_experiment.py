@@ -12,12 +12,12 @@ pytestmark = pytest.mark.lab
 
 
 def test_a_badly_made_foot_is_calibrated_through_bytes_and_files(tmp_path: Path) -> None:
-    """All ways are judged by the same pokes of another session; a calibrated foot beats what knows its design alone."""
+    """All ways are judged by the same loads of another session; a calibrated foot beats what knows its design alone."""
     command = ["lab", "experiment", "--quick", "--feet", "1", "--json", "--output", str(tmp_path)]
     done = CliRunner().invoke(main, command, catch_exceptions=False)
     assert done.exit_code == 0
     figures = json.loads(done.stdout)
-    ways = {"design_only", "calibrated_362", "calibrated_20", "linear_per_foot", "scratch_per_foot"}
+    ways = {"design_only", "calibrated_362", "calibrated_20", "linear_per_foot", "network_per_foot"}
     assert ways <= figures.keys()
     for what in ("direction_deg", "magnitude_gf"):
         assert figures["calibrated_362"][what]["mean"] < 0.5 * figures["design_only"][what]["mean"]

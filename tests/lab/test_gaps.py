@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 
 from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.foot.gap_contact import kkt_residual, touch
+from footsense.foot.gap_contact import kkt_residual, solve_contact_lcp
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 
@@ -47,7 +47,7 @@ def by_least_squares(free_um: Vector, gap_um: Vector, compliance: Vector) -> Vec
 def test_all_four_conditions_hold_to_rounding(seed: int, n: int) -> None:
     """Balance within 1e-9 of the closures; no penetration, no pull and no force across a gap at all."""
     free_um, gap_um, compliance = problem(seed, n)
-    rest = kkt_residual(touch(free_um, gap_um, compliance), free_um, gap_um, compliance)
+    rest = kkt_residual(solve_contact_lcp(free_um, gap_um, compliance), free_um, gap_um, compliance)
     assert rest["balance_um"] <= 1e-8 * max(1.0, np.abs(free_um).max())
     assert rest["penetration_um"] <= 1e-9 * gap_um.max()
     assert rest["pull_n"] == 0.0
@@ -58,7 +58,10 @@ def test_all_four_conditions_hold_to_rounding(seed: int, n: int) -> None:
 def test_least_squares_finds_the_same(seed: int, n: int) -> None:
     """The contact forces minimise the energy: non-negative least squares agrees in what energy weighs."""
     free_um, gap_um, compliance = problem(seed, n)
-    found, other = touch(free_um, gap_um, compliance).force_n, by_least_squares(free_um, gap_um, compliance)
+    found, other = (
+        solve_contact_lcp(free_um, gap_um, compliance).force_n,
+        by_least_squares(free_um, gap_um, compliance),
+    )
     apart = found - other
     assert apart @ compliance @ apart <= 1e-12 * max(
         1.0, float(free_um @ np.linalg.solve(compliance, free_um))
@@ -70,8 +73,8 @@ def test_the_order_of_the_cells_does_not_matter(seed: int, n: int) -> None:
     """One solution: other pivots lead to it too."""
     free_um, gap_um, compliance = problem(seed, n)
     order = np.random.default_rng(seed).permutation(n)
-    closure_um = touch(free_um, gap_um, compliance).closure_um
-    again_um = touch(free_um[order], gap_um[order], compliance[np.ix_(order, order)]).closure_um
+    closure_um = solve_contact_lcp(free_um, gap_um, compliance).closure_um
+    again_um = solve_contact_lcp(free_um[order], gap_um[order], compliance[np.ix_(order, order)]).closure_um
     np.testing.assert_allclose(again_um, closure_um[order], atol=1e-7)
 
 
@@ -80,7 +83,10 @@ def test_closures_follow_the_load_without_a_jump(seed: int, n: int) -> None:
     """A projection in the energy norm: two solutions are never further apart than their loads."""
     free_um, gap_um, compliance = problem(seed, n)
     moved_um = free_um + np.random.default_rng(seed + 1).normal(scale=3.0, size=n)
-    apart = touch(moved_um, gap_um, compliance).closure_um - touch(free_um, gap_um, compliance).closure_um
+    apart = (
+        solve_contact_lcp(moved_um, gap_um, compliance).closure_um
+        - solve_contact_lcp(free_um, gap_um, compliance).closure_um
+    )
     stiffness = np.linalg.inv(compliance)
     before = (moved_um - free_um) @ stiffness @ (moved_um - free_um)
     assert apart @ stiffness @ apart <= before * (1.0 + 1e-6)
@@ -91,7 +97,10 @@ def test_contact_forces_grow_with_what_presses(seed: int, n: int) -> None:
     """Monotone: the change of the contact forces and that of the free closures never point apart."""
     free_um, gap_um, compliance = problem(seed, n)
     more_um = np.random.default_rng(seed + 1).normal(scale=10.0, size=n)
-    change = touch(free_um + more_um, gap_um, compliance).force_n - touch(free_um, gap_um, compliance).force_n
+    change = (
+        solve_contact_lcp(free_um + more_um, gap_um, compliance).force_n
+        - solve_contact_lcp(free_um, gap_um, compliance).force_n
+    )
     assert change @ more_um >= -1e-7 * np.linalg.norm(change) * np.linalg.norm(more_um)
 
 
@@ -99,8 +108,8 @@ def test_contact_forces_grow_with_what_presses(seed: int, n: int) -> None:
 def test_scaling_load_and_gap_scales_the_answer(seed: int, n: int, factor: float) -> None:
     """Homogeneous of degree one in load and gap together, over twelve decades."""
     free_um, gap_um, compliance = problem(seed, n)
-    closure_um = touch(free_um, gap_um, compliance).closure_um
-    scaled_um = touch(factor * free_um, factor * gap_um, compliance).closure_um
+    closure_um = solve_contact_lcp(free_um, gap_um, compliance).closure_um
+    scaled_um = solve_contact_lcp(factor * free_um, factor * gap_um, compliance).closure_um
     np.testing.assert_allclose(scaled_um, factor * closure_um, rtol=1e-7, atol=1e-7 * factor)
 
 
@@ -119,7 +128,7 @@ def test_a_foot_under_load_keeps_all_conditions(azimuth: float, elevation: float
     free_um = released.free_closure_um(normal, force_n * normal)
     gap_um = np.full(324, released.design.gap_um)
     compliance = released.compliance_um_per_n
-    rest = kkt_residual(touch(free_um, gap_um, compliance), free_um, gap_um, compliance)
+    rest = kkt_residual(solve_contact_lcp(free_um, gap_um, compliance), free_um, gap_um, compliance)
     assert rest["balance_um"] < 1e-9 * np.abs(free_um).max()
     assert (rest["penetration_um"], rest["pull_n"]) == (0.0, 0.0)
 
@@ -154,7 +163,7 @@ def test_no_number_is_refused(field: int) -> None:
     inputs = [np.full(3, 30.0), np.full(3, 20.0)]
     inputs[field][1] = np.nan
     with pytest.raises(ValueError, match="finite"):
-        touch(inputs[0], inputs[1], np.eye(3))
+        solve_contact_lcp(inputs[0], inputs[1], np.eye(3))
 
 
 @pytest.mark.parametrize(
@@ -163,4 +172,4 @@ def test_no_number_is_refused(field: int) -> None:
 def test_a_compliance_that_is_none_is_an_error(compliance: Vector) -> None:
     """Negative, indefinite or zero: an ArithmeticError that says so."""
     with pytest.raises(ArithmeticError, match="positive definite"):
-        touch(np.full(3, 30.0), np.full(3, 20.0), compliance)
+        solve_contact_lcp(np.full(3, 30.0), np.full(3, 20.0), compliance)

@@ -36,7 +36,7 @@ def test_the_chip_is_recognised_by_what_a_reset_leaves() -> None:
 @pytest.mark.parametrize(
     ("answer", "hint"),
     [
-        (b"\xff" * 8, "nobody drives the lines"),
+        (b"\xff" * 8, "no chip drives the lines"),
         (b"\x00" * 8, "SDA is held low"),
         (b"\x19\x00" * 4, "LM75, a TMP102, an ADS1115 or an ADG715 strapped to 0x48"),
     ],

@@ -25,7 +25,7 @@ def test_the_right_chip_is_recognised_by_both_ids() -> None:
 @pytest.mark.parametrize(
     ("manufacturer", "device", "hint"),
     [
-        (b"\xff\xff", b"\xff\xff", "nobody drives the lines"),
+        (b"\xff\xff", b"\xff\xff", "no chip drives the lines"),
         (b"\x00\x00", b"\x00\x00", "SDA is held low"),
         (b"\x12\x34", b"\x56\x78", "EEPROM"),
     ],

@@ -1,14 +1,15 @@
-"""Foot packs of feet that nobody pressed."""
+"""Calibrations of feet that nobody pressed."""
 
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from footsense.calibration.writer import PackContent, write_pack
+import footsense
+from footsense.calibration.writer import write_calibration
 from footsense.daemon import FOOT_TYPE, released
-from footsense.foot.calibration_format import HeldOut
-from footsense.foot.calibration_reader import FootPack
+from footsense.foot.calibration_format import HeldOut, Manifest
+from footsense.foot.calibration_reader import FootCalibration
 from footsense.foot.force_errors import Errors
 from footsense.foot.parameters import FEATURES, FootParameters
 
@@ -48,23 +49,27 @@ def as_designed(**given: Any) -> FootParameters:
     return FootParameters(**{**values, **given})
 
 
-def content(foot: str = "foot-0007", **given: Any) -> PackContent:
-    """Return what goes into a pack; `given` replaces some."""
-    values: dict[str, Any] = {
+def content(foot: str = "foot-0007", **given: Any) -> dict[str, Any]:
+    """Return the arguments of `write_calibration`; `given` replaces some, or fields of the manifest."""
+    fields: dict[str, Any] = {
         "foot": foot,
         "foot_type": FOOT_TYPE,
-        "parameters": parameters(),
-        "network": released("network.onnx"),
+        "footsense": footsense.__version__,
         "made": "2026-03-01T12:00:00Z",
-        "n_pokes": 362,
+        "n_loads": 362,
         "n_sessions": 3,
         "held_out": HeldOut(protocol="each session by the two others", design_only=BEFORE, calibrated=AFTER),
         "recordings": {"one.mcap": "1" * 64, "two.mcap": "2" * 64},
+    }
+    values: dict[str, Any] = {
+        "parameters": parameters(),
+        "network": released("network.onnx"),
         "temperature_c": 23.5,
     }
-    return PackContent(**{**values, **given})
+    manifest = Manifest(**{name: given.pop(name, value) for name, value in fields.items()})
+    return {"manifest": manifest, **values, **given}
 
 
-def pack(feet: Path, foot: str = "foot-0007", **given: Any) -> FootPack:
-    """Write a pack and return it."""
-    return write_pack(feet, content(foot, **given))
+def calibration(calibrations: Path, foot: str = "foot-0007", **given: Any) -> FootCalibration:
+    """Write a calibration and return it."""
+    return write_calibration(calibrations, **content(foot, **given))

@@ -1,12 +1,12 @@
-"""Pokes of a made foot as a bench would measure them, without the electronics between."""
+"""CalibrationLoads of a made foot as a bench would measure them, without the electronics between."""
 
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.fit.calibrate import Design
-from footsense.calibration.loads.load_set import PokeSet
+from footsense.calibration.evaluation import DesignModels
+from footsense.calibration.loads.calibration_load import LoadSet
 from footsense.daemon import released
 from footsense.estimation.network import Network
 from footsense.foot.response_table import FootResponse
@@ -19,10 +19,10 @@ MADE = FootTolerances(gap_um=2.5, film_um=1.0, stray_pf=0.35, stiffness_rel=0.2,
 
 
 @lru_cache(maxsize=1)
-def design() -> Design:
+def design() -> DesignModels:
     """Return the released foot type."""
     network = lru_cache(maxsize=None)(lambda n_rows: Network(released("network.onnx"), n_rows))
-    return Design(FootResponse.load(released("response.npz")), network, network(1).card.calibration)
+    return DesignModels(FootResponse.load(released("response.npz")), network, network(1).card.trained_inputs)
 
 
 def made(number: int) -> Deviations:
@@ -36,8 +36,8 @@ def poked(
     rng: np.random.Generator | None = None,
     lean_deg: float = 0.7,
     rubber_rel: float = 0.01,
-) -> PokeSet:
-    """Return pokes of a foot; exact without a random generator, else with a leaning stick and noise.
+) -> LoadSet:
+    """Return loads of a foot; exact without a random generator, else with a leaning stick and noise.
 
     Args:
         own: The foot.
@@ -52,9 +52,9 @@ def poked(
     leaning = normal + np.cross(np.radians(lean_deg) * np.sqrt(0.5) * noise[0], normal)
     leaning /= np.linalg.norm(leaning, axis=1, keepdims=True)
     felt_n = force_n * (1.0 + rubber_rel * noise[1, :, :1])
-    return PokeSet(
+    return LoadSet(
         force_n=force_n + 0.003 * noise[2],
         sigma_n=np.full(force_n.shape, 0.003),
         capacitance_pf=foot.capacitance_pf(leaning, felt_n),
-        rest_pf=np.tile(foot.rest_pf, (len(force_n), 1)),
+        baseline_pf=np.tile(foot.rest_pf, (len(force_n), 1)),
     )

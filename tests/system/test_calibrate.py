@@ -1,4 +1,4 @@
-"""`footsense calibrate` on a simulated bench: what it takes from a recording beside the pokes, and what it refuses."""
+"""`footsense calibrate` on a simulated stand: what it takes from a recording beside the loads, and what it refuses."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,20 +12,20 @@ from numpy.typing import NDArray
 from footsense import daemon
 from footsense.cli.calibrate import calibrate
 from footsense.config import Bus, Can, Config, Tare
-from footsense.config.test_stand import Axes, Bench, Simulated
-from footsense.daemon.test_stand import BenchRun
+from footsense.config.test_stand import Axes, Simulated, StandConfig
+from footsense.daemon.test_stand import StandSession
 from footsense.errors import CalibrationError
-from footsense.foot.calibration_reader import read_pack
+from footsense.foot.calibration_reader import read_calibration
 from footsense.frames import Cycle
 from footsense.recording.cycle_records import Numbered
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream
-from footsense.reference.mounting import NEWTON_PER
-from footsense.sim.scene import Pokes, Scene
-from tests.system.bench import MADE, presses
+from footsense.reference.sensor_mounting import NEWTON_PER
+from footsense.sim.scene import CalibrationLoads, Scene
+from tests.system.simulated_test_stand import MADE, presses
 
-BENCH = Bench(
+STAND = StandConfig(
     sensor=Simulated(seed=1, linearity_rel=0.0),
     axes=Axes(x="-x", y="-y", z="-z"),
     units="gf",
@@ -48,21 +48,23 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("bench") / "session.mcap"
     # The board's range ends below a shut gap.
     light = tuple((0.5 * x, 0.5 * y, 0.5 * z) for x, y, z in presses(24))
-    load = Pokes(presses=light, rise_s=0.1, hold_s=0.7, rest_s=0.8)
+    load = CalibrationLoads(presses=light, rise_s=0.1, dwell_s=0.7, pause_s=0.8)
     scene = Scene(description="a bench", load=load, lead_in_s=2.0, fabrication=MADE)
     end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 500_000_000
-    run = BenchRun(bench=BENCH, leg="lf", foot="foot-0007", session="one")
-    with daemon.service(CONFIG, scene, record=path, real_time=False, bench=run) as service:
+    run = StandSession(test_stand=STAND, leg="lf", foot="foot-0007", session="one")
+    with daemon.service(CONFIG, scene, record=path, real_time=False, test_stand=run) as service:
         clock = service.scanning.clock
         service.run(lambda: clock.now_ns() >= end_ns)
     return path
 
 
-def rewritten(session: Path, path: Path, change: Callable[[Cycle], Cycle], bench: Bench = BENCH) -> Path:
-    """Write the session with changed cycles, and another bench's file in its header."""
+def rewritten(
+    session: Path, path: Path, change: Callable[[Cycle], Cycle], stand: StandConfig = STAND
+) -> Path:
+    """Write the session with changed cycles, and another test stand's file in its header."""
     recording = Replay(session)
     with path.open("wb") as file:
-        described = msgspec.json.encode(bench).decode()
+        described = msgspec.json.encode(stand).decode()
         header = {**recording.header, "reference": described, "session": path.stem}
         copy = McapFile(FdStream(file.fileno()), header)
         for number, cycle in enumerate(recording):
@@ -88,31 +90,31 @@ def invoke(*arguments: str | Path) -> Result:
 
 def test_a_pack_knows_at_what_temperature_it_was_made(session: Path, tmp_path: Path) -> None:
     """The mean of what the converter told; nothing as soon as one session does not tell."""
-    done = invoke(session, "--feet", tmp_path)
+    done = invoke(session, "--calibrations", tmp_path)
     assert done.exit_code == 0, done.exception
     told = [cycle.temperature_c for cycle in Replay(session) if cycle.temperature_c is not None]
-    pack = read_pack(tmp_path / "foot-0007", "aoyagi-3x3")
-    assert pack.calibrated_at.temperature_c == pytest.approx(told[0][0])
-    assert f" pokes in 1 sessions at {told[0][0]:.1f} degC" in done.stdout
+    calibration = read_calibration(tmp_path / "foot-0007", "aoyagi-3x3")
+    assert calibration.calibrated_at.temperature_c == pytest.approx(told[0][0])
+    assert f" loads in 1 sessions at {told[0][0]:.1f} degC" in done.stdout
     untold = rewritten(session, tmp_path / "untold.mcap", lambda cycle: cycle._replace(temperature_c=None))
-    done = invoke(session, untold, "--feet", tmp_path / "both")
+    done = invoke(session, untold, "--calibrations", tmp_path / "both")
     assert done.exit_code == 0, done.exception
-    assert read_pack(tmp_path / "both" / "foot-0007", "aoyagi-3x3").calibrated_at.temperature_c is None
+    assert read_calibration(tmp_path / "both" / "foot-0007", "aoyagi-3x3").calibrated_at.temperature_c is None
 
 
 def test_a_reference_that_contradicts_the_foot_is_refused(session: Path, tmp_path: Path) -> None:
-    """Newtons taken for kgf, and swapped axes: the line says which would fit, and no pack is made."""
-    kgf = msgspec.structs.replace(BENCH, units="kgf")
+    """Newtons taken for kgf, and swapped axes: the line says which would fit, and no calibration is made."""
+    kgf = msgspec.structs.replace(STAND, units="kgf")
     too_much = turned(NEWTON_PER["kgf"] / NEWTON_PER["N"] * np.eye(3))
     heavy = rewritten(session, tmp_path / "heavy.mcap", too_much, kgf)
-    y_for_x = msgspec.structs.replace(BENCH, axes=Axes(x="-y", y="-x", z="z"))
+    y_for_x = msgspec.structs.replace(STAND, axes=Axes(x="-y", y="-x", z="z"))
     swap = turned(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))
     swapped = rewritten(session, tmp_path / "swapped.mcap", swap, y_for_x)
     for path, words in (
-        (heavy, "its readings seem to be in N, and the bench's file says units: kgf"),
+        (heavy, "its readings seem to be in N, and the test stand's file says units: kgf"),
         (swapped, "axes: {x: -x, y: -y, z: -z} would fit"),
     ):
-        error = invoke(path, "--feet", tmp_path / "feet").exception
+        error = invoke(path, "--calibrations", tmp_path / "feet").exception
         assert isinstance(error, CalibrationError)
         assert str(error).startswith(f"{path}: the reference ")
         assert words in str(error)

@@ -91,6 +91,7 @@ def test_a_number_out_of_range_is_a_usage_error(tmp_path: Path, arguments: tuple
     ("arguments", "present"),
     [
         (("bench",), "benchmark"),
+        (("lab", "ladder"), "fidelity"),
         (("run", "--operating-point", "quiet"), "low-noise"),
         (("run", "--operating-point", "steady"), "default"),
         (("run", "--operating-point", "fresh"), "low-latency"),

@@ -1,4 +1,4 @@
-"""`footsense evaluate` on a simulated bench: before and after, what it draws, and what it refuses."""
+"""`footsense evaluate` on a simulated stand: before and after, what it draws, and what it refuses."""
 
 import json
 import shutil
@@ -11,16 +11,16 @@ from click.testing import CliRunner, Result
 from footsense.cli.evaluate.command import evaluate
 from footsense.errors import CalibrationError, ConfigError, FootsenseError, ModelError, RecordingError
 from footsense.foot.calibration_format import Manifest
-from tests.support.calibrations import pack
-from tests.system.bench import record, true_parameters
+from tests.support.calibrations import calibration
+from tests.system.simulated_test_stand import record, true_parameters
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a session of foot-0007, and the pack that a perfect calibration makes of it."""
+def stand(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a session of foot-0007, and the calibration that a perfect calibration makes of it."""
     folder = tmp_path_factory.mktemp("bench")
     record(folder / "session.mcap")
-    pack(folder / "feet", parameters=true_parameters())
+    calibration(folder / "feet", parameters=true_parameters())
     return folder
 
 
@@ -36,34 +36,36 @@ def refusal(*arguments: str | Path, kind: type[FootsenseError] = CalibrationErro
     return str(error)
 
 
-def test_before_and_after(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The pack is found where packs are; of a badly made foot it takes degrees and grams, and the table says both."""
-    monkeypatch.chdir(bench)
+def test_before_and_after(stand: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The calibration is found in the default folder; it takes degrees and grams off a badly made foot's errors."""
+    monkeypatch.chdir(stand)
     found: dict[str, Any] = json.loads(invoke("session.mcap", "--foot", "foot-0007", "--json").stdout)
     before, after = found["bands"]["all"].values()
-    assert (found["n_pokes"], found["n_compared"], after["pokes"]) == (24, 24, 24)
+    assert (found["n_loads"], found["n_compared"], after["loads"]) == (24, 24, 24)
     assert before["direction_deg"] > 5.0
     assert before["magnitude_gf"] > 10.0
     assert after["direction_deg"] < 1.5
     assert after["magnitude_gf"] < 1.0
     assert after["magnitude_n"] == pytest.approx(9.80665e-3 * after["magnitude_gf"])
-    assert sum(band["with its pack"]["pokes"] for name, band in found["bands"].items() if name != "all") == 24
+    assert (
+        sum(band["with calibration"]["loads"] for name, band in found["bands"].items() if name != "all") == 24
+    )
     text = invoke("session.mcap", "--foot", "foot-0007").stdout.splitlines()
     assert text[0].startswith(
-        "foot-0007, type aoyagi-3x3, its pack of 2026-03-01T12:00:00Z on 362 pokes: 24 of 24"
+        "foot-0007, type aoyagi-3x3, its calibration of 2026-03-01T12:00:00Z on 362 loads: 24 of 24"
     )
-    assert text[3].split()[:4] == ["with", "its", "pack", "24"]
+    assert text[3].split()[:3] == ["with", "calibration", "24"]
 
 
 @pytest.mark.lab
-def test_the_page(bench: Path, tmp_path: Path) -> None:
-    """A page, its numbers and three figures; without a pack, the network alone, and that is said."""
+def test_the_page(stand: Path, tmp_path: Path) -> None:
+    """A page, its numbers and three figures; without a calibration, the network alone, and that is said."""
     with_pack = invoke(
-        bench / "session.mcap",
+        stand / "session.mcap",
         "--foot",
         "foot-0007",
-        "--pack",
-        bench / "feet" / "foot-0007",
+        "--calibration",
+        stand / "feet" / "foot-0007",
         "--out",
         tmp_path,
     )
@@ -72,47 +74,47 @@ def test_the_page(bench: Path, tmp_path: Path) -> None:
         *("foot-0007.md", "foot-0007.json", "error-map.png", "errors.png", "patterns.png")
     }
     assert "| all | network alone | 24 |" in (tmp_path / "foot-0007.md").read_text()
-    alone = invoke(bench / "session.mcap", "--foot", "foot-0007")
-    assert "no pack at feet/foot-0007: the network of the design alone" in alone.stderr
-    assert "with its pack" not in alone.stdout
+    alone = invoke(stand / "session.mcap", "--foot", "foot-0007")
+    assert "no calibration at feet/foot-0007: the network of the design alone" in alone.stderr
+    assert "with calibration" not in alone.stdout
 
 
-def test_a_pack_is_not_judged_by_what_it_was_made_of(bench: Path, tmp_path: Path) -> None:
+def test_a_pack_is_not_judged_by_what_it_was_made_of(stand: Path, tmp_path: Path) -> None:
     """Not without saying so; the hashes of the recordings tell, whatever they are called."""
     from footsense.calibration.writer import file_sha256
 
-    shutil.copy(bench / "session.mcap", tmp_path / "renamed.mcap")
-    made_of_it = pack(tmp_path, recordings={"session.mcap": file_sha256(bench / "session.mcap")})
+    shutil.copy(stand / "session.mcap", tmp_path / "renamed.mcap")
+    made_of_it = calibration(tmp_path, recordings={"session.mcap": file_sha256(stand / "session.mcap")})
     assert isinstance(made_of_it.manifest, Manifest)
-    result = invoke(tmp_path / "renamed.mcap", "--foot", "foot-0007", "--pack", tmp_path / "foot-0007")
-    assert "renamed.mcap: its errors there are smaller than on pokes that it never saw" in result.stderr
+    result = invoke(tmp_path / "renamed.mcap", "--foot", "foot-0007", "--calibration", tmp_path / "foot-0007")
+    assert "renamed.mcap: its errors there are smaller than on other loads" in result.stderr
 
 
-def test_what_cannot_be_evaluated(bench: Path, tmp_path: Path) -> None:
+def test_what_cannot_be_evaluated(stand: Path, tmp_path: Path) -> None:
     """One line each, with what would be right."""
-    session = bench / "session.mcap"
+    session = stand / "session.mcap"
     assert "a recording of foot-0007, not of foot-0008" in refusal(session, "--foot", "foot-0008")
     assert "the same recording as" in refusal(session, session, "--foot", "foot-0007")
     assert "there is no network.onnx in it; --foot-type names" in refusal(
         session, "--foot", "foot-0007", "--foot-type", tmp_path, kind=ConfigError
     )
-    assert "no such foot pack" in refusal(
-        session, "--foot", "foot-0007", "--pack", tmp_path / "feet", kind=ModelError
+    assert "no such calibration" in refusal(
+        session, "--foot", "foot-0007", "--calibration", tmp_path / "feet", kind=ModelError
     )
     record(tmp_path / "walk.mcap", n=1, reference=False)
     assert "holds no sample of a reference sensor" in refusal(tmp_path / "walk.mcap", "--foot", "foot-0007")
     record(tmp_path / "short.mcap", n=2)
     assert refusal(tmp_path / "short.mcap", "--foot", "foot-0007").startswith(
-        "2 pokes that count in 1 recordings; at"
+        "2 accepted loads in 1 recordings; at"
     )
     (tmp_path / "none.mcap").write_text("no recording")
     refusal(tmp_path / "none.mcap", "--foot", "foot-0007", kind=RecordingError)
 
 
-def test_a_recording_that_was_cut_short(bench: Path, tmp_path: Path) -> None:
+def test_a_recording_that_was_cut_short(stand: Path, tmp_path: Path) -> None:
     """What is whole of it counts, and the warning says that it is not all."""
-    content = (bench / "session.mcap").read_bytes()
+    content = (stand / "session.mcap").read_bytes()
     (tmp_path / "cut.mcap").write_bytes(content[: int(0.95 * len(content))])
     result = invoke(tmp_path / "cut.mcap", "--foot", "foot-0007")
     assert result.exit_code == 0, result.exception
-    assert "pokes before that are used" in result.stderr
+    assert "loads before that are used" in result.stderr

@@ -11,7 +11,7 @@ import pytest
 
 from firmware_interface.can_codes import USABLE
 from footsense import daemon
-from footsense.acquisition.mcu_source import RecordSource
+from footsense.acquisition.mcu_source import McuSource
 from footsense.acquisition.serial_port import SerialLink
 from footsense.config import Can, Config, Serial
 from footsense.errors import ConfigError
@@ -45,7 +45,7 @@ class Robot(NamedTuple):
     """
 
     robot: SimulatedRobot
-    source: RecordSource
+    source: McuSource
     pipeline: Pipeline
 
     def run(self, until_ns: int) -> Iterator[tuple[int, ContactFrame]]:
@@ -64,7 +64,7 @@ def robot(scene: Scene, faults: LineFaults) -> Robot:
     line = SimulatedLine(
         simulated_mcu(simulated, scene, rate_hz), simulated.clock, rate_hz=rate_hz, baud=baud, faults=faults
     )
-    source = RecordSource(line, simulated.clock, LEGS, rate_hz=rate_hz)
+    source = McuSource(line, simulated.clock, LEGS, rate_hz=rate_hz)
     return Robot(simulated, source, daemon.pipeline_for(MCU, daemon.load_network(MCU), 0))
 
 
@@ -131,7 +131,7 @@ def test_over_a_real_terminal(tmp_path: Path) -> None:
     clock = HurriedClock()
     with plugged(tmp_path / "usb-mcu") as line:
         device = line.plug()
-        source = RecordSource(SerialLink(str(line.name), 921_600, clock), clock, LEGS, rate_hz=200.0)
+        source = McuSource(SerialLink(str(line.name), 921_600, clock), clock, LEGS, rate_hz=200.0)
         assert (source.read().reading == Reading.NO_ANSWER).all()
         stamps_ns = []
         for _ in range(20):

@@ -12,7 +12,7 @@ from footsense import daemon
 from footsense.clock import resident_mib
 from footsense.config import load_config
 from footsense.sim.scene import load_scene
-from footsense.telemetry.run_statistics import Score
+from footsense.telemetry.run_statistics import RunStatistics
 from tests.system.command import robot
 
 #: Until then pools fill up, such as those of the interpreter and of the allocator.
@@ -25,7 +25,7 @@ def test_nothing_grows_with_the_cycles(tmp_path: Path) -> None:
     config = load_config(robot(tmp_path, more=f"metrics: {{counters: {tmp_path / 'counters'}}}\n"))
     record = tmp_path / "walk.mcap"
     with daemon.service(config, load_scene("hanging"), real_time=False, record=record) as service:
-        service.observers.append(Score(service.legs, service.scanning.true_force_n))
+        service.observers.append(RunStatistics(service.legs, service.scanning.true_force_n))
 
         def run(n_cycles: int) -> None:
             left = iter(range(n_cycles))

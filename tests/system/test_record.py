@@ -1,4 +1,4 @@
-"""A session on the bench: guided, recorded whole whatever goes wrong with its force sensor, and fit to calibrate by."""
+"""A session on the stand: guided, recorded whole whatever goes wrong with its force sensor, and fit to calibrate by."""
 
 import contextlib
 import os
@@ -16,7 +16,7 @@ import pytest
 
 from footsense.calibration.session.recorded_session import read_session
 from footsense.daemon import FOOT_TYPE
-from footsense.foot.calibration_reader import read_pack
+from footsense.foot.calibration_reader import read_calibration
 from footsense.recording.replay import Replay
 from footsense.sim.scene import load_scene
 from footsense.sim.test_stand.reference_sensor import SimulatedSensor
@@ -34,17 +34,17 @@ latency_ms: 2.1
 """
 
 
-def scene(folder: Path, presses: list[list[float]], hold_s: float = 0.6) -> Path:
+def scene(folder: Path, presses: list[list[float]], dwell_s: float = 0.6) -> Path:
     """Write a scene of these presses."""
     path = folder / "presses.yaml"
-    load = {"kind": "pokes", "presses": presses, "hold_s": hold_s}
+    load = {"kind": "calibration_loads", "presses": presses, "dwell_s": dwell_s}
     text = {"description": "presses", "load": load, "effects": {"converter_noise": True, "gap_contact": True}}
     path.write_bytes(msgspec.yaml.encode(text))
     return path
 
 
-def bench(folder: Path, text: str = SENSOR) -> Path:
-    """Write a bench's file."""
+def stand(folder: Path, text: str = SENSOR) -> Path:
+    """Write a test stand's file."""
     path = folder / "test-stand.yaml"
     path.write_text(text)
     return path
@@ -54,20 +54,20 @@ def test_a_session_ends_with_a_set_that_is_enough(tmp_path: Path) -> None:
     """Six presses make a set of five; their forces are those of the stick, and the recording replays bit for bit."""
     out = tmp_path / "one.mcap"
     done = footsense(
-        *("record", "--reference", bench(tmp_path), "--foot", "foot-0007", "--leg", "rm", "--pokes", "5"),
+        *("record", "--reference", stand(tmp_path), "--foot", "foot-0007", "--leg", "rm", "--loads", "5"),
         *("--scene", scene(tmp_path, SIX + SIX), "--session", "a", out),
     )
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert re.fullmatch(r"press 2: 5[0-2] gf from azimuth 1(19|20|21), elevation (59|60|61) deg", lines[1])
-    assert lines[6].startswith(f"{out}: 6 of 5 pokes; directions covered: 100 % at 50 gf")
+    assert lines[6].startswith(f"{out}: 6 of 5 loads; directions covered: 100 % at 50 gf")
     assert " 0 missing, 0 unreadable, 0 saturated" in lines[7]
     assert (tmp_path / "one.png").exists()
     header = Replay(out).header
     assert (header["foot"], header["session"], header["leg"]) == ("foot-0007", "a", "rm")
     assert msgspec.json.decode(header["reference"])["units"] == "gf"
     session = read_session(out, "foot-0007")
-    error_n = np.array([poke.force_n for poke in session.pokes]) - SIX
+    error_n = np.array([load.force_n for load in session.loads]) - SIX
     assert np.abs(error_n).max() < 0.03
     assert footsense("replay", "--check", out).returncode == 0
 
@@ -77,14 +77,14 @@ def test_a_reference_that_contradicts_the_foot_is_doubted(tmp_path: Path) -> Non
     out = tmp_path / "one.mcap"
     wrong = SENSOR.replace("units: gf", "units: kgf").replace("{x: -x, y: -y, z: -z}", "{x: y, y: -x, z: -z}")
     done = footsense(
-        *("record", "--reference", bench(tmp_path, wrong), "--foot", "foot-0007"),
+        *("record", "--reference", stand(tmp_path, wrong), "--foot", "foot-0007"),
         *("--scene", scene(tmp_path, SIX), out),
     )
     assert done.returncode == 7
     last = done.stderr.splitlines()[-1]
-    assert last.startswith(f"footsense: {out} is kept, but do not calibrate by it: ")
+    assert last.startswith(f"footsense: {out} is kept, but do not calibrate with it: ")
     for words in (
-        "its readings seem to be in gf, and the bench's file says units: kgf",
+        "its readings seem to be in gf, and the test stand's file says units: kgf",
         "axes: {x: -x, y: -y, z: -z} would fit",
     ):
         assert words in done.stdout
@@ -113,7 +113,7 @@ def test_what_cannot_begin_leaves_nothing_behind(
 ) -> None:
     """One line, the right exit code, and no file."""
     out = tmp_path / "one.mcap"
-    done = footsense("record", "--reference", bench(tmp_path, text), *options, out)
+    done = footsense("record", "--reference", stand(tmp_path, text), *options, out)
     assert says in one_line_error(done, exit_code)
     assert not list(tmp_path.glob("one*"))
 
@@ -123,13 +123,12 @@ def test_a_picture_that_is_there_stays(tmp_path: Path) -> None:
     (tmp_path / "one.png").write_bytes(b"mine")
     out = tmp_path / "one.mcap"
     done = footsense(
-        *("record", "--reference", bench(tmp_path), "--foot", "foot-0007", "--duration", "1"),
+        *("record", "--reference", stand(tmp_path), "--foot", "foot-0007", "--duration", "1"),
         *("--scene", scene(tmp_path, SIX), out),
     )
     assert done.returncode == 0, done.stderr
     assert (
-        f"{tmp_path / 'one.png'}: exists and is not overwritten; what is covered is not drawn\n"
-        in done.stdout
+        f"{tmp_path / 'one.png'}: exists and is not overwritten; the coverage is not drawn\n" in done.stdout
     )
     assert (tmp_path / "one.png").read_bytes() == b"mine"
     assert Replay(out).header["session"] == "one"
@@ -166,20 +165,20 @@ def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
     However slowly the simulated foot is played, the sensor feels what the foot does, since it lives in the time that
     the picture shows. A press that counts for nothing where the machine stands still is made again.
     """
-    path, out = scene(tmp_path, 20 * SIX, hold_s=0.8), tmp_path / "one.mcap"
+    path, out = scene(tmp_path, 20 * SIX, dwell_s=0.8), tmp_path / "one.mcap"
     stick = load_scene(str(path)).load.build(1_000_000_000)
     sensor = SimulatedSensor(lambda t_ns: stick.contact("lf", t_ns).force_n, 1, 0.0)
     line, its_end = os.openpty()
     tty.setraw(its_end)
     described = f"""kind: serial, device: {os.ttyname(its_end)}, rate_hz: 200, start: "S\\r\\n",
       framing: {{kind: lines, columns: [time_us, fx, fy, fz]}}"""
-    file = bench(tmp_path, SENSOR.replace("kind: simulated, linearity_rel: 0.0", described))
+    file = stand(tmp_path, SENSOR.replace("kind: simulated, linearity_rel: 0.0", described))
     process, terminal = on_a_terminal(
-        *("record", "--reference", file, "--foot", "foot-0007", "--scene", path, "--pokes", "50", out)
+        *("record", "--reference", file, "--foot", "foot-0007", "--scene", path, "--loads", "50", out)
     )
     drawn, asked = b"", b""
     try:
-        while not re.search(rb"[6-9] of 50 pokes", drawn):
+        while not re.search(rb"[6-9] of 50 loads", drawn):
             ready, _, _ = select.select([terminal, line], [], [])
             if line in ready:
                 asked += os.read(line, 64)
@@ -199,14 +198,14 @@ def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
         os.close(its_end)
     assert asked == b"S\r\n"
     assert process.returncode == 0, drawn[-2000:]
-    for words in (b"50 gf: ", b"reference", b"next", b"not enough yet; next would be", b"opened 1 times"):
+    for words in (b"50 gf: ", b"reference", b"next", b"not complete; next would be", b"opened 1 times"):
         assert words in drawn
     session = read_session(out, "foot-0007")
     assert session.name == "one"
     assert not session.damage
-    for poke in session.pokes:
-        assert min(np.abs(poke.force_n - force_n).max() for force_n in np.array(SIX)) < 0.04
-    calibrating = on_a_terminal("calibrate", out, "--foot", "foot-0007", "--feet", tmp_path / "feet")
+    for load in session.loads:
+        assert min(np.abs(load.force_n - force_n).max() for force_n in np.array(SIX)) < 0.04
+    calibrating = on_a_terminal("calibrate", out, "--foot", "foot-0007", "--calibrations", tmp_path / "feet")
     said = last_words(*calibrating).decode()
     assert calibrating[0].returncode == 0, said
-    assert read_pack(tmp_path / "feet" / "foot-0007", FOOT_TYPE).manifest.n_pokes == len(session.pokes)
+    assert read_calibration(tmp_path / "feet" / "foot-0007", FOOT_TYPE).manifest.n_loads == len(session.loads)

@@ -15,8 +15,8 @@ from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream
 from footsense.sim.scene import Constant, Effects, Scene, Warming
-from tests.support.calibrations import pack
-from tests.system.bench import MADE, true_parameters
+from tests.support.calibrations import calibration
+from tests.system.simulated_test_stand import MADE, true_parameters
 
 FORCE_N = (0.2, -0.1, 0.5)
 ROOM_C, KELVIN = 25.0, 20.0
@@ -38,9 +38,11 @@ def robot(feet: Path) -> Config:
 
 
 def workshop(feet: Path, temperature_c: float | None) -> Path:
-    """Write the packs of both feet, as a perfect calibration at a temperature would."""
+    """Write the calibrations of both feet, as a perfect calibration at a temperature would."""
     for number in (0, 1):
-        pack(feet, f"foot-000{7 + number}", parameters=true_parameters(number), temperature_c=temperature_c)
+        calibration(
+            feet, f"foot-000{7 + number}", parameters=true_parameters(number), temperature_c=temperature_c
+        )
     return feet
 
 

@@ -1,11 +1,11 @@
-"""The AD7746 as commands: what to send, and what the answer means.
+"""The AD7746 board: its transactions, and the decoding of their answers.
 
-Every conversion is a single one into one data register. It is read, status first, in one burst that the chip does not
-change under the reader; a status without new data is told from the result before, which is not there twice.
+Every conversion is a single one into one data register. It is read in one burst, status first, which the chip does not
+change meanwhile; a status without new data marks a result that was read before.
 
-One element at rest has more than the +-4.1 pF that are in range, so the CAPDAC takes the same 40 steps off every
-element, always. What a step is differs between chips by a fifth. `configure` measures it with no line selected: 20
-steps off nothing read as their capacitance. Registers: `firmware_interface/ad7746.py`.
+An unloaded element has more than the +-4.1 pF of the range, so the CAPDAC always subtracts 40 steps. The size of a step
+differs by a fifth between chips; `configure` measures it with no line selected, as the difference that 20 steps make.
+Register layout: `firmware_interface/ad7746.py`, with the tables of data sheet rev. 0.
 """
 
 from firmware_interface import ad7746 as chip
@@ -16,13 +16,13 @@ from footsense.errors import HardwareError, NackError, WrongChipError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
-#: Steps of the CAPDAC: 6.6 pF nominal, so that 2.5 to 10.7 pF are in range; with the largest steps a chip may have,
-#: from 4.0 pF on, which is the least that an element has at rest, and with the smallest up to 9.3 pF.
+#: Steps of the CAPDAC: 6.6 pF nominal, so that 2.5 to 10.7 pF are in range. With the largest steps of a chip the range
+#: begins at 4.0 pF, the least of an unloaded element; with the smallest it ends at 9.3 pF.
 CAPDAC = 40
-#: Steps that are in range off nothing, with any chip: at most 4 pF.
+#: Steps that any chip has in range with no line selected: at most 4 pF.
 _KNOWN_CAPDAC = 20
-#: How far a chip's step may be off the nominal one [1]: 17 pF of full scale are guaranteed instead of 21 pF, and as
-#: much more is taken for possible.
+#: Largest deviation of a chip's step from the nominal one [1]: 17 pF of full scale are guaranteed instead of 21 pF; as
+#: much more is assumed to be possible.
 _STEP_ERROR_REL = 0.22
 
 _NAN = float("nan")
@@ -47,7 +47,7 @@ _NO_LINES = tuple(Transaction(address, b"\x00") for address in (adg715.ADDRESS, 
 
 
 def _settings(capdac: int) -> Transaction:
-    """Return the write of all settings; the chip is idle after it."""
+    """Return the write of all settings, after which the chip is idle."""
     return write_registers(
         Register.CAP_SETUP,
         chip.CAP_ENABLE,
@@ -89,15 +89,15 @@ def step(element: int, rate_sps: int) -> Step:
 
 
 def identify(bus: I2cBus, clock: Clock) -> None:
-    """Reset the connected chip and make sure that it is an AD7746, which has no id but its reset values.
+    """Reset the connected chip and check that it is an AD7746, which has no id but its reset values (table 7).
 
     Args:
         bus: Its bus.
-        clock: The time that the bus lives in: a chip that was reset does not answer for a moment.
+        clock: The time that the bus lives in: after a reset the chip does not answer for 0.2 ms.
 
     Raises:
-        HardwareError: Nothing answers.
-        WrongChipError: Something else does; the text says what that usually means.
+        HardwareError: No chip answers.
+        WrongChipError: Another chip answers; the text names the usual cause.
         BusError: The transaction failed otherwise.
     """
     try:
@@ -113,7 +113,7 @@ def identify(bus: I2cBus, clock: Clock) -> None:
     found = f"registers 0x07 to 0x0e at {chip.ADDRESS:#04x} are {settings.hex(' ')} after a reset"
     wanted = f"an AD7746 says {chip.RESET_VALUES.hex(' ')}"
     if set(settings) == {0xFF}:
-        why = "nobody drives the lines: check the chip's power and the wires"
+        why = "no chip drives the lines: check the chip's power and the wires"
     elif set(settings) == {0x00}:
         why = "SDA is held low: check for a short or a chip without power"
     else:
@@ -122,14 +122,14 @@ def identify(bus: I2cBus, clock: Clock) -> None:
 
 
 def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
-    """Set the chip up and measure what its CAPDAC takes off, which leaves no line selected.
+    """Set the chip up and measure the capacitance that its CAPDAC subtracts; no line is selected afterwards.
 
     Args:
-        bus: Its bus, on which its leg is alone.
-        clock: The time that the bus lives in: two conversions are waited for.
+        bus: Its bus; no other leg is connected.
+        clock: The time that the bus lives in: two conversions take 22 ms.
 
     Returns:
-        OK and what is taken off every result [pF]; or how the chip answered that cannot be used.
+        OK and the capacitance that is subtracted from every result [pF]; or the reading of a chip that cannot be used.
 
     Raises:
         BusError: A transaction failed.
@@ -145,7 +145,7 @@ def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
         reading, level_pf = decode_result([answer])
         if reading in {Reading.NOT_READY, Reading.EXCITATION}:
             return reading, _NAN
-        # What is measured once and used for long is read twice: a bit that a wire flipped would stay.
+        # The result is used for long: it is read twice, so that a flipped bit is noticed.
         if reading is not Reading.OK or answer[1:] != again[1:]:
             return Reading.CORRUPT, _NAN
         levels_pf.append(level_pf)
@@ -160,9 +160,15 @@ _FASTEST_SPS = max(chip.RATES)
 
 
 def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
-    """Return what the answer to READ_RESULT says, and the capacitance [pF], CAPDAC not included; NaN unless OK."""
+    """Decode the answer to READ_RESULT.
+
+    Returns:
+        The reading, and the capacitance [pF], CAPDAC not included; NaN unless the reading is OK.
+
+    Source: AD7746 data sheet rev. 0, table 8 (status) and "Capacitive data register" (offset binary).
+    """
     status, code = answers[0][0], int.from_bytes(answers[0][1:4], "big")
-    # Only capacitance is converted here, so that RDY must say the same as RDYCAP.
+    # Only capacitance is converted, so RDY has to equal RDYCAP.
     if status & chip.STATUS_NEVER_SET or bool(status & chip.NOT_RDY) != bool(status & chip.NOT_RDYCAP):
         return Reading.CORRUPT, _NAN
     if status & chip.EXCERR:
@@ -177,9 +183,12 @@ def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
 
 
 def decode_temperature(answer: bytes, again: bytes) -> float:
-    """Return the temperature in a burst of STATUS to VT_DATA [deg C]; NaN if there is no new one, or none at all.
+    """Decode the temperature in a burst of STATUS to VT_DATA.
 
-    It holds for ten seconds, so it has to have come twice: a bit that a wire flipped would scale all forces meanwhile.
+    It is used for ten seconds and scales all forces, so two reads have to agree: a flipped bit is noticed.
+
+    Returns:
+        The temperature [degC]; NaN if there is no new one.
     """
     status, code = answer[0], int.from_bytes(answer[4:7], "big")
     if (
@@ -198,7 +207,7 @@ BOARD = Board(
     configure=configure,
     decode_result=decode_result,
     restart=(_settings(CAPDAC), READ_RESULT),
-    # A lost CAPDAC would read as another capacitance; a chip that has lost the rest does not convert.
+    # Without its CAPDAC setting a chip reads another capacitance; without the others it does not convert.
     setting_check=Check(
         read_registers(Register.CAPDAC_A, 4), bytes((chip.capdac(CAPDAC), 0)) + chip.RESET_VALUES[-2:]
     ),

@@ -1,7 +1,7 @@
-"""The FDC1004 as commands: what to send, and what the answer means.
+"""The FDC1004 board: its transactions, and the decoding of their answers.
 
-Ids are checked before anything else, because a chip that is not there often "answers": pull-ups read as ones, a line
-held low as zeros. Register meanings: `firmware_interface/fdc1004.py`.
+Ids are checked before anything else, because a missing chip often "answers": pull-ups read as ones, a stuck line as
+zeros. Register layout: `firmware_interface/fdc1004.py`, with the sections of data sheet SNOSCY5.
 """
 
 from functools import partial
@@ -15,7 +15,7 @@ from footsense.ports import Clock, I2cBus, Transaction
 
 COLUMNS = 3
 
-#: Bits of FDC_CONF that read as zero on a chip that is used as here (section 8.6.1.3).
+#: Bits of FDC_CONF that read as zero without REPEAT, which is never used here (section 8.6.1.3).
 _NEVER_SET = 0x7300
 #: Upper words of a result at the ends of the range.
 _RANGE_ENDS = {b"\x7f\xff", b"\x80\x00"}
@@ -56,15 +56,15 @@ def step(element: int, rate_sps: int) -> Step:
 
 
 def identify(bus: I2cBus, clock: Clock) -> None:
-    """Make sure that the connected chip is an FDC1004.
+    """Check that the connected chip is an FDC1004, by its ids (section 8.6).
 
     Args:
         bus: Its bus.
-        clock: The time that the bus lives in; nothing is waited for here.
+        clock: Not used: the chip needs no wait.
 
     Raises:
-        HardwareError: Nothing answers.
-        WrongChipError: Something else does; the text says what that usually means.
+        HardwareError: No chip answers.
+        WrongChipError: Another chip answers; the text names the usual cause.
         BusError: The transaction failed otherwise.
     """
     del clock
@@ -82,7 +82,7 @@ def identify(bus: I2cBus, clock: Clock) -> None:
     found = f"ids {manufacturer:#06x}/{device:#06x} at {chip.ADDRESS:#04x}"
     wanted = f"an FDC1004 says {chip.MANUFACTURER_ID:#06x}/{chip.DEVICE_ID:#06x}"
     if {manufacturer, device} == {0xFFFF}:
-        why = "nobody drives the lines: check the chip's power and the wires"
+        why = "no chip drives the lines: check the chip's power and the wires"
     elif {manufacturer, device} == {0x0000}:
         why = "SDA is held low: check for a short or a chip without power"
     else:
@@ -97,11 +97,14 @@ _CONFIGURATION = tuple(
 
 
 def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
-    """Reset the chip, and set it up for single elements, from which the CAPDAC takes nothing off.
+    """Reset the chip, and let measurement n measure CIN n to ground, CAPDAC off.
 
     Args:
         bus: Its bus.
-        clock: The time that the bus lives in; nothing is waited for here.
+        clock: Not used: the chip needs no wait.
+
+    Returns:
+        OK, and 0 pF for the CAPDAC.
 
     Raises:
         BusError: A write was not acknowledged.
@@ -127,8 +130,8 @@ def _decode_done(conf_answer: bytes, done_bit: int) -> Reading:
 def result_reads(slot: int, rate_sps: int) -> tuple[Transaction, ...]:
     """Return the reads of a finished measurement.
 
-    At 400 S/s the noise of one conversion (0.47 fF) hides the lower register's bits (the upper one's step is
-    0.49 fF, 0.14 fF rms), while reading it would cost six legs a third of the bus: it is left out there.
+    At 400 S/s the lower register is not read: the noise of one conversion (0.47 fF) hides its bits (the step of the
+    upper one is 0.49 fF, 0.14 fF rms), and to read it would cost six legs a third of the bus.
     """
     upper = chip.result_register(slot)
     if rate_sps == 400:
@@ -150,7 +153,7 @@ def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
         lower = answers[1]
         if lower[1]:
             return Reading.CORRUPT, _NAN
-    # The upper word alone tells the ends of the range: 0x7FFF is also what an unfinished measurement reads as.
+    # The upper word alone shows the ends of the range; an unfinished measurement reads 0x7FFF too.
     if upper in _RANGE_ENDS:
         return Reading.OVER_RANGE, _NAN
     return Reading.OK, int.from_bytes(upper + lower[:1], "big", signed=True) / chip.CODES_PER_PF

@@ -1,10 +1,9 @@
-"""Which addresses answer on a bus, asked so that no chip minds.
+"""Scan a bus for addresses that answer, with transactions that no chip minds.
 
-An empty write is the gentlest question: START, address, acknowledge, STOP. To the EEPROM AT24RF08 (0x54 to 0x57) even
-that is the beginning of a write, and write-protect registers of memory modules stand at 0x30 to 0x37: there, and only
-there, one byte is read instead, which in turn locks up clock chips that can only be written, such as those at 0x69. So
-does `i2cdetect` ask by default. Addresses below 0x08 and above 0x77 are reserved (UM10204, table 4) and left alone, and
-so are chips that a driver of the kernel holds.
+An empty write is the gentlest: START, address, acknowledge, STOP. But to the EEPROM AT24RF08 (0x54 to 0x57) it is the
+beginning of a write, and memory modules have write-protect registers at 0x30 to 0x37: there one byte is read instead,
+which in turn locks up write-only clock chips such as those at 0x69. `i2cdetect` does the same by default. Addresses
+below 0x08 and above 0x77 are reserved (UM10204, table 4); they and chips held by a driver of the kernel are left alone.
 """
 
 from collections.abc import Collection
@@ -22,11 +21,11 @@ _READ = {*range(0x30, 0x38), *range(0x50, 0x60)}
 
 
 class AddressScan(NamedTuple):
-    """Who is there.
+    """Addresses on a bus.
 
     Attributes:
         answering: Addresses that acknowledged.
-        unasked: Addresses of which this adapter could not say, most often because it does no empty writes.
+        unasked: Addresses that this adapter cannot ask, most often because it does no empty writes.
     """
 
     answering: tuple[int, ...]
@@ -37,11 +36,11 @@ def scan_addresses(bus: I2cBus, leave_alone: Collection[int] = ()) -> AddressSca
     """Ask every address once.
 
     Args:
-        bus: The bus, with whatever of it is connected.
+        bus: The bus, with the channels that are connected.
         leave_alone: Addresses not to ask.
 
     Raises:
-        BusTimeoutError: A line is held low: nobody could answer.
+        BusTimeoutError: A line is stuck: no chip can answer.
     """
     answering, unasked = [], []
     for address in ADDRESSES:

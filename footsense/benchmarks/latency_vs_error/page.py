@@ -106,7 +106,7 @@ def _onnx_network(weights: Weights) -> OnnxNetwork:
 
 def page(bench: StudyContext) -> Page:
     """Run the study on the released network, or its quick form."""
-    card = read_card(json.dumps(bench.network.card), str(bench.models)).calibration
+    card = read_card(json.dumps(bench.network.card), str(bench.models)).trained_inputs
     size = QUICK if bench.quick else FULL
     loads = load_cases(size.strides, size.phases)
     results: dict[str, Results] = {}

@@ -107,7 +107,7 @@ def _readings(foot: Foot, steps: Steps, t_ns: Stamps, rng: np.random.Generator) 
 def _pipeline(bench: StudyContext, method: str, n_feet: int) -> Pipeline:
     """Return the daemon's pipeline of as many legs as there are feet."""
     network = bench.network
-    card = read_card(json.dumps(network.card), str(bench.models)).calibration
+    card = read_card(json.dumps(network.card), str(bench.models)).trained_inputs
     design, step_ns = card.design, pace(_RATE_SPS).step_ns
     rest_rel = float(design.plate_distance_um(np.array([design.rest_pf]))[0]) / design.gap_um
     noise_rel = fdc1004.RATES[_RATE_SPS].noise_ff * 1e-3 / design.rest_pf * rest_rel

@@ -1,1 +1,1 @@
-"""From calibration loads to the parameters of a foot, and how uncertain they leave its force."""
+"""From calibration loads to the parameters of a foot, and the force errors that remain."""

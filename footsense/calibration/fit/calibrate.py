@@ -1,141 +1,211 @@
-"""A foot, calibrated: from pokes to the parameters that its pack holds."""
+"""Calibration of one foot: from its recorded sessions to parameters, and an unbiased figure of their errors.
 
-from collections.abc import Callable
+The figure is of loads that the fit did not use: of a whole session where there are two, since a foot that is mounted
+again differs from itself; else of every fifth load. The parameters themselves use all loads.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from statistics import fmean
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.fit.correction import learn
-from footsense.calibration.fit.parameter_fit import Fit, fit
-from footsense.calibration.fit.predicted_uncertainty import Foreseen, foresee, require_known
-from footsense.calibration.fit.twin import GAIN, GAP, MOUNT, STIFFNESS, STRAY, FootTwin
-from footsense.calibration.loads.load_set import PokeSet
+from footsense.calibration.evaluation import DesignModels, estimate_loads
+from footsense.calibration.fit.correction import fit_correction
+from footsense.calibration.fit.parameter_fit import Fit, fit_parameters
+from footsense.calibration.fit.predicted_uncertainty import (
+    PredictedUncertainty,
+    predict_uncertainty,
+    require_identified,
+)
+from footsense.calibration.fit.twin import GAIN, MOUNT, STIFFNESS, STRAY, FootTwin
+from footsense.calibration.loads.calibration_load import LoadSet
+from footsense.calibration.session.recorded_session import RecordedSession
+from footsense.calibration.session.reference_checks import require_consistent_reference
 from footsense.errors import CalibrationError
-from footsense.foot.network_card import TrainedInputs
+from footsense.foot.calibration_format import HeldOut
+from footsense.foot.force_errors import Errors, errors
 from footsense.foot.parameters import FootParameters
-from footsense.foot.response_table import FootResponse
-from footsense.frames import ELEMENTS
-from footsense.ports import Estimator
 from footsense.sim.foot.fabrication import rotation
+
+__all__ = ["MIN_LOADS", "CalibrationResult", "calibrate", "calibrate_sessions"]
 
 Vector = NDArray[np.float64]
 
-#: Fewer do not even tell the strays, whatever was known before.
-LEAST_POKES = 5
-#: Median distance of the pokes' nine readings from the twin's [standard deviations] beyond which it is none of them.
-_STRANGE = 12.0
-#: A foot this much softer or stiffer than designed was not made of that rubber.
-_STIFFNESS_FROM, _STIFFNESS_TO = 0.25, 4.0
+#: Fewest loads of a calibration: with fewer, not even the strays are identified.
+MIN_LOADS = 5
+#: Median Mahalanobis distance of nine readings above which the loads are of no foot of the type.
+_MAX_DISTANCE = 12.0
+#: Stiffness over the design's outside of which a foot is not made of that rubber.
+_MIN_STIFFNESS, _MAX_STIFFNESS = 0.25, 4.0
+#: Share of the loads of a single session that is held out: one in so many.
+_HELD_OUT_OF = 5
+#: Largest difference of an element's unloaded reading between sessions of one foot [1], that of a tare.
+_SAME_FOOT_REL = 0.03
 
 
-class Design(NamedTuple):
-    """What is known of a foot before it is poked.
-
-    Attributes:
-        response: How feet of its type yield.
-        network: Makes the network for a number of rows.
-        card: What the network's card says.
-    """
-
-    response: FootResponse
-    network: Callable[[int], Estimator]
-    card: TrainedInputs
-
-
-class Calibrated(NamedTuple):
-    """A foot that was calibrated.
+class CalibrationResult(NamedTuple):
+    """A calibrated foot.
 
     Attributes:
-        parameters: What its pack holds.
-        found: The fit of its twin.
-        foreseen: How wrong it will be because the pokes do not tell more.
+        parameters: Parameters of the foot.
+        fit: Fit of its model.
+        predicted: Force errors expected from what remains unknown.
+        n_loads: Loads used.
+        held_out: Errors of a calibration without some of the loads on those; None if there are too few.
+        temperature_c: Mean temperature over the loads [degC]; None if a session has none.
     """
 
     parameters: FootParameters
-    found: Fit
-    foreseen: Foreseen
+    fit: Fit
+    predicted: PredictedUncertainty
+    n_loads: int
+    held_out: HeldOut | None = None
+    temperature_c: float | None = None
 
 
-def calibrate(design: Design, pokes: PokeSet) -> Calibrated:
-    """Find what makes a foot differ from its design.
+def calibrate_sessions(
+    models: DesignModels, sessions: Sequence[RecordedSession], hold_out: str | None = None
+) -> CalibrationResult:
+    """Calibrate a foot.
 
     Args:
-        design: What is known of it before.
-        pokes: At least `LEAST_POKES`, of any sessions.
+        models: Models of its type.
+        sessions: Its sessions, at least one.
+        hold_out: Name of the session to hold out; None for the last of several.
 
     Raises:
-        CalibrationError: The pokes are too few, do not tell enough, or the foot they tell of cannot be.
+        CalibrationError: The sessions are of different feet, a foot contradicts its reference, there is no such
+            session, or as of `calibrate`.
     """
-    if len(pokes) < LEAST_POKES:
+    _require_one_foot(sessions)
+    require_consistent_reference(models, sessions)
+    loads = LoadSet.of([load for session in sessions for load in session.loads])
+    result = calibrate(models, loads)
+    out, protocol = _held_out(sessions, loads, hold_out)
+    held_out = None
+    if min(out.sum(), (~out).sum()) >= MIN_LOADS:
+        parameters = calibrate(models, loads.subset(~out)).parameters
+        before, after = (_errors(models, loads.subset(out), foot) for foot in (None, parameters))
+        held_out = HeldOut(protocol=protocol, design_only=before, calibrated=after)
+    temperatures_c = [session.temperature_c for session in sessions if session.temperature_c is not None]
+    temperature_c = None
+    if len(temperatures_c) == len(sessions):
+        temperature_c = fmean(temperatures_c, [len(session.loads) for session in sessions])
+    return result._replace(held_out=held_out, temperature_c=temperature_c)
+
+
+def calibrate(models: DesignModels, loads: LoadSet) -> CalibrationResult:
+    """Find the parameters in which a foot differs from its design.
+
+    Args:
+        models: Models of its type.
+        loads: At least `MIN_LOADS`, of any sessions.
+
+    Raises:
+        CalibrationError: The loads are too few, do not identify the parameters, or are of no foot of this type.
+    """
+    if len(loads) < MIN_LOADS:
+        raise CalibrationError(f"{len(loads)} loads; at least {MIN_LOADS} from all sides make a calibration")
+    twin = FootTwin(models.response, loads.unloaded_pf)
+    fit = fit_parameters(twin, loads)
+    stiffness_rel = float(fit.parameters[STIFFNESS][0])
+    if not _MIN_STIFFNESS < 1.0 + stiffness_rel < _MAX_STIFFNESS:
         raise CalibrationError(
-            f"{len(pokes)} pokes; at least {LEAST_POKES} from all sides make a calibration"
-        )
-    twin = FootTwin(design.response, pokes.unloaded_pf)
-    found = fit(twin, pokes)
-    stiffness = 1.0 + float(found.parameters[STIFFNESS][0])
-    if not _STIFFNESS_FROM < stiffness < _STIFFNESS_TO:
-        raise CalibrationError(
-            f"the foot would be {stiffness:.2f} times as stiff as designed; check the reference's unit "
+            f"the foot would be {1.0 + stiffness_rel:.2f} times as stiff as designed; check the reference's unit "
             "(1 kgf is 9.81 N), its axes, and that the foot is of this type"
         )
-    strange = float(np.median(found.distance))
-    if strange > _STRANGE:
+    distance = float(np.median(fit.distance))
+    if distance > _MAX_DISTANCE:
         raise CalibrationError(
-            f"half of the pokes are {strange:.0f} standard deviations or more from any foot of this type, about 3 are "
-            "usual; check the reference's axes, and that the foot is of this type and whole"
+            f"half of the loads are {distance:.0f} standard deviations or more from any foot of this type, about 3 "
+            "are usual; check the reference's axes, and that the foot is of this type and undamaged"
         )
-    foreseen = foresee(twin, found)
-    require_known(foreseen, len(pokes))
-    physical = _parameters(design, found, pokes)
-    designed_n = _designed_n(design, physical, pokes)
-    within = np.isfinite(designed_n).all(axis=1)
-    if not within.any():
+    predicted = predict_uncertainty(twin, fit)
+    require_identified(predicted, len(loads))
+    electrodes = FootParameters(
+        stray_pf=fit.parameters[STRAY],
+        unloaded_pf=loads.unloaded_pf,
+        gap_um=twin.gap_um(fit.parameters),
+        gain_rel=1.0 + fit.parameters[GAIN],
+    )
+    designed = estimate_loads(loads, models.network(len(loads)), models.trained_inputs, electrodes)
+    read = designed.usable
+    if not read.any():
         raise CalibrationError(
-            f"none of {len(pokes)} pokes lies within what the network was taught; press less hard"
+            f"none of {len(loads)} loads lies in the network's training range; press less hard"
         )
-    force_n = pokes.force_n[within]
-    layer = learn(designed_n[within], designed_n[within] @ physical.force_matrix.T, force_n)
-    left_rel = np.sqrt(np.minimum(layer.left_rel**2, _outlier(layer.left_rel) ** 2).mean())
-    own = {
-        name: getattr(physical, name) for name in ("stray_pf", "unloaded_pf", "gap_um", "gain_rel", "mount")
-    }
-    parameters = FootParameters(
-        **own, stiffness_rel=physical.stiffness_rel, correction=layer.matrix, error_rel=float(left_rel)
-    )
-    return Calibrated(parameters, found, foreseen)
+    mount = rotation(fit.parameters[MOUNT])
+    physical = replace(electrodes, stiffness_rel=stiffness_rel, mount=mount)
+    designed_n, force_n = designed.force_n[read], loads.force_n[read]
+    correction = fit_correction(designed_n, designed_n @ physical.force_matrix.T, force_n)
+    # An outlier counts as much as five medians.
+    limit_rel = 5.0 * np.median(np.abs(correction.residual_rel)) + 1e-9
+    error_rel = np.sqrt(np.minimum(correction.residual_rel**2, limit_rel**2).mean())
+    parameters = replace(physical, correction=correction.matrix, error_rel=float(error_rel))
+    return CalibrationResult(parameters, fit, predicted, len(loads))
 
 
-def _parameters(design: Design, found: Fit, pokes: PokeSet) -> FootParameters:
-    own = found.parameters
-    return FootParameters(
-        stray_pf=own[STRAY],
-        unloaded_pf=pokes.unloaded_pf,
-        gap_um=design.response.design.gap_um + own[GAP],
-        gain_rel=1.0 + own[GAIN],
-        stiffness_rel=float(own[STIFFNESS][0]),
-        mount=rotation(own[MOUNT]),
-    )
+def _errors(models: DesignModels, loads: LoadSet, foot: FootParameters | None) -> Errors:
+    """Return the errors over the loads that a foot, calibrated or as designed, can read.
 
-
-def _designed_n(design: Design, foot: FootParameters, pokes: PokeSet) -> Vector:
-    """Return what the network makes of the foot's own closures [N], shape (n, 3), NaN outside of what it was taught."""
-    capacitors, card = design.card.design, design.card
-    closure_um = capacitors.closure_um(
-        pokes.undrifted_pf - foot.stray_pf, pokes.unloaded_pf[None] - foot.stray_pf
-    )
-    closure_rel = closure_um / capacitors.gap_um / foot.gain_rel
-    taught: NDArray[np.bool_] = np.asarray(
-        ((closure_rel >= card.closure_rel_min) & (closure_rel <= card.usable_max_rel(foot.gap_um))).all(
-            axis=1
+    Raises:
+        CalibrationError: It can read none.
+    """
+    estimates = estimate_loads(loads, models.network(len(loads)), models.trained_inputs, foot)
+    read = estimates.usable
+    if not read.any():
+        raise CalibrationError(
+            f"none of {len(loads)} loads lies in the network's training range; press less hard, "
+            "and check that the foot is of this type"
         )
-    )
-    force_n, _ = design.network(len(pokes)).estimate(
-        np.where(taught[:, None], closure_rel, 0.0), np.zeros((len(pokes), ELEMENTS), bool)
-    )
-    return np.where(taught[:, None], force_n, np.nan)
+    return errors(loads.force_n[read], estimates.force_n[read])
 
 
-def _outlier(error_rel: Vector) -> float:
-    """Return what an error counts at most: one poke that slipped says nothing of the others."""
-    return 5.0 * float(np.median(np.abs(error_rel))) + 1e-9
+def _require_one_foot(sessions: Sequence[RecordedSession]) -> None:
+    """Check by the unloaded readings that all sessions are of one foot.
+
+    Raises:
+        CalibrationError: One is not, or has no accepted load.
+    """
+    first, first_pf = sessions[0], None
+    for session in sessions:
+        if not session.loads:
+            raise CalibrationError(
+                f"{session.path}: no load is accepted; {'; '.join(session.warnings) or 'it has none'}"
+            )
+        unloaded_pf = LoadSet.of(session.loads).unloaded_pf
+        first_pf = unloaded_pf if first_pf is None else first_pf
+        difference_rel = unloaded_pf / first_pf - 1.0
+        worst = int(np.argmax(np.abs(difference_rel)))
+        if abs(difference_rel[worst]) > _SAME_FOOT_REL:
+            raise CalibrationError(
+                f"{session.path}: element {worst} of {session.foot} reads {unloaded_pf[worst]:.3f} pF unloaded, "
+                f"{first_pf[worst]:.3f} pF in {first.path}; two feet with one id? at most {_SAME_FOOT_REL:.0%} differ"
+            )
+
+
+def _held_out(
+    sessions: Sequence[RecordedSession], loads: LoadSet, hold_out: str | None
+) -> tuple[NDArray[np.bool_], str]:
+    """Return which loads are held out, shape (n,), and the protocol in words.
+
+    Raises:
+        CalibrationError: The named session is not one of several.
+    """
+    names = list(
+        dict.fromkeys(session.name for session in sessions)
+    )  # one mounting may have several recordings
+    if hold_out is None and len(names) == 1:
+        out = np.zeros(len(loads), bool)
+        out[loads.spread_order()[_HELD_OUT_OF - 1 :: _HELD_OUT_OF]] = True
+        return out, f"every {_HELD_OUT_OF}th load of the one session; another session would be stricter"
+    hold_out = hold_out or names[-1]
+    if hold_out not in names or len(names) == 1:
+        raise CalibrationError(
+            f"--hold-out {hold_out}: has to be one of several sessions, here are {', '.join(names)}"
+        )
+    out = np.concatenate([np.full(len(session.loads), session.name == hold_out) for session in sessions])
+    return out, f"session {hold_out}, in which the foot was mounted anew"

@@ -1,12 +1,16 @@
-"""What the physics leaves: a small linear layer on the network's forces, as strong as the pokes tell and no stronger.
+"""Residual correction: a small linear layer behind the network, learnt from what the physical parameters leave.
 
-For the designed forces p of pokes whose reference felt f, ridge regression of the relative errors
+Ridge regression of the relative errors of the physical forces M p, with the reference f and the network's forces p:
 
     (f - M p) / |f| = C phi(p) / |f|
 
-Its strength is chosen by leaving out one side of the ball at one magnitude after the other: neighbours err alike, so
-that leaving out one poke alone would believe what is only true where it was pressed. Between two strengths that do
-about as well the weaker is taken, and no correction at all if none is clearly better.
+The penalty is chosen by cross-validation over sectors of the ball and halves of the magnitude: neighbouring loads share
+errors, so leaving out single loads would overfit. Within half a standard error of the best score the largest penalty
+wins; if none beats no correction by a standard error, there is none.
+
+Source:
+    Hastie, Tibshirani, Friedman, The Elements of Statistical Learning, 2nd edition, section 7.10 (one-standard-error
+    rule).
 """
 
 from typing import NamedTuple
@@ -16,74 +20,73 @@ from numpy.typing import NDArray
 
 from footsense.foot.parameters import FEATURES, features
 
+__all__ = ["Correction", "fit_correction"]
+
 Vector = NDArray[np.float64]
 
-#: Weights of the penalty that are tried, per poke, for features that are scaled to a root mean square of one.
+#: Penalties per load, for features scaled to a root mean square of one.
 _PENALTIES = np.logspace(-4.0, 1.0, 11)
-#: Pokes, and sides and magnitudes among them, without which nothing is believed that physics does not say.
-_LEAST_POKES, _LEAST_GROUPS = 40, 6
+#: Fewest loads, and groups of them, for a correction.
+_MIN_LOADS, _MIN_GROUPS = 40, 6
 
 
 class Correction(NamedTuple):
-    """What was learnt.
+    """A fitted correction.
 
     Attributes:
-        matrix: C above, shape (3, FEATURES); zeros if nothing was worth it.
-        left_rel: Error of each poke by a layer that did not know it, over its force [1], shape (n, 3).
+        matrix: C above, shape (3, FEATURES); zeros for none.
+        residual_rel: Cross-validated error of each load over its magnitude [1], shape (n, 3).
     """
 
     matrix: Vector
-    left_rel: Vector
+    residual_rel: Vector
 
 
-def learn(designed_n: Vector, physical_n: Vector, force_n: Vector) -> Correction:
-    """Learn what is left.
+def fit_correction(designed_n: Vector, physical_n: Vector, force_n: Vector) -> Correction:
+    """Fit a correction.
 
     Args:
-        designed_n: p above [N], shape (n, 3).
-        physical_n: M p [N], shape (n, 3).
-        force_n: What the reference felt [N], shape (n, 3).
+        designed_n: p above, the network's forces [N], shape (n, 3).
+        physical_n: M p above [N], shape (n, 3).
+        force_n: Forces of the reference [N], shape (n, 3).
     """
-    size_n = np.linalg.norm(force_n, axis=1, keepdims=True)
-    wanted = (force_n - physical_n) / size_n
-    terms = features(designed_n) / size_n
+    magnitude_n = np.linalg.norm(force_n, axis=1, keepdims=True)
+    target = (force_n - physical_n) / magnitude_n
+    terms = features(designed_n) / magnitude_n
     scale = np.sqrt((terms**2).mean(axis=0))
     terms = terms / scale
     group = _groups(force_n)
-    none = Correction(np.zeros((3, FEATURES)), wanted)
-    if len(force_n) < _LEAST_POKES or len(set(group.tolist())) < _LEAST_GROUPS:
+    none = Correction(np.zeros((3, FEATURES)), target)
+    if len(force_n) < _MIN_LOADS or len(np.unique(group)) < _MIN_GROUPS:
         return none
     tried = []
     for penalty in _PENALTIES * len(terms):
-        unknown = wanted.copy()
-        for out in set(group.tolist()):
-            unknown[group == out] -= terms[group == out] @ _ridge(
-                terms[group != out], wanted[group != out], penalty
-            )
-        tried.append((penalty, unknown, _score(unknown)))
-    least, chance = min(score for *_, score in tried)
-    if least + chance > _score(wanted)[0]:
+        residual = target.copy()
+        for left_out in (group == one for one in np.unique(group)):
+            residual[left_out] -= terms[left_out] @ _ridge(terms[~left_out], target[~left_out], penalty)
+        tried.append((penalty, residual, _score(residual)))
+    best, standard_error = min(score for *_, score in tried)
+    if best + standard_error > _score(target)[0]:
         return none
-    # The last is the weakest.
-    penalty, unknown, _ = next(one for one in reversed(tried) if one[2][0] <= least + 0.5 * chance)
-    return Correction(_ridge(terms, wanted, penalty).T / scale, unknown)
+    penalty, residual, _ = next(one for one in reversed(tried) if one[2][0] <= best + 0.5 * standard_error)
+    return Correction(_ridge(terms, target, penalty).T / scale, residual)
 
 
-def _ridge(terms: Vector, wanted: Vector, penalty: float) -> Vector:
-    solved = np.linalg.solve(terms.T @ terms + penalty * np.eye(FEATURES), terms.T @ wanted)
-    return np.asarray(solved, dtype=np.float64)
+def _ridge(terms: Vector, target: Vector, penalty: float) -> Vector:
+    solution = np.linalg.solve(terms.T @ terms + penalty * np.eye(FEATURES), terms.T @ target)
+    return np.asarray(solution, np.float64)
 
 
 def _groups(force_n: Vector) -> NDArray[np.intp]:
-    """Return which side of the ball, and lighter or heavier than most, shape (n,)."""
-    size_n = np.linalg.norm(force_n, axis=1)
+    """Return the group of each load, shape (n,): eight sectors of azimuth, above and below the median magnitude."""
+    magnitude_n = np.linalg.norm(force_n, axis=1)
     sector = np.floor((np.arctan2(force_n[:, 1], force_n[:, 0]) / np.pi + 1.0) * 3.999)
-    groups: NDArray[np.intp] = (2 * sector + (size_n > np.median(size_n))).astype(np.intp)
+    groups: NDArray[np.intp] = (2 * sector + (magnitude_n > np.median(magnitude_n))).astype(np.intp)
     return groups
 
 
 def _score(error_rel: Vector) -> tuple[float, float]:
-    """Return the mean size of errors and its standard error, a poke that slipped counting no more than a bad one."""
+    """Return the mean error and its standard error, each error clipped at five medians against outliers."""
     size = np.linalg.norm(error_rel, axis=1)
     size = np.minimum(size, 5.0 * np.median(size))
     return float(size.mean()), float(size.std() / np.sqrt(len(size)))

@@ -1,12 +1,17 @@
-"""What makes a foot differ from its design, found from pokes: the most probable, the bench's own errors as noise.
+"""Maximum a posteriori fit of a foot's parameters to calibration loads.
 
-A poke's nine readings share errors: the reference's, the lean of the stick, the creep of the rubber. Each is a known
-direction in the space of readings, so the covariance of a poke is
+The nine readings of one load share errors: of the reference, of the stick's lean, of the rubber's creep. Each is a
+known direction in the space of readings, so the covariance of one load's readings is
 
     S = diag(sigma^2) + L L^T lean^2 + F (diag(sigma_f^2) + rubber^2 f f^T) F^T
 
-with L and F the twin's slopes by the contact's normal and the force. Pokes that do not fit (a slip that nobody saw)
-count less (Huber). Solved by Levenberg-Marquardt; closures whose gap shuts are solved anew at each step.
+with L and F the model's slopes by the contact's normal and by the force. Loads that do not fit, such as an unnoticed
+slip, count less: Huber loss of the Mahalanobis distance of all nine readings together, minimised by Levenberg-Marquardt
+with reweighting.
+
+Source:
+    Huber, Annals of Mathematical Statistics 35, 1964, for the loss; docs/adr/0013-our-own-fit-of-a-foot.md, for why
+    this is not scipy.
 """
 
 from typing import NamedTuple
@@ -21,57 +26,47 @@ from footsense.calibration.fit.twin import (
     N_PARAMETERS,
     STIFFNESS,
     STRAY,
+    ContactLoads,
     FootTwin,
-    Load,
-    unchanged,
 )
-from footsense.calibration.loads.load_set import PokeSet
+from footsense.calibration.loads.calibration_load import LoadSet
 from footsense.frames import ELEMENTS
+
+__all__ = ["PRIOR", "Fit", "fit_parameters"]
 
 Vector = NDArray[np.float64]
 
-#: What a workshop's feet differ by before anything is measured, standard deviations in the order of the parameters:
-#: strays of a wiring, electrodes by shadow mask, spun spacers, rubber of uncertain cure, a foot put on by hand.
-PRIOR = np.concatenate(
-    [
-        np.full(ELEMENTS, 0.5),
-        np.full(ELEMENTS, 0.02),
-        np.full(ELEMENTS, 3.0),
-        [0.4],
-        np.full(3, np.radians(5.0)),
-    ]
-)
+#: Prior standard deviation of each parameter: stray of the wiring [pF], electrodes by shadow mask [1], spun spacers
+#: [um], rubber of uncertain cure [1], a foot mounted by hand [rad].
+PRIOR = np.repeat([0.5, 0.02, 3.0, 0.4, np.radians(5.0)], [ELEMENTS, ELEMENTS, ELEMENTS, 1, 3])
 
-#: What a bench cannot hold still: the stick's lean [deg], the share of a force that rubber's memory makes uncertain,
-#: the share of a change of capacitance that no model explains [1], and the noise of a mean reading [pF].
+#: Errors of a test stand: lean of the stick [deg], share of a force that creep makes uncertain [1], share of a change
+#: of capacitance that no model explains [1], noise of a mean reading [pF].
 _LEAN_DEG, _RUBBER_REL, _UNEXPLAINED_REL, _READING_PF = 1.5, 0.015, 0.005, 0.3e-3
-#: A mean of a reference is never known better, whatever its noise: its steps [N].
-_LEAST_SIGMA_N = 0.003
+#: Smallest standard deviation of a mean reference force: its resolution [N].
+_MIN_SIGMA_N = 0.003
 
-#: Steps of the slopes.
-_STEP = np.concatenate(
-    [np.full(ELEMENTS, 0.01), np.full(ELEMENTS, 1e-3), np.full(ELEMENTS, 0.02), [0.005], np.full(3, 2e-3)]
-)
-_TURN_RAD, _PUSH_REL = 2e-3, 1e-3
-#: A cell as near to its gap is shut [um].
-_SHUT_WITHIN_UM = 1e-6
-#: Mahalanobis distance of nine readings from which a poke counts less: the 99th percentile of chi with 9 degrees.
-_FITS_WITHIN = 4.65
-_MOST_STEPS, _WON_REL = 25, 1e-5
-#: The step before which the shape of the noise is found again, as of parameters that are nearly right.
-_SHAPED_ANEW = 3
-#: How many light pokes there have to be for a beginning, and how many are taken.
-_FEWEST_TO_BEGIN, _MOST_TO_BEGIN = 15, 40
-_MOST_DAMPING = 1e8
+#: Steps of the finite differences, by parameter, by normal [rad] and by force [1].
+_STEP = np.repeat([0.01, 1e-3, 0.02, 0.005, 2e-3], [ELEMENTS, ELEMENTS, ELEMENTS, 1, 3])
+_NORMAL_STEP, _FORCE_STEP_REL = 2e-3, 1e-3
+#: Distance to the gap within which a cell counts as closed [um].
+_CLOSED_WITHIN_UM = 1e-6
+#: Mahalanobis distance of nine readings above which a load counts less: 99th percentile of chi with 9 degrees.
+_HUBER_DISTANCE = 4.65
+_MAX_ITERATIONS, _TOLERANCE_REL, _MAX_DAMPING = 25, 1e-5, 1e8
+#: Iteration before which the covariance is evaluated again, at parameters that are nearly right.
+_REWHITEN_AT = 3
+#: Light loads needed for a first fit, and how many of them are used.
+_MIN_LIGHT_LOADS, _MAX_LIGHT_LOADS = 15, 40
 
 
 class Fit(NamedTuple):
-    """What was found.
+    """Result of a fit.
 
     Attributes:
-        parameters: As the twin has them, shape (N_PARAMETERS,).
-        covariance: Of them, given the pokes, shape (N_PARAMETERS, N_PARAMETERS).
-        distance: Mahalanobis distance of each poke [1], shape (n,); about 3 where all is as supposed.
+        parameters: Parameters as in `twin`, shape (N_PARAMETERS,).
+        covariance: Their posterior covariance, shape (N_PARAMETERS, N_PARAMETERS).
+        distance: Mahalanobis distance of each load [1], shape (n,); about 3 if the error model holds.
     """
 
     parameters: Vector
@@ -79,160 +74,148 @@ class Fit(NamedTuple):
     distance: Vector
 
     @property
-    def told_rel(self) -> Vector:
-        """How much the pokes told of each parameter: 0 nothing, 1 all, shape (N_PARAMETERS,)."""
-        told: Vector = 1.0 - np.sqrt(np.diag(self.covariance)) / PRIOR
-        return told
+    def contraction(self) -> Vector:
+        """One minus posterior over prior standard deviation: 0 unidentified, 1 known, shape (N_PARAMETERS,)."""
+        contraction: Vector = 1.0 - np.sqrt(np.diag(self.covariance)) / PRIOR
+        return contraction
 
 
-def fit(twin: FootTwin, pokes: PokeSet) -> Fit:
-    """Fit a twin to pokes.
+def fit_parameters(twin: FootTwin, loads: LoadSet) -> Fit:
+    """Fit a foot's parameters to calibration loads.
 
-    Where there are enough, light ones from all sides come first: under them no gap shuts, and the way is straight.
+    If there are enough, light loads from all sides come first: they close no gap, and the problem is nearly linear.
 
     Args:
-        twin: Of the foot, at its readings at rest.
-        pokes: At least one.
+        twin: Model of the foot, at its unloaded readings.
+        loads: At least one.
     """
-    begin = unchanged()
-    size_n = np.linalg.norm(pokes.force_n, axis=1)
-    light = pokes.some(size_n <= np.median(size_n))
-    if len(light) >= _FEWEST_TO_BEGIN:
-        begin = _descend(twin, light.some(light.spread()[:_MOST_TO_BEGIN]), begin, lends=True).parameters
-    # A gap that shuts in the foot and not yet in the twin has no slope, and never would shut. So each is lent that of
-    # all gaps together on the way; in the end it has its own, and one that never shuts is as designed.
-    lent = _descend(twin, pokes, begin, lends=True)
-    state = _descend(twin, pokes, lent.parameters, lends=False)
-    slopes = state.slopes(lends=False)
-    covariance = np.asarray(np.linalg.inv(slopes.T @ slopes), dtype=np.float64)
-    return Fit(state.parameters, covariance, state.distance)
+    start = np.zeros(N_PARAMETERS)
+    magnitude_n = np.linalg.norm(loads.force_n, axis=1)
+    light = loads.subset(magnitude_n <= np.median(magnitude_n))
+    if len(light) >= _MIN_LIGHT_LOADS:
+        light = light.subset(light.spread_order()[:_MAX_LIGHT_LOADS])
+        start = _solve(twin, light, start, shared_gap=True).parameters
+    # A gap that closes in the foot and not yet in the model has no slope and would never close. So on the way each gap
+    # has the slope of all gaps together; at the end it has its own, and a gap that never closes stays as designed.
+    start = _solve(twin, loads, start, shared_gap=True).parameters
+    return _solve(twin, loads, start, shared_gap=False)
 
 
-def _descend(twin: FootTwin, pokes: PokeSet, parameters: Vector, *, lends: bool) -> "_State":
-    """Return the nearest parameters that explain the pokes best; `lends` as of `_State.slopes`."""
-    load, read_pf = Load.centred(pokes.force_n), pokes.undrifted_pf
-    whiten = _whitening(twin, parameters, load, pokes)
-    state = _State(twin, load, read_pf, whiten, parameters)
+def _solve(twin: FootTwin, loads: LoadSet, start: Vector, *, shared_gap: bool) -> Fit:
+    """Return the optimum that Levenberg-Marquardt reaches from `start`; `shared_gap` as of `_State.slopes`."""
+    state = _State(twin, loads, _whitening(twin, start, loads), start)
     damping = 1e-3
-    for number in range(_MOST_STEPS):
-        if number == _SHAPED_ANEW:
-            whiten = _whitening(twin, state.parameters, load, pokes)
-            state = _State(twin, load, read_pf, whiten, state.parameters)
-        slopes = state.slopes(lends=lends)
+    for iteration in range(_MAX_ITERATIONS):
+        if iteration == _REWHITEN_AT:
+            state = state.at(state.parameters, _whitening(twin, state.parameters, loads))
+        slopes = state.slopes(shared_gap=shared_gap)
         curvature, gradient = slopes.T @ slopes, slopes.T @ state.residual
-        while damping < _MOST_DAMPING:
+        while damping < _MAX_DAMPING:
             step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), -gradient)
-            tried = _State(twin, load, read_pf, whiten, twin.possible(state.parameters + step))
+            tried = state.at(np.clip(state.parameters + step, *twin.bounds()))
             if tried.cost < state.cost:
                 break
             damping *= 10.0
         else:
             break
-        won = 1.0 - tried.cost / state.cost
+        gain_rel = 1.0 - tried.cost / state.cost
         state, damping = tried, max(damping / 10.0, 1e-9)
-        if won < _WON_REL and number > _SHAPED_ANEW:
+        if gain_rel < _TOLERANCE_REL and iteration > _REWHITEN_AT:
             break
-    return state
+    slopes = state.slopes(shared_gap=shared_gap)
+    covariance = np.asarray(np.linalg.inv(slopes.T @ slopes), np.float64)
+    return Fit(state.parameters, covariance, state.distance)
 
 
 class _State:
-    """The twin at some parameters, held against the pokes."""
+    """Model and whitened misfit at some parameters.
 
-    def __init__(
-        self, twin: FootTwin, load: Load, read_pf: Vector, whiten: Vector, parameters: Vector
-    ) -> None:
-        self._twin, self._load, self._whiten = twin, load, whiten
+    Args:
+        twin: Model of the foot.
+        loads: The loads.
+        whitening: Matrices that whiten one load's misfit [1/pF], shape (n, 9, 9).
+        parameters: The parameters.
+
+    Attributes:
+        distance: Mahalanobis distance of each load [1], shape (n,).
+        residual: Whitened misfit, weighted down beyond Huber's distance, and parameters over their prior [1].
+        cost: Sum of Huber's losses of the distances and of the squared parameters over their prior [1].
+    """
+
+    def __init__(self, twin: FootTwin, loads: LoadSet, whitening: Vector, parameters: Vector) -> None:
+        self._twin, self._loads, self._whitening = twin, loads, whitening
+        self._contact = ContactLoads.centred(loads.force_n)
         self.parameters = parameters
-        self._cells_um = twin.cells_um(parameters, load)
+        self._cells_um = twin.cells_um(parameters, self._contact)
         self._model_pf = twin.reading_pf(parameters, self._cells_um)
-        white = self._whitened(self._model_pf - read_pf)
+        white = np.einsum("nij,nj->ni", whitening, self._model_pf - loads.undrifted_pf)
         self.distance = np.linalg.norm(white, axis=1)
-        self._weight = np.sqrt(np.minimum(1.0, _FITS_WITHIN / np.maximum(self.distance, 1e-12)))[:, None]
-        self.residual = np.concatenate([(self._weight * white).ravel(), parameters / PRIOR])
-        inside = np.minimum(self.distance, _FITS_WITHIN)
-        self.cost = float((inside * (2.0 * self.distance - inside)).sum() + ((parameters / PRIOR) ** 2).sum())
+        within = np.minimum(self.distance, _HUBER_DISTANCE)
+        self._weight = np.sqrt(_HUBER_DISTANCE / np.maximum(self.distance, _HUBER_DISTANCE))
+        prior = parameters / PRIOR
+        self.residual = np.concatenate([(self._weight[:, None] * white).ravel(), prior])
+        self.cost = float((within * (2.0 * self.distance - within)).sum() + (prior**2).sum())
 
-    def _whitened(self, difference_pf: Vector) -> Vector:
-        white: Vector = np.einsum("nij,nj->ni", self._whiten, difference_pf)
-        return white
+    def at(self, parameters: Vector, whitening: Vector | None = None) -> "_State":
+        """Return the state at other parameters, with the same whitening or another."""
+        whitening = self._whitening if whitening is None else whitening
+        return _State(self._twin, self._loads, whitening, parameters)
 
-    def slopes(self, *, lends: bool) -> Vector:
-        """Return how the residual changes with each parameter, shape (rows, N_PARAMETERS).
+    def slopes(self, *, shared_gap: bool) -> Vector:
+        """Return the slopes of the residual by each parameter, shape (9 n + N_PARAMETERS, N_PARAMETERS).
 
         Args:
-            lends: Whether each gap is taken to do to its own element what all gaps together do to it, which is
-                something as soon as one shuts nearby; else what it does to all, which is nothing but where it shuts.
+            shared_gap: Whether the slope of each gap is that of all gaps together on its own element, which does not
+                vanish as soon as one closes nearby; else its own on all elements, which vanishes unless it closes.
         """
-        n = len(self._model_pf)
-        columns = np.zeros((n * ELEMENTS, N_PARAMETERS))
-        for kind in (STRAY, GAIN, GAP) if lends else (STRAY, GAIN):
+        slopes_pf = np.zeros((*self._model_pf.shape, N_PARAMETERS))
+        diagonal = np.arange(ELEMENTS)
+        for kind in (STRAY, GAIN, GAP) if shared_gap else (STRAY, GAIN):
             moved = self.parameters.copy()
             moved[kind] += _STEP[kind]
-            cells_um = self._twin.cells_um(moved, self._load) if kind is GAP else self._cells_um
+            cells_um = self._twin.cells_um(moved, self._contact) if kind is GAP else self._cells_um
             slope = (self._twin.reading_pf(moved, cells_um) - self._model_pf) / _STEP[kind]
-            for element in range(ELEMENTS):
-                alone = np.zeros((n, ELEMENTS))
-                alone[:, element] = slope[:, element]
-                columns[:, kind.start + element] = (self._weight * self._whitened(alone)).ravel()
-        for element in () if lends else range(ELEMENTS):
-            columns[:, GAP.start + element] = (self._weight * self._whitened(self._by_gap(element))).ravel()
+            slopes_pf[:, diagonal, kind.start + diagonal] = slope
         for number in (*range(N_PARAMETERS)[STIFFNESS], *range(N_PARAMETERS)[MOUNT]):
-            moved = self.parameters.copy()
-            moved[number] += _STEP[number]
-            slope = (self._twin.capacitance_pf(moved, self._load) - self._model_pf) / _STEP[number]
-            columns[:, number] = (self._weight * self._whitened(slope)).ravel()
-        return np.concatenate([columns, np.diag(1.0 / PRIOR)])
+            slopes_pf[..., number] = self._slope_pf(number, slice(None))
+        for element in () if shared_gap else range(ELEMENTS):
+            at_gap = self._twin.gap_um(self.parameters)[element] - _CLOSED_WITHIN_UM
+            cells_um = self._cells_um.reshape(len(self.distance), ELEMENTS, -1)[:, element]
+            closed = (cells_um >= at_gap).any(axis=1)
+            if closed.any():
+                number = GAP.start + element
+                slopes_pf[closed, :, number] = self._slope_pf(number, closed)
+        white = self._weight[:, None, None] * (self._whitening @ slopes_pf)
+        return np.concatenate([white.reshape(-1, N_PARAMETERS), np.diag(1.0 / PRIOR)])
 
-    def _by_gap(self, element: int) -> Vector:
-        """Return how the readings change with one gap [pF/um], shape (n, 9): not at all but where it shuts."""
-        slope = np.zeros_like(self._model_pf)
-        cells_um = self._cells_um.reshape(len(slope), ELEMENTS, -1)[:, element]
-        shut = (cells_um >= self._twin.gap_um(self.parameters)[element] - _SHUT_WITHIN_UM).any(axis=1)
-        if shut.any():
-            number = GAP.start + element
-            moved = self.parameters.copy()
-            moved[number] += _STEP[number]
-            cells_um = self._twin.cells_um(moved, Load(self._load.normal[shut], self._load.force_n[shut]))
-            slope[shut] = (self._twin.reading_pf(moved, cells_um) - self._model_pf[shut]) / _STEP[number]
+    def _slope_pf(self, number: int, rows: slice | NDArray[np.bool_]) -> Vector:
+        """Return the slope of some loads' readings by one parameter [pF per its unit], shape (rows, 9)."""
+        moved = self.parameters.copy()
+        moved[number] += _STEP[number]
+        contact = ContactLoads(self._contact.normal[rows], self._contact.force_n[rows])
+        slope: Vector = (self._twin.capacitance_pf(moved, contact) - self._model_pf[rows]) / _STEP[number]
         return slope
 
 
-def _whitening(twin: FootTwin, parameters: Vector, load: Load, pokes: PokeSet) -> Vector:
-    """Return for each poke the matrix that makes its residual white, shape (n, 9, 9)."""
-    model_pf = twin.capacitance_pf(parameters, load)
-    size_n = np.linalg.norm(load.force_n, axis=1, keepdims=True)
-    across = _across(load.normal)
-    by_lean = [
-        (twin.capacitance_pf(parameters, Load(_unit(load.normal + _TURN_RAD * one), load.force_n)) - model_pf)
-        / _TURN_RAD
-        for one in across
-    ]
-    by_force = [
-        (
-            twin.capacitance_pf(parameters, Load(load.normal, load.force_n + _PUSH_REL * size_n * axis))
-            - model_pf
-        )
-        / (_PUSH_REL * size_n)
-        for axis in np.eye(3)
-    ]
-    leaning = np.stack(by_lean, axis=2) * np.radians(_LEAN_DEG) * np.sqrt(0.5)
+def _whitening(twin: FootTwin, parameters: Vector, loads: LoadSet) -> Vector:
+    """Return for each load the matrix that whitens its misfit, the inverse Cholesky factor of S, shape (n, 9, 9)."""
+    contact = ContactLoads.centred(loads.force_n)
+    model_pf = twin.capacitance_pf(parameters, contact)
+    step_n = _FORCE_STEP_REL * np.linalg.norm(contact.force_n, axis=1, keepdims=True)
+    by_normal, by_force = [], []
+    for axis in np.eye(3):
+        leaning = contact.normal + _NORMAL_STEP * axis  # normalised, only its part across the normal remains
+        leaning /= np.linalg.norm(leaning, axis=1, keepdims=True)
+        leaning_pf = twin.capacitance_pf(parameters, ContactLoads(leaning, contact.force_n))
+        by_normal.append((leaning_pf - model_pf) / _NORMAL_STEP)
+        pushed = ContactLoads(contact.normal, contact.force_n + step_n * axis)
+        by_force.append((twin.capacitance_pf(parameters, pushed) - model_pf) / step_n)
     slope = np.stack(by_force, axis=2)
-    pushed = slope * np.maximum(pokes.sigma_n, _LEAST_SIGMA_N)[:, None, :]
-    crept = np.einsum("nij,nj->ni", slope, load.force_n)[:, :, None] * _RUBBER_REL
-    alone = _READING_PF**2 + (_UNEXPLAINED_REL * (model_pf - pokes.unloaded_pf)) ** 2
-    covariance = sum(part @ part.transpose(0, 2, 1) for part in (leaning, pushed, crept))
-    covariance = covariance + alone[:, :, None] * np.eye(ELEMENTS)
-    whiten: Vector = np.linalg.inv(np.linalg.cholesky(covariance))
-    return whiten
-
-
-def _across(normal: Vector) -> tuple[Vector, Vector]:
-    """Return two unit vectors across each normal, shape (n, 3) each."""
-    aside = np.where(np.abs(normal[:, :1]) < 0.8, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    one = _unit(np.cross(normal, aside))
-    return one, np.cross(normal, one)
-
-
-def _unit(vector: Vector) -> Vector:
-    unit: Vector = vector / np.linalg.norm(vector, axis=1, keepdims=True)
-    return unit
+    lean = np.stack(by_normal, axis=2) * np.radians(_LEAN_DEG) * np.sqrt(0.5)
+    force = slope * np.maximum(loads.sigma_n, _MIN_SIGMA_N)[:, None, :]
+    creep = np.einsum("nij,nj->ni", slope, contact.force_n)[:, :, None] * _RUBBER_REL
+    reading = _READING_PF**2 + (_UNEXPLAINED_REL * (model_pf - loads.unloaded_pf)) ** 2
+    covariance = sum(part @ part.transpose(0, 2, 1) for part in (lean, force, creep))
+    covariance = covariance + reading[:, :, None] * np.eye(ELEMENTS)
+    whitening: Vector = np.linalg.inv(np.linalg.cholesky(covariance))
+    return whitening

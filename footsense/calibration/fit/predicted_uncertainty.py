@@ -1,4 +1,4 @@
-"""How wrong a calibrated foot will be because its parameters are not known better: said before anyone relies on it."""
+"""Force errors to expect of a calibrated foot, from the posterior of its parameters, before anyone relies on it."""
 
 from typing import NamedTuple
 
@@ -6,129 +6,127 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.calibration.fit.parameter_fit import PRIOR, Fit
-from footsense.calibration.fit.twin import KINDS, STIFFNESS, FootTwin, Load, names
+from footsense.calibration.fit.twin import KINDS, ContactLoads, FootTwin, parameter_names
 from footsense.errors import CalibrationError
-from footsense.foot.directions import angles_between_deg
+from footsense.foot.directions import angles_between_deg, direction_grid
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import element_means
-from footsense.sim.test_stand.calibration_loads import GRAM_FORCE_N
+
+__all__ = ["IDENTIFIED_CONTRACTION", "PredictedUncertainty", "predict_uncertainty", "require_identified"]
 
 Vector = NDArray[np.float64]
 
-#: Beyond this no pack is made: what a foot as designed would do after a careless assembly is not much worse.
-_MOST_DEG, _MOST_REL = 4.0, 0.1
-#: Closure over the thinnest gap from which a load is not asked for.
+#: Largest predicted errors with which a calibration is made: an uncalibrated, carelessly made foot is not much worse.
+_MAX_DIRECTION_DEG, _MAX_MAGNITUDE_REL = 4.0, 0.1
+#: Closure over the smallest gap up to which a load is evaluated: a foot is not read where a gap closes.
 _OPEN_REL = 0.7
 _DRAWS, _DRAWS_OF_KIND = 24, 6
 _SEED = 1
-#: Said to be told by the pokes if they took half of what was not known.
-TOLD_REL = 0.5
+#: A parameter counts as identified if calibration halves its prior standard deviation.
+IDENTIFIED_CONTRACTION = 0.5
 
 
-class Foreseen(NamedTuple):
-    """Expected errors of loads all over the ball, by what is not known of the foot.
+class PredictedUncertainty(NamedTuple):
+    """Errors expected over loads from all sides, by what remains unknown of the parameters.
 
     Attributes:
-        direction_deg: Half of the loads are off by less [deg].
-        magnitude_rel: The same of the magnitude, relative [1].
-        least_known: The kind of parameter that most of it comes from.
-        untold: Names of the parameters of which the pokes told little, and which are nearly as designed therefore.
+        direction_deg: Median angle [deg].
+        magnitude_rel: Median relative error of the magnitude [1].
+        dominant: Kind of parameter that causes most of the angle.
+        not_identified: Names of the parameters that stay near the design's value, for lack of data.
     """
 
     direction_deg: float
     magnitude_rel: float
-    least_known: str
-    untold: tuple[str, ...]
+    dominant: str
+    not_identified: tuple[str, ...]
 
 
-def loads_n() -> Vector:
-    """Return forces all over the ball down to 45 deg, at 50 and 120 gf [N], shape (50, 3)."""
-    azimuth, elevation = np.meshgrid(np.radians(30.0 * np.arange(12)), np.radians([50.0, 70.0]))
-    ring = np.stack(
-        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], axis=-1
-    ).reshape(-1, 3)
-    directions = np.concatenate([ring, [[0.0, 0.0, 1.0]]])
+def evaluation_loads_n() -> Vector:
+    """Return forces from all sides down to 50 deg of elevation, of 50 and 120 gf [N], shape (50, 3)."""
+    ring = direction_grid(30.0 * np.arange(12), [50.0, 70.0])
+    directions = np.vstack([ring, [0.0, 0.0, 1.0]])
     return np.concatenate([size * GRAM_FORCE_N * directions for size in (50.0, 120.0)])
 
 
-def foresee(twin: FootTwin, found: Fit) -> Foreseen:
-    """Return how wrong the foot will be.
+def predict_uncertainty(twin: FootTwin, fit: Fit) -> PredictedUncertainty:
+    """Return the errors to expect, to first order, over draws from the posterior.
 
-    To first order: a foot that differs from what was found by e reads a load f like what was found reads f + df, where
-    df is the least-squares answer to the change of its nine readings. Loads that shut a gap are left out: such a foot
-    is not read there.
-    """
-    force_n = loads_n()
-    cells_um = twin.cells_um(found.parameters, Load.centred(force_n))
-    force_n = force_n[element_means(cells_um).max(axis=1) < _OPEN_REL * twin.gap_um(found.parameters).min()]
-    if not len(force_n):
-        return Foreseen(np.inf, np.inf, "gap", ())
-    moves = _Moves(twin, found, force_n)
-    rng = np.random.default_rng(_SEED)
-    everything = np.ones(len(found.parameters), bool)
-    direction_deg, magnitude_rel = moves.errors(everything, rng, _DRAWS)
-    by_kind = {}
-    for kind, where in KINDS.items():
-        alone = np.zeros(len(found.parameters), bool)
-        alone[where] = True
-        by_kind[kind] = moves.errors(alone, rng, _DRAWS_OF_KIND)[0]
-    untold = tuple(name for name, told in zip(names(), found.told_rel, strict=True) if told < TOLD_REL)
-    return Foreseen(direction_deg, magnitude_rel, max(by_kind, key=by_kind.__getitem__), untold)
-
-
-class _Moves:
-    """What changes of parameters do to the forces that are read.
+    A foot whose parameters differ from the fitted ones changes the nine readings of a load; the least-squares change of
+    force that explains them is the error. Loads that close a gap are left out.
 
     Args:
-        twin: The foot.
-        found: What is known of it.
-        force_n: Loads that it is asked for [N], shape (n, 3).
+        twin: Model of the foot.
+        fit: Its fitted parameters.
     """
-
-    def __init__(self, twin: FootTwin, found: Fit, force_n: Vector) -> None:
-        self._twin, self._found, self._force_n = twin, found, force_n
-        self._at_pf = twin.capacitance_pf(found.parameters, Load.centred(force_n))
-        self._size_n = np.linalg.norm(force_n, axis=1, keepdims=True)
-        push_n = 1e-3 * self._size_n
-        by_force = np.stack(
-            [
-                (twin.capacitance_pf(found.parameters, Load.centred(force_n + push_n * axis)) - self._at_pf)
-                / push_n
-                for axis in np.eye(3)
-            ],
-            axis=2,
-        )
-        self._read = np.linalg.pinv(by_force)
-
-    def errors(self, which: NDArray[np.bool_], rng: np.random.Generator, n_draws: int) -> tuple[float, float]:
-        """Return median angle [deg] and relative error of the magnitude if only these parameters are not known."""
-        parameters = self._found.parameters
-        root = np.linalg.cholesky(self._found.covariance[np.ix_(which, which)])
-        angles_deg, sizes_rel = [], []
-        for _ in range(n_draws):
-            changed = parameters.copy()
-            changed[which] += np.clip(
-                root @ rng.normal(size=len(root)), -2.0 * PRIOR[which], 2.0 * PRIOR[which]
-            )
-            changed[STIFFNESS] = np.maximum(changed[STIFFNESS], -0.9)
-            moved_pf = (
-                self._twin.capacitance_pf(self._twin.possible(changed), Load.centred(self._force_n))
-                - self._at_pf
-            )
-            guess_n = self._force_n + np.einsum("nij,nj->ni", self._read, moved_pf)
-            angles_deg.append(angles_between_deg(self._force_n, guess_n))
-            sizes_rel.append(np.abs(np.linalg.norm(guess_n, axis=1) / self._size_n[:, 0] - 1.0))
-        return float(np.median(angles_deg)), float(np.median(sizes_rel))
+    force_n = evaluation_loads_n()
+    closure_um = element_means(twin.cells_um(fit.parameters, ContactLoads.centred(force_n)))
+    force_n = force_n[closure_um.max(axis=1) < _OPEN_REL * twin.gap_um(fit.parameters).min()]
+    if not len(force_n):
+        return PredictedUncertainty(np.inf, np.inf, "gap", ())
+    rng = np.random.default_rng(_SEED)
+    slopes = _force_per_pf(twin, fit.parameters, force_n)
+    everything = slice(0, len(fit.parameters))
+    direction_deg, magnitude_rel = _errors(twin, fit, force_n, slopes, everything, rng, _DRAWS)
+    by_kind = {
+        kind: _errors(twin, fit, force_n, slopes, which, rng, _DRAWS_OF_KIND)[0]
+        for kind, which in KINDS.items()
+    }
+    not_identified = tuple(
+        name
+        for name, contraction in zip(parameter_names(), fit.contraction, strict=True)
+        if contraction < IDENTIFIED_CONTRACTION
+    )
+    return PredictedUncertainty(
+        direction_deg, magnitude_rel, max(by_kind, key=by_kind.__getitem__), not_identified
+    )
 
 
-def require_known(foreseen: Foreseen, n_pokes: int) -> None:
-    """Refuse a foot of which too little is known.
+def _force_per_pf(twin: FootTwin, parameters: Vector, force_n: Vector) -> Vector:
+    """Return the pseudo-inverse of the readings' slopes by the force [N/pF], shape (n, 3, 9)."""
+    at_pf = twin.capacitance_pf(parameters, ContactLoads.centred(force_n))
+    step_n = 1e-3 * np.linalg.norm(force_n, axis=1, keepdims=True)
+    slopes = [
+        (twin.capacitance_pf(parameters, ContactLoads.centred(force_n + step_n * axis)) - at_pf) / step_n
+        for axis in np.eye(3)
+    ]
+    return np.linalg.pinv(np.stack(slopes, axis=2))
+
+
+def _errors(
+    twin: FootTwin,
+    fit: Fit,
+    force_n: Vector,
+    force_per_pf: Vector,
+    which: slice,
+    rng: np.random.Generator,
+    n_draws: int,
+) -> tuple[float, float]:
+    """Return median angle [deg] and relative magnitude error [1] if only some parameters are uncertain."""
+    loads = ContactLoads.centred(force_n)
+    at_pf = twin.capacitance_pf(fit.parameters, loads)
+    magnitude_n = np.linalg.norm(force_n, axis=1)
+    root = np.linalg.cholesky(fit.covariance[which, which])
+    angles_deg, magnitudes_rel = [], []
+    for _ in range(n_draws):
+        drawn = fit.parameters.copy()
+        drawn[which] += np.clip(root @ rng.normal(size=len(root)), -2.0 * PRIOR[which], 2.0 * PRIOR[which])
+        change_pf = twin.capacitance_pf(np.clip(drawn, *twin.bounds()), loads) - at_pf
+        estimate_n = force_n + np.einsum("nij,nj->ni", force_per_pf, change_pf)
+        angles_deg.append(angles_between_deg(force_n, estimate_n))
+        magnitudes_rel.append(np.abs(np.linalg.norm(estimate_n, axis=1) / magnitude_n - 1.0))
+    return float(np.median(angles_deg)), float(np.median(magnitudes_rel))
+
+
+def require_identified(predicted: PredictedUncertainty, n_loads: int) -> None:
+    """Refuse a calibration whose parameters remain too uncertain.
 
     Raises:
-        CalibrationError: Its forces would be off by more than a calibrated foot may be.
+        CalibrationError: The predicted errors are larger than those of a calibrated foot may be.
     """
-    if foreseen.direction_deg > _MOST_DEG or foreseen.magnitude_rel > _MOST_REL:
+    if predicted.direction_deg > _MAX_DIRECTION_DEG or predicted.magnitude_rel > _MAX_MAGNITUDE_REL:
         raise CalibrationError(
-            f"{n_pokes} pokes leave half of all forces uncertain by {foreseen.direction_deg:.1f} deg and "
-            f"{foreseen.magnitude_rel:.0%} or more, at most {_MOST_DEG:g} deg and {_MOST_REL:.0%} make a pack; "
-            f"what they tell least is the {foreseen.least_known}; press from more sides, at two magnitudes"
+            f"{n_loads} loads leave half of all forces uncertain by {predicted.direction_deg:.1f} deg and "
+            f"{predicted.magnitude_rel:.0%} or more, at most {_MAX_DIRECTION_DEG:g} deg and {_MAX_MAGNITUDE_REL:.0%} "
+            f"make a calibration; least is known of the {predicted.dominant}; press from more sides, at two magnitudes"
         )

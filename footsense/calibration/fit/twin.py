@@ -1,11 +1,11 @@
-"""A twin of one foot: what its nine elements read under a load, as a function of what makes it differ from its design.
+"""Parametric model of one foot: the readings of its nine elements under a load.
 
-For element i, cells c, its readings at rest C0 and a load whose free closure the design's response knows:
+Element i with cells c, unloaded reading C0 and the closures that the design's response predicts reads
 
     C_i = s_i + K mean_c 1 / (D_i - a_i d_c),     D_i = K / (C0_i - s_i),      K = eps0 A
 
-with the stray s, the gain a of the closures, and closures d_c <= g_i of a solid (1 + k) times as stiff as designed,
-under a load turned by the mount. The film does not appear: the distance at rest has it inside.
+with the stray s, the closure gain a, and closures d_c <= g_i of a solid (1 + k) times as stiff as designed, under a
+load turned by the mount. The film does not appear: the unloaded distance D contains it.
 """
 
 from typing import NamedTuple
@@ -18,103 +18,95 @@ from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS
 from footsense.sim.foot.fabrication import rotation
 
+__all__ = ["GAIN", "GAP", "KINDS", "MOUNT", "N_PARAMETERS", "STIFFNESS", "STRAY", "ContactLoads", "FootTwin"]
+
 Vector = NDArray[np.float64]
 
-#: Where each kind of parameter stands in a vector of them: stray [pF], gain less one [1], gap over the designed one
-#: [um], stiffness over the designed one less one [1], mount as a rotation vector [rad].
+#: Slices of the parameter vector: stray [pF], closure gain minus one [1], gap minus the design's [um], stiffness over
+#: the design's minus one [1], mount as a rotation vector [rad]. All zero is a foot as designed.
 STRAY, GAIN, GAP = slice(0, 9), slice(9, 18), slice(18, 27)
 STIFFNESS, MOUNT = slice(27, 28), slice(28, 31)
 N_PARAMETERS = 31
 KINDS = {"stray": STRAY, "gain": GAIN, "gap": GAP, "stiffness": STIFFNESS, "mount": MOUNT}
 
-#: Electrodes come no nearer than this [um]; the film is 6.3 um of air by design.
-_LEAST_DISTANCE_UM = 1.0
+#: Smallest distance of the electrodes [um]; the designed film is as thick as 6.3 um of air.
+_MIN_DISTANCE_UM = 1.0
 
 
-class Load(NamedTuple):
+class ContactLoads(NamedTuple):
     """Loads in the leg's frame: contact normals, shape (n, 3), and forces [N], shape (n, 3)."""
 
     normal: Vector
     force_n: Vector
 
     @classmethod
-    def centred(cls, force_n: Vector) -> "Load":
-        """Return loads through the centre of the ball: the normal lies along the force."""
+    def centred(cls, force_n: Vector) -> "ContactLoads":
+        """Return loads through the centre of the ball: each normal lies along its force."""
         return cls(force_n / np.linalg.norm(force_n, axis=1, keepdims=True), force_n)
 
 
 class FootTwin:
-    """The twin.
+    """Model of one foot; every method is a function of the parameter vector, shape (N_PARAMETERS,).
 
     Args:
-        response: How feet of its type yield.
-        unloaded_pf: What each element reads at rest, stray included [pF], shape (9,).
+        response: Response table of its foot type.
+        unloaded_pf: Unloaded reading of each element, stray included [pF], shape (9,).
     """
 
     def __init__(self, response: FootResponse, unloaded_pf: Vector) -> None:
         self._response = response
         self._unloaded_pf = unloaded_pf
-        self._lowest = np.sin(np.radians(response.min_elevation_deg))
+        self._min_sine = np.sin(np.radians(response.min_elevation_deg))
+
+    def bounds(self) -> tuple[Vector, Vector]:
+        """Return the lower and upper limit of each parameter: capacitance beside the stray, a gap, and stiffness."""
+        lower, upper = np.full(N_PARAMETERS, -np.inf), np.full(N_PARAMETERS, np.inf)
+        upper[STRAY] = 0.5 * self._unloaded_pf
+        lower[GAIN], upper[GAIN] = -0.5, 1.0
+        lower[GAP] = -0.9 * self._response.design.gap_um
+        lower[STIFFNESS], upper[STIFFNESS] = -0.9, 20.0
+        return lower, upper
 
     def gap_um(self, parameters: Vector) -> Vector:
-        """Return the gap of each element at rest [um], shape (9,)."""
+        """Return the unloaded gap of each element [um], shape (9,)."""
         gap_um: Vector = self._response.design.gap_um + parameters[GAP]
         return gap_um
 
-    def cells_um(self, parameters: Vector, load: Load) -> Vector:
-        """Return the closure of each cell [um], shape (n, 324), at most its gap; of gaps, stiffness and mount alone."""
+    def cells_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
+        """Return the closure of each cell, at most its gap [um], shape (n, 324); stray and gain do not matter."""
         response, mount = self._response, rotation(parameters[MOUNT])
         softness = 1.0 / (1.0 + float(parameters[STIFFNESS][0]))
-        free_um = softness * response.free_closure_um(
-            self._seen(load.normal @ mount.T), load.force_n @ mount.T
-        )
+        normal = self._lifted_to_rim(loads.normal @ mount.T)
+        free_um = softness * response.free_closure_um(normal, loads.force_n @ mount.T)
         gap_um = np.repeat(self.gap_um(parameters), gap_contact.CELLS)
-        shut = np.flatnonzero((free_um > gap_um).any(axis=1))
-        compliance = softness * response.compliance_um_per_n if len(shut) else np.empty(0)
-        for one in shut:
-            free_um[one] = gap_contact.touch(free_um[one], gap_um, compliance).closure_um
-        return free_um
+        if not (free_um > gap_um).any():  # scaling the compliance would take longer than the rest
+            return free_um
+        return gap_contact.contact_closures_um(free_um, gap_um, softness * response.compliance_um_per_n)
 
     def reading_pf(self, parameters: Vector, cells_um: Vector) -> Vector:
-        """Return what each element reads [pF], shape (n, 9), at closures of its cells [um], shape (n, 324)."""
+        """Return the reading of each element [pF], shape (n, 9), at cell closures [um], shape (n, 324)."""
         design, stray_pf = self._response.design, parameters[STRAY]
-        rest_um = design.plate_distance_um(self._unloaded_pf - stray_pf)
-        moved_um = cells_um * np.repeat(1.0 + parameters[GAIN], gap_contact.CELLS)
-        distance_um = np.maximum(np.repeat(rest_um, gap_contact.CELLS) - moved_um, _LEAST_DISTANCE_UM)
+        unloaded_um = design.plate_distance_um(self._unloaded_pf - stray_pf)
+        closure_um = cells_um * np.repeat(1.0 + parameters[GAIN], gap_contact.CELLS)
+        distance_um = np.maximum(np.repeat(unloaded_um, gap_contact.CELLS) - closure_um, _MIN_DISTANCE_UM)
         return gap_contact.capacitance_pf(design, distance_um) + stray_pf
 
-    def capacitance_pf(self, parameters: Vector, load: Load) -> Vector:
-        """Return what each element reads under loads [pF], shape (n, 9)."""
-        return self.reading_pf(parameters, self.cells_um(parameters, load))
+    def capacitance_pf(self, parameters: Vector, loads: ContactLoads) -> Vector:
+        """Return the reading of each element under loads [pF], shape (n, 9)."""
+        return self.reading_pf(parameters, self.cells_um(parameters, loads))
 
-    def possible(self, parameters: Vector) -> Vector:
-        """Return the nearest parameters that a foot can have: capacitance beside the strays, gaps, and stiffness."""
-        kept = parameters.copy()
-        kept[STRAY] = np.minimum(kept[STRAY], 0.5 * self._unloaded_pf)
-        kept[GAIN] = np.clip(kept[GAIN], -0.5, 1.0)
-        kept[GAP] = np.maximum(kept[GAP], -0.9 * self._response.design.gap_um)
-        kept[STIFFNESS] = np.clip(kept[STIFFNESS], -0.95, 20.0)
-        return kept
-
-    def _seen(self, normal: Vector) -> Vector:
-        """Return normals, those below the known response lifted to its rim."""
-        low = normal[:, 2] < self._lowest
-        if not low.any():
-            return normal
+    def _lifted_to_rim(self, normal: Vector) -> Vector:
+        """Return the normals, those below the table's lowest elevation lifted to it."""
+        low = normal[:, 2] < self._min_sine
         lifted = normal.copy()
         across = normal[low, :2] / np.linalg.norm(normal[low, :2], axis=1, keepdims=True)
-        lifted[low, :2] = np.sqrt(1.0 - self._lowest**2) * across
-        lifted[low, 2] = self._lowest
+        lifted[low, :2] = np.sqrt(1.0 - self._min_sine**2) * across
+        lifted[low, 2] = self._min_sine
         return lifted
 
 
-def unchanged() -> Vector:
-    """Return the parameters of a foot as designed, shape (N_PARAMETERS,)."""
-    return np.zeros(N_PARAMETERS)
-
-
-def names() -> list[str]:
-    """Return the name of each parameter with its element and unit, for people."""
+def parameter_names() -> list[str]:
+    """Return the name of each parameter with its element and unit."""
     kinds = [("stray", "pF"), ("gain", "1"), ("gap", "um")]
     nines = [f"{kind} of element {element} [{unit}]" for kind, unit in kinds for element in range(ELEMENTS)]
     return [*nines, "stiffness [1]", *(f"mount about {axis} [rad]" for axis in "xyz")]

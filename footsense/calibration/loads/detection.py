@@ -1,8 +1,7 @@
-"""Pokes in a recording, or as they happen: a foot is pressed, held still, and let go.
+"""Presses found in a recording or as they happen: the foot is pressed, held still, and released.
 
-When a foot is pressed, its own capacitances tell: they step by a hundred times their noise where the force of a robust
-reference does so by a few times its. What the press is worth, `dwell.py` says once it is let go and
-the foot has rested for a moment.
+The foot's own capacitances detect a press: they change by a hundred times their noise where the force of a robust
+reference changes by a few times its own. `dwell.reduce_press` evaluates the press after a pause without load.
 """
 
 from collections import deque
@@ -12,45 +11,44 @@ from enum import Enum, auto
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.loads.dwell import weigh
-from footsense.calibration.loads.press import Poke, Press, WhyNot
-from footsense.calibration.session.reference_log import ReferenceLog
-from footsense.frames import Cycle, Reading
+from footsense.calibration.loads.calibration_load import CalibrationLoad, Press, Rejection, column_means
+from footsense.calibration.loads.dwell import reduce_press
+from footsense.frames import Cycle, Reading, Reference
 
-__all__ = ["Poke", "PokeFinder", "WhyNot", "find_pokes"]
+__all__ = ["LoadDetector", "find_loads", "join_references"]
 
 Vector = NDArray[np.float64]
 
 _NS_PER_MS = 1_000_000
 
-#: Mean change of the elements that is a press [1]: 20 fF of 5 pF, that of some 10 mN.
+#: Mean change of the elements that begins a press [1]: 20 fF of 5 pF, that of some 10 mN.
 _PRESSED_REL = 0.005
-#: Share of the largest change below which the foot is let go: rubber keeps some hundredths for a while.
-_LET_GO_REL = 0.15
-#: The foot at rest is that of this long, until shortly before the press, which may begin slowly [ns].
-_REST_NS = 500 * _NS_PER_MS
+#: Share of the largest change below which the foot is released: rubber keeps some hundredths for a while.
+_RELEASED_REL = 0.15
+#: Unloaded span before a press, and its distance from a press that begins slowly [ns].
+_UNLOADED_NS = 500 * _NS_PER_MS
 _SLOW_START_NS = 100 * _NS_PER_MS
-#: After it was let go the rubber comes back, most of it within this [ns]; then it rests.
+#: Most of the rubber's recovery after a release, and the unloaded span that follows it [ns].
 _RECOVERY_NS = 100 * _NS_PER_MS
 _AFTER_NS = 200 * _NS_PER_MS
-#: So far back goes what is taken for the zero of the reference [ns].
-_ZERO_NS = 10_000 * _NS_PER_MS
-#: Who leans on a foot for longer has changed its zero [ns].
+#: Age up to which unloaded spans contribute to the offset of the reference [ns].
+_OFFSET_NS = 10_000 * _NS_PER_MS
+#: Longest press [ns]; a longer load has changed the unloaded reading.
 _LONGEST_NS = 60_000 * _NS_PER_MS
-#: Scans that have to agree: one alone may be a reading that went wrong.
-_AGREED = 2
-#: Scans without which there is no rest to begin with.
-_LEAST_REST = 2
+#: Scans in a row that make a transition: a single one may be misread.
+_AGREEING_SCANS = 2
+#: Fewest scans of an unloaded span.
+_MIN_UNLOADED_SCANS = 2
 
 
 class _Phase(Enum):
-    REST = auto()
+    UNLOADED = auto()
     PRESSED = auto()
-    LET_GO = auto()
+    RELEASED = auto()
 
 
-class PokeFinder:
-    """Finds the pokes of one leg, cycle by cycle.
+class LoadDetector:
+    """Finds the calibration loads of one leg, cycle by cycle.
 
     Args:
         row: Row of the leg in the frames.
@@ -59,163 +57,161 @@ class PokeFinder:
     def __init__(self, row: int) -> None:
         self._row = row
         self._scans: deque[tuple[int, Vector, NDArray[np.uint8], Vector]] = deque()
-        self._reference = ReferenceLog()
-        self._zeros: deque[tuple[int, Vector, int]] = deque()
-        self._phase = _Phase.REST
-        self._agreed = 0
-        self._rest_pf: Vector | None = None
+        self._reference: deque[Reference] = deque()
+        self._offsets: deque[tuple[int, Vector, int]] = deque()
+        self._phase = _Phase.UNLOADED
+        self._n_agreeing = 0
+        self._baseline_pf: Vector | None = None
         self._before_ns = (0, 0)
         self._pressed_ns = 0
-        self._let_go_ns = 0
+        self._released_ns = 0
         self._peak_rel = 0.0
-        self._seen_until_ns = 0
+        self._newest_ns = 0
 
     @property
     def pressed(self) -> bool:
-        """Tell whether the foot is pressed now."""
+        """Whether the foot is pressed now."""
         return self._phase is _Phase.PRESSED
 
     @property
-    def zero_n(self) -> Vector:
-        """Return the force of the reference at rest [N], shape (3,); NaN as long as it is not known."""
-        total_n, n = self._zero()
-        if self._phase is _Phase.REST:
-            now_n, n_now = self._reference.sum_within(self._before_ns)
+    def offset_n(self) -> Vector:
+        """Unloaded reading of the reference [N], shape (3,); NaN until it is known."""
+        total_n, n = self._offset_sum()
+        if self._phase is _Phase.UNLOADED:
+            now_n, n_now = self._reference_sum(self._before_ns)
             total_n, n = total_n + now_n, n + n_now
         return total_n / n if n else np.full(3, np.nan)
 
-    def take(self, cycle: Cycle) -> Poke | None:
-        """Take note of a cycle; return the poke that it brings to its end, if one."""
-        self._reference.add(cycle.reference)
+    def take(self, cycle: Cycle) -> CalibrationLoad | None:
+        """Process a cycle; return the load, accepted or rejected, that it completes."""
+        if cycle.reference is not None and len(cycle.reference.t_ns):
+            self._reference.append(cycle.reference)
         scan, row = cycle.scan, self._row
         stamps = scan.t_ns[row]
-        # Where forces go out after every conversion, most of a scan is that of before; a scan without any stamp has
-        # nothing to say, but that its elements were not read.
+        # With `publish: element` most of a cycle's scan is the previous one's; a scan without stamps was not read.
         t_ns = int(stamps.mean()) if stamps.all() else cycle.forces.t_sent_ns
-        if (stamps.all() and int(stamps.min()) <= self._seen_until_ns) or t_ns <= self._seen_until_ns:
+        if (stamps.all() and int(stamps.min()) <= self._newest_ns) or t_ns <= self._newest_ns:
             return None
-        self._seen_until_ns = max(int(stamps.max()), t_ns)
-        # The sum of a column that was read at once is no element.
+        self._newest_ns = max(int(stamps.max()), t_ns)
         capacitance_pf = np.where(scan.reading[row] == Reading.OK, scan.capacitance_pf[row], np.nan)
         self._scans.append((t_ns, capacitance_pf, scan.reading[row], cycle.forces.force_n[row]))
-        return self._step(t_ns, capacitance_pf)
-
-    def finish(self) -> Poke | None:
-        """Return what the end of the recording leaves: a press that was let go a moment before, or was not."""
-        if self._phase is _Phase.REST or not self._scans:
-            return None
-        phase, self._phase = self._phase, _Phase.REST
-        if phase is _Phase.LET_GO:
-            return self._poke(None)
-        self._let_go_ns = self._scans[-1][0]
-        return self._without(WhyNot.NOT_LET_GO, "the recording ends in it")
-
-    def _step(self, t_ns: int, capacitance_pf: Vector) -> Poke | None:
         match self._phase:
-            case _Phase.REST:
-                self._look_for_a_press(t_ns, capacitance_pf)
+            case _Phase.UNLOADED:
+                self._await_press(t_ns, capacitance_pf)
                 return None
             case _Phase.PRESSED:
-                return self._look_for_the_end(t_ns, capacitance_pf)
-            case _Phase.LET_GO:
-                return self._wait_for_rest(t_ns, capacitance_pf)
+                return self._await_release(t_ns, capacitance_pf)
+            case _Phase.RELEASED:
+                return self._await_recovery(t_ns, capacitance_pf)
 
-    def _look_for_a_press(self, t_ns: int, capacitance_pf: Vector) -> None:
-        before_ns = (t_ns - _SLOW_START_NS - _REST_NS, t_ns - _SLOW_START_NS)
-        rested = [entry[1] for entry in self._scans if before_ns[0] <= entry[0] <= before_ns[1]]
-        if self._agreed == 0:
-            self._before_ns = before_ns
-            self._rest_pf = _mean(np.array(rested)) if len(rested) >= _LEAST_REST else None
-            self._forget_until(before_ns[0])
-        if not self._agrees(self._change_rel(capacitance_pf) > _PRESSED_REL):
-            return
-        self._begin()
+    def finish(self) -> CalibrationLoad | None:
+        """Return the load of a press that is not over at the end of the recording."""
+        phase, self._phase = self._phase, _Phase.UNLOADED
+        if phase is _Phase.UNLOADED:
+            return None
+        if phase is _Phase.RELEASED:
+            return reduce_press(self._press(None))
+        self._released_ns = self._scans[-1][0]
+        return self._rejected(Rejection.NOT_RELEASED, "the recording ends in it")
 
-    def _begin(self) -> None:
+    def _await_press(self, t_ns: int, capacitance_pf: Vector) -> None:
+        if self._n_agreeing == 0:
+            self._before_ns = (t_ns - _SLOW_START_NS - _UNLOADED_NS, t_ns - _SLOW_START_NS)
+            self._baseline_pf = self._mean_pf(self._before_ns)
+            self._forget_until(self._before_ns[0])
+        if self._agrees(change=self._change_rel(capacitance_pf) > _PRESSED_REL):
+            self._begin_press()
+
+    def _begin_press(self) -> None:
         self._phase = _Phase.PRESSED
-        self._pressed_ns = self._scans[-_AGREED][0]
+        self._pressed_ns = self._scans[-_AGREEING_SCANS][0]
         self._peak_rel = 0.0
-        while self._zeros and self._zeros[0][0] < self._before_ns[0] - _ZERO_NS:
-            self._zeros.popleft()
-        total_n, n = self._reference.sum_within(self._before_ns)
+        while self._offsets and self._offsets[0][0] < self._before_ns[0] - _OFFSET_NS:
+            self._offsets.popleft()
+        total_n, n = self._reference_sum(self._before_ns)
         if n:
-            self._zeros.append((self._before_ns[1], total_n, n))
+            self._offsets.append((self._before_ns[1], total_n, n))
 
-    def _look_for_the_end(self, t_ns: int, capacitance_pf: Vector) -> Poke | None:
+    def _await_release(self, t_ns: int, capacitance_pf: Vector) -> CalibrationLoad | None:
         change_rel = self._change_rel(capacitance_pf)
         self._peak_rel = max(self._peak_rel, change_rel)
-        if self._agrees(change_rel < max(_PRESSED_REL, _LET_GO_REL * self._peak_rel)):
-            self._phase = _Phase.LET_GO
-            self._let_go_ns = self._scans[-_AGREED][0]
-            return None
-        if t_ns - self._pressed_ns < _LONGEST_NS:
-            return None
-        self._let_go_ns = t_ns
-        poke = self._without(WhyNot.TOO_LONG, f"pressed for more than {_LONGEST_NS / 1e9:g} s")
-        self._rest(t_ns)
-        return poke
+        if self._agrees(change=change_rel < max(_PRESSED_REL, _RELEASED_REL * self._peak_rel)):
+            self._phase = _Phase.RELEASED
+            self._released_ns = self._scans[-_AGREEING_SCANS][0]
+        elif t_ns - self._pressed_ns >= _LONGEST_NS:
+            self._released_ns = t_ns
+            load = self._rejected(Rejection.TOO_LONG, f"pressed for more than {_LONGEST_NS / 1e9:g} s")
+            self._end_press(t_ns)
+            return load
+        return None
 
-    def _wait_for_rest(self, t_ns: int, capacitance_pf: Vector) -> Poke | None:
-        again = self._change_rel(capacitance_pf) > max(_PRESSED_REL, 2 * _LET_GO_REL * self._peak_rel)
-        if self._agrees(again):
-            # Pressed again at once: what stood before the first may have to stand before the second, too.
-            between_ns = (self._let_go_ns + _RECOVERY_NS, self._scans[-_AGREED][0] - _SLOW_START_NS)
-            rested = [entry[1] for entry in self._scans if between_ns[0] <= entry[0] <= between_ns[1]]
-            poke = self._poke(between_ns if len(rested) >= _LEAST_REST else None)
-            if len(rested) >= _LEAST_REST:
-                self._before_ns, self._rest_pf = between_ns, _mean(np.array(rested))
-            self._begin()
-            return poke
-        if t_ns - self._let_go_ns < _RECOVERY_NS + _AFTER_NS:
+    def _await_recovery(self, t_ns: int, capacitance_pf: Vector) -> CalibrationLoad | None:
+        recovered_ns = self._released_ns + _RECOVERY_NS
+        pressed_rel = max(_PRESSED_REL, 2 * _RELEASED_REL * self._peak_rel)
+        if self._agrees(change=self._change_rel(capacitance_pf) > pressed_rel):
+            # Pressed again at once: the span between is unloaded for both presses, if it is long enough.
+            between_ns = (recovered_ns, self._scans[-_AGREEING_SCANS][0] - _SLOW_START_NS)
+            between_pf = self._mean_pf(between_ns)
+            load = reduce_press(self._press(None if between_pf is None else between_ns))
+            if between_pf is not None:
+                self._before_ns, self._baseline_pf = between_ns, between_pf
+            self._begin_press()
+            return load
+        if t_ns < recovered_ns + _AFTER_NS:
             return None
-        poke = self._poke((self._let_go_ns + _RECOVERY_NS, t_ns))
-        self._rest(self._let_go_ns + _RECOVERY_NS)
-        return poke
+        load = reduce_press(self._press((recovered_ns, t_ns)))
+        self._end_press(recovered_ns)
+        return load
 
-    def _agrees(self, holds: bool) -> bool:  # noqa: FBT001 - reads like the sentence it counts
-        """Tell whether enough scans in a row have said so; the count begins anew then."""
-        self._agreed = self._agreed + 1 if holds else 0
-        if self._agreed < _AGREED:
-            return False
-        self._agreed = 0
-        return True
+    def _agrees(self, *, change: bool) -> bool:
+        """Return whether enough scans in a row show a change; the count restarts then."""
+        self._n_agreeing = (self._n_agreeing + 1) % _AGREEING_SCANS if change else 0
+        return change and self._n_agreeing == 0
+
+    def _mean_pf(self, span_ns: tuple[int, int]) -> Vector | None:
+        """Return the mean reading of each element in a span [pF], shape (9,); None with too few scans."""
+        scans = [entry[1] for entry in self._scans if span_ns[0] <= entry[0] <= span_ns[1]]
+        return column_means(np.array(scans)) if len(scans) >= _MIN_UNLOADED_SCANS else None
 
     def _change_rel(self, capacitance_pf: Vector) -> float:
-        """Return by how much the elements have grown in the mean [1]; NaN without a rest or an element."""
-        if self._rest_pf is None:
+        """Return the mean relative change of the elements [1]; NaN without a baseline or a reading."""
+        if self._baseline_pf is None:
             return np.nan
-        change_rel = capacitance_pf / self._rest_pf - 1
-        there = ~np.isnan(change_rel)
-        return float(change_rel[there].mean()) if there.any() else np.nan
+        return float(column_means((capacitance_pf / self._baseline_pf - 1)[:, None])[0])
 
-    def _zero(self) -> tuple[Vector, int]:
-        """Return the sum and the number of the reference's samples in the rests before the last presses."""
-        total_n = sum((total_n for _, total_n, _ in self._zeros), np.zeros(3))
-        return total_n, sum(n for _, _, n in self._zeros)
+    def _offset_sum(self) -> tuple[Vector, int]:
+        """Return sum and number of the reference samples in the unloaded spans before the last presses."""
+        total_n = sum((total_n for _, total_n, _ in self._offsets), np.zeros(3))
+        return total_n, sum(n for _, _, n in self._offsets)
 
-    def _rest(self, since_ns: int) -> None:
-        """Wait for the next press; what was before is of no use any more."""
-        self._phase = _Phase.REST
-        self._rest_pf = None
+    def _reference_sum(self, span_ns: tuple[int, int]) -> tuple[Vector, int]:
+        """Return sum [N], shape (3,), and number of the unsaturated reference samples in a span."""
+        total_n, n = np.zeros(3), 0
+        for block in self._reference:
+            if int(block.t_ns[-1]) >= span_ns[0] and int(block.t_ns[0]) <= span_ns[1]:
+                inside = (block.t_ns >= span_ns[0]) & (block.t_ns <= span_ns[1]) & ~block.saturated
+                total_n += block.force_n[inside].sum(axis=0)
+                n += int(inside.sum())
+        return total_n, n
+
+    def _end_press(self, since_ns: int) -> None:
+        """Wait for the next press; drop what is older than the release."""
+        self._phase = _Phase.UNLOADED
+        self._baseline_pf = None
         self._forget_until(since_ns)
 
     def _forget_until(self, t_ns: int) -> None:
         while self._scans and self._scans[0][0] < t_ns:
             self._scans.popleft()
-        self._reference.forget_until(t_ns)
+        while self._reference and int(self._reference[0].t_ns[-1]) < t_ns:
+            self._reference.popleft()
 
-    def _poke(self, after_ns: tuple[int, int] | None) -> Poke:
-        return weigh(self._press(after_ns))
-
-    def _without(self, why: WhyNot, words: str) -> Poke:
-        nothing, none_pf = np.full(3, np.nan), np.full(9, np.nan)
-        t_ns = (self._pressed_ns + self._let_go_ns) // 2
-        values = (nothing, nothing, none_pf, none_pf, none_pf, nothing)
-        return Poke(t_ns, 0.0, *values, n_samples=0, n_scans=0, saturated=False, why_not=why, words=words)
+    def _rejected(self, rejection: Rejection, reason: str) -> CalibrationLoad:
+        return CalibrationLoad.rejected((self._pressed_ns + self._released_ns) // 2, rejection, reason)
 
     def _press(self, after_ns: tuple[int, int] | None) -> Press:
         t_ns, capacitance_pf, reading, estimate_n = zip(*self._scans, strict=True)
-        reference = self._reference.all()
+        reference = join_references(self._reference)
         return Press(
             np.array(t_ns, np.int64),
             np.array(capacitance_pf),
@@ -223,25 +219,27 @@ class PokeFinder:
             np.array(estimate_n),
             *reference,
             self._before_ns,
-            (self._pressed_ns, self._let_go_ns),
+            (self._pressed_ns, self._released_ns),
             after_ns,
-            *self._zero(),
+            *self._offset_sum(),
         )
 
 
-def find_pokes(cycles: Iterable[Cycle], row: int) -> list[Poke]:
-    """Return every press of a leg's foot, in its order, those that do not count among them.
+def find_loads(cycles: Iterable[Cycle], row: int) -> list[CalibrationLoad]:
+    """Return the loads of every press of a leg's foot, accepted and rejected, in their order.
 
     Args:
-        cycles: Those of a recording with a reference.
+        cycles: Cycles of a recording with a reference.
         row: Row of the leg in the frames.
     """
-    finder = PokeFinder(row)
-    found = [finder.take(cycle) for cycle in cycles]
-    return [poke for poke in (*found, finder.finish()) if poke is not None]
+    detector = LoadDetector(row)
+    found = [detector.take(cycle) for cycle in cycles]
+    return [load for load in (*found, detector.finish()) if load is not None]
 
 
-def _mean(values: Vector) -> Vector:
-    there = ~np.isnan(values)
-    n = there.sum(axis=0)
-    return np.where(n > 0, np.where(there, values, 0.0).sum(axis=0) / np.maximum(n, 1), np.nan)
+def join_references(blocks: Iterable[Reference]) -> Reference:
+    """Return the samples of some cycles in one block, sorted by time: a corrected clock may have swapped two."""
+    none = Reference(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.bool_))
+    t_ns, force_n, saturated = (np.concatenate(parts) for parts in zip(none, *blocks, strict=True))
+    order = np.argsort(t_ns, kind="stable")
+    return Reference(t_ns[order], force_n[order], saturated[order])

@@ -1,7 +1,7 @@
-"""The longest time in which nothing moved: force and capacitances of a press, each within a range of its own.
+"""The longest span of a press without motion: force and capacitances each within a range of its own.
 
-A range counts from the last scan of a span, and only grows with the span. So the first scan of the longest span that
-ends at a scan never moves back from one scan to the next, and running extremes find it in one pass.
+The limit of a range is that of the span's last scan, and a range only grows with its span. So the first scan of the
+longest span that ends at a scan never moves back from one scan to the next: running extremes find it in one pass.
 """
 
 import math
@@ -18,12 +18,12 @@ Vector = NDArray[np.float64]
 def longest_steady(
     t_ns: NDArray[np.int64], force_n: Vector, change_pf: Vector, limit_n: Vector, limit_pf: Vector
 ) -> tuple[int, int]:
-    """Return the first and the last scan of the longest span in which nothing moves; one scan if something always does.
+    """Return the first and the last scan of the longest span without motion; one scan if there is none.
 
     Args:
         t_ns: Time of each scan [ns], shape (scans,), at least one.
-        force_n: Force of the reference about each [N], shape (scans, 3); where it is NaN, nothing is steady.
-        change_pf: Change of each element [pF], shape (scans, 9); NaN where it was not read, which hinders nothing.
+        force_n: Reference force about each [N], shape (scans, 3); no span contains a NaN.
+        change_pf: Change of each element [pF], shape (scans, 9); NaN, not read, is ignored.
         limit_n: Largest range of the force in a span that ends at each scan [N], shape (scans, 3).
         limit_pf: The same of the elements [pF], shape (scans, 9); NaN for no limit.
     """
@@ -38,13 +38,13 @@ def longest_steady(
 
 
 def _steady_since(values: list[float], limits: list[float]) -> list[int]:
-    """Return for each scan since which one the range of the values has been within its limit; NaN is passed over.
+    """Return for each scan the first one since which the range of the values is within its limit; NaN is ignored.
 
     Example:
         >>> _steady_since([0.0, 1.0, 5.0, 5.5], [1.0, 1.0, 1.0, 1.0])
         [0, 0, 2, 2]
     """
-    # Each value that may yet be the largest, or the smallest, of what follows; the first one is.
+    # The values that can still become the largest, or the smallest, of the span; the first one is it now.
     largest, smallest = deque[tuple[int, float]](), deque[tuple[int, float]]()
     first, since = 0, []
     for scan, (value, limit) in enumerate(zip(values, limits, strict=True)):

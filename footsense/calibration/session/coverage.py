@@ -1,46 +1,47 @@
-"""Which directions and magnitudes the pokes of a session cover, and what to press next.
+"""Directions and magnitudes that the loads of a session cover, and the next load to apply.
 
-A calibration knows a foot where it was pressed. The directions are those of the paper's protocol, from an elevation of
-40 deg up; its magnitudes 50, 100 and 150 gf have a band each. A direction is covered in a band if a poke lies within
-reach. So many pokes as are wanted, spread as evenly as can be, would each have to reach as far as the cells of a
-hexagonal covering; people do not press that evenly, and are allowed 1.6 times that.
+Directions are those of the paper's protocol, from 40 deg of elevation up; its magnitudes of 50, 100 and 150 gf have a
+band each. A load covers the directions within its reach. The wanted number of loads in a hexagonal covering would need
+a certain reach; people press less evenly and get 1.6 times that.
+
+Source:
+    Kershner, American Journal of Mathematics 61, 1939, for the density of the hexagonal covering, 2 pi / sqrt(27).
 """
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.foot.directions import angles_between_deg, azimuth_elevation_deg, spiral_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 
-__all__ = ["BANDS_GF", "ENOUGH_REL", "LOWEST_DEG", "Coverage", "Wish", "angles_deg"]
+__all__ = ["BANDS_GF", "COMPLETE_REL", "LOWEST_DEG", "Coverage", "NextLoad", "angles_deg"]
 
 Vector = NDArray[np.float64]
 
-#: Magnitudes that are told apart [gf]; a poke belongs to the nearest.
+#: Magnitude of each band [gf]; a load belongs to the nearest.
 BANDS_GF = (50.0, 100.0, 150.0)
-#: Bands that have to be covered: what is pressed with one force says nothing of how a gap shuts with it.
+#: Bands to cover: loads of one magnitude do not tell how gaps close with the force.
 N_BANDS = 2
 #: Lowest elevation of the protocol [deg].
 LOWEST_DEG = 40.0
-#: Share of the directions that has to be covered [1]; the last ones cost as much as all others.
-ENOUGH_REL = 0.95
+#: Share of the directions to cover [1]; the last 5 % cost as many loads as all others.
+COMPLETE_REL = 0.95
 
-#: Covering density of the hexagonal lattice, 2 pi / sqrt(27): the thinnest covering of the plane by circles.
-_HEXAGONAL = 2 * math.pi / math.sqrt(27)
+_HEXAGONAL_DENSITY = 2 * math.pi / math.sqrt(27)
 _LENIENCE = 1.6
 _N_DIRECTIONS = 400
 
 
-class Wish(NamedTuple):
-    """A press that would cover most of what is not covered yet.
+class NextLoad(NamedTuple):
+    """The load that would cover most of what is not covered yet.
 
     Attributes:
         azimuth_deg: 0 forward, 90 to the left [deg].
         elevation_deg: 90 straight up the leg [deg].
-        magnitude_gf: How hard [gf].
+        magnitude_gf: Its magnitude [gf].
     """
 
     azimuth_deg: float
@@ -49,88 +50,84 @@ class Wish(NamedTuple):
 
 
 class Coverage:
-    """Counts pokes and the directions that they cover.
+    """Counts loads and the directions that they cover.
 
     Args:
-        wanted: How many pokes make a set.
+        wanted: Number of loads of a complete set.
 
     Attributes:
-        reach_deg: How far from a poke a direction is covered by it [deg].
-        counts: Pokes in each band.
+        reach_deg: Angle up to which a load covers a direction [deg].
+        counts: Loads in each band.
     """
 
     def __init__(self, wanted: int) -> None:
         self._wanted = wanted
-        self._directions = _cap(_N_DIRECTIONS)
+        self._directions = spiral_directions(_N_DIRECTIONS, LOWEST_DEG)
         per_band = max(wanted / N_BANDS, 1.0)
         cap_sr = 2 * math.pi * (1 - math.sin(math.radians(LOWEST_DEG)))
-        reach_rad = _LENIENCE * math.sqrt(_HEXAGONAL * cap_sr / (math.pi * per_band))
-        self.reach_deg = math.degrees(reach_rad)
+        self.reach_deg = math.degrees(
+            _LENIENCE * math.sqrt(_HEXAGONAL_DENSITY * cap_sr / (math.pi * per_band))
+        )
         self.counts = [0] * len(BANDS_GF)
-        # Angle from each direction to the nearest poke of each band.
-        self._away_deg = np.full((len(BANDS_GF), _N_DIRECTIONS), np.inf)
+        # Angle from each direction to the nearest load of each band.
+        self._nearest_deg = np.full((len(BANDS_GF), _N_DIRECTIONS), np.inf)
 
     @property
-    def n_pokes(self) -> int:
-        """How many pokes there are."""
+    def n_loads(self) -> int:
+        """Number of loads."""
         return sum(self.counts)
 
     def add(self, force_n: Vector) -> None:
-        """Take note of a poke of this force [N], shape (3,)."""
-        size_n = float(np.linalg.norm(force_n))
-        band = int(np.argmin(np.abs(np.array(BANDS_GF) * GRAM_FORCE_N - size_n)))
+        """Count a load of this force [N], shape (3,)."""
+        band = nearest_band(float(np.linalg.norm(force_n)) / GRAM_FORCE_N)
         self.counts[band] += 1
-        away_deg = np.degrees(np.arccos(np.clip(self._directions @ (force_n / size_n), -1.0, 1.0)))
-        self._away_deg[band] = np.minimum(self._away_deg[band], away_deg)
+        angle_deg = angles_between_deg(self._directions, force_n)
+        self._nearest_deg[band] = np.minimum(self._nearest_deg[band], angle_deg)
 
     @property
     def shares_rel(self) -> list[float]:
-        """Return which share of the directions each band covers [1]."""
-        return [float(share) for share in (self._away_deg <= self.reach_deg).mean(axis=1)]
+        """Share of the directions that each band covers [1]."""
+        return [float(share) for share in (self._nearest_deg <= self.reach_deg).mean(axis=1)]
 
     def covers(self, band: int, direction: Vector) -> bool:
-        """Tell whether a band covers a direction, a unit vector of shape (3,)."""
-        return bool(self._away_deg[band][int(np.argmax(self._directions @ direction))] <= self.reach_deg)
+        """Return whether a band covers a direction, a unit vector of shape (3,)."""
+        return bool(self._nearest_deg[band][int(np.argmax(self._directions @ direction))] <= self.reach_deg)
 
     @property
-    def enough(self) -> bool:
-        """Tell whether there are enough pokes, spread over the directions in two bands."""
-        spread = sorted(self.shares_rel)[-N_BANDS:]
-        return self.n_pokes >= self._wanted and min(spread) >= ENOUGH_REL
+    def complete(self) -> bool:
+        """Whether there are enough loads, spread over the directions in two bands."""
+        fullest = sorted(self.shares_rel)[-N_BANDS:]
+        return self.n_loads >= self._wanted and min(fullest) >= COMPLETE_REL
 
     @property
-    def next(self) -> Wish:
-        """Return what to press next: in the emptier one of the two fullest bands, where no poke is for farthest."""
+    def next(self) -> NextLoad:
+        """The next load: in the emptier of the two fullest bands, the direction farthest from every load."""
         shares = self.shares_rel
-        # Of bands that are as empty, those far from each other come first, as the paper's.
+        # Of equally empty bands the outer ones come first: those of the paper's training set.
         fullest = sorted(range(len(BANDS_GF)), key=lambda band: (-shares[band], band == 1, band))[:N_BANDS]
         band = min(fullest, key=lambda band: shares[band])
-        azimuth_deg, elevation_deg = angles_deg(self._directions[int(np.argmax(self._away_deg[band]))])
-        return Wish(azimuth_deg, elevation_deg, BANDS_GF[band])
+        azimuth_deg, elevation_deg = angles_deg(self._directions[int(np.argmax(self._nearest_deg[band]))])
+        return NextLoad(azimuth_deg, elevation_deg, BANDS_GF[band])
 
-    def words(self) -> str:
-        """Return how far the set is, in one line."""
+    def summary(self) -> str:
+        """Return the progress in one line."""
         shares = ", ".join(
             f"{100 * share:.0f} % at {gf:.0f} gf" for gf, share in zip(BANDS_GF, self.shares_rel, strict=True)
         )
-        return f"{self.n_pokes} of {self._wanted} pokes; directions covered: {shares}"
+        return f"{self.n_loads} of {self._wanted} loads; directions covered: {shares}"
 
 
-def angles_deg(force: Sequence[float] | Vector) -> tuple[float, float]:
-    """Return azimuth, 0 to 360, and elevation of a force, the paper's angles [deg].
+def nearest_band(magnitude_gf: float) -> int:
+    """Return the band of a magnitude [gf]."""
+    return int(np.argmin(np.abs(np.array(BANDS_GF) - magnitude_gf)))
+
+
+def angles_deg(force: Vector) -> tuple[float, float]:
+    """Return azimuth, 0 to 360, and elevation of one force [deg].
 
     Example:
-        >>> angles_deg((0.0, 1.0, 1.0))
+        >>> angles_deg(np.array([0.0, 1.0, 1.0]))
         (90.0, 45.0)
     """
-    x, y, z = (float(component) for component in force)
-    azimuth_deg = math.degrees(math.atan2(y, x)) % 360.0
-    return round(azimuth_deg, 6), round(math.degrees(math.atan2(z, math.hypot(x, y))), 6)
-
-
-def _cap(n: int) -> Vector:
-    """Return n directions evenly spread over the cap, the pole first, shape (n, 3): a spiral by the golden angle."""
-    k = np.arange(n) + 0.5
-    z = 1 - k / n * (1 - math.sin(math.radians(LOWEST_DEG)))
-    across, azimuth = np.sqrt(1 - z**2), math.pi * (3 - math.sqrt(5)) * k
-    return np.column_stack([across * np.cos(azimuth), across * np.sin(azimuth), z])
+    azimuth_deg, elevation_deg = azimuth_elevation_deg(force)
+    return round(float(azimuth_deg) % 360.0, 6), round(float(elevation_deg), 6)

@@ -1,4 +1,4 @@
-"""What guides a session on the bench: the pokes as they happen, what they cover, and what is wrong with them."""
+"""Guidance of a session on the test stand: loads as they happen, what they cover, and what is wrong with them."""
 
 from collections import Counter, deque
 from collections.abc import Callable
@@ -6,114 +6,112 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.loads.detection import Poke, PokeFinder, WhyNot
+from footsense.calibration.loads.calibration_load import CalibrationLoad, Rejection
+from footsense.calibration.loads.detection import LoadDetector
+from footsense.calibration.loads.reference_lag import lag_message
 from footsense.calibration.session.coverage import Coverage, angles_deg
-from footsense.calibration.session.reference_lag import lag_words
+from footsense.calibration.session.reference_checks import ReferenceCheck
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Cycle
 
-__all__ = ["Guide", "Judge"]
+__all__ = ["SessionGuide"]
 
 Vector = NDArray[np.float64]
 
-#: Says what cannot be right about a reference, of its forces and the foot's own for the same pokes [N], shapes (n, 3).
-Judge = Callable[[Vector, Vector], list[str]]
-
-#: The reference's force that is shown is the mean of its last [ns].
+#: Span of the displayed mean of the reference [ns].
 _SHOWN_NS = 100_000_000
 
 
-class Guide:
-    """An observer that finds pokes and keeps count of them.
+class SessionGuide:
+    """An observer that finds and counts calibration loads.
 
     Args:
         row: Row of the leg in the frames.
-        wanted: How many pokes make a set.
-        estimate: What the foot's network makes of a poke [N], shape (3,), NaN where it cannot.
-        judge: Tells whether the reference may be believed.
+        wanted: Number of loads of a complete set.
+        estimate: Force of a load by the foot's network [N], shape (3,), NaN where it has none.
+        check: Check of the reference against those forces.
 
     Attributes:
-        coverage: What the pokes that count cover.
-        refused: How many do not count, by reason.
-        last: The last press, counted or not.
-        doubts: What cannot be right about the reference, as of the last poke.
+        coverage: What the accepted loads cover.
+        rejected: Number of rejected presses by reason.
+        findings: What is wrong with the reference, as of the last load.
     """
 
-    def __init__(self, row: int, wanted: int, estimate: Callable[[Poke], Vector], judge: Judge) -> None:
-        self._finder = PokeFinder(row)
+    def __init__(
+        self, row: int, wanted: int, estimate: Callable[[CalibrationLoad], Vector], check: ReferenceCheck
+    ) -> None:
+        self._detector = LoadDetector(row)
         self._estimate = estimate
-        self._judge = judge
+        self._check = check
         self._reference_n: list[Vector] = []
         self._estimate_n: list[Vector] = []
         self._shown: deque[tuple[int, Vector]] = deque()
         self._lags_s: list[float] = []
-        self._lag_told = False
-        self._news: list[str] = []
+        self._lag_reported = False
+        self._messages: list[str] = []
         self.coverage = Coverage(wanted)
-        self.refused: Counter[WhyNot] = Counter()
-        self.last: Poke | None = None
-        self.doubts: list[str] = []
+        self.rejected: Counter[Rejection] = Counter()
+        self.findings: list[str] = []
 
     @property
-    def directions_n(self) -> Vector:
-        """Forces of the pokes that count [N], shape (n, 3)."""
+    def loads_n(self) -> Vector:
+        """Forces of the accepted loads [N], shape (n, 3)."""
         return np.array(self._reference_n).reshape(-1, 3)
 
     @property
     def pressed(self) -> bool:
-        """Tell whether the foot is pressed now."""
-        return self._finder.pressed
+        """Whether the foot is pressed now."""
+        return self._detector.pressed
 
     @property
     def reference_n(self) -> Vector:
-        """Return the force that the reference says now, its zero taken off [N], shape (3,); NaN while it says none."""
+        """Present force of the reference minus its offset [N], shape (3,); NaN without samples."""
         if not self._shown:
             return np.full(3, np.nan)
-        force_n: Vector = np.mean([force_n for _, force_n in self._shown], axis=0) - self._finder.zero_n
+        force_n: Vector = np.mean([force_n for _, force_n in self._shown], axis=0) - self._detector.offset_n
         return force_n
 
-    def news(self) -> list[str]:
-        """Return what has happened since the last call, one line each."""
-        news, self._news = self._news, []
-        return news
+    def new_messages(self) -> list[str]:
+        """Return the messages since the last call, one line each."""
+        messages, self._messages = self._messages, []
+        return messages
 
     def observe(self, cycle: Cycle) -> None:
-        """Take note of a cycle."""
+        """Process a cycle."""
         if cycle.reference is not None:
             self._shown.extend(zip(cycle.reference.t_ns.tolist(), cycle.reference.force_n, strict=True))
         while self._shown and self._shown[0][0] < cycle.forces.t_sent_ns - _SHOWN_NS:
             self._shown.popleft()
-        self._take(self._finder.take(cycle))
+        self._take(self._detector.take(cycle))
 
     def close(self) -> None:
-        """Take the poke that has just ended."""
-        self._take(self._finder.finish())
+        """Process the press that has just ended."""
+        self._take(self._detector.finish())
 
-    def _take(self, poke: Poke | None) -> None:
-        if poke is None:
+    def _take(self, load: CalibrationLoad | None) -> None:
+        if load is None:
             return
-        self.last = poke
-        number = self.coverage.n_pokes + self.refused.total() + 1
-        if poke.why_not is not None:
-            self.refused[poke.why_not] += 1
-            self._news.append(f"press {number} does not count: {poke.why_not}: {poke.words}")
+        number = self.coverage.n_loads + self.rejected.total() + 1
+        if load.rejection is not None:
+            self.rejected[load.rejection] += 1
+            self._messages.append(f"press {number} is rejected: {load.rejection}: {load.reason}")
             return
-        self.coverage.add(poke.force_n)
-        self._reference_n.append(poke.force_n)
-        self._estimate_n.append(self._estimate(poke))
-        azimuth_deg, elevation_deg = map(round, angles_deg(poke.force_n))
-        size_gf = np.linalg.norm(poke.force_n) / GRAM_FORCE_N
-        self._news.append(
-            f"press {number}: {size_gf:.0f} gf from azimuth {azimuth_deg % 360}, elevation {elevation_deg} deg"
+        self.coverage.add(load.force_n)
+        self._reference_n.append(load.force_n)
+        self._estimate_n.append(self._estimate(load))
+        azimuth_deg, elevation_deg = map(round, angles_deg(load.force_n))
+        magnitude_gf = np.linalg.norm(load.force_n) / GRAM_FORCE_N
+        self._messages.append(
+            f"press {number}: {magnitude_gf:.0f} gf from azimuth {azimuth_deg % 360}, elevation {elevation_deg} deg"
         )
-        self._lags_s.append(poke.lag_s)
-        if not self._lag_told and (words := lag_words(self._lags_s)):
-            self._lag_told = True
-            self._news.append(f"warning: {words}")
-        doubts = self._judge(self.directions_n, np.array(self._estimate_n))
-        # A figure that changes a little is not news.
-        if [doubt.partition(":")[2] for doubt in doubts] != [
-            doubt.partition(":")[2] for doubt in self.doubts
+        self._lags_s.append(load.lag_s)
+        if not self._lag_reported and (lag := lag_message(self._lags_s)):
+            self._lag_reported = True
+            self._messages.append(f"warning: {lag}")
+        findings = self._check(self.loads_n, np.array(self._estimate_n))
+        # The same finding with a slightly different figure is not reported again.
+        if [line.partition(":")[2] for line in findings] != [
+            line.partition(":")[2] for line in self.findings
         ]:
-            self._news += doubts
-        self.doubts = doubts
+            self._messages += findings
+        self.findings = findings

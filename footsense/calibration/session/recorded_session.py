@@ -1,4 +1,4 @@
-"""A recording from the bench, read as what it is for: one session of pokes of one foot."""
+"""A recording of a test stand, read as one session of calibration loads of one foot."""
 
 import math
 from collections import Counter
@@ -9,33 +9,34 @@ from statistics import fmean
 
 import msgspec
 
-from footsense.calibration.loads.detection import Poke, PokeFinder, WhyNot
-from footsense.calibration.session.reference_lag import lag_words
+from footsense.calibration.loads.calibration_load import CalibrationLoad, Rejection
+from footsense.calibration.loads.detection import find_loads
+from footsense.calibration.loads.reference_lag import lag_message
 from footsense.calibration.writer import file_sha256
-from footsense.config.test_stand import Bench
+from footsense.config.test_stand import StandConfig
 from footsense.errors import CalibrationError, RecordingError
 from footsense.frames import Cycle
 from footsense.recording.cycle_records import Loss
 from footsense.recording.replay import Replay
 
-__all__ = ["BenchSession", "read_session", "read_sessions"]
+__all__ = ["RecordedSession", "read_session", "read_sessions"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BenchSession:
-    """One mounting of a foot on the bench, as recorded.
+class RecordedSession:
+    """One mounting of a foot on the test stand.
 
     Attributes:
         path: The recording.
         sha256: Its hash.
-        name: The session's name; the file's where it was given none.
+        name: Name of the session, by default that of the file.
         foot: The foot, such as `foot-0007`.
         foot_type: Its type.
-        bench: What the recording says of its reference; None if nothing that this version reads.
+        test_stand: Description of the reference in the recording; None if this version cannot read it.
         temperature_c: Mean temperature of the foot's converter [degC]; None if it has no sensor.
-        pokes: Those that count, in their order.
-        refused: How many do not count, by reason.
-        n_lost: Cycles that the recorder could not keep.
+        loads: The accepted loads, in their order.
+        rejected: Number of rejected presses by reason.
+        n_lost: Cycles that the recorder lost.
         damage: Why the recording ends early; empty if it is whole.
     """
 
@@ -44,43 +45,45 @@ class BenchSession:
     name: str
     foot: str
     foot_type: str
-    bench: Bench | None
+    test_stand: StandConfig | None
     temperature_c: float | None
-    pokes: tuple[Poke, ...]
-    refused: Counter[WhyNot]
+    loads: tuple[CalibrationLoad, ...]
+    rejected: Counter[Rejection]
     n_lost: int
     damage: str
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is missing of it, one line each."""
-        found = []
-        if self.refused:
-            n, why = self.refused.total(), ", ".join(f"{n} {why}" for why, n in self.refused.most_common())
-            found.append(f"{self.path}: {n} of {n + len(self.pokes)} pokes do not count: {why}")
-        if lag := lag_words([poke.lag_s for poke in self.pokes]):
-            found.append(f"{self.path}: {lag}")
-        if self.bench is None:
-            found.append(f"{self.path}: does not describe its bench; nobody can tell its units and axes")
+        """What is missing of the session, one line each."""
+        warnings = []
+        if self.rejected:
+            n, why = self.rejected.total(), ", ".join(f"{n} {why}" for why, n in self.rejected.most_common())
+            warnings.append(f"{self.path}: {n} of {n + len(self.loads)} presses are rejected: {why}")
+        if lag := lag_message([load.lag_s for load in self.loads]):
+            warnings.append(f"{self.path}: {lag}")
+        if self.test_stand is None:
+            warnings.append(
+                f"{self.path}: does not describe its test stand; units and axes cannot be checked"
+            )
         if self.n_lost:
-            found.append(f"{self.path}: {self.n_lost} cycles were lost when it was recorded")
+            warnings.append(f"{self.path}: {self.n_lost} cycles were lost when it was recorded")
         if self.damage:
-            found.append(f"{self.damage}; the {len(self.pokes)} pokes before that are used")
-        return tuple(found)
+            warnings.append(f"{self.damage}; the {len(self.loads)} loads before that are used")
+        return tuple(warnings)
 
 
-def read_sessions(paths: Sequence[Path], foot: str) -> list[BenchSession]:
-    """Return the sessions in recordings of one foot.
+def read_sessions(paths: Sequence[Path], foot: str) -> list[RecordedSession]:
+    """Return the sessions of one foot.
 
     Args:
         paths: The recordings, at least one.
-        foot: Which foot they have to be of.
+        foot: The foot that they have to be of.
 
     Raises:
         RecordingError: One is no recording.
-        CalibrationError: One is of another foot or foot type, has no reference, or is there twice.
+        CalibrationError: One is of another foot or foot type, has no reference, or is given twice.
     """
-    sessions: list[BenchSession] = []
+    sessions: list[RecordedSession] = []
     for path in paths:
         session = read_session(path, foot)
         for other in sessions:
@@ -88,7 +91,7 @@ def read_sessions(paths: Sequence[Path], foot: str) -> list[BenchSession]:
                 raise CalibrationError(f"{path}: the same recording as {other.path}; name each one once")
             if path.name == other.path.name:
                 raise CalibrationError(
-                    f"{path}: has the name of {other.path}, by which the pack lists it; rename one"
+                    f"{path}: has the name of {other.path}, by which the calibration lists it; rename one"
                 )
             if session.foot_type != other.foot_type:
                 raise CalibrationError(
@@ -99,83 +102,78 @@ def read_sessions(paths: Sequence[Path], foot: str) -> list[BenchSession]:
     return sessions
 
 
-def read_session(path: Path, foot: str) -> BenchSession:
-    """Return the session in a recording; of one that was cut short, what is whole.
+def read_session(path: Path, foot: str) -> RecordedSession:
+    """Return the session in a recording; of a truncated one, the whole part.
 
     Args:
         path: The recording.
-        foot: Which foot it has to be of.
+        foot: The foot that it has to be of.
 
     Raises:
         RecordingError: It is no recording.
         CalibrationError: It is of another foot, or has no reference.
     """
     recording = Replay(path)
-    leg_of = _mounted(recording.header)
+    header = recording.header
+    leg_of = _mounted(header)
     if foot not in leg_of:
         raise CalibrationError(
             f"{path}: a recording of {', '.join(leg_of) or 'feet without names'}, not of {foot}; "
-            "`footsense record --foot` names the one on the bench"
+            "`footsense record --foot` names the one on the test stand"
         )
     row = recording.legs.index(leg_of[foot])
     cycles = _Cycles(recording, row)
-    finder = PokeFinder(row)
-    found = [finder.take(cycle) for cycle in cycles]
-    pokes = [poke for poke in (*found, finder.finish()) if poke is not None]
+    loads = find_loads(cycles, row)
     if not cycles.n_samples:
         raise CalibrationError(
             f"{path}: holds no sample of a reference sensor; record it with `footsense record --reference`"
         )
-    return BenchSession(
+    return RecordedSession(
         path=path,
         sha256=file_sha256(path),
-        name=recording.header.get("session") or path.stem,
+        name=header.get("session") or path.stem,
         foot=foot,
-        foot_type=recording.header.get("foot_type", ""),
-        bench=_bench(recording.header),
-        temperature_c=cycles.temperature_c,
-        pokes=tuple(poke for poke in pokes if poke.why_not is None),
-        refused=Counter(poke.why_not for poke in pokes if poke.why_not is not None),
+        foot_type=header.get("foot_type", ""),
+        test_stand=_test_stand(header),
+        temperature_c=fmean(cycles.temperatures_c) if cycles.temperatures_c else None,
+        loads=tuple(load for load in loads if load.rejection is None),
+        rejected=Counter(load.rejection for load in loads if load.rejection is not None),
         n_lost=cycles.n_lost,
         damage=cycles.damage,
     )
 
 
 def _mounted(header: dict[str, str]) -> dict[str, str]:
-    """Return the leg of each foot that a recording names: the one on the bench, or those of a robot."""
-    if "foot" in header and header.get("leg") in header["legs"].split(","):
+    """Return the leg of each foot in a recording: the one on the test stand, or those of a robot."""
+    legs = header["legs"].split(",")
+    if "foot" in header and header.get("leg") in legs:
         return {header["foot"]: header["leg"]}
     pairs = [entry.partition("=") for entry in header.get("feet", "").split(",") if entry]
-    return {foot: leg for leg, _, foot in pairs if leg in header["legs"].split(",")}
+    return {foot: leg for leg, _, foot in pairs if leg in legs}
 
 
-def _bench(header: dict[str, str]) -> Bench | None:
+def _test_stand(header: dict[str, str]) -> StandConfig | None:
     try:
-        return msgspec.json.decode(header["reference"], type=Bench)
+        return msgspec.json.decode(header["reference"], type=StandConfig)
     except (KeyError, msgspec.DecodeError):
         return None
 
 
 class _Cycles:
-    """The cycles of a recording from its first sample of a reference up to its end or damage, counted.
+    """The cycles of a recording from its first reference sample up to its end or damage, counted.
 
     Args:
-        recording: Which.
-        row: Row of the leg whose temperature is of interest.
+        recording: The recording.
+        row: Row of the leg whose temperature is collected.
     """
 
     def __init__(self, recording: Replay, row: int) -> None:
         self._recording = recording
         self._row = row
-        self._temperatures_c: list[float] = []
+        self.temperatures_c: list[float] = []
         self.n_samples = 0
         self.n_lost = 0
         self.damage = ""
-
-    @property
-    def temperature_c(self) -> float | None:
-        """Mean of what the leg's converter told [degC]; None if that was nothing."""
-        return fmean(self._temperatures_c) if self._temperatures_c else None
 
     def __iter__(self) -> Iterator[Cycle]:
         now_c = math.nan
@@ -190,7 +188,7 @@ class _Cycles:
                     now_c = float(entry.cycle.temperature_c[self._row])
                 if self.n_samples:
                     if math.isfinite(now_c):
-                        self._temperatures_c.append(now_c)
+                        self.temperatures_c.append(now_c)
                     yield entry.cycle
         except RecordingError as error:
             self.damage = str(error)

@@ -1,72 +1,100 @@
-"""Whether a reference may be believed: held against what the foot itself makes of the same pokes.
+"""Checks of a reference sensor against the foot's own estimates of the same loads.
 
-A foot that is badly made is off by some 20 deg and 20 %, and still knows a kilogram-force from a newton and left from
-right. So it tells which units and which axes would fit, but never by how much the reference is right.
+A carelessly made foot errs by some 20 deg and 20 %, which is enough to tell a kilogram-force from a newton and left
+from right. So the checks find wrong units and axes, but no error of the reference's own calibration.
 """
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.calibration.evaluation import DesignModels, estimate_loads
+from footsense.calibration.loads.calibration_load import LoadSet
+from footsense.calibration.session.recorded_session import RecordedSession
+from footsense.config.test_stand import StandConfig
+from footsense.errors import CalibrationError
 from footsense.foot.directions import angles_between_deg
+from footsense.reference.sensor_mounting import NEWTON_PER, rotation_matrix
 
-__all__ = ["LEAST_POKES", "implausible"]
+__all__ = ["ReferenceCheck", "reference_check", "require_consistent_reference"]
 
 Vector = NDArray[np.float64]
 
-#: So many pokes have to say the same.
-LEAST_POKES = 5
-#: What no foot is off by; another unit has to explain it to within `_EXPLAINED`.
-_OFF, _EXPLAINED = 2.0, 1.5
-#: Angles in the mean [deg]: what hardly a foot is off by, what another map has to gain and to lead others by, and from
-#: where on no foot is to blame even if no other map fits: of 60 made as badly as the paper's, the worst is off by 35.
-_TURNED_DEG, _GAIN_DEG, _LEAD_DEG, _ASTRAY_DEG = 35.0, 20.0, 8.0, 50.0
+#: Returns what is wrong with a reference, one line each, of its forces and the foot's own [N], shapes (n, 3).
+ReferenceCheck = Callable[[Vector, Vector], list[str]]
+
+#: Fewest loads of a finding.
+_MIN_LOADS = 5
+#: Ratio of magnitudes that no foot reaches, and the ratio to which another unit has to explain it.
+_MAGNITUDE_RATIO, _EXPLAINED_RATIO = 2.0, 1.5
+#: Mean angles [deg]: that hardly a foot reaches; by which other axes have to be better, and better than the next; that
+#: no foot reaches, even if no axes fit: of 60 made as badly as the paper's, the worst errs by 35.
+_TURNED_DEG, _GAIN_DEG, _LEAD_DEG, _IMPOSSIBLE_DEG = 35.0, 20.0, 8.0, 50.0
 
 
-def implausible(
-    reference_n: Vector,
-    estimate_n: Vector,
-    newton_per: Mapping[str, float],
-    units: str,
-    axes: Sequence[str],
-    to_sensor: Vector,
-) -> list[str]:
-    """Return what cannot be right about a reference, one line each; nothing if it may be, or if nobody can tell.
+def reference_check(test_stand: StandConfig) -> ReferenceCheck:
+    """Return the check of a test stand's units and axes.
+
+    The check finds nothing in fewer than 5 loads with an estimate; where the network has none, the estimate is NaN.
 
     Args:
-        reference_n: Forces of the pokes as the reference says them [N], shape (n, 3), foot frame.
-        estimate_n: The same as the foot's network says them [N], NaN where it cannot, shape (n, 3).
-        newton_per: Every unit that there is [N].
-        units: The one that the bench's file names.
-        axes: The sensor's axes for the foot's x, y and z, as the file names them.
-        to_sensor: What turns a force on the foot into those three axes, shape (3, 3): the mount's turn undone.
+        test_stand: Units, axes and mount of the reference sensor.
     """
-    known = np.isfinite(estimate_n).all(axis=1) & (np.linalg.norm(estimate_n, axis=1) > 0.0)
-    if known.sum() < LEAST_POKES:
-        return []
-    reference, estimate = reference_n[known], estimate_n[known]
-    return [
-        *_wrong_units(reference, estimate, newton_per, units),
-        *_wrong_axes(reference, estimate, axes, to_sensor),
-    ]
+    axes = (test_stand.axes.x, test_stand.axes.y, test_stand.axes.z)
+    to_sensor = rotation_matrix(test_stand.mount_deg).T
+
+    def check(reference_n: Vector, estimate_n: Vector) -> list[str]:
+        known = np.isfinite(estimate_n).all(axis=1) & (np.linalg.norm(estimate_n, axis=1) > 0.0)
+        if known.sum() < _MIN_LOADS:
+            return []
+        reference_n, estimate_n = reference_n[known], estimate_n[known]
+        return [
+            *_wrong_units(reference_n, estimate_n, test_stand.units),
+            *_wrong_axes(reference_n, estimate_n, axes, to_sensor),
+        ]
+
+    return check
 
 
-def _wrong_units(
-    reference_n: Vector, estimate_n: Vector, newton_per: Mapping[str, float], units: str
-) -> Iterator[str]:
-    times = float(np.median(np.linalg.norm(reference_n, axis=1) / np.linalg.norm(estimate_n, axis=1)))
-    if abs(math.log(times)) < math.log(_OFF):
+def require_consistent_reference(models: DesignModels, sessions: Sequence[RecordedSession]) -> None:
+    """Check that the foot contradicts no session's reference.
+
+    Args:
+        models: Models of the foot's type.
+        sessions: Its sessions, each with loads; one whose recording does not describe its test stand is not checked.
+
+    Raises:
+        CalibrationError: It contradicts at least one; the message names each.
+    """
+    found = []
+    for session in sessions:
+        if session.test_stand is None:
+            continue
+        loads = LoadSet.of(session.loads)
+        own = estimate_loads(loads, models.network(len(loads)), models.trained_inputs, None)
+        if findings := reference_check(session.test_stand)(loads.force_n, own.force_n):
+            found.append(f"{session.path}: {'; '.join(findings)}")
+    if found:
+        raise CalibrationError(f"{'; '.join(found)}; correct the test stand's file, and record again")
+
+
+def _wrong_units(reference_n: Vector, estimate_n: Vector, units: str) -> Iterator[str]:
+    ratio = float(np.median(np.linalg.norm(reference_n, axis=1) / np.linalg.norm(estimate_n, axis=1)))
+    if abs(math.log(ratio)) < math.log(_MAGNITUDE_RATIO):
         return
-    off = {unit: abs(math.log(times * value / newton_per[units])) for unit, value in newton_per.items()}
+    off = {unit: abs(math.log(ratio * value / NEWTON_PER[units])) for unit, value in NEWTON_PER.items()}
     best = min(off, key=off.__getitem__)
-    says = f"the reference says {times:.3g} times the force that the foot itself makes of it"
-    if best != units and off[best] < math.log(_EXPLAINED):
-        yield f"{says}: its readings seem to be in {best}, and the bench's file says units: {units}"
+    finding = f"the reference says {ratio:.3g} times the force that the foot itself estimates"
+    if best != units and off[best] < math.log(_EXPLAINED_RATIO):
+        yield f"{finding}: its readings seem to be in {best}, and the test stand's file says units: {units}"
     else:
-        yield f"{says}, which no other unit explains; check units and unit_per_count in the bench's file, and the foot"
+        yield (
+            f"{finding}, which no other unit explains; check units and unit_per_count in the test stand's file, "
+            "and the foot"
+        )
 
 
 def _wrong_axes(
@@ -83,20 +111,23 @@ def _wrong_axes(
             tried.append((float(angles_between_deg(turned_n, estimate_n).mean()), order, signs))
     tried.sort()
     (best_deg, order, signs), (second_deg, *_) = tried[:2]
-    says = f"the reference points {given_deg:.0f} deg away from the force that the foot itself makes of it"
+    finding = f"the reference points {given_deg:.0f} deg away from the force that the foot itself estimates"
     if best_deg < given_deg - _GAIN_DEG and second_deg - best_deg > _LEAD_DEG:
-        names = [_turned(axes[source], sign) for source, sign in zip(order, signs, strict=True)]
+        names = [_signed_axis(axes[source], sign) for source, sign in zip(order, signs, strict=True)]
         fits = ", ".join(f"{axis}: {name}" for axis, name in zip("xyz", names, strict=True))
-        yield f"{says}: axes: {{{fits}}} would fit to {best_deg:.0f} deg"
-    elif given_deg > _ASTRAY_DEG:
-        yield f"{says}; check the signs of axes in the bench's file, and press from more sides to see which would fit"
+        yield f"{finding}: axes: {{{fits}}} would fit to {best_deg:.0f} deg"
+    elif given_deg > _IMPOSSIBLE_DEG:
+        yield (
+            f"{finding}; check the signs of axes in the test stand's file, and press from more sides to see which "
+            "would fit"
+        )
 
 
-def _turned(axis: str, sign: float) -> str:
+def _signed_axis(axis: str, sign: float) -> str:
     """Return an axis, or its opposite.
 
     Example:
-        >>> _turned("-x", -1.0), _turned("+y", -1.0), _turned("z", 1.0)
+        >>> _signed_axis("-x", -1.0), _signed_axis("+y", -1.0), _signed_axis("z", 1.0)
         ('x', '-y', 'z')
     """
     negative = (axis[0] == "-") != (sign < 0)

@@ -1,8 +1,9 @@
-"""`footsense evaluate`: how wrong a foot is, by the network of its design alone and by its pack."""
+"""`footsense evaluate`: errors of a foot's forces by the network of its design alone and with its calibration."""
 
 import importlib.util
 import json
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,32 +11,35 @@ import click
 
 from footsense.calibration.evaluation import BANDS, Evaluation
 from footsense.calibration.evaluation import evaluate as evaluate_sessions
-from footsense.calibration.session.recorded_session import BenchSession, read_sessions
-from footsense.cli.test_stand_options import foot_files, foot_type_option
+from footsense.calibration.session.recorded_session import RecordedSession, read_sessions
+from footsense.cli.options import FOLDER, json_option
+from footsense.cli.test_stand_options import design_models, foot_option, foot_type_option, recordings_argument
 from footsense.errors import ConfigError
 from footsense.estimation.network import Network
-from footsense.foot.calibration_reader import FootPack, read_pack
+from footsense.foot.calibration_reader import FootCalibration, read_calibration
 from footsense.foot.force_errors import GRAM_FORCE_N, Errors
 
-DESIGN_ONLY, CALIBRATED = "network alone", "with its pack"
+__all__ = ["CALIBRATED", "DESIGN_ONLY", "evaluate", "headline", "table"]
+
+DESIGN_ONLY, CALIBRATED = "network alone", "with calibration"
 
 
 @click.command()
-@click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--foot", required=True, help="Which foot was on the bench, such as foot-0007.")
+@recordings_argument
+@foot_option
 @click.option(
-    "--pack",
+    "--calibration",
     "folder",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Its pack; without the option ./feet/FOOT, and if that is not there, none.",
+    type=FOLDER,
+    help="Folder of its calibration; by default ./feet/FOOT, and if that is missing, none.",
 )
 @click.option(
     "--out",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     help="Folder for a page with figures: error map, patterns, histograms (needs matplotlib).",
 )
 @foot_type_option
-@click.option("--json", "as_json_text", is_flag=True, help="Print JSON.")
+@json_option
 def evaluate(
     recordings: tuple[Path, ...],
     foot: str,
@@ -43,140 +47,142 @@ def evaluate(
     out: Path | None,
     foot_type_folder: Path | None,
     *,
-    as_json_text: bool,
+    as_json: bool,
 ) -> None:
-    """Compare a foot's forces with the reference of the bench, by its network alone and by its pack."""
+    """Compare a foot's forces with the reference of the test stand, with its calibration and without."""
     if out is not None:
         _require_figures(out)
     sessions = read_sessions(recordings, foot)
     foot_type = sessions[0].foot_type
-    files = foot_files(foot_type, foot_type_folder)
-    pack = _pack(folder, foot, foot_type)
-    path, calibration, parameters = files.network, files.calibration, None
-    if pack is not None:
-        path, calibration = pack.network, Network(pack.network, 1).card.calibration
-        parameters = pack.parameters
-    found = evaluate_sessions(sessions, lambda n_rows: Network(path, n_rows), calibration, parameters)
-    warnings = [line for session in sessions for line in session.warnings] + _fitted_on(sessions, pack)
+    models, _, response = design_models(foot_type, foot_type_folder)
+    network, trained_inputs, parameters = models.network, models.trained_inputs, None
+    calibration = _calibration_of(folder, foot, foot_type)
+    if calibration is not None:
+        network, parameters = partial(Network, calibration.network), calibration.parameters
+        trained_inputs = network(1).card.trained_inputs
+    evaluation = evaluate_sessions(sessions, network, trained_inputs, parameters)
+    warnings = [line for session in sessions for line in session.warnings] + _fitted_on(sessions, calibration)
     for line in warnings:
         click.echo(f"warning: {line}", err=True)
-    figures = as_json(foot, foot_type, sessions, pack, found)
+    figures = _figures(foot, foot_type, sessions, calibration, evaluation)
     if out is not None:
         from footsense.cli.evaluate.page import write_page
 
-        page = write_page(out, figures, warnings, found, parameters, files.response)
+        page = write_page(out, figures, warnings, evaluation, parameters, response)
         click.echo(f"wrote {page}", err=True)
-    click.echo(json.dumps(figures, indent=2) if as_json_text else as_text(figures))
+    click.echo(json.dumps(figures, indent=2) if as_json else _text(figures))
 
 
-def as_json(
-    foot: str, foot_type: str, sessions: Sequence[BenchSession], pack: FootPack | None, found: Evaluation
+def _figures(
+    foot: str,
+    foot_type: str,
+    sessions: Sequence[RecordedSession],
+    calibration: FootCalibration | None,
+    evaluation: Evaluation,
 ) -> dict[str, Any]:
     """Return all numbers as plain values; a band without loads is left out."""
-    ways = {DESIGN_ONLY: found.design_only} | ({CALIBRATED: found.calibrated} if found.calibrated else {})
-    bands = {band.name: {name: found.errors_of(read, band) for name, read in ways.items()} for band in BANDS}
+    ways = {DESIGN_ONLY: evaluation.design_only}
+    if evaluation.calibrated is not None:
+        ways[CALIBRATED] = evaluation.calibrated
+    bands = {
+        band.name: {way: evaluation.errors_of(estimates, band) for way, estimates in ways.items()}
+        for band in BANDS
+    }
+    kept = ("made", "footsense", "n_loads", "sha256")
     return {
         "foot": foot,
         "foot_type": foot_type,
-        "pack": None
-        if pack is None
-        else {
-            "made": pack.manifest.made,
-            "footsense": pack.manifest.footsense,
-            "n_pokes": pack.manifest.n_pokes,
-            "sha256": pack.manifest.sha256,
-        },
-        "sessions": {session.name: len(session.pokes) for session in sessions},
-        "n_pokes": len(found.truth_n),
-        "n_compared": int(found.compared.sum()),
-        "beyond_what_was_taught": {name: int((~read.usable).sum()) for name, read in ways.items()},
+        "calibration": calibration and {key: getattr(calibration.manifest, key) for key in kept},
+        "sessions": {session.name: len(session.loads) for session in sessions},
+        "n_loads": len(evaluation.reference_n),
+        "n_compared": int(evaluation.compared.sum()),
+        "outside_training_range": {way: int((~estimates.usable).sum()) for way, estimates in ways.items()},
         "bands": {
-            name: {way: _plain(errors) for way, errors in of_way.items() if errors is not None}
+            name: {way: _errors(errors) for way, errors in of_way.items() if errors is not None}
             for name, of_way in bands.items()
             if any(of_way.values())
         },
     }
 
 
-def _plain(errors: Errors) -> dict[str, float]:
-    n = GRAM_FORCE_N
+def _errors(errors: Errors) -> dict[str, float]:
     return {
-        "pokes": errors.n,
+        "loads": errors.n,
         "direction_deg": errors.direction_deg,
         "direction_p95_deg": errors.direction_p95_deg,
         "magnitude_gf": errors.magnitude_gf,
         "magnitude_p95_gf": errors.magnitude_p95_gf,
-        "magnitude_n": errors.magnitude_gf * n,
-        "magnitude_p95_n": errors.magnitude_p95_gf * n,
+        "magnitude_n": errors.magnitude_gf * GRAM_FORCE_N,
+        "magnitude_p95_n": errors.magnitude_p95_gf * GRAM_FORCE_N,
     }
 
 
-def rows(figures: dict[str, Any]) -> list[list[str]]:
+def table(figures: dict[str, Any]) -> list[list[str]]:
     """Return the table of errors, its header first."""
-    header = ["loads", "read by the", "pokes", "deg", "p95", "gf", "p95", "N", "p95"]
-    found = [header]
+    rows = [["magnitude", "forces by the", "loads", "deg", "p95", "gf", "p95", "N", "p95"]]
     for band, of_way in figures["bands"].items():
         for number, (way, errors) in enumerate(of_way.items()):
-            values = [errors[key] for key in list(errors)[1:]]
-            digits = (2, 2, 2, 2, 4, 4)
-            numbers = [f"{value:.{digit}f}" for value, digit in zip(values, digits, strict=True)]
-            found.append([band if number == 0 else "", way, str(errors["pokes"]), *numbers])
-    return found
+            n, *values = errors.values()
+            cells = [f"{value:.{digits}f}" for value, digits in zip(values, (2, 2, 2, 2, 4, 4), strict=True)]
+            rows.append([band if number == 0 else "", way, str(n), *cells])
+    return rows
 
 
 def headline(figures: dict[str, Any]) -> str:
-    """Return what was evaluated, in one line."""
-    pack = figures["pack"]
-    by = f"its pack of {pack['made']} on {pack['n_pokes']} pokes" if pack else "no pack"
+    """Return foot, calibration and number of loads in one line."""
+    calibration = figures["calibration"]
+    by = "no calibration"
+    if calibration:
+        by = f"its calibration of {calibration['made']} on {calibration['n_loads']} loads"
     n_sessions = len(figures["sessions"])
     return (
-        f"{figures['foot']}, type {figures['foot_type']}, {by}: {figures['n_compared']} of {figures['n_pokes']} pokes "
+        f"{figures['foot']}, type {figures['foot_type']}, {by}: {figures['n_compared']} of {figures['n_loads']} loads "
         f"in {n_sessions} session{'s' * (n_sessions > 1)} compared"
     )
 
 
-def as_text(figures: dict[str, Any]) -> str:
-    """Return the table for a terminal."""
-    table = rows(figures)
-    widths = [max(len(row[column]) for row in table) for column in range(len(table[0]))]
+def _text(figures: dict[str, Any]) -> str:
+    rows = table(figures)
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = [
         "  ".join(
             cell.ljust(width) if column < 2 else cell.rjust(width)
             for column, (cell, width) in enumerate(zip(row, widths, strict=True))
         ).rstrip()
-        for row in table
+        for row in rows
     ]
     return "\n".join([headline(figures), *lines])
 
 
-def _pack(folder: Path | None, foot: str, foot_type: str) -> FootPack | None:
-    """Return the pack of the foot, None if none was named and none is where packs are."""
+def _calibration_of(folder: Path | None, foot: str, foot_type: str) -> FootCalibration | None:
+    """Return the calibration of the foot, None if none is named and there is none in the default folder."""
     if folder is None:
         folder = Path("feet") / foot
         if not folder.exists():
             click.echo(
-                f"no pack at {folder}: the network of the design alone; --pack names another place", err=True
+                f"no calibration at {folder}: the network of the design alone; --calibration names another folder",
+                err=True,
             )
             return None
-    return read_pack(folder, foot_type, foot)
+    return read_calibration(folder, foot_type, foot)
 
 
-def _fitted_on(sessions: Sequence[BenchSession], pack: FootPack | None) -> list[str]:
-    """Return the line that says which recordings flatter the pack."""
-    known = set() if pack is None else set(pack.manifest.recordings.values())
-    fitted = [str(session.path) for session in sessions if session.sha256 in known]
+def _fitted_on(sessions: Sequence[RecordedSession], calibration: FootCalibration | None) -> list[str]:
+    """Return a warning if the calibration was fitted on some of the recordings."""
+    used = set() if calibration is None else set(calibration.manifest.recordings.values())
+    fitted = [str(session.path) for session in sessions if session.sha256 in used]
     if not fitted:
         return []
     return [
-        f"the pack was made of {', '.join(fitted)}: its errors there are smaller than on pokes that it never saw"
+        f"the calibration was fitted on {', '.join(fitted)}: its errors there are smaller than on other loads"
     ]
 
 
 def _require_figures(out: Path) -> None:
-    """Check that figures can be drawn and written, before the work.
+    """Check, before the work, that figures can be drawn and written.
 
     Raises:
-        ConfigError: The library for it is not there.
+        ConfigError: matplotlib is missing, or the folder cannot be written.
     """
     if importlib.util.find_spec("matplotlib") is None:
         raise ConfigError(

@@ -22,44 +22,44 @@ PAPER_DEG, PAPER_GF = 15.9, 18.7
 
 #: Steps of the map's colours [deg].
 _LEVELS_DEG = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 15.0, 20.0, 30.0)
-#: Where the circles of the mean error are drawn, as in the paper's Fig. 19: around a contact half way down the ball.
+#: Centre of the circles of the mean error, as in the paper's Fig. 19: a contact half way down the ball.
 _CIRCLE_AT = np.array([np.cos(np.radians(60.0)), 0.0, np.sin(np.radians(60.0))])
 _ELEVATIONS_DEG = (30.0, 50.0, 70.0)
 
 
 class Pattern(NamedTuple):
-    """What the nine elements did under one load.
+    """Closures of the nine elements under one load.
 
     Attributes:
-        title: Which load.
-        closure_um: Closures by name of who says so [um], shape (9,) each.
+        title: The load.
+        closure_um: Closures by source [um], shape (9,) each.
     """
 
     title: str
     closure_um: Mapping[str, Vector]
 
 
-def error_map(truth_n: Vector, read_n: Mapping[str, Vector]) -> Figure:
-    """Return where on the ball each way of reading errs: one dot for each poke, where it touches the ball.
+def error_map(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
+    """Return the direction errors over the ball: one dot for each load, where it touches.
 
     Args:
-        truth_n: What the reference said [N], shape (n, 3).
-        read_n: What each way made of it [N], same shape.
+        reference_n: Forces of the reference [N], shape (n, 3).
+        estimates_n: Estimates by source [N], same shape.
     """
-    figure = Figure(figsize=(4.3 * len(read_n) + 0.9, 4.9), layout="constrained")
-    row = np.atleast_1d(figure.subplots(1, len(read_n)))
-    size_n = np.linalg.norm(truth_n, axis=1)
-    direction = truth_n / size_n[:, None]
-    # Heavy loads lie below: where two magnitudes have one direction, both are to be seen.
-    order = np.argsort(-size_n)
-    for axes, (name, force_n) in zip(row, read_n.items(), strict=True):
-        error_deg = angles_between_deg(truth_n, force_n)
+    figure = Figure(figsize=(4.3 * len(estimates_n) + 0.9, 4.9), layout="constrained")
+    row = np.atleast_1d(figure.subplots(1, len(estimates_n)))
+    magnitude_n = np.linalg.norm(reference_n, axis=1)
+    direction = reference_n / magnitude_n[:, None]
+    # Heavy loads are drawn first, so that smaller dots in the same direction stay visible.
+    order = np.argsort(-magnitude_n)
+    for axes, (name, force_n) in zip(row, estimates_n.items(), strict=True):
+        error_deg = angles_between_deg(reference_n, force_n)
         for elevation_deg in _ELEVATIONS_DEG:
             axes.plot(*circle(np.array([0.0, 0.0, 1.0]), 90.0 - elevation_deg), color="0.6", lw=0.7, ls=":")
             axes.text(0.0, rim(elevation_deg), f"{elevation_deg:g} deg", fontsize=7, color="0.4", ha="center")
         dots = axes.scatter(
             *touch(direction[order]),
-            s=8.0 + 45.0 * size_n[order],
+            s=8.0 + 45.0 * magnitude_n[order],
             c=error_deg[order],
             norm=BoundaryNorm(_LEVELS_DEG, 256, extend="max"),
             edgecolors="k",
@@ -78,22 +78,22 @@ def error_map(truth_n: Vector, read_n: Mapping[str, Vector]) -> Figure:
     return figure
 
 
-def histograms(truth_n: Vector, read_n: Mapping[str, Vector]) -> Figure:
-    """Return how often which error occurs; arguments as of `error_map`."""
+def histograms(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
+    """Return the distributions of the errors; arguments as of `error_map`."""
     figure = Figure(figsize=(8.6, 3.6), layout="constrained")
     kinds = (
         (angles_between_deg, "direction error [deg]", PAPER_DEG),
         (magnitude_errors_gf, "magnitude error [gf]", PAPER_GF),
     )
     for axes, (error_of, label, paper) in zip(figure.subplots(1, 2), kinds, strict=True):
-        errors = {name: error_of(truth_n, force_n) for name, force_n in read_n.items()}
+        errors = {name: error_of(reference_n, force_n) for name, force_n in estimates_n.items()}
         most = max(paper, *(float(values.max()) for values in errors.values()))
         bins = np.linspace(0.0, 1.02 * most, 41)
         for name, values in errors.items():
             share = np.full(len(values), 100.0 / len(values))
             axes.hist(values, bins, weights=share, histtype="stepfilled", alpha=0.5, label=name)
         axes.axvline(paper, color="r", ls="--", label="the paper's mean")
-        axes.set(xlabel=label, ylabel="share of pokes [%]")
+        axes.set(xlabel=label, ylabel="share of loads [%]")
         axes.grid(alpha=0.3)
     axes.legend(fontsize=8)
     return figure
@@ -103,7 +103,7 @@ def patterns(chosen: Sequence[Pattern]) -> Figure:
     """Return the closures of the nine elements under each load as bars, by element, front row first.
 
     Args:
-        chosen: The loads, at least one; all have the same names.
+        chosen: The loads, at least one; all with the same sources.
     """
     figure = Figure(figsize=(8.6, 2.2 * len(chosen) + 0.6), layout="constrained")
     for axes, pattern in zip(np.atleast_1d(figure.subplots(len(chosen), 1)), chosen, strict=True):

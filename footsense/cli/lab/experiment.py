@@ -13,8 +13,8 @@ import numpy as np
 from footsense.cli.lab.options import require_writable, stopwatch_report
 from footsense.errors import FootsenseError
 from footsense.sim.foot.fabrication import AS_BADLY_MADE
-from footsense.validation.test_stand_trial import Workshop
-from footsense.validation.virtual_experiment import ALL, FEW, FootJudged, models_of, run_experiment
+from footsense.validation.test_stand_trial import FootBatch
+from footsense.validation.virtual_experiment import ALL, FEW, FootResult, models_folder, run_experiment
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,7 +27,7 @@ _FEET, _QUICK_FEET, _QUICK_EVERY = 20, 2, 7
 _QUICK_EPOCHS = 500
 
 _CALIBRATED = [f"calibrated_{n}" for n in (*FEW, ALL)]
-_WAYS = ["design_only", *_CALIBRATED, "linear_per_foot", "scratch_per_foot"]
+_WAYS = ["design_only", *_CALIBRATED, "linear_per_foot", "network_per_foot"]
 
 
 @click.command()
@@ -37,7 +37,7 @@ _WAYS = ["design_only", *_CALIBRATED, "linear_per_foot", "scratch_per_foot"]
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
-    default=Workshop().seed,
+    default=FootBatch().seed,
     show_default=True,
     help="Of all that is drawn.",
 )
@@ -60,21 +60,21 @@ def experiment(
     as_json: bool,
     output: Path | None,
 ) -> None:
-    """Make feet as badly as the paper's, poke, record and calibrate them, and judge all ways to read them.
+    """Make feet as badly as the paper's, press, record and calibrate them, and evaluate all estimators.
 
-    Every foot is read by the daemon through the bytes of its chips, and poked at the paper's 362 and 180 loads beside a
-    simulated reference sensor.
+    Every foot is read by the daemon through the bytes of its chips, and pressed at the paper's 362 and 180 loads beside
+    a simulated reference sensor.
     """
     folder = output or Path("docs") / ("report-quick" if quick else "report")
     require_writable(folder)
     from footsense.lab.report import bind, timed_page
     from footsense.lab.studies.page import StudyContext
 
-    workshop = Workshop(seed=seed, foot_type=foot_type or Workshop().foot_type)
+    batch = FootBatch(seed=seed, foot_type=foot_type or FootBatch().foot_type)
     say: Callable[[str], None] = (lambda _: None) if as_json else stopwatch_report()
-    bench = StudyContext(models=models_of(workshop.foot_type), quick=quick, say=say)
+    bench = StudyContext(models=models_folder(batch.foot_type), quick=quick, say=say)
     n_feet = n_feet or (_QUICK_FEET if quick else _FEET)
-    page = timed_page(lambda bench: page_of(bench, workshop, n_feet, jobs or os.cpu_count() or 1), bench)
+    page = timed_page(lambda bench: page_of(bench, batch, n_feet, jobs or os.cpu_count() or 1), bench)
     page.write(folder)
     if foot_type is None:
         bind(folder, bench)
@@ -82,8 +82,8 @@ def experiment(
     say(f"wrote {folder / page.name}.md")
 
 
-def page_of(bench: "StudyContext", workshop: Workshop, n_feet: int, jobs: int) -> "Page":
-    """Make, poke and judge feet, and return the page of the report."""
+def page_of(bench: "StudyContext", batch: FootBatch, n_feet: int, jobs: int) -> "Page":
+    """Press, calibrate and evaluate feet, and return the page of the report."""
     from footsense.lab.training.paper_procedure import EPOCHS
     from footsense.lab.training.per_foot_network import per_foot_force_n
 
@@ -91,21 +91,21 @@ def page_of(bench: "StudyContext", workshop: Workshop, n_feet: int, jobs: int) -
     scratch = partial(
         per_foot_force_n, bench.response.design, epochs=_QUICK_EPOCHS if bench.quick else EPOCHS
     )
-    judged: list[FootJudged] = []
-    for one in run_experiment(workshop, range(n_feet), scratch, jobs=jobs, every=every):
+    judged: list[FootResult] = []
+    for one in run_experiment(batch, range(n_feet), scratch, jobs=jobs, every=every):
         judged.append(one)
         bench.say(_line(one))
     judged.sort(key=lambda one: one.foot)
     told = {
-        "seed": workshop.seed,
-        "foot_type": workshop.foot_type,
+        "seed": batch.seed,
+        "foot_type": batch.foot_type,
         "made": asdict(AS_BADLY_MADE),
         "every": every,
     }
     return _page(judged, figures(judged) | told)
 
 
-def figures(judged: list[FootJudged]) -> dict[str, Any]:
+def figures(judged: list[FootResult]) -> dict[str, Any]:
     """Return mean and spread over the feet of every way's errors, and what was done for them.
 
     Raises:
@@ -115,20 +115,20 @@ def figures(judged: list[FootJudged]) -> dict[str, Any]:
         raise FootsenseError("no foot was judged")
     found: dict[str, Any] = {}
     for way in _WAYS:
-        wrong = [one.wrong[way] for one in judged if way in one.wrong]
+        wrong = [one.errors[way] for one in judged if way in one.errors]
         if wrong:
             found[way] = {
                 "direction_deg": _spread([one.direction_deg for one in wrong]),
                 "magnitude_gf": _spread([one.magnitude_gf for one in wrong]),
-                "felt_direction_deg": _spread([one.felt_direction_deg for one in wrong]),
-                "felt_magnitude_gf": _spread([one.felt_magnitude_gf for one in wrong]),
+                "true_direction_deg": _spread([one.true_direction_deg for one in wrong]),
+                "true_magnitude_gf": _spread([one.true_magnitude_gf for one in wrong]),
                 "feet": len(wrong),
             }
     return found | {
         "feet": len(judged),
-        "pokes_learnt": _spread([one.n_learnt for one in judged]),
-        "pokes_judged": _spread([one.n_judged for one in judged]),
-        "pokes_unread": _spread([one.n_unread for one in judged]),
+        "training_loads": _spread([one.n_training for one in judged]),
+        "test_loads": _spread([one.n_test for one in judged]),
+        "unread_loads": _spread([one.n_unread for one in judged]),
         "calibrate_s": _spread([one.calibrate_s for one in judged]),
         "refused": {one.foot: one.refused for one in judged if one.refused},
     }
@@ -139,16 +139,16 @@ def _spread(values: list[float] | list[int]) -> dict[str, float]:
     return {"mean": round(float(np.mean(values)), 3), "spread": round(float(np.std(values)), 3)}
 
 
-def _line(one: FootJudged) -> str:
-    before, after = one.wrong["design_only"], one.wrong.get(f"calibrated_{ALL}")
+def _line(one: FootResult) -> str:
+    before, after = one.errors["design_only"], one.errors.get(f"calibrated_{ALL}")
     told = "refused" if after is None else f"{after.direction_deg:.2f} deg, {after.magnitude_gf:.2f} gf"
     return (
-        f"{one.foot}: {one.n_learnt} pokes, as designed {before.direction_deg:.1f} deg, {before.magnitude_gf:.1f} gf; "
-        f"calibrated {told}, {one.n_unread} of {one.n_judged + one.n_unread} not read"
+        f"{one.foot}: {one.n_training} loads, design {before.direction_deg:.1f} deg, {before.magnitude_gf:.1f} gf; "
+        f"calibrated {told}, {one.n_unread} of {one.n_test + one.n_unread} not read"
     )
 
 
-def _page(judged: list[FootJudged], values: dict[str, Any]) -> "Page":
+def _page(judged: list[FootResult], values: dict[str, Any]) -> "Page":
     """Return the page of the report.
 
     Args:
@@ -165,14 +165,14 @@ def _page(judged: list[FootJudged], values: dict[str, Any]) -> "Page":
     ways = [way for way in _WAYS if way in values]
     names = {
         "design_only": "network of the design alone",
-        "linear_per_foot": "linear in ΔC, the foot's own pokes",
+        "linear_per_foot": "linear in ΔC, the foot's own loads",
     }
-    names["scratch_per_foot"] = "network on ΔC, the foot's own pokes"
-    names |= {f"calibrated_{n}": f"calibrated with {n} pokes" for n in FEW}
-    names[f"calibrated_{ALL}"] = "calibrated with all pokes"
-    columns = ("direction_deg", "magnitude_gf", "felt_direction_deg", "felt_magnitude_gf")
+    names["network_per_foot"] = "network on ΔC, the foot's own loads"
+    names |= {f"calibrated_{n}": f"calibrated with {n} loads" for n in FEW}
+    names[f"calibrated_{ALL}"] = "calibrated with all loads"
+    columns = ("direction_deg", "magnitude_gf", "true_direction_deg", "true_magnitude_gf")
     rows = [[names[way], *(cell(way, what) for what in columns), str(values[way]["feet"])] for way in ways]
-    header = ["read by", "deg", "gf", "deg, felt", "gf, felt", "feet"]
+    header = ["read by", "deg", "gf", "deg, true", "gf, true", "feet"]
     own = values["made"]
     made = (
         f"{own['gap_um']:g} um of each gap, {own['film_um']:g} um of each film, {own['stray_pf']:g} pF of stray beside "
@@ -180,7 +180,7 @@ def _page(judged: list[FootJudged], values: dict[str, Any]) -> "Page":
         f"{own['mount_deg']:g} deg of the mount"
     )
     quick = f"**Quick: one of {values['every']} presses.** " if (values["every"] > 1) else ""
-    learnt, unread = values["pokes_learnt"]["mean"], values["pokes_unread"]["mean"]
+    learnt, unread = values["training_loads"]["mean"], values["unread_loads"]["mean"]
     took = values["calibrate_s"]
     refused = [
         f"{foot}, {way}: {why}" for foot, ways in values["refused"].items() for way, why in ways.items()
@@ -193,12 +193,12 @@ def _page(judged: list[FootJudged], values: dict[str, Any]) -> "Page":
 chosen so that the network of the design, which knows nothing of the foot, is as wrong as the paper's was: that is the
 yardstick.
 
-Each foot is poked on a simulated bench at the paper's 362 loads (50 and 150 gf) and, put on anew, at its 180 (100 gf),
-read by the daemon through the bytes of its chips, beside a simulated three-axis sensor (4/4/8 kgf, steps of 4/4/12 gf,
-1.5 % linearity, a clock of its own), and recorded. The first session is calibrated with all its pokes, and with the
-5 to 100 that cover the forces best; all are judged by the second. Means over feet, ± the deviation between them.
-Errors are those against the reference, as in the paper, whose own gain is off by up to 4 % there; *felt*: against what
-the foot really felt.
+Each foot is pressed on a simulated test stand at the paper's 362 loads (50 and 150 gf) and, mounted anew, at its 180
+(100 gf), read by the daemon through the bytes of its chips, beside a simulated three-axis sensor (4/4/8 kgf, steps of
+4/4/12 gf, 1.5 % linearity, a clock of its own), and recorded. The first session is calibrated with all its loads, and
+with the 5 to 100 that cover the forces best; all are judged by the second. Means over feet, ± the deviation between
+them. Errors are those against the reference, as in the paper, whose own gain is off by up to 4 % there; *true*: against
+the simulator's true force.
 
 {table(header, rows)}
 

@@ -9,8 +9,6 @@ from footsense.errors import FootsenseError
 
 #: Libraries of the extra.
 _EXTRA = ("ngsolve", "jax", "joblib", "optax", "onnx", "scipy")
-#: Former names of commands.
-_RENAMED = {"ladder": "fidelity", "limit": "cramer-rao"}
 
 
 def _require_extra() -> None:
@@ -27,21 +25,7 @@ def _require_extra() -> None:
         )
 
 
-class _LabGroup(click.Group):
-    """A group that answers a former name with the new one."""
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Return a command.
-
-        Raises:
-            FootsenseError: The command has another name now.
-        """
-        if cmd_name in _RENAMED:
-            raise FootsenseError(f"`lab {cmd_name}` is now `lab {_RENAMED[cmd_name]}`")
-        return super().get_command(ctx, cmd_name)
-
-
-@click.group(cls=_LabGroup)
+@click.group()
 def lab() -> None:
     """From rubber to network: build, judge and compare the models, and study the foot."""
     _require_extra()

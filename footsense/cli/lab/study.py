@@ -158,17 +158,27 @@ tradeoff = _named(
 )
 
 
+def _renamed_file(_: click.Context, __: click.Parameter, given: str | None) -> None:
+    """Answer the former name of `--file`.
+
+    Raises:
+        FootsenseError: It is used.
+    """
+    if given is not None:
+        raise FootsenseError("`--campaign` is now `--file`")
+
+
 @click.command()
 @click.option(
     "--scheduler",
     metavar="ADDRESS",
-    help="Of a dask cluster, such as tcp://host:8786; else two workers here.",
+    help="Of a dask cluster, such as tcp://host:8786; without it two processes on this machine.",
 )
+@click.option("--campaign", hidden=True, expose_value=False, callback=_renamed_file)
 @click.option(
-    "--campaign",
-    "file",
+    "--file",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="File that finished feet are kept in; a campaign that was interrupted goes on with the others.",
+    help="File of the finished feet; an interrupted run continues with the others.",
 )
 @models_option
 @_output_option
@@ -176,11 +186,11 @@ tradeoff = _named(
 def tolerance(
     *, scheduler: str | None, file: Path | None, models: Path | None, output: Path | None, quick: bool
 ) -> None:
-    """Run the Monte Carlo over fabricated feet on a cluster, resumable."""
-    from footsense.lab.monte_carlo.cluster import on_cluster
+    """Run the Monte Carlo over fabricated feet, on this machine or a cluster, resumable."""
+    from footsense.lab.monte_carlo.workers import parallel
     from footsense.lab.studies.accuracy.tolerance import STUDY, run_study
 
-    own = replace(STUDY, compute=partial(run_study, workers=on_cluster(scheduler), file=file))
+    own = replace(STUDY, compute=partial(run_study, workers=parallel(scheduler), file=file))
     _study(own.page, models, output, quick=quick)
 
 

@@ -1,6 +1,5 @@
-"""`footsense monitor`: the legs on CAN, as whoever uses their forces sees them."""
+"""`footsense monitor`: the legs on CAN, as a consumer of their forces sees them."""
 
-import json
 import math
 from collections.abc import Iterator
 from ipaddress import AddressValueError, IPv4Address
@@ -12,12 +11,12 @@ from rich.live import Live
 
 from firmware_interface.can_codes import Flag, phase_of
 from footsense.cli.monitor.table import cause_text, monitor_table
-from footsense.cli.options import StopRequest, duration_option
+from footsense.cli.options import StopRequest, duration_option, echo_json
 from footsense.client import Limits
 from footsense.clock import MonotonicClock
 from footsense.daemon.can_listener import LegSnapshot, Listener, listening
 
-#: Where python-can's multicast keeps its frames if nobody says otherwise; the same as in deploy/simulated.yaml.
+#: Default channel of each interface; the multicast address is that of python-can and of deploy/simulated.yaml.
 _CHANNELS = {"socketcan": "can0", "udp_multicast": "239.74.163.2"}
 
 _NS_PER_S = 1_000_000_000
@@ -32,27 +31,27 @@ _DRAW_NS = 200_000_000
     show_default=True,
     help="udp_multicast: a simulation on this computer, without CAN.",
 )
-@click.option("--channel", help="Its name. Default: can0, or 239.74.163.2.")
+@click.option("--channel", help="Name of the channel. Default: can0, or 239.74.163.2.")
 @click.option(
     "--max-age-ms",
     type=click.IntRange(1, 10_000),
     default=100,
     show_default=True,
-    help="From when a force is stale, and a leg that says nothing.",
+    help="Age from which a force is stale, and a silent leg lost.",
 )
 @duration_option("Stop after this time.")
 @click.option(
     "--json",
     "as_json",
     is_flag=True,
-    help="One line for each leg every second; so it is too where the output is no terminal.",
+    help="Print one line of JSON per leg and second; the default if the output is no terminal.",
 )
 def monitor(
     interface: str, channel: str | None, max_age_ms: int, duration_s: float | None, *, as_json: bool
 ) -> None:
-    """Show the legs on CAN: state, force, how old and how good it is, and what is behind it.
+    """Show the legs on CAN: state, force with its age and uncertainty, and the cause of a fault.
 
-    Only listens. A force is shown if a consumer that takes degraded legs may use it.
+    Only listens. A force is shown if a consumer that accepts degraded legs may use it.
     """  # noqa: DOC501 - click shows this text
     limit_ns = max_age_ms * 1_000_000
     limits = Limits(max_age_ns=limit_ns, timeout_ns=limit_ns, accept_degraded=True)
@@ -70,7 +69,8 @@ def monitor(
         if as_json or not console.is_terminal:
             for t_ns in _moments(listener, start_ns, end_ns, _NS_PER_S, stop):
                 for snapshot in listener.snapshot():
-                    click.echo(json.dumps({"t_s": round((t_ns - start_ns) * 1e-9, 3), **_plain(snapshot)}))
+                    t_s = round((t_ns - start_ns) * 1e-9, 3)
+                    echo_json({"t_s": t_s, **snapshot_json(snapshot)}, indent=0)
             return
         with Live(console=console, auto_refresh=False, screen=False) as live:
             for t_ns in _moments(listener, start_ns, end_ns, _DRAW_NS, stop):
@@ -104,8 +104,8 @@ def _is_multicast(name: str) -> bool:
         return False
 
 
-def _plain(snapshot: LegSnapshot) -> dict[str, Any]:
-    """Return what is known of a leg as plain values; null is what is not known."""
+def snapshot_json(snapshot: LegSnapshot) -> dict[str, Any]:
+    """Return a leg as plain values; None and NaN stand for unknown values."""
     leg, force, report, n_forces = snapshot
     known = snapshot.is_known
     return {
@@ -116,26 +116,18 @@ def _plain(snapshot: LegSnapshot) -> dict[str, Any]:
         "state": force.state.name.lower() if known else None,
         "cause": cause_text(snapshot),
         "usable": force.usable,
-        "force_n": _numbers(force.force_n),
-        "sigma_n": _numbers(force.sigma_n),
+        "force_n": [round(value, 3) + 0.0 for value in force.force_n],
+        "sigma_n": [round(value, 3) for value in force.sigma_n],
         "age_ms": None if force.age_ns is None else round(force.age_ns * 1e-6, 1),
         "contact": bool(force.flags & Flag.CONTACT) if force.usable else None,
         "simulated": bool(force.flags & Flag.SIMULATED) if known else None,
         "elements_out": [e for e in range(9) if force.fault_mask >> e & 1] if known else None,
         "baseline": {
             "status": None if report.baseline is None else report.baseline.name.lower(),
-            "mean_ff": _number(report.mean_pf * 1e3, 1),
-            "worst_ff": _number(report.worst_pf * 1e3, 1),
+            "mean_ff": round(report.mean_pf * 1e3, 1),
+            "worst_ff": round(report.worst_pf * 1e3, 1),
             "moved_s_ago": None if report.moved_ago_ns is None else round(report.moved_ago_ns * 1e-9, 1),
         },
         "heartbeat": None if report.node_state is None else report.node_state.name.lower(),
         "degraded_timing": report.degraded_timing,
     }
-
-
-def _numbers(values: tuple[float, ...]) -> list[float | None]:
-    return [_number(value, 3) for value in values]
-
-
-def _number(value: float, digits: int) -> float | None:
-    return None if math.isnan(value) else round(value, digits) + 0.0

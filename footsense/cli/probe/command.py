@@ -1,16 +1,14 @@
 """`footsense probe`: check of buses and feet before a robot walks."""
 
-import json
 import logging
 import sys
 from pathlib import Path
-from typing import Any
 
 import click
-from rich.console import Console, Group
+from rich.console import Console
 
 from footsense import daemon
-from footsense.cli.options import FILE, config_option, json_option
+from footsense.cli.options import FILE, config_option, echo_json, json_option
 from footsense.cli.probe.json_values import adapters_json, probe_json
 from footsense.cli.probe.picture import adapters_picture, probe_picture
 from footsense.config import DEFAULT, load_config
@@ -44,7 +42,10 @@ def probe(config_file: Path | None, scene_name: str | None, png: Path | None, *,
                 "without --config or --scene there are no feet to draw", param_hint="--png"
             )
         adapters = scan_adapters()
-        _show(console, adapters_json(adapters) if as_json else adapters_picture(adapters))
+        if as_json:
+            echo_json(adapters_json(adapters))
+        else:
+            console.print(adapters_picture(adapters))
         return
     config = load_config(config_file) if config_file else DEFAULT
     if scene_name is None and daemon.is_simulated(config):
@@ -57,13 +58,9 @@ def probe(config_file: Path | None, scene_name: str | None, png: Path | None, *,
         from footsense.cli.probe.figure import draw
 
         draw(result, title, png)
-    _show(console, probe_json(result) if as_json else probe_picture(result, title))
+    if as_json:
+        echo_json(probe_json(result))
+    else:
+        console.print(probe_picture(result, title))
     if result.diagnoses:
         sys.exit(_FAULTY)
-
-
-def _show(console: Console, output: dict[str, Any] | Group) -> None:
-    if isinstance(output, dict):
-        click.echo(json.dumps(output, indent=2))
-    else:
-        console.print(output)

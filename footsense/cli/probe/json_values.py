@@ -1,6 +1,5 @@
-"""A probe's result as plain values for JSON; null stands for an unknown value."""
+"""A probe's result as plain values for JSON; None and NaN stand for unknown values."""
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -69,9 +68,11 @@ def _leg(report: ProbedLeg) -> dict[str, Any]:
         "channel": report.channel,
         "answering": None if chips is None else _addresses(chips.answering),
         "chips": None if chips is None else chips.outcome.name.lower(),
-        "mean_pf": None if scans is None else [_number(value, 4) for value in scans.mean_pf.tolist()],
-        "noise_ff": None if scans is None else [_number(value, 2) for value in scans.noise_ff.tolist()],
-        "reading": None if scans is None else [Reading(code).name.lower() for code in scans.worst.tolist()],
+        "mean_pf": None if scans is None else [round(value, 4) for value in scans.mean_pf.tolist()],
+        "noise_ff": None if scans is None else [round(value, 2) for value in scans.noise_ff.tolist()],
+        "reading": None
+        if scans is None
+        else [Reading(code).name.lower() for code in scans.worst_reading.tolist()],
         "faults": [
             {"cause": fault.cause.name.lower(), "elements": list(fault.elements)} for fault in report.faults
         ],
@@ -93,7 +94,3 @@ def _addresses(addresses: tuple[int, ...]) -> list[str]:
 
 def _drivers(drivers: Mapping[int, str]) -> dict[str, str]:
     return {f"{address:#04x}": name for address, name in sorted(drivers.items())}
-
-
-def _number(value: float, digits: int) -> float | None:
-    return round(value, digits) if math.isfinite(value) else None

@@ -100,7 +100,7 @@ def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
     assert report.scans is not None
     marks = [
         (f"{pf:.3f}" if math.isfinite(pf) else words(Reading(code).name), bool(code))
-        for pf, code in zip(report.scans.mean_pf.tolist(), report.scans.worst.tolist(), strict=True)
+        for pf, code in zip(report.scans.mean_pf.tolist(), report.scans.worst_reading.tolist(), strict=True)
     ]
     for fault in report.faults:
         for element in fault.elements:

@@ -1,4 +1,4 @@
-"""`footsense record`: a session on the bench, guided."""
+"""`footsense record`: a guided session on the test stand."""
 
 import math
 from contextlib import ExitStack
@@ -9,56 +9,55 @@ import msgspec
 from rich.console import Console
 
 from footsense import daemon
-from footsense.calibration.session.guide import Guide
+from footsense.calibration.session.guide import SessionGuide
 from footsense.cli.options import StopRequest, config_option, duration_option, pace_option
 from footsense.cli.record.table import RecordTable
+from footsense.cli.test_stand_options import foot_option
 from footsense.config import DEFAULT, Config, load_config
-from footsense.config.test_stand import Bench, load_bench
-from footsense.daemon.session_guide import guide_of, practice_scene
-from footsense.daemon.test_stand import BenchRun, FigureSensor, is_live
+from footsense.config.test_stand import StandConfig, load_test_stand
+from footsense.daemon.session_guide import practice_scene, session_guide
+from footsense.daemon.test_stand import StandSensor, StandSession, is_live
 from footsense.errors import CalibrationError, ConfigError
 from footsense.frames import LEGS, Cycle
 from footsense.sim.scene import Scene, load_scene
-from footsense.sim.test_stand.calibration_loads import Pokes
+from footsense.sim.test_stand.press_sequence import PressSequence
 
 _NS_PER_S = 1_000_000_000
-#: What stays of a simulated bench after its last press, so that its zero is known [s].
+#: Time that a simulated test stand runs on after its last press, for the offset of the reference [s].
 _AFTER_S = 0.5
-#: How far the elements of a free foot that is not calibrated may be from the designed ones [1].
-_AS_MADE_REL = 0.5
+#: Limit of the unloaded readings of a foot that is not calibrated, over the designed ones minus one [1].
+_UNCALIBRATED_REL = 0.5
+
+_FILE = click.Path(dir_okay=False, path_type=Path)
 
 
 @click.command()
-@click.argument("out", type=click.Path(dir_okay=False, path_type=Path))
+@click.argument("out", type=_FILE)
 @click.option(
     "--reference",
-    "bench_file",
+    "test_stand_file",
     required=True,
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="The bench's force sensor, as a YAML file.",
+    type=_FILE,
+    help="YAML file of the test stand's force sensor.",
 )
-@click.option("--foot", required=True, metavar="FOOT", help="Which foot is on the bench, such as foot-0007.")
-@click.option(
-    "--leg", type=click.Choice(LEGS), default="lf", show_default=True, help="Leg that it is wired as."
-)
+@foot_option
+@click.option("--leg", type=click.Choice(LEGS), default="lf", show_default=True, help="Leg it is wired as.")
 @click.option("--session", help="Name of this mounting of the foot. Default: the name of the file.")
 @config_option("a simulated foot")
+@click.option("--scene", "scene_name", help="Scene of a simulated test stand: a name, or a YAML file.")
 @click.option(
-    "--scene", "scene_name", help="What a simulated bench does: a name, or the path of a YAML file."
-)
-@click.option(
-    "--pokes",
+    "--loads",
     "wanted",
     type=click.IntRange(min=5, max=10_000),
     default=100,
     show_default=True,
-    help="How many make a set.",
+    help="Calibration loads of a complete set.",
 )
 @duration_option("Stop after this time at the latest.")
 @pace_option
 def record(
     out: Path,
-    bench_file: Path,
+    test_stand_file: Path,
     foot: str,
     leg: str,
     session: str | None,
@@ -69,73 +68,78 @@ def record(
     *,
     realtime: bool | None,
 ) -> None:
-    """Record presses of a foot beside a force sensor to the new file OUT.
+    """Record calibration loads of a foot beside a force sensor to the new file OUT.
 
-    Press the foot, hold it still for a second, let it go; the picture shows what is covered and what to press next. A
-    set is enough when so many pokes as wanted lie so that in two of the bands of 50, 100 and 150 gf 95 % of the
-    directions from 40 deg of elevation up are within their reach. Ctrl-C ends it before; the recording is whole
-    then, too. Without --config, a simulated foot is pressed.
+    Press the foot, hold it still for a second, release it; the picture shows what is covered and what to press next.
+    The set is complete when there are enough loads, and in two of the bands of 50, 100 and 150 gf 95 % of the
+    directions from 40 deg of elevation up are within reach of one. Ctrl-C ends the session before; the recording is
+    whole then, too. Without --config, a simulated foot is pressed.
     """
-    bench = load_bench(bench_file)
+    test_stand = load_test_stand(test_stand_file)
     config = _mounted(load_config(config_file) if config_file else _simulated(leg), leg, foot)
     row = config.legs.index(leg)
     session = session or out.stem
-    scene = _scene(config, scene_name, foot, row, session)
+    scene = None
+    if scene_name is not None:
+        scene = load_scene(scene_name)
+    elif daemon.is_simulated(config):
+        scene = practice_scene(foot, row, session)
     console = Console()
     live = console.is_terminal
-    paced = _paced(bench, scene, realtime, live=live)
-    run = BenchRun(bench=bench, leg=leg, foot=foot, session=session)
+    paced = _paced(test_stand, scene, realtime, live=live)
+    run = StandSession(test_stand=test_stand, leg=leg, foot=foot, session=session)
     stop = StopRequest()
     with ExitStack() as stack:
         service = stack.enter_context(
-            daemon.service(config, scene, record=out, real_time=paced or scene is None, bench=run)
+            daemon.service(config, scene, record=out, real_time=paced or scene is None, test_stand=run)
         )
-        guide = guide_of(bench, row, wanted, service.network)
+        guide = session_guide(test_stand, row, wanted, service.network)
         service.observers.append(guide)
         if live:
             table = RecordTable(console, guide, row, f"{foot} on {leg}, session {run.session}")
             stack.callback(table.close)
             service.observers.append(table)
         else:
-            service.observers.append(_News(guide))
+            service.observers.append(_MessagePrinter(guide))
         clock = service.scanning.clock
-        end_ns = clock.now_ns() + min(_seconds(duration_s), _seconds(_ends_s(scene))) * _NS_PER_S
-        service.run(lambda: stop.requested or guide.coverage.enough or clock.now_ns() >= end_ns)
+        longest_s = min(math.inf if duration_s is None else duration_s, _ends_s(scene))
+        end_ns = clock.now_ns() + longest_s * _NS_PER_S
+        service.run(lambda: stop.requested or guide.coverage.complete or clock.now_ns() >= end_ns)
         guide.close()
     _report(out, guide, service.reference)
     _draw(out, guide, f"{foot}, session {run.session}")
-    _require_belief(out, guide)
+    _require_consistent_reference(out, guide)
 
 
-class _News:
-    """Prints what happens, where nobody sees a picture."""
+class _MessagePrinter:
+    """Prints the guide's messages where there is no live picture."""
 
-    def __init__(self, guide: Guide) -> None:
+    def __init__(self, guide: SessionGuide) -> None:
         self._guide = guide
 
     def observe(self, cycle: Cycle) -> None:
-        """Print what is new."""
+        """Print new messages."""
         del cycle
         self.close()
 
     def close(self) -> None:
-        """Print what is new."""
-        for line in self._guide.news():
+        """Print new messages."""
+        for line in self._guide.new_messages():
             click.echo(line)
 
 
 def _simulated(leg: str) -> Config:
-    """Return the built-in simulation with one leg alone."""
+    """Return the built-in simulation with one leg."""
     built_in = msgspec.to_builtins(DEFAULT)
     bus = built_in["buses"][0]
     return msgspec.convert(built_in | {"buses": [bus | {"legs": {leg: bus["legs"][leg]}}]}, Config)
 
 
 def _mounted(config: Config, leg: str, foot: str) -> Config:
-    """Return the configuration with the foot on its leg, as the recording is to say of it.
+    """Return the configuration with the uncalibrated foot on its leg.
 
     Raises:
-        ConfigError: The leg is not there, another foot is said to be on it, or the foot on another leg.
+        ConfigError: There is no such leg, it has another foot, or the foot is on another leg.
     """
     if leg not in config.legs:
         raise ConfigError(f"--leg {leg}: is no leg of this configuration; it has {', '.join(config.legs)}")
@@ -147,31 +151,20 @@ def _mounted(config: Config, leg: str, foot: str) -> Config:
     feet[leg] = foot
     if list(feet.values()).count(foot) > 1:
         raise ConfigError(f"--foot {foot}: the configuration says that it is on another leg than {leg}")
-    # A foot that is not calibrated yet has no pack, and may be far from the designed one, which is no reason to refuse
-    # its tare.
     plain = msgspec.to_builtins(config)
-    changed = {
-        "feet": feet,
-        "calibrations": None,
-        "tare": plain["tare"] | {"unloaded_limit_rel": _AS_MADE_REL},
-    }
+    # A foot that is not calibrated may read far from its design; its tare is accepted.
+    tare = plain["tare"] | {"unloaded_limit_rel": _UNCALIBRATED_REL}
     try:
-        return msgspec.convert(plain | changed, Config)
+        return msgspec.convert(plain | {"feet": feet, "calibrations": None, "tare": tare}, Config)
     except msgspec.ValidationError:
         raise ConfigError(f"--foot {foot}: is no identity of a foot, such as foot-0007") from None
 
 
-def _scene(config: Config, name: str | None, foot: str, row: int, session: str) -> Scene | None:
-    if name is not None:
-        return load_scene(name)
-    return practice_scene(foot, row, session) if daemon.is_simulated(config) else None
-
-
-def _paced(bench: Bench, scene: Scene | None, realtime: bool | None, *, live: bool) -> bool:  # noqa: FBT001
-    """Tell whether a simulation keeps the pace of the clock on the wall: it has to beside a sensor that does.
+def _paced(test_stand: StandConfig, scene: Scene | None, realtime: bool | None, *, live: bool) -> bool:  # noqa: FBT001
+    """Return whether a simulation is paced by the wall clock, as it has to be beside a real force sensor.
 
     Raises:
-        ConfigError: It is asked not to, or no simulation is.
+        ConfigError: The options contradict that, or there is no simulation.
     """
     if scene is None:
         if realtime is not None:
@@ -179,61 +172,55 @@ def _paced(bench: Bench, scene: Scene | None, realtime: bool | None, *, live: bo
                 "--realtime and --fast are for simulations; this configuration names real buses"
             )
         return False
-    if is_live(bench):
+    if is_live(test_stand):
         if realtime is False:
             raise ConfigError(
-                "--fast: the force sensor lives in real time; only a simulated one or a file can hurry"
+                "--fast: the force sensor runs in real time; only a simulated one or a file can run faster"
             )
         return True
     return live if realtime is None else realtime
 
 
-def _ends_s(scene: Scene | None) -> float | None:
-    """Return when a simulated bench has no more presses [s], None if that is never."""
-    if scene is None:
-        return None
-    load = scene.load.build(round(scene.lead_in_s * _NS_PER_S))
-    return load.ends_ns / _NS_PER_S + _AFTER_S if isinstance(load, Pokes) else None
+def _ends_s(scene: Scene | None) -> float:
+    """Return the end of a simulated test stand's last press, and a pause [s]; infinity if there is none."""
+    load = None if scene is None else scene.load.build(round(scene.lead_in_s * _NS_PER_S))
+    return load.ends_ns / _NS_PER_S + _AFTER_S if isinstance(load, PressSequence) else math.inf
 
 
-def _seconds(value_s: float | None) -> float:
-    return math.inf if value_s is None else value_s
-
-
-def _report(out: Path, guide: Guide, sensor: FigureSensor | None) -> None:
-    """Say what came of it, and what did not come."""
-    for line in guide.news():
+def _report(out: Path, guide: SessionGuide, sensor: StandSensor | None) -> None:
+    """Print coverage, rejected presses, the next load, and the statistics of the reference."""
+    for line in guide.new_messages():
         click.echo(line)
-    click.echo(f"{out}: {guide.coverage.words()}")
-    if guide.refused:
-        reasons = ", ".join(f"{n} {why}" for why, n in guide.refused.most_common())
-        click.echo(f"not counted: {reasons}")
-    if not guide.coverage.enough:
-        wish = guide.coverage.next
+    click.echo(f"{out}: {guide.coverage.summary()}")
+    if guide.rejected:
+        reasons = ", ".join(f"{n} {why}" for why, n in guide.rejected.most_common())
+        click.echo(f"rejected: {reasons}")
+    if not guide.coverage.complete:
+        target = guide.coverage.next
         click.echo(
-            f"not enough yet; next would be {wish.magnitude_gf:.0f} gf from azimuth {wish.azimuth_deg:.0f}, "
-            f"elevation {wish.elevation_deg:.0f} deg, in another session"
+            f"not complete; next would be {target.magnitude_gf:.0f} gf from azimuth {target.azimuth_deg:.0f}, "
+            f"elevation {target.elevation_deg:.0f} deg, in another session"
         )
     if sensor is not None:
-        said = sensor.figures()
+        counts = sensor.statistics()
         click.echo(
-            f"reference: {said.n_samples} samples, {said.n_missing} missing, {said.n_bad} unreadable, "
-            f"{said.n_saturated} saturated, clock jumped {said.n_jumps} times, opened {said.n_opened} times, "
-            f"times to {said.residual_ms:.1f} ms"
+            f"reference: {counts.n_samples} samples, {counts.n_missing} missing, {counts.n_bad} unreadable, "
+            f"{counts.n_saturated} saturated, clock jumped {counts.n_jumps} times, opened {counts.n_opened} times, "
+            f"times to {counts.residual_ms:.1f} ms"
         )
 
 
-def _require_belief(out: Path, guide: Guide) -> None:
-    """Check that the reference does not contradict the foot.
+def _require_consistent_reference(out: Path, guide: SessionGuide) -> None:
+    """Check at the end that the foot does not contradict the reference.
 
     Raises:
         CalibrationError: It does.
     """
-    if guide.doubts:
-        raise CalibrationError(f"{out} is kept, but do not calibrate by it: {'; '.join(guide.doubts)}")
+    if guide.findings:
+        raise CalibrationError(f"{out} is kept, but do not calibrate with it: {'; '.join(guide.findings)}")
 
 
-def _draw(out: Path, guide: Guide, title: str) -> None:
+def _draw(out: Path, guide: SessionGuide, title: str) -> None:
     try:
         from footsense.cli.record.coverage_figure import draw_coverage
     except ImportError:
@@ -241,7 +228,7 @@ def _draw(out: Path, guide: Guide, title: str) -> None:
         return
     picture = out.with_suffix(".png")
     if picture.exists():
-        click.echo(f"{picture}: exists and is not overwritten; what is covered is not drawn")
+        click.echo(f"{picture}: exists and is not overwritten; the coverage is not drawn")
         return
-    draw_coverage(picture, guide.coverage, guide.directions_n, title)
-    click.echo(f"{picture}: what is covered")
+    draw_coverage(picture, guide.coverage, guide.loads_n, title)
+    click.echo(f"{picture}: the coverage")

@@ -1,7 +1,7 @@
-"""The ball of a foot as text: which directions are covered, seen from above, one disc for each magnitude.
+"""The covered directions as text, seen from above, one disc for each magnitude.
 
-The pole, a force straight up the leg, is in the middle; forward is up and left is left, as for whoever stands behind
-the robot. A cell is twice as high as it is wide, so a disc has twice as many columns as rows.
+The pole, a force straight up the leg, is in the middle; forward is up and left is left, as seen from behind the robot.
+A character is twice as high as wide, so a disc has twice as many columns as rows.
 """
 
 import math
@@ -11,7 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.text import Text
 
-from footsense.calibration.session.coverage import BANDS_GF, LOWEST_DEG, Coverage, Wish, angles_deg
+from footsense.calibration.session.coverage import (
+    BANDS_GF,
+    LOWEST_DEG,
+    Coverage,
+    NextLoad,
+    angles_deg,
+    nearest_band,
+)
+from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 
 __all__ = ["COLUMNS", "GLYPHS", "PLAIN_GLYPHS", "Glyphs", "discs"]
@@ -20,39 +28,40 @@ Vector = NDArray[np.float64]
 
 _ROWS = 11
 COLUMNS = 2 * _ROWS - 1
+_MIDDLE = (_ROWS - 1) / 2
 _RIM_DEG = 90.0 - LOWEST_DEG
 
 
 class Glyphs(NamedTuple):
-    """What a cell is drawn with."""
+    """Characters of the cells."""
 
     bare: str
     covered: str
-    poke: str
-    wish: str
+    load: str
+    next: str
 
 
 GLYPHS = Glyphs("·", "░", "●", "◎")
-#: Where the terminal knows none of these.
+#: For a terminal without those.
 PLAIN_GLYPHS = Glyphs(".", ":", "o", "X")
 
 _STYLES = Glyphs("dim", "green", "bold green", "bold yellow")
 
 
-def discs(coverage: Coverage, pokes_n: Vector, wish: Wish, glyphs: Glyphs) -> list[Text]:
-    """Return the lines of three discs beside each other.
+def discs(coverage: Coverage, loads_n: Vector, target: NextLoad, glyphs: Glyphs) -> list[Text]:
+    """Return the lines of three discs side by side.
 
     Args:
-        coverage: What is covered.
-        pokes_n: Forces of the pokes [N], shape (n, 3).
-        wish: What to press next.
-        glyphs: What to draw with.
+        coverage: Coverage of the loads.
+        loads_n: Their forces [N], shape (n, 3).
+        target: The next load.
+        glyphs: Characters to draw with.
     """
-    pokes: list[set[tuple[int, int]]] = [set() for _ in BANDS_GF]
-    for force_n in pokes_n:
-        azimuth_deg, elevation_deg = angles_deg(force_n)
-        pokes[_band(float(np.linalg.norm(force_n)) / GRAM_FORCE_N)].add(_cell(azimuth_deg, elevation_deg))
-    wished = _band(wish.magnitude_gf), _cell(wish.azimuth_deg, wish.elevation_deg)
+    loads = {
+        (nearest_band(float(np.linalg.norm(force_n)) / GRAM_FORCE_N), *_cell(*angles_deg(force_n)))
+        for force_n in loads_n
+    }
+    next_cell = (nearest_band(target.magnitude_gf), *_cell(target.azimuth_deg, target.elevation_deg))
     titles = [
         f"{gf:.0f} gf: {100 * share:.0f} %".center(COLUMNS)
         for gf, share in zip(BANDS_GF, coverage.shares_rel, strict=True)
@@ -62,13 +71,13 @@ def discs(coverage: Coverage, pokes_n: Vector, wish: Wish, glyphs: Glyphs) -> li
         line = Text()
         for band in range(len(BANDS_GF)):
             for column in range(COLUMNS):
-                direction = _direction(row, column)
+                direction, cell = _direction(row, column), (band, row, column)
                 if direction is None:
                     line.append(" ")
-                elif (band, (row, column)) == wished:
-                    line.append(glyphs.wish, _STYLES.wish)
-                elif (row, column) in pokes[band]:
-                    line.append(glyphs.poke, _STYLES.poke)
+                elif cell == next_cell:
+                    line.append(glyphs.next, _STYLES.next)
+                elif cell in loads:
+                    line.append(glyphs.load, _STYLES.load)
                 elif coverage.covers(band, direction):
                     line.append(glyphs.covered, _STYLES.covered)
                 else:
@@ -78,25 +87,17 @@ def discs(coverage: Coverage, pokes_n: Vector, wish: Wish, glyphs: Glyphs) -> li
     return lines
 
 
-def _band(magnitude_gf: float) -> int:
-    return int(np.argmin(np.abs(np.array(BANDS_GF) - magnitude_gf)))
-
-
 def _cell(azimuth_deg: float, elevation_deg: float) -> tuple[int, int]:
-    """Return row and column of a direction; what leans beyond the rim is drawn on it."""
-    radius = min((90.0 - elevation_deg) / _RIM_DEG, 1.0) * (_ROWS - 1) / 2
+    """Return row and column of a direction; below the lowest elevation it is drawn on the rim."""
+    radius = min((90.0 - elevation_deg) / _RIM_DEG, 1.0) * _MIDDLE
     azimuth = math.radians(azimuth_deg)
-    middle = (_ROWS - 1) / 2
-    return round(middle - radius * math.cos(azimuth)), round(2 * (middle - radius * math.sin(azimuth)))
+    return round(_MIDDLE - radius * math.cos(azimuth)), round(2 * (_MIDDLE - radius * math.sin(azimuth)))
 
 
 def _direction(row: int, column: int) -> Vector | None:
-    """Return the direction that a cell stands for, a unit vector of shape (3,); None outside of the disc."""
-    middle = (_ROWS - 1) / 2
-    forward, left = (middle - row) / middle, (middle - column / 2) / middle
+    """Return the direction of a cell, a unit vector of shape (3,); None outside of the disc."""
+    forward, left = (_MIDDLE - row) / _MIDDLE, (_MIDDLE - column / 2) / _MIDDLE
     radius = math.hypot(forward, left)
     if radius > 1.05:
         return None
-    lean = math.radians(min(radius, 1.0) * _RIM_DEG)
-    azimuth = math.atan2(left, forward)
-    return np.array([math.sin(lean) * math.cos(azimuth), math.sin(lean) * math.sin(azimuth), math.cos(lean)])
+    return directions(math.degrees(math.atan2(left, forward)), 90.0 - min(radius, 1.0) * _RIM_DEG)

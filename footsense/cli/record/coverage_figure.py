@@ -1,4 +1,4 @@
-"""What a session covers as a picture; the only file of `record` that needs matplotlib."""
+"""The coverage of a session as a picture; the only file of `record` that needs matplotlib."""
 
 from pathlib import Path
 
@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from footsense.calibration.session.coverage import BANDS_GF, LOWEST_DEG, Coverage
+from footsense.foot.directions import azimuth_elevation_deg
 from footsense.foot.force_errors import GRAM_FORCE_N
 
 __all__ = ["draw_coverage"]
@@ -14,40 +15,33 @@ __all__ = ["draw_coverage"]
 _RINGS_DEG = (40.0, 50.0, 60.0, 70.0, 80.0)
 
 
-def draw_coverage(path: Path, coverage: Coverage, pokes_n: NDArray[np.float64], title: str) -> None:
-    """Draw the pokes of each magnitude and what they reach, seen from above, forward up.
+def draw_coverage(path: Path, coverage: Coverage, loads_n: NDArray[np.float64], title: str) -> None:
+    """Draw the loads of each magnitude and their reach, seen from above, forward up.
 
     Args:
-        path: The PNG to make.
-        coverage: What is covered.
-        pokes_n: Forces of the pokes [N], shape (n, 3).
-        title: Which session it is.
+        path: PNG to write.
+        coverage: Coverage of the loads.
+        loads_n: Their forces [N], shape (n, 3).
+        title: Foot and session.
     """
     figure = Figure(figsize=(4.2 * len(BANDS_GF), 4.9), layout="constrained")
-    size_gf = np.linalg.norm(pokes_n, axis=1) / GRAM_FORCE_N
-    band_of = np.argmin(np.abs(size_gf[:, None] - np.array(BANDS_GF)), axis=1)
-    azimuth, lean_deg = np.arctan2(pokes_n[:, 1], pokes_n[:, 0]), _lean_deg(pokes_n)
+    magnitude_gf = np.linalg.norm(loads_n, axis=1) / GRAM_FORCE_N
+    band_of = np.argmin(np.abs(magnitude_gf[:, None] - np.array(BANDS_GF)), axis=1)
+    azimuth_deg, elevation_deg = azimuth_elevation_deg(loads_n)
     panels = figure.subplots(1, len(BANDS_GF), subplot_kw={"projection": "polar"})
     for band, (axes, band_gf) in enumerate(zip(panels, BANDS_GF, strict=True)):
         axes.set_theta_zero_location("N")
         own = band_of == band
-        axes.scatter(azimuth[own], lean_deg[own], s=26, c=size_gf[own], cmap="viridis", vmin=0, vmax=200)
+        style = {"s": 26, "c": magnitude_gf[own], "cmap": "viridis", "vmin": 0, "vmax": 200}
+        axes.scatter(np.radians(azimuth_deg[own]), 90.0 - elevation_deg[own], **style)
         axes.set_rlim(0.0, 90.0 - LOWEST_DEG + coverage.reach_deg / 2)
         axes.set_rgrids(
             [90.0 - ring for ring in _RINGS_DEG], [f"{ring:g}" for ring in _RINGS_DEG], fontsize=7
         )
         axes.set_thetagrids([0, 90, 180, 270], ["forward", "left", "rear", "right"], fontsize=8)
         share = 100 * coverage.shares_rel[band]
-        axes.set_title(f"about {band_gf:.0f} gf: {own.sum()} pokes, {share:.0f} % covered", fontsize=10)
+        axes.set_title(f"about {band_gf:.0f} gf: {own.sum()} loads, {share:.0f} % covered", fontsize=10)
     figure.suptitle(
-        f"{title}: rings of elevation [deg], each poke reaches {coverage.reach_deg:.0f} deg", fontsize=10
+        f"{title}: rings of elevation [deg], each load covers {coverage.reach_deg:.0f} deg", fontsize=10
     )
     figure.savefig(path, dpi=110)
-
-
-def _lean_deg(force_n: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the angle of forces to the leg [deg]."""
-    lean_deg: NDArray[np.float64] = np.degrees(
-        np.arctan2(np.hypot(force_n[:, 0], force_n[:, 1]), force_n[:, 2])
-    )
-    return lean_deg

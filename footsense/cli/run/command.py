@@ -1,6 +1,5 @@
 """`footsense run`: the service, on a robot or in simulation."""
 
-import json
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from footsense.cli.options import (
     can_log_option,
     config_option,
     duration_option,
+    echo_json,
     pace_option,
 )
 from footsense.cli.run.live_table import LiveTable
@@ -23,20 +23,20 @@ from footsense.config import DEFAULT, load_config
 from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
 from footsense.errors import ConfigError
 from footsense.frames import Cycle
-from footsense.sim.scene import Scene, load_scene
-from footsense.telemetry.run_statistics import Score
+from footsense.sim.scene import load_scene
+from footsense.telemetry.run_statistics import RunStatistics
 
 _DEFAULT_SCENE = "tripod"
 _NS_PER_S = 1_000_000_000
 
 
 class FirstFrame:
-    """An observer that notes how long the process had run when the first frame was out."""
+    """An observer that notes the age of the process when the first frame was out."""
 
     after_s: float | None = None
 
     def observe(self, cycle: Cycle) -> None:
-        """Note the first one."""
+        """Note the age of the process at the first cycle."""
         del cycle
         if self.after_s is None:
             self.after_s = process_age_ns() * 1e-9
@@ -80,14 +80,15 @@ def run(
     """Read the feet, estimate their forces, publish them on CAN.
 
     Without --config this is the built-in simulation of a walking robot.
-    """
+    """  # noqa: DOC501 - click shows this text
     config = load_config(config_file) if config_file else DEFAULT
     if operating_point is not None:
         config = at_operating_point(config, operating_point)
     if scene_name is None and daemon.is_simulated(config):
         scene_name = _DEFAULT_SCENE
     scene = load_scene(scene_name) if scene_name else None
-    _check_pace(scene, realtime)
+    if scene is None and realtime is not None:
+        raise ConfigError("--realtime and --fast are for simulations; this configuration names real buses")
     console = Console()
     live = console.is_terminal and summary is None
     paced = scene is not None and (live if realtime is None else realtime)
@@ -96,8 +97,8 @@ def run(
         service = stack.enter_context(
             daemon.service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )
-        score = Score(service.legs, service.scanning.true_force_n)
-        service.observers.append(score)
+        statistics = RunStatistics(service.legs, service.scanning.true_force_n)
+        service.observers.append(statistics)
         first = FirstFrame()
         service.observers.append(first)
         if live:
@@ -110,22 +111,12 @@ def run(
         service.run(lambda: stop.requested or (end_ns is not None and clock.now_ns() >= end_ns))
     figures = {
         "scene": scene_name,
-        **score.summary(),
+        **statistics.summary(),
         **service.figures(),
         "start_to_first_frame_s": first.after_s,
         "resident_mib": resident_mib(),
     }
     if summary == "json":
-        click.echo(json.dumps(figures, indent=2))
+        echo_json(figures)
     else:
         print_summary(console, figures)
-
-
-def _check_pace(scene: Scene | None, realtime: bool | None) -> None:  # noqa: FBT001 - the option as it is
-    """Check that only a simulation is asked to keep a pace.
-
-    Raises:
-        ConfigError: A robot is.
-    """
-    if scene is None and realtime is not None:
-        raise ConfigError("--realtime and --fast are for simulations; this configuration names real buses")

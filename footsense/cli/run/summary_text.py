@@ -1,4 +1,4 @@
-"""The figures of a run as text for a person."""
+"""Figures of a run as a table of text."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from footsense.frames import EXPECTED, State
 
 
 def print_summary(console: Console, figures: dict[str, Any]) -> None:
-    """Print what `footsense run --summary json` says, shorter."""
+    """Print the main figures of `footsense run --summary json`."""
     table = Table(box=None, show_header=False, padding=(0, 2), pad_edge=False)
     table.add_column(style="bold")
     table.add_column()

@@ -9,7 +9,7 @@ from footsense.acquisition.linux_i2c import LinuxI2cBus, adapters, kernel_driver
 from footsense.acquisition.probe.address_scan import scan_addresses
 from footsense.acquisition.probe.bus_scan import ChannelScan, scan_bus
 from footsense.acquisition.probe.bus_scan import scan_adapters as scan_leg_adapters
-from footsense.acquisition.probe.foot_check import Finding, FootScans, findings
+from footsense.acquisition.probe.foot_check import FootFault, FootScans, foot_faults
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.config import Config
@@ -121,7 +121,7 @@ def _probe_legs(
             places.append((leg, report.bus.device, channel, chips))
     if config.serial is not None:
         places = [(name, config.serial.device, "mcu", None) for name in config.legs]
-    designed_pf = load_network(config).card.calibration.design.rest_pf
+    designed_pf = load_network(config).card.trained_inputs.design.rest_pf
     for row, place in enumerate(places):
         scans = None if feet is None or np.isin(feet[row].reading, _SILENT).all() else feet[row]
         # Readings spoilt by a loose contact say nothing of the foot.
@@ -131,10 +131,10 @@ def _probe_legs(
         yield ProbedLeg(*place, scans, faults)
 
 
-def _faults(config: Config, leg: str, scans: FootScans, designed_pf: float) -> tuple[Finding, ...]:
+def _faults(config: Config, leg: str, scans: FootScans, designed_pf: float) -> tuple[FootFault, ...]:
     stray_pf = np.array(config.stray_pf.get(leg, (0.0,) * ELEMENTS))  # type: ignore[call-overload]
     expected_pf = config.unloaded_pf.get(leg)  # type: ignore[call-overload]
-    return findings(
+    return foot_faults(
         scans,
         stray_pf,
         np.full(ELEMENTS, designed_pf) if expected_pf is None else np.array(expected_pf) - stray_pf,

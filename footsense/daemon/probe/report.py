@@ -7,7 +7,7 @@ import numpy as np
 
 from footsense.acquisition.probe.address_scan import AddressScan
 from footsense.acquisition.probe.bus_scan import BusScan, ChannelScan
-from footsense.acquisition.probe.foot_check import Finding, FootScans
+from footsense.acquisition.probe.foot_check import FootFault, FootScans
 from footsense.config import Bus
 
 __all__ = ["Diagnosis", "ProbeResult", "ProbedAdapter", "ProbedBus", "ProbedLeg"]
@@ -58,7 +58,7 @@ class ProbedLeg(NamedTuple):
     channel: int | str
     chips: ChannelScan | None
     scans: FootScans | None
-    faults: tuple[Finding, ...]
+    faults: tuple[FootFault, ...]
 
     @property
     def unloaded_pf(self) -> list[float] | None:

@@ -143,23 +143,29 @@ class ContactDetector:
         elapsed_s = (t_ns - self._t_ns) * 1e-9 if t_ns > self._t_ns else 0.0
         self._t_ns = t_ns
         self.drift_n = baseline_n + _CREEP_REL * self._creep_load_n
-        above_n = load_n - self._floor_n
+        floor_n = self._floor_n
+        above_n = load_n - floor_n
         if self.in_contact:
             # Measured above the baseline if the floor is below it: a foot must be able to leave contact.
             fallen = (
                 load_n < _FALLEN_REL * self._recent_n
-                and load_n - max(self._floor_n, 0.0) < self._lift_n + self.drift_n
+                and load_n - max(floor_n, 0.0) < self._lift_n + self.drift_n
             )
             # A predicted contact is held: the elements that show it have yet to be read.
             if (fallen or above_n < self._lift_n) and t_ns - self._predicted_ns >= _PREDICTED_HOLD_NS:
                 self._lift_off(load_n, baseline_n, t_ns)
         elif above_n > self._touch_n:
             self.in_contact = True
-        elif predicted_n - self._floor_n > self._touch_n and t_ns - self._lifted_ns > _OVERSHOOT_NS:
+        elif predicted_n - floor_n > self._touch_n and t_ns - self._lifted_ns > _OVERSHOOT_NS:
             self.in_contact = True
             self._predicted_ns = t_ns
         else:
-            self._move_floor(load_n, t_ns, elapsed_s)
+            if t_ns - self._window_start_ns > _LOW_NS:
+                self._highest_before_n = self._highest_n
+                self._highest_n, self._window_start_ns = load_n, t_ns
+            self._highest_n = max(self._highest_n, load_n)
+            highest_n = max(self._highest_n, self._highest_before_n)
+            self._floor_n = min(highest_n, floor_n + self.limits.floor_n_per_s * elapsed_s)
         self.in_swing = (
             not self.in_contact
             and load_n - self._floor_n < self._lift_n / 2
@@ -176,14 +182,6 @@ class ContactDetector:
         # the lift-off, and a floor there would turn the next reading into a touchdown.
         self._floor_n = max(load_n, -baseline_n)
         self._highest_before_n = self._highest_n = self._floor_n
-
-    def _move_floor(self, load_n: float, t_ns: int, elapsed_s: float) -> None:
-        if t_ns - self._window_start_ns > _LOW_NS:
-            self._highest_before_n = self._highest_n
-            self._highest_n, self._window_start_ns = load_n, t_ns
-        self._highest_n = max(self._highest_n, load_n)
-        highest_n = max(self._highest_n, self._highest_before_n)
-        self._floor_n = min(highest_n, self._floor_n + self.limits.floor_n_per_s * elapsed_s)
 
     @property
     def explained_by_drift(self) -> bool:

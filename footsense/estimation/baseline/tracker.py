@@ -47,6 +47,7 @@ _SIGMA_PERIOD_NS = 100_000_000
 
 # Plain numbers: an enumeration's arithmetic costs a microsecond each time.
 _CONTACT, _TARE_REFUSED = int(Flag.CONTACT), int(Flag.TARE_REFUSED)
+_HELD, _TOO_FAST = BaselineStatus.HELD, BaselineStatus.TOO_FAST
 
 
 class BaselineTracker:
@@ -138,6 +139,8 @@ class BaselineTracker:
     @property
     def untared_legs(self) -> dict[int, State]:
         """State of every leg without a baseline, by row: TARING, or NO_BASELINE after a refusal."""
+        if not self._untared:
+            return {}
         return {leg: State.NO_BASELINE if leg in self._refusal else State.TARING for leg in self._untared}
 
     def tare(
@@ -153,6 +156,8 @@ class BaselineTracker:
             now_ns: Current time [ns].
         """
         self._discard_silent(reading, now_ns)
+        if not self._windows:
+            return ()
         results = []
         for leg, window in list(self._windows.items()):
             tared = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], missing[leg])
@@ -188,7 +193,7 @@ class BaselineTracker:
         newest_ns = np.maximum.reduce(t_ns, axis=1).tolist()
         if now_ns >= self._sigma_due_ns:
             self._update_sigma(now_ns)
-        swung, self._swinging = self._swinging, []
+        swung, swinging = self._swinging, []
         flags = []
         n_per_rel = self._sensitivity.load_n
         loads = zip(means_rel, self._max_errors_n, newest_ns, predicted_means_rel, strict=True)
@@ -201,14 +206,15 @@ class BaselineTracker:
             if leg in self._untared:
                 continue
             if in_contact or not (self._track and contact.in_swing):
-                held = BaselineStatus.HELD
+                held = _HELD
             elif not contact.explained_by_drift:
-                held = BaselineStatus.TOO_FAST
+                held = _TOO_FAST
             else:
-                self._swinging.append(leg)
+                swinging.append(leg)
                 continue
             if leg in swung or baseline.status is not held:
                 baseline.hold(held)
+        self._swinging = swinging
         self._follow(capacitance_pf, t_ns, missing)
         if flags != self._flags:
             self._flags, self.flags = flags, np.array(flags, np.uint8)

@@ -108,8 +108,7 @@ class LegStatus(NamedTuple):
         fault_mask: Elements that are not usable.
         cause: Cause of the state.
         t_ns: Time of its measurement [ns]; 0 without one.
-        all_usable: Whether every leg is usable.
-        in_range: Whether no element of any leg has a closed gap or is out of the trained range.
+        healthy: Whether every leg is valid without any fault.
     """
 
     state: Codes
@@ -117,8 +116,7 @@ class LegStatus(NamedTuple):
     fault_mask: NDArray[np.uint16]
     cause: Codes
     t_ns: NDArray[np.int64]
-    all_usable: bool
-    in_range: bool
+    healthy: bool
 
 
 class LegClassifier:
@@ -175,7 +173,6 @@ class LegClassifier:
             now_ns: Current time [ns].
         """
         out_of_range = (measured_rel < self._closure_min_rel) | (measured_rel > self._closure_max_rel)
-        in_range = not np.count_nonzero(out_of_range)
         oldest_ns = min(sample.oldest_ns.tolist())
         fresh = oldest_ns > 0 and now_ns - oldest_ns <= self._max_age_ns
         aligned = np.count_nonzero(sample.time_aligned) == len(sample.time_aligned)
@@ -185,7 +182,7 @@ class LegClassifier:
             and consistency.ok
             and fresh
             and aligned
-            and in_range
+            and not np.count_nonzero(out_of_range)
             and not np.count_nonzero(self.stopped)
         ):
             return LegStatus(
@@ -194,8 +191,7 @@ class LegClassifier:
                 self._no_fault,
                 drift_cause,
                 sample.t_ns,
-                all_usable=True,
-                in_range=True,
+                healthy=True,
             )
         excluded = consistency.stuck | consistency.drifting
         shorted = elements.over_range & (missing | excluded)
@@ -212,13 +208,11 @@ class LegClassifier:
         converter_states(state, reading, faulty & kept, closed & kept | elements.over_range & ~shorted)
         state[self.stopped] = State.STOPPED
         faults = ElementFaults(elements.opened, shorted, consistency.stuck, consistency.drifting)
-        usable = _IS_USABLE[state]
         return LegStatus(
             state=state,
-            usable=usable,
+            usable=_IS_USABLE[state],
             fault_mask=fault_mask((reading != 0) | faulty | closed),
             cause=causes(reading, state, faults, drift_cause),
             t_ns=np.where(sample.oldest_ns > 0, sample.t_ns, 0),
-            all_usable=bool(usable.all()),
-            in_range=in_range,
+            healthy=False,
         )

@@ -16,7 +16,7 @@ import ngsolve.comp
 import numpy as np
 
 from footsense.lab.contact.floor import Floor
-from footsense.lab.contact.material import mixed_work, plain_work
+from footsense.lab.fem.elasticity import energy, mixed_energy
 from footsense.lab.geometry import SoleDesign
 
 #: Stiffness k of a shut gap to begin with [MPa/mm].
@@ -62,13 +62,14 @@ class Body:
 
     def form(self, floor: Floor, *, finite_strain: bool, gaps_shut: bool) -> Any:
         """Return internal work minus that of the floor, as a form that is nonlinear in its trial function."""
-        (u_ground, u_leg, p), (v_ground, v_leg, q) = self.space.TnT()
+        (u_ground, u_leg, p), (v_ground, v_leg, _) = self.space.TnT()
         form = ng.BilinearForm(self.space, symmetric=True)
         rubber, pdms = self.sole.rubber, self.sole.pdms
-        for side, u, v in (("ground", u_ground, v_ground), ("leg", u_leg, v_leg)):
-            mixed = mixed_work(rubber, u, p, v, q, finite_strain=finite_strain)
-            form += mixed.Compile() * ng.dx(f"rubber_{side}")
-            form += plain_work(pdms, u, v, finite_strain=finite_strain).Compile() * ng.dx(f"pdms_{side}")
+        for side, u in (("ground", u_ground), ("leg", u_leg)):
+            mixed = mixed_energy(rubber, u, p, finite_strain=finite_strain).Compile()
+            plain = energy(pdms, u, finite_strain=finite_strain).Compile()
+            form += ng.Variation(mixed * ng.dx(f"rubber_{side}"))
+            form += ng.Variation(plain * ng.dx(f"pdms_{side}"))
         jump, jump_v = u_ground - u_leg, v_ground - v_leg
         across = (pdms.shear_mpa, pdms.shear_mpa, pdms.confined_mpa)
         layer = sum(across[k] / self.sole.spacer_mm * jump[k] * jump_v[k] for k in range(3))

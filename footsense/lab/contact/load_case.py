@@ -1,11 +1,11 @@
 """A load case: one foot, one contact normal, one force, and what follows from them without a solve."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.foot.hertz import contact_radius_mm
 from footsense.lab.geometry import SoleDesign
 
 #: A unit vector may be this far from length one.
@@ -77,4 +77,4 @@ class LoadCase:
     @property
     def hertz_mm(self) -> float:
         """Radius of the Hertz patch on a rigid plane [mm]: a^3 = 3 f.n R / (4 E*)."""
-        return math.cbrt(0.75 * self.pressing_n * self.sole.ball_radius_mm / self.sole.rubber.hertz_mpa)
+        return float(contact_radius_mm(self.pressing_n, self.sole.ball_radius_mm, self.sole.rubber.hertz_mpa))

@@ -14,6 +14,7 @@ from netgen import occ
 from netgen.meshing import MeshingParameters
 from numpy.typing import NDArray
 
+from footsense.foot.directions import tangent_frame
 from footsense.lab.geometry import SoleDesign
 
 #: The mesh is fine out to this many radii of the expected contact patch: finite strain and friction shift it.
@@ -125,10 +126,7 @@ def _refine_patch(
     reach_mm: float,
 ) -> None:
     """Ask for edges of `size_mm` on the cap of radius `reach_mm` around the contact."""
-    axis = np.eye(3)[np.abs(normal).argmin()]
-    first = np.cross(normal, axis)
-    first /= np.linalg.norm(first)
-    second = np.cross(normal, first)
+    first, second = tangent_frame(normal)
     centre = np.array([0.0, 0.0, -sole.plate_mm])
     steps = np.arange(-np.ceil(reach_mm / size_mm), np.ceil(reach_mm / size_mm) + 1.0) * size_mm
     for along in steps:

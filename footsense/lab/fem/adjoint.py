@@ -13,17 +13,21 @@ Source:
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import ngsolve as ng
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.foot.directions import normalized
 from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.lab.fem.mesh import quarter_cells
 from footsense.lab.fem.quarter import Parity, Quarter
 
 #: 1000 um in a mm: closures leave the solid here.
 UM_PER_MM = 1000.0
+#: Order of the quadrature rule whose points on the ground-side surface are the samples.
+SAMPLE_ORDER = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +49,33 @@ class ClassField:
     compliance: NDArray[np.float64]
 
 
-def class_field(quarter: Quarter, sample_order: int = 5) -> ClassField:
+def surface_samples(
+    mesh: Any, depth_mm: float, order: int = SAMPLE_ORDER
+) -> tuple[Any, NDArray[np.float64], NDArray[np.float64]]:
+    """Return quadrature points of the ground-side surface, their inward normals and the areas they stand for.
+
+    Args:
+        mesh: A mesh with the face `curved_ground`.
+        depth_mm: Depth of the ball's centre below the middle of the sheet [mm].
+        order: Order of the quadrature rule.
+
+    Returns:
+        Points as NGSolve takes them, unit normals of shape (n, 3), areas [mm2] of shape (n,).
+    """
+    rule = ng.IntegrationRule(ng.TRIG, order)
+    points = mesh.MapToAllElements(rule, mesh.Boundaries("curved_ground"))
+    radial = np.asarray((ng.CF((ng.x, ng.y, ng.z + depth_mm)))(points))
+    # The area element of the curved map: norm of the cross product of its two columns.
+    jacobian = np.asarray(ng.specialcf.JacobianMatrix(3, 2)(points)).reshape(-1, 3, 2)
+    area = np.linalg.norm(np.cross(jacobian[:, :, 0], jacobian[:, :, 1]), axis=1)
+    return (
+        points,
+        -normalized(radial),
+        area * np.tile(np.asarray(rule.weights), len(area) // len(rule.weights)),
+    )
+
+
+def class_field(quarter: Quarter, sample_order: int = SAMPLE_ORDER) -> ClassField:
     """Solve the adjoint problems of one class, one for each cell of the quarter, and sample them.
 
     Args:
@@ -60,7 +90,9 @@ def class_field(quarter: Quarter, sample_order: int = 5) -> ClassField:
     return sampled_field(quarter, [(name, area_mm2) for name in names], sample_order)
 
 
-def sampled_field(quarter: Quarter, faces: Sequence[tuple[str, float]], sample_order: int = 5) -> ClassField:
+def sampled_field(
+    quarter: Quarter, faces: Sequence[tuple[str, float]], sample_order: int = SAMPLE_ORDER
+) -> ClassField:
     """Solve the adjoint problems of the mean closures of some faces, and sample them.
 
     Args:
@@ -68,14 +100,7 @@ def sampled_field(quarter: Quarter, faces: Sequence[tuple[str, float]], sample_o
         faces: Names of cells joined by `|`, and their area together [mm2].
         sample_order: Order of the quadrature rule whose points are the samples.
     """
-    rule = ng.IntegrationRule(ng.TRIG, sample_order)
-    points = quarter.mesh.MapToAllElements(rule, quarter.mesh.Boundaries("curved_ground"))
-    centre = ng.CF((0.0, 0.0, -quarter.sole.plate_mm))
-    radial = np.asarray((ng.CF((ng.x, ng.y, ng.z)) - centre)(points))
-    # The area element of the curved map: norm of the cross product of its two columns.
-    jacobian = np.asarray(ng.specialcf.JacobianMatrix(3, 2)(points)).reshape(-1, 3, 2)
-    area = np.linalg.norm(np.cross(jacobian[:, :, 0], jacobian[:, :, 1]), axis=1)
-    weight = area * np.tile(np.asarray(rule.weights), len(area) // len(rule.weights))
+    points, normal, weight_mm2 = surface_samples(quarter.mesh, quarter.sole.plate_mm, sample_order)
     loads = [quarter.closure_functional(face, area_mm2) for face, area_mm2 in faces]
     closures = np.stack([load.vec.FV().NumPy() for load in loads])
     influence, compliance = [], []
@@ -85,8 +110,8 @@ def sampled_field(quarter: Quarter, faces: Sequence[tuple[str, float]], sample_o
         compliance.append(closures @ field.vec.FV().NumPy())
     return ClassField(
         parity=quarter.parity,
-        normal=-radial / np.linalg.norm(radial, axis=1, keepdims=True),
-        weight_mm2=weight,
+        normal=normal,
+        weight_mm2=weight_mm2,
         influence=np.stack(influence, axis=1) * UM_PER_MM,
         compliance=np.stack(compliance) * UM_PER_MM,
     )

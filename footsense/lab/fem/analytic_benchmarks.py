@@ -16,7 +16,7 @@ import numpy as np
 from netgen import occ
 from numpy.typing import NDArray
 
-from footsense.lab.fem.quarter import mixed
+from footsense.lab.fem.elasticity import mixed_energy
 from footsense.lab.geometry import Material
 
 
@@ -27,8 +27,10 @@ def _spaces(mesh: Any, order: int, **clamped: str) -> Any:
 
 def _solved(material: Material, space: Any, given: Any, where: str, load: Any) -> Any:
     """Return displacement and pressure under a load, the displacement given on clamped faces, 0 on others."""
-    (u, p), (v, q) = space.TnT()
-    form = ng.BilinearForm(mixed(material, u, v, p, q) * ng.dx, symmetric=True).Assemble()
+    u, p = space.TrialFunction()
+    form = ng.BilinearForm(space, symmetric=True)
+    form += ng.Variation(mixed_energy(material, u, p) * ng.dx)
+    form.Assemble()
     solution = ng.GridFunction(space)
     solution.components[0].Set(given, definedon=space.mesh.Boundaries(where))
     rest = load.vec.CreateVector()

@@ -23,7 +23,8 @@ from netgen import occ
 from netgen.meshing import NgException
 
 from footsense.errors import ModelError
-from footsense.lab.fem.adjoint import ClassField
+from footsense.lab.fem.adjoint import ClassField, surface_samples
+from footsense.lab.fem.elasticity import energy, mixed_energy
 from footsense.lab.fem.mesh import MeshSize
 from footsense.lab.fem.quarter import SOLVED, Parity
 from footsense.lab.geometry import SoleDesign
@@ -34,8 +35,6 @@ BLOCK_SIZE = MeshSize(ball_mm=4.0, plate_mm=0.7, surface_mm=2.5, grading=0.7, la
 COARSE_BLOCK = MeshSize(ball_mm=5.0, plate_mm=1.4, surface_mm=3.0, grading=0.8, layers=0, order=2)
 #: Order by which the quadrature in the block exceeds that of a whole element, for the borders of columns.
 _BORDER_ORDER = 8
-#: Order of the quadrature whose points on the ground-side surface are the samples.
-_SAMPLE_ORDER = 5
 _NEAR_MM = 1e-3
 
 
@@ -116,11 +115,6 @@ def build_block_mesh(sole: SoleDesign, size: MeshSize = BLOCK_SIZE) -> Any:
     return mesh
 
 
-def _strain(u: Any) -> Any:
-    """Return the small strain of a displacement [1]."""
-    return 0.5 * (ng.Grad(u) + ng.Grad(u).trans)
-
-
 class Block:
     """One symmetry class of the foot with the plain block, factorised.
 
@@ -142,15 +136,11 @@ class Block:
         displacement = ng.VectorH1(mesh, order=size.order, **clamped)
         pressures = [ng.H1(mesh, order=size.order - 1, definedon=side) for side in sides]
         self.space = displacement * pressures[0] * pressures[1]
-        (u, *p), (v, *q) = self.space.TnT()
-        rubber, pdms = sole.rubber, sole.pdms
+        u, *pressures_of = self.space.TrialFunction()
         form = ng.BilinearForm(self.space, symmetric=True)
-        for side, p_side, q_side in zip(sides, p, q, strict=True):
-            shear = 2.0 * rubber.shear_mpa * ng.InnerProduct(_strain(u), _strain(v))
-            pressing = ng.div(u) * q_side + ng.div(v) * p_side - p_side * q_side / rubber.lame_mpa
-            form += (shear + pressing) * ng.dx(side)
-        in_block = 2.0 * pdms.shear_mpa * ng.InnerProduct(_strain(u), _strain(v))
-        form += (in_block + pdms.lame_mpa * ng.div(u) * ng.div(v)) * ng.dx("pdms")
+        for side, p in zip(sides, pressures_of, strict=True):
+            form += ng.Variation(mixed_energy(sole.rubber, u, p) * ng.dx(side))
+        form += ng.Variation(energy(sole.pdms, u) * ng.dx("pdms"))
         with ng.TaskManager():
             form.Assemble()
             self._inverse = form.mat.Inverse(self.space.FreeDofs(), "sparsecholesky")
@@ -171,12 +161,7 @@ class Block:
         Returns:
             Influence in MPa/N, and no compliance.
         """
-        rule = ng.IntegrationRule(ng.TRIG, _SAMPLE_ORDER)
-        points = self.mesh.MapToAllElements(rule, self.mesh.Boundaries("curved_ground"))
-        centre = ng.CF((0.0, 0.0, -half_thickness_mm(self.sole)))
-        radial = np.asarray((ng.CF((ng.x, ng.y, ng.z)) - centre)(points))
-        jacobian = np.asarray(ng.specialcf.JacobianMatrix(3, 2)(points)).reshape(-1, 3, 2)
-        area = np.linalg.norm(np.cross(jacobian[:, :, 0], jacobian[:, :, 1]), axis=1)
+        points, normal, weight_mm2 = surface_samples(self.mesh, half_thickness_mm(self.sole))
         influence = []
         solution = ng.GridFunction(self.space)
         with ng.TaskManager():
@@ -185,8 +170,8 @@ class Block:
                 influence.append(np.asarray(solution.components[0](points)))
         return ClassField(
             parity=self.parity,
-            normal=-radial / np.linalg.norm(radial, axis=1, keepdims=True),
-            weight_mm2=area * np.tile(np.asarray(rule.weights), len(area) // len(rule.weights)),
+            normal=normal,
+            weight_mm2=weight_mm2,
             influence=np.stack(influence, axis=1),
             compliance=np.zeros((0, 0)),
         )

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.gap_contact import CELLS_PER_SIDE
+from footsense.foot.hertz import contact_radius_mm
 from footsense.lab.fem.adjoint import sampled_field
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
 from footsense.lab.fem.quarter import Parity, Quarter
@@ -54,7 +55,7 @@ def centred_closures(
     """
     mesh = build_mesh(sole, size)
     if patch_mm is None:
-        patch_mm = hertz_radius_mm(sole.ball_radius_mm, sole.rubber.hertz_mpa, 1.0)
+        patch_mm = float(contact_radius_mm(1.0, sole.ball_radius_mm, sole.rubber.hertz_mpa))
     angle = np.radians(elevation_deg)
     force = np.column_stack([np.cos(angle), np.zeros(len(angle)), np.sin(angle)])
     upright = min(elevation_deg) >= 90.0
@@ -69,15 +70,6 @@ def centred_closures(
         # The quarter's form is a quarter of the foot's, so its field is four times the foot's.
         total += part[:, _IMAGE_OF] * sign / 4.0
     return Centred(total, int(mesh.ne), quarter.n_unknowns)
-
-
-def hertz_radius_mm(ball_radius_mm: float, contact_modulus_mpa: float, force_n: float) -> float:
-    """Return the radius of the contact patch, a^3 = 3 F R / (4 E*) [mm].
-
-    Source:
-        Johnson, Contact Mechanics, 1985, equation (4.22).
-    """
-    return float(np.cbrt(0.75 * force_n * ball_radius_mm / contact_modulus_mpa))
 
 
 def _faces(sole: SoleDesign) -> list[tuple[str, float]]:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.gap_contact import ALL_CELLS, CELLS_PER_SIDE, element_means
+from footsense.foot.hertz import contact_radius_mm
 from footsense.foot.symmetry import HALF_SIDE, flat_of_grid
 from footsense.lab.fem.adjoint import UM_PER_MM
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
@@ -132,7 +133,7 @@ class ForwardFoot:
         load = _Load(
             centre_mm=-sole.ball_radius_mm * normal - np.array([0.0, 0.0, sole.plate_mm]),
             force_n=force_n,
-            radius_mm=float(np.cbrt(0.75 * pressing_n * sole.ball_radius_mm / sole.rubber.hertz_mpa)),
+            radius_mm=float(contact_radius_mm(pressing_n, sole.ball_radius_mm, sole.rubber.hertz_mpa)),
         )
         parts = {parity: solved.cells_um(load) for parity, solved in self._classes.items()}
         swapped = load.mapped(np.eye(3)[[1, 0, 2]])

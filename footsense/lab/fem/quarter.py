@@ -2,11 +2,10 @@
 
 Find u in each body, u = 0 where the leg holds the leg-side hemisphere, so that for all v
 
-    sum over bodies of int 2 G eps(u):eps(v) + lambda div u div v
+    variation of the bodies' energies (`elasticity`: Hooke, mixed in the nearly incompressible rubber)
         + int over the bars of (G [u_t].[v_t] + M [u_n][v_n]) / t_spacer  =  the load
 
-[u] = u_ground - u_leg. In the rubber, which is nearly incompressible, lambda div u is a pressure of its own, one
-order lower than u (Taylor-Hood), so that nothing locks at nu = 0.4999. The spacer is a layer of 37 um that is
+[u] = u_ground - u_leg. The spacer is a layer of 37 um that is
 27 times wider than thick: it cannot spread sideways, so its normal stiffness takes the confined modulus
 M = lambda + 2 G; what that leaves out is measured in the study `layer`. The 500 um plates bend into the cavities,
 which is most of the closure, and are meshed as solids. The 37 um themselves are left out of the coordinates.
@@ -25,8 +24,9 @@ from typing import Any
 import ngsolve as ng
 
 from footsense.errors import ModelError
+from footsense.lab.fem.elasticity import energy, mixed_energy
 from footsense.lab.fem.mesh import MeshSize, build_mesh
-from footsense.lab.geometry import Material, SoleDesign
+from footsense.lab.geometry import SoleDesign
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,22 +73,6 @@ def _check(sole: SoleDesign) -> None:
             raise ModelError(
                 f"{name} needs E > 0 MPa and 0 < nu < 0.5 (0.4999 for incompressible rubber), got {material}"
             )
-
-
-def elastic(material: Material, u: Any, v: Any, *, lame_mpa: float) -> Any:
-    """Return 2 G eps(u):eps(v) + lambda div u div v."""
-
-    def eps(w: Any) -> Any:
-        return 0.5 * (ng.Grad(w) + ng.Grad(w).trans)
-
-    shear = 2.0 * material.shear_mpa * ng.InnerProduct(eps(u), eps(v))
-    return shear + lame_mpa * ng.div(u) * ng.div(v)
-
-
-def mixed(material: Material, u: Any, v: Any, p: Any, q: Any) -> Any:
-    """Return 2 G eps(u):eps(v) + p div v + q div u - p q / lambda: elasticity with p = lambda div u of its own."""
-    pressing = ng.div(u) * q + ng.div(v) * p - p * q / material.lame_mpa
-    return elastic(material, u, v, lame_mpa=0.0) + pressing
 
 
 class Quarter:
@@ -145,14 +129,11 @@ class Quarter:
     def _form(self) -> Any:
         """Return the bilinear form, not assembled."""
         sole = self.sole
-        (u_ground, u_leg, p_ground, p_leg), (v_ground, v_leg, q_ground, q_leg) = self.space.TnT()
+        (u_ground, u_leg, p_ground, p_leg), (v_ground, v_leg, *_) = self.space.TnT()
         form = ng.BilinearForm(self.space, symmetric=True)
-        for side, u, v, p, q in (
-            ("ground", u_ground, v_ground, p_ground, q_ground),
-            ("leg", u_leg, v_leg, p_leg, q_leg),
-        ):
-            form += mixed(sole.rubber, u, v, p, q) * ng.dx(f"rubber_{side}")
-            form += elastic(sole.pdms, u, v, lame_mpa=sole.pdms.lame_mpa) * ng.dx(f"pdms_{side}")
+        for side, u, p in (("ground", u_ground, p_ground), ("leg", u_leg, p_leg)):
+            form += ng.Variation(mixed_energy(sole.rubber, u, p) * ng.dx(f"rubber_{side}"))
+            form += ng.Variation(energy(sole.pdms, u) * ng.dx(f"pdms_{side}"))
         form += self.bar_traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds("bars")
         return form
 

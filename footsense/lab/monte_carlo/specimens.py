@@ -17,7 +17,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate import Readout, errors
 from footsense.lab.evaluation.evaluate_models import open_models
-from footsense.lab.monte_carlo.campaign import Figures, Job, Tolerances
+from footsense.lab.monte_carlo.resumable_run import Figures, Job, Tolerances
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.load_cases import Cases, as_designed_um, paper_training, paper_verification
 from footsense.lab.training.mlp import start_layers

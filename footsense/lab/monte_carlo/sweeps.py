@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
-from footsense.lab.monte_carlo.campaign import Figures, Job, Tolerances, Workers, run_campaign
+from footsense.lab.monte_carlo.resumable_run import Figures, Job, Tolerances, Workers, run_resumable
 from footsense.lab.monte_carlo.specimens import judge
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.training.paper_procedure import EPOCHS, QUICK_EPOCHS
@@ -151,7 +151,7 @@ def sweep_results(
     }
     work = partial(judge, models=models, seed=SEED, epochs=plan.epochs)
     jobs = [job for s in (*FEET, *TEST_STANDS) for level in plan.levels(s) for job in plan.jobs(s, level)]
-    found = run_campaign(about, jobs, work, workers=workers, file=file)
+    found = run_resumable(about, jobs, work, workers=workers, file=file)
     figures = {
         sweep.what: {
             f"{level:g}": _statistics([found[job] for job in plan.jobs(sweep, level)])

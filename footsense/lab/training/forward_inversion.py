@@ -47,12 +47,10 @@ class Unbending:
     def capacitance_pf(self, mean_um: Vector) -> Vector:
         """Return the capacitances [pF], shape (n, 9), of mean closures as if no gap could shut [um], shape (n, 9)."""
         design = self.response.design
-        cells_um = mean_um @ self.profile
         gap_um = np.full(gap_contact.ALL_CELLS, design.gap_um)
-        for load in np.flatnonzero((cells_um > gap_um).any(axis=1)):
-            cells_um[load] = gap_contact.touch(
-                cells_um[load], gap_um, self.response.compliance_um_per_n
-            ).closure_um
+        cells_um = gap_contact.contact_closures_um(
+            mean_um @ self.profile, gap_um, self.response.compliance_um_per_n
+        )
         return gap_contact.capacitance_pf(design, gap_um - cells_um + design.film_equivalent_um)
 
     def mean_um(self, closure_um: Vector) -> Vector:

@@ -7,7 +7,7 @@ Each weight has a step of its own, which only the sign of its gradient changes:
     no sign before or now  the step stays, the weight moves by it against the gradient
 
 The size of the gradient has no influence, so weights far from the output learn as fast as those near it. Not
-`optax.rprop`: see docs/adr.
+`optax.rprop`: see docs/adr/0013.
 
 Source:
     M. Riedmiller and H. Braun, "A Direct Adaptive Method for Faster Backpropagation Learning: The RPROP

@@ -1,1 +1,1 @@
-"""A simulated test stand: calibration loads and the force sensor under them."""
+"""A simulated test stand: presses of a stick and the force sensor under the foot."""

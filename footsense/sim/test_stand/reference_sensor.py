@@ -1,11 +1,14 @@
-"""A simulated three-axis force sensor under a foot, as of the paper's table II: BL Autotech MINI 4/20.
+"""A simulated three-axis force sensor under a foot: BL Autotech MINI 4/20.
 
-It feels the foot's push, the opposite of the ground reaction, in axes of its own that are those of the foot. Its
-readings are bent by the linearity of its data sheet, noisy, and counted in its steps; it sends them as lines of text,
-stamped by a clock of its own.
+It measures the foot's push, the opposite of the ground reaction, along the foot's axes. Its readings have the
+nonlinearity of the data sheet, noise, and its resolution; it sends them as lines of text with time stamps of its own
+clock.
 
-The bow of a specimen spans its whole range: 1.5 % of 4 kgf are 60 gf in the middle of it, and up to 3.9 % of a force
-near zero, as a gain that is off.
+The nonlinearity of a specimen is a bow over the whole range: 1.5 % of 4 kgf are 60 gf in the middle of it, and act on
+small forces as a gain error of up to 3.9 %.
+
+Source:
+    Aoyagi et al., table II.
 """
 
 import math
@@ -14,27 +17,27 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.ports import Clock
 
 __all__ = ["COLUMNS", "RATED_GF", "RATE_HZ", "TRANSMISSION_NS", "SimulatedPort", "SimulatedSensor"]
 
 Vector = NDArray[np.float64]
 
-GRAM_FORCE_N = 9.80665e-3
-#: Table II of the paper: rated value and resolution of fx, fy, fz [gf].
+#: Rated value and resolution of fx, fy, fz [gf]; table II of the paper.
 RATED_GF = np.array([4000.0, 4000.0, 8000.0])
 STEP_GF = np.array([4.0, 4.0, 12.0])
-#: Linearity [1] of the rated value.
+#: Nonlinearity over the rated value [1]; table II of the paper.
 LINEARITY_REL = 0.015
 RATE_HZ = 200
 _PERIOD_NS = 1_000_000_000 // RATE_HZ
-#: What a line is: the sensor's time and the forces in whole gf.
+#: Columns of a line: the sensor's time, and the forces in whole gf.
 COLUMNS = ("time_us", "fx", "fy", "fz")
-#: A line of 24 characters at 115200 baud [ns].
+#: Duration of a line of 24 characters at 115200 baud [ns].
 TRANSMISSION_NS = 2_083_000
-#: Noise that dissolves the steps, so that averaging helps [steps].
+#: Noise that dithers the quantisation, so that averaging helps [steps].
 _NOISE_STEPS = 0.5
-#: How far from zero the unloaded sensor stands, and how far a crystal is off, at most.
+#: Largest offset of the unloaded sensor [steps], and error of its clock [1].
 _OFFSET_STEPS = 10.0
 _CLOCK_REL = 50e-6
 #: Largest value of u - u^3, at u = 1 / sqrt(3).
@@ -46,8 +49,8 @@ class SimulatedSensor:
 
     Args:
         true_force_n: Ground reaction on the foot at a time [N], shape (3,).
-        seed: Of the specimen and its noise.
-        linearity_rel: How far its readings are bent at most, of the rated value [1].
+        seed: Seed of the specimen and its noise.
+        linearity_rel: Largest nonlinearity over the rated value [1].
     """
 
     def __init__(
@@ -93,10 +96,10 @@ class SimulatedPort:
 
     Args:
         sensor: The sensor.
-        clock: The time that it lives in.
+        clock: Virtual clock.
 
     Attributes:
-        opened: As of a real port.
+        opened: Number of times it was opened.
     """
 
     def __init__(self, sensor: SimulatedSensor, clock: Clock) -> None:
@@ -106,27 +109,27 @@ class SimulatedPort:
         self.opened = 1
 
     def read(self) -> bytes:
-        """Return what has arrived."""
+        """Return the bytes that have arrived."""
         data = self._sensor.bytes_until(self._clock.now_ns())
         return b"" if self._unplugged else data
 
     def write(self, data: bytes) -> None:
-        """Let the sensor stream, whatever it is asked."""
+        """Start the stream on any command."""
         if data:
             self._sensor.start(self._clock.now_ns())
 
     def unplug(self) -> None:
-        """Pull the plug; the sensor streams on."""
+        """Unplug the port; the sensor streams on."""
         self._unplugged = True
 
     def plug_in(self) -> None:
-        """Put it back, which opens the port again."""
+        """Plug it in again, which reopens the port."""
         self._unplugged = False
         self.opened += 1
 
     def wait_until_ns(self, t_ns: int) -> None:
-        """Let time pass."""
+        """Advance the clock to a time [ns]."""
         self._clock.sleep_until_ns(t_ns)
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Hold nothing: there is nothing to release."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from footsense.acquisition.probe.foot_check import Finding, FootScans, findings
+from footsense.acquisition.probe.foot_check import FootFault, FootScans, foot_faults
 from footsense.frames import Cause, Reading
 
 N_SCANS = 6
@@ -14,9 +14,9 @@ def foot(pf: float = 5.4) -> FootScans:
     return FootScans(np.full((N_SCANS, 9), pf), np.zeros((N_SCANS, 9), np.uint8))
 
 
-def found(scans: FootScans) -> list[Finding]:
+def found(scans: FootScans) -> list[FootFault]:
     return list(
-        findings(scans, np.full(9, 0.1), np.full(9, 5.3), noise_limit_ff=5.0, unloaded_limit_rel=0.03)
+        foot_faults(scans, np.full(9, 0.1), np.full(9, 5.3), noise_limit_ff=5.0, unloaded_limit_rel=0.03)
     )
 
 

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from firmware_interface.serial_frames import NO_VALUE, RECORD_BITS, Record, encode_record, pack_values
-from footsense.acquisition.mcu_source import RecordSource
+from footsense.acquisition.mcu_source import McuSource
 from footsense.frames import LEGS, CapFrame, Reading
 from footsense.sim.bus.serial_line import LineFaults, SimulatedLine
 from footsense.sim.chips.mcu import SimulatedMcu
@@ -38,7 +38,7 @@ class Robot:
         self.mcu = SimulatedMcu(feet, **(mcu or {}))
         line = SimulatedLine(self.mcu, self.clock, rate_hz=RATE_HZ, baud=BAUD, faults=faults or LineFaults())
         wire_ns = RECORD_BITS * S // BAUD
-        self.source = RecordSource(line, self.clock, LEGS, rate_hz=RATE_HZ, wire_ns=wire_ns)
+        self.source = McuSource(line, self.clock, LEGS, rate_hz=RATE_HZ, wire_ns=wire_ns)
 
     def run(self, until_ns: int) -> list[tuple[int, CapFrame]]:
         """Return the frames until a time, with the time of each."""
@@ -161,7 +161,7 @@ def test_a_leg_that_stops_delays_the_others_no_longer_than_it_is_waited_for() ->
     """Held up at first, then it does not answer and is not waited for; when it is back, it is in the next scan."""
     clock = VirtualClock()
     port = Script(clock)
-    source = RecordSource(port, clock, ("lf", "lm"), rate_hz=RATE_HZ)
+    source = McuSource(port, clock, ("lf", "lm"), rate_hz=RATE_HZ)
     port.due = [
         ((n + 10) * PERIOD_NS + MS, line(1, n) + (b"" if 10 <= n < 30 else line(2, n))) for n in range(1, 40)
     ]
@@ -182,7 +182,7 @@ def test_a_leg_that_stops_delays_the_others_no_longer_than_it_is_waited_for() ->
         Reading.OK,
     ]
     assert len(frames) == 39
-    assert source.late_ticks == 3
+    assert source.missed_deadlines == 3
     assert source.n_unused == 1  # that of scan 30, which had gone out
 
 
@@ -190,7 +190,7 @@ def test_codes_become_readings_and_strangers_are_counted() -> None:
     """A code that nobody knows is garbled; what is over the range has a stamp; a leg that is not there has no row."""
     clock = VirtualClock()
     port = Script(clock)
-    source = RecordSource(port, clock, ("rm",), rate_hz=RATE_HZ)
+    source = McuSource(port, clock, ("rm",), rate_hz=RATE_HZ)
     values = [NO_VALUE + code for code in (0, 1, 2, 3, 4, 6, 7, 15)] + [-1_000_000]
     # The first came when nobody listened yet.
     port.due = [(MS, line(5, 0)), (60 * MS, line(3, 12) + line(5, 12, values))]
@@ -206,7 +206,7 @@ def test_half_a_record_before_the_line_was_opened_again_is_no_loss() -> None:
     """It is not joined to what comes after, and nothing wrong is counted."""
     clock = VirtualClock()
     port = Script(clock)
-    source = RecordSource(port, clock, ("lf",), rate_hz=RATE_HZ)
+    source = McuSource(port, clock, ("lf",), rate_hz=RATE_HZ)
     port.due = [((n + 10) * PERIOD_NS + MS, line(1, n)) for n in range(1, 6)]
     port.due.append((16 * PERIOD_NS + MS, line(1, 6)[:30]))
     while clock.now_ns() < 15 * PERIOD_NS:
@@ -227,7 +227,7 @@ def test_steps_that_would_end_in_the_future_are_garbled(first: int, faulty_us: i
     """The leg has no reading then, and the stamps of the other are not moved by it, whichever record comes first."""
     clock = VirtualClock()
     port = Script(clock)
-    source = RecordSource(port, clock, ("lf", "lm"), rate_hz=RATE_HZ)
+    source = McuSource(port, clock, ("lf", "lm"), rate_hz=RATE_HZ)
     steps_us = {n: faulty_us if n == 15 else 0 for n in range(1, 40)}
     port.due = [
         (

@@ -60,7 +60,7 @@ def test_what_is_unplugged_is_opened_again_and_said_once(
     assert link.read() == b"back"
     assert [record.message.rpartition("/")[2] for record in caplog.records] == [
         "usb-foot: gone (hung up); it is opened again when it comes back",
-        "usb-foot: there again",
+        "usb-foot: back",
     ]
     link.close()
 

@@ -1,28 +1,30 @@
 """What has been pressed, what is missing, and whether the reference may be believed."""
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
 
 from footsense.calibration.session.coverage import LOWEST_DEG, Coverage
-from footsense.calibration.session.reference_checks import implausible
+from footsense.calibration.session.reference_checks import reference_check
+from footsense.config.test_stand import Axes, Simulated, StandConfig
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.reference.mounting import NEWTON_PER, Mounting
-from footsense.sim.test_stand.calibration_loads import paper_presses
+from footsense.reference.sensor_mounting import NEWTON_PER, SensorMounting
+from footsense.sim.test_stand.press_sequence import paper_presses
 from tests.support.presses import direction
 
 
 def test_the_wishes_make_a_set_that_is_enough() -> None:
-    """Whoever presses what is wished for covers two magnitudes, with few more pokes than are wanted."""
+    """Whoever presses what is wished for covers two magnitudes, with few more loads than are wanted."""
     coverage = Coverage(40)
-    while not coverage.enough:
+    while not coverage.complete:
         azimuth_deg, elevation_deg, magnitude_gf = coverage.next
         assert LOWEST_DEG <= elevation_deg <= 90.0
         coverage.add(magnitude_gf * GRAM_FORCE_N * direction(azimuth_deg, elevation_deg))
-    assert 40 <= coverage.n_pokes <= 44
+    assert 40 <= coverage.n_loads <= 44
     assert coverage.counts[1] == 0
-    assert coverage.words().startswith(f"{coverage.n_pokes} of 40 pokes; directions covered: ")
+    assert coverage.summary().startswith(f"{coverage.n_loads} of 40 loads; directions covered: ")
 
 
 @pytest.mark.parametrize(
@@ -34,22 +36,22 @@ def test_the_wishes_make_a_set_that_is_enough() -> None:
     ],
     ids=["one direction", "one magnitude", "one side"],
 )
-def test_many_pokes_are_not_enough_where_they_are_alike(
+def test_many_loads_are_not_enough_where_they_are_alike(
     forces_n: np.ndarray[tuple[int, int], np.dtype[np.float64]],
 ) -> None:
     """A hundred from one direction, with one magnitude, or from one side only."""
     coverage = Coverage(20)
     for force_n in forces_n:
         coverage.add(force_n)
-    assert not coverage.enough
+    assert not coverage.complete
 
 
 def test_the_papers_protocol_is_enough() -> None:
-    """Its 362 pokes are a set of 362."""
+    """Its 362 loads are a set of 362."""
     coverage = Coverage(362)
     for force_n in paper_presses("training"):
         coverage.add(force_n)
-    assert coverage.enough
+    assert coverage.complete
 
 
 def feet(seed: int, n: int = 12) -> tuple[np.ndarray, np.ndarray]:
@@ -67,13 +69,19 @@ def feet(seed: int, n: int = 12) -> tuple[np.ndarray, np.ndarray]:
 def judged(
     said_n: object, estimate_n: object, units: str, axes: list[str], mount_deg: tuple[float, ...]
 ) -> list[str]:
-    turn = Mounting({"x": "x", "y": "y", "z": "z"}, mount_deg, "N", 1.0, (1, 1, 1)).apply(np.eye(3))[0]
-    return implausible(np.asarray(said_n), np.asarray(estimate_n), NEWTON_PER, units, axes, turn)
+    described: dict[str, Any] = {
+        "sensor": Simulated(),
+        "rated": (1.0, 1.0, 1.0),
+        "units": units,
+        "mount_deg": mount_deg,
+    }
+    test_stand = StandConfig(axes=Axes(**dict(zip("xyz", axes, strict=True))), **described)
+    return reference_check(test_stand)(np.asarray(said_n), np.asarray(estimate_n))
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_reference_that_may_be_right_is_believed(seed: int) -> None:
-    """A foot that is off by a fifth contradicts nobody, nor does one that says nothing, nor do four pokes."""
+    """A foot that is off by a fifth contradicts nobody, nor does one that says nothing, nor do four loads."""
     forces_n, estimate_n = feet(seed)
     assert judged(forces_n, estimate_n, "gf", ["-x", "-y", "-z"], (0, 0, 10)) == []
     assert judged(9.8 * forces_n, np.full_like(forces_n, np.nan), "gf", ["x", "y", "z"], (0, 0, 0)) == []
@@ -86,7 +94,7 @@ def test_wrong_units_are_named(named: str, meant: str) -> None:
     forces_n, estimate_n = feet(1)
     said_n = forces_n * NEWTON_PER[named] / NEWTON_PER[meant]
     (line,) = judged(said_n, estimate_n, named, ["-x", "-y", "-z"], (0, 0, 0))
-    assert f"its readings seem to be in {meant}, and the bench's file says units: {named}" in line
+    assert f"its readings seem to be in {meant}, and the test stand's file says units: {named}" in line
 
 
 @pytest.mark.parametrize("mount_deg", [(0.0, 0.0, 0.0), (0.0, 0.0, 20.0)])
@@ -98,9 +106,13 @@ def test_wrong_axes_are_named_with_those_that_fit(
     forces_n, estimate_n = feet(2)
     right = ["-x", "-y", "-z"]
     sensor = forces_n @ np.linalg.inv(
-        Mounting(dict(zip("xyz", right, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)).apply(np.eye(3))[0]
+        SensorMounting(dict(zip("xyz", right, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)).apply(np.eye(3))[
+            0
+        ]
     )
-    said_n = Mounting(dict(zip("xyz", given, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)).apply(sensor)[0]
+    said_n = SensorMounting(dict(zip("xyz", given, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)).apply(
+        sensor
+    )[0]
     (line,) = judged(said_n, estimate_n, "N", given, mount_deg)
     assert "axes: {x: -x, y: -y, z: -z} would fit" in line
 

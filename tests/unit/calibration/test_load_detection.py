@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.calibration.loads.detection import find_pokes
-from footsense.calibration.loads.press import WhyNot
-from footsense.calibration.session.reference_lag import lag_words
+from footsense.calibration.loads.calibration_load import Rejection
+from footsense.calibration.loads.detection import find_loads
+from footsense.calibration.loads.reference_lag import lag_message
 from footsense.frames import Reading
 from tests.support.feet import DESIGN
 from tests.support.presses import (
@@ -29,59 +29,59 @@ Vector = NDArray[np.float64]
 ONE = Hold(1.5, 1.2, tuple(direction(40.0, 60.0)))
 
 
-def test_pokes_are_what_was_pressed() -> None:
+def test_loads_are_what_was_pressed() -> None:
     """Three presses: their force within what averaging leaves of the noise, capacitances and zero to a femtofarad."""
     holds = [
         Hold(1.5 + 2.5 * k, 1.0, tuple(size_n * direction(70.0 * k, 55.0 + 10 * k)))
         for k, size_n in enumerate((0.5, 1.0, 1.4))
     ]
-    pokes = find_pokes(cycles(felt(*holds), 9.5, drift_pf_per_s=0.005), 0)
-    assert [poke.why_not for poke in pokes] == [None] * 3
-    for poke, hold in zip(pokes, holds, strict=True):
-        error_n = poke.force_n - hold.force_n
-        assert (np.abs(error_n) < 5 * SAMPLE_NOISE_N / np.sqrt(min(poke.n_samples, 60))).all()
-        assert poke.force_noise_n == pytest.approx(SAMPLE_NOISE_N, rel=0.3)
+    loads = find_loads(cycles(felt(*holds), 9.5, drift_pf_per_s=0.005), 0)
+    assert [load.rejection for load in loads] == [None] * 3
+    for load, hold in zip(loads, holds, strict=True):
+        error_n = load.force_n - hold.force_n
+        assert (np.abs(error_n) < 5 * SAMPLE_NOISE_N / np.sqrt(min(load.n_samples, 60))).all()
+        assert load.force_noise_n == pytest.approx(SAMPLE_NOISE_N, rel=0.3)
         held_pf = DESIGN.capacitance_pf(np.array(hold.force_n) @ CLOSURE_REL * DESIGN.gap_um)
-        assert poke.capacitance_pf - poke.rest_pf == pytest.approx(held_pf - DESIGN.rest_pf, abs=1e-3)
-        assert poke.estimate_n == pytest.approx(hold.force_n, abs=0.01)
-        assert 0.8 < poke.hold_s < 1.2
-        assert abs(poke.t_ns * 1e-9 - 1.0 - (hold.at_s + 0.2 + hold.held_s / 2)) < 0.1
+        assert load.capacitance_pf - load.baseline_pf == pytest.approx(held_pf - DESIGN.rest_pf, abs=1e-3)
+        assert load.estimate_n == pytest.approx(hold.force_n, abs=0.01)
+        assert 0.8 < load.dwell_s < 1.2
+        assert abs(load.t_ns * 1e-9 - 1.0 - (hold.at_s + 0.2 + hold.held_s / 2)) < 0.1
 
 
 @pytest.mark.parametrize(
     ("hold", "more", "why"),
     [
-        (ONE._replace(held_s=0.15), {}, WhyNot.TOO_SHORT),
-        (ONE._replace(held_s=0.05, rise_s=1.2), {}, WhyNot.SLIPPED),
-        (ONE._replace(force_n=(0.0, 0.0, 0.05)), {}, WhyNot.TOO_LIGHT),
-        (ONE._replace(held_s=9.0), {}, WhyNot.NOT_LET_GO),
-        (ONE, {"saturated": lambda t_s: t_s > 2.0}, WhyNot.REFERENCE_SATURATED),
-        (ONE, {"missing": lambda t_s: t_s > 1.8}, WhyNot.REFERENCE_MISSING),
-        (ONE, {"missing": lambda t_s: t_s < 1.5}, WhyNot.REFERENCE_MISSING),
-        (ONE, {"missing": lambda t_s: int(t_s * 200) % 5 == 0 and t_s > 1.6}, WhyNot.REFERENCE_MISSING),
-        (ONE, {"reading": lambda t_s: Reading.OVER_RANGE if t_s > 2.0 else Reading.OK}, WhyNot.OVER_RANGE),
-        (ONE, {"reading": lambda _: Reading.NO_ANSWER}, WhyNot.NOT_READ),
-        (ONE, {"reading": lambda t_s: Reading.NO_ANSWER if t_s < 1.49 else Reading.OK}, WhyNot.NOT_READ),
-        (ONE, {"missing": lambda t_s: not 1.2 <= t_s < 1.204}, WhyNot.REFERENCE_MISSING),
-        (ONE, {"missing": lambda t_s: not 1.2 <= t_s < 1.208}, WhyNot.REFERENCE_MISSING),
+        (ONE._replace(held_s=0.15), {}, Rejection.TOO_SHORT),
+        (ONE._replace(held_s=0.05, rise_s=1.2), {}, Rejection.SLIPPED),
+        (ONE._replace(force_n=(0.0, 0.0, 0.05)), {}, Rejection.TOO_LIGHT),
+        (ONE._replace(held_s=9.0), {}, Rejection.NOT_RELEASED),
+        (ONE, {"saturated": lambda t_s: t_s > 2.0}, Rejection.REFERENCE_SATURATED),
+        (ONE, {"missing": lambda t_s: t_s > 1.8}, Rejection.REFERENCE_MISSING),
+        (ONE, {"missing": lambda t_s: t_s < 1.5}, Rejection.REFERENCE_MISSING),
+        (ONE, {"missing": lambda t_s: int(t_s * 200) % 5 == 0 and t_s > 1.6}, Rejection.REFERENCE_MISSING),
+        (ONE, {"reading": lambda t_s: Reading.OVER_RANGE if t_s > 2.0 else Reading.OK}, Rejection.OVER_RANGE),
+        (ONE, {"reading": lambda _: Reading.NO_ANSWER}, Rejection.NOT_READ),
+        (ONE, {"reading": lambda t_s: Reading.NO_ANSWER if t_s < 1.49 else Reading.OK}, Rejection.NOT_READ),
+        (ONE, {"missing": lambda t_s: not 1.2 <= t_s < 1.204}, Rejection.REFERENCE_MISSING),
+        (ONE, {"missing": lambda t_s: not 1.2 <= t_s < 1.208}, Rejection.REFERENCE_MISSING),
     ],
 )
-def test_what_does_not_count_has_a_reason(hold: Hold, more: dict[str, Any], why: WhyNot) -> None:
+def test_what_does_not_count_has_a_reason(hold: Hold, more: dict[str, Any], why: Rejection) -> None:
     """Each way of spoiling a press is told from the others, in words, and without a number."""
-    pokes = find_pokes(cycles(felt(hold), 5.5, **more), 0)
-    assert [poke.why_not for poke in pokes] == [why]
-    assert pokes[0].words
-    assert why is WhyNot.TOO_LIGHT or np.isnan(pokes[0].force_n).all()
+    loads = find_loads(cycles(felt(hold), 5.5, **more), 0)
+    assert [load.rejection for load in loads] == [why]
+    assert loads[0].reason
+    assert why is Rejection.TOO_LIGHT or np.isnan(loads[0].force_n).all()
 
 
 def test_an_element_that_is_silent_afterwards_leaves_the_rest_before() -> None:
     """Nothing is known of the drift then."""
-    (poke,) = find_pokes(
+    (load,) = find_loads(
         cycles(felt(ONE), 5.5, reading=lambda t_s: Reading.NO_ANSWER if t_s > 3.1 else Reading.OK), 0
     )
-    assert poke.why_not is None
-    assert np.isfinite(poke.rest_pf).all()
-    assert np.isnan(poke.shift_pf).all()
+    assert load.rejection is None
+    assert np.isfinite(load.baseline_pf).all()
+    assert np.isnan(load.shift_pf).all()
 
 
 def test_what_the_sensor_says_at_its_end_is_no_zero() -> None:
@@ -96,9 +96,9 @@ def test_what_the_sensor_says_at_its_end_is_no_zero() -> None:
     def at_its_end(t_s: float) -> Vector:
         return felt(ONE)(t_s) + (1e-9 if not saturated(t_s) else 0.0)
 
-    (poke,) = find_pokes(cycles(at_its_end, 5.5, said_n=said_n, saturated=saturated), 0)
-    assert poke.why_not is None
-    assert poke.force_n == pytest.approx(ONE.force_n, abs=0.03)
+    (load,) = find_loads(cycles(at_its_end, 5.5, said_n=said_n, saturated=saturated), 0)
+    assert load.rejection is None
+    assert load.force_n == pytest.approx(ONE.force_n, abs=0.03)
 
 
 def test_a_zero_far_off_makes_no_slip_steady() -> None:
@@ -109,29 +109,29 @@ def test_a_zero_far_off_makes_no_slip_steady() -> None:
         t_s = next(sample) * SAMPLE_NS * 1e-9
         return force_n * (t_s - 1.0) + 40.0
 
-    pokes = find_pokes(cycles(felt(ONE), 5.5, said_n=said_n), 0)
-    assert [poke.why_not for poke in pokes] == [WhyNot.SLIPPED]
+    loads = find_loads(cycles(felt(ONE), 5.5, said_n=said_n), 0)
+    assert [load.rejection for load in loads] == [Rejection.SLIPPED]
 
 
 def test_a_foot_that_hangs_is_not_poked() -> None:
     """A minute of noise and drift holds no press."""
-    assert find_pokes(cycles(felt(), 60.0, drift_pf_per_s=0.01), 0) == []
+    assert find_loads(cycles(felt(), 60.0, drift_pf_per_s=0.01), 0) == []
 
 
-def test_pressed_again_at_once_is_two_pokes() -> None:
+def test_pressed_again_at_once_is_two_loads() -> None:
     """The second has the zero of before the first; what the foot did after the first is not known."""
-    pokes = find_pokes(cycles(felt(ONE, ONE._replace(at_s=3.2)), 6.0), 0)
-    assert [poke.why_not for poke in pokes] == [None, None]
-    assert np.isnan(pokes[0].shift_pf).all()
-    assert pokes[1].rest_pf == pytest.approx(pokes[0].rest_pf, abs=1e-3)
+    loads = find_loads(cycles(felt(ONE, ONE._replace(at_s=3.2)), 6.0), 0)
+    assert [load.rejection for load in loads] == [None, None]
+    assert np.isnan(loads[0].shift_pf).all()
+    assert loads[1].baseline_pf == pytest.approx(loads[0].baseline_pf, abs=1e-3)
 
 
 def test_a_slow_converter_is_enough() -> None:
     """Ten scans a second find presses that are held for a second."""
     holds = [ONE._replace(at_s=1.5 + 2.0 * k, held_s=1.0) for k in range(3)]
-    pokes = find_pokes(cycles(felt(*holds), 8.0, scan_ns=99_000_000), 0)
-    assert [poke.why_not for poke in pokes] == [None] * 3
-    assert np.array([poke.force_n - ONE.force_n for poke in pokes]) == pytest.approx(
+    loads = find_loads(cycles(felt(*holds), 8.0, scan_ns=99_000_000), 0)
+    assert [load.rejection for load in loads] == [None] * 3
+    assert np.array([load.force_n - ONE.force_n for load in loads]) == pytest.approx(
         np.zeros((3, 3)), abs=0.03
     )
 
@@ -139,11 +139,11 @@ def test_a_slow_converter_is_enough() -> None:
 def test_presses_in_a_row_each_have_their_own_zero() -> None:
     """With 0.4 s between them, drift is taken off each; the reference's zero is that of all rests before."""
     holds = [ONE._replace(at_s=1.5 + 1.2 * k, held_s=0.6, rise_s=0.1) for k in range(8)]
-    pokes = find_pokes(cycles(felt(*holds), 12.0, drift_pf_per_s=0.02), 0)
-    assert [poke.why_not for poke in pokes] == [None] * 8
-    moved_pf = np.array([poke.rest_pf - pokes[0].rest_pf for poke in pokes]).mean(axis=1)
+    loads = find_loads(cycles(felt(*holds), 12.0, drift_pf_per_s=0.02), 0)
+    assert [load.rejection for load in loads] == [None] * 8
+    moved_pf = np.array([load.baseline_pf - loads[0].baseline_pf for load in loads]).mean(axis=1)
     assert moved_pf == pytest.approx(0.02 * 1.2 * np.arange(8), abs=1e-3)
-    error_n = np.array([poke.force_n - ONE.force_n for poke in pokes])
+    error_n = np.array([load.force_n - ONE.force_n for load in loads])
     assert np.sqrt((error_n[2:] ** 2).mean(axis=0)) == pytest.approx(np.zeros(3), abs=0.012)
 
 
@@ -151,8 +151,8 @@ def test_presses_in_a_row_each_have_their_own_zero() -> None:
     ("late_s", "says"),
     [
         (0.0, ""),
-        (0.1, "100 ms behind the foot: latency_ms in the bench's file is too small by that"),
-        (-0.1, "100 ms ahead of the foot: latency_ms in the bench's file is too large by that"),
+        (0.1, "100 ms behind the foot: latency_ms in the test stand's file is too small by that"),
+        (-0.1, "100 ms ahead of the foot: latency_ms in the test stand's file is too large by that"),
     ],
 )
 @pytest.mark.parametrize("scan_ns", [SCAN_NS, 99_000_000])
@@ -167,8 +167,8 @@ def test_a_reference_of_another_time_is_told(late_s: float, says: str, scan_ns: 
         for cycle in cycles(felt(*holds), 14.0, scan_ns=scan_ns)
         if cycle.reference is not None
     ]
-    lags_s = [poke.lag_s for poke in find_pokes(late, 0) if poke.why_not is None]
+    lags_s = [load.lag_s for load in find_loads(late, 0) if load.rejection is None]
     assert len(lags_s) == 6
     assert np.median(lags_s) == pytest.approx(late_s, abs=0.015)
-    words = lag_words(lags_s)
+    words = lag_message(lags_s)
     assert re.sub("(8|9|10|11)[0-9] ms", "100 ms", words).endswith(says) if says else not words

@@ -1,4 +1,4 @@
-"""Which pokes tell how good a calibration is: those of a mounting that the fit did not know."""
+"""Which loads tell how good a calibration is: those of a mounting that the fit did not know."""
 
 from collections import Counter
 from pathlib import Path
@@ -6,35 +6,37 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from footsense.calibration.fit.sessions import calibrate_sessions
-from footsense.calibration.loads.press import Poke
-from footsense.calibration.session.recorded_session import BenchSession
+from footsense.calibration.fit.calibrate import calibrate_sessions
+from footsense.calibration.loads.calibration_load import CalibrationLoad
+from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
-from footsense.sim.test_stand.calibration_loads import paper_presses
+from footsense.sim.test_stand.press_sequence import paper_presses
 from tests.support.test_stand_loads import design, made, poked
 
 _FORCE_N = 0.3 * paper_presses("training")[::12]
 
 
-def session(name: str, number: int) -> BenchSession:
-    """Return one of three recordings of a foot, with a third of its pokes."""
-    pokes = poked(made(1), _FORCE_N[number::3])
+def session(name: str, number: int) -> RecordedSession:
+    """Return one of three recordings of a foot, with a third of its loads."""
+    loads = poked(made(1), _FORCE_N[number::3])
     one = [
-        Poke(0, 1.0, force_n, np.full(3, 0.01), pressed_pf, rest_pf, np.zeros(9), np.zeros(3), 200, 40, False)
+        CalibrationLoad(
+            0, 1.0, force_n, np.full(3, 0.01), pressed_pf, rest_pf, np.zeros(9), np.zeros(3), 200, 40, False
+        )
         for force_n, pressed_pf, rest_pf in zip(
-            pokes.force_n, pokes.capacitance_pf, pokes.rest_pf, strict=True
+            loads.force_n, loads.capacitance_pf, loads.baseline_pf, strict=True
         )
     ]
-    return BenchSession(
+    return RecordedSession(
         path=Path(f"{number}.mcap"),
         sha256=str(number),
         name=name,
         foot="foot-0007",
         foot_type="aoyagi-3x3",
-        bench=None,
+        test_stand=None,
         temperature_c=None,
-        pokes=tuple(one),
-        refused=Counter(),
+        loads=tuple(one),
+        rejected=Counter(),
         n_lost=0,
         damage="",
     )
@@ -42,11 +44,11 @@ def session(name: str, number: int) -> BenchSession:
 
 @pytest.mark.parametrize(("names", "kept"), [("abb", 2 / 3), ("aab", 1 / 3), ("aaa", 1 / 5)])
 def test_a_mounting_is_kept_whole_however_many_recordings_it_has(names: str, kept: float) -> None:
-    """The last of several mountings, or every fifth poke of the only one."""
+    """The last of several mountings, or every fifth load of the only one."""
     sessions = [session(name, number) for number, name in enumerate(names)]
     held_out = calibrate_sessions(design(), sessions).held_out
     assert held_out is not None
-    n = sum(len(one.pokes) for one in sessions)
+    n = sum(len(one.loads) for one in sessions)
     assert held_out.calibrated.n == pytest.approx(kept * n, abs=1)
 
 

@@ -1,10 +1,10 @@
 """What `footsense monitor` shows: what a real sink sends, and nothing that is not known."""
 
 import io
-import json
 import math
 from typing import Any
 
+import msgspec
 import pytest
 from click.testing import CliRunner
 from rich.console import Console
@@ -13,7 +13,7 @@ from firmware_interface.can_baseline import BASELINE_ID, encode_baseline
 from firmware_interface.can_codes import NODE_IDS, BaselineStatus, Cause, Flag, NmtState, State
 from firmware_interface.can_events import FAULT_ID, HEARTBEAT_ID, encode_fault, encode_heartbeat
 from footsense.can.python_can import open_wire
-from footsense.cli.monitor.command import _plain, monitor
+from footsense.cli.monitor.command import monitor, snapshot_json
 from footsense.cli.monitor.table import monitor_table
 from footsense.client import LegForce, LegReport, Limits, Reports, Status
 from footsense.daemon.can_listener import LegSnapshot, Listener
@@ -64,7 +64,7 @@ def test_the_longest_words_fit_into_80_columns_and_a_small_terminal(encoding: st
 
 def plain(listener: Listener) -> list[dict[str, Any]]:
     """Return what one second of --json says, read back."""
-    return [json.loads(json.dumps(_plain(each), allow_nan=False)) for each in listener.snapshot()]
+    return [msgspec.json.decode(msgspec.json.encode(snapshot_json(each))) for each in listener.snapshot()]
 
 
 def test_a_listener_sees_what_a_sink_sends_and_stops_believing_it(request: pytest.FixtureRequest) -> None:

@@ -1,13 +1,13 @@
-"""The file that describes a bench: what is right is read, what is wrong is one line."""
+"""The file that describes a test stand: what is right is read, what is wrong is one line."""
 
 import struct
 from pathlib import Path
 
 import pytest
 
-from footsense.config.test_stand import Serial, Simulated, load_bench
+from footsense.config.test_stand import Serial, Simulated, load_test_stand
 from footsense.errors import ConfigError
-from footsense.reference.record_decoder import integer_bits
+from footsense.reference.record_columns import integer_bits
 
 DEPLOY = Path(__file__).parents[3] / "deploy"
 
@@ -25,8 +25,8 @@ axes: {x: -x, y: -y, z: -z}
 
 def test_the_files_that_come_with_footsense_are_right() -> None:
     """Both load; the simulated one is for the simulated sensor."""
-    assert isinstance(load_bench(DEPLOY / "test-stand.yaml").sensor, Serial)
-    assert isinstance(load_bench(DEPLOY / "test-stand-simulated.yaml").sensor, Simulated)
+    assert isinstance(load_test_stand(DEPLOY / "test-stand.yaml").sensor, Serial)
+    assert isinstance(load_test_stand(DEPLOY / "test-stand-simulated.yaml").sensor, Simulated)
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_what_is_wrong_is_one_line(tmp_path: Path, right: str, wrong: str, says:
     assert right in SERIAL
     path.write_text(SERIAL.replace(right, wrong))
     with pytest.raises(ConfigError) as raised:
-        load_bench(path)
+        load_test_stand(path)
     assert says in str(raised.value)
     assert "\n" not in str(raised.value)
 

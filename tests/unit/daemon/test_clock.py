@@ -8,7 +8,7 @@ import gc
 import subprocess
 import sys
 
-from footsense.clock import LATENESS_BOUNDS_S, MonotonicClock, process_age_ns, resident_mib, undisturbed
+from footsense.clock import LATENCY_BOUNDS_S, MonotonicClock, gc_disabled, process_age_ns, resident_mib
 
 #: Limits as a user has them, whoever runs the test: neither rights nor what root may do without them.
 WITHOUT_RIGHTS = """
@@ -42,21 +42,21 @@ def test_the_process_knows_its_age_and_size() -> None:
     assert 5 < resident_mib() < 10_000
 
 
-def test_lateness_and_overruns_are_counted() -> None:
-    """A deadline that was slept for has a lateness; one that had passed is an overrun and has none."""
+def test_latency_and_overruns_are_counted() -> None:
+    """A deadline that was slept for has a latency; one that had passed is an overrun and has none."""
     clock = MonotonicClock()
     clock.sleep_until_ns(clock.now_ns() + 100_000)
     clock.sleep_until_ns(clock.now_ns() - 1)
-    assert len(clock.wakeups.lateness) == len(LATENESS_BOUNDS_S) + 2
-    assert sum(clock.wakeups.lateness[:-1]) == 1
-    assert clock.wakeups.lateness[-1] > 0
+    assert len(clock.wakeups.histogram) == len(LATENCY_BOUNDS_S) + 2
+    assert sum(clock.wakeups.histogram[:-1]) == 1
+    assert clock.wakeups.histogram[-1] > 0
     assert clock.wakeups.overruns == 1
 
 
 def test_the_interpreter_is_as_before_when_the_loop_has_ended() -> None:
     """Also when it ended with an error; meanwhile nothing is collected and threads change often."""
     before = sys.getswitchinterval()
-    with contextlib.suppress(KeyError), undisturbed():
+    with contextlib.suppress(KeyError), gc_disabled():
         assert not gc.isenabled()
         assert sys.getswitchinterval() < before
         raise KeyError

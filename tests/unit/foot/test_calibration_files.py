@@ -1,4 +1,4 @@
-"""A foot pack is whole and its own foot's, or it is refused with one line."""
+"""A calibration is whole and its own foot's, or it is refused with one line."""
 
 import dataclasses
 import hashlib
@@ -12,14 +12,14 @@ import msgspec
 import numpy as np
 import pytest
 
-from footsense.calibration.writer import check_pack_target, write_pack
+from footsense.calibration.writer import check_calibration_target, write_calibration
 from footsense.daemon import FOOT_TYPE, released
 from footsense.errors import CalibrationError, FootsenseError, ModelError
 from footsense.foot.calibration_format import Manifest
-from footsense.foot.calibration_reader import read_pack
+from footsense.foot.calibration_reader import read_calibration
 from footsense.foot.checksum_trailer import seal
 from footsense.foot.temperature import STIFFNESS_PER_K, CalibratedAt
-from tests.support.calibrations import content, pack, parameters
+from tests.support.calibrations import calibration, content, parameters
 
 
 def reseal(folder: Path, **changed: Any) -> None:
@@ -52,21 +52,21 @@ def other_network(folder: Path) -> None:
 
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:
-    """Every parameter comes back bit for bit, and the manifest says of what the pack was made."""
+    """Every parameter comes back bit for bit, and the manifest says of what the calibration was made."""
     feet = tmp_path / "feet"
-    written = pack(feet)
-    again = read_pack(feet / "foot-0007", FOOT_TYPE)
+    written = calibration(feet)
+    again = read_calibration(feet / "foot-0007", FOOT_TYPE)
     for field in dataclasses.fields(parameters()):
         assert np.array_equal(getattr(again.parameters, field.name), getattr(parameters(), field.name))
     assert again.manifest == written.manifest
-    assert again.manifest.held_out == content().held_out
+    assert again.manifest.held_out == content()["manifest"].held_out
     assert again.network_sha256 == hashlib.sha256(released("network.onnx").read_bytes()[:-86]).hexdigest()
     assert again.calibrated_at == CalibratedAt(23.5, STIFFNESS_PER_K)
     assert {entry.name for entry in feet.iterdir()} == {"foot-0007"}, "nothing is left beside it"
     assert (feet / "foot-0007").stat().st_mode & 0o777 == 0o755, "the service is another user"
     card = (feet / "foot-0007" / "card.md").read_text()
     for said in (
-        "362 pokes in 3 sessions",
+        "362 loads in 3 sessions",
         "15.90 / 30.00 / 40.00",
         "4.0 deg off",
         again.manifest.training_sha256,
@@ -77,29 +77,32 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("harm", "said"),
     [
-        (shutil.rmtree, "foot-0007: no such foot pack; `footsense calibrate` makes one"),
-        (lambda folder: (folder / "manifest.json").unlink(), "manifest.json: missing; a pack is whole"),
-        (lambda folder: (folder / "card.md").unlink(), "card.md: missing; a pack is whole"),
+        (shutil.rmtree, "foot-0007: no such calibration; `footsense calibrate` makes one"),
+        (
+            lambda folder: (folder / "manifest.json").unlink(),
+            "manifest.json: missing; a calibration is used whole",
+        ),
+        (lambda folder: (folder / "card.md").unlink(), "card.md: missing; a calibration is used whole"),
         (
             lambda folder: change_byte(folder / "parameters.json", b"0.07", b"0.08"),
-            "parameters.json: is not what manifest.json has the hash of: edited by hand",
+            "parameters.json: does not match its hash in manifest.json: edited by hand",
         ),
         (
-            lambda folder: change_byte(folder / "manifest.json", b'"n_pokes": 362', b'"n_pokes": 363'),
-            "manifest.json: is not what it says: edited by hand",
+            lambda folder: change_byte(folder / "manifest.json", b'"n_loads": 362', b'"n_loads": 363'),
+            "manifest.json: does not match its own hash: edited by hand",
         ),
         (
-            lambda folder: change_byte(folder / "manifest.json", b'"format": 1', b'"format": 2'),
-            "manifest.json: pack format 2, this version reads format 1",
+            lambda folder: change_byte(folder / "manifest.json", b'"format": 2', b'"format": 1'),
+            "manifest.json: calibration format 1, this version reads format 2",
         ),
         (
-            lambda folder: change_byte(folder / "manifest.json", b'"n_pokes"', b'"n_poke"'),
+            lambda folder: change_byte(folder / "manifest.json", b'"n_loads"', b'"n_load"'),
             "manifest.json: does not fit: ",
         ),
         (lambda folder: (folder / "manifest.json").write_text("[" * 10_000), "manifest.json: does not fit: "),
         (
             lambda folder: reseal(folder, foot="foot-0008"),
-            "foot-0007: the pack of foot-0008, not of foot-0007",
+            "foot-0007: the calibration of foot-0008, not of foot-0007",
         ),
         (
             lambda folder: reseal(folder, foot_type="other-4x4"),
@@ -122,51 +125,53 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
 )
 def test_what_is_wrong_is_said(tmp_path: Path, harm: Callable[[Path], Any], said: str) -> None:
     """One line: which file, what is wrong with it, and what would be right."""
-    pack(tmp_path)
+    calibration(tmp_path)
     harm(tmp_path / "foot-0007")
     with pytest.raises(ModelError) as refusal:
-        read_pack(tmp_path / "foot-0007", FOOT_TYPE)
+        read_calibration(tmp_path / "foot-0007", FOOT_TYPE)
     assert said in str(refusal.value)
     assert str(tmp_path / "foot-0007") in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
 
 def test_a_network_cut_short(tmp_path: Path) -> None:
-    """The seal of a network counts inside a pack as anywhere, hashes made anew or not."""
-    folder = pack(tmp_path).folder
+    """The seal of a network counts inside a calibration as anywhere, hashes made anew or not."""
+    folder = calibration(tmp_path).folder
     (folder / "network.onnx").write_bytes(released("network.onnx").read_bytes()[:-100])
     reseal(folder)
     with pytest.raises(ModelError, match="no checksum at its end"):
-        read_pack(folder, FOOT_TYPE)
+        read_calibration(folder, FOOT_TYPE)
 
 
 def test_a_pack_is_never_overwritten(tmp_path: Path) -> None:
     """A second one is refused; asked for, it takes the name, and the first is kept under a number and stays whole."""
-    first = pack(tmp_path)
+    first = calibration(tmp_path)
     with pytest.raises(CalibrationError, match=r"with --replace the old one is kept as foot-0007\.1"):
-        write_pack(tmp_path, content(n_pokes=20))
-    assert read_pack(first.folder, FOOT_TYPE).manifest == first.manifest
-    for n_pokes in (20, 50):
-        write_pack(tmp_path, content(n_pokes=n_pokes), replace=True)
-    kept = [read_pack(tmp_path / name, FOOT_TYPE) for name in ("foot-0007", "foot-0007.1", "foot-0007.2")]
-    assert [one.manifest.n_pokes for one in kept] == [50, 362, 20]
+        write_calibration(tmp_path, **content(n_loads=20))
+    assert read_calibration(first.folder, FOOT_TYPE).manifest == first.manifest
+    for n_loads in (20, 50):
+        write_calibration(tmp_path, **content(n_loads=n_loads), replace=True)
+    kept = [
+        read_calibration(tmp_path / name, FOOT_TYPE) for name in ("foot-0007", "foot-0007.1", "foot-0007.2")
+    ]
+    assert [one.manifest.n_loads for one in kept] == [50, 362, 20]
 
 
 def test_a_name_that_is_none_is_refused_first(tmp_path: Path) -> None:
     """One line, and no folder; nor does a check of a right name leave one."""
     with pytest.raises(CalibrationError, match=r"^seven: is no identity of a foot, such as foot-0007$"):
-        write_pack(tmp_path / "feet", content("seven"))
-    check_pack_target(tmp_path / "feet" / "foot-0007", replace=False)
+        write_calibration(tmp_path / "feet", **content("seven"))
+    check_calibration_target(tmp_path / "feet" / "foot-0007", replace=False)
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
-    "given", [{"network": Path("/nowhere/network.onnx")}, {"n_pokes": 0}, {"foot": "foot-7"}]
+    "given", [{"network": Path("/nowhere/network.onnx")}, {"n_loads": 0}, {"foot": "foot-7"}]
 )
 def test_what_robots_would_refuse_is_not_written(tmp_path: Path, given: dict[str, Any]) -> None:
-    """A pack that could not be read leaves nothing behind, not even a draft, and the old one where it was."""
-    first = pack(tmp_path)
+    """A calibration that could not be read leaves nothing behind, not even a draft, and the old one where it was."""
+    first = calibration(tmp_path)
     with pytest.raises(FootsenseError):
-        write_pack(tmp_path, content(**given), replace=True)
-    assert read_pack(first.folder, FOOT_TYPE).manifest == first.manifest
+        write_calibration(tmp_path, **content(**given), replace=True)
+    assert read_calibration(first.folder, FOOT_TYPE).manifest == first.manifest
     assert [entry.name for entry in tmp_path.iterdir()] == ["foot-0007"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.foot.gap_contact import ALL_CELLS, CELLS, touch
+from footsense.foot.gap_contact import ALL_CELLS, CELLS, solve_contact_lcp
 from footsense.foot.specimen import Deviations, Foot
 from tests.unit.foot.test_response_table import DESIGN, UP, made_up, random_normals
 
@@ -77,7 +77,7 @@ def test_a_stiffer_foot_closes_less() -> None:
     gap_um = np.full(ALL_CELLS, DESIGN.gap_um)
     for load, free_um in enumerate(RESPONSE.free_closure_um(NORMAL, HEAVY_N) / 1.25):
         # Softness scales load and compliance alike, so the closures are those of the plain foot under less load.
-        expected_um = touch(free_um, gap_um, RESPONSE.compliance_um_per_n).closure_um
+        expected_um = solve_contact_lcp(free_um, gap_um, RESPONSE.compliance_um_per_n).closure_um
         np.testing.assert_allclose(stiff.cells_um(NORMAL, HEAVY_N)[load], expected_um, atol=1e-9)
 
 

@@ -11,12 +11,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from footsense.errors import SensorError
-from footsense.reference.mounting import NEWTON_PER, Mounting
 from footsense.reference.net_ft import NetFtReference, rdt_request
-from footsense.reference.record_decoder import CHECKSUMS, BinaryDecoder, Decoder, LineDecoder, Rows
+from footsense.reference.record_decoder import (
+    CHECKSUMS,
+    BinaryDecoder,
+    LineDecoder,
+    RecordDecoder,
+    SensorRecords,
+)
 from footsense.reference.recorded_file import FileReference, read_csv
-from footsense.reference.sample_stream import ReferenceStream
+from footsense.reference.sample_stream import SampleStream
 from footsense.reference.sample_times import SampleTimes
+from footsense.reference.sensor_mounting import NEWTON_PER, SensorMounting
 from footsense.reference.serial_sensor import SerialReference
 from footsense.sim.clock import VirtualClock
 from footsense.sim.test_stand.reference_sensor import (
@@ -43,7 +49,7 @@ def packed(record: tuple[int, ...], checksum: str) -> bytes:
     return SYNC + body + of(body).to_bytes(n, "little")
 
 
-def fed(decoder: Decoder, stream: bytes, piece: int) -> list[Rows]:
+def fed(decoder: RecordDecoder, stream: bytes, piece: int) -> list[SensorRecords]:
     return [decoder.feed(stream[at : at + piece]) for at in range(0, len(stream), piece)]
 
 
@@ -112,15 +118,17 @@ def test_no_bytes_crash_a_decoder(parts: list[bytes]) -> None:
 
 def test_a_mounting_turns_scales_and_limits() -> None:
     """Axes with their signs, then the turn about z, in newtons; an axis at its end is saturated."""
-    mounting = Mounting({"x": "-y", "y": "x", "z": "-z"}, (0.0, 0.0, 90.0), "kgf", 0.5, (4.0, 4.0, 8.0))
+    mounting = SensorMounting({"x": "-y", "y": "x", "z": "-z"}, (0.0, 0.0, 90.0), "kgf", 0.5, (4.0, 4.0, 8.0))
     force_n, saturated = mounting.apply(np.array([[2.0, 4.0, -6.0], [8.0, 0.0, 0.0], [0.0, 0.0, -16.0]]))
     # In counts of half a kgf: the sensor says (1, 2, -3) kgf; the axes make (-2, 1, 3) of it, the turn (-1, -2, 3).
     assert force_n[0] / NEWTON_PER["kgf"] == pytest.approx([-1.0, -2.0, 3.0])
     assert saturated.tolist() == [False, True, True]
 
 
-def stream_of(times: SampleTimes) -> ReferenceStream:
-    return ReferenceStream("sensor", Mounting(AGAINST, (0.0, 0.0, 0.0), "gf", 1.0, (4000, 4000, 8000)), times)
+def stream_of(times: SampleTimes) -> SampleStream:
+    return SampleStream(
+        "sensor", SensorMounting(AGAINST, (0.0, 0.0, 0.0), "gf", 1.0, (4000, 4000, 8000)), times
+    )
 
 
 def bench(columns: tuple[str, ...] = COLUMNS) -> tuple[VirtualClock, SimulatedPort, SerialReference]:
@@ -156,7 +164,7 @@ def test_samples_have_the_time_at_which_they_were_taken(columns: tuple[str, ...]
     late_ns = samples[:, 0] - true_ns
     assert np.abs(late_ns[250:]).max() < 1.2e6
     assert (np.diff(samples[50:, 0]) >= 0).all()
-    assert reference.figures().n_missing == 0
+    assert reference.statistics().n_missing == 0
     assert samples[:, 3].mean() - 1.0 == pytest.approx(samples[0, 3] - 1.0, abs=0.4)  # but for its own zero
 
 
@@ -171,12 +179,12 @@ def test_a_sensor_that_is_unplugged_is_missed_and_comes_back(
     assert len(watched(clock, reference, 2.0)) == 0
     port.plug_in()
     samples = watched(clock, reference, 3.0)
-    figures = reference.figures()
+    figures = reference.statistics()
     assert figures.n_missing == pytest.approx(400, abs=8)
     assert figures.n_opened == 2
     assert [record.getMessage()[:28] for record in caplog.records] == [
         "sensor: no sample for 0.5 s;",
-        "sensor: speaks again; " + caplog.records[-1].getMessage()[22:28],
+        "sensor: sends again; " + caplog.records[-1].getMessage()[21:28],
     ]
     true_ns = clock.now_ns() - TRANSMISSION_NS - samples[-1, 0]
     assert -1e6 < true_ns < 1.2 * PERIOD_NS
@@ -189,18 +197,20 @@ def test_a_clock_that_jumps_is_followed_anew(jumps_at: int, caplog: pytest.LogCa
     stream = stream_of(times)
     none = np.zeros(1, np.bool_)
     mapped = []
-    stream.take(Rows(np.zeros(0, np.int64), None, np.zeros((0, 3)), none[:0]), 0, 10**12 - 1, b"")
+    stream.convert(SensorRecords(np.zeros(0, np.int64), None, np.zeros((0, 3)), none[:0]), 0, 10**12 - 1, b"")
     for k in range(0, 1200, 4):
         taken_ns = 10**12 + PERIOD_NS * np.arange(k, k + 4)
         theirs_ns = taken_ns - 10**11 + np.where(np.arange(k, k + 4) >= jumps_at, 7_000_000_000, 0)
         now_ns = int(taken_ns[-1])
-        said = stream.take(Rows(theirs_ns, None, np.zeros((4, 3)), np.zeros(4, np.bool_)), 80, now_ns, b"")
+        said = stream.convert(
+            SensorRecords(theirs_ns, None, np.zeros((4, 3)), np.zeros(4, np.bool_)), 80, now_ns, b""
+        )
         mapped.append(int(said.t_ns[-1]) - now_ns)
     assert max(map(abs, mapped)) < 1_000_000
-    assert stream.figures(0, 1)[:2] == (1200, 0)
+    assert stream.statistics(0, 1)[:2] == (1200, 0)
     assert times.n_jumps == 1
     assert [record.getMessage() for record in caplog.records] == [
-        "sensor: its clock has jumped; it is followed anew"
+        "sensor: its clock has jumped; the clock map restarts"
     ]
 
 
@@ -251,8 +261,8 @@ def test_a_net_ft_stream_is_asked_for_and_read() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sensor:
         sensor.bind(("127.0.0.1", 0))
         sensor.settimeout(5.0)
-        mounting = Mounting(AGAINST, (0.0, 0.0, 0.0), "N", 1e-6, (100, 100, 100))
-        stream = ReferenceStream("net", mounting, SampleTimes(1000.0, 0))
+        mounting = SensorMounting(AGAINST, (0.0, 0.0, 0.0), "N", 1e-6, (100, 100, 100))
+        stream = SampleStream("net", mounting, SampleTimes(1000.0, 0))
         reference = NetFtReference("127.0.0.1", sensor.getsockname()[1], stream)
         reference.read(0)
         asked, address = sensor.recvfrom(64)
@@ -265,7 +275,7 @@ def test_a_net_ft_stream_is_asked_for_and_read() -> None:
         assert said.force_n.tolist() == [[0.0, -2.0, 3.0]] * 4
         assert said.saturated.tolist() == [False, False, False, True]
         assert np.diff(said.t_ns).tolist() == [1_000_000, 2_000_000, 1_000_000]
-        figures = reference.figures()
+        figures = reference.statistics()
         assert (figures.n_samples, figures.n_missing, figures.n_bad) == (4, 1, 2)
         reference.close()
         assert sensor.recv(64) == rdt_request(0)
@@ -276,11 +286,11 @@ def test_a_net_ft_that_counts_anew_is_asked_again() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sensor:
         sensor.bind(("127.0.0.1", 0))
         sensor.settimeout(5.0)
-        mounting = Mounting(AGAINST, (0.0, 0.0, 0.0), "N", 1e-6, (100, 100, 100))
+        mounting = SensorMounting(AGAINST, (0.0, 0.0, 0.0), "N", 1e-6, (100, 100, 100))
         reference = NetFtReference(
             "127.0.0.1",
             sensor.getsockname()[1],
-            ReferenceStream("net", mounting, SampleTimes(10.0, 0)),
+            SampleStream("net", mounting, SampleTimes(10.0, 0)),
         )
         reference.read(0)
         _, address = sensor.recvfrom(64)
@@ -298,7 +308,7 @@ def test_a_file_is_played_from_the_first_scan_on(tmp_path: Path) -> None:
     """Each sample once, when its time has come, with the axes and units of the bench."""
     path = tmp_path / "log.csv"
     path.write_text("time_ms, fx, fy, fz, note\n" + "".join(f"{5 * k},0,0,{-k},x\n" for k in range(10)))
-    reference = FileReference(read_csv(path, Mounting(AGAINST, (0, 0, 0), "gf", 1.0, (9, 9, 9)), 0))
+    reference = FileReference(read_csv(path, SensorMounting(AGAINST, (0, 0, 0), "gf", 1.0, (9, 9, 9)), 0))
     read = [reference.read(10**9 + t_ms * 1_000_000) for t_ms in (0, 12, 12, 100)]
     assert [len(part.t_ns) for part in read] == [1, 2, 0, 7]
     assert read[1].t_ns.tolist() == [10**9 + 5_000_000, 10**9 + 10_000_000]
@@ -320,4 +330,4 @@ def test_a_file_that_holds_no_samples_says_so(tmp_path: Path, text: str, says: s
     path = tmp_path / "log.csv"
     path.write_text(text)
     with pytest.raises(SensorError, match=says):
-        read_csv(path, Mounting(AGAINST, (0, 0, 0), "gf", 1.0, (9, 9, 9)), 0)
+        read_csv(path, SensorMounting(AGAINST, (0, 0, 0), "gf", 1.0, (9, 9, 9)), 0)

@@ -8,8 +8,7 @@ import pytest
 
 from footsense.frames import Cause, Cycle, Flag, State
 from footsense.telemetry.journal import Journal
-from footsense.telemetry.supervision import Supervision
-from footsense.telemetry.systemd import SystemdNotifier
+from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
 from tests.support.cycles import LEGS, cycle
 
 SECOND_NS = 1_000_000_000
@@ -55,7 +54,7 @@ def test_a_change_of_state_or_cause_is_one_line(caplog: pytest.LogCaptureFixture
 def test_a_foot_on_a_bench_contradicts_its_design_in_silence(caplog: pytest.LogCaptureFixture) -> None:
     """That its elements do not fit is why it is there; that it does not answer is told."""
     caplog.set_level(logging.INFO)
-    journal = Journal(LEGS, on_bench=True)
+    journal = Journal(LEGS, on_test_stand=True)
     journal.observe(at(0.0, State.VALID))
     journal.observe(at(0.1, State.DEGRADED, Cause.ELEMENT_DRIFTS))
     assert not lines(caplog)
@@ -81,8 +80,8 @@ class Told(SystemdNotifier):
         super().__init__({})
         self.said: list[str] = []
 
-    def _send(self, message: str) -> None:
-        self.said.append(message)
+    def send(self, **assignments: str) -> None:
+        self.said.append("\n".join(f"{name}={value}" for name, value in assignments.items()))
 
 
 @pytest.mark.parametrize(
@@ -91,5 +90,5 @@ class Told(SystemdNotifier):
 def test_the_status_line_says_what_was_not_granted(flags: int, begins: str) -> None:
     """`systemctl status` shows it without a look at CAN or the metrics."""
     told = Told()
-    Supervision(told, LEGS).observe(at(1, State.ABSENT, flags=flags))
+    SystemdObserver(told, LEGS).observe(at(1, State.ABSENT, flags=flags))
     assert told.said == [f"READY=1\nSTATUS={begins}, lm absent, lr valid, rf valid, rm valid, rr valid"]

@@ -13,7 +13,7 @@ import pytest
 from prometheus_client import CollectorRegistry
 
 from firmware_interface.can_codes import Phase
-from footsense.clock import Wakeups
+from footsense.clock import WakeupLatency
 from footsense.errors import FootsenseError
 from footsense.frames import (
     BaselineDrift,
@@ -166,15 +166,15 @@ def test_what_the_clocks_count_is_one_histogram_of_all_threads(
     tmp_path: Path, scraped: CollectorRegistry
 ) -> None:
     """Two buses add up; what happens between two copies is shown by the next, a tenth of a second later."""
-    wakeups = (Wakeups(), Wakeups())
+    wakeups = (WakeupLatency(), WakeupLatency())
     metrics = Metrics(
         LEGS, CanStatistics(), tmp_path / "counters", wakeups=wakeups, missed_deadlines=lambda: 3
     )
     both = (State.VALID, State.VALID)
     metrics.observe(cycle(1000, both))
     for thread, late_s in zip(wakeups, (8e-5, 9e-5), strict=True):
-        thread.lateness[bisect_left(thread.bounds_s, late_s)] += 1
-        thread.lateness[-1] += late_s
+        thread.histogram[bisect_left(thread.bounds_s, late_s)] += 1
+        thread.histogram[-1] += late_s
         thread.overruns += 2
     metrics.observe(cycle(1099, both))
     get = scraped.get_sample_value

@@ -23,12 +23,12 @@ def test_each_message_arrives_as_one_datagram(systemd: tuple[socket.socket, str]
     """Ready with a status, alive, a new status, stopping; a line break cannot forge an assignment."""
     listener, name = systemd
     notifier = SystemdNotifier({"NOTIFY_SOCKET": name})
-    notifier.ready("six legs\nMAINPID=1")
-    notifier.watchdog()
-    notifier.status("5 of 6 legs valid")
-    notifier.stopping()
+    notifier.send(READY="1", STATUS="six legs\nMAINPID=1")
+    notifier.send(WATCHDOG="1")
+    notifier.send(STATUS="5 of 6 legs valid")
+    notifier.send(STOPPING="1")
     notifier.close()
-    notifier.watchdog()
+    notifier.send(WATCHDOG="1")
     assert [listener.recv(256) for _ in range(4)] == [
         b"READY=1\nSTATUS=six legs MAINPID=1",
         b"WATCHDOG=1",
@@ -43,8 +43,8 @@ def test_each_message_arrives_as_one_datagram(systemd: tuple[socket.socket, str]
 def test_without_a_listener_nothing_happens(environment: dict[str, str]) -> None:
     """In a terminal, or while systemd is away, the service goes on."""
     notifier = SystemdNotifier(environment)
-    notifier.ready("six legs")
-    notifier.watchdog()
+    notifier.send(READY="1")
+    notifier.send(WATCHDOG="1")
     notifier.close()
 
 
@@ -53,7 +53,7 @@ def test_a_full_queue_does_not_stop_the_loop(systemd: tuple[socket.socket, str])
     _, name = systemd
     notifier = SystemdNotifier({"NOTIFY_SOCKET": name})
     for _ in range(2000):
-        notifier.watchdog()
+        notifier.send(WATCHDOG="1")
     notifier.close()
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from footsense.errors import ConfigError, ModelError
 from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.foot.gap_contact import ALL_CELLS, kkt_residual, touch
+from footsense.foot.gap_contact import ALL_CELLS, kkt_residual, solve_contact_lcp
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.fem.centred import centred_closures
@@ -95,7 +95,7 @@ def _closing(response: FootResponse) -> Iterator[Case]:
     compliance, gaps_um = response.compliance_um_per_n, np.full(ALL_CELLS, gap_um)
     for load_n in (2.0, 5.0, 20.0, 100.0):
         free_um = response.free_closure_um(_UP[0], load_n * _UP[0])
-        rest = kkt_residual(touch(free_um, gaps_um, compliance), free_um, gaps_um, compliance)
+        rest = kkt_residual(solve_contact_lcp(free_um, gaps_um, compliance), free_um, gaps_um, compliance)
         worst = max(worst, rest["balance_um"] / float(np.abs(free_um).max()))
     yield Case("contact at 2 to 100 N", "balance to 1e-9 of the closure", f"{worst:.1e}", worst < 1e-9)
 
@@ -110,9 +110,13 @@ def _rim(response: FootResponse) -> Iterator[Case]:
     yield _refused("contact below the table", ValueError, lambda: response.closure_um(below, below))
     yield _refused("NaN in a normal", ValueError, lambda: response.closure_um(np.full(3, np.nan), _UP[0]))
     gaps_um = np.full(3, response.design.gap_um)
-    yield _refused("NaN in a closure", ValueError, lambda: touch(np.full(3, np.nan), gaps_um, np.eye(3)))
     yield _refused(
-        "indefinite compliance", ArithmeticError, lambda: touch(1.5 * gaps_um, gaps_um, -np.eye(3))
+        "NaN in a closure", ValueError, lambda: solve_contact_lcp(np.full(3, np.nan), gaps_um, np.eye(3))
+    )
+    yield _refused(
+        "indefinite compliance",
+        ArithmeticError,
+        lambda: solve_contact_lcp(1.5 * gaps_um, gaps_um, -np.eye(3)),
     )
     silent = Foot(response).capacitance_pf(_UP, np.full((1, 3), np.nan))
     yield Case("NaN in a force", "no number", str(silent[0, 0]), bool(np.isnan(silent).all()))

@@ -79,7 +79,7 @@ class _Leg:
 
     def __init__(self, context: StudyContext) -> None:
         self.design = context.response.design
-        calibration = read_card(json.dumps(context.network.card), str(context.models)).calibration
+        calibration = read_card(json.dumps(context.network.card), str(context.models)).trained_inputs
         stray_pf, unloaded_pf = np.zeros((1, 9)), np.full((1, 9), self.design.rest_pf)
         alignment = ScanByScan(context.network, 1, calibration.moments)
         self._pipeline = Pipeline(

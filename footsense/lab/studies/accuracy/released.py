@@ -15,7 +15,7 @@ from footsense.lab.evaluation.evaluate_models import (
     as_markdown,
     evaluate_models,
 )
-from footsense.lab.monte_carlo.campaign import Tolerances
+from footsense.lab.monte_carlo.resumable_run import Tolerances
 from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
 from footsense.lab.training.train import MASKS

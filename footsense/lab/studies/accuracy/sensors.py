@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from footsense.foot.directions import paper_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.foot.hertz import contact_radius_mm
 from footsense.foot.symmetry import mirrored_series
 from footsense.lab.evaluation.evaluate import errors
 from footsense.lab.fem.block import BLOCK_SIZE, COARSE_BLOCK, Column, block_fields
@@ -121,7 +122,7 @@ def sensor_series(sole: SoleDesign, sensors: Sequence[Sensor], size: MeshSize) -
 def patterns(sole: SoleDesign, series: Vector, direction: Vector) -> Vector:
     """Return pressures [MPa], shape (n, elements), under centred contacts with a Hertz patch."""
     force_n = FORCE_GF * GRAM_FORCE_N
-    radius_mm = float(np.cbrt(0.75 * sole.ball_radius_mm / sole.rubber.hertz_mpa * force_n))
+    radius_mm = float(contact_radius_mm(force_n, sole.ball_radius_mm, sole.rubber.hertz_mpa))
     unit = patch_mean(series.reshape(len(series), -1), direction, radius_mm, sole)
     stress_mpa = (unit.reshape(len(direction), -1, 3) * direction[:, None, :]).sum(axis=2)
     pressure_mpa: Vector = -force_n * stress_mpa

@@ -13,8 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF
-from footsense.lab.monte_carlo.campaign import Tolerances, Workers, in_turn
-from footsense.lab.monte_carlo.cluster import has_dask, on_cluster
+from footsense.lab.monte_carlo.resumable_run import Tolerances, Workers, in_turn
 from footsense.lab.monte_carlo.sweeps import (
     CAREFUL,
     EXACT,
@@ -28,6 +27,7 @@ from footsense.lab.monte_carlo.sweeps import (
     SweepResults,
     sweep_results,
 )
+from footsense.lab.monte_carlo.workers import parallel
 from footsense.lab.studies.page import Figures, Study, StudyContext, plot_band, table
 
 #: The paper's mean errors on its fabricated sensor (section V C) [deg, gf].
@@ -243,8 +243,8 @@ def run_study(
 
 
 def compute(context: StudyContext) -> tuple[SweepResults, Figures]:
-    """Judge the feet in this process, or on a dask cluster of this machine."""
-    return run_study(context, on_cluster() if has_dask() and not context.quick else in_turn)
+    """Judge the feet on this machine."""
+    return run_study(context, in_turn if context.quick else parallel())
 
 
 def render(results: SweepResults) -> str:

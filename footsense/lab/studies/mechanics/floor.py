@@ -1,15 +1,19 @@
-"""Study `floor`: what the Hertz patch, small strain and open gaps cost, each against the full solve on one mesh."""
+"""Study `floor`: errors of the Hertz patch and of small strain, each against the full solve on one mesh."""
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.lab.contact.full_solve import FullFoot, FullSolution
 from footsense.lab.contact.mesh import Fineness
-from footsense.lab.studies.page import Page, StudyContext, table
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
+
+Vector = NDArray[np.float64]
 
 _FIGURE = "floor.png"
 #: Differences on one mesh need no fine one.
@@ -17,7 +21,7 @@ _FINENESS, _QUICK_FINENESS = (
     Fineness(bar_mm=1.0, patch_rel=0.4),
     Fineness(ball_mm=5.0, plate_mm=3.5, bar_mm=4.0, patch_rel=0.8),
 )
-#: What is left out, and how the full solve is asked for that.
+#: Options of the full solve with a part left out.
 _WITHOUT: dict[str, dict[str, Any]] = {
     "Hertz patch": {"floor": "hertz"},
     "small strain": {"finite_strain": False},
@@ -39,11 +43,19 @@ class _Load(NamedTuple):
         leaning = f", normal {abs(lean):g} deg off" if lean else ""
         return f"{self.force_deg:g} deg, {self.magnitude_gf:g} gf{leaning}"
 
+    @property
+    def normal(self) -> Vector:
+        """The contact normal."""
+        return directions(0.0, self.normal_deg)
+
+    @property
+    def force_n(self) -> Vector:
+        """The force [N]."""
+        return self.magnitude_gf * GRAM_FORCE_N * directions(0.0, self.force_deg)
+
     def solve(self, foot: FullFoot) -> FullSolution:
-        """Return what a foot answers."""
-        return foot.solve(
-            _upward(self.normal_deg), self.magnitude_gf * GRAM_FORCE_N * _upward(self.force_deg)
-        )
+        """Return a foot's solution."""
+        return foot.solve(self.normal, self.force_n)
 
 
 #: Upright and inclined, as heavy as the paper's heaviest, and one that leans by 20 deg, a large deformation.
@@ -56,74 +68,105 @@ _LOADS = (
 )
 
 
-def _upward(elevation_deg: float) -> NDArray[np.float64]:
-    """Return the unit vector of an elevation in the plane y = 0."""
-    angle = np.radians(elevation_deg)
-    return np.array([np.cos(angle), 0.0, np.sin(angle)])
-
-
 def _difference_rel(other: FullSolution, full: FullSolution) -> float:
     """Return the largest difference of a mean closure, over the largest closure [1]."""
     return float(np.abs(other.closure_um - full.closure_um).max() / full.closure_um.max())
 
 
-def _figure(loads: list[_Load], found: dict[str, list[float]]) -> Figure:
-    """Return the differences as bars."""
-    figure = Figure(figsize=(8.0, 3.4), layout="constrained")
-    axes = figure.subplots()
-    width = 0.8 / len(found)
-    for number, (name, differences) in enumerate(found.items()):
-        place = np.arange(len(loads)) + (number - (len(found) - 1) / 2.0) * width
-        axes.bar(place, 100.0 * np.array(differences), width, label=name)
+@dataclass(frozen=True, kw_only=True)
+class Solved:
+    """One load.
+
+    Attributes:
+        load: In words.
+        difference_rel: Largest difference of a mean closure over the largest closure [1], by what is left out.
+        patch_mm: Radius of the patch of the full solve [mm].
+        hertz_mm: Hertz's radius [mm].
+        newton_steps: Steps of the full solve.
+    """
+
+    load: str
+    difference_rel: dict[str, float]
+    patch_mm: float
+    hertz_mm: float
+    newton_steps: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """All loads."""
+
+    loads: list[Solved]
+
+
+def compute(context: StudyContext) -> tuple[Results, Figures]:
+    """Solve every load with everything, and with each part left out."""
+    fineness = _QUICK_FINENESS if context.quick else _FINENESS
+    solved = []
+    for load in _LOADS[:1] if context.quick else _LOADS:
+        full = load.solve(FullFoot(context.sole, fineness=fineness))
+        others = {
+            name: load.solve(FullFoot(context.sole, fineness=fineness, **options))
+            for name, options in _WITHOUT.items()
+        }
+        one = Solved(
+            load=load.label,
+            difference_rel={name: _difference_rel(other, full) for name, other in others.items()},
+            patch_mm=full.patch_mm,
+            hertz_mm=float(context.response.patch_radius_mm(load.normal, load.force_n)),
+            newton_steps=full.newton_steps,
+        )
+        solved.append(one)
+        context.say(f"floor: {load.label}, {full.n_unknowns} unknowns, {full.newton_steps} Newton steps")
+    return Results(loads=solved), {_FIGURE: _figure(solved)}
+
+
+def _figure(loads: list[Solved]) -> Figure:
+    """Draw the differences as bars."""
+    figure, (axes,) = panels(1, 8.0, 3.4)
+    axes.grid(visible=False, axis="x")
+    width = 0.8 / len(_WITHOUT)
+    for number, name in enumerate(_WITHOUT):
+        place = np.arange(len(loads)) + (number - (len(_WITHOUT) - 1) / 2.0) * width
+        axes.bar(place, [100.0 * load.difference_rel[name] for load in loads], width, label=name)
     axes.axhline(1.0, color="k", ls=":", lw=1, label="accuracy of the table")
-    axes.set_xticks(np.arange(len(loads)), [load.label.replace(", normal", ",\nnormal") for load in loads])
+    axes.set_xticks(np.arange(len(loads)), [load.load.replace(", normal", ",\nnormal") for load in loads])
     axes.set(yscale="log", ylabel="closure, largest difference [%]")
-    axes.grid(axis="y", alpha=0.3)
     axes.legend(fontsize=8, ncols=4)
     return figure
 
 
-def page(bench: StudyContext) -> Page:
-    """Solve every load with everything, and with each part left out."""
-    loads = list(_LOADS[:1] if bench.quick else _LOADS)
-    fineness = _QUICK_FINENESS if bench.quick else _FINENESS
-    found: dict[str, list[float]] = {name: [] for name in _WITHOUT}
-    rows, radii = [], []
-    for load in loads:
-        full = load.solve(FullFoot(bench.sole, fineness=fineness))
-        for name, options in _WITHOUT.items():
-            found[name].append(
-                _difference_rel(load.solve(FullFoot(bench.sole, fineness=fineness, **options)), full)
-            )
-        hertz_mm = bench.response.patch_radius_mm(
-            _upward(load.normal_deg), load.magnitude_gf * GRAM_FORCE_N * _upward(load.force_deg)
-        )
-        radii.append(full.patch_mm / float(hertz_mm))
-        shares = [f"{100.0 * found[name][-1]:.2f}" for name in _WITHOUT]
-        rows.append([load.label, *shares, f"{full.patch_mm:.3f} / {hertz_mm:.3f}", f"{full.newton_steps}"])
-        bench.say(f"floor: {load.label}, {full.n_unknowns} unknowns, {full.newton_steps} Newton steps")
-    quick = "**Quick run: one load on a rough mesh.**\n\n" if bench.quick else ""
-    worst = {name: 100.0 * max(differences) for name, differences in found.items()}
-    body = f"""{quick}The table of responses puts Hertz's pressure on the ball, along the force, and strains little.
-What does that cost? The full solve has neo-Hookean solids, gaps in contact, and a rigid floor with Coulomb friction
-(0.7) that comes from below until it exerts the asked force; here it is solved once with everything and once with each
-part left out, on one mesh, so that the mesh does not count. Largest difference of a mean closure over the largest:
+def render(results: Results) -> str:
+    """Return the page's text."""
+    rows = [
+        [
+            one.load,
+            *(f"{100.0 * one.difference_rel[name]:.2f}" for name in _WITHOUT),
+            f"{one.patch_mm:.3f} / {one.hertz_mm:.3f}",
+            f"{one.newton_steps}",
+        ]
+        for one in results.loads
+    ]
+    worst = {name: 100.0 * max(one.difference_rel[name] for one in results.loads) for name in _WITHOUT}
+    header = ["load", *(f"{name} [%]" for name in _WITHOUT), "patch, solved / Hertz [mm]", "Newton steps"]
+    return f"""
+The response table puts Hertz's pressure on the ball, along the force, and assumes small strain. How large is the error?
+The full solve has neo-Hookean solids, gaps in contact, and a rigid floor with Coulomb friction (0.7) that comes from
+below until it exerts the force; here it is solved once with everything and once with each part left out, on one mesh,
+so that the mesh does not count. Largest difference of a mean closure over the largest:
 
-{table(["load", *(f"{name} [%]" for name in _WITHOUT), "patch, solved / Hertz [mm]", "Newton steps"], rows)}
+{table(header, rows)}
 
 ![]({_FIGURE})
 
 At worst the patch costs {worst["Hertz patch"]:.2f} % and small strain {worst["small strain"]:.2f} %.
 """
-    values = {
-        "loads": [load._asdict() for load in loads],
-        "difference_rel": found,
-        "patch_over_hertz": radii,
-    }
-    return Page(
-        name="floor",
-        title="What Hertz and small strain cost",
-        body=body,
-        figures={_FIGURE: _figure(loads, found)},
-        values=values,
-    )
+
+
+STUDY = Study(
+    name="floor",
+    title="The error of Hertz's patch and of small strain",
+    results=Results,
+    compute=compute,
+    render=render,
+)

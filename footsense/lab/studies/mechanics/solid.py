@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from footsense.foot.gap_contact import ALL_CELLS, CELLS_PER_SIDE
+from footsense.foot.hertz import contact_radius_mm
 from footsense.foot.response_table import FootResponse
-from footsense.lab.fem.centred import Centred, centred_closures, hertz_radius_mm
+from footsense.lab.fem.centred import Centred, centred_closures
 from footsense.lab.fem.fringe import element_pf
 from footsense.lab.fem.mesh import COARSE, FINEST, SHIPPED, MeshSize
 from footsense.lab.fem.strip import strip_closure_um
@@ -112,7 +113,7 @@ def _floor(sole: SoleDesign, response: FootResponse) -> tuple[str, float]:
     up = np.array([0.0, 0.0, 1.0])
     rows, closures = [], []
     for name, modulus_mpa in (("rigid", rubber.hertz_mpa), ("cement", both_mpa)):
-        radius_mm = hertz_radius_mm(response.ball_radius_mm, modulus_mpa, 1.0)
+        radius_mm = float(contact_radius_mm(1.0, response.ball_radius_mm, modulus_mpa))
         closures.append(replace(response, hertz_modulus_mpa=modulus_mpa).closure_um(up, up))
         rows.append([name, f"{modulus_mpa:.5f}", f"{radius_mm:.5f}", f"{closures[-1].max():.6f}"])
     text = table(["floor", "E* [MPa]", "patch radius [mm]", "corner [um]"], rows)

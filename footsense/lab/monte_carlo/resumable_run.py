@@ -1,8 +1,8 @@
-"""A campaign: many fabricated feet, judged one by one by as many workers as there are (`cluster`), and never twice.
+"""A Monte Carlo that can be resumed: many fabricated feet, each judged once.
 
-Each finished foot is a line of a file at once, so that a campaign that was stopped goes on with the feet that are
-missing. The first line names the campaign; a file of another one is refused. A last line that a killed writer left
-unfinished is cut off. How one is judged is not known here: see `specimens`.
+Each finished foot is appended to a file at once, so an interrupted run continues with the missing feet. The first line
+describes the run; a file of another run is refused. An unfinished last line, left by a killed writer, is cut off.
+`specimens` judges a foot, `workers` distribute the jobs.
 """
 
 import json
@@ -21,7 +21,7 @@ from footsense.sim.foot.fabrication import FootTolerances
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tolerances(FootTolerances):
-    """How far a made foot, and the bench that it is calibrated on, are from ideal: rms values, zero for exact.
+    """Deviations of a fabricated foot and of the test stand that calibrates it: rms values, zero for exact.
 
     Attributes:
         reading_pf: Of each reading of a capacitance [pF].
@@ -51,9 +51,9 @@ class Job:
     """One foot to be judged.
 
     Attributes:
-        tolerances: What it is drawn from.
+        tolerances: The rms values of its distribution.
         foot: Its number: the same number is the same foot, at other tolerances with deviations of the same pattern.
-        taught: Whether a network is taught its own cases, which takes longer than all the rest.
+        taught: Whether to train a network on its own cases, which takes longer than all the rest.
     """
 
     tolerances: Tolerances
@@ -61,11 +61,11 @@ class Job:
     taught: bool = False
 
 
-#: What was found out about a foot, by name.
+#: Figures of a foot, by name.
 Figures = dict[str, float]
 #: Judges one foot; picklable, the same result each time.
 Work = Callable[[Job], Figures]
-#: Has feet judged, and gives them back as they come.
+#: Runs the jobs, and yields each as it is finished.
 Workers = Callable[[Work, Sequence[Job]], Generator[tuple[Job, Figures], None, None]]
 
 
@@ -79,7 +79,7 @@ def in_turn(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, Figures], N
         yield job, work(job)
 
 
-def run_campaign(
+def run_resumable(
     about: Mapping[str, str | int],
     jobs: Sequence[Job],
     work: Work,
@@ -87,43 +87,43 @@ def run_campaign(
     workers: Workers = in_turn,
     file: Path | None = None,
 ) -> dict[Job, Figures]:
-    """Judge all feet that the file does not know yet.
+    """Judge all feet that are not in the file yet.
 
     Args:
-        about: What has to be the same for results to belong together: seed, models.
+        about: Description of the run, equal for results that belong together: seed, models.
         jobs: The feet; one that comes twice is judged once.
         work: Judges one.
-        workers: Who does it.
+        workers: Run the jobs.
         file: Where results are kept (JSON lines), made if missing; None keeps none.
 
     Returns:
         The figures of every foot, in the order of the jobs.
 
     Raises:
-        FootsenseError: The file holds another campaign, cannot be read or written, or there are no workers.
+        FootsenseError: The file holds another run, cannot be read or written, or there are no workers.
     """
     finished = {} if file is None else _resume(file, about)
     missing = [job for job in dict.fromkeys(jobs) if job not in finished]
     if missing:
         try:
             with nullcontext() if file is None else file.open("a", encoding="utf-8") as ledger:
-                _work_off(missing, work, workers, finished, ledger)
+                _run_missing(missing, work, workers, finished, ledger)
         except OSError as error:
-            raise FootsenseError(f"the campaign ended early: {error}") from error
+            raise FootsenseError(f"the run ended early: {error}") from error
     return {job: finished[job] for job in jobs}
 
 
-def _work_off(
+def _run_missing(
     missing: Sequence[Job], work: Work, workers: Workers, finished: dict[Job, Figures], ledger: TextIO | None
 ) -> None:
-    """Have feet judged, and put down each as it comes; a bar shows on a terminal how far it is."""
+    """Judge feet and append each to the file; a terminal shows a progress bar."""
     console = Console(stderr=True)
     with (
         Progress(console=console, disable=not console.is_terminal) as bar,
-        closing(workers(work, missing)) as coming,
+        closing(workers(work, missing)) as finishing,
     ):
         task = bar.add_task("feet", total=len(finished) + len(missing), completed=len(finished))
-        for job, figures in coming:
+        for job, figures in finishing:
             finished[job] = figures
             if ledger is not None:
                 ledger.write(json.dumps({"job": asdict(job), "figures": figures}) + "\n")
@@ -132,12 +132,12 @@ def _work_off(
 
 
 def _resume(file: Path, about: Mapping[str, str | int]) -> dict[Job, Figures]:
-    """Return what a file knows, and make it ready to be appended to.
+    """Return the finished feet of a file, and prepare it for appending.
 
     Raises:
-        FootsenseError: It holds another campaign, or cannot be read or written.
+        FootsenseError: It holds another run, or cannot be read or written.
     """
-    header = json.dumps({"campaign": dict(about)}, sort_keys=True).encode()
+    header = json.dumps({"run": dict(about)}, sort_keys=True).encode()
     try:
         content = file.read_bytes() if file.exists() else b""
         whole, _, torn = content.rpartition(b"\n")
@@ -148,7 +148,7 @@ def _resume(file: Path, about: Mapping[str, str | int]) -> dict[Job, Figures]:
         first, *lines = whole.split(b"\n")
         if first != header:
             raise FootsenseError(
-                f"{file} is of another campaign: it starts with {first[:200].decode(errors='replace') or 'none'}, "
+                f"{file} is of another run: it starts with {first[:200].decode(errors='replace') or 'none'}, "
                 f"this one is {header.decode()}; name another file"
             )
         if torn:

@@ -1,4 +1,4 @@
-"""Campaigns over fabricated feet: nothing is judged twice, nothing finished is lost, nothing foreign is mixed in."""
+"""Monte Carlo over fabricated feet: nothing is judged twice, nothing finished is lost, nothing foreign is mixed in."""
 
 import multiprocessing
 from collections.abc import Generator, Sequence
@@ -8,16 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from distributed import LocalCluster
 
 from footsense.errors import FootsenseError
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate_models import open_models
-from footsense.lab.monte_carlo.campaign import Figures, Job, Tolerances, Work, in_turn, run_campaign
-from footsense.lab.monte_carlo.cluster import on_cluster
+from footsense.lab.monte_carlo.resumable_run import Figures, Job, Tolerances, Work, in_turn, run_resumable
 from footsense.lab.monte_carlo.specimens import judge, measure
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.monte_carlo.sweeps import FEET, FULL, QUICK, TEST_STANDS, SweepResults
+from footsense.lab.monte_carlo.workers import parallel
 from footsense.lab.studies.accuracy.tolerance import ON_DESIGN, ON_FOOT, STUDY, run_study
 from footsense.lab.studies.page import StudyContext
 from footsense.lab.training.load_cases import paper_verification
@@ -53,8 +54,8 @@ def stopped_after_two(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, F
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
-    """Return where a campaign is kept, in a folder that is not there yet."""
-    return tmp_path / "kept" / "campaign.jsonl"
+    """Return the file of a run, in a folder that does not exist yet."""
+    return tmp_path / "kept" / "run.jsonl"
 
 
 @pytest.fixture(scope="module")
@@ -63,10 +64,10 @@ def released() -> FootResponse:
     return open_models(RELEASED)[0]
 
 
-def test_an_interrupted_campaign_goes_on_with_the_missing_feet(file: Path) -> None:
-    """What was finished before Ctrl-C is neither lost nor done again, and a finished campaign asks nobody."""
+def test_an_interrupted_run_continues_with_the_missing_feet(file: Path) -> None:
+    """What was finished before Ctrl-C is neither lost nor done again, and a finished run needs no worker."""
     with pytest.raises(KeyboardInterrupt):
-        run_campaign(ABOUT, JOBS, double, workers=stopped_after_two, file=file)
+        run_resumable(ABOUT, JOBS, double, workers=stopped_after_two, file=file)
     asked: list[Job] = []
 
     def noted(job: Job) -> Figures:
@@ -74,41 +75,41 @@ def test_an_interrupted_campaign_goes_on_with_the_missing_feet(file: Path) -> No
         return double(job)
 
     whole = {job: double(job) for job in JOBS}
-    assert run_campaign(ABOUT, JOBS + JOBS, noted, file=file) == whole
+    assert run_resumable(ABOUT, JOBS + JOBS, noted, file=file) == whole
     assert asked == JOBS[2:]
-    assert run_campaign(ABOUT, JOBS, refuses, file=file) == whole
+    assert run_resumable(ABOUT, JOBS, refuses, file=file) == whole
 
 
 @pytest.mark.parametrize("cut", [1, 30, 10_000])
 def test_a_torn_end_is_done_again(file: Path, cut: int) -> None:
     """However much of the file a killed writer got out: a byte less, half a line, half a header."""
-    whole = run_campaign(ABOUT, JOBS, double, file=file)
+    whole = run_resumable(ABOUT, JOBS, double, file=file)
     written = file.read_bytes()
     file.write_bytes(written[: max(10, len(written) - cut)])
-    assert run_campaign(ABOUT, JOBS, double, file=file) == whole
+    assert run_resumable(ABOUT, JOBS, double, file=file) == whole
     assert file.read_bytes() == written
 
 
 @pytest.mark.parametrize(
     "content",
-    [b"notes, not a campaign", b"notes\nof mine\n", b'{"campaign": {"seed": 2, "study": "test"}}\n'],
+    [b"notes, not a run", b"notes\nof mine\n", b'{"run": {"seed": 2, "study": "test"}}\n'],
 )
 def test_a_file_of_something_else_is_refused_and_left_alone(file: Path, content: bytes) -> None:
     """One line says what it is; not a byte of it changes."""
     file.parent.mkdir()
     file.write_bytes(content)
-    with pytest.raises(FootsenseError, match=r"^[^\n]*campaign\.jsonl is of another campaign[^\n]*$"):
-        run_campaign(ABOUT, JOBS, double, file=file)
+    with pytest.raises(FootsenseError, match=r"^[^\n]*run\.jsonl is of another run[^\n]*$"):
+        run_resumable(ABOUT, JOBS, double, file=file)
     assert file.read_bytes() == content
 
 
 def test_a_damaged_line_is_named(file: Path) -> None:
     """A whole line that is no result is no torn end: somebody has been at the file."""
-    run_campaign(ABOUT, JOBS, double, file=file)
+    run_resumable(ABOUT, JOBS, double, file=file)
     lines = file.read_bytes().splitlines(keepends=True)
     file.write_bytes(b"".join([*lines[:2], b"{}\n", *lines[2:]]))
     with pytest.raises(FootsenseError, match="line 3"):
-        run_campaign(ABOUT, JOBS, double, file=file)
+        run_resumable(ABOUT, JOBS, double, file=file)
 
 
 @pytest.mark.parametrize(
@@ -122,14 +123,23 @@ def test_a_damaged_line_is_named(file: Path) -> None:
 def test_a_scheduler_that_is_not_there_is_one_clear_line(address: str, why: str) -> None:
     """Within seconds, and with what to do."""
     with pytest.raises(FootsenseError, match=rf"^[^\n]*{why}[^\n]*$"):
-        run_campaign(ABOUT, JOBS, double, workers=on_cluster(address))
+        run_resumable(ABOUT, JOBS, double, workers=parallel(address))
 
 
-def test_a_cluster_judges_alike_and_ends_with_its_campaign(file: Path) -> None:
+def test_other_processes_judge_alike_and_end_with_the_run(file: Path) -> None:
     """Same figures as in this process, whatever comes back first; no process stays behind."""
-    found = run_campaign(ABOUT, JOBS, abs_gap, workers=on_cluster(n_workers=1), file=file)
+    found = run_resumable(ABOUT, JOBS, abs_gap, workers=parallel(), file=file)
     assert list(found.items()) == [(job, abs_gap(job)) for job in JOBS]
     assert not multiprocessing.active_children()
+
+
+def test_a_dask_cluster_judges_alike(file: Path) -> None:
+    """The workers of a scheduler get the jobs by its address."""
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
+        workers = parallel(cluster.scheduler_address)
+        assert run_resumable(ABOUT, JOBS, double, workers=workers, file=file) == {
+            job: double(job) for job in JOBS
+        }
 
 
 def test_each_foot_is_reproducible_by_itself(released: FootResponse) -> None:

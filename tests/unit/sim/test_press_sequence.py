@@ -1,4 +1,4 @@
-"""A bench in simulation: a stick that pokes, rubber that remembers, feet that were made and not designed."""
+"""A bench in simulation: a stick that loads, rubber that remembers, feet that were made and not designed."""
 
 import math
 
@@ -13,7 +13,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.sim.foot.viscoelastic import CREEP_REL, CREEP_TIME_S, PLAY_N, PLAY_REL, ViscoelasticElement
 from footsense.sim.robot import SimulatedRobot, Wiring
 from footsense.sim.scene import Effects, Fabrication, Scene, Unloaded, load_scene
-from footsense.sim.test_stand.calibration_loads import Pokes, paper_presses
+from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 
 _UP = np.array([0.0, 0.0, 1.0])
 _MS = 1_000_000
@@ -32,26 +32,26 @@ def test_the_papers_presses_are_its_counts_and_angles() -> None:
 @given(st.integers(0, 5_000))
 def test_a_stick_presses_holds_and_lets_go(at_ms: int) -> None:
     """Force and time of each press are as told, between them the foot is free."""
-    pokes = Pokes(
+    loads = PressSequence(
         [(0.0, 0.0, 1.0), (0.3, 0.0, 0.4)],
         from_ns=1000 * _MS,
         rise_ns=100 * _MS,
-        hold_ns=500 * _MS,
-        rest_ns=300 * _MS,
+        dwell_ns=500 * _MS,
+        pause_ns=300 * _MS,
     )
-    force_n = np.linalg.norm(pokes.contact("lf", at_ms * _MS).force_n)
+    force_n = np.linalg.norm(loads.contact("lf", at_ms * _MS).force_n)
     number, since_ms = divmod(at_ms - 1000, 1000)
     size_n = (1.0, 0.5)[number] if number in {0, 1} else 0.0
     share = max(0.0, min(since_ms / 100, 1.0, (700 - since_ms) / 100))
     assert force_n == pytest.approx(size_n * share, abs=1e-12)
-    assert pokes.ends_ns == 3000 * _MS
+    assert loads.ends_ns == 3000 * _MS
 
 
 def test_contacts_lean_by_what_was_said() -> None:
     """The angle between normal and force has the stated rms; the force itself does not change."""
     force_n = np.tile([0.3, 0.2, 0.9], (4000, 1))
-    pokes = Pokes(force_n, from_ns=0, rise_ns=0, hold_ns=1, rest_ns=1, lean_deg=2.0, seed=3)
-    contacts = [pokes.contact("lf", 2 * k) for k in range(len(force_n))]
+    loads = PressSequence(force_n, from_ns=0, rise_ns=0, dwell_ns=1, pause_ns=1, lean_deg=2.0, seed=3)
+    contacts = [loads.contact("lf", 2 * k) for k in range(len(force_n))]
     cosines = [contact.normal @ contact.force_n / np.linalg.norm(contact.force_n) for contact in contacts]
     assert math.degrees(math.sqrt(np.mean(np.arccos(cosines) ** 2))) == pytest.approx(2.0, rel=0.05)
     assert all((contact.force_n == force_n[0]).all() for contact in contacts)
@@ -102,7 +102,8 @@ def test_a_press_below_the_known_response_is_refused_by_its_number(
     """One line that names the press."""
     file = tmp_path_factory.mktemp("scene") / "low.yaml"
     file.write_text(
-        "description: low\nload: {kind: pokes, presses: [[0, 0, 1], [1, 0, 0.1]]}\n", encoding="utf-8"
+        "description: low\nload: {kind: calibration_loads, presses: [[0, 0, 1], [1, 0, 0.1]]}\n",
+        encoding="utf-8",
     )
     with pytest.raises(ConfigError, match=r"presses\[1\].*elevation of 6 deg"):
         load_scene(str(file))

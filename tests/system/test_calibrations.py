@@ -1,4 +1,4 @@
-"""The daemon with packs: feet as they were made give the forces that they feel, and another foot gives none."""
+"""The daemon with calibrations: feet as they were made give the forces that they feel, and another foot gives none."""
 
 from pathlib import Path
 
@@ -16,8 +16,8 @@ from footsense.errors import ModelError
 from footsense.foot.checksum_trailer import seal
 from footsense.frames import Cycle, State
 from footsense.sim.scene import Constant, Scene
-from tests.support.calibrations import pack
-from tests.system.bench import MADE, true_parameters
+from tests.support.calibrations import calibration
+from tests.system.simulated_test_stand import MADE, true_parameters
 
 FORCE_N = (0.3, -0.2, 0.7)
 
@@ -36,9 +36,9 @@ def config(feet: Path, **mounted: str) -> Config:
 
 
 def workshop(feet: Path) -> None:
-    """Write the packs of both feet, as a perfect calibration would."""
-    pack(feet, "foot-0007", parameters=true_parameters(0))
-    pack(feet, "foot-0008", parameters=true_parameters(1))
+    """Write the calibrations of both feet, as a perfect calibration would."""
+    calibration(feet, "foot-0007", parameters=true_parameters(0))
+    calibration(feet, "foot-0008", parameters=true_parameters(1))
 
 
 class Last:
@@ -67,8 +67,8 @@ def run(robot: Config, record: Path | None = None) -> Last:
     return last
 
 
-def test_feet_with_packs_say_what_they_feel(tmp_path: Path) -> None:
-    """Whole scan or single elements: both legs valid, and within the sum of what pack and network may leave.
+def test_feet_with_calibrations_say_what_they_feel(tmp_path: Path) -> None:
+    """Whole scan or single elements: both legs valid, and within the sum of what calibration and network may leave.
 
     Sigma is that of a foot whose temperature nobody knows, 2.5 % of the force, and little else.
     """
@@ -86,7 +86,7 @@ def test_feet_with_packs_say_what_they_feel(tmp_path: Path) -> None:
 
 
 def test_another_foot_is_found_by_its_fingerprint(tmp_path: Path) -> None:
-    """Feet that were swapped give no force: what they read unloaded is not what the packs of their legs say."""
+    """Feet that were swapped give no force: what they read unloaded is not what the calibrations of their legs say."""
     workshop(tmp_path)
     last = run(config(tmp_path, lf="foot-0008", rf="foot-0007"))
     assert last.cycle.forces.state.tolist() == [State.NO_BASELINE, State.NO_BASELINE]
@@ -94,30 +94,30 @@ def test_another_foot_is_found_by_its_fingerprint(tmp_path: Path) -> None:
     assert last.reasons[0].startswith("the foot is not unloaded, or another than foot-0008: element ")
 
 
-def test_packs_that_cannot_be_used(tmp_path: Path) -> None:
-    """A foot without a pack, one of another foot, and two that were fitted on different networks."""
+def test_calibrations_that_cannot_be_used(tmp_path: Path) -> None:
+    """A foot without a calibration, one of another foot, and two that were fitted on different networks."""
     workshop(tmp_path)
-    with pytest.raises(ModelError, match="foot-0009: no such foot pack"):
-        daemon.load_packs(config(tmp_path, lf="foot-0009"))
+    with pytest.raises(ModelError, match="foot-0009: no such calibration"):
+        daemon.load_calibrations(config(tmp_path, lf="foot-0009"))
     (tmp_path / "foot-0007").rename(tmp_path / "foot-0009")
-    with pytest.raises(ModelError, match="foot-0009: the pack of foot-0007, not of foot-0009"):
-        daemon.load_packs(config(tmp_path, lf="foot-0009"))
+    with pytest.raises(ModelError, match="foot-0009: the calibration of foot-0007, not of foot-0009"):
+        daemon.load_calibrations(config(tmp_path, lf="foot-0009"))
     other = tmp_path / "other.onnx"
     other.write_bytes(seal(daemon.released("network.onnx").read_bytes()[:-86] + b"\x72\x04\x0a\x00\x12\x00"))
-    pack(tmp_path, "foot-0010", network=other)
+    calibration(tmp_path, "foot-0010", network=other)
     with pytest.raises(ModelError, match=r"foot-0010: fitted on network .* a robot has one network"):
-        daemon.load_packs(config(tmp_path, lf="foot-0008", rf="foot-0010"))
+        daemon.load_calibrations(config(tmp_path, lf="foot-0008", rf="foot-0010"))
 
 
 def test_a_leg_without_a_named_foot_is_told_of(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """It goes on as before, by the design."""
     workshop(tmp_path)
-    assert list(daemon.load_packs(config(tmp_path, rf="foot-0008"))) == ["rf"]
+    assert list(daemon.load_calibrations(config(tmp_path, rf="foot-0008"))) == ["rf"]
     assert "lf: no foot is named under feet" in caplog.text
 
 
-def test_check_config_lists_the_packs(tmp_path: Path) -> None:
-    """Which foot, since when, on how many pokes, and how good."""
+def test_check_config_lists_the_calibrations(tmp_path: Path) -> None:
+    """Which foot, since when, on how many loads, and how good."""
     workshop(tmp_path / "feet")
     file = tmp_path / "robot.yaml"
     file.write_text(
@@ -126,12 +126,15 @@ def test_check_config_lists_the_packs(tmp_path: Path) -> None:
     )
     said = CliRunner().invoke(check_config, [str(file)]).output
     assert "lf: foot-0007, calibrated 2026-03-01, " in said
-    assert "362 pokes, 1.5 deg and 1.8 gf on those held out (15.9 deg and 18.7 gf without the pack)" in said
-    assert "network: that of the packs" in said
+    assert (
+        "362 loads, 1.5 deg and 1.8 gf on those held out (15.9 deg and 18.7 gf without the calibration)"
+        in said
+    )
+    assert "network: that of the calibrations" in said
 
 
-def test_a_recording_knows_its_packs(tmp_path: Path) -> None:
-    """Replayed with the same packs it gives the same forces; with others it says so, or refuses to compare."""
+def test_a_recording_knows_its_calibrations(tmp_path: Path) -> None:
+    """Replayed with the same calibrations it gives the same forces; with others it says so, or refuses to compare."""
     feet, walk = tmp_path / "feet", tmp_path / "walk.mcap"
     workshop(feet)
     run(config(feet, lf="foot-0007", rf="foot-0008"), record=walk)
@@ -140,12 +143,12 @@ def test_a_recording_knows_its_packs(tmp_path: Path) -> None:
     elsewhere = tmp_path / "elsewhere"
     feet.rename(elsewhere)
     result = CliRunner().invoke(replay, [str(walk), "--check"])
-    assert "foot-0007: no such foot pack" in str(result.exception)
+    assert "foot-0007: no such calibration" in str(result.exception)
     result = CliRunner().invoke(replay, [str(walk), "--check", "--calibrations", str(elsewhere)])
     assert "scans equal bit for bit" in result.output, result.exception
-    pack(tmp_path / "new", "foot-0007", parameters=true_parameters(0), n_pokes=20)
-    pack(tmp_path / "new", "foot-0008", parameters=true_parameters(1))
+    calibration(tmp_path / "new", "foot-0007", parameters=true_parameters(0), n_loads=20)
+    calibration(tmp_path / "new", "foot-0008", parameters=true_parameters(1))
     result = CliRunner().invoke(replay, [str(walk), "--check", "--calibrations", str(tmp_path / "new")])
-    assert "lf was recorded with the pack " in str(result.exception)
+    assert "lf was recorded with the calibration " in str(result.exception)
     result = CliRunner().invoke(replay, [str(walk), "--calibrations", str(tmp_path / "new")])
     assert (result.exit_code, "warning: " in result.stderr) == (0, True)

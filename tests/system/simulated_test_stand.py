@@ -1,4 +1,4 @@
-"""A simulated bench: one foot as it was made, poked by a stick, recorded beside a reference that errs by nothing."""
+"""A simulated stand: one foot as it was made, poked by a stick, recorded beside a reference that errs by nothing."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +14,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Reference
 from footsense.sim.foot.fabrication import fabricate
-from footsense.sim.scene import Fabrication, Pokes, Scene
+from footsense.sim.scene import CalibrationLoads, Fabrication, Scene
 
 _SAMPLE_NS = 5_000_000
 
@@ -54,11 +54,11 @@ def presses(n: int, seed: int = 1) -> tuple[tuple[float, float, float], ...]:
 
 
 def record(path: Path, foot: str = "foot-0007", n: int = 24, *, reference: bool = True) -> Path:
-    """Record a session of `n` pokes on the left front leg and return its file."""
+    """Record a session of `n` loads on the left front leg and return its file."""
     config = Config(
         buses=(Bus(device="sim", legs={"lf": 0}),), can=Can(interface="virtual"), feet={"lf": foot}
     )
-    load = Pokes(presses=presses(n), rise_s=0.1, hold_s=0.4, rest_s=0.6)
+    load = CalibrationLoads(presses=presses(n), rise_s=0.1, dwell_s=0.4, pause_s=0.6)
     scene = Scene(description="a bench", load=load, fabrication=MADE)
     end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 200_000_000
     with daemon.service(config, scene, record=path, real_time=False) as service:

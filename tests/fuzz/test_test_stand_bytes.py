@@ -1,4 +1,4 @@
-"""What a bench is made of: bytes of its sensors, files that describe or replace them, and the packs that come of it."""
+"""Test stands: bytes of their sensors, files that describe or replace them, and calibrations."""
 
 import hashlib
 import json
@@ -13,26 +13,26 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_interface.serial_frames import FRAME_BYTES, Record, encode_record, pack_values, stuff
-from footsense.acquisition.mcu_source import RecordSource
-from footsense.calibration.writer import write_pack
-from footsense.config.test_stand import load_bench
+from footsense.acquisition.mcu_source import McuSource
+from footsense.calibration.writer import write_calibration
+from footsense.config.test_stand import load_test_stand
 from footsense.daemon import FOOT_TYPE
 from footsense.foot.calibration_format import MANIFEST, PARAMETERS, Manifest
-from footsense.foot.calibration_reader import read_pack
+from footsense.foot.calibration_reader import read_calibration
 from footsense.frames import Reading, Reference
-from footsense.reference.mounting import Mounting
 from footsense.reference.net_ft import NetFtReference
-from footsense.reference.record_decoder import BinaryDecoder, Decoder, LineDecoder
+from footsense.reference.record_decoder import BinaryDecoder, LineDecoder, RecordDecoder
 from footsense.reference.recorded_file import read_csv
-from footsense.reference.sample_stream import ReferenceStream
+from footsense.reference.sample_stream import SampleStream
 from footsense.reference.sample_times import SampleTimes
+from footsense.reference.sensor_mounting import SensorMounting
 from footsense.sim.clock import VirtualClock
 from tests.fuzz.outcome import TRIED, refusal
 from tests.fuzz.test_texts import anything, texts
 from tests.support.calibrations import content
 
 SYNC = b"\xaa"
-MOUNTING = Mounting({"x": "x", "y": "y", "z": "z"}, (0.0, 0.0, 0.0), "gf", 1.0, (100, 100, 100))
+MOUNTING = SensorMounting({"x": "x", "y": "y", "z": "z"}, (0.0, 0.0, 0.0), "gf", 1.0, (100, 100, 100))
 LINES = [
     ("time_s", "fx", "fy", "fz"),
     ("time_us", "-", "fx", "fy", "fz"),
@@ -45,18 +45,18 @@ numbers = st.sampled_from(
 )
 
 
-def stream() -> ReferenceStream:
-    return ReferenceStream("sensor", MOUNTING, SampleTimes(200.0, 0))
+def stream() -> SampleStream:
+    return SampleStream("sensor", MOUNTING, SampleTimes(200.0, 0))
 
 
-def played(decoder: Decoder, pieces: list[bytes]) -> None:
+def played(decoder: RecordDecoder, pieces: list[bytes]) -> None:
     """Play bytes to a decoder, look by look: what comes of them are numbers, or it is refused in a line."""
     sensor = stream()
 
     def play() -> None:
         for number, piece in enumerate(pieces):
             rows = decoder.feed(piece)
-            sane(sensor.take(rows, len(piece), (number + 1) * 25_000_000, decoder.last_bad))
+            sane(sensor.convert(rows, len(piece), (number + 1) * 25_000_000, decoder.last_bad))
 
     refusal(play)
 
@@ -116,18 +116,18 @@ def test_any_recorded_sensor(tmp_path: Path, lines: list[list[str]]) -> None:
     refusal(lambda: sane(read_csv(path, MOUNTING, 0)))
 
 
-BENCH = (Path(__file__).parents[2] / "deploy/test-stand.yaml").read_text()
+STAND = (Path(__file__).parents[2] / "deploy/test-stand.yaml").read_text()
 
 
 @given(data=st.data(), text=texts)
 @TRIED
 def test_any_bench(tmp_path: Path, data: st.DataObject, text: str) -> None:
     """Any text inside the description of a bench."""
-    at = data.draw(st.integers(0, len(BENCH)))
-    cut = data.draw(st.integers(at, min(at + 80, len(BENCH))))
+    at = data.draw(st.integers(0, len(STAND)))
+    cut = data.draw(st.integers(at, min(at + 80, len(STAND))))
     path = tmp_path / "test-stand.yaml"
-    path.write_bytes((BENCH[:at] + text + BENCH[cut:]).encode(errors="surrogatepass"))
-    refusal(lambda: load_bench(path))
+    path.write_bytes((STAND[:at] + text + STAND[cut:]).encode(errors="surrogatepass"))
+    refusal(lambda: load_test_stand(path))
 
 
 class _Line:
@@ -169,7 +169,7 @@ whole_records = st.builds(
 def test_any_records(pieces: list[bytes]) -> None:
     """Whole records in any order, with any times and values, and frames that are none: every frame says what it is."""
     clock = VirtualClock()
-    source = RecordSource(_Line(clock, [bytes(1), *pieces]), clock, ("lf", "rr"), rate_hz=200.0)
+    source = McuSource(_Line(clock, [bytes(1), *pieces]), clock, ("lf", "rr"), rate_hz=200.0)
     clock.sleep_until_ns(10**9)
     for _ in range(40):
         frame = source.read()
@@ -181,26 +181,26 @@ def test_any_records(pieces: list[bytes]) -> None:
 
 
 @pytest.fixture(scope="module")
-def pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a pack that is right."""
-    return write_pack(tmp_path_factory.mktemp("feet"), content()).folder
+def calibration(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a calibration that is right."""
+    return write_calibration(tmp_path_factory.mktemp("feet"), **content()).folder
 
 
-def forged(pack: Path, name: str, changed: bytes) -> None:
-    """Put a file into a pack, and all its hashes right."""
-    (pack / name).write_bytes(changed)
-    manifest = msgspec.json.decode((pack / MANIFEST).read_bytes(), type=Manifest)
+def forged(calibration: Path, name: str, changed: bytes) -> None:
+    """Put a file into a calibration, and all its hashes right."""
+    (calibration / name).write_bytes(changed)
+    manifest = msgspec.json.decode((calibration / MANIFEST).read_bytes(), type=Manifest)
     files = {**manifest.files, name: hashlib.sha256(changed).hexdigest()}
     manifest = msgspec.structs.replace(manifest, files=files)
     manifest = msgspec.structs.replace(manifest, sha256=manifest.own_sha256)
-    (pack / MANIFEST).write_bytes(msgspec.json.encode(manifest))
+    (calibration / MANIFEST).write_bytes(msgspec.json.encode(manifest))
 
 
 @given(data=st.data(), value=anything, text=texts)
 @settings(TRIED, max_examples=20)
-def test_any_pack(pack: Path, data: st.DataObject, value: object, text: str) -> None:
+def test_any_pack(calibration: Path, data: st.DataObject, value: object, text: str) -> None:
     """Parameters and manifests that say anything; parameters even with hashes that are right."""
-    files = {name: (pack / name).read_bytes() for name in (PARAMETERS, MANIFEST)}
+    files = {name: (calibration / name).read_bytes() for name in (PARAMETERS, MANIFEST)}
     said = json.loads(files[PARAMETERS])
     key = data.draw(st.sampled_from(sorted(said)))
     number = data.draw(st.sampled_from(["1e999", "-1e308", "NaN", "1e400", "0", "-1"]))
@@ -210,18 +210,18 @@ def test_any_pack(pack: Path, data: st.DataObject, value: object, text: str) -> 
         json.dumps({**said, key: "?"}).replace('"?"', f"[{', '.join([number] * 9)}]"),
         text,
     ):
-        forged(pack, PARAMETERS, changed.encode(errors="surrogatepass"))
+        forged(calibration, PARAMETERS, changed.encode(errors="surrogatepass"))
 
         def read() -> None:
-            found = read_pack(pack, FOOT_TYPE).parameters
+            found = read_calibration(calibration, FOOT_TYPE).parameters
             assert np.isfinite(found.force_matrix).all()
             assert np.isfinite([found.error_rel, *found.gain_rel]).all()
 
         refusal(read)
-    (pack / PARAMETERS).write_bytes(files[PARAMETERS])
+    (calibration / PARAMETERS).write_bytes(files[PARAMETERS])
     said = json.loads(files[MANIFEST])
     key = data.draw(st.sampled_from(sorted(said)))
     for changed in (json.dumps({**said, key: value}), text):
-        (pack / MANIFEST).write_bytes(changed.encode(errors="surrogatepass"))
-        refusal(lambda: read_pack(pack, FOOT_TYPE))
-    (pack / MANIFEST).write_bytes(files[MANIFEST])
+        (calibration / MANIFEST).write_bytes(changed.encode(errors="surrogatepass"))
+        refusal(lambda: read_calibration(calibration, FOOT_TYPE))
+    (calibration / MANIFEST).write_bytes(files[MANIFEST])

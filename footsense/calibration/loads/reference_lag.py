@@ -1,0 +1,68 @@
+"""Delay of a reference sensor behind its foot: force against capacitances while a foot is pressed and released.
+
+Both rise from unloaded to the dwell and fall back. The area between the two normalised curves is the delay, with
+opposite signs on the way up and on the way down; what is not linear between force and capacitance cancels.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.calibration.loads.calibration_load import Press
+
+__all__ = ["lag_message", "lag_s"]
+
+Vector = NDArray[np.float64]
+
+#: Span of unloaded foot and of dwell used beside each edge, and the least of the unloaded span after it [ns].
+_BESIDE_NS, _MIN_AFTER_NS = 200_000_000, 100_000_000
+_STEP_NS = 1_000_000
+#: Smallest lag that is reported [s]: less than one scan of the slowest board, 0.1 s.
+_REPORTED_S = 0.06
+_MIN_PRESSES = 5
+
+
+def lag_s(
+    press: Press, dwell_ns: tuple[int, int], baseline_pf: Vector, offset_n: Vector, force_n: Vector
+) -> float:
+    """Return the delay of the reference [s]; NaN if the press was not recorded to its end.
+
+    Args:
+        press: The press.
+        dwell_ns: Begin and end of its dwell [ns].
+        baseline_pf: Unloaded reading of each element [pF], shape (9,).
+        offset_n: Unloaded reading of the reference [N], shape (3,).
+        force_n: Force in the dwell minus the offset [N], shape (3,).
+    """
+    # Closures are nearly linear in the force; strays bend the curve a little.
+    closure = (1.0 - baseline_pf / press.capacitance_pf).mean(axis=1)
+    read = np.isfinite(closure)
+    dwelling = read & (press.t_ns >= dwell_ns[0]) & (press.t_ns <= dwell_ns[1])
+    reference_rel = (press.force_n - offset_n) @ force_n / (force_n @ force_n)
+    ends_ns = min(press.t_ns[-1], press.sample_ns[-1])
+    if not dwelling.any() or ends_ns < press.pressed_ns[1] + _MIN_AFTER_NS:
+        return np.nan
+    inside_ns = min(_BESIDE_NS, (dwell_ns[1] - dwell_ns[0]) // 2)
+    area_ns = 0.0
+    for begin_ns, end_ns, sign in (
+        (press.before_ns[1] - _BESIDE_NS, dwell_ns[0] + inside_ns, 1),
+        (dwell_ns[1] - inside_ns, ends_ns, -1),
+    ):
+        t_ns = np.arange(begin_ns, end_ns, _STEP_NS)
+        closure_rel = np.interp(t_ns, press.t_ns[read], closure[read] / closure[dwelling].mean())
+        area_ns += (
+            sign * _STEP_NS * float((closure_rel - np.interp(t_ns, press.sample_ns, reference_rel)).sum())
+        )
+    return area_ns / 2 * 1e-9
+
+
+def lag_message(lags_s: Sequence[float]) -> str:
+    """Return a warning for the median lag of a session's presses [s]; empty if it is small or from too few presses."""
+    known = [lag for lag in lags_s if np.isfinite(lag)]
+    median_s = float(np.median(known)) if len(known) >= _MIN_PRESSES else 0.0
+    if abs(median_s) < _REPORTED_S:
+        return ""
+    side, size = ("behind", "small") if median_s > 0 else ("ahead of", "large")
+    ms = f"{1e3 * abs(median_s):.0f} ms"
+    return f"the reference is {ms} {side} the foot: latency_ms in the test stand's file is too {size} by that"

@@ -1,0 +1,44 @@
+"""Elastic energies per undeformed volume: Hooke at small strain, neo-Hookean at finite strain, plain and mixed.
+
+    Hooke         W = G eps:eps + lambda/2 (div u)^2,                         eps = (grad u + grad u^T) / 2
+    neo-Hookean   W = G/2 (F:F - 3 - 2 ln J) + lambda/2 (J - 1)^2,            F = 1 + grad u, J = det F
+
+The neo-Hookean energy has Hooke's law with the same G and lambda as its limit. Near nu = 1/2 the volume term locks the
+mesh; there the pressure p = lambda (J - 1), or lambda div u, is an unknown of its own,
+
+    W = (the shear term) + p (J - 1) - p^2 / (2 lambda),
+
+which with p one order below u (Taylor-Hood) is stable up to nu = 1/2. `ng.Variation` makes the weak form of an energy.
+
+Source:
+    Bonet and Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, ch. 6 (compressible neo-Hookean).
+"""
+
+from typing import Any
+
+import ngsolve as ng
+
+from footsense.lab.geometry import Material
+
+
+def _shear_and_volume(material: Material, u: Any, *, finite_strain: bool) -> tuple[Any, Any]:
+    """Return the shear energy [MPa] and the volume change [1] of a displacement [mm]."""
+    if finite_strain:
+        gradient = ng.Id(3) + ng.Grad(u)
+        volume = ng.Det(gradient)
+        squares = ng.InnerProduct(gradient, gradient) - 3.0 - 2.0 * ng.log(volume)
+        return 0.5 * material.shear_mpa * squares, volume - 1.0
+    strain = 0.5 * (ng.Grad(u) + ng.Grad(u).trans)
+    return material.shear_mpa * ng.InnerProduct(strain, strain), ng.div(u)
+
+
+def energy(material: Material, u: Any, *, finite_strain: bool = False) -> Any:
+    """Return the stored energy of a displacement u [mm] per volume [MPa]; for nu well below 1/2."""
+    shear, growth = _shear_and_volume(material, u, finite_strain=finite_strain)
+    return shear + 0.5 * material.lame_mpa * growth**2
+
+
+def mixed_energy(material: Material, u: Any, p: Any, *, finite_strain: bool = False) -> Any:
+    """Return the energy of displacement u [mm] and pressure p [MPa] per volume [MPa]: a saddle point in p."""
+    shear, growth = _shear_and_volume(material, u, finite_strain=finite_strain)
+    return shear + p * growth - p**2 / (2.0 * material.lame_mpa)
