@@ -5,7 +5,7 @@
     ├── RecordingError        exit 3   not a recording, or cut short: what is whole was still replayed
     ├── ModelError            exit 4   a model is missing, corrupt, or made for another foot
     ├── HardwareError         exit 5   the bus or a chip that everything needs is not there
-    │   ├── SensorError                what a bench's force sensor says is not what was described
+    │   ├── SensorError                records of a test stand's force sensor do not fit its description
     │   ├── WrongChipError             another chip answers; the scanner turns it into a state, as it does these:
     │   └── BusError                   one transaction failed
     │       ├── NackError              nobody acknowledged the address or a byte

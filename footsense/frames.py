@@ -174,7 +174,7 @@ class CommandResult(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """What the force sensor of a bench said since the last turn of the loop, oldest first.
+    """Samples of a test stand's force sensor since the last cycle, oldest first.
 
     Attributes:
         t_ns: When each sample was taken, in the daemon's clock [ns, monotonic], shape (n,), int64.
@@ -195,7 +195,7 @@ class Cycle(NamedTuple):
         commands: Commands that were obeyed before the scan was processed.
         forces: What was published.
         outcomes: Commands that came to an end in this turn.
-        reference: What a bench's force sensor said, None where there is none.
+        reference: Samples of a test stand's force sensor, None on a robot.
         temperature_c: Of each leg's converter from this cycle on [degC], shape (legs,), NaN for none; None as long as
             it is what it was, and where none has a sensor.
     """

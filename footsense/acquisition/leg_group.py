@@ -105,10 +105,7 @@ class LegGroup:
         """Start a conversion on converters that may hold any result, which is read away first."""
         legs, selection = self.active()
         if legs:
-            try:
-                self._send(selection, self._plan.board.restart)
-            except BusError as error:
-                self._raise_if_stuck(error)
+            self._exchange(selection, self._plan.board.restart)
         self.running = self._begin(legs, selection, step, step.select)
 
     def convert(self, step: Step, following: Step, *, checked: bool, in_turn: bool) -> None:
@@ -133,10 +130,9 @@ class LegGroup:
             self._rejoin(following)
             legs, selection = self.active()
         if legs:
-            try:
-                self._transport.connect(selection)
-            except BusError as error:  # `_begin` tries once more
-                self._raise_if_stuck(error)
+            self._exchange(
+                selection, ()
+            )  # connect them while they convert; if that fails, `_begin` tries again
         self._clock.sleep_until_ns(finished.t_start_ns + self._plan.wait_ns)
         select = following.changes if finished.legs else following.select
         running = self._begin(legs, selection, following, select)
@@ -156,39 +152,43 @@ class LegGroup:
         if thermometer is None or not legs:
             return ()
         self.running = None
-        try:
-            self._send(selection, thermometer.start)
-        except BusError as error:  # met by the scan too; the temperature is read again later
-            self._raise_if_stuck(error)
+        if self._exchange(selection, thermometer.start) is None:
             self._transport.invalidate()
             return ()
         return legs
 
     def read_temperatures(self, legs: Legs) -> None:
-        """Read the temperature that some legs' converters have measured."""
+        """Read the temperature that some legs' converters have measured; without an answer it is read again later."""
         thermometer = self._plan.board.thermometer
-        if thermometer is None:
-            return
+        for leg in legs if thermometer else ():
+            assert thermometer is not None
+            answers = self._exchange(leg.selection, (thermometer.read, thermometer.read))
+            if answers is None:
+                self._transport.invalidate()
+                return
+            leg.temperature_c = thermometer.decode(*answers)
+
+    def _exchange(self, selection: int, transactions: tuple[Transaction, ...]) -> list[bytes] | None:
+        """Connect some legs, do transactions, and return their answers; None if one failed.
+
+        Raises:
+            BusStuckError: A line was held low.
+        """
         try:
-            for leg in legs:
-                bus = self._transport.connect(leg.selection)
-                answers = bus.transfer(thermometer.read), bus.transfer(thermometer.read)
-                leg.temperature_c = thermometer.decode(*answers)
+            bus = self._transport.connect(selection)
+            return list(map(bus.transfer, transactions))
         except BusError as error:
             self._raise_if_stuck(error)
-            self._transport.invalidate()
-
-    def _send(self, selection: int, transactions: tuple[Transaction, ...]) -> None:
-        bus = self._transport.connect(selection)
-        for transaction in transactions:
-            bus.transfer(transaction)
+            return None
 
     def _begin(self, legs: Legs, selection: int, step: Step, select: tuple[Transaction, ...]) -> Conversion:
         """Start one conversion on the active legs at once."""
         unread = Reading.NO_ANSWER
         for _ in range(_TRIES if legs else 0):
             try:
-                self._send(selection, (*select, step.trigger))
+                bus = self._transport.connect(selection)
+                for write in (*select, step.trigger):
+                    bus.transfer(write)
             except BusError as error:
                 self._raise_if_stuck(error)
                 self._transport.invalidate()  # a mux that has lost its selection connects no leg
@@ -216,11 +216,8 @@ class LegGroup:
         """Ask all connected legs at once, if their results do not tell."""
         if step.done is None:
             return True
-        try:
-            return step.done.decode(self._transport.connect(selection).transfer(step.done.ask)) is _OK
-        except BusError as error:
-            self._raise_if_stuck(error)
-            return False
+        answers = self._exchange(selection, (step.done.ask,))
+        return answers is not None and step.done.decode(answers[0]) is _OK
 
     def _read_leg(self, leg: LegConnection, step: Step, *, all_done: bool) -> tuple[Reading, float]:
         reading = Reading.NO_ANSWER
@@ -256,31 +253,25 @@ class LegGroup:
                     leg.outcome = self._answer(leg.selection, check)
 
     def _answer(self, selection: int, check: Check) -> Reading:
-        try:
-            held = self._transport.connect(selection).transfer(check.ask) == check.expected
-        except BusError as error:
-            self._raise_if_stuck(error)
+        answers = self._exchange(selection, (check.ask,))
+        if answers is None:
             return Reading.NO_ANSWER
-        return _OK if held else Reading.MISCONFIGURED
+        return _OK if answers[0] == check.expected else Reading.MISCONFIGURED
 
     def _rejoin(self, first: Step) -> None:
         """Set up the legs that failed in this scan for the first conversion of the next one.
 
         The others are still converting: the leg gets its lines alone, and the result that its converter may hold is
-        read away, or it would count as the next one.
+        read away, or it would count as the next one. Lines that need not change for the first step are checked here.
         """
         for leg in self.legs:
             if not leg.in_scan or leg.outcome is _OK:
                 continue
-            try:
-                self._send(leg.selection, (*first.select, *self._plan.board.restart))
-                bus = self._transport.connect(leg.selection)
-                # Lines that need not change for the first step are not checked in it.
-                held = all(bus.transfer(check.ask) == check.expected for check in first.select_checks)
-            except BusError as error:
-                self._raise_if_stuck(error)
-            else:
-                leg.outcome = _OK if held else Reading.MISCONFIGURED
+            if self._exchange(leg.selection, (*first.select, *self._plan.board.restart)) is not None:
+                outcomes = (self._answer(leg.selection, check) for check in first.select_checks)
+                outcome = next((outcome for outcome in outcomes if outcome is not _OK), _OK)
+                if outcome is not Reading.NO_ANSWER:
+                    leg.outcome = outcome
 
     def _raise_if_stuck(self, error: BusError) -> None:
         """Leave out the leg that holds a line low, if a timeout says that one does.

@@ -23,8 +23,21 @@ _RETRIES = 1
 
 _log = logging.getLogger(__name__)
 
-_NO_ADAPTER = {errno.ENOTTY, errno.EINVAL, errno.EISDIR}
-_NACK_ERRNOS = {errno.EREMOTEIO, errno.ENXIO}
+#: Messages for a device file that cannot be opened; another kind of file does not have the ioctl I2C_FUNCS.
+_CANNOT_OPEN = {
+    errno.ENOENT: "no such I2C adapter; enable it, or see `ls /dev/i2c-*`",
+    **dict.fromkeys(
+        (errno.EACCES, errno.EPERM), "permission denied; the service's user belongs in group i2c"
+    ),
+    **dict.fromkeys((errno.ENOTTY, errno.EINVAL, errno.EISDIR), "not an I2C adapter; see `ls /dev/i2c-*`"),
+}
+#: Errors of a transaction (Documentation/i2c/fault-codes.rst of the kernel).
+_FAILED: dict[int | None, tuple[type[BusError], str]] = {
+    errno.EREMOTEIO: (NackError, "no acknowledge"),
+    errno.ENXIO: (NackError, "no acknowledge"),
+    errno.ETIMEDOUT: (BusTimeoutError, "timeout, SDA or SCL is held low"),
+    errno.EAGAIN: (BusError, "arbitration lost, another master is on this bus"),
+}
 
 
 class Adapter(Protocol):
@@ -61,18 +74,9 @@ class LinuxI2cBus:
         """
         try:
             adapter = smbus2.SMBus(device)
-        except FileNotFoundError as error:
-            raise HardwareError(
-                f"{device}: no such I2C adapter; enable it, or see `ls /dev/i2c-*`"
-            ) from error
-        except PermissionError as error:
-            raise HardwareError(
-                f"{device}: permission denied; the service's user belongs in group i2c"
-            ) from error
         except OSError as error:
-            # Other files do not have the ioctl I2C_FUNCS.
-            what = "not an I2C adapter; see `ls /dev/i2c-*`" if error.errno in _NO_ADAPTER else error.strerror
-            raise HardwareError(f"{device}: {what}") from error
+            why = _CANNOT_OPEN.get(error.errno or 0, error.strerror)
+            raise HardwareError(f"{device}: {why}") from error
         shorten_timeout(adapter.fd, device)
         return cls(adapter, device)
 
@@ -90,14 +94,8 @@ class LinuxI2cBus:
         try:
             self._adapter.i2c_rdwr(*messages)
         except OSError as error:
-            where = f"{self._device}, address {transaction.address:#04x}"
-            if error.errno in _NACK_ERRNOS:
-                raise NackError(f"{where}: no acknowledge") from error
-            if error.errno == errno.ETIMEDOUT:
-                raise BusTimeoutError(f"{where}: timeout, SDA or SCL is held low") from error
-            if error.errno == errno.EAGAIN:
-                raise BusError(f"{where}: arbitration lost, another master is on this bus") from error
-            raise BusError(f"{where}: {error.strerror or error}") from error
+            kind, why = _FAILED.get(error.errno, (BusError, error.strerror or str(error)))
+            raise kind(f"{self._device}, address {transaction.address:#04x}: {why}") from error
         return bytes(messages[-1]) if transaction.n_read else b""
 
     def close(self) -> None:

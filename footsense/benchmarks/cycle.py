@@ -149,8 +149,10 @@ def our_cycle() -> Iterator[OurCycle]:
 
 def recorded_scans(n: int) -> list[CapFrame]:
     """Return scans of six walking legs in turn."""
-    with daemon.scanning(DEFAULT, replace(load_scene("measured_walk"), host_cost_us=40.0)) as scanning:
-        return [scanning.source.read() for _ in range(n)]
+    with daemon.open_scan_source(
+        DEFAULT, replace(load_scene("measured_walk"), host_cost_us=40.0)
+    ) as scan_source:
+        return [scan_source.source.read() for _ in range(n)]
 
 
 def sent_ns(scan: CapFrame) -> int:

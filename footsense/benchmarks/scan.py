@@ -64,12 +64,12 @@ def scan_figures() -> dict[str, dict[str, float | None]]:
 def _scan(config: Config, host_cost_us: int) -> dict[str, float | None]:
     """Return the scan period of six legs at 400 kHz, over the limits of its board, and that of the naive loop."""
     scene = replace(load_scene("hanging"), host_cost_us=float(host_cost_us))
-    with daemon.scanning(config, scene) as scanning:
-        scanning.source.read()
-        start_ns = scanning.clock.now_ns()
+    with daemon.open_scan_source(config, scene) as scan_source:
+        scan_source.source.read()
+        start_ns = scan_source.clock.now_ns()
         for _ in range(_SCANS):
-            scanning.source.read()
-        period_ns = (scanning.clock.now_ns() - start_ns) / _SCANS
+            scan_source.source.read()
+        period_ns = (scan_source.clock.now_ns() - start_ns) / _SCANS
     # Two buses are scanned side by side also by a naive program with two threads.
     naive_ns = _naive_ns(config, scene) if config.buses[0].channels else None
     return {
@@ -108,10 +108,10 @@ def publish_age_ms() -> dict[str, dict[str, float]]:
 def _age_ms(config: Config) -> dict[str, float]:
     scene = replace(load_scene("tripod"), host_cost_us=40.0)
     ages_ns: list[int] = []
-    with daemon.scanning(config, scene) as scanning:
+    with daemon.open_scan_source(config, scene) as scan_source:
         pipeline = daemon.pipeline_for(config, daemon.load_network(config), Flag.SIMULATED)
         usable = np.array(sorted(USABLE), np.uint8)
         while len(ages_ns) < _AGES * len(config.legs):
-            forces, _ = pipeline.process(scanning.source.read(), scanning.clock.now_ns())
+            forces, _ = pipeline.process(scan_source.source.read(), scan_source.clock.now_ns())
             ages_ns += forces.age_ns[np.isin(forces.state, usable)].tolist()
     return {"p50": float(np.median(ages_ns)) * 1e-6, "p99": float(np.quantile(ages_ns, 0.99)) * 1e-6}

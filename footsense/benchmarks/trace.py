@@ -60,7 +60,7 @@ def calls_per_scan() -> tuple[Calls, Calls]:
             DEFAULT, load_scene("measured_walk"), real_time=False, record=Path(folder) / "walk.mcap"
         ) as service,
     ):
-        service.observers.append(RunStatistics(service.legs, service.scanning.true_force_n))
+        service.observers.append(RunStatistics(service.legs, service.scan_source.true_force_n))
         service.run(_after(_WARM_UP))
         sys.setprofile(count)
         try:

@@ -10,10 +10,8 @@ from footsense import daemon
 from footsense.can.frame_log import check_log_target
 from footsense.cli.options import FILE, FOLDER, can_log_option
 from footsense.clock import MonotonicClock
-from footsense.config import Config
 from footsense.daemon.loop import Paced, step
 from footsense.errors import FootsenseError, ModelError, RecordingError
-from footsense.estimation.network import Network
 from footsense.frames import ContactFrame
 from footsense.recording.compare import compare, same_machine
 from footsense.recording.machine import this_machine
@@ -21,15 +19,15 @@ from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 
 
 class DifferenceError(FootsenseError):
-    """The forces made again are not those that were recorded."""
+    """The replayed forces are not the recorded ones."""
 
 
 class Comparison:
-    """Compares forces made again with those recorded, as long as both saw the same past.
+    """Compares replayed forces with the recorded ones.
 
     Args:
         file: The recording, for messages.
-        recording: Its header says on which machine it was made.
+        recording: The recording; its header names processor and library versions.
     """
 
     def __init__(self, file: Path, recording: Replay) -> None:
@@ -42,7 +40,7 @@ class Comparison:
         """Compare one frame.
 
         Raises:
-            DifferenceError: A force is not what it was.
+            DifferenceError: A force differs.
         """
         difference = compare(recorded, forces, exact=self._exact, legs=self._legs)
         if difference:
@@ -74,22 +72,23 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
     With --check, forces must be equal bit for bit where processor and library versions are those of the
     recording, else to 1 mN. A recording that is cut short is replayed as far as it is whole, and compared up to
     its first gap (exit 3).
-    """
+    """  # noqa: DOC501 - click shows this text
     if can_log is not None:
         check_log_target(can_log)
     recording = Replay(file)
     source = ReplaySource(recording)
     clock = ReplayClock(source)
     config = daemon.recorded_config(recording)
-    _require_same_legs(file, recording, config)
     if folder is not None and config.calibrations is not None:
         config = msgspec.structs.replace(config, calibrations=str(folder))
     calibrations = daemon.load_calibrations(config)
     network = daemon.load_network(config, calibrations)
     comparison = Comparison(file, recording) if check else None
-    if comparison:
-        _require_same_network(file, recording, network)
-    _judge_calibrations(file, daemon.calibrations_difference(recording.header, calibrations), comparison)
+    difference = daemon.model_difference(recording.header, network, calibrations)
+    if difference and check:
+        raise ModelError(f"{file}: {difference}")
+    if difference:
+        click.echo(f"warning: {file}: {difference}", err=True)
     pipeline = daemon.pipeline_for(config, network, daemon.recorded_flags(recording), calibrations)
     n_frames = 0
     with ExitStack() as stack:
@@ -107,46 +106,8 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
     _require_whole(file, source, comparison)
 
 
-def _require_same_legs(file: Path, recording: Replay, config: Config) -> None:
-    """Check that the recording's header is of one piece.
-
-    Raises:
-        RecordingError: It speaks of two robots.
-    """
-    if config.legs != recording.legs:
-        then, now = ", ".join(recording.legs), ", ".join(config.legs)
-        raise RecordingError(f"{file}: holds the legs {then}, but a configuration of {now}")
-
-
-def _require_same_network(file: Path, recording: Replay, network: Network) -> None:
-    """Check that a comparison makes sense.
-
-    Raises:
-        ModelError: The recording was made with another network.
-    """
-    then = recording.header.get("model_sha256", "unknown")
-    if network.sha256 != then:
-        raise ModelError(
-            f"{file}: recorded with network {then[:12]}, "
-            f"here is {network.sha256[:12]}; only the same network can give the same forces"
-        )
-
-
-def _judge_calibrations(file: Path, difference: str | None, comparison: Comparison | None) -> None:
-    """Say if the forces are not made with the calibrations that were recorded.
-
-    Raises:
-        ModelError: And they are to be compared.
-    """
-    if difference is None:
-        return
-    if comparison:
-        raise ModelError(f"{file}: {difference}")
-    click.echo(f"warning: {file}: {difference}", err=True)
-
-
 def _require_whole(file: Path, source: ReplaySource, comparison: Comparison | None) -> None:
-    """Say at the end what the recording does not hold.
+    """Check at the end that the recording has no gaps and a proper end.
 
     Raises:
         RecordingError: It has gaps, or ends early.

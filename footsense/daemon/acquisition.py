@@ -34,7 +34,7 @@ SLOW_REL = 0.9
 
 
 @dataclass(frozen=True, slots=True)
-class Scanning:
+class ScanSource:
     """An open source of scans.
 
     Attributes:
@@ -131,7 +131,7 @@ def _log_timing(bus: Bus, timing: Timing | None) -> None:
 
 
 @contextmanager
-def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
+def open_scan_source(config: Config, scene: Scene | None) -> Iterator[ScanSource]:
     """Open the buses or the serial line, start the scanner, and close both at the end.
 
     Args:
@@ -162,7 +162,7 @@ def scanning(config: Config, scene: Scene | None) -> Iterator[Scanning]:
         yield opened
 
 
-def _microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: Scene | None) -> Scanning:
+def _microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: Scene | None) -> ScanSource:
     """Open the serial line to the microcontroller, or to a simulated one."""
     own = MonotonicClock()
     clock: Clock = own if robot is None else robot.clock
@@ -173,10 +173,10 @@ def _microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: Scene 
         port = SimulatedLine(mcu, clock, rate_hz=serial.rate_hz, baud=serial.baud)
     wire_ns = round(RECORD_BITS * 1e9 / serial.baud)
     source = McuSource(port, clock, serial.legs, rate_hz=serial.rate_hz, wire_ns=wire_ns)
-    return Scanning(source, clock, wakeups=(own.wakeups,))
+    return ScanSource(source, clock, wakeups=(own.wakeups,))
 
 
-def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> Scanning:
+def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> ScanSource:
     """Open and start the scanner of every bus."""
     buses = open_buses(config, robot, stack)
     plan = plan_for(config)
@@ -189,7 +189,7 @@ def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack
     source.start()
     for bus, scanner in zip(config.buses, scanners, strict=True):
         _log_timing(bus, scanner.timing)
-    return Scanning(
+    return ScanSource(
         source,
         MonotonicClock(),
         wakeups=tuple(bus.clock.wakeups for bus in buses if isinstance(bus.clock, MonotonicClock)),

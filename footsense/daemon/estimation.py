@@ -1,20 +1,17 @@
-"""From configuration to pipeline: which network, and what its card says about these feet."""
+"""From configuration to pipeline: the network, its card, and the calibrations of the feet."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from footsense.acquisition.scan_plan import BOARDS, ORDERS
-from footsense.config import Can, Config
-from footsense.config.former_keys import with_present_keys
-from footsense.daemon.calibrations import calibrations_of
+from footsense.config import Config
+from footsense.daemon.calibrations import load_calibrations
 from footsense.daemon.contact_limits import closure_rel_per_pf, contact_limits
-from footsense.daemon.foot_types import artefact, foot_type_of, require_foot_type
-from footsense.errors import RecordingError
+from footsense.daemon.foot_types import artefact, require_foot_type
 from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.estimation.baseline.tare import TareLimits
@@ -27,38 +24,28 @@ from footsense.foot.calibration_reader import FootCalibration
 from footsense.foot.network_card import TrainedInputs
 from footsense.frames import ELEMENTS
 from footsense.ports import Estimator
-from footsense.recording.replay import Replay
 
 #: Calibrations by leg.
 Calibrations = Mapping[str, FootCalibration]
 PerElement = Sequence[float] | NDArray[np.float64]
 
-#: Scans in which a step of the load has passed through all elements, and what was made of them.
+#: Scans after which a step of the load has passed through all elements and the alignment.
 _SETTLED_SCANS = 4
 
 
-def load_calibrations(config: Config) -> dict[str, FootCalibration]:
-    """Return the calibration of every leg whose foot is named; none if the configuration names no calibrations.
-
-    Raises:
-        ModelError: One is missing, or cannot be used for that foot.
-    """
-    return calibrations_of(config, foot_type_of(config))
-
-
 def load_network(config: Config, calibrations: Calibrations | None = None) -> Network:
-    """Return the network that the configuration names, or that of its foot type.
+    """Return the network of the calibrations, the configured one, or that of the foot type.
 
     Args:
         config: The robot.
-        calibrations: Those of its feet, which bring their network; None to read them.
+        calibrations: Calibrations of its feet by leg; None to read them.
 
     Raises:
-        ModelError: There is none, or it is made for another foot.
+        ModelError: The network is missing, or made for another foot type.
     """
+    calibrations = load_calibrations(config) if calibrations is None else calibrations
     path = Path(config.model) if config.model else artefact(config, "network.onnx")
-    for calibration in (load_calibrations(config) if calibrations is None else calibrations).values():
-        path = calibration.network
+    path = next((calibration.network for calibration in calibrations.values()), path)
     network = Network(path, n_rows=_n_rows(config))
     require_foot_type(path, network.card.foot_type, config)
     return network
@@ -72,8 +59,8 @@ def pipeline_for(
     Args:
         config: The robot.
         network: Its network.
-        flags: The flags.
-        calibrations: Those of its feet; None to read them.
+        flags: Flags of every frame, as in `Flag`.
+        calibrations: Calibrations of its feet by leg; None to read them.
 
     Raises:
         ModelError: A calibration is missing, or cannot be used for its foot.
@@ -86,7 +73,7 @@ def pipeline_for(
     strays_pf: dict[str, PerElement] = dict(config.stray_pf.items())
     strays_pf |= {leg: foot.stray_pf for leg, foot in feet.items()}
     stray_pf = _per_leg(config, strays_pf, 0.0)
-    # The design's capacitance knows of no stray; a foot's own reading, as either has it, includes it.
+    # The design's capacitance excludes stray; a configured or calibrated reading of the foot includes it.
     readings_pf: dict[str, PerElement] = dict(config.unloaded_pf.items())
     readings_pf |= {leg: foot.unloaded_pf for leg, foot in feet.items()}
     expected_pf = _per_leg(config, readings_pf, np.nan)
@@ -121,12 +108,12 @@ def pipeline_for(
 
 
 def _step_ns(config: Config) -> int:
-    """Return the time from one element to the next [ns]: a slow chip, its start, and now and then a row."""
+    """Return the time from one element to the next [ns]: a conversion, and 1/12 for slow chips and row switches."""
     return round(config.rate.conversion_ns * (1 + 1 / 12))
 
 
 def _n_rows(config: Config) -> int:
-    """Return how many feet the network estimates at once: of a whole scan, each leg two ways."""
+    """Return the rows of a network call: one per leg, two per leg for whole scans."""
     return len(config.legs) * (1 if config.publish == "element" else 2)
 
 
@@ -163,31 +150,3 @@ def _estimator(
 
 def _per_leg(config: Config, values: Mapping[str, PerElement], default: float) -> NDArray[np.float64]:
     return np.array([values.get(leg, (default,) * ELEMENTS) for leg in config.legs])
-
-
-def recorded_flags(recording: Replay) -> int:
-    """Return the flags that every frame of a recording carries; without them in the header, none.
-
-    Raises:
-        RecordingError: The header holds something else under their name.
-    """
-    text = recording.header.get("flags", "0")
-    if text not in map(str, range(256)):
-        raise RecordingError(f"{recording.path}: the flags of its header are {text[:20]!r}, not 0 to 255")
-    return int(text)
-
-
-def recorded_config(recording: Replay) -> Config:
-    """Return the configuration that a recording was made with, its CAN kept inside the process.
-
-    Raises:
-        RecordingError: The header holds none that this version reads.
-    """
-    try:
-        data = msgspec.json.decode(recording.header["config"])
-        config = msgspec.convert(with_present_keys(data), Config)
-    except (KeyError, msgspec.DecodeError, RecursionError) as error:
-        raise RecordingError(
-            f"{recording.path}: no configuration that this version reads: {error}"
-        ) from error
-    return msgspec.structs.replace(config, can=Can(interface="virtual"))

@@ -34,7 +34,7 @@ def run(
         observers: Who sees every cycle.
         clock: The time that the scans' stamps are in.
         stop: Asked once a cycle.
-        reference: The force sensor of a bench, on a bench.
+        reference: Force sensor of a test stand; None on a robot.
         temperature_c: Asked once a cycle what each leg's converter said last of its temperature [degC], shape (legs,);
             None where none has a sensor.
     """

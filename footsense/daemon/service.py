@@ -1,4 +1,4 @@
-"""The daemon, put together: scans in, forces out, and everyone who watches."""
+"""The daemon, put together: scans in, forces out, and the observers of both."""
 
 import logging
 from collections.abc import Callable, Iterator, Sequence
@@ -9,23 +9,21 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from footsense import __version__
 from footsense.can.frame_log import check_log_target
 from footsense.can.sink import CanSink
-from footsense.clock import MonotonicClock, WakeupLatency, gc_disabled, request_realtime, wall_time_iso
+from footsense.clock import MonotonicClock, WakeupLatency, gc_disabled, request_realtime
 from footsense.config import Can, Config
-from footsense.config import Metrics as MetricsConfig
 from footsense.daemon import loop
-from footsense.daemon.acquisition import Scanning, scanning
-from footsense.daemon.calibrations import calibrations_entry
-from footsense.daemon.estimation import Calibrations, load_calibrations, load_network, pipeline_for
+from footsense.daemon.acquisition import ScanSource, open_scan_source
+from footsense.daemon.calibrations import load_calibrations
+from footsense.daemon.estimation import load_network, pipeline_for
+from footsense.daemon.recording_header import recording_header
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import ConfigError, FootsenseError, RecordingError
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Pipeline
 from footsense.frames import CanStatistics, Flag
 from footsense.ports import CanWire, Clock, FrameSource, Observer
-from footsense.recording.machine import this_machine
 from footsense.recording.recorder import Recorder, check_target
 from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.faults.scene_faults import CanFault
@@ -78,7 +76,7 @@ def can_sink(
 
 @contextmanager
 def _ending(close: Callable[[], None]) -> Iterator[None]:
-    """Close at the end; that a log or recording is not whole must not hide what ended the run."""
+    """Close at the end; an incomplete log or recording must not hide the error that ended the run."""
     try:
         yield
     except BaseException:
@@ -90,23 +88,23 @@ def _ending(close: Callable[[], None]) -> Iterator[None]:
 
 @dataclass(slots=True)
 class Service:
-    """The daemon, put together and open.
+    """The open daemon.
 
     Attributes:
         legs: Names of the legs in the order of the rows of every frame.
-        scanning: Where scans come from.
-        source: The same source, or what slows it down.
+        scan_source: Source of scans with its clock.
+        source: The same source, paced by the wall clock if a simulation has to be.
         network: The network in use.
-        pipeline: What makes forces of scans.
-        sink: Where forces go.
-        observers: Who sees every cycle; more may be added before `run`.
-        recorder: What records, if anything does.
-        can: The simulated CAN interface of a scene in which it breaks.
+        pipeline: Pipeline from scans to forces.
+        sink: CAN sink.
+        observers: Observers of every cycle; more may be added before `run`.
+        recorder: Recorder, if the run is recorded.
+        can: Simulated CAN interface of a scene with CAN faults.
         reference: The force sensor of a test stand.
     """
 
     legs: tuple[str, ...]
-    scanning: Scanning
+    scan_source: ScanSource
     source: FrameSource
     network: Network
     pipeline: Pipeline
@@ -117,22 +115,22 @@ class Service:
     reference: "StandSensor | None" = None
 
     def run(self, stop: Callable[[], bool]) -> None:
-        """Run until `stop` says so."""
-        scanning = self.scanning
+        """Run until `stop` returns true."""
+        scan_source = self.scan_source
         with gc_disabled():
             loop.run(
                 self.source,
                 self.pipeline,
                 self.sink,
                 self.observers,
-                scanning.clock,
+                scan_source.clock,
                 stop,
                 self.reference,
-                (lambda: scanning.source.temperature_c) if scanning.has_thermometers else None,
+                (lambda: scan_source.source.temperature_c) if scan_source.has_thermometers else None,
             )
 
     def figures(self) -> dict[str, object]:
-        """Return what was sent and what was lost, as plain values."""
+        """Return the counts of frames sent and of frames, commands and cycles lost."""
         stats = self.sink.stats
         return {
             "can": {"sent": stats.sent, "dropped": stats.dropped, "rejected_commands": stats.rejected},
@@ -150,23 +148,21 @@ def service(
     can_log: Path | None = None,
     test_stand: "StandSession | None" = None,
 ) -> Iterator[Service]:
-    """Open all that the daemon needs, outputs last, and close it in the opposite order.
-
-    Nothing is written before everything else has been found in order.
+    """Open inputs, then outputs, and close them in reverse: no file is written if an input is missing or wrong.
 
     Args:
         config: The robot.
-        scene: What it does if it is simulated, None for its real buses.
-        real_time: Whether the loop must never wait for its recorder; a simulation is then played at that pace.
+        scene: Scene of its simulation, None for its real buses.
+        real_time: Whether the loop must never wait for its recorder; a simulation is then paced by the wall clock.
         record: File to record to.
-        can_log: File for what is sent on CAN.
+        can_log: File for the CAN frames sent.
         test_stand: The test stand that one foot is pressed on; there the loop waits for its recorder, as nobody walks.
 
     Yields:
         The service.
 
     Raises:
-        FootsenseError: Something is missing or wrong; the message says what.
+        FootsenseError: An input or output is missing or wrong.
     """
     legs = config.legs
     stats = CanStatistics()
@@ -177,13 +173,13 @@ def service(
         if can_log is not None:
             check_log_target(can_log)
         if scene is not None and not is_simulated(config):
-            # Simulated forces must not reach the controller of the robot whose wiring they borrow.
+            # Simulated forces must not reach the controller of the real robot.
             config = msgspec.structs.replace(config, can=Can(interface="virtual"))
         calibrations = load_calibrations(config)
         network = load_network(config, calibrations)
-        # Before any chip is touched; the recorder's process gives up again what they inherit of it.
+        # Before any chip is accessed; the recorder's process drops the scheduling that it inherits.
         flags = _flags(config, simulated=scene is not None)
-        scan = stack.enter_context(scanning(config, scene))
+        scan = stack.enter_context(open_scan_source(config, scene))
         if scan.response_sha256 not in {None, network.card.response_sha256}:
             _log.warning("the network was trained on another response table than the simulated feet follow")
         observers: list[Observer] = [
@@ -195,10 +191,6 @@ def service(
         if scene is not None and real_time:
             pace = MonotonicClock()
             source, wakeups = loop.Paced(source, scan.clock, pace), (pace.wakeups,)
-        lost = lambda: recorder.lost if recorder else 0  # noqa: E731 - the recorder begins later
-        for metrics in _counted(config.metrics, legs, stats, wakeups, scan, lost):
-            stack.callback(metrics.close)
-            observers.append(metrics)
         can = _breaking_can(config, scene, scan.clock)
         connect = can.connect if can is not None else None
         sink = stack.enter_context(
@@ -210,15 +202,16 @@ def service(
 
             reference = stack.enter_context(sensor_of(test_stand, legs.index(test_stand.leg), scan))
         if record is not None:
-            header = _recording_header(config, scene, network, flags, calibrations)
+            header = recording_header(config, scene, network, flags, calibrations)
             header |= test_stand.header() if test_stand is not None else {}
             recorder = Recorder(record, legs, header, blocking=not real_time or test_stand is not None)
             observers.append(recorder)
+        observers += _metrics(config, stats, scan, wakeups, recorder)
         for observer in observers:
             stack.enter_context(_ending(observer.close))
         yield Service(
             legs=legs,
-            scanning=scan,
+            scan_source=scan,
             source=source,
             network=network,
             pipeline=pipeline_for(config, network, flags, calibrations),
@@ -230,25 +223,24 @@ def service(
         )
 
 
-def _counted(
-    config: MetricsConfig | None,
-    legs: tuple[str, ...],
+def _metrics(
+    config: Config,
     stats: CanStatistics,
+    scan: ScanSource,
     wakeups: Sequence[WakeupLatency],
-    scan: Scanning,
-    recorder_lost: Callable[[], int],
+    recorder: Recorder | None,
 ) -> list[Metrics]:
-    """Return the metrics, none where their file cannot be written: that costs metrics, and no forces."""
-    if config is None:
+    """Return the configured metrics; none if their file cannot be written, which must not stop the forces."""
+    if config.metrics is None:
         return []
     try:
         metrics = Metrics(
-            legs,
+            config.legs,
             stats,
-            Path(config.counters),
+            Path(config.metrics.counters),
             wakeups=wakeups,
             missed_deadlines=lambda: scan.source.missed_deadlines,
-            recorder_lost=recorder_lost,
+            recorder_lost=lambda: recorder.lost if recorder else 0,
             log_lost=lost_lines,
         )
     except FootsenseError as error:
@@ -258,16 +250,16 @@ def _counted(
 
 
 def _breaking_can(config: Config, scene: Scene | None, clock: Clock) -> SimulatedCan | None:
-    """Return the CAN interface of a scene in which it breaks; in any other, the virtual channel does."""
+    """Return the simulated CAN interface of a scene with CAN faults; others use the virtual channel."""
     faults = [fault for fault in scene.faults if isinstance(fault, CanFault)] if scene is not None else []
     return SimulatedCan(clock, config.can.bitrate, faults) if faults else None
 
 
 def _flags(config: Config, *, simulated: bool) -> Flag:
-    """Ask for the scheduling that the configuration names; return what every frame has to say of itself.
+    """Request the configured scheduling, and return the flags of every frame.
 
     Raises:
-        ConfigError: It is required, and not granted.
+        ConfigError: The scheduling is required and denied.
     """
     if simulated:
         return Flag.SIMULATED
@@ -278,20 +270,3 @@ def _flags(config: Config, *, simulated: bool) -> Flag:
     for refusal in refusals:
         _log.warning("%s; the frames say degraded_timing", refusal)
     return Flag.DEGRADED_TIMING if refusals else Flag(0)
-
-
-def _recording_header(
-    config: Config, scene: Scene | None, network: Network, flags: Flag, calibrations: Calibrations
-) -> dict[str, str]:
-    return {
-        "footsense": __version__,
-        "started": wall_time_iso(),
-        "config": msgspec.json.encode(config).decode(),
-        "scene": msgspec.json.encode(scene).decode() if scene else "",
-        "flags": str(int(flags)),
-        "model_sha256": network.sha256,
-        "foot_type": network.card.foot_type,
-        "feet": ",".join(f"{leg}={foot}" for leg, foot in config.feet.items()),
-        **calibrations_entry(calibrations),
-        **this_machine(),
-    }

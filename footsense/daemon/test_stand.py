@@ -10,7 +10,7 @@ import msgspec
 from footsense.acquisition.serial_port import SerialLink
 from footsense.calibration.loads.detection import join_references
 from footsense.config.test_stand import Binary, FileSensor, Lines, NetFt, Serial, Simulated, StandConfig
-from footsense.daemon.acquisition import Scanning
+from footsense.daemon.acquisition import ScanSource
 from footsense.errors import ConfigError, RecordingError
 from footsense.frames import Reference
 from footsense.recording.replay import Replay
@@ -60,13 +60,13 @@ def is_live(test_stand: StandConfig) -> bool:
 
 
 @contextmanager
-def sensor_of(run: StandSession, row: int, scanning: Scanning) -> Iterator[StandSensor]:
+def sensor_of(run: StandSession, row: int, scan_source: ScanSource) -> Iterator[StandSensor]:
     """Open the force sensor of a session, and close it at the end.
 
     Args:
         run: The session.
         row: Row of its leg in the frames.
-        scanning: Clock that stamps the samples; for a simulated sensor, the true forces on the simulated feet.
+        scan_source: Clock that stamps the samples; for a simulated sensor, the true forces on the simulated feet.
 
     Yields:
         The sensor.
@@ -76,14 +76,14 @@ def sensor_of(run: StandSession, row: int, scanning: Scanning) -> Iterator[Stand
         ConfigError: It is simulated, and the robot is not.
         RecordingError: The recording to play has no reference.
     """
-    with closing(_opened(run.test_stand, row, scanning)) as sensor:
+    with closing(_opened(run.test_stand, row, scan_source)) as sensor:
         yield sensor
 
 
-def _opened(test_stand: StandConfig, row: int, scanning: Scanning) -> StandSensor:
+def _opened(test_stand: StandConfig, row: int, scan_source: ScanSource) -> StandSensor:
     match test_stand.sensor:
         case Serial() as sensor:
-            link = SerialLink(sensor.device, sensor.baud, scanning.clock)
+            link = SerialLink(sensor.device, sensor.baud, scan_source.clock)
             stream = _stream(sensor.device, test_stand, sensor.rate_hz, sensor.unit_per_count)
             return SerialReference(link, _decoder(sensor.framing), stream, sensor.start.encode())
         case NetFt() as sensor:
@@ -93,7 +93,7 @@ def _opened(test_stand: StandConfig, row: int, scanning: Scanning) -> StandSenso
         case FileSensor() as sensor:
             return FileReference(_recorded(Path(sensor.path), test_stand))
         case Simulated() as sensor:
-            true_force_n = scanning.true_force_n
+            true_force_n = scan_source.true_force_n
             if true_force_n is None:
                 raise ConfigError(
                     "sensor.kind: simulated needs a simulated foot; this configuration names real buses"
@@ -101,7 +101,7 @@ def _opened(test_stand: StandConfig, row: int, scanning: Scanning) -> StandSenso
             specimen = simulated.SimulatedSensor(
                 lambda t_ns: true_force_n(t_ns)[row], sensor.seed, sensor.linearity_rel
             )
-            port = simulated.SimulatedPort(specimen, scanning.clock)
+            port = simulated.SimulatedPort(specimen, scan_source.clock)
             stream = _stream("simulated sensor", test_stand, simulated.RATE_HZ, 1.0)
             return SerialReference(port, LineDecoder(simulated.COLUMNS, ","), stream, b"start")
 

@@ -178,13 +178,13 @@ def _walk(
 ) -> tuple[Invariants, tuple[float, float]]:
     """Walk up to a time [s]; return the checks, and the memory after the first minutes and at the end [MiB]."""
     with service(config, scene, real_time=False) as running:
-        scanning = running.scanning
-        assert scanning.true_force_n is not None, "a scene is simulated"
+        source = running.scan_source
+        assert source.true_force_n is not None, "a scene is simulated"
         assert running.can is not None, "the scene has traffic on CAN"
-        checks = Invariants(rules, scene.faults, scanning.true_force_n)
+        checks = Invariants(rules, scene.faults, source.true_force_n)
         running.observers.append(checks)
         running.can.controller.on_delivered = checks.on_delivered
-        clock = scanning.clock
+        clock = source.clock
         running.run(lambda: clock.now_ns() >= min(_WARM_S, until_s) * _NS_PER_S)
         warm_mib = resident_mib()
         running.run(lambda: clock.now_ns() >= until_s * _NS_PER_S)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from footsense.calibration.session.recorded_session import RecordedSession, read_session
 from footsense.config import Bus, Can, Config
 from footsense.config.test_stand import Axes, Simulated, StandConfig
-from footsense.daemon.acquisition import scanning
+from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.foot_types import FOOT_TYPE
 from footsense.daemon.service import service
 from footsense.daemon.test_stand import StandSession
@@ -133,7 +133,7 @@ def _session(
     load = scene.load.build(round(scene.lead_in_s * 1e9))
     assert isinstance(load, PressSequence), "the scene is of presses"
     with service(config, scene, real_time=False, record=path, test_stand=run) as running:
-        clock = running.scanning.clock
+        clock = running.scan_source.clock
         running.run(lambda: clock.now_ns() > load.ends_ns)
     return read_session(path, foot), load
 
@@ -153,7 +153,7 @@ def _config(batch: FootBatch, number: int) -> Config:
         effects=_EFFECTS,
         fabrication=Fabrication.as_badly_made(seed=batch.seed, first=number, mounting=0),
     )
-    with scanning(config, hanging) as found:
+    with open_scan_source(config, hanging) as found:
         scans = [found.source.read() for _ in range(_UNLOADED_SCANS)]
     readings_pf = [scan.capacitance_pf[0] for scan in scans if not scan.reading.any()]
     unloaded_pf = tuple(np.mean(readings_pf, axis=0).round(4).tolist())

@@ -16,6 +16,7 @@ ROOT = Path(__file__).parents[2]
 NOT_ON_A_ROBOT = {
     "ngsolve",
     "jax",
+    "jinja2",
     "optax",
     "onnx",
     "scipy",

@@ -62,7 +62,7 @@ def record(path: Path, foot: str = "foot-0007", n: int = 24, *, reference: bool 
     scene = Scene(description="a bench", load=load, fabrication=MADE)
     end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 200_000_000
     with daemon.service(config, scene, record=path, real_time=False) as service:
-        true_force_n, clock = service.scanning.true_force_n, service.scanning.clock
+        true_force_n, clock = service.scan_source.true_force_n, service.scan_source.clock
         assert true_force_n is not None
         loop.run(
             service.source,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from footsense.config import DEFAULT
-from footsense.daemon.acquisition import Scanning
+from footsense.daemon.acquisition import ScanSource
 from footsense.daemon.service import service
 from footsense.frames import USABLE, Cause, Cycle, State
 from footsense.sim.faults import scene_faults
@@ -27,14 +27,14 @@ REAL = Effects(converter_noise=True, converter_clock_rel=0.01)
 class Watch:
     """Keeps every cycle, and the temperatures at its end [deg C]."""
 
-    def __init__(self, scanning: Scanning) -> None:
-        self.scanning = scanning
+    def __init__(self, scan_source: ScanSource) -> None:
+        self.scan_source = scan_source
         self.cycles: list[Cycle] = []
         self.temperature_c: list[list[float]] = []
 
     def observe(self, cycle: Cycle) -> None:
         self.cycles.append(cycle)
-        self.temperature_c.append(self.scanning.source.temperature_c.tolist())
+        self.temperature_c.append(self.scan_source.source.temperature_c.tolist())
 
     def close(self) -> None:
         pass
@@ -42,9 +42,9 @@ class Watch:
 
 def watched(scene: Scene, until_s: float) -> Watch:
     with service(ROBOT, scene, real_time=False) as running:
-        watch = Watch(running.scanning)
+        watch = Watch(running.scan_source)
         running.observers.append(watch)
-        running.run(lambda: running.scanning.clock.now_ns() > until_s * 1e9)
+        running.run(lambda: running.scan_source.clock.now_ns() > until_s * 1e9)
     return watch
 
 
@@ -53,10 +53,10 @@ def test_it_walks() -> None:
     scene = Scene(description="A slow walk.", load=SLOW, host_cost_us=40, effects=REAL)
     errors_n = []
     with service(ROBOT, scene, real_time=False) as running:
-        watch = Watch(running.scanning)
+        watch = Watch(running.scan_source)
         running.observers.append(watch)
-        running.run(lambda: running.scanning.clock.now_ns() > 9e9)
-        true_force_n = running.scanning.true_force_n
+        running.run(lambda: running.scan_source.clock.now_ns() > 9e9)
+        true_force_n = running.scan_source.true_force_n
         assert true_force_n is not None
         for cycle in watch.cycles:
             usable = np.isin(cycle.forces.state, sorted(USABLE))

@@ -111,10 +111,10 @@ def walk(publish: str, script: list[Fault]) -> Invariants:
     )
     scene = msgspec.structs.replace(SCENE, faults=tuple(script))
     with daemon.service(config, scene, real_time=False) as service:
-        clock = service.scanning.clock
-        assert service.scanning.true_force_n is not None
+        clock = service.scan_source.clock
+        assert service.scan_source.true_force_n is not None
         assert service.can is not None
-        seen = Invariants(rules, script, service.scanning.true_force_n)
+        seen = Invariants(rules, script, service.scan_source.true_force_n)
         service.can.controller.on_delivered = seen.on_delivered
         ends_s = max(seen.recovered_s, ends_s + 2.1, TARED_S)
         tail = Tail(ends_s)

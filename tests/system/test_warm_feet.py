@@ -57,7 +57,7 @@ def walked(feet: Path, effects: Effects, until_s: float, record: Path | None = N
     )
     seen: list[Cycle] = []
     with daemon.service(robot(feet), scene, record=record, real_time=False) as service:
-        clock = service.scanning.clock
+        clock = service.scan_source.clock
         service.observers.append(Seen(seen))
         service.run(lambda: clock.now_ns() >= until_s * 1e9)
     return seen

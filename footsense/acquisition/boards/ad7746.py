@@ -11,8 +11,8 @@ Register layout: `firmware_interface/ad7746.py`, with the tables of data sheet r
 from firmware_interface import ad7746 as chip
 from firmware_interface import adg715, schedule
 from firmware_interface.ad7746 import Register
-from footsense.acquisition.boards.board import Board, Check, Step, Thermometer
-from footsense.errors import HardwareError, NackError, WrongChipError
+from footsense.acquisition.boards.board import Board, Check, Step, Thermometer, require_identity
+from footsense.errors import HardwareError, NackError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
@@ -108,17 +108,8 @@ def identify(bus: I2cBus, clock: Clock) -> None:
         raise HardwareError(
             f"no answer at {chip.ADDRESS:#04x}: broken wire, no supply, or another mux channel"
         ) from error
-    if settings == chip.RESET_VALUES:
-        return
-    found = f"registers 0x07 to 0x0e at {chip.ADDRESS:#04x} are {settings.hex(' ')} after a reset"
-    wanted = f"an AD7746 says {chip.RESET_VALUES.hex(' ')}"
-    if set(settings) == {0xFF}:
-        why = "no chip drives the lines: check the chip's power and the wires"
-    elif set(settings) == {0x00}:
-        why = "SDA is held low: check for a short or a chip without power"
-    else:
-        why = "another chip has this address, such as an LM75, a TMP102, an ADS1115 or an ADG715 strapped to 0x48"
-    raise WrongChipError(f"{found}, {wanted}; {why}")
+    others = "an LM75, a TMP102, an ADS1115 or an ADG715 strapped to 0x48"
+    require_identity(settings, "an AD7746 after a reset", chip.RESET_VALUES, chip.ADDRESS, others)
 
 
 def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:

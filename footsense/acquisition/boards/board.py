@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from firmware_interface.schedule import Traffic
+from footsense.errors import WrongChipError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
@@ -36,6 +37,30 @@ class Done(NamedTuple):
 
     ask: Transaction
     decode: Callable[[bytes], Reading]
+
+
+def require_identity(answer: bytes, name: str, identity: bytes, address: int, others: str) -> None:
+    """Check the answer of a chip that is asked for its identity.
+
+    Args:
+        answer: The answer.
+        name: Name of the right chip.
+        identity: Its answer.
+        address: Its address.
+        others: Other chips that have this address.
+
+    Raises:
+        WrongChipError: The answer is another one; the text names the usual cause.
+    """
+    if answer == identity:
+        return
+    why = {
+        frozenset({0xFF}): "no chip drives the lines: check the chip's power and the wires",
+        frozenset({0x00}): "SDA is held low: check for a short or a chip without power",
+    }.get(frozenset(answer), f"another chip has this address, such as {others}")
+    raise WrongChipError(
+        f"identity {answer.hex(' ')} at {address:#04x}, {name} says {identity.hex(' ')}; {why}"
+    )
 
 
 class Step(NamedTuple):

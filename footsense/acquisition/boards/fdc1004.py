@@ -8,8 +8,8 @@ from functools import partial
 
 from firmware_interface import adg715, schedule
 from firmware_interface import fdc1004 as chip
-from footsense.acquisition.boards.board import Board, Check, Done, Step
-from footsense.errors import HardwareError, NackError, WrongChipError
+from footsense.acquisition.boards.board import Board, Check, Done, Step, require_identity
+from footsense.errors import HardwareError, NackError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
@@ -20,6 +20,10 @@ _NEVER_SET = 0x7300
 #: Upper words of a result at the ends of the range.
 _RANGE_ENDS = {b"\x7f\xff", b"\x80\x00"}
 _NAN = float("nan")
+_IDENTITY = {
+    chip.Register.MANUFACTURER_ID: chip.MANUFACTURER_ID,
+    chip.Register.DEVICE_ID: chip.DEVICE_ID,
+}
 
 
 def write_register(register: int, word: int) -> Transaction:
@@ -69,25 +73,13 @@ def identify(bus: I2cBus, clock: Clock) -> None:
     """
     del clock
     try:
-        registers = chip.Register.MANUFACTURER_ID, chip.Register.DEVICE_ID
-        manufacturer, device = (
-            int.from_bytes(bus.transfer(read_register(each)), "big") for each in registers
-        )
+        answers = [bus.transfer(read_register(register)) for register in _IDENTITY]
     except NackError as error:
         raise HardwareError(
             f"no answer at {chip.ADDRESS:#04x}: broken wire, no 3.3 V, or another mux channel"
         ) from error
-    if (manufacturer, device) == (chip.MANUFACTURER_ID, chip.DEVICE_ID):
-        return
-    found = f"ids {manufacturer:#06x}/{device:#06x} at {chip.ADDRESS:#04x}"
-    wanted = f"an FDC1004 says {chip.MANUFACTURER_ID:#06x}/{chip.DEVICE_ID:#06x}"
-    if {manufacturer, device} == {0xFFFF}:
-        why = "no chip drives the lines: check the chip's power and the wires"
-    elif {manufacturer, device} == {0x0000}:
-        why = "SDA is held low: check for a short or a chip without power"
-    else:
-        why = "another chip has this address, such as a 24Cxx EEPROM"
-    raise WrongChipError(f"{found}, {wanted}; {why}")
+    identity = b"".join(word.to_bytes(2, "big") for word in _IDENTITY.values())
+    require_identity(b"".join(answers), "an FDC1004", identity, chip.ADDRESS, "a 24Cxx EEPROM")
 
 
 #: Writes that let measurement n measure CIN n to ground, CAPDAC off (section 8.6.1.2).

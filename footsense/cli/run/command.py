@@ -97,16 +97,16 @@ def run(
         service = stack.enter_context(
             daemon.service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )
-        statistics = RunStatistics(service.legs, service.scanning.true_force_n)
+        statistics = RunStatistics(service.legs, service.scan_source.true_force_n)
         service.observers.append(statistics)
         first = FirstFrame()
         service.observers.append(first)
         if live:
             title = f"{scene_name}, simulated" if scene else "on the robot"
-            table = LiveTable(console, service.legs, title, service.scanning.true_force_n)
+            table = LiveTable(console, service.legs, title, service.scan_source.true_force_n)
             stack.callback(table.close)
             service.observers.append(table)
-        clock = service.scanning.clock
+        clock = service.scan_source.clock
         end_ns = None if duration_s is None else clock.now_ns() + round(duration_s * _NS_PER_S)
         service.run(lambda: stop.requested or (end_ns is not None and clock.now_ns() >= end_ns))
     figures = {

@@ -13,7 +13,7 @@ from footsense.acquisition.probe.foot_check import FootFault, FootScans, foot_fa
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.config import Config
-from footsense.daemon.acquisition import open_buses, plan_for, scanning
+from footsense.daemon.acquisition import open_buses, open_scan_source, plan_for
 from footsense.daemon.estimation import load_network
 from footsense.daemon.probe.diagnosis import bus_diagnoses, leg_diagnoses
 from footsense.daemon.probe.report import Diagnosis, ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
@@ -103,7 +103,7 @@ def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterato
 
 def _foot_scans(config: Config, scene: Scene | None) -> list[FootScans]:
     """Return the scans of each leg's foot."""
-    with scanning(config, scene) as started:
+    with open_scan_source(config, scene) as started:
         frames = [started.source.read() for _ in range(_N_SETTLING + _N_SCANS)][_N_SETTLING:]
     capacitance_pf = np.stack([frame.capacitance_pf for frame in frames], axis=1)
     reading = np.stack([frame.reading for frame in frames], axis=1)

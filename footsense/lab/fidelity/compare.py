@@ -3,9 +3,8 @@
 import functools
 import timeit
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from timeit import default_timer
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,10 +101,6 @@ class Distance:
     direction_deg: float
     magnitude_gf: float
     n: int
-
-    def json(self) -> dict[str, Any]:
-        """Return the numbers by name."""
-        return asdict(self)
 
 
 def distance(answer: Answer, finest: Answer, network: Readout, design: CapacitorDesign) -> Distance:

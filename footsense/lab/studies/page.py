@@ -1,20 +1,22 @@
-"""A study of the report: `compute` measures, `render` turns the measured numbers into the page's text.
+"""A study of the report: `compute` measures, a Jinja template turns the measured numbers into the page's text.
 
-A study module ends with `STUDY = Study(...)`. `compute` may take minutes and returns results (a dataclass) and figures.
-The results are written as JSON. `render` sees nothing but the results, so a committed page can be rendered again from
-its JSON without computing anything; a test compares it with the committed text.
+A study module `x.py` ends with `STUDY = Study(...)`; its template is `x.md.j2` beside it. `compute` may take minutes
+and returns results (a dataclass) and figures. The results are written as JSON. The template sees nothing but the
+results and constants, so a committed page can be rendered again from its JSON without computing anything; a test
+compares it with the committed text.
 """
 
 import json
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cache, cached_property
 from pathlib import Path
 from timeit import default_timer
 from typing import Any, Generic, TypeVar
 
 import msgspec
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -120,7 +122,8 @@ class Study(Generic[Results]):
         title: Heading of its page.
         results: Type of the measured numbers: a dataclass that msgspec converts to and from JSON.
         compute: Measures.
-        render: Returns Markdown below the heading, from the results alone.
+        names: Constants and functions that the template uses beside the fields of the results.
+        render: Returns the text of a page without a template.
         command: Of `footsense lab`; empty for `study <name>`.
     """
 
@@ -128,7 +131,8 @@ class Study(Generic[Results]):
     title: str
     results: type[Results]
     compute: Callable[[StudyContext], tuple[Results, Figures]]
-    render: Callable[[Results], str]
+    names: Mapping[str, Any] = field(default_factory=dict)
+    render: Callable[[Results], str] | None = None
     command: str = ""
 
     def page(self, context: StudyContext) -> Page:
@@ -139,14 +143,19 @@ class Study(Generic[Results]):
             "seconds": round(default_timer() - started, 1),
             "quick": context.quick,
             "network_sha256": context.network_sha256,
-            "code_sha256": module_sha256(self.render.__module__),
+            "code_sha256": module_sha256(self.compute.__module__),
             **msgspec.to_builtins(results, str_keys=True, enc_hook=_plain),
         }
         return self.rendered(json.loads(json.dumps(values)), figures)
 
     def rendered(self, values: dict[str, Any], figures: Figures | None = None) -> Page:
         """Return the page of what a page's JSON holds; it computes nothing."""
-        body = self.render(msgspec.convert(values, self.results, str_keys=True)).strip()
+        results: Any = msgspec.convert(values, self.results, str_keys=True)
+        numbers = {one.name: getattr(results, one.name) for one in fields(results)}
+        if self.render is not None:
+            body = self.render(results).strip()
+        else:
+            body = render(self.compute.__module__, {"results": results, **numbers, **self.names})
         return Page(
             name=self.name,
             title=self.title,
@@ -156,6 +165,31 @@ class Study(Generic[Results]):
             seconds=values["seconds"],
             command=self.command,
         )
+
+
+def render(module: str, names: Mapping[str, Any]) -> str:
+    """Return the text of the template `<module>.md.j2` beside a module of footsense.
+
+    Args:
+        module: The module's dotted name.
+        names: Values of the template's variables; the template fails on any other variable.
+    """
+    path = module.removeprefix("footsense.").replace(".", "/")
+    return _environment().get_template(f"{path}.md.j2").render(names).strip()
+
+
+@cache
+def _environment() -> Environment:
+    """Return the templates' environment, with the filter `fmt`: `{{ 0.5|fmt(".0%") }}` is `50%`."""
+    environment = Environment(
+        loader=PackageLoader("footsense", ""),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=select_autoescape(),
+    )
+    environment.filters["fmt"] = format
+    return environment
 
 
 _QUICK = "**Quick run: coarse steps, few cases and seeds. Its figures are no results.**"

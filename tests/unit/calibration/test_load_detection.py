@@ -2,16 +2,17 @@
 
 import itertools
 import re
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.calibration.loads.calibration_load import Rejection
-from footsense.calibration.loads.detection import find_loads
+from footsense.calibration.loads.calibration_load import CalibrationLoad, Rejection
+from footsense.calibration.loads.detection import LoadDetector
 from footsense.calibration.loads.reference_lag import lag_message
-from footsense.frames import Reading
+from footsense.frames import Cycle, Reading
 from tests.support.feet import DESIGN
 from tests.support.presses import (
     CLOSURE_REL,
@@ -25,6 +26,14 @@ from tests.support.presses import (
 )
 
 Vector = NDArray[np.float64]
+
+
+def find_loads(cycles: Iterable[Cycle], row: int) -> list[CalibrationLoad]:
+    """Return the loads of every press, accepted and rejected."""
+    detector = LoadDetector(row)
+    found = [*map(detector.take, cycles), detector.finish()]
+    return [load for load in found if load is not None]
+
 
 ONE = Hold(1.5, 1.2, tuple(direction(40.0, 60.0)))
 

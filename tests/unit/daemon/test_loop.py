@@ -25,7 +25,7 @@ def test_the_loop_leaves_nothing_to_collect(faults: str, tmp_path: Path) -> None
     )
     cycles = iter(range(80))
     with daemon.service(DEFAULT, load_scene(str(scene)), real_time=False) as service:
-        parts = (service.source, service.pipeline, service.sink, service.observers, service.scanning.clock)
+        parts = (service.source, service.pipeline, service.sink, service.observers, service.scan_source.clock)
         loop.run(*parts, stop=lambda: next(cycles) >= 30)
         gc.collect()
         gc.disable()

@@ -63,7 +63,7 @@ def test_nothing_is_wrong_with_a_sound_robot() -> None:
     ("broken", "what", "check"),
     [
         (scene_faults.Absent(at_s=0, leg="lm"), "channel 1: no answer at 0x50", "its plug"),
-        (scene_faults.WrongChip(at_s=0, leg="lm"), "an FDC1004 says 0x5449/0x1004", "what is plugged in"),
+        (scene_faults.WrongChip(at_s=0, leg="lm"), "an FDC1004 says 54 49 10 04", "what is plugged in"),
         (scene_faults.BrokenRow(at_s=0, leg="lm", row=1), "row 1 is interrupted", "the row switch"),
         (
             scene_faults.BrokenColumn(at_s=0, leg="lm", column=2),

@@ -4,15 +4,17 @@ Source:
     Aoyagi et al., section III G, Figs. 11 and 12.
 """
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, errors
 from footsense.lab.monte_carlo.statistics import MeanStd
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels, plot_band, table
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels, plot_band
 from footsense.lab.training.load_cases import paper_training, paper_verification
 from footsense.lab.training.mlp import start_layers
 from footsense.lab.training.paper_procedure import EPOCHS, QUICK_EPOCHS, PaperTraining, verification_at
@@ -125,74 +127,34 @@ def _figure(results: Results) -> Figure:
     return figure
 
 
-#: A difference of means and its standard error.
-Difference = tuple[float, float]
+class _Difference(NamedTuple):
+    """A difference of means.
+
+    Attributes:
+        mean: Difference.
+        error: Its standard error.
+    """
+
+    mean: float
+    error: float
+
+    @property
+    def sign(self) -> int:
+        """1 or -1 if significant, else 0."""
+        return int(np.sign(self.mean)) if abs(self.mean) > SIGNIFICANT * self.error else 0
 
 
-def _sign(difference: Difference) -> int:
-    """Return 1 or -1 if a difference is significant, else 0."""
-    return int(np.sign(difference[0])) if abs(difference[0]) > SIGNIFICANT * difference[1] else 0
-
-
-def _cell(difference: Difference) -> str:
-    """Return a difference as a cell, bold if significant."""
-    if difference[0] == 0.0:
-        return "is the best"
-    text = f"{difference[0]:+.2f} ± {difference[1]:.2f}"
-    return f"**{text}**" if _sign(difference) else text
-
-
-def _differences(neurons: Sequence[int], by_depth: ByDepth) -> dict[str, Difference]:
-    """Return the differences of means that are above zero where the paper's statements hold."""
-    best = {depth: min(sizes, key=lambda one: one.mean) for depth, sizes in by_depth.items()}
-    differences = {"one layer at its best, less two at theirs": best["1"].excess(best["2"])}
-    for depth, name in _DEPTHS.items():
-        for k, words in ((0, "fewest"), (-1, "most")):
-            label = f"{name}: {words} neurons ({neurons[k]}), less the best"
-            differences[label] = by_depth[depth][k].excess(best[depth])
-    return differences
-
-
-def _holds(differences: Sequence[Difference]) -> str:
-    """Put into words in how many comparisons a statement holds."""
-    signs = [_sign(difference) for difference in differences]
-    text = f"so in {signs.count(1)} of {len(signs)} comparisons"
-    return text + (f", the other way round in {signs.count(-1)}" if -1 in signs else "")
-
-
-def render(results: Results) -> str:
-    """Return the page's text."""
-    measured = [(words, getattr(results, name)) for name, words, _ in _MEASURED]
-    rows = [
-        [str(n), *(str(n_weights(int(depth), n)) for depth in _DEPTHS)]
-        + [str(by_depth[depth][k]) for _, by_depth in measured for depth in _DEPTHS]
-        for k, n in enumerate(results.neurons)
-    ]
-    header = ["neurons a layer", *(f"weights, {depth}" for depth in _DEPTHS)]
-    header += [f"{words}, {depth}" for words, _ in measured for depth in _DEPTHS]
-    columns = [_differences(results.neurons, by_depth) for _, by_depth in measured]
-    names = list(columns[0])
-    layers, few_1, many_1, few_2, many_2 = ([column[name] for column in columns] for name in names)
-    compared = [[name, *(_cell(column[name]) for column in columns)] for name in names]
-    return f"""
-The paper (section III G, Figs. 11 and 12) finds two hidden layers slightly better than one, and both too few and too
-many neurons bad. Here: plain networks on ΔC, RPROP, {results.epochs} epochs on the 362 cases, {results.seeds} seeds for
-each size, mean ± standard deviation between seeds; 1 and 2 are the hidden layers. The test cases are the paper's 180
-with 100 gf, a force that is not in the training cases, and the same directions with 50 and 150 gf, which are.
-
-{table(header, rows)}
-
-![]({_FIGURE})
-
-{table(["difference of means ± its standard error", *(words for words, _ in measured)], compared)}
-
-Bold: differs from zero by more than {SIGNIFICANT:g} standard errors. The best size is picked from these same means,
-which flatters it.
-
-- *Two layers are better than one*: {_holds(layers)}.
-- *Too few neurons are bad*: {_holds([*few_1, *few_2])}.
-- *Too many neurons are bad*: {_holds([*many_1, *many_2])}.
-"""
+def _differences(neurons: Sequence[int], errors_by_depth: list[ByDepth]) -> dict[str, list[_Difference]]:
+    """Return differences of means that are positive where the paper's statements hold, one for each kind of error."""
+    differences = defaultdict(list)
+    for by_depth in errors_by_depth:
+        best = {depth: min(sizes, key=lambda one: one.mean) for depth, sizes in by_depth.items()}
+        differences["one layer at its best, less two at theirs"].append(best["1"].excess(best["2"]))
+        for depth, name in _DEPTHS.items():
+            for k, words in ((0, "fewest"), (-1, "most")):
+                label = f"{name}: {words} neurons ({neurons[k]}), less the best"
+                differences[label].append(by_depth[depth][k].excess(best[depth]))
+    return {label: [_Difference(*one) for one in row] for label, row in differences.items()}
 
 
 STUDY = Study(
@@ -200,5 +162,10 @@ STUDY = Study(
     title="How many hidden layers and neurons",
     results=Results,
     compute=compute,
-    render=render,
+    names={
+        "MEASURED": _MEASURED,
+        "SIGNIFICANT": SIGNIFICANT,
+        "differences": _differences,
+        "n_weights": n_weights,
+    },
 )

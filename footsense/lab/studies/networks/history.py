@@ -14,7 +14,7 @@ from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.specimen import Foot
 from footsense.lab.creep import ASSUMED, Kelvin, crept_closure, uncrept_closure
 from footsense.lab.evaluation.evaluate import errors
-from footsense.lab.studies.page import Figures, Study, StudyContext, table
+from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.training.load_cases import measured_closure_rel, sensed_closure_um
 from footsense.lab.training.scan_network import HIDDEN, train_scans
 from footsense.sim.loads.ground_load import Walk, measured_walk, smooth_step
@@ -266,38 +266,19 @@ def _figure(walk_n: Vector, estimates_n: dict[str, Vector]) -> Figure:
     return figure
 
 
-def render(results: Results) -> str:
-    """Return the page's text."""
-    rows = [["this scan, no foot creeps", "9", *results.without_creep.cells(), "-", "-"]]
-    rows += [
-        [name, f"{one.n_inputs}", *one.same.cells(), *one.other.cells()[:2]]
-        for name, one in results.readouts.items()
-    ]
-    header = ["read from", "inputs", "under load [mN rms]", "direction [deg]", "in swing [mN rms]"]
-    alone, best, undone = (results.readouts[name] for name in (_ALONE, _FILTERED, _UNDONE))
-    filters = " and ".join(f"{time_s:g}" for time_s in FILTERS_S)
-    chain = " and ".join(f"{100 * part.share_rel:g} % with {part.time_s:g} s" for part in ASSUMED)
-    return f"""
-Rubber creeps: a closure grows for a while under a constant load, and lingers after lift-off. Then one scan does not
-determine the force. Does a short history? The chain is *assumed*, {chain} on top of every elastic closure; no foot was
-measured. A scan of nine conversions takes {1e3 * PERIOD_S:g} ms; the skew within it is left out, no gap closes, the
-converter's noise is in. Each network has two hidden layers of {HIDDEN} units beside a linear path and is trained in
-{results.steps} steps on {results.training_walks} synthetic walks with rounded stances up to {LARGEST_N[1]:g} N. The
-test has {results.test_walks} *measured* walks in random headings, whose stances are not in the training. The low-pass
-filters have {filters} s, not the times of the chain. The last two columns are feet that creep 30 % more and 30 % more
-slowly than those of the training.
-
-{table([*header, "other feet: under load [mN rms]", "direction [deg]"], rows)}
-
-![]({_FIGURE})
-
-Low-pass states bring the error under load from {1e3 * alone.same.loaded_n:.1f} mN (this scan alone, trained with creep)
-to {1e3 * best.same.loaded_n:.1f} mN, by a factor of {alone.same.loaded_n / best.same.loaded_n:.1f}; in swing from
-{1e3 * alone.same.swing_n:.1f} to {1e3 * best.same.swing_n:.1f} mN. Taking the creep out by its chain (two states per
-element, no training) leaves {1e3 * undone.same.loaded_n:.1f} mN when the chain is the foot's own, and
-{1e3 * undone.other.loaded_n:.1f} mN when it is not; without creep {1e3 * results.without_creep.loaded_n:.1f} mN are
-left. The last scans alone span at most a tenth of a second.
-"""
-
-
-STUDY = Study(name="history", title="Does a history pay", results=Results, compute=compute, render=render)
+STUDY = Study(
+    name="history",
+    title="Does a history pay",
+    results=Results,
+    compute=compute,
+    names={
+        "ALONE": _ALONE,
+        "FILTERED": _FILTERED,
+        "UNDONE": _UNDONE,
+        "ASSUMED": ASSUMED,
+        "FILTERS_S": FILTERS_S,
+        "HIDDEN": HIDDEN,
+        "LARGEST_N": LARGEST_N,
+        "PERIOD_S": PERIOD_S,
+    },
+)

@@ -9,7 +9,7 @@ import onnxruntime
 from matplotlib.figure import Figure
 
 from footsense.lab.evaluation.evaluate import Errors, errors
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels
 from footsense.lab.training.export import onnx_model
 from footsense.lab.training.load_cases import Cases, measured_closure_rel, paper_verification, random_loads
 from footsense.lab.training.network import Weights
@@ -140,45 +140,10 @@ def _figure(sizes: list[Size]) -> Figure:
     return figure
 
 
-def render(results: Results) -> str:
-    """Return the page's text."""
-    sizes = results.sizes
-    chosen = max((size for size in sizes if size.weights <= WEIGHT_LIMIT), key=lambda size: size.weights)
-    beside = " ".join(
-        f"With {other.weights} weights the error is "
-        f"{other.random.direction_deg / chosen.random.direction_deg:.2f} times as large in "
-        f"{other.run_us / chosen.run_us:.2f} of the time."
-        for other in (sizes[0], sizes[-1])
-        if other is not chosen
-    )
-    rows = [
-        [str(size.weights), str(size.channels), f"{size.run_us:.1f}"]
-        + [
-            cell
-            for row in (size.random, size.paper)
-            for cell in (
-                f"{row.direction_deg:.3f} / {row.direction_p95_deg:.3f}",
-                f"{row.magnitude_gf:.3f} / {row.magnitude_p95_gf:.3f}",
-            )
-        ]
-        for size in sizes
-    ]
-    header = ["weights", "channels", "one row [us]", "random: direction [deg]", "magnitude [gf]"]
-    return f"""
-The same foot, the same {results.cases} random loads, the same {results.steps} steps of {BATCH} cases (the released
-network is trained much longer; the comparison counts here): how large is the error of each size, and how long does it
-take? Errors are mean / p95 with the converter's noise, on {sizes[0].random.n} held-out loads from {results.from_n:g} N
-and on the paper's 180. Time is one row through ONNX Runtime on one thread, the fastest of {TIMINGS} timings of {RUNS}
-runs. A few directions near the diagonals raise a mean above its p95 (page `cramer-rao`).
-
-{table([*header, "paper: direction [deg]", "magnitude [gf]"], rows)}
-
-![]({_FIGURE})
-
-Time hardly grows with the size, the error falls all the way: so the largest size within {WEIGHT_LIMIT} weights is
-released. It has {chosen.weights} and an error of {chosen.random.direction_deg:.3f} deg here on the random loads in
-{chosen.run_us:.1f} us. {beside}
-"""
-
-
-STUDY = Study(name="network-size", title="How many weights", results=Results, compute=compute, render=render)
+STUDY = Study(
+    name="network-size",
+    title="How many weights",
+    results=Results,
+    compute=compute,
+    names={"BATCH": BATCH, "RUNS": RUNS, "TIMINGS": TIMINGS, "WEIGHT_LIMIT": WEIGHT_LIMIT},
+)

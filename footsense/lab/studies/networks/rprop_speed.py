@@ -13,7 +13,7 @@ import optax
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels
 from footsense.lab.training.load_cases import paper_training
 from footsense.lab.training.mlp import Layers, Trained, stack, train
 from footsense.lab.training.paper_procedure import HIDDEN, PaperTraining, starts_of
@@ -159,61 +159,10 @@ def _figure(runs: dict[str, Trained]) -> Figure:
     return figure
 
 
-def render(results: Results) -> str:
-    """Return the page's text; the paper's "several tens of times" is taken as 20 to 99."""
-    rows = [
-        [
-            name,
-            f"{race.rate:g}",
-            f"{race.goal:.1e}",
-            f"{race.descent_epochs:.0f}",
-            f"{race.rprop_epochs:.0f} ({race.n_there} of {results.seeds} there)",
-            f"{race.times_fewer:.1f} ({race.least_fewer:.1f} to {race.most_fewer:.1f})",
-            f"{race.descent_s:.3f}",
-            f"{race.rprop_s:.3f}",
-            f"{race.descent_s / race.rprop_s:.1f}",
-        ]
-        for name, race in results.races.items()
-    ]
-    header = [
-        "against",
-        "best rate",
-        "loss",
-        "its epochs",
-        "RPROP's",
-        "times fewer",
-        "its time [s]",
-        "RPROP's [s]",
-    ]
-    findings = "\n".join(
-        f"- *Several tens of times* against {name}: "
-        f"{'right' if round(race.times_fewer) in range(20, 100) else 'not so'}, "
-        f"{race.times_fewer:.1f} times fewer epochs."
-        for name, race in results.races.items()
-    )
-    per_epoch = ", ".join(f"{epoch_us:.0f} us ({name})" for name, epoch_us in results.epoch_us.items())
-    return f"""
-The paper (section III D) takes RPROP because it converges several tens of times faster than back-propagation. Here:
-networks 9-{HIDDEN[0]}-{HIDDEN[1]}-3 on the 362 cases, {results.seeds} seeds, {results.epochs} epochs for each rule, the
-same start weights. Back-propagation gets the best of {len(RATES)} fixed learning rates from {RATES[0]:g} to
-{RATES[-1]:g}, found on these very cases; the search is not counted, and RPROP needs none. Both then race to the loss at
-which back-propagation ends; a seed that RPROP does not take there counts with all {results.epochs} epochs. Medians over
-the seeds, in brackets the lowest and the highest ratio; time is processor time.
-
-{table([*header, "times less"], rows)}
-
-![]({_FIGURE})
-
-{findings}
-
-One epoch of one network takes {per_epoch} of processor time.
-"""
-
-
 STUDY = Study(
     name="rprop-speed",
     title="RPROP against back-propagation",
     results=Results,
     compute=compute,
-    render=render,
+    names={"HIDDEN": HIDDEN, "RATES": RATES},
 )

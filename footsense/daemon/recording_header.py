@@ -1,0 +1,104 @@
+"""Header of a recording: configuration, scene, flags, network, calibrations; written by a run, read by a replay."""
+
+from collections.abc import Mapping
+
+import msgspec
+
+from footsense import __version__
+from footsense.clock import wall_time_iso
+from footsense.config import Can, Config
+from footsense.config.former_keys import with_present_keys
+from footsense.errors import RecordingError
+from footsense.estimation.network import Network
+from footsense.foot.calibration_reader import FootCalibration
+from footsense.frames import Flag
+from footsense.recording.machine import this_machine
+from footsense.recording.replay import Replay
+from footsense.sim.scene import Scene
+
+__all__ = ["model_difference", "recorded_config", "recorded_flags", "recording_header"]
+
+_CALIBRATIONS = "calibrations"
+
+
+def recording_header(
+    config: Config,
+    scene: Scene | None,
+    network: Network,
+    flags: Flag,
+    calibrations: Mapping[str, FootCalibration],
+) -> dict[str, str]:
+    """Return the header of a recording that begins now."""
+    hashes = (f"{leg}={calibration.manifest.sha256}" for leg, calibration in calibrations.items())
+    return {
+        "footsense": __version__,
+        "started": wall_time_iso(),
+        "config": msgspec.json.encode(config).decode(),
+        "scene": msgspec.json.encode(scene).decode() if scene else "",
+        "flags": str(int(flags)),
+        "model_sha256": network.sha256,
+        "foot_type": network.card.foot_type,
+        "feet": ",".join(f"{leg}={foot}" for leg, foot in config.feet.items()),
+        _CALIBRATIONS: ",".join(hashes),
+        **this_machine(),
+    }
+
+
+def recorded_flags(recording: Replay) -> int:
+    """Return the flags that every frame of a recording carries; without them in the header, none.
+
+    Raises:
+        RecordingError: The header's flags are not a number from 0 to 255.
+    """
+    text = recording.header.get("flags", "0")
+    if text not in map(str, range(256)):
+        raise RecordingError(f"{recording.path}: the flags of its header are {text[:20]!r}, not 0 to 255")
+    return int(text)
+
+
+def recorded_config(recording: Replay) -> Config:
+    """Return the configuration of a recording, its CAN kept inside the process.
+
+    Raises:
+        RecordingError: The header has no configuration that this version reads, or one of other legs.
+    """
+    try:
+        data = msgspec.json.decode(recording.header["config"])
+        config = msgspec.convert(with_present_keys(data), Config)
+    except (KeyError, msgspec.DecodeError, RecursionError) as error:
+        raise RecordingError(
+            f"{recording.path}: no configuration that this version reads: {error}"
+        ) from error
+    if config.legs != recording.legs:
+        then, now = ", ".join(recording.legs), ", ".join(config.legs)
+        raise RecordingError(f"{recording.path}: holds the legs {then}, but a configuration of {now}")
+    return msgspec.structs.replace(config, can=Can(interface="virtual"))
+
+
+def model_difference(
+    header: Mapping[str, str], network: Network, calibrations: Mapping[str, FootCalibration]
+) -> str | None:
+    """Return why the forces cannot be those of a recording, in words; None if network and calibrations are the same.
+
+    Args:
+        header: Header of the recording; without calibrations in it, it was made without.
+        network: Network used now.
+        calibrations: Calibrations used now, by leg.
+    """
+    recorded = header.get("model_sha256", "unknown")
+    if recorded != network.sha256:
+        return (
+            f"recorded with network {recorded[:12]}, here is {network.sha256[:12]}; "
+            "only the same network can give the same forces"
+        )
+    entries = [entry.partition("=") for entry in header.get(_CALIBRATIONS, "").split(",") if entry]
+    then = {leg: f"the calibration {sha256[:12]}" for leg, _, sha256 in entries}
+    here = {leg: f"the calibration {found.manifest.sha256[:12]}" for leg, found in calibrations.items()}
+    for leg in sorted(then.keys() | here.keys()):
+        if then.get(leg) != here.get(leg):
+            return (
+                f"{leg} was recorded with {then.get(leg, 'no calibration')}, here is "
+                f"{here.get(leg, 'no calibration')}; only the same calibrations give the same forces, "
+                "--calibrations names their folder"
+            )
+    return None
