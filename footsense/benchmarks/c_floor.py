@@ -90,7 +90,7 @@ class CFloor:
             [
                 [EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2, design.gap_um],
                 np.zeros(n),
-                np.full(n, design.rest_pf),
+                np.full(n, design.unloaded_pf),
                 calibration.closure_rel_min,
                 calibration.closure_rel_max,
                 [config.stale_after_ms * 1e6],

@@ -56,5 +56,5 @@ def poked(
         force_n=force_n + 0.003 * noise[2],
         sigma_n=np.full(force_n.shape, 0.003),
         capacitance_pf=foot.capacitance_pf(leaning, felt_n),
-        baseline_pf=np.tile(foot.rest_pf, (len(force_n), 1)),
+        baseline_pf=np.tile(foot.unloaded_pf, (len(force_n), 1)),
     )

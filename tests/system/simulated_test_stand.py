@@ -82,7 +82,7 @@ def true_parameters(number: int = 0) -> FootParameters:
     made = fabricate(response, MADE.tolerances, MADE.seed, MADE.first + number)
     return FootParameters(
         stray_pf=made.stray_pf,
-        unloaded_pf=Foot(response, made).rest_pf,
+        unloaded_pf=Foot(response, made).unloaded_pf,
         gap_um=response.design.gap_um + made.gap_um,
         stiffness_rel=made.stiffness_rel,
         mount=made.mount,

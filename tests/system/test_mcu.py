@@ -126,8 +126,8 @@ def plugged(path: Path) -> Iterator[Line]:
 
 def test_over_a_real_terminal(tmp_path: Path) -> None:
     """The port, the decoder and the clock together: every scan is a frame, out is out, and back is back."""
-    rest_pf = np.linspace(5.0, 5.8, 9)
-    mcu = SimulatedMcu(dict.fromkeys(LEGS, lambda _: rest_pf), step_us=500)
+    unloaded_pf = np.linspace(5.0, 5.8, 9)
+    mcu = SimulatedMcu(dict.fromkeys(LEGS, lambda _: unloaded_pf), step_us=500)
     clock = HurriedClock()
     with plugged(tmp_path / "usb-mcu") as line:
         device = line.plug()
@@ -139,7 +139,7 @@ def test_over_a_real_terminal(tmp_path: Path) -> None:
             os.write(device, mcu.scan(clock.now_ns() - 4 * MS))
             frame = source.read()
             assert not frame.reading.any()
-            assert frame.capacitance_pf == pytest.approx(np.tile(rest_pf, (6, 1)))
+            assert frame.capacitance_pf == pytest.approx(np.tile(unloaded_pf, (6, 1)))
             assert 0 < frame.t_ns.max() <= clock.now_ns()
             stamps_ns.append(frame.t_ns[0, 0])
         assert (np.diff(stamps_ns) > 0).all()
@@ -149,5 +149,5 @@ def test_over_a_real_terminal(tmp_path: Path) -> None:
         while (frame := source.read()).reading.any():
             clock.sleep_until_ns(clock.now_ns() + 5 * MS)
             os.write(device, mcu.scan(clock.now_ns() - 4 * MS))
-        assert frame.capacitance_pf == pytest.approx(np.tile(rest_pf, (6, 1)))
+        assert frame.capacitance_pf == pytest.approx(np.tile(unloaded_pf, (6, 1)))
         source.close()

@@ -121,7 +121,7 @@ def _probe_legs(
             places.append((leg, report.bus.device, channel, chips))
     if config.serial is not None:
         places = [(name, config.serial.device, "mcu", None) for name in config.legs]
-    designed_pf = load_network(config).card.trained_inputs.design.rest_pf
+    designed_pf = load_network(config).card.trained_inputs.design.unloaded_pf
     for row, place in enumerate(places):
         scans = None if feet is None or np.isin(feet[row].reading, _SILENT).all() else feet[row]
         # Readings spoilt by a loose contact say nothing of the foot.

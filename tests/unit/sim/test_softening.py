@@ -23,7 +23,9 @@ def closures_um(scene: Scene) -> NDArray[np.float64]:
     with daemon.open_scan_source(ROBOT, scene) as started:
         while started.clock.now_ns() < 2e9:
             scans.append(started.source.read().capacitance_pf)
-    return DESIGN.plate_distance_um(np.array([DESIGN.rest_pf])) - DESIGN.plate_distance_um(np.array(scans))
+    return DESIGN.plate_distance_um(np.array([DESIGN.unloaded_pf])) - DESIGN.plate_distance_um(
+        np.array(scans)
+    )
 
 
 @pytest.mark.parametrize("gait_table", [False, True])
