@@ -16,7 +16,7 @@ import numpy as np
 
 from footsense.clock import resident_mib, stopwatch_ns
 from footsense.config import Config
-from footsense.daemon.service import service
+from footsense.daemon.service import open_service
 from footsense.frames import State
 from footsense.sim.scene import Scene
 from footsense.validation.invariants import Invariants, Violation
@@ -177,7 +177,7 @@ def _walk(
     config: Config, scene: Scene, rules: Rules, until_s: float
 ) -> tuple[Invariants, tuple[float, float]]:
     """Walk up to a time [s]; return the checks, and the memory after the first minutes and at the end [MiB]."""
-    with service(config, scene, real_time=False) as running:
+    with open_service(config, scene, real_time=False) as running:
         source = running.scan_source
         assert source.true_force_n is not None, "a scene is simulated"
         assert running.can is not None, "the scene has traffic on CAN"

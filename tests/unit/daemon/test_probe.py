@@ -142,7 +142,7 @@ def test_a_foot_that_is_pressed_or_another_one_says_by_how_much() -> None:
     scene = msgspec.structs.replace(HANGING, load=Constant(force_n=(0.0, 0.0, 0.5)), lead_in_s=0.0)
     found = probe(DEFAULT, scene)
     assert len(found.diagnoses) == 6
-    assert "from what the free foot is expected to" in found.diagnoses[0].what
+    assert "from the expected capacitance of the free foot" in found.diagnoses[0].what
     assert all(leg.unloaded_pf is not None for leg in found.legs)
 
 
