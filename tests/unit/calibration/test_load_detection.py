@@ -51,7 +51,7 @@ def test_loads_are_what_was_pressed() -> None:
         assert (np.abs(error_n) < 5 * SAMPLE_NOISE_N / np.sqrt(min(load.n_samples, 60))).all()
         assert load.force_noise_n == pytest.approx(SAMPLE_NOISE_N, rel=0.3)
         held_pf = DESIGN.capacitance_pf(np.array(hold.force_n) @ CLOSURE_REL * DESIGN.gap_um)
-        assert load.capacitance_pf - load.baseline_pf == pytest.approx(held_pf - DESIGN.rest_pf, abs=1e-3)
+        assert load.capacitance_pf - load.baseline_pf == pytest.approx(held_pf - DESIGN.unloaded_pf, abs=1e-3)
         assert load.estimate_n == pytest.approx(hold.force_n, abs=0.01)
         assert 0.8 < load.dwell_s < 1.2
         assert abs(load.t_ns * 1e-9 - 1.0 - (hold.at_s + 0.2 + hold.held_s / 2)) < 0.1
