@@ -139,7 +139,7 @@ class Service:
 
 
 @contextmanager
-def service(
+def open_service(
     config: Config,
     scene: Scene | None,
     *,

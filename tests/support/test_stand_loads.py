@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.loads.calibration_load import LoadSet
-from footsense.daemon import released
+from footsense.daemon.foot_types import released
 from footsense.estimation.network import Network
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot

@@ -9,14 +9,15 @@ import click
 import msgspec
 from rich.console import Console
 
-from footsense import daemon
 from footsense.calibration.session.guide import SessionGuide
 from footsense.cli.options import StopRequest, config_option, duration_option, pace_option
 from footsense.cli.record.table import MESSAGES, RecordTable
 from footsense.cli.test_stand_options import foot_option
 from footsense.config import DEFAULT, Config, load_config
 from footsense.config.test_stand import StandConfig, load_test_stand
+from footsense.daemon.service import open_service
 from footsense.daemon.session_guide import practice_scene, session_guide
+from footsense.daemon.simulation import is_simulated
 from footsense.daemon.test_stand import StandSensor, StandSession, is_live
 from footsense.errors import CalibrationError, ConfigError
 from footsense.frames import LEGS
@@ -83,7 +84,7 @@ def record(
     scene = None
     if scene_name is not None:
         scene = load_scene(scene_name)
-    elif daemon.is_simulated(config):
+    elif is_simulated(config):
         scene = practice_scene(foot, row, session)
     console = Console()
     live = console.is_terminal
@@ -92,7 +93,7 @@ def record(
     stop = StopRequest()
     with ExitStack() as stack:
         service = stack.enter_context(
-            daemon.service(config, scene, record=out, real_time=paced or scene is None, test_stand=run)
+            open_service(config, scene, record=out, real_time=paced or scene is None, test_stand=run)
         )
         messages: deque[str] = deque(maxlen=MESSAGES)
         report = messages.append if live else click.echo

@@ -72,7 +72,7 @@ def probe(config: Config, scene: Scene | None) -> ProbeResult:
     buses: tuple[ProbedBus, ...] = ()
     diagnoses: list[Diagnosis] = []
     floor_ns = 0
-    if config.buses:  # a microcontroller's are its own
+    if config.buses:  # a microcontroller has its own buses
         plan = plan_for(config)
         buses = tuple(_probe_buses(config, scene, plan))
         diagnoses += [diagnosis for report in buses for diagnosis in bus_diagnoses(report, plan)]

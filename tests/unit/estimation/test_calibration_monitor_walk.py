@@ -10,7 +10,8 @@ import pytest
 
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.config import DEFAULT, Config
-from footsense.daemon import load_network, pipeline_for, released
+from footsense.daemon.estimation import load_network, pipeline_for
+from footsense.daemon.foot_types import released
 from footsense.estimation.faults.calibration_monitor import REFERENCE_STRIDES, Vector
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from footsense.daemon import released
+from footsense.daemon.foot_types import released
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import LEGS
