@@ -1,7 +1,7 @@
 """Symmetries of the square foot, applied to cells, series and compliance.
 
 The cells of all electrodes together are an 18 x 18 grid, row 0 the most forward, column 0 the leftmost (the bars
-between the electrodes left out). A mirror of the foot maps the grid onto itself, so a quarter of it determines the rest.
+between the electrodes left out). A mirror of the foot maps the grid onto itself, so a quarter determines the rest.
 """
 
 import numpy as np
