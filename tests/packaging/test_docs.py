@@ -13,7 +13,9 @@ PAGES = sorted(
     if path.name != "CHANGELOG.md"
 )
 _LINK = re.compile(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)")
-_PATH = re.compile(r"`((?:[\w.-]+/)+[\w.-]*\.(?:py|md|yaml|c|h|dbc|toml|csv|onnx|npz|network|service|rules))`")
+_PATH = re.compile(
+    r"`((?:[\w.-]+/)+[\w.-]*\.(?:py|md|yaml|c|h|dbc|toml|csv|onnx|npz|network|service|rules))`"
+)
 #: Folders that a path in the text may start from, beside the page's own.
 _STARTS = (
     "",
