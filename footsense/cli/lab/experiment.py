@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import click
 
 from footsense.cli.lab.options import require_writable, stopwatch_report
+from footsense.daemon.foot_types import models_folder
 from footsense.validation.test_stand_trial import FootBatch
-from footsense.validation.virtual_experiment import models_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable
