@@ -56,7 +56,7 @@ def calibrate(
     sessions = read_sessions(recordings, foot)
     for line in (line for session in sessions for line in session.warnings):
         click.echo(f"warning: {line}", err=True)
-    models, network, _ = design_models(sessions[0].foot_type, foot_type_folder)
+    models, design = design_models(sessions[0].foot_type, foot_type_folder)
     result = calibrate_sessions(models, sessions, hold_out)
     manifest = Manifest(
         foot=foot,
@@ -69,7 +69,12 @@ def calibrate(
         recordings={session.path.name: session.sha256 for session in sessions},
     )
     calibration = write_calibration(
-        folder, manifest, result.parameters, network, temperature_c=result.temperature_c, replace=replace
+        folder,
+        manifest,
+        result.parameters,
+        design / "network.onnx",
+        temperature_c=result.temperature_c,
+        replace=replace,
     )
     took_s = (stopwatch_ns() - began_ns) * 1e-9
     click.echo(

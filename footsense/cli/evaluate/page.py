@@ -31,7 +31,7 @@ def write_page(
     warnings: Sequence[str],
     evaluation: Evaluation,
     foot: FootParameters | None,
-    response: Path,
+    response: FootResponse,
 ) -> Path:
     """Write the page, its figures and its numbers, and return the page's path.
 
@@ -51,7 +51,7 @@ def write_page(
     drawn = {
         _MAP: error_map(reference_n, estimates_n),
         _HISTOGRAMS: histograms(reference_n, estimates_n),
-        _PATTERNS: patterns(_patterns(evaluation, foot, FootResponse.load(response))),
+        _PATTERNS: patterns(_patterns(evaluation, foot, response)),
     }
     for name, figure in drawn.items():
         figure.savefig(folder / name, dpi=110, bbox_inches="tight", metadata={"Software": None})

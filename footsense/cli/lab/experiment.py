@@ -11,10 +11,11 @@ import click
 import numpy as np
 
 from footsense.cli.lab.options import require_writable, stopwatch_report
+from footsense.daemon.foot_types import models_folder
 from footsense.errors import FootsenseError
 from footsense.sim.foot.fabrication import AS_BADLY_MADE
 from footsense.validation.test_stand_trial import FootBatch
-from footsense.validation.virtual_experiment import ALL, FEW, FootResult, models_folder, run_experiment
+from footsense.validation.virtual_experiment import ALL, FEW, FootResult, run_experiment
 
 if TYPE_CHECKING:
     from collections.abc import Callable

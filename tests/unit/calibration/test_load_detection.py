@@ -1,4 +1,4 @@
-"""A press is found, weighed against the reference, and refused with the reason where it does not count."""
+"""A press is detected and reduced to a calibration load, or rejected with the reason."""
 
 import itertools
 import re
@@ -76,7 +76,7 @@ def test_loads_are_what_was_pressed() -> None:
     ],
 )
 def test_what_does_not_count_has_a_reason(hold: Hold, more: dict[str, Any], why: Rejection) -> None:
-    """Each way of spoiling a press is told from the others, in words, and without a number."""
+    """Each defect of a press has a rejection of its own, and no values."""
     loads = find_loads(cycles(felt(hold), 5.5, **more), 0)
     assert [load.rejection for load in loads] == [why]
     assert loads[0].reason
@@ -122,7 +122,7 @@ def test_a_zero_far_off_makes_no_slip_steady() -> None:
     assert [load.rejection for load in loads] == [Rejection.SLIPPED]
 
 
-def test_a_foot_that_hangs_is_not_poked() -> None:
+def test_an_unloaded_foot_gives_no_load() -> None:
     """A minute of noise and drift holds no press."""
     assert find_loads(cycles(felt(), 60.0, drift_pf_per_s=0.01), 0) == []
 
@@ -165,7 +165,7 @@ def test_presses_in_a_row_each_have_their_own_zero() -> None:
     ],
 )
 @pytest.mark.parametrize("scan_ns", [SCAN_NS, 99_000_000])
-def test_a_reference_of_another_time_is_told(late_s: float, says: str, scan_ns: int) -> None:
+def test_a_lagging_reference_is_reported(late_s: float, says: str, scan_ns: int) -> None:
     """The median over presses, fast and slow ones, is right to 15 ms."""
     holds = [
         Hold(1.5 + 2.0 * k, 0.8, tuple(0.6 * direction(70.0 * k, 60.0)), rise_s=0.3 if k % 2 else 0.1)
