@@ -140,8 +140,8 @@ would it have to be? Two readings are possible:
 2. **A read-out trained on the foot's own cases meets the noise of its test stand.** Section V C describes this: 362
    measured training cases, 180 for verification. Here: the paper's kind of network and linear read-outs.
 
-Of each level, {plan.feet} feet (reading 1) or {plan.taught} (reading 2) were drawn: normal deviates of the stated rms;
-gap, film and stray of each element for itself. Drawn again: feet with less than a quarter of a gap, of a film or of
+Of each level, {plan.feet} feet (reading 1) or {plan.with_network} (reading 2) were drawn: normal deviates of the stated
+rms; gap, film and stray of each element for itself. Drawn again: feet with less than a quarter of a gap, of a film or of
 the stiffness, and mounts that tilt beyond the response table. Errors are means over the 180 cases; ± is the standard
 deviation between feet.
 """
@@ -233,7 +233,7 @@ def run_study(
     plan = QUICK if context.quick else FULL
     results = sweep_results(context.models, context.response.design.gap_um, plan, workers, file)
     context.say(
-        f"tolerance: {plan.feet} feet at each level of fabrication, {plan.taught} at each of the test stand"
+        f"tolerance: {plan.feet} feet at each level of fabrication, {plan.with_network} at each of the test stand"
     )
     figures = {
         _FEET_FIGURE: _figure(results, FEET, ON_DESIGN),
