@@ -46,6 +46,7 @@ def test_documents_that_code_refers_to_exist() -> None:
     missing = []
     for path in (*ROOT.glob("footsense/**/*.py"), *ROOT.glob("firmware_interface/**/*.[pch]*")):
         for named in re.findall(r"\bdocs/[\w./-]*\w", path.read_text(encoding="utf-8", errors="ignore")):
-            if not (ROOT / named).exists() and not list(ROOT.glob(f"{named}*")):
+            made_by_a_command = named.startswith("docs/report-quick")
+            if not made_by_a_command and not (ROOT / named).exists() and not list(ROOT.glob(f"{named}*")):
                 missing.append(f"{path.relative_to(ROOT)}: {named}")
     assert not missing
