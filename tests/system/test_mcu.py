@@ -22,7 +22,8 @@ from footsense.sim.bus.serial_line import LineFaults, SimulatedLine
 from footsense.sim.chips.mcu import SimulatedMcu, simulated_mcu
 from footsense.sim.faults.scene_faults import ElementOpen, StuckSda
 from footsense.sim.robot import SimulatedRobot
-from footsense.sim.scene import Effects, MeasuredWalk, Ramp, Scene
+from footsense.sim.scene import Effects, Scene
+from footsense.sim.scene_loads import MeasuredWalk, Ramp
 from tests.support.pty_line import HurriedClock, Line
 
 MS, S = 1_000_000, 1_000_000_000
