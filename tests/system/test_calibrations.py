@@ -17,7 +17,8 @@ from footsense.daemon.service import open_service
 from footsense.errors import ModelError
 from footsense.foot.checksum_trailer import add_checksum
 from footsense.frames import Cycle, State
-from footsense.sim.scene import Constant, Scene
+from footsense.sim.scene import Scene
+from footsense.sim.scene_loads import Constant
 from tests.support.calibrations import calibration
 from tests.system.simulated_test_stand import MADE, true_parameters
 
