@@ -14,7 +14,7 @@ import ngsolve as ng
 import numpy as np
 
 from footsense.estimation.faults.imputation import Imputation
-from footsense.foot.checksum_trailer import seal
+from footsense.foot.checksum_trailer import add_checksum
 from footsense.foot.network_card import FORMAT, INPUT_ORDER, INPUT_UNIT, OUTPUT_ORDER, OUTPUT_UNIT
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import Errors, Readout
@@ -222,7 +222,7 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
         table = error_table(response, loads, _readout(weights, design.gap_um), alone)
         # The card needs the errors before the file exists, so JAX computes them; the printed ones are of the file.
         card = _card(response, loads, recipe, weights, cases, table)
-        network = seal(onnx_model(weights, card).SerializeToString())
+        network = add_checksum(onnx_model(weights, card).SerializeToString())
         (Path(temporary) / NETWORK_FILE).write_bytes(network)
         parity = _parity_n(OnnxNetwork(Path(temporary) / NETWORK_FILE), weights, closure_rel)
         most_n = PARITY_REL * loads.max_n
