@@ -7,13 +7,12 @@ Source:
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, errors
-from footsense.lab.monte_carlo.statistics import MeanStd
+from footsense.lab.monte_carlo.statistics import SIGNIFICANT, Difference, MeanStd
 from footsense.lab.studies.page import Figures, Study, StudyContext, panels, plot_band
 from footsense.lab.training.load_cases import paper_training, paper_verification
 from footsense.lab.training.mlp import start_layers
@@ -23,8 +22,6 @@ from footsense.lab.training.paper_procedure import EPOCHS, QUICK_EPOCHS, PaperTr
 NEURONS, QUICK_NEURONS = (3, 5, 8, 12, 18, 27, 40), (3, 12, 40)
 #: Networks of each size, which differ in their start weights.
 SEEDS, QUICK_SEEDS = 20, 3
-#: A difference counts from this many of its standard errors on.
-SIGNIFICANT = 2.0
 #: The magnitudes of the training cases [gf].
 TRAINING_GF = (50.0, 150.0)
 
@@ -127,26 +124,9 @@ def _figure(results: Results) -> Figure:
     return figure
 
 
-class _Difference(NamedTuple):
-    """A difference of means.
-
-    Attributes:
-        mean: Difference.
-        error: Its standard error.
-    """
-
-    mean: float
-    error: float
-
-    @property
-    def sign(self) -> int:
-        """1 or -1 if significant, else 0."""
-        return int(np.sign(self.mean)) if abs(self.mean) > SIGNIFICANT * self.error else 0
-
-
-def _differences(neurons: Sequence[int], errors_by_depth: list[ByDepth]) -> dict[str, list[_Difference]]:
+def _differences(neurons: Sequence[int], errors_by_depth: list[ByDepth]) -> dict[str, list[Difference]]:
     """Return differences of means that are positive where the paper's statements hold, one for each kind of error."""
-    differences = defaultdict(list)
+    differences: dict[str, list[Difference]] = defaultdict(list)
     for by_depth in errors_by_depth:
         best = {depth: min(sizes, key=lambda one: one.mean) for depth, sizes in by_depth.items()}
         differences["one layer at its best, less two at theirs"].append(best["1"].excess(best["2"]))
@@ -154,7 +134,7 @@ def _differences(neurons: Sequence[int], errors_by_depth: list[ByDepth]) -> dict
             for k, words in ((0, "fewest"), (-1, "most")):
                 label = f"{name}: {words} neurons ({neurons[k]}), less the best"
                 differences[label].append(by_depth[depth][k].excess(best[depth]))
-    return {label: [_Difference(*one) for one in row] for label, row in differences.items()}
+    return differences
 
 
 STUDY = Study(
