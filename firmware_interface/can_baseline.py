@@ -12,8 +12,8 @@ import struct
 from typing import NamedTuple
 
 from firmware_interface.can_codes import BaselineStatus
-from firmware_interface.can_frames import node_of
-from firmware_interface.crc8 import FrameError, check, protect
+from firmware_interface.can_decoding import member_of, opened
+from firmware_interface.crc8 import protect
 
 __all__ = ["BASELINE_ID", "Baseline", "decode_baseline", "encode_baseline"]
 
@@ -84,13 +84,8 @@ def decode_baseline(can_id: int, data: bytes) -> Baseline:
     Raises:
         FrameError: The id, length, crc, counter or status is wrong.
     """
-    node = node_of(can_id, BASELINE_ID)
-    counter = check(can_id, data, 8)
-    head, mean, worst, age = _BASELINE.unpack_from(data, 1)
-    try:
-        status = BaselineStatus(head >> 4)
-    except ValueError:
-        raise FrameError(f"no baseline has the status {head >> 4}") from None
+    node, counter, (head, mean, worst, age) = opened(can_id, data, BASELINE_ID, _BASELINE)
+    status = member_of(BaselineStatus, head >> 4)
     age_ns = None if age == _NO_AGE else age * _AGE_NS
     return Baseline(node, counter, status, _offset_pf(mean), _offset_pf(worst), age_ns)
 

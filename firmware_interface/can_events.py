@@ -12,8 +12,8 @@ import struct
 from typing import NamedTuple
 
 from firmware_interface.can_codes import Cause, CommandKind, NmtState, Result, State
-from firmware_interface.can_frames import node_of, state_of
-from firmware_interface.crc8 import COUNTER_PERIOD, FrameError, check, protect
+from firmware_interface.can_decoding import member_of, node_of, opened
+from firmware_interface.crc8 import COUNTER_PERIOD, FrameError, protect
 
 __all__ = [
     "ANSWER_ID",
@@ -161,14 +161,9 @@ def decode_fault(can_id: int, data: bytes) -> Fault:
     Raises:
         FrameError: The id, length, crc, counter, a state or the cause is wrong.
     """
-    node = node_of(can_id, FAULT_ID)
-    counter = check(can_id, data, 6)
-    head, previous, fault_mask, code = _FAULT.unpack_from(data, 1)
-    try:
-        cause = Cause(code)
-    except ValueError:
-        raise FrameError(f"no cause has the code {code}") from None
-    return Fault(node, counter, state_of(head >> 4), state_of(previous & 0xF), fault_mask & 0x1FF, cause)
+    node, counter, (head, previous, fault_mask, code) = opened(can_id, data, FAULT_ID, _FAULT)
+    state, before = member_of(State, head >> 4), member_of(State, previous & 0xF)
+    return Fault(node, counter, state, before, fault_mask & 0x1FF, member_of(Cause, code))
 
 
 def encode_command(node: int, counter: int, kind: CommandKind) -> bytes:
@@ -196,9 +191,7 @@ def decode_command(can_id: int, data: bytes) -> Command:
         UnknownCommandError: The crc is right, but kind and word are those of no command.
         FrameError: The id, length, crc or counter is wrong.
     """
-    node = node_of(can_id, COMMAND_ID)
-    counter = check(can_id, data, 8)
-    _, code, _, word = _COMMAND.unpack_from(data, 1)
+    node, counter, (_, code, _, word) = opened(can_id, data, COMMAND_ID, _COMMAND)
     for kind, known in WORDS.items():
         if code == kind and word == known:
             return Command(node, counter, kind)
@@ -229,14 +222,8 @@ def decode_answer(can_id: int, data: bytes) -> Answer:
     Raises:
         FrameError: The id, length, crc, counter or result is wrong.
     """
-    node = node_of(can_id, ANSWER_ID)
-    counter = check(can_id, data, 4)
-    head, kind, command_counter = _ANSWER.unpack_from(data, 1)
-    try:
-        result = Result(head >> 4)
-    except ValueError:
-        raise FrameError(f"no result has the code {head >> 4}") from None
-    return Answer(node, counter, result, kind, command_counter & 0xF)
+    node, counter, (head, kind, command_counter) = opened(can_id, data, ANSWER_ID, _ANSWER)
+    return Answer(node, counter, member_of(Result, head >> 4), kind, command_counter & 0xF)
 
 
 def encode_heartbeat(state: NmtState, *, degraded_timing: bool = False) -> bytes:

@@ -15,7 +15,8 @@ from functools import cache
 from typing import NamedTuple
 
 from firmware_interface.can_codes import NODE_IDS, USABLE, CommandKind, Flag, Result, State
-from firmware_interface.crc8 import COLUMN_CRC, ID_CRC, FrameError, check, crc8
+from firmware_interface.can_decoding import member_of, opened
+from firmware_interface.crc8 import COLUMN_CRC, ID_CRC, FrameError, crc8
 from firmware_interface.socketcan import FRAME_BYTES, pack_frame
 
 __all__ = [
@@ -34,8 +35,6 @@ __all__ = [
     "decode_quality",
     "encode_force",
     "encode_quality",
-    "node_of",
-    "state_of",
 ]
 
 #: CAN ids are these plus the node id, as CANopen's default transmit PDOs 1 and 2. Source: CiA 301, pre-defined
@@ -81,6 +80,7 @@ class Quality(NamedTuple):
 
 
 _FORCE = struct.Struct("<Bhhh")
+_QUALITY = struct.Struct("<7s")
 _NO_FORCE = -32768
 _NO_FORCE_N = -32.768
 _MAX_FORCE_N = 32.767
@@ -98,30 +98,6 @@ _MAX_SIGMA_N = _MAX_SIGMA / _SIGMA_PER_N
 _ROUND_UP = 1 - 1e-6
 
 _NAN = float("nan")
-
-
-def node_of(can_id: int, base: int) -> int:
-    """Return the node id in a CAN id.
-
-    Raises:
-        FrameError: The id belongs to another kind of frame, or to a node that is no leg.
-    """
-    node = can_id - base
-    if not 1 <= node <= len(NODE_IDS):
-        raise FrameError(f"CAN id 0x{can_id:03x} is not 0x{base:03x} plus a node 1..{len(NODE_IDS)}")
-    return node
-
-
-def state_of(code: int) -> State:
-    """Return the state of a 4-bit code.
-
-    Raises:
-        FrameError: No state has this code.
-    """
-    try:
-        return State(code)
-    except ValueError:
-        raise FrameError(f"no state has the code {code}") from None
 
 
 class ForceQualityEncoder:
@@ -242,11 +218,9 @@ def decode_force(can_id: int, data: bytes) -> Force:
     Raises:
         FrameError: The id, length, crc, counter or state is wrong.
     """
-    node = node_of(can_id, FORCE_ID)
-    counter = check(can_id, data, 8)
-    head, *codes = _FORCE.unpack_from(data, 1)
+    node, counter, (head, *codes) = opened(can_id, data, FORCE_ID, _FORCE)
     x_n, y_n, z_n = (_NAN if code == _NO_FORCE else code / _FORCE_PER_N for code in codes)
-    return Force(node, counter, state_of(head >> 4), (x_n, y_n, z_n))
+    return Force(node, counter, member_of(State, head >> 4), (x_n, y_n, z_n))
 
 
 def encode_quality(
@@ -285,9 +259,8 @@ def decode_quality(can_id: int, data: bytes) -> Quality:
     Raises:
         FrameError: The id, length, crc or counter is wrong.
     """
-    node = node_of(can_id, QUALITY_ID)
-    counter = check(can_id, data, 8)
-    bits = int.from_bytes(data[1:], "little")
+    node, counter, (payload,) = opened(can_id, data, QUALITY_ID, _QUALITY)
+    bits = int.from_bytes(payload, "little")
     age = bits >> 8 & 0xFFF
     codes = (bits >> 29 & 0x1FF, bits >> 38 & 0x1FF, bits >> 47 & 0x1FF)
     x_n, y_n, z_n = (_NAN if code == _NO_SIGMA else code / _SIGMA_PER_N for code in codes)

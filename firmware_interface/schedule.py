@@ -9,8 +9,6 @@ from typing import NamedTuple
 from firmware_interface import ad7746, fdc1004
 from firmware_interface.i2c_timing import transaction_bits, wire_time_ns
 
-__all__ = ["AD7746", "FDC1004", "ScanLimits", "Traffic", "scan_limits"]
-
 _ELEMENTS = 9
 
 

@@ -12,8 +12,6 @@ from firmware_interface.serial_frames import (
     unstuff,
 )
 
-__all__ = ["SerialDecoder"]
-
 #: A plain number: an enumeration's arithmetic costs as much as the crc.
 _STARTING = int(RecordFlag.STARTING)
 

@@ -37,26 +37,6 @@ from typing import NamedTuple
 
 from firmware_interface.can_codes import NODE_IDS
 
-__all__ = [
-    "ELEMENTS",
-    "FRAME_BYTES",
-    "MOST_BYTES",
-    "NO_VALUE",
-    "N_CODES",
-    "RECORD_BITS",
-    "STUFFED_BYTES",
-    "VERSION",
-    "NoValue",
-    "Record",
-    "RecordFlag",
-    "decode_record",
-    "encode_record",
-    "is_whole",
-    "pack_values",
-    "stuff",
-    "unstuff",
-]
-
 VERSION = 1
 ELEMENTS = 9
 

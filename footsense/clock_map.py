@@ -1,14 +1,15 @@
-"""The time of a clock elsewhere, a microcontroller's or a sensor's, in the time of this machine.
+"""Clock offset and drift estimation: the time of a microcontroller or a sensor in the time of this machine.
 
-What arrives was stamped there and is stamped again here: the second stamp minus the first is the offset of the clocks
-plus the way here. The way varies, by interrupts, buffers and whoever else wants the processor, but it only ever adds.
-So the least offsets count and the others do not: the line under all of them, as near to them as can be, is the offset
-and how it drifts.
+A message is stamped by the sender and again on arrival: the second stamp minus the first is the offset of the clocks
+plus the delay. The delay varies with interrupts, buffers and scheduling, but is never negative. So the smallest offsets
+count: the highest line below all of them is the offset and its drift.
 
-The points below which nothing lies form a convex hull; of the lines under all points, the one with the least mean
-distance lies along the edge of the hull over the points' mean time (S. Moon, P. Skelly and D. Towsley, Estimation and
-removal of clock skew from network delay measurements, INFOCOM 1999, pose it as a linear program; the edge is its
-solution). The shortest way itself cannot be seen from one end, and is left in: a time is late by it.
+Of the lines below all points, the one with the smallest mean distance is the edge of their lower convex hull at the
+points' mean time. The smallest delay itself cannot be observed from one end and remains: a mapped time is late by it.
+
+Source:
+    S. Moon, P. Skelly and D. Towsley, Estimation and removal of clock skew from network delay measurements, INFOCOM
+    1999: posed as a linear program, whose solution is that edge.
 """
 
 from collections import deque
@@ -17,17 +18,17 @@ __all__ = ["ClockMap"]
 
 _NS_PER_MS = 1_000_000
 
-#: Of this much time only the least offset is kept: a tenth of a second holds the short ways of any stream in use.
+#: Slot of which only the smallest offset is kept [ns]: a tenth of a second has short delays in any stream in use.
 _SLOT_NS = 100 * _NS_PER_MS
-#: How far back the line is held against: a crystal that warms up stays within 1 ppm over it.
+#: Window of the fit [ns]: a crystal that warms up stays within 1 ppm over it.
 _WINDOW_NS = 10_000 * _NS_PER_MS
-#: Below this span a slope would tell of the ways, not of the clock.
+#: Smallest span of a slope [ns]: below it the delays dominate.
 _LEAST_SPAN_NS = 500 * _NS_PER_MS
-#: What the worst clock drifts that a serial line still works with: an RC oscillator, 1 %.
+#: Largest drift with which a serial line still works [1]: an RC oscillator, 1 %.
 _MOST_DRIFT_REL = 0.01
-#: Stamps of one scan may arrive out of order by less than this.
+#: Stamps of one scan arrive out of order by less than this [ns].
 _DISORDER_NS = 20 * _NS_PER_MS
-#: No way is shorter than the shortest by this much, nor is it longer for a whole `_LATE_NS`.
+#: A delay below the smallest by this much is a jump of the clock, and so is one above it for all of `_LATE_NS` [ns].
 _JUMP_NS = 20 * _NS_PER_MS
 _LATE_NS = 1_000 * _NS_PER_MS
 
@@ -35,41 +36,41 @@ _Point = tuple[int, int]  # foreign time and offset [ns]
 
 
 class ClockMap:
-    """Follows offset and drift of one foreign clock.
+    """Tracks offset and drift of one foreign clock.
 
-    A foreign clock that jumps is noticed and followed anew: at once if it jumps back or ahead by more than 20 ms, and
-    after a second if it stood still, since until then what came late may as well have waited on its way, and is old.
+    A jump restarts the estimate: at once if the clock jumps back or ahead by more than 20 ms, and after a second if it
+    stood still, since until then the messages may just be delayed.
 
     Attributes:
-        restarts: How often the clock has jumped. Within the first half second, when bytes of before may still come out
-            of buffers, only what no buffer does is counted: a leap ahead by half a second more than has passed here.
-        drift_rel: By how much this machine's clock runs faster than the foreign one [1], -0.01 to 0.01; 0 at first.
+        restarts: Number of jumps. Within the first half second, when buffers may hold old bytes, only a leap ahead by
+            half a second more than has passed here counts.
+        drift_rel: Rate of this machine's clock over the foreign one, minus 1 [1], -0.01 to 0.01; 0 at first.
     """
 
     def __init__(self) -> None:
         self.restarts = 0
         self.drift_rel = 0.0
         self._points: deque[_Point] = deque()
-        self._least: _Point | None = None  # of the slot that is not over yet
+        self._least: _Point | None = None  # of the current slot
         self._origin: _Point = (0, 0)  # the line goes through it
-        self._lowered_ns = 0  # by how much, since the line was laid
+        self._lowered_ns = 0  # since the last fit
         self._slot_ends_ns = 0
         self._late_since_ns: int | None = None
-        self._last: tuple[int, int] | None = None  # foreign time and what it was mapped to
-        self._arrived_ns = 0  # when that was
+        self._last: tuple[int, int] | None = None  # foreign time and its mapped time
+        self._arrived_ns = 0  # time of the last arrival
 
     @property
     def residual_ns(self) -> int:
-        """Return how far the least offsets lie above the line in the mean [ns]: what a time may be wrong by."""
+        """Mean distance of the smallest offsets above the line [ns]: the error of a mapped time."""
         if not self._points:
             return 0
         return sum(y_ns - self._line_ns(x_ns) for x_ns, y_ns in self._points) // len(self._points)
 
     def map(self, t_foreign_ns: int, t_arrival_ns: int) -> int:
-        """Return the time here that a foreign stamp means [ns].
+        """Map a foreign stamp to the time of this machine [ns].
 
-        It never lies behind the arrival, and time does not run backwards where the foreign clock does not: a map that
-        turns out to be ahead is put right at half the speed.
+        The result is never later than the arrival, and monotonic where the foreign clock is: a map that turns out to be
+        ahead is corrected at half the speed.
 
         Args:
             t_foreign_ns: The stamp [ns], any start; a counter that wraps is the caller's to unwrap.
@@ -100,11 +101,11 @@ class ClockMap:
         elif self._late_since_ns is None:
             self._late_since_ns = t_arrival_ns
         stood_still = self._late_since_ns is not None and t_arrival_ns - self._late_since_ns > _LATE_NS
-        # A backlog that is being read takes the line down little by little, and its slope with it.
+        # Reading a backlog lowers the line little by little, and its slope with it.
         return stood_still or late_ns - self._lowered_ns < -_JUMP_NS or since_ns < -_DISORDER_NS
 
     def _restart(self, point: _Point, t_arrival_ns: int, *, leapt: bool) -> None:
-        """Know nothing but one point."""
+        """Restart the estimate from one point."""
         is_known = self._points and self._points[-1][0] - self._points[0][0] >= _LEAST_SPAN_NS
         if is_known or leapt:
             self.restarts += 1
@@ -116,7 +117,7 @@ class ClockMap:
         self._slot_ends_ns = t_arrival_ns + _SLOT_NS
 
     def _take(self, point: _Point, late_ns: int, t_arrival_ns: int) -> None:
-        """Hold the line against one point more, and begin a new slot when its time has come."""
+        """Add a point, and begin a new slot when the last one has ended."""
         if late_ns < 0:
             self._lowered_ns -= late_ns
             self._origin, late_ns = point, 0
@@ -132,7 +133,7 @@ class ClockMap:
         self._fit()
 
     def _fit(self) -> None:
-        """Lay the line under all points."""
+        """Fit the line below all points."""
         self._lowered_ns = 0
         points = sorted(self._points)
         if points[-1][0] - points[0][0] >= _LEAST_SPAN_NS:

@@ -1,17 +1,17 @@
-"""Everything that footsense can fail at, as one tree.
+"""The errors of footsense, as one tree.
 
     FootsenseError            exit 1   a check failed, or a reason no other class names
     ├── ConfigError           exit 2   a key is unknown, a value is out of range, two settings clash
     ├── RecordingError        exit 3   not a recording, or cut short: what is whole was still replayed
     ├── ModelError            exit 4   a model is missing, corrupt, or made for another foot
     ├── HardwareError         exit 5   the bus or a chip that everything needs is not there
-    │   ├── SensorError                what a bench's force sensor says is not what was described
-    │   ├── WrongChipError             another chip answers; the scanner turns it into a state, as it does these:
+    │   ├── SensorError                a test stand's force sensor does not match its description
+    │   ├── WrongChipError             another chip answers; the scanner turns it into a state, as the next ones
     │   └── BusError                   one transaction failed
     │       ├── NackError              nobody acknowledged the address or a byte
     │       └── BusTimeoutError        the adapter gave up: a line is held low
     ├── CanError              exit 6   the CAN channel is not there or is down
-    └── CalibrationError      exit 7   a foot's recordings do not tell what is asked of them
+    └── CalibrationError      exit 7   a foot's recordings are inconsistent or not sufficient
 
 The message of an error is one line for a person: what is wrong, where, and what would be right.
 Only `footsense.cli` turns an error into an exit code.
@@ -19,7 +19,7 @@ Only `footsense.cli` turns an error into an exit code.
 
 
 class FootsenseError(Exception):
-    """Something that one line to the user explains."""
+    """An error that one line to the user explains."""
 
     exit_code = 1
 
@@ -49,11 +49,11 @@ class HardwareError(FootsenseError):
 
 
 class SensorError(HardwareError):
-    """The force sensor of a bench is not there, or says what it cannot mean."""
+    """The force sensor of a test stand is missing, or its data do not match its description."""
 
 
 class WrongChipError(HardwareError):
-    """Something else than the expected chip answers at its address."""
+    """Another chip than the expected one answers at its address."""
 
 
 class BusError(HardwareError):
@@ -75,6 +75,6 @@ class CanError(FootsenseError):
 
 
 class CalibrationError(FootsenseError):
-    """The recordings of a foot contradict each other, or cannot tell what is asked of them."""
+    """The recordings of a foot are inconsistent, or not sufficient."""
 
     exit_code = 7

@@ -1,8 +1,8 @@
-"""The two values that travel through the daemon: a scan of capacitances, and the forces made of it.
+"""Values that pass between the rooms: a scan of capacitances, the contact forces estimated from it, a cycle of both.
 
-Both hold all legs of the robot at once, row n for the n-th leg of the configuration, because the network
-runs once for all of them. An entry that was not measured is NaN: a frame never holds a stand-in number.
-Arrays are read-only by agreement: whoever receives a frame may keep it.
+A frame holds all legs of the robot, row n for the n-th leg of the configuration, because the network runs once for all
+of them. An entry that was not measured is NaN, never a substitute. Arrays are read-only by agreement: a receiver may
+keep a frame.
 """
 
 from dataclasses import dataclass
@@ -44,19 +44,19 @@ LEGS = tuple(NODE_IDS)
 
 
 class Reading(IntEnum):
-    """How the converter answered for one element of one scan."""
+    """Result of reading one element in one scan."""
 
     OK = 0
     NO_ANSWER = 1  #: the chip or its channel did not acknowledge
     NOT_READY = 2  #: the conversion had not finished when it was read
-    OVER_RANGE = 3  #: the code stands at the end of the converter's range
-    MISCONFIGURED = 4  #: the leg's row switch or converter does not hold the setting that it was given
+    OVER_RANGE = 3  #: the code is at the end of the converter's range
+    MISCONFIGURED = 4  #: the leg's row switch or converter has lost its settings
     BUS_STUCK = 5  #: SDA or SCL is held low while the leg is connected
     WRONG_CHIP = 6  #: another chip answers at the converter's address
     CORRUPT = 7  #: an answer that no healthy chip gives
-    DELAYED = 8  #: the bus was busy with what is wrong elsewhere
+    DELAYED = 8  #: the bus was occupied by a fault of another leg
     EXCITATION = 10  #: the converter cannot drive the leg's rows: a short, or a leak to ground
-    UNDER_RANGE = 11  #: the code stands at the lower end of a range that begins above 0
+    UNDER_RANGE = 11  #: the code is at the lower end of a range that begins above 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +67,7 @@ class CapFrame:
         sequence: Number of the scan since start, from 0, without gaps.
         t_ns: Middle of each element's conversion [ns, monotonic], shape (legs, 9), int64; 0 where there was none.
         capacitance_pf: Capacitance as converted, stray included [pF], shape (legs, 9), float64, NaN unless OK.
-        reading: How each element answered, shape (legs, 9), uint8 of `Reading`.
+        reading: Result of reading each element, shape (legs, 9), uint8 of `Reading`.
     """
 
     sequence: int
@@ -90,13 +90,13 @@ class CapFrame:
 
 
 class BaselineDrift(NamedTuple):
-    """Where the zero of every leg stands and why.
+    """Status of every leg's baseline, and its drift since the last tare.
 
     Attributes:
-        status: What its tracking does, shape (legs,), uint8 of `BaselineStatus`.
-        mean_pf: Mean over the elements of how far it has moved since the leg's last tare [pF], shape (legs,).
-        worst_pf: The same of the element that moved farthest [pF], shape (legs,).
-        moved_ns: When it was last moved or tared [ns], shape (legs,), int64; 0 where there is none.
+        status: Status of the drift tracking, shape (legs,), uint8 of `BaselineStatus`.
+        mean_pf: Mean drift of the elements [pF], shape (legs,).
+        worst_pf: Drift of the element that moved farthest [pF], shape (legs,).
+        moved_ns: Time of the last move or tare [ns], shape (legs,), int64; 0 without a baseline.
     """
 
     status: NDArray[np.uint8]
@@ -106,27 +106,27 @@ class BaselineDrift(NamedTuple):
 
     @classmethod
     def none(cls, n_legs: int) -> "BaselineDrift":
-        """Return that of legs without any."""
+        """Return the drift of legs without a baseline."""
         nan = np.full(n_legs, np.nan)
         return cls(np.full(n_legs, BaselineStatus.NONE, np.uint8), nan, nan, np.zeros(n_legs, np.int64))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactFrame:
-    """The contact force of every leg, as the consumer is to believe it.
+    """The contact of every leg, as published.
 
     Attributes:
-        sequence: Number of the scan that it was made of.
+        sequence: Number of the scan that it was estimated from.
         t_sent_ns: Time at which it is handed to the sinks [ns, monotonic].
-        t_ns: How far the measurement reaches [ns], shape (legs,); 0 where none. Of whole scans the mean
-            of the elements' stamps, to which all are brought; of single elements the newest stamp, while the force is
-            as of t_sent_ns.
+        t_ns: Time of the measurement [ns], shape (legs,); 0 without one. For whole scans the mean of the elements'
+            stamps, to which all are aligned; for single elements the newest stamp, while the force is predicted to
+            t_sent_ns.
         force_n: Ground reaction on the foot in the foot frame [N], shape (legs, 3), NaN unless the state is USABLE.
         sigma_n: Standard deviation of each component [N], shape (legs, 3), NaN where the force is.
-        state: Whether and why the force may be used, shape (legs,), uint8 of `State`.
+        state: Whether the force may be used, and if not, why, shape (legs,), uint8 of `State`.
         fault_mask: Bit e set where element e is not usable, shape (legs,), uint16.
-        flags: Notes that do not forbid the value, shape (legs,), uint8 of `Flag`.
-        cause: What lies behind the state, shape (legs,), uint8 of `Cause`.
+        flags: Notes on a usable force, shape (legs,), uint8 of `Flag`.
+        cause: Cause of the state, shape (legs,), uint8 of `Cause`.
         baseline: Status and drift of the baselines.
     """
 
@@ -151,7 +151,7 @@ class Command(NamedTuple):
     """A request to the daemon, already checked for its crc and counter.
 
     Attributes:
-        kind: What to do.
+        kind: Kind of command.
         leg: Row of the leg in the frames.
     """
 
@@ -160,12 +160,12 @@ class Command(NamedTuple):
 
 
 class CommandResult(NamedTuple):
-    """What became of a command, or of the tare that the daemon takes by itself at start.
+    """Result of a command, or of the tare that the daemon takes by itself at start.
 
     Attributes:
-        command: The request.
+        command: The command.
         result: DONE, or why it was refused.
-        reason: The same in words, with the numbers that decided it.
+        reason: The same as text, with the numbers that decided it.
     """
 
     command: Command
@@ -174,12 +174,12 @@ class CommandResult(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """What the force sensor of a bench said since the last turn of the loop, oldest first.
+    """Samples of a test stand's force sensor since the last cycle, oldest first.
 
     Attributes:
-        t_ns: When each sample was taken, in the daemon's clock [ns, monotonic], shape (n,), int64.
+        t_ns: Time of each sample in the daemon's clock [ns, monotonic], shape (n,), int64.
         force_n: Ground reaction on the foot in the leg's frame, as in `ContactFrame` [N], shape (n, 3).
-        saturated: Whether an axis stood at the end of its range, shape (n,).
+        saturated: Whether an axis was at the end of its range, shape (n,).
     """
 
     t_ns: NDArray[np.int64]
@@ -188,16 +188,16 @@ class Reference(NamedTuple):
 
 
 class Cycle(NamedTuple):
-    """One turn of the loop, as its observers see it.
+    """One cycle of the loop, as its observers get it.
 
     Attributes:
-        scan: What the converters said.
-        commands: Commands that were obeyed before the scan was processed.
-        forces: What was published.
-        outcomes: Commands that came to an end in this turn.
-        reference: What a bench's force sensor said, None where there is none.
-        temperature_c: Of each leg's converter from this cycle on [degC], shape (legs,), NaN for none; None as long as
-            it is what it was, and where none has a sensor.
+        scan: The readings.
+        commands: Commands executed before the scan was processed.
+        forces: The published contacts.
+        outcomes: Results of the commands that ended in this cycle.
+        reference: Samples of a test stand's force sensor, None without one.
+        temperature_c: Temperature of each leg's converter from this cycle on [degC], shape (legs,), NaN for none; None
+            if unchanged, and where no converter has a sensor.
     """
 
     scan: CapFrame
@@ -216,12 +216,12 @@ class CanStatistics:
         sent: Handed to the channel.
         dropped: Refused by the channel, for a full queue or a dead interface, and never sent again.
         received: Arrived under a command id of ours, good or bad.
-        rejected: Of those, the ones that were not obeyed: wrong crc, repeated counter, unknown command.
+        rejected: Of those, the ones that were not executed: wrong crc, repeated counter, unknown command.
         bus_errors: Error frames that the controller reported.
         bus_off: Of those, the ones that said that the controller has left the bus.
-        error_passive: Of those, the ones that said that it may hardly speak any more: errors, or nobody acknowledges.
-        reopened: How often the interface has been opened again after it had gone.
-        unlogged: Frames that were sent and are not in the log, because whoever writes it was too slow or has ended.
+        error_passive: Of those, the ones that said that the controller is error passive: errors, or no acknowledgement.
+        reopened: Number of times that the interface was opened again after it had gone.
+        unlogged: Frames that were sent and are not in the log, because its writer was too slow or has ended.
     """
 
     sent: int = 0

@@ -1,7 +1,7 @@
-"""The seams of the daemon, one to three methods each.
+"""The ports of the daemon, one to four methods each.
 
-Behind every port stands either hardware or its simulation, chosen once in `footsense.daemon`; code above a port
-cannot tell which.
+A port has an implementation for hardware and one for the simulation, chosen once in `footsense.daemon`; code above a
+port cannot tell which.
 """
 
 from typing import NamedTuple, Protocol
@@ -17,8 +17,8 @@ class Transaction(NamedTuple):
 
     Attributes:
         address: 7-bit address.
-        write: Bytes to write; none for a plain read, or together with no bytes to read for the mere question whether
-            the address is acknowledged, which not every adapter can put.
+        write: Bytes to write; none for a plain read. Without bytes to read either, the transaction only tests whether
+            the address is acknowledged, which not every adapter supports.
         n_read: Bytes to read, after a repeated start if something was written; 0 for none.
     """
 
@@ -69,21 +69,21 @@ class SerialPort(Protocol):
     """A serial line to a microcontroller or a sensor, which may be unplugged and come back.
 
     Attributes:
-        opened: How often it has been opened: whoever holds a part of a message drops it when this changes.
+        opened: Number of times that it was opened; when it changes, a reader drops an incomplete message.
     """
 
     opened: int
 
     def read(self) -> bytes:
-        """Return what has arrived, nothing if that is nothing; never waits, and opens again what had gone."""
+        """Return the bytes that have arrived, possibly none; never waits, and opens a line again that had gone."""
         ...
 
     def wait_until_ns(self, t_ns: int) -> None:
-        """Return when something has arrived, at `t_ns` at the latest."""
+        """Return when bytes have arrived, at `t_ns` at the latest."""
         ...
 
     def write(self, data: bytes) -> None:
-        """Send a few bytes; those that a line that has gone does not take are lost."""
+        """Send a few bytes; they are lost if the line has gone."""
         ...
 
     def close(self) -> None:
@@ -92,17 +92,17 @@ class SerialPort(Protocol):
 
 
 class CanWire(Protocol):
-    """A CAN interface, or what stands for one; frames as in `firmware_interface.socketcan`."""
+    """A CAN interface; frames as in `firmware_interface.socketcan`."""
 
     def send(self, frames: bytes, t_ns: int) -> int:
-        """Hand over frames, as many as there is room for, without waiting.
+        """Queue frames, as many as there is room for, without waiting.
 
         Args:
             frames: Whole frames behind each other.
-            t_ns: Time that they belong to [ns]; only a virtual channel has a use for it.
+            t_ns: Time of sending [ns]; only a virtual channel uses it.
 
         Returns:
-            How many were taken, from the first on.
+            Number of frames queued, from the first on.
 
         Raises:
             OSError: The interface is down or gone, and so is every frame that it had not sent yet.
@@ -123,7 +123,7 @@ class CanWire(Protocol):
 
 
 class FrameSource(Protocol):
-    """Where scans come from: the scanner, or a recording."""
+    """A source of scans: the scanner, or a recording."""
 
     def read(self) -> CapFrame | None:
         """Wait for the next scan and return it; None at the end of a recording."""
@@ -135,16 +135,16 @@ class FrameSource(Protocol):
 
 
 class ReferenceSensor(Protocol):
-    """The multi-axis force sensor of a bench."""
+    """The multi-axis force sensor of a test stand."""
 
     def read(self, now_ns: int) -> Reference:
-        """Return the samples that have arrived since the last call, oldest first; never waits, and may be none.
+        """Return the samples that have arrived since the last call, oldest first, possibly none; never waits.
 
         Args:
-            now_ns: The time now [ns]; the samples' own times are mapped to it.
+            now_ns: Current time [ns], to which the samples' own times are mapped.
 
         Raises:
-            SensorError: What arrives can never be a reading: wrong framing, or wrong columns.
+            SensorError: The bytes have the wrong framing or columns.
         """
         ...
 
@@ -154,7 +154,7 @@ class ReferenceSensor(Protocol):
 
 
 class Estimator(Protocol):
-    """What turns normalised gap closures into forces: the network."""
+    """Estimates forces from normalised gap closures: the network."""
 
     def estimate(
         self, closure_rel: NDArray[np.float64], missing: NDArray[np.bool_]
@@ -162,14 +162,14 @@ class Estimator(Protocol):
         """Return force and standard deviation of its components of every row [N], shape (rows, 3) each.
 
         Args:
-            closure_rel: Closures over the gap, missing ones filled in [1], shape (rows, 9).
-            missing: Which those are, shape (rows, 9).
+            closure_rel: Closures over the gap, missing ones imputed [1], shape (rows, 9).
+            missing: The imputed ones, shape (rows, 9).
         """
         ...
 
 
 class ForceSink(Protocol):
-    """Where forces go, and where commands come from."""
+    """The sink of forces, and source of commands."""
 
     def publish(self, frame: ContactFrame) -> None:
         """Send one frame; a value that cannot be sent now is dropped and counted, never sent late."""
@@ -180,21 +180,21 @@ class ForceSink(Protocol):
         ...
 
     def answer(self, outcome: CommandResult) -> None:
-        """Tell whoever asked what became of a command."""
+        """Send the result of a command to its sender."""
         ...
 
     def close(self) -> None:
-        """Tell the consumers that no more frames come, and release the channel."""
+        """Announce the end of the frames, and release the channel."""
         ...
 
 
 class Observer(Protocol):
-    """Someone who watches every cycle without changing it: the recorder, the metrics, a score, a table."""
+    """An observer of every cycle: recorder, metrics, run statistics, live table; it changes nothing."""
 
     def observe(self, cycle: Cycle) -> None:
-        """Take note of one cycle; must return at once."""
+        """Process one cycle; must return at once."""
         ...
 
     def close(self) -> None:
-        """Finish what was noted."""
+        """Flush and release what is held."""
         ...

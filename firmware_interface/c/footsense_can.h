@@ -1,10 +1,10 @@
 /* The CAN frames of footsense as bytes and numbers, for the gait controller. C99, no allocation, no floats.
  *
- * The same frames as ../can_frames.py, ../can_baseline.py, ../can_events.py and ../footsense.dbc; ../vectors holds for
- * all of them. What a stream of frames is worth, frame after frame, is judged in footsense_link.h.
+ * The same frames as ../can_frames.py, ../can_baseline.py, ../can_events.py and ../footsense.dbc; ../vectors tests all of
+ * them. footsense_link.h decides whether a stream of frames may be used.
  *
- * Every decoder returns false, and leaves *out alone, unless id, length, crc, counter and codes are right: a code
- * that this file does not know is one that it must not act on.
+ * Every decoder returns false and leaves *out unchanged unless id, length, crc, counter and codes are valid; an unknown
+ * code is invalid.
  */
 #ifndef FOOTSENSE_CAN_H
 #define FOOTSENSE_CAN_H
@@ -28,13 +28,13 @@ extern "C" {
 #define FOOTSENSE_LEGS 6u
 #define FOOTSENSE_COUNTER_PERIOD 15u /* counters run 0..14 */
 
-/* A number that is not there. None of these is ever a measurement. */
+/* No value. None of these is ever a measurement. */
 #define FOOTSENSE_NO_FORCE INT16_MIN
 #define FOOTSENSE_NO_SIGMA UINT16_MAX
 #define FOOTSENSE_NO_OFFSET INT32_MIN
 #define FOOTSENSE_NO_AGE UINT32_MAX
 
-/* Stands for the counter of the command in an answer that no command asked for. */
+/* Command counter of an answer without a command, such as of the tare at start. */
 #define FOOTSENSE_UNSOLICITED 15u
 
 enum footsense_state {
@@ -61,7 +61,7 @@ enum footsense_flag {
 
 enum footsense_command { FOOTSENSE_TARE = 1, FOOTSENSE_START = 2, FOOTSENSE_STOP = 3 };
 
-/* Results of a command; 0 is done, the others are reasons (../can_codes.py, Result). */
+/* Result of a command; 0 is done, the others are reasons of a refusal (../can_codes.py, Result). */
 enum footsense_result { FOOTSENSE_DONE = 0 };
 
 typedef struct {
@@ -73,7 +73,7 @@ typedef struct {
 
 typedef struct {
     uint8_t node;
-    uint8_t counter;     /* that of the force it belongs to */
+    uint8_t counter;     /* equal to that of its force */
     uint8_t flags;       /* enum footsense_flag */
     uint16_t fault_mask; /* bit e: element e is not usable */
     uint16_t sigma_mn[3]; /* standard deviation; 1020: or more; FOOTSENSE_NO_SIGMA */
@@ -95,14 +95,14 @@ typedef struct {
     uint8_t status;   /* ../can_codes.py, BaselineStatus */
     int32_t mean_af;  /* baseline offset since the last tare, mean of the elements [aF] */
     int32_t worst_af; /* that of the element with the largest [aF]; FOOTSENSE_NO_OFFSET */
-    uint32_t age_ms;  /* since it last moved; 6553400: or more; FOOTSENSE_NO_AGE: there is none */
+    uint32_t age_ms;  /* since it last moved or was tared; 6553400: or more; FOOTSENSE_NO_AGE: no baseline */
 } footsense_baseline;
 
 typedef struct {
     uint8_t node;
-    uint8_t result; /* FOOTSENSE_DONE, or why not */
+    uint8_t result; /* FOOTSENSE_DONE, or the reason of a refusal */
     uint8_t counter;
-    uint8_t kind;  /* that of the command */
+    uint8_t kind;  /* kind of the command */
     uint8_t command_counter; /* counter of the command, or FOOTSENSE_UNSOLICITED */
 } footsense_answer;
 
@@ -123,8 +123,8 @@ bool footsense_decode_baseline(uint16_t id, const uint8_t *data, uint8_t len, fo
 bool footsense_decode_answer(uint16_t id, const uint8_t *data, uint8_t len, footsense_answer *out);
 bool footsense_decode_heartbeat(uint16_t id, const uint8_t *data, uint8_t len, footsense_heartbeat *out);
 
-/* Writes the 8 bytes of a command and returns its CAN id, or 0 if node, counter or kind does not exist. Give every
- * command of a leg the counter behind its last one: the answer repeats it. */
+/* Writes the 8 bytes of a command and returns its CAN id, or 0 if node, counter or kind does not exist. Each
+ * command of a leg takes the next counter: the answer repeats it. */
 uint16_t footsense_encode_command(uint8_t node, uint8_t counter, uint8_t kind, uint8_t data[8]);
 
 #ifdef __cplusplus

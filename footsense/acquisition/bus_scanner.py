@@ -37,6 +37,7 @@ class BusScanner:
         plan: The conversions of one scan.
 
     Attributes:
+        legs: The connections to the legs, in the order of the rows.
         timing: Cost of transactions and limits of the scan, measured by `start`; None if no leg answered.
         missed_deadlines: Number of times that the loop was delayed for so long that conversions were discarded.
     """
@@ -45,13 +46,13 @@ class BusScanner:
         self._transport = transport
         self._clock = clock
         self._plan = plan
-        self._legs = tuple(
+        self.legs = tuple(
             LegConnection(name, channel, row) for row, (name, channel) in enumerate(channels.items())
         )
-        shape = len(self._legs), ELEMENTS
+        shape = len(self.legs), ELEMENTS
         self._latest = BusReadings(np.zeros(shape, np.int64), np.zeros(shape), np.zeros(shape, np.uint8))
         self._latest.discard((slice(None), slice(None)), Reading.NO_ANSWER)
-        groups = (self._legs,) if transport.broadcasts else tuple((leg,) for leg in self._legs)
+        groups = (self.legs,) if transport.broadcasts else tuple((leg,) for leg in self.legs)
         self._groups = tuple(LegGroup(legs, transport, clock, plan, self._latest) for legs in groups)
         self._position = 0
         self._n_scans = 0
@@ -60,11 +61,6 @@ class BusScanner:
         self._temperature_due_ns = 0
         self.timing: Timing | None = None
         self.missed_deadlines = 0
-
-    @property
-    def temperature_c(self) -> tuple[float, ...]:
-        """Last temperature of each leg's converter [degC]; NaN without a sensor or an answer."""
-        return tuple(leg.temperature_c for leg in self._legs)
 
     def start(self) -> None:
         """Measure the bus, find every leg's chips and set them up; legs that are missing are tried again later.
@@ -75,12 +71,12 @@ class BusScanner:
         costs = self._transport.measure(self._clock)
         if costs is not None:
             broadcasts = self._transport.broadcasts
-            self.timing = timing(costs, self._plan, len(self._legs), kernel_mux=not broadcasts)
+            self.timing = timing(costs, self._plan, len(self.legs), kernel_mux=not broadcasts)
             self._late_ns = self.timing.late_ns + (0 if broadcasts else self._plan.wait_ns)
-            self._check_all = broadcasts and has_time_for_checks(costs, self._plan, len(self._legs))
-        for leg in self._legs:
+            self._check_all = broadcasts and has_time_for_checks(costs, self._plan, len(self.legs))
+        for leg in self.legs:
             leg.retry_at_ns = 0
-            probe(self._transport, leg, self._legs, self._plan, self._clock)
+            probe(self._transport, leg, self.legs, self._plan, self._clock)
 
     def read(self, n_steps: int = ELEMENTS) -> BusReadings:
         """Read the next elements of every leg; the conversion after them is then running.
@@ -107,7 +103,7 @@ class BusScanner:
                 break
         else:
             elements = slice(None) if n_steps > 1 else self._plan.steps[position].element
-            for leg in self._legs:
+            for leg in self.legs:
                 reason = Reading.DELAYED if leg.in_scan else leg.outcome
                 self._latest.discard((leg.row, elements), reason)
         t_ns, capacitance_pf, reading = self._latest
@@ -144,12 +140,12 @@ class BusScanner:
         """Count the scan of every leg, and look for legs that were left out."""
         now_ns, missing = self._clock.now_ns(), False
         any_bad: list[bool] = np.any(self._latest.reading, axis=1).tolist()
-        for leg, bad in zip(self._legs, any_bad, strict=True):
+        for leg, bad in zip(self.legs, any_bad, strict=True):
             if leg.in_scan and (bad or leg.in_doubt):
                 leg.note_scan(self._latest.reading[leg.row], now_ns)
             missing |= not leg.in_scan
         if missing:
-            probe_due(self._transport, self._legs, self._plan, self._clock)
+            probe_due(self._transport, self.legs, self._plan, self._clock)
         for group in self._groups:
             if group.running is not None and not group.running.legs:
                 # A leg that was found meanwhile begins with a whole conversion, not with the rest of a wait.
@@ -166,8 +162,8 @@ class BusScanner:
         if not any(group.active()[0] for group in self._groups):
             return
         self._temperature_due_ns = self._clock.now_ns() + _TEMPERATURE_PERIOD_NS
-        started = [(group, group.start_temperatures()) for group in self._groups]
+        started = [(group, group.start_temperatures(thermometer)) for group in self._groups]
         if any(legs for _, legs in started):
             self._clock.sleep_until_ns(self._clock.now_ns() + thermometer.wait_ns)
         for group, legs in started:
-            group.read_temperatures(legs)
+            group.read_temperatures(thermometer, legs)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.acquisition.boards.board import CONVERTED, Check, Step
+from footsense.acquisition.boards.board import CONVERTED, Check, Step, Thermometer
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import Transport
@@ -146,10 +146,10 @@ class LegGroup:
             self._read_out(step, read, finished.t_start_ns, all_done=all_done)
         self.running = running
 
-    def start_temperatures(self) -> Legs:
+    def start_temperatures(self, thermometer: Thermometer) -> Legs:
         """Start a conversion of the temperature, and return the legs that make it."""
-        thermometer, (legs, selection) = self._plan.board.thermometer, self.active()
-        if thermometer is None or not legs:
+        legs, selection = self.active()
+        if not legs:
             return ()
         self.running = None
         if self._exchange(selection, thermometer.start) is None:
@@ -157,11 +157,9 @@ class LegGroup:
             return ()
         return legs
 
-    def read_temperatures(self, legs: Legs) -> None:
+    def read_temperatures(self, thermometer: Thermometer, legs: Legs) -> None:
         """Read the temperature that some legs' converters have measured; without an answer it is read again later."""
-        thermometer = self._plan.board.thermometer
-        for leg in legs if thermometer else ():
-            assert thermometer is not None
+        for leg in legs:
             answers = self._exchange(leg.selection, (thermometer.read, thermometer.read))
             if answers is None:
                 self._transport.invalidate()

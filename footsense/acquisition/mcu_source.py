@@ -28,8 +28,6 @@ from footsense.clock_map import ClockMap
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Clock, SerialPort
 
-__all__ = ["McuSource"]
-
 _NS_PER_US = 1000
 _NS_PER_S = 1_000_000_000
 _PF_PER_AF = 1e-6
@@ -145,11 +143,6 @@ class McuSource:
     def close(self) -> None:
         """Release the line."""
         self._port.close()
-
-    @property
-    def temperature_c(self) -> NDArray[np.float64]:
-        """Temperature of each leg's converter [degC], shape (legs,): NaN, records carry none."""
-        return np.full(len(self._rows), np.nan)
 
     @property
     def losses(self) -> dict[str, int]:

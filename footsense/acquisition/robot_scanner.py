@@ -36,13 +36,12 @@ class RobotScanner:
         """Number of times that conversions were discarded because the loop was delayed."""
         return sum(bus.missed_deadlines for bus in self._buses)
 
-    @property
     def temperature_c(self) -> NDArray[np.float64]:
-        """Temperature of each leg's converter [degC], shape (legs,), at most ten seconds old.
+        """Return the temperature of each leg's converter [degC], shape (legs,), at most ten seconds old.
 
         NaN for a board without a sensor, and for a leg that is out of the scan.
         """
-        return np.array([each for bus in self._buses for each in bus.temperature_c])
+        return np.array([leg.temperature_c for bus in self._buses for leg in bus.legs])
 
     def start(self) -> None:
         """Find and set up the chips of every bus.

@@ -35,14 +35,12 @@ class ScanPlan(NamedTuple):
     Attributes:
         board: The electronics of its feet.
         steps: The conversions in their order; the first one follows the last one of the scan before.
-        rate_sps: Conversions per second.
         conversion_ns: Nominal time of a conversion [ns].
         wait_ns: Time after which the slowest chip has finished [ns].
     """
 
     board: Board
     steps: tuple[Step, ...]
-    rate_sps: int
     conversion_ns: int
     wait_ns: int
 
@@ -76,7 +74,6 @@ def scan_plan(order: str, rate_sps: int, board: str = "fdc1004") -> ScanPlan:
     return ScanPlan(
         board=electronics,
         steps=tuple(steps),
-        rate_sps=rate_sps,
         conversion_ns=conversion_ns,
         wait_ns=round(conversion_ns * (1 + electronics.traffic.clock_tolerance_rel)),
     )

@@ -15,8 +15,6 @@ import serial
 from footsense.errors import HardwareError
 from footsense.ports import Clock
 
-__all__ = ["SerialLink"]
-
 #: More than the kernel returns at once.
 _MAX_BYTES = 65_536
 _FIRST_PAUSE_NS = 100_000_000

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense import daemon
 from footsense.config import Config
+from footsense.daemon.foot_types import released
 from footsense.errors import FootsenseError
 from footsense.estimation.faults.consistency import RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
@@ -80,7 +80,7 @@ class CFloor:
     """
 
     def __init__(self, folder: Path, config: Config, calibration: TrainedInputs) -> None:
-        weights = _weights(daemon.released("network.onnx").read_bytes())
+        weights = _weights(released("network.onnx").read_bytes())
         library = _built(folder, len(weights["b1"]))
         design = calibration.design
         n = _LEGS * ELEMENTS
@@ -90,7 +90,7 @@ class CFloor:
             [
                 [EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2, design.gap_um],
                 np.zeros(n),
-                np.full(n, design.rest_pf),
+                np.full(n, design.unloaded_pf),
                 calibration.closure_rel_min,
                 calibration.closure_rel_max,
                 [config.stale_after_ms * 1e6],

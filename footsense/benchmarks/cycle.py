@@ -16,13 +16,15 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from footsense import daemon
 from footsense.benchmarks.c_floor import CFloor, codes_of, has_c_floor
 from footsense.benchmarks.naive import NaiveCycle, naive_cycle
 from footsense.can.socketcan import SocketWire
 from footsense.clock import fifo_priority, gc_disabled, stopwatch_ns
 from footsense.config import DEFAULT, Realtime
+from footsense.daemon.acquisition import open_scan_source
+from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.daemon.loop import step
+from footsense.daemon.service import can_sink
 from footsense.errors import FootsenseError
 from footsense.frames import CanStatistics, CapFrame, Cycle, Flag, State
 from footsense.recording.cycle_pipe import CyclePipe
@@ -121,11 +123,11 @@ def our_cycle() -> Iterator[OurCycle]:
         The cycle; its counters are there until the end.
     """
     clock, stats, outlets = VirtualClock(), CanStatistics(), Outlets()
-    pipeline = daemon.pipeline_for(DEFAULT, daemon.load_network(DEFAULT), Flag.SIMULATED)
+    pipeline = pipeline_for(DEFAULT, load_network(DEFAULT), Flag.SIMULATED)
     wire = SocketWire(outlets.socket, lambda: None)
     with (
         TemporaryDirectory(dir="/dev/shm") as folder,
-        daemon.can_sink(DEFAULT, clock, None, stats, connect=lambda: wire) as sink,
+        can_sink(DEFAULT, clock, None, stats, connect=lambda: wire) as sink,
     ):
         counters = Path(folder) / "counters"
         metrics = Metrics(DEFAULT.legs, stats, counters)
@@ -149,9 +151,7 @@ def our_cycle() -> Iterator[OurCycle]:
 
 def recorded_scans(n: int) -> list[CapFrame]:
     """Return scans of six walking legs in turn."""
-    with daemon.open_scan_source(
-        DEFAULT, replace(load_scene("measured_walk"), host_cost_us=40.0)
-    ) as scan_source:
+    with open_scan_source(DEFAULT, replace(load_scene("measured_walk"), host_cost_us=40.0)) as scan_source:
         return [scan_source.source.read() for _ in range(n)]
 
 
@@ -166,7 +166,7 @@ def tared_floor(folder: Path, scans: list[CapFrame]) -> CFloor:
     Raises:
         FootsenseError: It cannot be compiled.
     """
-    floor = CFloor(folder, DEFAULT, daemon.load_network(DEFAULT).card.trained_inputs)
+    floor = CFloor(folder, DEFAULT, load_network(DEFAULT).card.trained_inputs)
     floor.tare(np.mean([scan.capacitance_pf for scan in scans[: DEFAULT.tare.window_scans]], axis=0))
     return floor
 

@@ -18,9 +18,9 @@ import numpy as np
 
 import firmware_interface
 from firmware_interface import crc8, tca9548a
-from footsense import daemon
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.config import Bus, Config
+from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.frames import CapFrame, ContactFrame, Flag, State
 from footsense.ports import Clock, I2cBus, Transaction
 
@@ -80,9 +80,7 @@ class NaiveCycle:
             for bus in config.buses
             for leg in bus.legs
         ]
-        self._pipelines = [
-            daemon.pipeline_for(alone, daemon.load_network(alone), Flag.SIMULATED) for alone in single
-        ]
+        self._pipelines = [pipeline_for(alone, load_network(alone), Flag.SIMULATED) for alone in single]
         self._counter = 0
         registry = CollectorRegistry()
         self._sent = Counter("frames", "Frames sent.", registry=registry)

@@ -10,9 +10,11 @@ from msgspec.structs import replace
 
 from firmware_interface import schedule
 from firmware_interface.schedule import scan_limits
-from footsense import daemon
 from footsense.benchmarks.naive import sequential_scan
 from footsense.config import DEFAULT, Bus, Config
+from footsense.daemon.acquisition import open_scan_source
+from footsense.daemon.estimation import load_network, pipeline_for
+from footsense.daemon.simulation import simulated_robot
 from footsense.frames import USABLE, Flag
 from footsense.sim.scene import Scene, load_scene
 
@@ -64,7 +66,7 @@ def scan_figures() -> dict[str, dict[str, float | None]]:
 def _scan(config: Config, host_cost_us: int) -> dict[str, float | None]:
     """Return the scan period of six legs at 400 kHz, over the limits of its board, and that of the naive loop."""
     scene = replace(load_scene("hanging"), host_cost_us=float(host_cost_us))
-    with daemon.open_scan_source(config, scene) as scan_source:
+    with open_scan_source(config, scene) as scan_source:
         scan_source.source.read()
         start_ns = scan_source.clock.now_ns()
         for _ in range(_SCANS):
@@ -83,7 +85,7 @@ def _scan(config: Config, host_cost_us: int) -> dict[str, float | None]:
 
 
 def _naive_ns(config: Config, scene: Scene) -> int:
-    robot = daemon.simulated_robot(config, scene)
+    robot = simulated_robot(config, scene)
     sequential_scan(robot.buses[0], robot.clocks[0], config)
     return robot.clocks[0].now_ns()
 
@@ -108,8 +110,8 @@ def publish_age_ms() -> dict[str, dict[str, float]]:
 def _age_ms(config: Config) -> dict[str, float]:
     scene = replace(load_scene("tripod"), host_cost_us=40.0)
     ages_ns: list[int] = []
-    with daemon.open_scan_source(config, scene) as scan_source:
-        pipeline = daemon.pipeline_for(config, daemon.load_network(config), Flag.SIMULATED)
+    with open_scan_source(config, scene) as scan_source:
+        pipeline = pipeline_for(config, load_network(config), Flag.SIMULATED)
         usable = np.array(sorted(USABLE), np.uint8)
         while len(ages_ns) < _AGES * len(config.legs):
             forces, _ = pipeline.process(scan_source.source.read(), scan_source.clock.now_ns())

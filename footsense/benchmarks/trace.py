@@ -23,8 +23,8 @@ from types import CodeType, FrameType
 import click
 
 import footsense
-from footsense import daemon
 from footsense.config import DEFAULT
+from footsense.daemon.service import open_service
 from footsense.sim.scene import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 
@@ -56,7 +56,7 @@ def calls_per_scan() -> tuple[Calls, Calls]:
 
     with (
         TemporaryDirectory() as folder,
-        daemon.service(
+        open_service(
             DEFAULT, load_scene("measured_walk"), real_time=False, record=Path(folder) / "walk.mcap"
         ) as service,
     ):

@@ -1,4 +1,4 @@
-"""The command line; the only place that prints and that turns errors into exit codes.
+"""The command line; the only package that prints and that turns errors into exit codes.
 
 Commands are imported when they are called: `footsense --help` needs no network runtime.
 """
@@ -81,7 +81,7 @@ class LazyGroup(click.Group):
             sys.exit(_INTERRUPTED)
 
     def main(self, *args: Any, **extra: Any) -> Any:  # noqa: ANN401 - click's signature
-        """Run the command line; an output that cannot be written, or only at its end, is one line too."""
+        """Run the command line; an error of the output, even of the flush at its end, is one line too."""
         try:
             try:
                 return super().main(*args, **extra)
@@ -114,7 +114,7 @@ def _log_sink() -> logging.Handler:
 @click.option("--verbose", "-v", is_flag=True, help="Log what is found and done, not only faults.")
 def main(*, verbose: bool) -> None:
     """Contact forces of a legged robot's soft capacitive feet."""
-    # journald adds time and unit; the level is what it needs of us.
+    # journald adds time and unit, and takes the level from the line.
     logging.basicConfig(
         level=logging.INFO if verbose else logging.WARNING,
         format="%(levelname)s: %(message)s",

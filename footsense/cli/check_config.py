@@ -1,4 +1,4 @@
-"""`footsense check-config FILE`: what a configuration means, before a robot walks by it."""
+"""`footsense check-config FILE`: explanation of a configuration before a robot walks with it."""
 
 from collections.abc import Mapping
 from datetime import datetime
@@ -6,11 +6,12 @@ from pathlib import Path
 
 import click
 
-from footsense import daemon
 from footsense.cli.options import FILE
 from footsense.clock import wall_time_iso
 from footsense.config import Bus, Config, load_config
 from footsense.config.contradictions import warnings
+from footsense.daemon.calibrations import load_calibrations
+from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.estimation.network import Network
 from footsense.foot.calibration_reader import FootCalibration
 
@@ -18,11 +19,11 @@ from footsense.foot.calibration_reader import FootCalibration
 @click.command("check-config")
 @click.argument("file", type=FILE)
 def check_config(file: Path) -> None:
-    """Say what the configuration FILE means, or which key is wrong and what would be right."""
+    """Explain the configuration FILE, or name its first error and the remedy."""
     config = load_config(file)
-    calibrations = daemon.load_calibrations(config)
-    network = daemon.load_network(config, calibrations)
-    daemon.pipeline_for(config, network, 0, calibrations)  # raises as a run would
+    calibrations = load_calibrations(config)
+    network = load_network(config, calibrations)
+    pipeline_for(config, network, 0, calibrations)  # raises as a run would
     for line in _summary(config, network, calibrations):
         click.echo(line)
     for warning in warnings(config):
@@ -36,14 +37,14 @@ def _summary(config: Config, network: Network, calibrations: Mapping[str, FootCa
     design = network.card.trained_inputs.design
     return [
         f"{len(config.legs)} legs on the board {config.board}",
-        f"feet: {config.foot_type}, {design.rest_pf:.2f} pF per element at rest, gaps of {design.gap_um:g} um",
+        f"feet: {config.foot_type}, {design.unloaded_pf:.2f} pF per element at rest, gaps of {design.gap_um:g} um",
         f"scan: {_scan(config)}",
         f"forces: {_forces(config)}",
         *(_bus_line(bus, config) for bus in config.buses),
         *(_calibration_line(leg, calibration) for leg, calibration in calibrations.items()),
         f"tare: over {config.tare.window_scans} scans",
         f"  quiet below {config.tare.noise_limit_ff:g} fF of noise",
-        f"  unloaded within {config.tare.unloaded_limit_rel:.1%} of what the free foot reads",
+        f"  unloaded within {config.tare.unloaded_limit_rel:.1%} of the free foot's readings",
         f"baseline: {'follows the foot in swing' if config.baseline.track else 'constant between tares'}",
         f"contact from {config.contact.threshold_n:g} N",
         f"all legs carry {_weight(config)}",
@@ -51,7 +52,7 @@ def _summary(config: Config, network: Network, calibrations: Mapping[str, FootCa
         f"network: {model or 'that of the foot type'}, {network.sha256[:12]}",
         f"CAN: {config.can.interface} {config.can.channel}, {config.can.bitrate // 1000} kbit/s",
         f"metrics: {f'http://{metrics.address}:{metrics.port}/metrics' if metrics else 'none'}",
-        f"real time: {f'SCHED_FIFO {realtime.priority}{cpu}' if realtime else 'not asked for'}",
+        f"real time: {f'SCHED_FIFO {realtime.priority}{cpu}' if realtime else 'not requested'}",
     ]
 
 
@@ -77,7 +78,7 @@ def _calibration_line(leg: str, calibration: FootCalibration) -> str:
 
 def _weight(config: Config) -> str:
     if config.body_weight_n is None:
-        return "what they do at first (body_weight_n is not given)"
+        return "what they carried first (body_weight_n is not given)"
     return f"{config.body_weight_n:g} N together"
 
 

@@ -24,7 +24,7 @@ _REFUSED = re.compile(r"(?:No such (?:command|option):? )?'?(?P<word>[\w-]+)")
 
 
 def with_present_word(error: click.UsageError) -> click.UsageError:
-    """Return an error about a word of an earlier version with what the word is called now, any other as it is."""
+    """Return a usage error; one about a word of an earlier version with the present word."""
     refused = _REFUSED.match(error.message)
     if not refused or refused["word"] not in _RENAMED:
         return error

@@ -1,4 +1,4 @@
-"""A picture of the running loop on a terminal."""
+"""Live picture of the loop on a terminal."""
 
 import logging
 from abc import ABC, abstractmethod

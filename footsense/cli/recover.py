@@ -1,4 +1,4 @@
-"""`footsense recover FILE`: a sound recording out of one that was cut short."""
+"""`footsense recover FILE`: rewrite a recording that was cut short."""
 
 from pathlib import Path
 

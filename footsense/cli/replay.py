@@ -1,4 +1,4 @@
-"""`footsense replay`: a recorded walk through the very same loop, and whether it still gives the same forces."""
+"""`footsense replay`: run a recording through the same loop again, and compare the forces."""
 
 from contextlib import ExitStack
 from pathlib import Path
@@ -6,11 +6,14 @@ from pathlib import Path
 import click
 import msgspec
 
-from footsense import daemon
 from footsense.can.frame_log import check_log_target
 from footsense.cli.options import FILE, FOLDER, can_log_option
 from footsense.clock import MonotonicClock
+from footsense.daemon.calibrations import load_calibrations
+from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.daemon.loop import Paced, step
+from footsense.daemon.recording_header import model_difference, recorded_config, recorded_flags
+from footsense.daemon.service import can_sink
 from footsense.errors import FootsenseError, ModelError, RecordingError
 from footsense.frames import ContactFrame
 from footsense.recording.compare import compare, same_machine
@@ -78,21 +81,21 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
     recording = Replay(file)
     source = ReplaySource(recording)
     clock = ReplayClock(source)
-    config = daemon.recorded_config(recording)
+    config = recorded_config(recording)
     if folder is not None and config.calibrations is not None:
         config = msgspec.structs.replace(config, calibrations=str(folder))
-    calibrations = daemon.load_calibrations(config)
-    network = daemon.load_network(config, calibrations)
+    calibrations = load_calibrations(config)
+    network = load_network(config, calibrations)
     comparison = Comparison(file, recording) if check else None
-    difference = daemon.model_difference(recording.header, network, calibrations)
+    difference = model_difference(recording.header, network, calibrations)
     if difference and check:
         raise ModelError(f"{file}: {difference}")
     if difference:
         click.echo(f"warning: {file}: {difference}", err=True)
-    pipeline = daemon.pipeline_for(config, network, daemon.recorded_flags(recording), calibrations)
+    pipeline = pipeline_for(config, network, recorded_flags(recording), calibrations)
     n_frames = 0
     with ExitStack() as stack:
-        sink = stack.enter_context(daemon.can_sink(config, clock, can_log, real_time=realtime))
+        sink = stack.enter_context(can_sink(config, clock, can_log, real_time=realtime))
         frames = Paced(source, clock, MonotonicClock()) if realtime else source
         while (scan := frames.read()) is not None:
             recorded = source.cycle

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import click
 
-from footsense import daemon
 from footsense.calibration.evaluation import DesignModels
+from footsense.daemon.foot_types import released
 from footsense.errors import ConfigError
 from footsense.estimation.network import Network
 from footsense.foot.response_table import FootResponse
@@ -34,7 +34,7 @@ def design_models(foot_type: str, folder: Path | None) -> tuple[DesignModels, Pa
         ConfigError: They are missing, or of another type.
     """
     remedy = "--foot-type names the folder that `footsense lab build --foot` made"
-    folder = folder or daemon.released("network.onnx", foot_type).parent
+    folder = folder or released("network.onnx", foot_type).parent
     network, response = folder / "network.onnx", folder / "response.npz"
     for path in (network, response):
         if not path.is_file():

@@ -1,6 +1,6 @@
-"""The daemon's configuration: what `--config FILE` may say, and what the built-in simulation is.
+"""Configuration of the daemon: the objects of `--config FILE`, and those of the built-in simulation.
 
-`footsense.daemon` reads the objects once and hands on plain values: nothing below it imports this package.
+`footsense.daemon` passes plain values on: no package below it imports this one.
 """
 
 from pathlib import Path
@@ -40,7 +40,7 @@ __all__ = [
     "load_config",
 ]
 
-#: The simulation that runs without any file: six legs behind one multiplexer, CAN within the process.
+#: Simulation that runs without a file: six legs behind one multiplexer, CAN within the process.
 DEFAULT = Config(
     buses=(
         Bus(

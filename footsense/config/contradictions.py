@@ -1,4 +1,4 @@
-"""Settings that are each valid and together wrong: the path in the file, and what would be right."""
+"""Settings that are each valid and contradict each other: path in the file, and remedy."""
 
 from collections.abc import Hashable, Iterable, Iterator, Mapping
 from ipaddress import IPv4Address, IPv6Address, ip_address
@@ -15,7 +15,7 @@ T = TypeVar("T", bound=Hashable)
 
 #: `Force` and `Quality`.
 _FRAMES_PER_LEG = 2
-#: Eight bytes under an 11-bit id with every stuff bit that can be, and the pause behind it.
+#: Eight bytes with an 11-bit id, all possible stuff bits, and the interframe space [bit].
 _LONGEST_FRAME_BITS = 135
 #: Largest share of the bus for forces; the rest is the robot's.
 _CAN_SHARE = 0.7
@@ -27,7 +27,7 @@ def first_contradiction(config: Config) -> Problem | None:
 
 
 def warnings(config: Config) -> tuple[str, ...]:
-    """Return what is allowed but has surprised others, each as one line with its path."""
+    """Return settings that are allowed and often a mistake, each as one line with its path."""
     return tuple(str(problem) for problem in _warnings(config))
 
 
@@ -110,7 +110,7 @@ def _legs_of_bus(bus: Bus, path: str) -> Iterator[Problem]:
 
 
 def _addresses(bus: Bus, path: str, board: str) -> Iterator[Problem]:
-    """Yield devices at an address that something else on the bus, or on a leg while it is connected, has."""
+    """Yield devices at the address of another device of the bus, or of a chip of every leg."""
     if bus.mux.address == PCA9685_ALLCALL:
         for device in bus.other_devices:
             if "pca9685" in device.name.lower():
@@ -131,7 +131,7 @@ def _addresses(bus: Bus, path: str, board: str) -> Iterator[Problem]:
 
 
 def _timing(config: Config) -> Iterator[Problem]:
-    # The oldest element is a whole scan old when the forces go out, and a scan takes a tenth longer than its limit.
+    # The oldest element is a whole scan old at sending, and a scan takes a tenth longer than its limit.
     n_scans, shortest_ms = config.average_scans, config.shortest_scan_ms
     if config.stale_after_ms < (n_scans + 0.25) * shortest_ms:
         scans = "a scan takes" if n_scans == 1 else f"{n_scans} scans take"
@@ -194,7 +194,7 @@ def _feet(config: Config) -> Iterator[Problem]:
 
 
 def _repeated(entries: Iterable[tuple[str, T, str]]) -> Iterator[tuple[str, T, str]]:
-    """Yield the path and value of every entry whose value an earlier one has, with the owner of the earlier one."""
+    """Yield path and value of every entry with the value of an earlier one, and the owner of the earlier one."""
     owner_of: dict[T, str] = {}
     for path, value, owner in entries:
         if value in owner_of:

@@ -1,4 +1,4 @@
-"""A configuration file, and what follows from its settings; contradictions are in `footsense.config.contradictions`."""
+"""A configuration file and the values derived from it; `footsense.config.contradictions` checks it as a whole."""
 
 from collections.abc import Mapping
 from typing import Annotated, Literal
@@ -95,7 +95,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def shortest_scan_ms(self) -> float:
-        """Return the time that a scan takes at least [ms]: its conversions, or the microcontroller's pace."""
+        """Return the shortest duration of a scan [ms]: nine conversions, or the microcontroller's period."""
         if self.serial is not None:
             return 1e3 / self.serial.rate_hz
         return ELEMENTS * self.rate.conversion_ns * 1e-6
@@ -112,17 +112,17 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def _rates(self) -> Mapping[int, fdc1004.Rate | ad7746.Rate]:
-        # What converters a microcontroller has is not known here; those of the default board are taken.
+        # The converters of a microcontroller are unknown here: assume those of the default board.
         return BOARDS.get(self.board, BOARDS["fdc1004"]).rates
 
     @property
     def order(self) -> Literal["lo_shu", "raster"]:
-        """Return the order of the elements: as given, or the one that suits the multiplexer."""
+        """Return the order of the elements: the configured one, or the default for the multiplexer."""
         return self.scan.order or ("raster" if any(bus.adapters for bus in self.buses) else "lo_shu")
 
     @property
     def stale_after_ms(self) -> float:
-        """Return the age limit of a measurement [ms]: as given, or three scans more than are averaged."""
+        """Return the age limit of a measurement [ms]: the configured one, or three scans more than are averaged."""
         if self.max_age_ms is not None:
             return self.max_age_ms
         return (3 + self.average_scans) * self.shortest_scan_ms

@@ -38,12 +38,13 @@ class ScanSource:
     """An open source of scans.
 
     Attributes:
-        source: The scanner, started; `source.temperature_c` is that of each leg's converter, NaN for none.
+        source: The scanner, started.
         clock: Clock of its time stamps.
         response_sha256: Hash of the response table of the simulated feet, None on a real robot.
         true_force_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
         wakeups: Wake-up latency of the thread of each bus; none in virtual time.
-        has_thermometers: Whether the converters have temperature sensors.
+        temperature_c: Returns the temperature of each leg's converter [degC], shape (legs,), NaN for none; None where
+            no converter has a sensor.
     """
 
     source: RobotScanner | McuSource
@@ -51,7 +52,7 @@ class ScanSource:
     response_sha256: str | None = None
     true_force_n: Callable[[int], NDArray[np.float64]] | None = None
     wakeups: tuple[WakeupLatency, ...] = ()
-    has_thermometers: bool = False
+    temperature_c: Callable[[], NDArray[np.float64]] | None = None
 
 
 def plan_for(config: Config) -> ScanPlan:
@@ -193,5 +194,5 @@ def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack
         source,
         MonotonicClock(),
         wakeups=tuple(bus.clock.wakeups for bus in buses if isinstance(bus.clock, MonotonicClock)),
-        has_thermometers=plan.board.thermometer is not None,
+        temperature_c=source.temperature_c if plan.board.thermometer else None,
     )

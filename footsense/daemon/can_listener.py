@@ -1,4 +1,4 @@
-"""A consumer of CAN: the legs as a user of their forces sees them."""
+"""A consumer of CAN: force and reports of every leg."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,7 +13,7 @@ from footsense.ports import CanWire, Clock
 
 __all__ = ["LegSnapshot", "Listener", "listening"]
 
-#: How often the channel is read [ns].
+#: Period of reading the channel [ns].
 _POLL_NS = 5_000_000
 
 
@@ -57,7 +57,7 @@ class Listener:
         self._n_forces = dict.fromkeys(NODE_IDS.values(), 0)
 
     def listen(self, until_ns: int) -> None:
-        """Take what arrives until a time [ns].
+        """Receive frames until a time [ns].
 
         A frame counts as arrived at the previous poll: the age may be 5 ms too high, never too low.
 
@@ -91,7 +91,7 @@ class Listener:
 
 @contextmanager
 def listening(interface: str, channel: str, clock: Clock, limits: Limits) -> Iterator[Listener]:
-    """Open a channel to listen to, and release it.
+    """Open a channel for listening, and close it at the end.
 
     Yields:
         The listener.

@@ -20,8 +20,8 @@ _OVER_NOISE_REL = 5.0
 def closure_rel_per_pf(design: CapacitorDesign) -> float:
     """Return the change of closure over gap per picofarad on an unloaded element [1/pF]."""
     # dC / C = -d(distance) / distance.
-    distance_um = float(design.plate_distance_um(np.array([design.rest_pf]))[0])
-    return distance_um / design.rest_pf / design.gap_um
+    distance_um = float(design.plate_distance_um(np.array([design.unloaded_pf]))[0])
+    return distance_um / design.unloaded_pf / design.gap_um
 
 
 def contact_limits(config: Config, design: CapacitorDesign, force_sensitivity: Sensitivity) -> ContactLimits:
@@ -43,5 +43,5 @@ def contact_limits(config: Config, design: CapacitorDesign, force_sensitivity: S
             f"use at least {least_n:.2g}"
         )
     drift_n_per_s = _OVER_DRIFT_REL * FASTEST_PF_PER_S * n_per_pf
-    limits = ContactLimits(touch_n=config.contact.threshold_n)
+    limits = ContactLimits(threshold_n=config.contact.threshold_n)
     return replace(limits, floor_n_per_s=max(limits.floor_n_per_s, drift_n_per_s))

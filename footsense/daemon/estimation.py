@@ -77,7 +77,7 @@ def pipeline_for(
     readings_pf: dict[str, PerElement] = dict(config.unloaded_pf.items())
     readings_pf |= {leg: foot.unloaded_pf for leg, foot in feet.items()}
     expected_pf = _per_leg(config, readings_pf, np.nan)
-    unloaded_pf = np.where(np.isnan(expected_pf), trained_inputs.design.rest_pf, expected_pf - stray_pf)
+    unloaded_pf = np.where(np.isnan(expected_pf), trained_inputs.design.unloaded_pf, expected_pf - stray_pf)
     force_sensitivity = sensitivity(network, _n_rows(config), trained_inputs.moments)
     estimator, set_temperature = _estimator(config, network, calibrations)
     return Pipeline(

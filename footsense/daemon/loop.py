@@ -1,4 +1,4 @@
-"""The loop: read a scan, obey commands, estimate, publish, let the observers see it.
+"""The loop: read a scan, execute commands, estimate, publish, notify the observers.
 
 It runs the same over hardware, over the simulator and over a recording; all that differs is behind its ports. The
 source sets the pace: a scanner waits for its conversions. Nothing else may run Python in this process while the loop
@@ -28,28 +28,28 @@ def run(
     """Run until the source ends or `stop` says so; the caller closes what it opened.
 
     Args:
-        source: Where scans come from.
-        pipeline: What makes forces of them.
-        sink: Where forces go and commands come from.
-        observers: Who sees every cycle.
-        clock: The time that the scans' stamps are in.
-        stop: Asked once a cycle.
-        reference: The force sensor of a bench, on a bench.
-        temperature_c: Asked once a cycle what each leg's converter said last of its temperature [degC], shape (legs,);
-            None where none has a sensor.
+        source: Source of scans.
+        pipeline: Estimates the contact forces.
+        sink: Takes forces, gives commands.
+        observers: Notified of every cycle.
+        clock: Clock of the scans' stamps.
+        stop: Stop condition, called once a cycle.
+        reference: Force sensor of a test stand.
+        temperature_c: Returns the last temperature of each leg's converter [degC], shape (legs,), called once a cycle;
+            None where no converter has a sensor.
     """
-    told_c: NDArray[np.float64] | None = None
+    last_c: NDArray[np.float64] | None = None
     while not stop():
         scan = source.read()
         if scan is None:
             return
-        felt = None if reference is None else reference.read(clock.now_ns())
+        samples = None if reference is None else reference.read(clock.now_ns())
         new_c = None
         if temperature_c is not None:
             now_c = temperature_c()
-            if told_c is None or not np.array_equal(now_c, told_c, equal_nan=True):
-                told_c = new_c = now_c
-        step(scan, tuple(sink.commands()), pipeline, sink, observers, clock, felt, new_c)
+            if last_c is None or not np.array_equal(now_c, last_c, equal_nan=True):
+                last_c = new_c = now_c
+        step(scan, tuple(sink.commands()), pipeline, sink, observers, clock, samples, new_c)
 
 
 def step(
@@ -62,13 +62,13 @@ def step(
     reference: Reference | None = None,
     temperature_c: NDArray[np.float64] | None = None,
 ) -> Cycle:
-    """Do all that follows from one scan and what came before it, and return it."""
+    """Run one cycle: execute the commands, estimate, publish, notify the observers."""
     if temperature_c is not None:
         pipeline.set_temperature(temperature_c)
-    at_once = [outcome for command in commands if (outcome := pipeline.execute(command)) is not None]
+    immediate = [outcome for command in commands if (outcome := pipeline.execute(command)) is not None]
     forces, ended = pipeline.process(scan, clock.now_ns())
     sink.publish(forces)
-    cycle = Cycle(scan, commands, forces, (*at_once, *ended), reference, temperature_c)
+    cycle = Cycle(scan, commands, forces, (*immediate, *ended), reference, temperature_c)
     for outcome in cycle.outcomes:
         sink.answer(outcome)
     for observer in observers:

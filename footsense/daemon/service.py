@@ -126,7 +126,7 @@ class Service:
                 scan_source.clock,
                 stop,
                 self.reference,
-                (lambda: scan_source.source.temperature_c) if scan_source.has_thermometers else None,
+                scan_source.temperature_c,
             )
 
     def figures(self) -> dict[str, object]:
@@ -139,7 +139,7 @@ class Service:
 
 
 @contextmanager
-def service(
+def open_service(
     config: Config,
     scene: Scene | None,
     *,

@@ -1,5 +1,6 @@
 """The guide of a session with the foot's network, and the practice session of a simulated test stand."""
 
+from collections.abc import Callable
 from zlib import crc32
 
 import numpy as np
@@ -19,7 +20,9 @@ __all__ = ["practice_scene", "session_guide"]
 Vector = NDArray[np.float64]
 
 
-def session_guide(test_stand: StandConfig, row: int, wanted: int, network: Network) -> SessionGuide:
+def session_guide(
+    test_stand: StandConfig, row: int, wanted: int, network: Network, report: Callable[[str], None]
+) -> SessionGuide:
     """Return the guide of a session.
 
     Args:
@@ -27,6 +30,7 @@ def session_guide(test_stand: StandConfig, row: int, wanted: int, network: Netwo
         row: Row of the leg in the frames.
         wanted: Number of loads of a complete set.
         network: Network of the design, whose forces check those of the sensor.
+        report: Takes each message, one line.
     """
     one_row = _OneRow(network)
 
@@ -35,7 +39,7 @@ def session_guide(test_stand: StandConfig, row: int, wanted: int, network: Netwo
         force_n: Vector = estimates.force_n[0]
         return force_n
 
-    return SessionGuide(row, wanted, estimate, reference_check(test_stand))
+    return SessionGuide(row, wanted, estimate, reference_check(test_stand), report)
 
 
 class _OneRow:

@@ -39,7 +39,7 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
         )
         for bus in config.buses
     ]
-    if config.serial is not None:  # its legs are on wires of the microcontroller, which do not appear
+    if config.serial is not None:  # any wiring: the microcontroller's is not simulated
         wiring = [Wiring(400_000, 0x71, {leg: channel for channel, leg in enumerate(config.legs)})]
     table = artefact(config, "response.npz")
     response = FootResponse.load(table)

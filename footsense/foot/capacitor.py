@@ -43,12 +43,12 @@ class CapacitorDesign:
         return self.film_um / self.film_eps_r
 
     @property
-    def rest_pf(self) -> float:
+    def unloaded_pf(self) -> float:
         """Capacitance of the unloaded element, without stray [pF].
 
         Example:
             >>> sheet = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
-            >>> round(sheet.rest_pf, 3)
+            >>> round(sheet.unloaded_pf, 3)
             5.387
         """
         return float(self.capacitance_pf(np.zeros(1))[0])
@@ -83,7 +83,7 @@ class CapacitorDesign:
         Example:
             >>> sheet = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
             >>> pressed = sheet.capacitance_pf(np.array([5.0]))
-            >>> round(float(sheet.closure_um(pressed, np.array([sheet.rest_pf]))[0]), 9)
+            >>> round(float(sheet.closure_um(pressed, np.array([sheet.unloaded_pf]))[0]), 9)
             5.0
         """
         return self.plate_distance_um(baseline_pf) - self.plate_distance_um(capacitance_pf)

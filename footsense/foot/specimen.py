@@ -44,7 +44,7 @@ class Foot:
 
     Attributes:
         response: Response of its type.
-        rest_pf: Capacitance of each element of the free foot, stray included [pF], shape (9,).
+        unloaded_pf: Capacitance of each element of the free foot, stray included [pF], shape (9,).
 
     Raises:
         ValueError: A gap, a film or the stiffness is not above 0.
@@ -70,7 +70,7 @@ class Foot:
         self._stray_pf = own.stray_pf
         self._mount = own.mount
         self._contact = contact
-        self.rest_pf = self._capacitance_pf(np.zeros(gap_contact.ALL_CELLS))
+        self.unloaded_pf = self._capacitance_pf(np.zeros(gap_contact.ALL_CELLS))
 
     def cells_um(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the closure of each cell [um], shape (n, 324), at most its gap.
@@ -91,7 +91,7 @@ class Foot:
     def capacitance_pf(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the capacitance of each element under loads as in `cells_um`, stray included [pF], shape (n, 9)."""
         if not force_n.any():  # a foot in swing costs nothing
-            return np.tile(self.rest_pf, (len(force_n), 1))
+            return np.tile(self.unloaded_pf, (len(force_n), 1))
         return self._capacitance_pf(self.cells_um(normal, force_n))
 
     def _capacitance_pf(self, cells_um: Vector) -> Vector:

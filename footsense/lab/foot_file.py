@@ -94,11 +94,11 @@ def _between_the_electrodes(sole: SoleDesign) -> Iterator[Problem]:
 def _on_the_converter(sole: SoleDesign) -> Iterator[Problem]:
     capacitor, most_pf = sole.capacitor, fdc1004.capacitance_pf(fdc1004.CODE_MAX)
     half_pf = float(capacitor.capacitance_pf(np.array([0.5 * sole.gap_um]))[0])
-    if capacitor.rest_pf < _LEAST_PF:
+    if capacitor.unloaded_pf < _LEAST_PF:
         yield Problem(
             "electrode_mm",
-            f"an element has {capacitor.rest_pf:.2f} pF at rest, too little to be told from an open line; use larger "
-            f"electrodes, or a thinner gap or film, for at least {_LEAST_PF:g} pF",
+            f"an element has {capacitor.unloaded_pf:.2f} pF at rest, too little to be told from an open line; "
+            f"use larger electrodes, or a thinner gap or film, for at least {_LEAST_PF:g} pF",
         )
     if half_pf > most_pf:
         yield Problem(

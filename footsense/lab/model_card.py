@@ -37,7 +37,7 @@ is edited by hand:
 
 | file | what |
 |---|---|
-| `{FOOT_FILE}` | the foot: an element has {sole.capacitor.rest_pf:.2f} pF at rest |
+| `{FOOT_FILE}` | the foot: an element has {sole.capacitor.unloaded_pf:.2f} pF at rest |
 | `network.onnx` | `closure_rel`, `missing` [n, 9] to `force_n`, `sigma_n` [n, 3]; {weights} weights; card inside |
 | `response.npz` | the simulator's foot: contact normals above {response.min_elevation_deg:g} deg |
 

@@ -14,7 +14,7 @@ from typing import TypeVar
 import msgspec
 
 from footsense.errors import ConfigError
-from footsense.strict_yaml.misfit import Problem, misfit
+from footsense.strict_yaml.error_details import Problem, locate_error
 from footsense.strict_yaml.plain_data import MAX_BYTES, YamlError, read_yaml
 
 __all__ = ["MAX_BYTES", "Problem", "load"]
@@ -52,7 +52,7 @@ def load(
         result = msgspec.convert(text.data, type_)
         problem = check(result) if check else None
     except msgspec.ValidationError as error:
-        problem = misfit(text.data, type_, str(error), former or {})
+        problem = locate_error(text.data, type_, str(error), former or {})
     if problem:
         raise ConfigError(_one_line(f"{where}:{text.line_of(problem.path)}: {problem}"))
     return result

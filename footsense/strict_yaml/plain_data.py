@@ -93,7 +93,7 @@ def read_yaml(source: Path | str | bytes) -> PlainData:
         fault = ", ".join(part for part in (error.context, error.problem) if part)
         raise YamlError(f"is not valid YAML: {fault}", _line(mark) if mark else None) from None
     except (yaml.YAMLError, ValueError, LookupError, RecursionError) as error:
-        # Text that resolves to a number goes through int() and float(), which have limits of their own.
+        # Numbers go through int() and float(), which refuse thousands of digits.
         raise YamlError(f"is not valid YAML: {error}") from None
     if data is None:
         raise YamlError("is empty")
@@ -117,7 +117,7 @@ def _text(source: Path | str | bytes) -> str:
 
 
 def _check_depth(text: str) -> None:
-    """Follow the nesting without building anything.
+    """Check the nesting by the parser's events, without building nodes.
 
     Raises:
         YamlError: It is deeper than `MAX_DEPTH`.
@@ -132,7 +132,7 @@ def _check_depth(text: str) -> None:
 def _plain(
     node: yaml.Node, path: str, depth: int, line: int, loader: yaml.SafeLoader, lines: dict[str, int]
 ) -> object:
-    """Build the value of a node, aliases expanded, and note the lines of all values in it.
+    """Return the value of a node with aliases expanded, and add the lines of all its values to `lines`.
 
     Raises:
         YamlError: A value uses an unsupported feature, or there are too many.
@@ -161,7 +161,7 @@ def _plain(
 def _mapping(
     node: yaml.MappingNode, path: str, depth: int, loader: yaml.SafeLoader, lines: dict[str, int]
 ) -> dict[str, object]:
-    """Build a dict; PyYAML would let the last of two equal keys win.
+    """Return a dict; a doubled key is an error, where PyYAML keeps the last one.
 
     Raises:
         YamlError: A key stands twice, is not a word, or is the merge key; or as `_plain`.

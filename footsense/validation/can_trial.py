@@ -9,7 +9,7 @@ from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.can_frames import FORCE_ID
 from firmware_interface.socketcan import split_frames
 from footsense.config import DEFAULT, Config
-from footsense.daemon.service import service
+from footsense.daemon.service import open_service
 from footsense.frames import Cycle
 from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Scene, Tripod
@@ -88,7 +88,7 @@ def can_trial(fault: CanFault, *, duration_s: float, config: Config = DEFAULT) -
         ModelError: The released network or the response table is missing.
     """
     consumer = _Consumer(config.legs)
-    with service(config, msgspec.structs.replace(WALK, faults=(fault,)), real_time=False) as robot:
+    with open_service(config, msgspec.structs.replace(WALK, faults=(fault,)), real_time=False) as robot:
         assert robot.can is not None, "the scene names a fault of CAN"
         controller = robot.can.controller
         controller.hear = consumer.hear

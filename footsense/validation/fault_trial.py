@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.config import DEFAULT, Config
-from footsense.daemon.service import service
+from footsense.daemon.service import open_service
 from footsense.frames import USABLE, Cause, Cycle, State
 from footsense.sim.faults.scene_faults import Fault
 from footsense.sim.scene import Effects, Scene, Tripod
@@ -108,7 +108,7 @@ def walk(*faults: Fault, config: Config = DEFAULT, effects: Effects = WALK.effec
     """
     watch = _Watch()
     scene = msgspec.structs.replace(WALK, faults=faults, effects=effects)
-    with service(config, scene, real_time=False) as running:
+    with open_service(config, scene, real_time=False) as running:
         scan_source = running.scan_source
         running.observers.append(watch)
         running.run(lambda: scan_source.clock.now_ns() > DURATION_S * 1e9)

@@ -16,7 +16,7 @@ import numpy as np
 
 from footsense.clock import resident_mib, stopwatch_ns
 from footsense.config import DEFAULT, Config
-from footsense.daemon.service import service
+from footsense.daemon.service import open_service
 from footsense.frames import State
 from footsense.sim.faults.scene_faults import CanTraffic
 from footsense.sim.scene import Effects, Scene, Stand, Tripod, Warming
@@ -182,7 +182,7 @@ class _Course:
 
     def walk(self, until_s: float) -> None:
         """Walk up to a time [s], and look at the memory when all has been used once, and at the end."""
-        with service(self._config, self._scene, real_time=False) as running:
+        with open_service(self._config, self._scene, real_time=False) as running:
             scan_source = running.scan_source
             assert scan_source.true_force_n is not None, "a scene is simulated"
             assert running.can is not None, "the script has something on CAN"

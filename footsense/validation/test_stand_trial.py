@@ -16,7 +16,7 @@ from footsense.config import Bus, Can, Config
 from footsense.config.test_stand import Axes, Simulated, StandConfig
 from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.foot_types import FOOT_TYPE
-from footsense.daemon.service import service
+from footsense.daemon.service import open_service
 from footsense.daemon.test_stand import StandSession
 from footsense.sim.loads.ground_load import Load
 from footsense.sim.scene import CalibrationLoads, Effects, Fabrication, Scene, Unloaded
@@ -132,7 +132,7 @@ def _session(
     path = folder / f"{foot}-{protocol}.mcap"
     load = scene.load.build(round(scene.lead_in_s * 1e9))
     assert isinstance(load, PressSequence), "the scene is of presses"
-    with service(config, scene, real_time=False, record=path, test_stand=run) as running:
+    with open_service(config, scene, real_time=False, record=path, test_stand=run) as running:
         clock = running.scan_source.clock
         running.run(lambda: clock.now_ns() > load.ends_ns)
     return read_session(path, foot), load

@@ -197,7 +197,7 @@ def test_a_temperature_costs_no_reading_and_is_no_stall(rate_sps: int, element_w
         frame = robot.read()
         assert (frame.reading == Reading.OK).all()
         assert robot.is_right(frame).all()
-    assert np.isfinite(robot.scanner.temperature_c).all()
+    assert np.isfinite(robot.scanner.temperature_c()).all()
     assert n_asked in {2, 3}
     assert [bus.missed_deadlines for bus in robot.buses] == [0]
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from onnx import ModelProto, TensorProto, helper
 
-from footsense.daemon import released
+from footsense.daemon.foot_types import released
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
 from footsense.foot.checksum_trailer import seal

@@ -16,7 +16,7 @@ from firmware_interface.serial_frames import FRAME_BYTES, Record, encode_record,
 from footsense.acquisition.mcu_source import McuSource
 from footsense.calibration.writer import write_calibration
 from footsense.config.test_stand import load_test_stand
-from footsense.daemon import FOOT_TYPE
+from footsense.daemon.foot_types import FOOT_TYPE
 from footsense.foot.calibration_format import MANIFEST, PARAMETERS, Manifest
 from footsense.foot.calibration_reader import read_calibration
 from footsense.frames import Reading, Reference

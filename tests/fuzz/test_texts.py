@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from footsense.config import DEFAULT, load_config
-from footsense.daemon import recorded_config, recorded_flags
+from footsense.daemon.recording_header import recorded_config, recorded_flags
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream

@@ -15,7 +15,8 @@ from click.testing import CliRunner
 
 from footsense.cli.lab.group import lab
 from footsense.config import DEFAULT, load_config
-from footsense.daemon import load_network, service
+from footsense.daemon.estimation import load_network
+from footsense.daemon.service import open_service
 from footsense.errors import FootsenseError, ModelError
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.network import Network
@@ -274,7 +275,7 @@ def test_a_robot_walks_on_feet_of_another_type(built: Built, folder: Path, tmp_p
     config.write_text(
         f"buses: [{{device: sim, legs: {{lf: 0, rr: 1}}}}]\ncan: {{interface: virtual}}\nfoot_type: {folder}\n"
     )
-    with service(load_config(config), load_scene("tripod"), real_time=False) as robot:
+    with open_service(load_config(config), load_scene("tripod"), real_time=False) as robot:
         statistics = RunStatistics(robot.legs, robot.scan_source.true_force_n)
         robot.observers.append(statistics)
         robot.run(lambda: robot.scan_source.clock.now_ns() > 2_000_000_000)
@@ -295,7 +296,10 @@ def test_files_of_another_foot_type_are_refused(
     shutil.copy(RELEASED / name, mixed)
     config = msgspec.structs.replace(DEFAULT, foot_type=str(mixed))
     refused = f"{name}: made for foot type 'aoyagi-3x3', these feet are 'large-3x3'"
-    with pytest.raises(ModelError, match=refused), service(config, load_scene("hanging"), real_time=False):
+    with (
+        pytest.raises(ModelError, match=refused),
+        open_service(config, load_scene("hanging"), real_time=False),
+    ):
         pass
 
 

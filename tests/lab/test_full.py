@@ -112,7 +112,7 @@ def test_a_shut_gap_is_entered_by_less_than_a_hundredth() -> None:
     assert SOLE.gap_um < shut.cells_um.max() <= 1.01 * SOLE.gap_um
     assert shut.closure_um.argmax() in {6, 8}
     film_pf = 8.8541878128 * 16.0 / (17.0 / 2.7)
-    assert SOLE.capacitor.rest_pf < shut.capacitance_pf.max() < film_pf
+    assert SOLE.capacitor.unloaded_pf < shut.capacitance_pf.max() < film_pf
 
 
 def test_a_force_outside_the_cone_of_friction_is_refused() -> None:

@@ -153,7 +153,7 @@ def test_a_tenth_of_a_gram_keeps_its_relative_accuracy(released: FootResponse) -
     loads_n = np.array([small_n, 1e-6 * small_n])
     per_newton = foot.cells_um(np.repeat(UP, 2, 0), UP * loads_n[:, None]) / loads_n[:, None]
     np.testing.assert_allclose(per_newton[0], per_newton[1], rtol=0.0, atol=1e-3 * per_newton[1].max())
-    sensed_um = released.design.closure_um(foot.capacitance_pf(UP, small_n * UP), foot.rest_pf)
+    sensed_um = released.design.closure_um(foot.capacitance_pf(UP, small_n * UP), foot.unloaded_pf)
     np.testing.assert_allclose(sensed_um[0], released.closure_um(UP[0], small_n * UP[0]), rtol=2e-3)
 
 

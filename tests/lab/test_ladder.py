@@ -79,7 +79,7 @@ def test_a_question_is_answered_in_full(released: FootResponse) -> None:
     said = response_to(released, SOLE, (0.0, 90.0), 0.5)
     assert said["rung"] == "contact"
     assert said["closure_um"][0][0] > said["closure_um"][1][1] > 0.0
-    assert np.min(said["capacitance_pf"]) > said["rest_pf"]
+    assert np.min(said["capacitance_pf"]) > said["unloaded_pf"]
 
 
 def test_what_cannot_be_asked(released: FootResponse) -> None:

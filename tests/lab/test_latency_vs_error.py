@@ -58,7 +58,7 @@ def readings(order: str, distance_of_time_s: NDArray[np.float64], n: int = 45) -
         t_ns=t_ns,
         sent_ns=t_ns + lead_ns,
         distance_rel=np.array(values)[:, None],
-        rest_rel=np.zeros((1, 9)),
+        unloaded_rel=np.zeros((1, 9)),
         noise_rel=1e-4,
     )
 
@@ -101,11 +101,11 @@ def test_a_converted_foot_reads_its_load() -> None:
     foot, load = Foot(response), Ramp((0.0, 0.0, 0.5), 100 * MS)
     said = convert(foot, [partial(load.contact, "lf")], ORDERS["lo_shu"], 100, 400 * MS, seed=1)
     values, _ = said.elements()
-    closure_rel = said.rest_rel - values[:, 0]
+    closure_rel = said.unloaded_rel - values[:, 0]
     assert np.abs(closure_rel[0]).max() < 8 * said.noise_rel
     pressed_pf = foot.capacitance_pf(np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, 0.0, 0.5]]))
     gap_um = response.design.gap_um
-    wanted = said.rest_rel[0] - response.design.plate_distance_um(pressed_pf)[0] / gap_um
+    wanted = said.unloaded_rel[0] - response.design.plate_distance_um(pressed_pf)[0] / gap_um
     np.testing.assert_allclose(closure_rel[-1], wanted, atol=8 * said.noise_rel)
 
 

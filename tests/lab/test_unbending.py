@@ -28,7 +28,7 @@ def test_unbending_inverts_its_law(response: FootResponse) -> None:
     """Any mean closures, some shutting gaps: the capacitances tell them again."""
     law = unbending(response)
     mean = np.random.default_rng(1).uniform(0.0, 14.0, (20, 9))
-    closure = response.design.closure_um(law.capacitance_pf(mean), np.array([response.design.rest_pf]))
+    closure = response.design.closure_um(law.capacitance_pf(mean), np.array([response.design.unloaded_pf]))
     np.testing.assert_allclose(law.mean_um(closure), mean, atol=1e-4)
 
 

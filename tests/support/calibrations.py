@@ -7,7 +7,7 @@ import numpy as np
 
 import footsense
 from footsense.calibration.writer import write_calibration
-from footsense.daemon import FOOT_TYPE, released
+from footsense.daemon.foot_types import FOOT_TYPE, released
 from footsense.foot.calibration_format import HeldOut, Manifest
 from footsense.foot.calibration_reader import FootCalibration
 from footsense.foot.force_errors import Errors

@@ -46,12 +46,12 @@ class Standing:
     """Legs under a baseline tracker, fed scan by scan or conversion by conversion."""
 
     def __init__(self, n_legs: int, *, track: bool = True, element_by_element: bool = False) -> None:
-        unloaded_pf = np.full((n_legs, ELEMENTS), DESIGN.rest_pf)
+        unloaded_pf = np.full((n_legs, ELEMENTS), DESIGN.unloaded_pf)
         self.tracker = BaselineTracker(
             unloaded_pf,
             DESIGN,
             TareLimits(window_frames=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-            ContactLimits(touch_n=TOUCH_N),
+            ContactLimits(threshold_n=TOUCH_N),
             SENSITIVITY,
             track=track,
         )
@@ -110,7 +110,7 @@ class Standing:
     @property
     def baseline_ff(self) -> Vector:
         """Distance of the baselines from the unloaded foot as it was made [fF], shape (legs, 9)."""
-        return (self.tracker.unloaded.baseline_pf - DESIGN.rest_pf) * 1e3
+        return (self.tracker.unloaded.baseline_pf - DESIGN.unloaded_pf) * 1e3
 
 
 def stance_n(t_s: float, period_s: float = 1.2, duty_rel: float = 0.6) -> float:

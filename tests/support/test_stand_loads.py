@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.loads.calibration_load import LoadSet
-from footsense.daemon import released
+from footsense.daemon.foot_types import released
 from footsense.estimation.network import Network
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
@@ -56,5 +56,5 @@ def poked(
         force_n=force_n + 0.003 * noise[2],
         sigma_n=np.full(force_n.shape, 0.003),
         capacitance_pf=foot.capacitance_pf(leaning, felt_n),
-        baseline_pf=np.tile(foot.rest_pf, (len(force_n), 1)),
+        baseline_pf=np.tile(foot.unloaded_pf, (len(force_n), 1)),
     )

@@ -8,7 +8,7 @@ import pytest
 
 from footsense.config import DEFAULT
 from footsense.daemon.acquisition import ScanSource
-from footsense.daemon.service import service
+from footsense.daemon.service import open_service
 from footsense.frames import USABLE, Cause, Cycle, State
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
@@ -34,14 +34,15 @@ class Watch:
 
     def observe(self, cycle: Cycle) -> None:
         self.cycles.append(cycle)
-        self.temperature_c.append(self.scan_source.source.temperature_c.tolist())
+        assert self.scan_source.temperature_c is not None
+        self.temperature_c.append(self.scan_source.temperature_c().tolist())
 
     def close(self) -> None:
         pass
 
 
 def watched(scene: Scene, until_s: float) -> Watch:
-    with service(ROBOT, scene, real_time=False) as running:
+    with open_service(ROBOT, scene, real_time=False) as running:
         watch = Watch(running.scan_source)
         running.observers.append(watch)
         running.run(lambda: running.scan_source.clock.now_ns() > until_s * 1e9)
@@ -52,7 +53,7 @@ def test_it_walks() -> None:
     """Forces of all legs after the tare, no fault, ten a second, and right to a few hundredths of a newton."""
     scene = Scene(description="A slow walk.", load=SLOW, host_cost_us=40, effects=REAL)
     errors_n = []
-    with service(ROBOT, scene, real_time=False) as running:
+    with open_service(ROBOT, scene, real_time=False) as running:
         watch = Watch(running.scan_source)
         running.observers.append(watch)
         running.run(lambda: running.scan_source.clock.now_ns() > 9e9)

@@ -9,10 +9,10 @@ import pytest
 from click.testing import CliRunner, Result
 from numpy.typing import NDArray
 
-from footsense import daemon
 from footsense.cli.calibrate import calibrate
 from footsense.config import Bus, Can, Config, Tare
 from footsense.config.test_stand import Axes, Simulated, StandConfig
+from footsense.daemon.service import open_service
 from footsense.daemon.test_stand import StandSession
 from footsense.errors import CalibrationError
 from footsense.foot.calibration_reader import read_calibration
@@ -52,7 +52,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scene = Scene(description="a bench", load=load, lead_in_s=2.0, fabrication=MADE)
     end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 500_000_000
     run = StandSession(test_stand=STAND, leg="lf", foot="foot-0007", session="one")
-    with daemon.service(CONFIG, scene, record=path, real_time=False, test_stand=run) as service:
+    with open_service(CONFIG, scene, record=path, real_time=False, test_stand=run) as service:
         clock = service.scan_source.clock
         service.run(lambda: clock.now_ns() >= end_ns)
     return path

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from footsense import daemon
 from footsense.cli.check_config import check_config
 from footsense.cli.replay import replay
 from footsense.config import Bus, Can, Config
 from footsense.config.sections import Leg
+from footsense.daemon.calibrations import load_calibrations
+from footsense.daemon.foot_types import released
+from footsense.daemon.service import open_service
 from footsense.errors import ModelError
 from footsense.foot.checksum_trailer import seal
 from footsense.frames import Cycle, State
@@ -60,7 +62,7 @@ class Last:
 def run(robot: Config, record: Path | None = None) -> Last:
     """Run until both feet have been pressed for a while."""
     last = Last()
-    with daemon.service(robot, SCENE, record=record, real_time=False) as service:
+    with open_service(robot, SCENE, record=record, real_time=False) as service:
         clock = service.scan_source.clock
         service.observers.append(last)
         service.run(lambda: clock.now_ns() >= UNTIL_NS)
@@ -98,21 +100,21 @@ def test_calibrations_that_cannot_be_used(tmp_path: Path) -> None:
     """A foot without a calibration, one of another foot, and two that were fitted on different networks."""
     workshop(tmp_path)
     with pytest.raises(ModelError, match="foot-0009: no such calibration"):
-        daemon.load_calibrations(config(tmp_path, lf="foot-0009"))
+        load_calibrations(config(tmp_path, lf="foot-0009"))
     (tmp_path / "foot-0007").rename(tmp_path / "foot-0009")
     with pytest.raises(ModelError, match="foot-0009: the calibration of foot-0007, not of foot-0009"):
-        daemon.load_calibrations(config(tmp_path, lf="foot-0009"))
+        load_calibrations(config(tmp_path, lf="foot-0009"))
     other = tmp_path / "other.onnx"
-    other.write_bytes(seal(daemon.released("network.onnx").read_bytes()[:-86] + b"\x72\x04\x0a\x00\x12\x00"))
+    other.write_bytes(seal(released("network.onnx").read_bytes()[:-86] + b"\x72\x04\x0a\x00\x12\x00"))
     calibration(tmp_path, "foot-0010", network=other)
     with pytest.raises(ModelError, match=r"foot-0010: fitted on network .* a robot has one network"):
-        daemon.load_calibrations(config(tmp_path, lf="foot-0008", rf="foot-0010"))
+        load_calibrations(config(tmp_path, lf="foot-0008", rf="foot-0010"))
 
 
 def test_a_leg_without_a_named_foot_is_told_of(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """It goes on as before, by the design."""
     workshop(tmp_path)
-    assert list(daemon.load_calibrations(config(tmp_path, rf="foot-0008"))) == ["rf"]
+    assert list(load_calibrations(config(tmp_path, rf="foot-0008"))) == ["rf"]
     assert "lf: no foot is named under feet" in caplog.text
 
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from footsense import daemon
 from footsense.cli import main
 from footsense.config import DEFAULT
+from footsense.daemon.service import can_sink
 from footsense.errors import HardwareError
 from footsense.recording.cycle_records import Loss, Numbered
 from footsense.recording.mcap_writer import McapFile
@@ -165,7 +165,7 @@ def test_a_lost_log_does_not_hide_what_came_before(tmp_path: Path) -> None:
     """The first error is the one that is told, whatever the end of the log adds to it."""
     log = tmp_path / "a.log"
     log.symlink_to("/dev/full")
-    with pytest.raises(HardwareError, match="the bus is gone"), daemon.can_sink(DEFAULT, VirtualClock(), log):
+    with pytest.raises(HardwareError, match="the bus is gone"), can_sink(DEFAULT, VirtualClock(), log):
         raise HardwareError("the bus is gone")
 
 

@@ -6,8 +6,8 @@ import can
 import pytest
 
 from firmware_interface import can_events
-from footsense import daemon
 from footsense.config import DEFAULT
+from footsense.daemon.service import open_service
 from footsense.frames import CommandKind, Cycle, Result, State
 from footsense.sim.scene import load_scene
 
@@ -59,7 +59,7 @@ def test_a_tare_is_granted_unloaded_and_refused_loaded(scene: str) -> None:
     """The start's own tare is told too; then DONE in the air, LOADED on the ground, where no leg is stopped either."""
     with (
         can.Bus(interface="virtual", channel=DEFAULT.can.channel) as bus,
-        daemon.service(DEFAULT, load_scene(scene), real_time=False) as service,
+        open_service(DEFAULT, load_scene(scene), real_time=False) as service,
     ):
         controller = Controller(bus, {20: CommandKind.TARE, 60: CommandKind.TARE, 90: CommandKind.STOP})
         service.observers.append(controller)
@@ -78,7 +78,7 @@ def test_a_leg_in_the_air_is_stopped() -> None:
     """STOPPED, with the answer that it was done."""
     with (
         can.Bus(interface="virtual", channel=DEFAULT.can.channel) as bus,
-        daemon.service(DEFAULT, load_scene("hanging"), real_time=False) as service,
+        open_service(DEFAULT, load_scene("hanging"), real_time=False) as service,
     ):
         controller = Controller(bus, {20: CommandKind.STOP})
         service.observers.append(controller)

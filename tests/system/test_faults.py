@@ -15,8 +15,8 @@ import pytest
 from prometheus_client import CollectorRegistry
 
 import firmware_interface
-from footsense import daemon
 from footsense.config import DEFAULT, Mux
+from footsense.daemon.service import open_service
 from footsense.frames import USABLE, Cause, State
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
@@ -222,7 +222,7 @@ def test_can_and_metrics_show_it(tmp_path: Path) -> None:
     """The last force frame, the fault report with its cause and elements, and the counters."""
     scene = msgspec.structs.replace(WALK, faults=(scene_faults.BrokenRow(row=1, **ON_LEG),))
     log = tmp_path / "can.log"
-    with daemon.service(ROBOT, scene, real_time=False, can_log=log) as service:
+    with open_service(ROBOT, scene, real_time=False, can_log=log) as service:
         clock = service.scan_source.clock
         metrics = Metrics(service.legs, service.sink.stats, tmp_path / "counters")
         service.observers.append(metrics)

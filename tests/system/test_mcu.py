@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from firmware_interface.can_codes import USABLE
-from footsense import daemon
 from footsense.acquisition.mcu_source import McuSource
 from footsense.acquisition.serial_port import SerialLink
 from footsense.config import Can, Config, Serial
+from footsense.daemon.estimation import load_network, pipeline_for
+from footsense.daemon.simulation import simulated_robot
 from footsense.errors import ConfigError
 from footsense.estimation.pipeline import Pipeline
 from footsense.frames import LEGS, CapFrame, Cause, ContactFrame, Reading, State
@@ -58,14 +59,14 @@ class Robot(NamedTuple):
 
 def robot(scene: Scene, faults: LineFaults) -> Robot:
     """Return a robot of a scene on a line that fails."""
-    simulated = daemon.simulated_robot(MCU, scene)
+    simulated = simulated_robot(MCU, scene)
     assert MCU.serial
     rate_hz, baud = MCU.serial.rate_hz, MCU.serial.baud
     line = SimulatedLine(
         simulated_mcu(simulated, scene, rate_hz), simulated.clock, rate_hz=rate_hz, baud=baud, faults=faults
     )
     source = McuSource(line, simulated.clock, LEGS, rate_hz=rate_hz)
-    return Robot(simulated, source, daemon.pipeline_for(MCU, daemon.load_network(MCU), 0))
+    return Robot(simulated, source, pipeline_for(MCU, load_network(MCU), 0))
 
 
 def test_a_walk_is_felt_as_it_is_and_through_a_line_that_fails() -> None:
@@ -111,7 +112,7 @@ def test_the_feet_and_their_lines_break_as_on_any_board() -> None:
     assert forces.force_n[:, 2] == pytest.approx([0.5] * 6, abs=0.05)
     strange = Scene(description="", load=load, faults=(StuckSda(at_s=1.0, leg="lm"),))
     with pytest.raises(ConfigError, match=r"scene: faults\[0\]: is for chips or wires of an I2C bus"):
-        daemon.simulated_robot(MCU, strange)
+        simulated_robot(MCU, strange)
 
 
 @contextmanager
@@ -126,8 +127,8 @@ def plugged(path: Path) -> Iterator[Line]:
 
 def test_over_a_real_terminal(tmp_path: Path) -> None:
     """The port, the decoder and the clock together: every scan is a frame, out is out, and back is back."""
-    rest_pf = np.linspace(5.0, 5.8, 9)
-    mcu = SimulatedMcu(dict.fromkeys(LEGS, lambda _: rest_pf), step_us=500)
+    unloaded_pf = np.linspace(5.0, 5.8, 9)
+    mcu = SimulatedMcu(dict.fromkeys(LEGS, lambda _: unloaded_pf), step_us=500)
     clock = HurriedClock()
     with plugged(tmp_path / "usb-mcu") as line:
         device = line.plug()
@@ -139,7 +140,7 @@ def test_over_a_real_terminal(tmp_path: Path) -> None:
             os.write(device, mcu.scan(clock.now_ns() - 4 * MS))
             frame = source.read()
             assert not frame.reading.any()
-            assert frame.capacitance_pf == pytest.approx(np.tile(rest_pf, (6, 1)))
+            assert frame.capacitance_pf == pytest.approx(np.tile(unloaded_pf, (6, 1)))
             assert 0 < frame.t_ns.max() <= clock.now_ns()
             stamps_ns.append(frame.t_ns[0, 0])
         assert (np.diff(stamps_ns) > 0).all()
@@ -149,5 +150,5 @@ def test_over_a_real_terminal(tmp_path: Path) -> None:
         while (frame := source.read()).reading.any():
             clock.sleep_until_ns(clock.now_ns() + 5 * MS)
             os.write(device, mcu.scan(clock.now_ns() - 4 * MS))
-        assert frame.capacitance_pf == pytest.approx(np.tile(rest_pf, (6, 1)))
+        assert frame.capacitance_pf == pytest.approx(np.tile(unloaded_pf, (6, 1)))
         source.close()

@@ -11,7 +11,7 @@ from pathlib import Path
 import can
 
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID
-from footsense.daemon import released
+from footsense.daemon.foot_types import released
 from footsense.recording.recorder import partial_path
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay

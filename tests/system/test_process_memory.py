@@ -8,9 +8,9 @@ import gc
 import sys
 from pathlib import Path
 
-from footsense import daemon
 from footsense.clock import resident_mib
 from footsense.config import load_config
+from footsense.daemon.service import open_service
 from footsense.sim.scene import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 from tests.system.command import robot
@@ -24,7 +24,7 @@ def test_nothing_grows_with_the_cycles(tmp_path: Path) -> None:
     """Recorded, counted, logged and sent, a cycle leaves no object, no memory and no garbage behind."""
     config = load_config(robot(tmp_path, more=f"metrics: {{counters: {tmp_path / 'counters'}}}\n"))
     record = tmp_path / "walk.mcap"
-    with daemon.service(config, load_scene("hanging"), real_time=False, record=record) as service:
+    with open_service(config, load_scene("hanging"), real_time=False, record=record) as service:
         service.observers.append(RunStatistics(service.legs, service.scan_source.true_force_n))
 
         def run(n_cycles: int) -> None:

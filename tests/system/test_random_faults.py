@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from footsense import daemon
 from footsense.config import DEFAULT, Config
+from footsense.daemon.service import open_service
 from footsense.frames import USABLE, Cycle
 from footsense.sim.faults.scene_faults import CanTraffic, Fault, Leg
 from footsense.sim.scene import Effects, Scene, Tripod
@@ -102,7 +102,7 @@ def walk(publish: str, script: list[Fault]) -> Invariants:
         bitrate=config.can.bitrate,
     )
     scene = msgspec.structs.replace(SCENE, faults=tuple(script))
-    with daemon.service(config, scene, real_time=False) as service:
+    with open_service(config, scene, real_time=False) as service:
         clock = service.scan_source.clock
         assert service.scan_source.true_force_n is not None
         assert service.can is not None

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from footsense.calibration.session.recorded_session import read_session
-from footsense.daemon import FOOT_TYPE
+from footsense.daemon.foot_types import FOOT_TYPE
 from footsense.foot.calibration_reader import read_calibration
 from footsense.recording.replay import Replay
 from footsense.sim.scene import load_scene

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 from click.testing import CliRunner
 
-from footsense import daemon
 from footsense.cli.replay import replay
 from footsense.config import Bus, Can, Config
+from footsense.daemon.service import open_service
 from footsense.foot.temperature import unknown_temperature_rel
 from footsense.frames import Cycle, State
 from footsense.recording.cycle_records import Numbered
@@ -56,7 +56,7 @@ def walked(feet: Path, effects: Effects, until_s: float, record: Path | None = N
         effects=effects,
     )
     seen: list[Cycle] = []
-    with daemon.service(robot(feet), scene, record=record, real_time=False) as service:
+    with open_service(robot(feet), scene, record=record, real_time=False) as service:
         clock = service.scan_source.clock
         service.observers.append(Seen(seen))
         service.run(lambda: clock.now_ns() >= until_s * 1e9)

@@ -12,8 +12,6 @@ from typing import NamedTuple
 from footsense.errors import BusError, BusTimeoutError, NackError
 from footsense.ports import I2cBus, Transaction
 
-__all__ = ["ADDRESSES", "AddressScan", "scan_addresses"]
-
 #: Addresses that a chip may have.
 ADDRESSES = range(0x08, 0x78)
 

@@ -17,8 +17,6 @@ from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
-__all__ = ["BusScan", "ChannelScan", "leg_addresses", "scan_adapters", "scan_bus"]
-
 _log = logging.getLogger(__name__)
 
 
@@ -74,9 +72,9 @@ def scan_bus(
     """
     upstream, has_mux = None, False
     try:
-        if bus.free() or not _is_stuck(bus):
-            upstream = scan_addresses(bus.bus, claimed)
-            has_mux = _holds_selection(bus, 0)
+        bus.free()
+        upstream = scan_addresses(bus.bus, claimed)  # a stuck line times out
+        has_mux = _holds_selection(bus, 0)
     except BusError as error:
         _log.info("the upstream bus: %s", error)
     if upstream is None or not has_mux:
@@ -121,17 +119,6 @@ def scan_adapters(
         for number, scan in channels.items()
     }
     return BusScan(AddressScan(tuple(sorted(common))), mux_answers=True, channels=channels, timing=limits)
-
-
-def _is_stuck(bus: UpstreamBus) -> bool:
-    """Return whether a bus whose mux does not answer is held low, rather than without a mux."""
-    try:
-        bus.connect(0)
-    except BusTimeoutError:
-        return True
-    except BusError:
-        return False
-    return False
 
 
 def _holds_selection(bus: UpstreamBus, selection: int) -> bool:

@@ -12,10 +12,7 @@ from numpy.typing import NDArray
 from footsense.estimation.faults.open_elements import OPEN_REL, floating_pf
 from footsense.frames import ELEMENTS, Cause, Reading
 
-__all__ = ["CHIP_READINGS", "FootFault", "FootScans", "foot_faults"]
-
-_ELEMENTS = np.arange(ELEMENTS)
-_ROW, _COLUMN = _ELEMENTS // 3, _ELEMENTS % 3
+_ROW, _COLUMN = np.divmod(np.arange(ELEMENTS), 3)
 
 
 class FootFault(NamedTuple):
@@ -146,11 +143,21 @@ def foot_faults(
     mean_pf = mean_pf - floating_pf(scans.mean_pf[None], opened[None])[0]
     noisy = ~wrong & (scans.noise_ff > noise_limit_ff)
     if noisy.any():
-        broken.append(_noisy(noisy, scans.noise_ff, noise_limit_ff))
+        what = f"noise of up to {scans.noise_ff[noisy].max():.1f} fF; a tare is refused above {noise_limit_ff:g} fF"
+        check = "whether the foot hangs still, the shield's connection, and motor cables beside the foot's"
+        broken.append(FootFault(Cause.NONE, _indices(noisy), what, check))
     off_rel = mean_pf / unloaded_pf - 1.0
     off = ~(wrong | noisy) & (np.abs(off_rel) > unloaded_limit_rel)
     if off.any():
-        broken.append(_off(off, off_rel, unloaded_limit_rel))
+        worst = int(np.abs(np.where(off, off_rel, 0.0)).argmax())
+        what = (
+            f"element {worst} reads {off_rel[worst]:+.1%} from the expected capacitance of the free foot; "
+            f"a tare is refused above {unloaded_limit_rel:.1%}"
+        )
+        check = (
+            "that nothing presses the foot; then put its readings below into the configuration as unloaded_pf"
+        )
+        broken.append(FootFault(Cause.NONE, _indices(off), what, check, is_fit=True))
     return tuple(broken)
 
 
@@ -159,25 +166,22 @@ def _over_range(over: NDArray[np.bool_], opened: NDArray[np.bool_]) -> list[Foot
     faults = []
     for column in range(3):
         of_column = column == _COLUMN
-        elements = np.flatnonzero(over & of_column)
+        elements = _indices(over & of_column)
         if len(elements) == 3:
             what = f"the line of column {column} is shorted to ground"
             check = "the plug, then the trace of that column"
-            faults.append(FootFault(Cause.ELEMENT_SHORTED, _plain(elements), what, check))
+            faults.append(FootFault(Cause.ELEMENT_SHORTED, elements, what, check))
             continue
-        for element in _plain(elements):
+        for element in elements:
             # A short to the shield's driver hides the rest of its column.
             if (over | opened)[of_column].all():
                 what = f"element {element} is shorted; with it the rest of column {column} cannot be read"
                 check = f"whether the electrodes of row {element // 3}, column {column} touch"
                 faults.append(FootFault(Cause.ELEMENT_SHORTED, (element,), what, check))
             else:
-                what = f"element {element} reads more than the converter can: its gap is closed"
-                faults.append(
-                    FootFault(
-                        Cause.GAP_CLOSED, (element,), what, "water in the gap, and what presses the foot"
-                    )
-                )
+                what = f"element {element} is over the converter's range: its gap is closed"
+                check = "water in the gap, and what presses the foot"
+                faults.append(FootFault(Cause.GAP_CLOSED, (element,), what, check))
     return faults
 
 
@@ -185,7 +189,7 @@ def _opened(opened: NDArray[np.bool_], over: NDArray[np.bool_]) -> list[FootFaul
     """Return the faults of elements without their electrode: whole lines first, then single elements."""
     if opened.all():
         what, check = "none of its elements is connected", "whether the foot is plugged in"
-        return [FootFault(Cause.ELEMENT_OPEN, _plain(_ELEMENTS), what, check)]
+        return [FootFault(Cause.ELEMENT_OPEN, _ALL, what, check)]
     # A shorted element makes the others of its column read as open.
     taken = [bool((opened | over)[column::3].all() and over[column::3].any()) for column in range(3)]
     left = opened & ~np.array(taken)[_COLUMN]
@@ -200,33 +204,12 @@ def _opened(opened: NDArray[np.bool_], over: NDArray[np.bool_]) -> list[FootFaul
                 left = left & ~elements
                 what = f"the line of {name} {line} is interrupted"
                 check = f"the wire between {end} and the foot, and its plug"
-                faults.append(FootFault(cause, _plain(np.flatnonzero(elements)), what, check))
-    for element in _plain(np.flatnonzero(left)):
+                faults.append(FootFault(cause, _indices(elements), what, check))
+    for element in _indices(left):
         check = f"the electrode of row {element // 3}, column {element % 3} and its trace"
         faults.append(FootFault(Cause.ELEMENT_OPEN, (element,), f"element {element} is open", check))
     return faults
 
 
-def _noisy(noisy: NDArray[np.bool_], noise_ff: NDArray[np.float64], limit_ff: float) -> FootFault:
-    return FootFault(
-        Cause.NONE,
-        _plain(np.flatnonzero(noisy)),
-        f"noise of up to {noise_ff[noisy].max():.1f} fF; a tare is refused above {limit_ff:g} fF",
-        "whether the foot hangs still, the shield's connection, and motor cables beside the foot's",
-    )
-
-
-def _off(off: NDArray[np.bool_], off_rel: NDArray[np.float64], limit_rel: float) -> FootFault:
-    worst = int(np.abs(np.where(off, off_rel, 0.0)).argmax())
-    return FootFault(
-        Cause.NONE,
-        _plain(np.flatnonzero(off)),
-        f"element {worst} reads {off_rel[worst]:+.1%} from what the free foot is expected to; "
-        f"a tare is refused above {limit_rel:.1%}",
-        "that nothing presses the foot; then put its readings below into the configuration as unloaded_pf",
-        is_fit=True,
-    )
-
-
-def _plain(elements: NDArray[np.int64]) -> tuple[int, ...]:
-    return tuple(elements.tolist())
+def _indices(mask: NDArray[np.bool_]) -> tuple[int, ...]:
+    return tuple(np.flatnonzero(mask).tolist())

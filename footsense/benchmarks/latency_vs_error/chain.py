@@ -112,7 +112,7 @@ class Readings:
         t_ns: Middle of each conversion [ns], shape (conversions,).
         sent_ns: Time at which a force that ends with it is sent [ns], same shape.
         distance_rel: Distance of the plates over the gap [1], shape (conversions, feet).
-        rest_rel: The same at the tare [1], shape (feet, 9).
+        unloaded_rel: The same at the tare [1], shape (feet, 9).
         noise_rel: Standard deviation of one distance [1].
     """
 
@@ -120,7 +120,7 @@ class Readings:
     t_ns: Stamps
     sent_ns: Stamps
     distance_rel: Vector
-    rest_rel: Vector
+    unloaded_rel: Vector
     noise_rel: float
 
     def elements(self, back: int = 0) -> tuple[Vector, Stamps]:
@@ -159,20 +159,21 @@ def convert(
     normal, force_n = (part.reshape(-1, 3) for part in true_loads(feet, t_ns))
     all_pf = foot.capacitance_pf(normal, force_n).reshape(n, len(feet), ELEMENTS)
     rng = np.random.default_rng(seed)
-    unloaded_pf = np.tile(foot.rest_pf, (_TARE_SCANS, len(feet), 1))
-    rest_pf = converted_pf(unloaded_pf, rate_sps, rng).mean(axis=0)
+    baseline_pf = converted_pf(np.tile(foot.unloaded_pf, (_TARE_SCANS, len(feet), 1)), rate_sps, rng).mean(
+        axis=0
+    )
     scanned = np.resize(order, n)[:, None, None]
     read_pf = converted_pf(np.take_along_axis(all_pf, scanned, axis=2)[..., 0], rate_sps, rng)
     design = foot.response.design
     # dC / C = -d(distance) / distance.
-    rest_um = design.plate_distance_um(np.array([design.rest_pf]))[0]
-    noise_rel = fdc1004.RATES[rate_sps].noise_ff * 1e-3 / design.rest_pf * rest_um / design.gap_um
+    rest_um = design.plate_distance_um(np.array([design.unloaded_pf]))[0]
+    noise_rel = fdc1004.RATES[rate_sps].noise_ff * 1e-3 / design.unloaded_pf * rest_um / design.gap_um
     return Readings(
         order=order,
         t_ns=t_ns,
         sent_ns=t_ns + lead_ns,
         distance_rel=design.plate_distance_um(read_pf) / design.gap_um,
-        rest_rel=design.plate_distance_um(rest_pf) / design.gap_um,
+        unloaded_rel=design.plate_distance_um(baseline_pf) / design.gap_um,
         noise_rel=noise_rel,
     )
 
@@ -200,7 +201,7 @@ def by_frame(
     readings: Readings, network: Estimator, card: TrainedInputs, n_averaged: int = 1
 ) -> PublishedForces:
     """Return the forces of `publish: frame`: one for each scan."""
-    alignment = ScanByScan(network, len(readings.rest_rel), card.moments, n_averaged)
+    alignment = ScanByScan(network, len(readings.unloaded_rel), card.moments, n_averaged)
     return _aligned(readings, alignment, card, each=ELEMENTS)
 
 
@@ -208,7 +209,7 @@ def by_element(readings: Readings, network: Estimator, card: TrainedInputs) -> P
     """Return the forces of `publish: element`: one for each conversion."""
     step_ns = int(readings.t_ns[1] - readings.t_ns[0])
     alignment = ElementByElement(
-        network, len(readings.rest_rel), card.moments, readings.order, step_ns, readings.noise_rel
+        network, len(readings.unloaded_rel), card.moments, readings.order, step_ns, readings.noise_rel
     )
     return _aligned(readings, alignment, card, each=1)
 
@@ -217,15 +218,15 @@ def _aligned(
     readings: Readings, alignment: ScanByScan | ElementByElement, card: TrainedInputs, each: int
 ) -> PublishedForces:
     """Return the forces of the daemon after each conversion, or after each `each`-th."""
-    n_feet = len(readings.rest_rel)
+    n_feet = len(readings.unloaded_rel)
     nothing, everyone = np.zeros((n_feet, ELEMENTS), bool), np.ones(n_feet, bool)
     sent_ns = readings.sent_ns[ELEMENTS - 1 :: each]
     values, stamps = (part[::each] for part in readings.elements())
     t_ns, force_n, sigma_n = [], [], []
     for now_ns, distance_rel, stamps_ns in zip(sent_ns.tolist(), values, stamps, strict=True):
         sample = alignment.align(distance_rel, np.tile(stamps_ns, (n_feet, 1)), now_ns, nothing)
-        closure_rel = _trained(readings.rest_rel - sample.distance_rel, card)
-        force, sigma = alignment.estimate(closure_rel, readings.rest_rel, everyone, nothing)
+        closure_rel = _trained(readings.unloaded_rel - sample.distance_rel, card)
+        force, sigma = alignment.estimate(closure_rel, readings.unloaded_rel, everyone, nothing)
         t_ns.append(int(sample.t_ns[0]))
         force_n.append(force)
         sigma_n.append(sigma)
@@ -278,6 +279,6 @@ def _inferred(
     distance_rel: Vector, readings: Readings, network: Estimator, card: TrainedInputs
 ) -> tuple[Vector, Vector]:
     """Return forces and sigmas [N], shape (forces, feet, 3), of distances [1], shape (forces, feet, 9)."""
-    closure_rel = _trained(readings.rest_rel - distance_rel, card).reshape(-1, ELEMENTS)
+    closure_rel = _trained(readings.unloaded_rel - distance_rel, card).reshape(-1, ELEMENTS)
     force_n, sigma_n = network.estimate(closure_rel, np.zeros(closure_rel.shape, bool))
     return force_n.reshape(*distance_rel.shape[:2], 3), sigma_n.reshape(*distance_rel.shape[:2], 3)

@@ -92,9 +92,9 @@ def _readings(foot: Foot, steps: Steps, t_ns: Stamps, rng: np.random.Generator) 
     cells_um = foot.cells_um(normals, normals * _PROBE_N).reshape(*steps.normals.shape[:2], -1)
     cells_um_per_n = cells_um / _PROBE_N
     up_n = np.array([[0.0, 0.0, _PROBE_N]])
-    pf_per_n = (foot.capacitance_pf(up_n / _PROBE_N, up_n)[0] - foot.rest_pf) / _PROBE_N
+    pf_per_n = (foot.capacitance_pf(up_n / _PROBE_N, up_n)[0] - foot.unloaded_pf) / _PROBE_N
     force_n, step = steps.force_n(t_s), steps.step(t_s)
-    all_pf = foot.rest_pf[element][:, None].repeat(n_feet, axis=1)
+    all_pf = foot.unloaded_pf[element][:, None].repeat(n_feet, axis=1)
     for loaded in np.array_split(np.argwhere(force_n), 64):  # in parts, for the memory of all cells
         at, feet = loaded.T
         closure_um = cells_um_per_n[feet, step[at, feet]] * force_n[at, feet][:, None]
@@ -109,8 +109,8 @@ def _pipeline(bench: StudyContext, method: str, n_feet: int) -> Pipeline:
     network = bench.network
     card = read_card(json.dumps(network.card), str(bench.models)).trained_inputs
     design, step_ns = card.design, pace(_RATE_SPS).step_ns
-    rest_rel = float(design.plate_distance_um(np.array([design.rest_pf]))[0]) / design.gap_um
-    noise_rel = fdc1004.RATES[_RATE_SPS].noise_ff * 1e-3 / design.rest_pf * rest_rel
+    unloaded_rel = float(design.plate_distance_um(np.array([design.unloaded_pf]))[0]) / design.gap_um
+    noise_rel = fdc1004.RATES[_RATE_SPS].noise_ff * 1e-3 / design.unloaded_pf * unloaded_rel
     alignment = (
         ScanByScan(network, n_feet, card.moments)
         if method == FRAME
@@ -120,10 +120,10 @@ def _pipeline(bench: StudyContext, method: str, n_feet: int) -> Pipeline:
         alignment,
         card,
         np.zeros((n_feet, ELEMENTS)),
-        np.full((n_feet, ELEMENTS), design.rest_pf),
+        np.full((n_feet, ELEMENTS), design.unloaded_pf),
         sensitivity=sensitivity(network, 1, card.moments),
         tare=TareLimits(window_frames=8, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-        contact=ContactLimits(touch_n=CONTACT_N),
+        contact=ContactLimits(threshold_n=CONTACT_N),
         max_age_ns=4 * ELEMENTS * step_ns,
         settled_ns=4 * ELEMENTS * step_ns,
     )

@@ -10,8 +10,8 @@ slip, count less: Huber loss of the Mahalanobis distance of all nine readings to
 with reweighting.
 
 Source:
-    Huber, Annals of Mathematical Statistics 35, 1964, for the loss; docs/adr/0013-our-own-fit-of-a-foot.md, for why
-    this is not scipy.
+    Huber, Annals of Mathematical Statistics 35, 1964, for the loss; docs/adr/0017-the-fit-of-a-foot-stays-numpy.md,
+    for why this is not scipy.
 """
 
 from typing import NamedTuple

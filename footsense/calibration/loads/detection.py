@@ -15,7 +15,7 @@ from footsense.calibration.loads.calibration_load import CalibrationLoad, Press,
 from footsense.calibration.loads.dwell import reduce_press
 from footsense.frames import Cycle, Reading, Reference
 
-__all__ = ["LoadDetector", "find_loads", "join_references"]
+__all__ = ["LoadDetector", "join_references"]
 
 Vector = NDArray[np.float64]
 
@@ -223,18 +223,6 @@ class LoadDetector:
             after_ns,
             *self._offset_sum(),
         )
-
-
-def find_loads(cycles: Iterable[Cycle], row: int) -> list[CalibrationLoad]:
-    """Return the loads of every press of a leg's foot, accepted and rejected, in their order.
-
-    Args:
-        cycles: Cycles of a recording with a reference.
-        row: Row of the leg in the frames.
-    """
-    detector = LoadDetector(row)
-    found = [detector.take(cycle) for cycle in cycles]
-    return [load for load in (*found, detector.finish()) if load is not None]
 
 
 def join_references(blocks: Iterable[Reference]) -> Reference:

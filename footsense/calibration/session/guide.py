@@ -30,25 +30,32 @@ class SessionGuide:
         wanted: Number of loads of a complete set.
         estimate: Force of a load by the foot's network [N], shape (3,), NaN where it has none.
         check: Check of the reference against those forces.
+        report: Takes each message, one line.
 
     Attributes:
+        report: As given.
         coverage: What the accepted loads cover.
         rejected: Number of rejected presses by reason.
         findings: What is wrong with the reference, as of the last load.
     """
 
     def __init__(
-        self, row: int, wanted: int, estimate: Callable[[CalibrationLoad], Vector], check: ReferenceCheck
+        self,
+        row: int,
+        wanted: int,
+        estimate: Callable[[CalibrationLoad], Vector],
+        check: ReferenceCheck,
+        report: Callable[[str], None],
     ) -> None:
         self._detector = LoadDetector(row)
         self._estimate = estimate
         self._check = check
+        self.report = report
         self._reference_n: list[Vector] = []
         self._estimate_n: list[Vector] = []
         self._shown: deque[tuple[int, Vector]] = deque()
         self._lags_s: list[float] = []
         self._lag_reported = False
-        self._messages: list[str] = []
         self.coverage = Coverage(wanted)
         self.rejected: Counter[Rejection] = Counter()
         self.findings: list[str] = []
@@ -71,11 +78,6 @@ class SessionGuide:
         force_n: Vector = np.mean([force_n for _, force_n in self._shown], axis=0) - self._detector.offset_n
         return force_n
 
-    def new_messages(self) -> list[str]:
-        """Return the messages since the last call, one line each."""
-        messages, self._messages = self._messages, []
-        return messages
-
     def observe(self, cycle: Cycle) -> None:
         """Process a cycle."""
         if cycle.reference is not None:
@@ -94,24 +96,25 @@ class SessionGuide:
         number = self.coverage.n_loads + self.rejected.total() + 1
         if load.rejection is not None:
             self.rejected[load.rejection] += 1
-            self._messages.append(f"press {number} is rejected: {load.rejection}: {load.reason}")
+            self.report(f"press {number} is rejected: {load.rejection}: {load.reason}")
             return
         self.coverage.add(load.force_n)
         self._reference_n.append(load.force_n)
         self._estimate_n.append(self._estimate(load))
         azimuth_deg, elevation_deg = map(round, angles_deg(load.force_n))
         magnitude_gf = np.linalg.norm(load.force_n) / GRAM_FORCE_N
-        self._messages.append(
+        self.report(
             f"press {number}: {magnitude_gf:.0f} gf from azimuth {azimuth_deg % 360}, elevation {elevation_deg} deg"
         )
         self._lags_s.append(load.lag_s)
         if not self._lag_reported and (lag := lag_message(self._lags_s)):
             self._lag_reported = True
-            self._messages.append(f"warning: {lag}")
+            self.report(f"warning: {lag}")
         findings = self._check(self.loads_n, np.array(self._estimate_n))
         # The same finding with a slightly different figure is not reported again.
         if [line.partition(":")[2] for line in findings] != [
             line.partition(":")[2] for line in self.findings
         ]:
-            self._messages += findings
+            for finding in findings:
+                self.report(finding)
         self.findings = findings

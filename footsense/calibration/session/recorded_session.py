@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
@@ -10,12 +10,11 @@ from statistics import fmean
 import msgspec
 
 from footsense.calibration.loads.calibration_load import CalibrationLoad, Rejection
-from footsense.calibration.loads.detection import find_loads
+from footsense.calibration.loads.detection import LoadDetector
 from footsense.calibration.loads.reference_lag import lag_message
 from footsense.calibration.writer import file_sha256
 from footsense.config.test_stand import StandConfig
 from footsense.errors import CalibrationError, RecordingError
-from footsense.frames import Cycle
 from footsense.recording.cycle_records import Loss
 from footsense.recording.replay import Replay
 
@@ -122,12 +121,29 @@ def read_session(path: Path, foot: str) -> RecordedSession:
             "`footsense record --foot` names the one on the test stand"
         )
     row = recording.legs.index(leg_of[foot])
-    cycles = _Cycles(recording, row)
-    loads = find_loads(cycles, row)
-    if not cycles.n_samples:
+    detector, loads = LoadDetector(row), list[CalibrationLoad | None]()
+    n_samples = n_lost = 0
+    now_c, temperatures_c, damage = math.nan, list[float](), ""
+    try:
+        for entry in recording.entries():
+            if isinstance(entry, Loss):
+                n_lost += entry.n_cycles
+                continue
+            if entry.cycle.reference is not None:
+                n_samples += len(entry.cycle.reference.t_ns)
+            if entry.cycle.temperature_c is not None:
+                now_c = float(entry.cycle.temperature_c[row])
+            if n_samples:
+                loads.append(detector.take(entry.cycle))
+                temperatures_c.append(now_c)
+    except RecordingError as error:
+        damage = str(error)
+    if not n_samples:
         raise CalibrationError(
             f"{path}: holds no sample of a reference sensor; record it with `footsense record --reference`"
         )
+    found = [load for load in (*loads, detector.finish()) if load is not None]
+    known_c = [temperature_c for temperature_c in temperatures_c if math.isfinite(temperature_c)]
     return RecordedSession(
         path=path,
         sha256=file_sha256(path),
@@ -135,11 +151,11 @@ def read_session(path: Path, foot: str) -> RecordedSession:
         foot=foot,
         foot_type=header.get("foot_type", ""),
         test_stand=_test_stand(header),
-        temperature_c=fmean(cycles.temperatures_c) if cycles.temperatures_c else None,
-        loads=tuple(load for load in loads if load.rejection is None),
-        rejected=Counter(load.rejection for load in loads if load.rejection is not None),
-        n_lost=cycles.n_lost,
-        damage=cycles.damage,
+        temperature_c=fmean(known_c) if known_c else None,
+        loads=tuple(load for load in found if load.rejection is None),
+        rejected=Counter(load.rejection for load in found if load.rejection is not None),
+        n_lost=n_lost,
+        damage=damage,
     )
 
 
@@ -157,38 +173,3 @@ def _test_stand(header: dict[str, str]) -> StandConfig | None:
         return msgspec.json.decode(header["reference"], type=StandConfig)
     except (KeyError, msgspec.DecodeError):
         return None
-
-
-class _Cycles:
-    """The cycles of a recording from its first reference sample up to its end or damage, counted.
-
-    Args:
-        recording: The recording.
-        row: Row of the leg whose temperature is collected.
-    """
-
-    def __init__(self, recording: Replay, row: int) -> None:
-        self._recording = recording
-        self._row = row
-        self.temperatures_c: list[float] = []
-        self.n_samples = 0
-        self.n_lost = 0
-        self.damage = ""
-
-    def __iter__(self) -> Iterator[Cycle]:
-        now_c = math.nan
-        try:
-            for entry in self._recording.entries():
-                if isinstance(entry, Loss):
-                    self.n_lost += entry.n_cycles
-                    continue
-                if entry.cycle.reference is not None:
-                    self.n_samples += len(entry.cycle.reference.t_ns)
-                if entry.cycle.temperature_c is not None:
-                    now_c = float(entry.cycle.temperature_c[self._row])
-                if self.n_samples:
-                    if math.isfinite(now_c):
-                        self.temperatures_c.append(now_c)
-                    yield entry.cycle
-        except RecordingError as error:
-            self.damage = str(error)

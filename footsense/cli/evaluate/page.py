@@ -117,7 +117,7 @@ def _patterns(evaluation: Evaluation, foot: FootParameters | None, response: Foo
         closure_um = {f"measured, {DESIGN_ONLY}": gap_um * evaluation.design_only.closure_rel[row]}
         if evaluation.calibrated is not None:
             closure_um[f"measured, {CALIBRATED}"] = gap_um * evaluation.calibrated.closure_rel[row]
-        closure_um["simulated"] = response.design.closure_um(loaded_pf, specimen.rest_pf)
+        closure_um["simulated"] = response.design.closure_um(loaded_pf, specimen.unloaded_pf)
         shown.append(Pattern(_title(reference_n[row]), closure_um))
     return shown
 

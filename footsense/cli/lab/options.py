@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from footsense import daemon
 from footsense.clock import stopwatch_ns
+from footsense.daemon.foot_types import released
 from footsense.errors import FootsenseError
 
 models_option = click.option(
@@ -19,7 +19,7 @@ models_option = click.option(
 
 def released_folder() -> Path:
     """Return the folder of the shipped foot."""
-    return daemon.released("network.onnx").parent
+    return released("network.onnx").parent
 
 
 def require_writable(folder: Path) -> None:

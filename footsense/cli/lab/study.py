@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from footsense import daemon
 from footsense.cli.lab.options import models_option, released_folder, require_writable, stopwatch_report
 from footsense.clock import stopwatch_ns
+from footsense.daemon.foot_types import FOOT_TYPE, released
 from footsense.errors import FootsenseError
 
 if TYPE_CHECKING:
@@ -198,7 +198,7 @@ def tolerance(
 @click.option(
     "--models",
     type=click.Path(file_okay=False, path_type=Path),
-    help=f"Folder that the models are built into; without it ./models/{daemon.FOOT_TYPE}.",
+    help=f"Folder that the models are built into; without it ./models/{FOOT_TYPE}.",
 )
 @_output_option
 @_quick_option
@@ -209,7 +209,7 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
     if stale:
         _print_stale(models or released_folder(), output or Path("docs") / "report", quick=quick)
         return
-    folder = models or Path("models") / (f"{daemon.FOOT_TYPE}-quick" if quick else daemon.FOOT_TYPE)
+    folder = models or Path("models") / (f"{FOOT_TYPE}-quick" if quick else FOOT_TYPE)
     require_writable(folder)
     pages = _report_folder(output, quick=quick)
     from footsense.cli.lab.faults import write_page_of_faults
@@ -221,7 +221,7 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
 
     say, started_ns, build_s = stopwatch_report(), stopwatch_ns(), None
     if not (resume and all((folder / name).exists() for name in (NETWORK_FILE, RESPONSE_FILE))):
-        build(daemon.released(FOOT_FILE), folder, QUICK if quick else FULL, say)
+        build(released(FOOT_FILE), folder, QUICK if quick else FULL, say)
         build_s = (stopwatch_ns() - started_ns) / 1e9
     context = StudyContext(models=folder, quick=quick, say=say)
     if not (resume and is_made("faults", pages, context)):

@@ -67,24 +67,24 @@ def monitor(
         )
     with listening(interface, name, clock, limits) as listener:
         if as_json or not console.is_terminal:
-            for t_ns in _moments(listener, start_ns, end_ns, _NS_PER_S, stop):
+            for t_ns in _periods(listener, start_ns, end_ns, _NS_PER_S, stop):
                 for snapshot in listener.snapshot():
                     t_s = round((t_ns - start_ns) * 1e-9, 3)
                     echo_json({"t_s": t_s, **snapshot_json(snapshot)}, indent=0)
             return
         with Live(console=console, auto_refresh=False, screen=False) as live:
-            for t_ns in _moments(listener, start_ns, end_ns, _DRAW_NS, stop):
+            for t_ns in _periods(listener, start_ns, end_ns, _DRAW_NS, stop):
                 title = f"{name}   {(t_ns - start_ns) * 1e-9:5.1f} s"
                 live.update(monitor_table(listener.snapshot(), title), refresh=True)
 
 
-def _moments(
+def _periods(
     listener: Listener, start_ns: int, end_ns: float, period_ns: int, stop: StopRequest
 ) -> Iterator[int]:
-    """Listen, period after period, until the end or a signal.
+    """Listen until the end or a signal.
 
     Yields:
-        The time at the end of each [ns].
+        Time at the end of each period [ns].
     """
     t_ns = start_ns
     while t_ns + period_ns <= end_ns:

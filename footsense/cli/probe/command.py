@@ -7,13 +7,13 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from footsense import daemon
 from footsense.cli.options import FILE, config_option, echo_json, json_option
 from footsense.cli.probe.json_values import adapters_json, probe_json
 from footsense.cli.probe.picture import adapters_picture, probe_picture
 from footsense.config import DEFAULT, load_config
 from footsense.daemon.probe.bus_probe import probe as probe_robot
 from footsense.daemon.probe.bus_probe import scan_adapters
+from footsense.daemon.simulation import is_simulated
 from footsense.sim.scene import load_scene
 
 #: Exit code if there is a fault.
@@ -48,7 +48,7 @@ def probe(config_file: Path | None, scene_name: str | None, png: Path | None, *,
             console.print(adapters_picture(adapters))
         return
     config = load_config(config_file) if config_file else DEFAULT
-    if scene_name is None and daemon.is_simulated(config):
+    if scene_name is None and is_simulated(config):
         scene_name = _SCENE
     # The diagnoses replace the scanner's own warnings about legs.
     logging.getLogger("footsense.acquisition").setLevel(logging.ERROR)

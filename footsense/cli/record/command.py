@@ -1,6 +1,7 @@
 """`footsense record`: a guided session on the test stand."""
 
 import math
+from collections import deque
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -8,17 +9,18 @@ import click
 import msgspec
 from rich.console import Console
 
-from footsense import daemon
 from footsense.calibration.session.guide import SessionGuide
 from footsense.cli.options import StopRequest, config_option, duration_option, pace_option
-from footsense.cli.record.table import RecordTable
+from footsense.cli.record.table import MESSAGES, RecordTable
 from footsense.cli.test_stand_options import foot_option
 from footsense.config import DEFAULT, Config, load_config
 from footsense.config.test_stand import StandConfig, load_test_stand
+from footsense.daemon.service import open_service
 from footsense.daemon.session_guide import practice_scene, session_guide
+from footsense.daemon.simulation import is_simulated
 from footsense.daemon.test_stand import StandSensor, StandSession, is_live
 from footsense.errors import CalibrationError, ConfigError
-from footsense.frames import LEGS, Cycle
+from footsense.frames import LEGS
 from footsense.sim.scene import Scene, load_scene
 from footsense.sim.test_stand.press_sequence import PressSequence
 
@@ -82,7 +84,7 @@ def record(
     scene = None
     if scene_name is not None:
         scene = load_scene(scene_name)
-    elif daemon.is_simulated(config):
+    elif is_simulated(config):
         scene = practice_scene(foot, row, session)
     console = Console()
     live = console.is_terminal
@@ -91,41 +93,26 @@ def record(
     stop = StopRequest()
     with ExitStack() as stack:
         service = stack.enter_context(
-            daemon.service(config, scene, record=out, real_time=paced or scene is None, test_stand=run)
+            open_service(config, scene, record=out, real_time=paced or scene is None, test_stand=run)
         )
-        guide = session_guide(test_stand, row, wanted, service.network)
+        messages: deque[str] = deque(maxlen=MESSAGES)
+        report = messages.append if live else click.echo
+        guide = session_guide(test_stand, row, wanted, service.network, report)
         service.observers.append(guide)
         if live:
-            table = RecordTable(console, guide, row, f"{foot} on {leg}, session {run.session}")
+            title = f"{foot} on {leg}, session {run.session}"
+            table = RecordTable(console, guide, messages, row, title)
             stack.callback(table.close)
             service.observers.append(table)
-        else:
-            service.observers.append(_MessagePrinter(guide))
         clock = service.scan_source.clock
         longest_s = min(math.inf if duration_s is None else duration_s, _ends_s(scene))
         end_ns = clock.now_ns() + longest_s * _NS_PER_S
         service.run(lambda: stop.requested or guide.coverage.complete or clock.now_ns() >= end_ns)
+        guide.report = click.echo  # the picture is not drawn again
         guide.close()
     _report(out, guide, service.reference)
     _draw(out, guide, f"{foot}, session {run.session}")
     _require_consistent_reference(out, guide)
-
-
-class _MessagePrinter:
-    """Prints the guide's messages where there is no live picture."""
-
-    def __init__(self, guide: SessionGuide) -> None:
-        self._guide = guide
-
-    def observe(self, cycle: Cycle) -> None:
-        """Print new messages."""
-        del cycle
-        self.close()
-
-    def close(self) -> None:
-        """Print new messages."""
-        for line in self._guide.new_messages():
-            click.echo(line)
 
 
 def _simulated(leg: str) -> Config:
@@ -189,8 +176,6 @@ def _ends_s(scene: Scene | None) -> float:
 
 def _report(out: Path, guide: SessionGuide, sensor: StandSensor | None) -> None:
     """Print coverage, rejected presses, the next load, and the statistics of the reference."""
-    for line in guide.new_messages():
-        click.echo(line)
     click.echo(f"{out}: {guide.coverage.summary()}")
     if guide.rejected:
         reasons = ", ".join(f"{n} {why}" for why, n in guide.rejected.most_common())

@@ -1,5 +1,7 @@
 """The live picture of a session on the test stand: coverage, next load, and present forces."""
 
+from collections import deque
+
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console, Group
@@ -12,10 +14,11 @@ from footsense.cli.record.coverage_ball import GLYPHS, PLAIN_GLYPHS, discs
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import USABLE, Cycle, State
 
-__all__ = ["RecordTable"]
+__all__ = ["MESSAGES", "RecordTable"]
 
 _PERIOD_NS = 100_000_000
-_LINES = 4
+#: Messages that the picture shows.
+MESSAGES = 4
 
 
 class RecordTable(LiveView):
@@ -24,24 +27,26 @@ class RecordTable(LiveView):
     Args:
         console: Terminal to draw on.
         guide: Guide of the session.
+        messages: Its last messages.
         row: Row of the leg in the frames.
         title: Foot and session.
     """
 
-    def __init__(self, console: Console, guide: SessionGuide, row: int, title: str) -> None:
+    def __init__(
+        self, console: Console, guide: SessionGuide, messages: deque[str], row: int, title: str
+    ) -> None:
         super().__init__(console, _PERIOD_NS)
         self._guide = guide
         self._row = row
         self._title = title
         self._glyphs = GLYPHS if can_show("".join(GLYPHS), console.encoding) else PLAIN_GLYPHS
-        self._messages: list[str] = []
+        self._messages = messages
         self._n_drawn = -1
         self._discs: list[Text] = []
 
     def render(self, cycle: Cycle, elapsed_s: float) -> Group:
         """Return coverage, forces, next load, progress and messages in 80 columns."""
         guide = self._guide
-        self._messages = [*self._messages, *guide.new_messages()][-_LINES:]
         target = guide.coverage.next
         if guide.coverage.n_loads != self._n_drawn:  # drawing looks up a thousand cells
             self._n_drawn = guide.coverage.n_loads

@@ -6,7 +6,6 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from footsense import daemon
 from footsense.cli.options import (
     FILE,
     StopRequest,
@@ -21,6 +20,8 @@ from footsense.cli.run.summary_text import print_summary
 from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
 from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
+from footsense.daemon.service import open_service
+from footsense.daemon.simulation import is_simulated
 from footsense.errors import ConfigError
 from footsense.frames import Cycle
 from footsense.sim.scene import load_scene
@@ -42,7 +43,7 @@ class FirstFrame:
             self.after_s = process_age_ns() * 1e-9
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: no resource is held."""
 
 
 @click.command()
@@ -84,7 +85,7 @@ def run(
     config = load_config(config_file) if config_file else DEFAULT
     if operating_point is not None:
         config = at_operating_point(config, operating_point)
-    if scene_name is None and daemon.is_simulated(config):
+    if scene_name is None and is_simulated(config):
         scene_name = _DEFAULT_SCENE
     scene = load_scene(scene_name) if scene_name else None
     if scene is None and realtime is not None:
@@ -95,7 +96,7 @@ def run(
     stop = StopRequest()
     with ExitStack() as stack:
         service = stack.enter_context(
-            daemon.service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
+            open_service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )
         statistics = RunStatistics(service.legs, service.scan_source.true_force_n)
         service.observers.append(statistics)

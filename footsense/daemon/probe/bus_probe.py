@@ -72,7 +72,7 @@ def probe(config: Config, scene: Scene | None) -> ProbeResult:
     buses: tuple[ProbedBus, ...] = ()
     diagnoses: list[Diagnosis] = []
     floor_ns = 0
-    if config.buses:  # a microcontroller's are its own
+    if config.buses:  # a microcontroller has its own buses
         plan = plan_for(config)
         buses = tuple(_probe_buses(config, scene, plan))
         diagnoses += [diagnosis for report in buses for diagnosis in bus_diagnoses(report, plan)]
@@ -121,7 +121,7 @@ def _probe_legs(
             places.append((leg, report.bus.device, channel, chips))
     if config.serial is not None:
         places = [(name, config.serial.device, "mcu", None) for name in config.legs]
-    designed_pf = load_network(config).card.trained_inputs.design.rest_pf
+    designed_pf = load_network(config).card.trained_inputs.design.unloaded_pf
     for row, place in enumerate(places):
         scans = None if feet is None or np.isin(feet[row].reading, _SILENT).all() else feet[row]
         # Readings spoilt by a loose contact say nothing of the foot.

@@ -2,8 +2,8 @@
 
 The load is compared with a floor, not with the baseline. In swing the floor follows the load down once that has been
 low for 50 ms, and up by at most `floor_n_per_s`; in stance it stands still. So drift, which is slow, never makes
-contact, however far it goes, and a touchdown, which is fast, is detected in the first reading that is `touch_n` above
-the floor. A load that rises more slowly than `floor_n_per_s` cannot be told from drift and is not detected.
+contact, however far it goes, and a touchdown, which is fast, is detected in the first reading that is `threshold_n`
+above the floor. A load that rises more slowly than `floor_n_per_s` cannot be told from drift and is not detected.
 
 Contact ends when the load is back within `lift_n` of the floor. After a long stance that may never happen: the baseline
 has drifted meanwhile, and creep of the rubber recovers over minutes. So contact also ends when the load has fallen fast
@@ -49,20 +49,20 @@ class ContactLimits:
     """Thresholds of contact and of confirmed swing.
 
     Attributes:
-        touch_n: Load above the floor that is contact [N].
+        threshold_n: Load above the floor that is contact [N].
         floor_n_per_s: Fastest rise of the floor [N/s]: five times the fastest drift, a fiftieth of a slow load.
         confirmed_s: Time after lift-off from which a swing is confirmed [s]: most of the rubber's quick recovery is
             over by then, and half the swing of a fast gait is left.
     """
 
-    touch_n: float
+    threshold_n: float
     floor_n_per_s: float = 0.5e-3
     confirmed_s: float = 0.2
 
     @property
     def lift_n(self) -> float:
-        """Load above the floor below which contact ends [N]: half of `touch_n`, as hysteresis."""
-        return self.touch_n / 2
+        """Load above the floor below which contact ends [N]: half of `threshold_n`, as hysteresis."""
+        return self.threshold_n / 2
 
 
 def trimmed_means(closure_rel: Vector) -> list[float]:
@@ -103,7 +103,7 @@ class ContactDetector:
 
     def __init__(self, limits: ContactLimits) -> None:
         self.limits = limits
-        self._touch_n, self._lift_n = limits.touch_n, limits.lift_n
+        self._threshold_n, self._lift_n = limits.threshold_n, limits.lift_n
         self._creep_load_n = 0.0
         self.drift_n = 0.0
         self.reset(0)
@@ -154,9 +154,9 @@ class ContactDetector:
             # A predicted contact is held: the elements that show it have yet to be read.
             if (fallen or above_n < self._lift_n) and t_ns - self._predicted_ns >= _PREDICTED_HOLD_NS:
                 self._lift_off(load_n, baseline_n, t_ns)
-        elif above_n > self._touch_n:
+        elif above_n > self._threshold_n:
             self.in_contact = True
-        elif predicted_n - floor_n > self._touch_n and t_ns - self._lifted_ns > _OVERSHOOT_NS:
+        elif predicted_n - floor_n > self._threshold_n and t_ns - self._lifted_ns > _OVERSHOOT_NS:
             self.in_contact = True
             self._predicted_ns = t_ns
         else:

@@ -37,7 +37,7 @@ def capacitance_readout(design: CapacitorDesign, training: Cases) -> Readout:
     """Return the linear read-out of the capacitance change: what the paper's network is fed with."""
 
     def change_pf(closure_um: NDArray[np.float64]) -> NDArray[np.float64]:
-        return design.capacitance_pf(closure_um) - design.rest_pf
+        return design.capacitance_pf(closure_um) - design.unloaded_pf
 
     matrix = _least_squares(change_pf(training.closure_um), training.force_n)
     return lambda closure_um: change_pf(closure_um) @ matrix

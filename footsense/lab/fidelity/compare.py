@@ -76,7 +76,7 @@ def sensed_force_n(network: Readout, design: CapacitorDesign, answer: Answer) ->
         design: Dimensions of the capacitors.
         answer: What the elements do.
     """
-    closure_um = design.closure_um(answer.capacitance_pf, np.full(9, design.rest_pf))
+    closure_um = design.closure_um(answer.capacitance_pf, np.full(9, design.unloaded_pf))
     return network(closure_um / design.gap_um)
 
 
@@ -114,7 +114,7 @@ def distance(answer: Answer, finest: Answer, network: Readout, design: Capacitor
     """
     closure_um = answer.closure_um - finest.closure_um
     capacitance_pf = answer.capacitance_pf - finest.capacitance_pf
-    change_pf = finest.capacitance_pf - design.rest_pf
+    change_pf = finest.capacitance_pf - design.unloaded_pf
     read = errors(sensed_force_n(network, design, finest), sensed_force_n(network, design, answer))
     return Distance(
         closure_rel=_rms(closure_um) / _rms(finest.closure_um),

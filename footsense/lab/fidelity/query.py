@@ -30,7 +30,7 @@ def response_to(
         name: The rung.
 
     Returns:
-        `rung`, `direction_deg`, `force_n`; `closure_um`, `capacitance_pf` (without stray) and `rest_pf` (unloaded);
+        `rung`, `direction_deg`, `force_n`; `closure_um`, `capacitance_pf` (without stray) and `unloaded_pf` (unloaded);
         the first two as 3 x 3 lists, row 0 the most forward, column 0 the leftmost.
 
     Raises:
@@ -58,5 +58,5 @@ def response_to(
         "force_n": force_n,
         "closure_um": found.closure_um.reshape(3, 3).round(4).tolist(),
         "capacitance_pf": found.capacitance_pf.reshape(3, 3).round(5).tolist(),
-        "rest_pf": round(response.design.rest_pf, 5),
+        "unloaded_pf": round(response.design.unloaded_pf, 5),
     }

@@ -73,14 +73,14 @@ def measure(
     normal = _direction(normal)
     unknown = normal @ mount[2] < np.sin(np.radians(response.min_elevation_deg))
     normal[unknown] = direction[unknown]
-    rest_pf = foot.rest_pf
-    change_pf = (foot.capacitance_pf(normal, true_n) - rest_pf) * (1.0 + tolerances.repeat_rel * noise[1])
+    unloaded_pf = foot.unloaded_pf
+    change_pf = (foot.capacitance_pf(normal, true_n) - unloaded_pf) * (1.0 + tolerances.repeat_rel * noise[1])
     change_pf += tolerances.reading_pf * noise[2]
     return Measured(
         force_n=true_n + tolerances.reference_rel * REFERENCE_N * noise[3, :, :3],
         true_n=true_n,
         change_pf=change_pf,
-        closure_um=response.design.closure_um(rest_pf + change_pf, rest_pf),
+        closure_um=response.design.closure_um(unloaded_pf + change_pf, unloaded_pf),
     )
 
 
@@ -115,7 +115,9 @@ def _workshop(models: Path, seed: int, epochs: int) -> _Workshop:
         response=response,
         network=network,
         plain=_taught(design, training, np.random.default_rng(seed), epochs),
-        change_matrix=_linear(design.capacitance_pf(training.closure_um) - design.rest_pf, training.force_n),
+        change_matrix=_linear(
+            design.capacitance_pf(training.closure_um) - design.unloaded_pf, training.force_n
+        ),
         training_n=training.force_n,
         verification_n=paper_verification(response).force_n,
     )

@@ -71,7 +71,7 @@ def sensed_closure_um(foot: Foot, normal: Vector, force_n: Vector) -> Vector:
     for first in range(0, len(force_n), _AT_ONCE):
         some = slice(first, first + _AT_ONCE)
         parts.append(foot.capacitance_pf(normal[some], force_n[some]))
-    return foot.response.design.closure_um(np.concatenate(parts), foot.rest_pf)
+    return foot.response.design.closure_um(np.concatenate(parts), foot.unloaded_pf)
 
 
 def _centred(foot: Foot, direction: Vector, magnitudes_gf: list[float]) -> Cases:
@@ -155,7 +155,7 @@ def _may_be_in_range(foot: Foot, normal: Vector, force_n: Vector) -> NDArray[np.
 def measured_closure_rel(design: CapacitorDesign, closure_um: Vector, rng: np.random.Generator) -> Vector:
     """Return closures over the gap [1] as the daemon gets them: through noisy capacitance and a noisy baseline."""
     measured = design.capacitance_pf(closure_um) + NOISE_PF * rng.normal(size=closure_um.shape)
-    baseline = design.rest_pf + BASELINE_NOISE_PF * rng.normal(size=closure_um.shape)
+    baseline = design.unloaded_pf + BASELINE_NOISE_PF * rng.normal(size=closure_um.shape)
     closure_rel: Vector = design.closure_um(measured, baseline) / design.gap_um
     return closure_rel
 
@@ -165,5 +165,5 @@ def as_designed_um(design: CapacitorDesign, change_pf: Vector) -> Vector:
 
     Read-outs of capacitance changes take closures and the design; these closures give them the measured changes.
     """
-    rest_pf = np.array(design.rest_pf)
-    return design.closure_um(rest_pf + change_pf, rest_pf)
+    unloaded_pf = np.array(design.unloaded_pf)
+    return design.closure_um(unloaded_pf + change_pf, unloaded_pf)

@@ -58,7 +58,7 @@ class PaperTraining:
         """Return capacitance changes [pF] or closures [um], shape (n, 9), of closures [um]."""
         if self._feed == "closure":
             return closure_um
-        return self._design.capacitance_pf(closure_um) - self._design.rest_pf
+        return self._design.capacitance_pf(closure_um) - self._design.unloaded_pf
 
     def _readout(self, network: Layers) -> Readout:
         """Return a network as a read-out in newtons."""

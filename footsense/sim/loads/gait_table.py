@@ -27,11 +27,11 @@ class GaitTable:
         softness: Bounds of what the closures may be of those that the foot had at the beginning [1].
 
     Attributes:
-        rest_pf: Capacitance of each element in the air [pF], nine.
+        unloaded_pf: Capacitance of each element in the air [pF], nine.
     """
 
     def __init__(self, foot: Foot, walk: Walk, leg: str, softness: tuple[float, float] = (1.0, 1.0)) -> None:
-        self.rest_pf: list[float] = foot.rest_pf.tolist()
+        self.unloaded_pf: list[float] = foot.unloaded_pf.tolist()
         self._n_steps = math.ceil(walk.duty_rel * walk.period_ns / STEP_NS)
         self._per_phase = self._n_steps / walk.duty_rel
         # The last point belongs to the stance: at its end a foot may still carry.
@@ -56,7 +56,7 @@ class GaitTable:
             softness: Closures over those that the foot had at the beginning [1].
         """
         if phase is None:
-            return self.rest_pf
+            return self.unloaded_pf
         level = (softness - self._low) * self._per_softness
         below = min(int(level), len(self._tables) - 1)
         lower_pf = self._at(self._tables[below], phase)

@@ -141,7 +141,7 @@ def test_temperatures_are_told_leg_by_leg() -> None:
     robot = Robot(distinct, board=AD7746)
     robot.legs["2"].failing = {n: NackError("gone") for n in range(robot.legs["2"].n + 1, 999)}
     frame = robot.read()
-    assert (np.isnan(robot.scanner.temperature_c) == [False, False, True, False, False, False]).all()
+    assert (np.isnan(robot.scanner.temperature_c()) == [False, False, True, False, False, False]).all()
     assert (np.delete(frame.reading, 2, axis=0) == Reading.OK).all()
 
 

@@ -49,12 +49,12 @@ def test_the_twin_reads_what_the_simulated_foot_reads(number: int) -> None:
     turned = replace(own, mount=np.eye(3))
     straight = Foot(design().response, turned).capacitance_pf(load.normal, force_n)
     np.testing.assert_allclose(
-        FootTwin(design().response, foot.rest_pf).capacitance_pf(parameters, load), straight
+        FootTwin(design().response, foot.unloaded_pf).capacitance_pf(parameters, load), straight
     )
     parameters[MOUNT] = [0.02, -0.03, 0.05]
     turned = replace(own, mount=rotation(parameters[MOUNT]))
     np.testing.assert_allclose(
-        FootTwin(design().response, foot.rest_pf).capacitance_pf(parameters, load),
+        FootTwin(design().response, foot.unloaded_pf).capacitance_pf(parameters, load),
         Foot(design().response, turned).capacitance_pf(load.normal, force_n),
     )
 

@@ -2,16 +2,17 @@
 
 import itertools
 import re
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.calibration.loads.calibration_load import Rejection
-from footsense.calibration.loads.detection import find_loads
+from footsense.calibration.loads.calibration_load import CalibrationLoad, Rejection
+from footsense.calibration.loads.detection import LoadDetector
 from footsense.calibration.loads.reference_lag import lag_message
-from footsense.frames import Reading
+from footsense.frames import Cycle, Reading
 from tests.support.feet import DESIGN
 from tests.support.presses import (
     CLOSURE_REL,
@@ -25,6 +26,14 @@ from tests.support.presses import (
 )
 
 Vector = NDArray[np.float64]
+
+
+def find_loads(cycles: Iterable[Cycle], row: int) -> list[CalibrationLoad]:
+    """Return the loads of every press, accepted and rejected."""
+    detector = LoadDetector(row)
+    found = [*map(detector.take, cycles), detector.finish()]
+    return [load for load in found if load is not None]
+
 
 ONE = Hold(1.5, 1.2, tuple(direction(40.0, 60.0)))
 
@@ -42,7 +51,7 @@ def test_loads_are_what_was_pressed() -> None:
         assert (np.abs(error_n) < 5 * SAMPLE_NOISE_N / np.sqrt(min(load.n_samples, 60))).all()
         assert load.force_noise_n == pytest.approx(SAMPLE_NOISE_N, rel=0.3)
         held_pf = DESIGN.capacitance_pf(np.array(hold.force_n) @ CLOSURE_REL * DESIGN.gap_um)
-        assert load.capacitance_pf - load.baseline_pf == pytest.approx(held_pf - DESIGN.rest_pf, abs=1e-3)
+        assert load.capacitance_pf - load.baseline_pf == pytest.approx(held_pf - DESIGN.unloaded_pf, abs=1e-3)
         assert load.estimate_n == pytest.approx(hold.force_n, abs=0.01)
         assert 0.8 < load.dwell_s < 1.2
         assert abs(load.t_ns * 1e-9 - 1.0 - (hold.at_s + 0.2 + hold.held_s / 2)) < 0.1

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from footsense import daemon
 from footsense.config import DEFAULT
 from footsense.daemon import loop
+from footsense.daemon.service import open_service
 from footsense.sim.scene import load_scene
 
 #: One leg comes and goes, one has a converter that stops, one holds the bus: transactions fail in every scan.
@@ -24,7 +24,7 @@ def test_the_loop_leaves_nothing_to_collect(faults: str, tmp_path: Path) -> None
         f"faults: {faults}\n"
     )
     cycles = iter(range(80))
-    with daemon.service(DEFAULT, load_scene(str(scene)), real_time=False) as service:
+    with open_service(DEFAULT, load_scene(str(scene)), real_time=False) as service:
         parts = (service.source, service.pipeline, service.sink, service.observers, service.scan_source.clock)
         loop.run(*parts, stop=lambda: next(cycles) >= 30)
         gc.collect()

@@ -49,7 +49,7 @@ def test_nothing_is_wrong_with_a_sound_robot() -> None:
     found = probed()
     assert found.diagnoses == ()
     assert unloaded_yaml(found).splitlines()[0] == "unloaded_pf:"
-    assert all(leg.unloaded_pf == pytest.approx([DESIGN.rest_pf] * 9, abs=2e-3) for leg in found.legs)
+    assert all(leg.unloaded_pf == pytest.approx([DESIGN.unloaded_pf] * 9, abs=2e-3) for leg in found.legs)
     figures = probe_json(found)
     assert figures["buses"][0]["rate_hz"] == pytest.approx(400_000, rel=1e-3)
     assert figures["scan_over_conversions"] == pytest.approx(1.065, abs=1e-3)
@@ -142,7 +142,7 @@ def test_a_foot_that_is_pressed_or_another_one_says_by_how_much() -> None:
     scene = msgspec.structs.replace(HANGING, load=Constant(force_n=(0.0, 0.0, 0.5)), lead_in_s=0.0)
     found = probe(DEFAULT, scene)
     assert len(found.diagnoses) == 6
-    assert "from what the free foot is expected to" in found.diagnoses[0].what
+    assert "from the expected capacitance of the free foot" in found.diagnoses[0].what
     assert all(leg.unloaded_pf is not None for leg in found.legs)
 
 

@@ -10,7 +10,8 @@ import pytest
 
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.config import DEFAULT, Config
-from footsense.daemon import load_network, pipeline_for, released
+from footsense.daemon.estimation import load_network, pipeline_for
+from footsense.daemon.foot_types import released
 from footsense.estimation.faults.calibration_monitor import REFERENCE_STRIDES, Vector
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
@@ -45,7 +46,7 @@ def stride_pf(softness: float) -> tuple[Vector, Vector]:
             normal = np.array([contact.normal for contact in contacts])
             force_n = np.array([contact.force_n for contact in contacts])
             scans[frame, row] = foot.capacitance_pf(normal, force_n * softness).diagonal()
-    return foot.rest_pf, scans
+    return foot.unloaded_pf, scans
 
 
 def walk(
@@ -65,7 +66,7 @@ def walk(
     pipeline = pipeline_for(config, NETWORK, 0)
     rng = np.random.default_rng(2)
     softness = np.broadcast_to(then, len(LEGS))
-    rest_pf, sound_pf = stride_pf(1.0)
+    unloaded_pf, sound_pf = stride_pf(1.0)
     aged_pf = np.stack([stride_pf(float(s))[1][:, row] for row, s in enumerate(softness)], axis=1)
     told: dict[str, int] = {}
     forces_n: list[float] = []
@@ -76,9 +77,9 @@ def walk(
         carries_rel = 1 + SCATTER_REL * rng.standard_normal((len(LEGS), 1))
         for frame in range(FRAMES):
             number = (stride + REFERENCE_STRIDES + 3) * FRAMES + frame
-            capacitance_pf = rest_pf + carries_rel * (of_stride[frame] - rest_pf)
+            capacitance_pf = unloaded_pf + carries_rel * (of_stride[frame] - unloaded_pf)
             if number < LEAD_IN:
-                capacitance_pf = np.tile(rest_pf, (len(LEGS), 1))
+                capacitance_pf = np.tile(unloaded_pf, (len(LEGS), 1))
             capacitance_pf = capacitance_pf + NOISE_PF * rng.standard_normal(reading.shape)
             now_ns = (number + 1) * SCAN_NS
             t_ns = np.tile(now_ns - BEFORE_NS, (len(LEGS), 1))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, refusal, trimmed_means
 from footsense.frames import CommandKind
 
-LIMITS = ContactLimits(touch_n=0.03)
+LIMITS = ContactLimits(threshold_n=0.03)
 MS = 1_000_000
 
 
@@ -40,7 +40,7 @@ class Leg:
 
 
 def test_touch_and_lift_do_not_chatter() -> None:
-    """Contact from touch_n, held down to its half; confirmed swing only a while after."""
+    """Contact from threshold_n, held down to its half; confirmed swing only a while after."""
     leg = Leg()
     assert not leg.carry(0.029)
     assert leg.carry(0.031)

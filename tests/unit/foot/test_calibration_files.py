@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from footsense.calibration.writer import check_calibration_target, write_calibration
-from footsense.daemon import FOOT_TYPE, released
+from footsense.daemon.foot_types import FOOT_TYPE, released
 from footsense.errors import CalibrationError, FootsenseError, ModelError
 from footsense.foot.calibration_format import Manifest
 from footsense.foot.calibration_reader import read_calibration

@@ -24,18 +24,20 @@ def rotation_about_z(angle_deg: float) -> NDArray[np.float64]:
 def test_a_foot_as_designed_is_the_design() -> None:
     """Unloaded it reads the designed capacitance, and under a light load it closes as the table says."""
     foot = Foot(RESPONSE)
-    np.testing.assert_allclose(foot.rest_pf, DESIGN.rest_pf, rtol=1e-12)
+    np.testing.assert_allclose(foot.unloaded_pf, DESIGN.unloaded_pf, rtol=1e-12)
     np.testing.assert_array_equal(foot.cells_um(NORMAL, LIGHT_N), RESPONSE.free_closure_um(NORMAL, LIGHT_N))
 
 
 def test_rest_is_each_element_s_own() -> None:
-    """rest_pf = eps0 A / (gap + film / eps_r) + stray, by hand."""
+    """unloaded_pf = eps0 A / (gap + film / eps_r) + stray, by hand."""
     steps = np.linspace(-1.0, 1.0, 9)
     own = Deviations(gap_um=steps, film_um=2.0 * steps, stray_pf=0.1 + 0.05 * steps)
     by_hand = 8.8541878128 * 16.0 / (20.0 + steps + (17.0 + 2.0 * steps) / 2.7) + 0.1 + 0.05 * steps
     foot = Foot(RESPONSE, own)
-    np.testing.assert_allclose(foot.rest_pf, by_hand, rtol=1e-12)
-    np.testing.assert_array_equal(foot.capacitance_pf(NORMAL, 0.0 * NORMAL), np.tile(foot.rest_pf, (4, 1)))
+    np.testing.assert_allclose(foot.unloaded_pf, by_hand, rtol=1e-12)
+    np.testing.assert_array_equal(
+        foot.capacitance_pf(NORMAL, 0.0 * NORMAL), np.tile(foot.unloaded_pf, (4, 1))
+    )
 
 
 @pytest.mark.parametrize("contact", [True, False])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from footsense.daemon import released
+from footsense.daemon.foot_types import released
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import LEGS
@@ -27,7 +27,7 @@ def test_the_table_is_the_foot(softness: float) -> None:
     )
     found_pf = np.array([table.capacitance_pf(phase, softness) for phase in phases.tolist()])
     assert np.abs(found_pf - exact_pf).max() < 0.3e-3
-    assert np.array_equal(table.capacitance_pf(None), foot.rest_pf)
+    assert np.array_equal(table.capacitance_pf(None), foot.unloaded_pf)
 
 
 def test_a_robot_that_stands_is_on_all_six_and_walks_on_as_if_it_had_not() -> None:

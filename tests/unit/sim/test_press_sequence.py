@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.daemon import released
+from footsense.daemon.foot_types import released
 from footsense.errors import ConfigError
 from footsense.foot.response_table import FootResponse
 from footsense.sim.foot.viscoelastic import CREEP_REL, CREEP_TIME_S, PLAY_N, PLAY_REL, ViscoelasticElement
@@ -82,7 +82,7 @@ def test_made_feet_differ_and_are_the_same_each_time() -> None:
     """Each leg has its own foot; the numbers name them."""
     response = FootResponse.load(released("response.npz"))
 
-    def rest_pf(first: int) -> list[float]:
+    def unloaded_pf(first: int) -> list[float]:
         scene = Scene(
             description="feet as made",
             load=Unloaded(),
@@ -90,10 +90,10 @@ def test_made_feet_differ_and_are_the_same_each_time() -> None:
             fabrication=Fabrication(first=first, gap_um=2.0, stray_pf=0.3),
         )
         robot = SimulatedRobot(scene, response, [Wiring(400_000, 0x71, {"lf": 0, "lm": 1})])
-        return [float(foot.rest_pf[0]) for foot in robot.feet.values()]
+        return [float(foot.unloaded_pf[0]) for foot in robot.feet.values()]
 
-    assert rest_pf(0) == rest_pf(0)
-    assert rest_pf(0)[1] == rest_pf(1)[0] != rest_pf(0)[0]
+    assert unloaded_pf(0) == unloaded_pf(0)
+    assert unloaded_pf(0)[1] == unloaded_pf(1)[0] != unloaded_pf(0)[0]
 
 
 def test_a_press_below_the_known_response_is_refused_by_its_number(

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense import daemon
 from footsense.config import DEFAULT
+from footsense.daemon.acquisition import open_scan_source
 from footsense.sim.scene import Scene, Softening, Tripod, load_scene
 from tests.support.feet import DESIGN
 
@@ -20,10 +20,12 @@ LF, RM = 0, 1
 def closures_um(scene: Scene) -> NDArray[np.float64]:
     """Return the closures of every scan of two seconds [um], shape (scans, legs, 9)."""
     scans = []
-    with daemon.open_scan_source(ROBOT, scene) as started:
+    with open_scan_source(ROBOT, scene) as started:
         while started.clock.now_ns() < 2e9:
             scans.append(started.source.read().capacitance_pf)
-    return DESIGN.plate_distance_um(np.array([DESIGN.rest_pf])) - DESIGN.plate_distance_um(np.array(scans))
+    return DESIGN.plate_distance_um(np.array([DESIGN.unloaded_pf])) - DESIGN.plate_distance_um(
+        np.array(scans)
+    )
 
 
 @pytest.mark.parametrize("gait_table", [False, True])

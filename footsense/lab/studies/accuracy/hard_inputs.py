@@ -80,7 +80,7 @@ class _Leg:
     def __init__(self, context: StudyContext) -> None:
         self.design = context.response.design
         calibration = read_card(json.dumps(context.network.card), str(context.models)).trained_inputs
-        stray_pf, unloaded_pf = np.zeros((1, 9)), np.full((1, 9), self.design.rest_pf)
+        stray_pf, unloaded_pf = np.zeros((1, 9)), np.full((1, 9), self.design.unloaded_pf)
         alignment = ScanByScan(context.network, 1, calibration.moments)
         self._pipeline = Pipeline(
             alignment,
@@ -89,7 +89,7 @@ class _Leg:
             unloaded_pf,
             sensitivity=sensitivity(context.network, 2, calibration.moments),
             tare=TareLimits(window_frames=_WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-            contact=ContactLimits(touch_n=0.03),
+            contact=ContactLimits(threshold_n=0.03),
             max_age_ns=_MAX_AGE_NS,
             settled_ns=_MAX_AGE_NS,
         )

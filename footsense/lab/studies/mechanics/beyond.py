@@ -85,7 +85,7 @@ def sensed_um(response: FootResponse, free_um: Vector) -> Vector:
     gap_um = np.full(gap_contact.ALL_CELLS, design.gap_um)
     closed = gap_contact.contact_closures_um(free_um, gap_um, response.compliance_um_per_n)
     distance_um = design.gap_um - closed + design.film_equivalent_um
-    return design.closure_um(gap_contact.capacitance_pf(design, distance_um), np.full(9, design.rest_pf))
+    return design.closure_um(gap_contact.capacitance_pf(design, distance_um), np.full(9, design.unloaded_pf))
 
 
 #: Read-outs under test.

@@ -161,9 +161,9 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         answers, taken = _answers(context, NAMES, mirrored_loads(_FULL_CASES))
         full = _against_full(context, answers)
         shown, finest, seconds["full"] = full.distances, "full", taken["full"]
-        rest_pf = context.response.design.rest_pf
+        unloaded_pf = context.response.design.unloaded_pf
         figures[_PATTERN] = pattern_tiles(
-            {name: one.capacitance_pf[0].reshape(3, 3) - rest_pf for name, one in answers.items()}
+            {name: one.capacitance_pf[0].reshape(3, 3) - unloaded_pf for name, one in answers.items()}
         )
     figures[_FIGURE] = error_against_time(seconds, shown, finest, forward, len(loads))
     formula, carried_rel = _formula(context, loads, cheap["contact"])

@@ -76,7 +76,7 @@ class Measured:
     """Figures of one design.
 
     Attributes:
-        rest_pf: Capacitance of an unloaded element [pF].
+        unloaded_pf: Capacitance of an unloaded element [pF].
         closure_um_per_n: Mean closure of the elements under an upright force [um/N].
         sensitivity_pf_per_n: Mean change of capacitance with it [pF/N].
         range_n: Largest upright force in range [N].
@@ -86,7 +86,7 @@ class Measured:
         magnitude_gf: Their magnitude errors.
     """
 
-    rest_pf: float
+    unloaded_pf: float
     closure_um_per_n: float
     sensitivity_pf_per_n: float
     range_n: float
@@ -157,7 +157,7 @@ def with_film(context: StudyContext, film: FilmDesign) -> Sensor:
     def closure_um(normal: Vector, force_n: Vector) -> Vector:
         distance_um = capacitor.gap_um - response.free_closure_um(normal, force_n)
         sensed = gap_contact.capacitance_pf(capacitor, distance_um)
-        return capacitor.closure_um(sensed, np.full(9, capacitor.rest_pf))
+        return capacitor.closure_um(sensed, np.full(9, capacitor.unloaded_pf))
 
     def usable(normal: Vector, force_n: Vector) -> NDArray[np.bool_]:
         strain = np.abs(response.free_closure_um(normal, force_n)).max(axis=1) / capacitor.gap_um
@@ -194,10 +194,10 @@ def measured(context: StudyContext, sensor: Sensor) -> Measured:
     networks = PaperTraining(capacitor, training, "closure").train(starts_of(seeds), epochs)
     answers = [errors(test.force_n, read(test.closure_um)) for read in networks]
     small_um = sensor.closure_um(_UP, SMALL_N * _UP)
-    change_pf = capacitor.capacitance_pf(small_um) - capacitor.rest_pf
+    change_pf = capacitor.capacitance_pf(small_um) - capacitor.unloaded_pf
     context.say(f"film: {sensor.name} measured")
     return Measured(
-        rest_pf=capacitor.rest_pf,
+        unloaded_pf=capacitor.unloaded_pf,
         closure_um_per_n=float(small_um.mean() / SMALL_N),
         sensitivity_pf_per_n=float(change_pf.mean() / SMALL_N),
         range_n=_range_n(sensor, _UP),
@@ -256,7 +256,7 @@ def render(results: Results) -> str:
     """Return the page's text."""
     film, gaps, gel = results.film, results.gaps, results.gel
     pairs = (
-        ("capacitance at rest [pF]", gaps.rest_pf, gel.rest_pf, ".2f"),
+        ("capacitance at rest [pF]", gaps.unloaded_pf, gel.unloaded_pf, ".2f"),
         ("mean closure, upright [um/N]", gaps.closure_um_per_n, gel.closure_um_per_n, ".2f"),
         ("sensitivity, upright [pF/N]", gaps.sensitivity_pf_per_n, gel.sensitivity_pf_per_n, ".3f"),
         ("range, upright [N]", gaps.range_n, gel.range_n, ".2f"),
@@ -273,14 +273,14 @@ def render(results: Results) -> str:
     ]
     (first, wide), *_, (last, narrow) = results.by_poisson.items()
     slide_um = 1e3 * film.film_mm / (film.gel.shear_mpa * results.sheet_mm**2)
-    soft_kpa, thick_um = 1e3 * film.gel.youngs_mpa, 1e3 * film.film_mm
+    film_pf, soft_kpa, thick_um = gel.unloaded_pf, 1e3 * film.gel.youngs_mpa, 1e3 * film.film_mm
     return f"""
 The paper's outlook (section VI): a film of gelled polyurethane, E = {soft_kpa:g} kPa, without gaps, in place of the
 spacer, for more sensitivity and so that nothing sticks. Here it covers the whole sheet, {thick_um:g} um thick like the
 spacer, between the same plates of PDMS, as an elastic layer. Our choices: Poisson's ratio {film.gel.poisson:g},
 relative permittivity {film.eps_r:g} (capacitance and sensitivity are proportional to it). Both designs have the
 converter's {1e3 * NOISE_PF:g} fF of noise. The range of the gaps ends at {FULL_SCALE_PF:.0f} pF, the range of the film
-where any part of it closes or opens by {STRAIN_LIMIT_REL:.0%}; at rest the film has {gel.rest_pf:.1f} pF, for which the
+where any part of it closes or opens by {STRAIN_LIMIT_REL:.0%}; at rest the film has {film_pf:.1f} pF, for which the
 converter needs its offset. Errors: the paper's 362 cases for training, its 180 for the test, {DRAWS} times with new
 noise; networks on closures 9-{HIDDEN[0]}-{HIDDEN[1]}-3, mean ± standard deviation of {gaps.direction_deg.n} start
 weights.

@@ -24,25 +24,25 @@ class Results:
     """Changes of capacitance.
 
     Attributes:
-        rest_pf: Capacitance of an unloaded element [pF].
+        unloaded_pf: Capacitance of an unloaded element [pF].
         change_pf: Rows of the array [pF], by model.
     """
 
-    rest_pf: float
+    unloaded_pf: float
     change_pf: dict[str, list[list[float]]]
 
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Load the foot by three models."""
     normal = directions(*np.array(_DIRECTION_DEG)[:, None])
-    rest_pf, change_pf = context.response.design.rest_pf, {}
+    unloaded_pf, change_pf = context.response.design.unloaded_pf, {}
     for name in NAMES[:3]:
         answer = rung(name, context.response, context.sole).answer(
             normal, _MAGNITUDE_GF * GRAM_FORCE_N * normal
         )
-        change_pf[name] = (answer.capacitance_pf[0] - rest_pf).reshape(3, 3)
+        change_pf[name] = (answer.capacitance_pf[0] - unloaded_pf).reshape(3, 3)
     results = Results(
-        rest_pf=rest_pf, change_pf={name: change.tolist() for name, change in change_pf.items()}
+        unloaded_pf=unloaded_pf, change_pf={name: change.tolist() for name, change in change_pf.items()}
     )
     return results, {_FIGURE: pattern_tiles(change_pf)}
 
@@ -57,11 +57,12 @@ def render(results: Results) -> str:
     header = ["mean ΔC [pF]", "front row", "middle row", "rear row", "largest [pF]", "largest over smallest"]
     left, middle, right = results.change_pf["contact"][2]
     t1_deg, t2_deg = _DIRECTION_DEG
+    element_pf = results.unloaded_pf
     return f"""
 How do the nine capacitances change under one load at (θ1, θ2) = ({t1_deg:g}, {t2_deg:g}) deg, the case that the paper
 measures and simulates in its Fig. 17? The paper draws the figure, normalised to the largest, and says that measurement
 and simulation resemble each other; its text gives no numbers and no magnitude, so there is nothing to compare by
-number. Here {_MAGNITUDE_GF:g} gf; unloaded, an element has {results.rest_pf:.3f} pF. Seen from the leg. The page of the
+number. Here {_MAGNITUDE_GF:g} gf; unloaded, an element has {element_pf:.3f} pF. Seen from the leg. The page of the
 fidelity levels has the answer of the full solve to the same load.
 
 ![]({_FIGURE})

@@ -202,13 +202,13 @@ def _floors(sole: SoleDesign, response: FootResponse) -> tuple[dict[str, Floor],
 
 def _edges(sole: SoleDesign) -> list[Edged]:
     """Return elements with edges at three closures."""
-    rest_pf, plate_pf = element_pf(sole)
+    unloaded_pf, plate_pf = element_pf(sole)
     edges = []
     for closed_um in (0.0, 5.0, 10.0):
         edged_pf, plates_pf = element_pf(sole, closed_um)
         read, corrected = (
-            float(sole.capacitor.closure_um(np.array([edged_pf - stray]), np.array([rest_pf - stray]))[0])
-            for stray in (0.0, rest_pf - plate_pf)
+            float(sole.capacitor.closure_um(np.array([edged_pf - stray]), np.array([unloaded_pf - stray]))[0])
+            for stray in (0.0, unloaded_pf - plate_pf)
         )
         edges.append(
             Edged(

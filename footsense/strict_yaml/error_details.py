@@ -1,4 +1,4 @@
-"""Why plain data do not fit a struct: msgspec's error, with the key, the value and the choices that it leaves out."""
+"""A validation error of msgspec with its path as keys, and the value and choices that msgspec leaves out."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -10,7 +10,7 @@ from msgspec import inspect
 
 from footsense.strict_yaml.plain_data import item_path
 
-__all__ = ["Problem", "misfit"]
+__all__ = ["Problem", "locate_error"]
 
 _PLACE = re.compile(r" - at (?P<key>`key` in )?`\$(?P<path>[^`]*)`$")
 _STEP = re.compile(r"\.(?P<field>[^.\[]+)|\[(?P<index>\d+|\.\.\.)\]")
@@ -35,13 +35,13 @@ class Problem(NamedTuple):
         return f"{self.path}: {self.message}" if self.path else self.message
 
 
-def misfit(data: Any, type_: type[object], error: str, former: Mapping[str, str]) -> Problem:  # noqa: ANN401
-    """Return msgspec's error as a problem of the text.
+def locate_error(data: Any, type_: type[object], error: str, former: Mapping[str, str]) -> Problem:  # noqa: ANN401
+    """Return a validation error of msgspec as a problem of the text.
 
     Args:
-        data: What `msgspec.convert` refused.
-        type_: The struct that it does not fit.
-        error: Its error, such as "Expected `int` <= 7 - at `$.legs[...]`".
+        data: Plain data that `msgspec.convert` refused.
+        type_: Struct that they do not fit.
+        error: Error of msgspec, such as "Expected `int` <= 7 - at `$.legs[...]`".
         former: Keys and values of earlier versions, each with what replaces it.
     """
     place = _PLACE.search(error)
@@ -53,16 +53,18 @@ def misfit(data: Any, type_: type[object], error: str, former: Mapping[str, str]
             key: str | int = _failing_key(value, lambda: msgspec.convert(data, type_), error)
         else:
             key = step["field"] or int(step["index"])
-        path, value, info = item_path(path, key), value[key], _inner(info, value, key)
+        path, value, info = item_path(path, key), value[key], _item_type(info, value, key)
     if place and place["key"]:
-        info = next(type_.key_type for type_, _ in _variants(info) if isinstance(type_, inspect.DictType))
+        info = next(
+            type_.key_type for type_, _ in _union_members(info) if isinstance(type_, inspect.DictType)
+        )
         value = next(key for key in value if key not in _choices(info))
         path = item_path(path, value)
     if unknown := _UNKNOWN.fullmatch(fault):
         name = unknown["name"]
         return Problem(item_path(path, name), unknown["fault"] + _remedy(name, _keys(info, value), former))
     if missing := _MISSING.fullmatch(fault):
-        info = _inner(info, value, missing["name"])
+        info = _item_type(info, value, missing["name"])
         return Problem(path, fault.replace("`", "") + _expected(info))
     return Problem(path, fault.replace("`", "") + _hint(fault, value, info, former))
 
@@ -85,7 +87,7 @@ def _expected(info: inspect.Type) -> str:
     """Return the choices of a type, or the descriptions of its fields."""
     if choices := _choices(info):
         return f"; expected {', '.join(map(str, choices))}"
-    reasons = dict.fromkeys(reason for _, reason in _variants(info) if reason)
+    reasons = dict.fromkeys(reason for _, reason in _union_members(info) if reason)
     return f" ({', or '.join(reasons)})" if reasons else ""
 
 
@@ -98,28 +100,28 @@ def _remedy(word: object, allowed: tuple[object, ...], former: Mapping[str, str]
     return f"; expected {', '.join(map(str, allowed))}{nearest}"
 
 
-def _variants(info: inspect.Type) -> list[tuple[inspect.Type, str]]:
+def _union_members(info: inspect.Type) -> list[tuple[inspect.Type, str]]:
     """Return the members of a union, or the type itself, each with its description."""
     if isinstance(info, inspect.Metadata):
         reason = (info.extra_json_schema or {}).get("description", "")
-        return [(type_, own or reason) for type_, own in _variants(info.type)]
+        return [(type_, own or reason) for type_, own in _union_members(info.type)]
     if isinstance(info, inspect.UnionType):
-        return [variant for type_ in info.types for variant in _variants(type_)]
+        return [variant for type_ in info.types for variant in _union_members(type_)]
     return [(info, "")]
 
 
 def _choices(info: inspect.Type) -> tuple[object, ...]:
     return tuple(
         value
-        for type_, _ in _variants(info)
+        for type_, _ in _union_members(info)
         if isinstance(type_, inspect.LiteralType)
         for value in type_.values
     )
 
 
-def _structs(info: inspect.Type, value: Any) -> list[inspect.StructType]:  # noqa: ANN401
-    """Return the structs that a mapping may be, by its tag."""
-    structs = [type_ for type_, _ in _variants(info) if isinstance(type_, inspect.StructType)]
+def _possible_structs(info: inspect.Type, value: Any) -> list[inspect.StructType]:  # noqa: ANN401
+    """Return the structs of a union that have the tag of a mapping."""
+    structs = [type_ for type_, _ in _union_members(info) if isinstance(type_, inspect.StructType)]
     return [
         struct for struct in structs if struct.tag_field is None or value.get(struct.tag_field) == struct.tag
     ]
@@ -128,20 +130,20 @@ def _structs(info: inspect.Type, value: Any) -> list[inspect.StructType]:  # noq
 def _keys(info: inspect.Type, value: object) -> tuple[str, ...]:
     return tuple(
         name
-        for struct in _structs(info, value)
+        for struct in _possible_structs(info, value)
         for name in (*filter(None, [struct.tag_field]), *(field.encode_name for field in struct.fields))
     )
 
 
-def _inner(info: inspect.Type, value: object, key: str | int) -> inspect.Type:
+def _item_type(info: inspect.Type, value: object, key: str | int) -> inspect.Type:
     """Return the type of an item of a value."""
-    variants = [type_ for type_, _ in _variants(info)]
+    variants = [type_ for type_, _ in _union_members(info)]
     tags = [
         type_.tag for type_ in variants if isinstance(type_, inspect.StructType) and type_.tag_field == key
     ]
     if tags:
         return inspect.LiteralType(tuple(tags))
-    for struct in _structs(info, value) if isinstance(key, str) else ():
+    for struct in _possible_structs(info, value) if isinstance(key, str) else ():
         return next(field.type for field in struct.fields if field.encode_name == key)
     for type_ in variants:
         if isinstance(type_, inspect.TupleType) and isinstance(key, int):
