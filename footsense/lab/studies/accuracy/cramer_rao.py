@@ -214,5 +214,17 @@ def _map(azimuth: Vector, elevation: Vector, bound_deg: Vector, ambiguous: dict[
 
 
 STUDY = Study(
-    name="cramer-rao", title="The Cramer-Rao bound", results=Results, compute=compute, names={"BASELINE_NOISE_PF": BASELINE_NOISE_PF, "ELEVATIONS_DEG": ELEVATIONS_DEG.tolist(), "EXPLAINED": EXPLAINED, "MAP_GF": MAP_GF, "NOISE_PF": NOISE_PF, "ROUNDS": ROUNDS, "TARGET_RATIO": TARGET_RATIO}
+    name="cramer-rao",
+    title="The Cramer-Rao bound",
+    results=Results,
+    compute=compute,
+    names={
+        "BASELINE_NOISE_PF": BASELINE_NOISE_PF,
+        "ELEVATIONS_DEG": ELEVATIONS_DEG.tolist(),
+        "EXPLAINED": EXPLAINED,
+        "MAP_GF": MAP_GF,
+        "NOISE_PF": NOISE_PF,
+        "ROUNDS": ROUNDS,
+        "TARGET_RATIO": TARGET_RATIO,
+    },
 )

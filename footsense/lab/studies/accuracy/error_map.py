@@ -231,5 +231,17 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
 
 
 STUDY = Study(
-    name="error-map", title="Where the network errs", results=Results, compute=compute, names={"BASELINE_NOISE_PF": BASELINE_NOISE_PF, "EXPERIMENT_DEG": EXPERIMENT_DEG, "EXPERIMENT_GF": EXPERIMENT_GF, "MAGNITUDE_GF": _MAGNITUDE_GF, "NOISE_PF": NOISE_PF, "PAPER_DIRECTION_DEG": PAPER_DIRECTION_DEG, "PAPER_MAGNITUDE_GF": PAPER_MAGNITUDE_GF}
+    name="error-map",
+    title="Where the network errs",
+    results=Results,
+    compute=compute,
+    names={
+        "BASELINE_NOISE_PF": BASELINE_NOISE_PF,
+        "EXPERIMENT_DEG": EXPERIMENT_DEG,
+        "EXPERIMENT_GF": EXPERIMENT_GF,
+        "MAGNITUDE_GF": _MAGNITUDE_GF,
+        "NOISE_PF": NOISE_PF,
+        "PAPER_DIRECTION_DEG": PAPER_DIRECTION_DEG,
+        "PAPER_MAGNITUDE_GF": PAPER_MAGNITUDE_GF,
+    },
 )

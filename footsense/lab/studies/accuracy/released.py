@@ -144,4 +144,10 @@ def _figure(truth_n: Vector, force_n: Vector, sigma_n: Vector) -> Figure:
     return figure
 
 
-STUDY = Study(name="released", title="The released network", results=Results, compute=compute, names={"as_markdown": as_markdown})
+STUDY = Study(
+    name="released",
+    title="The released network",
+    results=Results,
+    compute=compute,
+    names={"as_markdown": as_markdown},
+)

@@ -235,5 +235,14 @@ STUDY = Study(
     title="How many elements, and how large",
     results=Results,
     compute=compute,
-    names={"FORCE_GF": FORCE_GF, "HIDDEN": HIDDEN, "NOISE_REL": NOISE_REL, "SATURATED_REL": SATURATED_REL, "SENSORS": SENSORS, "SIGNIFICANT": SIGNIFICANT, "factors": _factors, "gains": _gains},
+    names={
+        "FORCE_GF": FORCE_GF,
+        "HIDDEN": HIDDEN,
+        "NOISE_REL": NOISE_REL,
+        "SATURATED_REL": SATURATED_REL,
+        "SENSORS": SENSORS,
+        "SIGNIFICANT": SIGNIFICANT,
+        "factors": _factors,
+        "gains": _gains,
+    },
 )
