@@ -118,11 +118,6 @@ STUDY = Study(
         "MEASURED_MAGNITUDE_GF": MEASURED_MAGNITUDE_GF,
         "ON_DESIGN": ON_DESIGN,
         "ON_FOOT": ON_FOOT,
-        "ON_FOOT_BESIDE": {
-            **{name: f"{label}, own" for name, label in ON_FOOT.items()},
-            "reference": "perfect sensor",
-            "network": "released",
-        },
         "PAPER_DIRECTION_DEG": PAPER_DIRECTION_DEG,
         "PAPER_MAGNITUDE_GF": PAPER_MAGNITUDE_GF,
         "TEST_STANDS": TEST_STANDS,
