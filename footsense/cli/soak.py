@@ -1,4 +1,4 @@
-"""`footsense soak`: a virtual day of walking in which something breaks every half minute."""
+"""`footsense soak`: a virtual day of walking with a fault every half minute."""
 
 import json
 import logging
@@ -10,8 +10,8 @@ import click
 import msgspec
 
 from footsense.clock import stopwatch_ns
-from footsense.validation.soak import Walked, walk_day, walk_stretch
-from footsense.validation.soak_stretches import Stretch, day
+from footsense.validation.soak import StretchResult, walk_day, walk_stretch
+from footsense.validation.soak_plan import day
 
 
 @click.command()
@@ -29,51 +29,52 @@ from footsense.validation.soak_stretches import Stretch, day
     "--json", "as_json", type=click.Path(dir_okay=False, path_type=Path), help="Write all figures here."
 )
 def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json: Path | None) -> None:
-    """Walk for hours while wires, chips, feet and CAN break at random, and count what must never be.
+    """Walk for hours with random faults of wires, chips, feet and CAN, and check what must always hold.
 
     Stretches of an hour or two have a process each: at 400 and at 100 conversions a second, with a force after each
-    scan and after each conversion, warmer and colder by 20 K, with two stands of half an hour. Ends with 1 if an
-    invariant was lost; the line that says so names the stretch, and --only walks it again.
+    scan and after each conversion, warmer and colder by 20 K, with two stands of half an hour. Ends with 1 after a
+    violation; its line names the stretch, and --only walks it again.
     """
-    logging.disable(logging.WARNING)  # what breaks is on purpose
+    logging.disable(logging.WARNING)  # the faults are on purpose
     stretches = day(hours, seed)
     _refuse(only, len(stretches), as_json)
     began_ns = stopwatch_ns()
-    walked: list[Walked] = []
-    if only is not None:
-        walked.append(walk_stretch(stretches[only]))
-        click.echo(_line(walked[0]))
-    else:
-        for one in walk_day(stretches, jobs or os.cpu_count() or 1):
-            walked.append(one)
-            click.echo(_line(one))
+    walks = (
+        walk_day(stretches, jobs or os.cpu_count() or 1) if only is None else [walk_stretch(stretches[only])]
+    )
+    results: list[StretchResult] = []
+    for result in walks:
+        results.append(result)
+        click.echo(_line(result))
     wall_s = (stopwatch_ns() - began_ns) * 1e-9
-    n_lost = sum(sum(one.n_lost.values()) for one in walked)
-    virtual_s = sum(one.virtual_s for one in walked)
-    n_faults = sum(one.n_faults for one in walked)
+    virtual_s, n_faults, n_cycles, n_violations = map(
+        sum,
+        zip(
+            *((r.virtual_s, r.n_faults, r.n_cycles, sum(r.n_violations.values())) for r in results),
+            strict=True,
+        ),
+    )
     click.echo(
         f"{virtual_s / 3600.0:.2f} h walked in {wall_s / 60.0:.1f} min, {n_faults} faults, "
-        f"{sum(one.n_cycles for one in walked)} frames: {n_lost} invariants lost"
+        f"{n_cycles} frames: {n_violations} violations"
     )
-    for one in walked:
-        for lost in one.lost:
-            click.echo(
-                f"  stretch {one.stretch.number}, {lost.t_s:.4f} s, {lost.leg or 'all'}: {lost.rule}: {lost.what}"
-            )
+    for result in results:
+        for rule, t_s, leg, detail in result.violations:
+            click.echo(f"  stretch {result.stretch.number}, {t_s:.4f} s, {leg or 'all'}: {rule}: {detail}")
     if as_json is not None:
-        told = {
+        figures = {
             "hours": hours,
             "seed": seed,
             "wall_s": round(wall_s, 1),
-            "n_lost": n_lost,
-            "stretches": msgspec.to_builtins(sorted(walked, key=lambda one: one.stretch.number)),
+            "n_violations": n_violations,
+            "stretches": msgspec.to_builtins(sorted(results, key=lambda result: result.stretch.number)),
         }
-        as_json.write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
-    sys.exit(1 if n_lost else 0)
+        as_json.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    sys.exit(1 if n_violations else 0)
 
 
 def _refuse(only: int | None, n_stretches: int, as_json: Path | None) -> None:
-    """Say before hours of walking what would be in vain.
+    """Refuse options that would fail after hours of walking.
 
     Raises:
         click.BadParameter: There is no such stretch, or no folder for the figures.
@@ -84,20 +85,14 @@ def _refuse(only: int | None, n_stretches: int, as_json: Path | None) -> None:
         raise click.BadParameter(f"{as_json}: there is no directory {as_json.parent}", param_hint="--json")
 
 
-def _line(walked: Walked) -> str:
-    stretch = walked.stretch
-    growth = f"{walked.resident_mib[0]:.1f} to {walked.resident_mib[1]:.1f} MiB"
+def _line(result: StretchResult) -> str:
+    stretch = result.stretch
+    warmer = [f"{stretch.kelvin:+g} K"] if stretch.kelvin else []
+    stand = ["with a stand"] if stretch.stands_s else []
     return (
-        f"stretch {stretch.number}: {stretch.hours:g} h {_way(stretch)}: {walked.n_faults} faults, "
-        f"{sum(walked.n_lost.values())} lost, worst gap {1e3 * walked.worst_gap_s:.0f} ms, {growth} "
-        f"({walked.growth_mib_per_h:+.2f} MiB/h), {walked.virtual_s / walked.wall_s:.1f} x real time"
+        f"stretch {stretch.number}: {stretch.hours:g} h "
+        f"{', '.join([f'{stretch.rate_sps} S/s', stretch.publish, *warmer, *stand])}: {result.n_faults} faults, "
+        f"{sum(result.n_violations.values())} violations, longest gap {1e3 * result.longest_gap_s:.0f} ms, "
+        "{:.1f} to {:.1f} MiB ".format(*result.resident_mib)
+        + f"({result.growth_mib_per_h:+.2f} MiB/h), {result.virtual_s / result.wall_s:.1f} x real time"
     )
-
-
-def _way(stretch: Stretch) -> str:
-    parts = [f"{stretch.rate_sps} S/s", stretch.publish]
-    if stretch.kelvin:
-        parts.append(f"{stretch.kelvin:+g} K")
-    if stretch.stands_s:
-        parts.append("with a stand")
-    return ", ".join(parts)

@@ -66,7 +66,16 @@ def code_sha256(source: str, entry: str = "compute") -> str:
 
 
 def module_sha256(module: str) -> str:
-    """Return the hash of `compute` in a module, which is not imported; empty if the module has no such function."""
+    """Return the hash of `compute` in a module, or where the module imports it from; empty if it has none.
+
+    The module is not imported.
+    """
     spec = find_spec(module)
     source = Path(spec.origin).read_text(encoding="utf-8") if spec and spec.origin else ""
-    return code_sha256(source) if "def compute(" in source else ""
+    if "def compute(" in source:
+        return code_sha256(source)
+    imports = [
+        node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ImportFrom) and node.module
+    ]
+    sources = [str(node.module) for node in imports if any(alias.name == "compute" for alias in node.names)]
+    return module_sha256(sources[0]) if sources else ""

@@ -1,40 +1,44 @@
-"""What the lab set out to reach, and what it reached: the table on top of the report, from the studies' numbers."""
+"""The project's targets beside the measured figures: the table on top of the report."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from footsense.lab.evaluation.compare import DIRECTION_DEG, MAGNITUDE_GF
 from footsense.lab.studies.page import table
 
-#: What the studies measured, by study.
+#: The JSON of the pages, by study.
 Values = Mapping[str, Mapping[str, Any]]
 
 
-@dataclass(frozen=True, slots=True)
-class Target:
-    """One thing to reach.
+class Target(NamedTuple):
+    """One target.
 
     Attributes:
         what: In words, with its unit.
-        study: The study that measured it.
-        wanted: The figure.
-        found: Picks the measured one from the study's values.
-        at_least: Whether more is better.
         paper: The paper's figure, if its text gives one.
+        wanted: The figure; a minimum if `at_least`.
+        study: The study that measures it.
+        path: Keys of the measured figure in the study's JSON, or a function of that JSON.
+        at_least: Whether more is better.
     """
 
     what: str
-    study: str
+    paper: str
     wanted: float
-    found: Callable[[Mapping[str, Any]], float | None]
+    study: str
+    path: str | Callable[[Mapping[str, Any]], float | None]
     at_least: bool = False
-    paper: str = "-"
 
-
-def _error(row: str, figure: str) -> Callable[[Mapping[str, Any]], float]:
-    """Return what picks a mean error from the released network's table."""
-    return lambda values: float(values["errors"][row][figure])
+    def measured(self, values: Values) -> float | None:
+        """Return the measured figure; None if it was not measured."""
+        found: Any = values.get(self.study)
+        if found is None:
+            return None
+        if not isinstance(self.path, str):
+            return self.path(found)
+        for key in self.path.split("."):
+            found = found and found[key]
+        return None if found is None else float(found)
 
 
 def _worst_solid(values: Mapping[str, Any]) -> float | None:
@@ -43,7 +47,7 @@ def _worst_solid(values: Mapping[str, Any]) -> float | None:
     return 100.0 * max(worst[0]) if worst else None
 
 
-def _worst_ratio(values: Mapping[str, Any]) -> float | None:
+def _worst_ratio(values: Mapping[str, Any]) -> float:
     """Return the network's direction error over the bound's in the worst bin of centred loads."""
     bins = values["ratio"]["centred"]
     return max(
@@ -51,92 +55,68 @@ def _worst_ratio(values: Mapping[str, Any]) -> float | None:
     )
 
 
-def _of_feet(way: str, figure: str) -> Callable[[Mapping[str, Any]], float]:
-    """Return what picks the mean over feet of one way to read them."""
-    return lambda values: float(values[way][figure]["mean"])
+def _table_ratio(values: Mapping[str, Any]) -> float:
+    """Return the time of one forward solve over that of the response table."""
+    return float(values["forward"]["forward_s"] / values["forward"]["table_s"])
 
 
+_ERRORS = "errors.paper_network"
+_MADE = "feet at the paper's fabrication tolerances"
 TARGETS = (
     Target(
         "released network, direction, mean [deg]",
-        "released",
+        "2.4",
         DIRECTION_DEG,
-        _error("paper_network", "direction_deg"),
-        paper="2.4",
+        "released",
+        f"{_ERRORS}.direction_deg",
     ),
     Target(
-        "released network, magnitude, mean [gf]",
-        "released",
-        MAGNITUDE_GF,
-        _error("paper_network", "magnitude_gf"),
-        paper="5.3",
+        "released network, magnitude, mean [gf]", "5.3", MAGNITUDE_GF, "released", f"{_ERRORS}.magnitude_gf"
     ),
-    Target("its weights", "released", 2000.0, lambda values: float(values["weights"])),
+    Target("its weights", "-", 2000.0, "released", "weights"),
     Target(
         "trained on the 362 cases alone, direction [deg]",
-        "released",
+        "2.4",
         0.5,
-        _error("paper_network_362", "direction_deg"),
-        paper="2.4",
+        "released",
+        f"{_ERRORS}_362.direction_deg",
     ),
     Target(
         "trained on the 362 cases alone, magnitude [gf]",
-        "released",
+        "5.3",
         0.8,
-        _error("paper_network_362", "magnitude_gf"),
-        paper="5.3",
+        "released",
+        f"{_ERRORS}_362.magnitude_gf",
     ),
+    Target("network over the Cramer-Rao bound, worst of 20 to 150 gf", "-", 1.2, "cramer-rao", _worst_ratio),
+    Target("free closures of two loads against finer meshes, worst [%]", "-", 1.0, "solid", _worst_solid),
+    Target("from nothing to the complete response [s]", "-", 60.0, "solid", "response.wall_s"),
+    Target("542 cases with gap contact [s]", "-", 30.0, "solid", "cases.wall_s"),
     Target(
-        "network over the Cramer-Rao bound, worst of 20 to 150 gf",
-        "cramer-rao",
-        1.2,
-        _worst_ratio,
-    ),
-    Target("free closures of two loads against finer meshes, worst [%]", "solid", 1.0, _worst_solid),
-    Target(
-        "from nothing to the complete response [s]",
-        "solid",
-        60.0,
-        lambda values: (values["response"] or {}).get("wall_s"),
-    ),
-    Target("542 cases with gap contact [s]", "solid", 30.0, lambda values: float(values["cases"]["wall_s"])),
-    Target(
-        "one forward solve per case over the table, time",
-        "fidelity",
-        50.0,
-        lambda values: float(values["forward"]["forward_s"] / values["forward"]["table_s"]),
-        at_least=True,
+        "one forward solve per case over the table, time", "-", 50.0, "fidelity", _table_ratio, at_least=True
     ),
     *(
-        Target(
-            f"feet at the paper's fabrication tolerances, {words}, {what} [{unit}]",
-            "experiment",
-            wanted,
-            _of_feet(way, key),
-            paper=paper,
-        )
-        for way, words, wanted_deg, wanted_gf in (
-            ("calibrated_362", "all loads", 1.6, 1.9),
-            ("calibrated_20", "20 loads", 3.0, 4.0),
-        )
-        for what, unit, key, wanted, paper in (
-            ("direction", "deg", "direction_deg", wanted_deg, "15.9"),
-            ("magnitude", "gf", "magnitude_gf", wanted_gf, "18.7"),
+        Target(f"{_MADE}, {loads}, {what}", paper, wanted, "experiment", f"{key}.mean")
+        for loads, what, paper, wanted, key in (
+            ("all loads", "direction [deg]", "15.9", 1.6, "calibrated_362.direction_deg"),
+            ("all loads", "magnitude [gf]", "18.7", 1.9, "calibrated_362.magnitude_gf"),
+            ("20 loads", "direction [deg]", "15.9", 3.0, "calibrated_20.direction_deg"),
+            ("20 loads", "magnitude [gf]", "18.7", 4.0, "calibrated_20.magnitude_gf"),
         )
     ),
-    Target("all of this from nothing [min]", "report", 60.0, lambda values: values["minutes"]),
+    Target("all of this from nothing [min]", "-", 60.0, "report", "minutes"),
 )
 
 
 def targets(values: Values) -> str:
-    """Return the table of what was to be reached; a figure that was not measured says so.
+    """Return the table of the targets; a figure that was not measured says so.
 
     Args:
-        values: What the studies measured, by study.
+        values: The JSON of the pages, by study.
     """
     rows = []
     for target in TARGETS:
-        found = target.found(values[target.study]) if target.study in values else None
+        found = target.measured(values)
         if found is None:
             verdict, shown = "not measured", "-"
         else:

@@ -1,6 +1,7 @@
-"""One fault of the CAN bus in a walk: what a consumer heard, and how soon all was well again. In virtual time."""
+"""One fault of the CAN bus in a walk, in virtual time: frames that a consumer received, and recovery."""
 
 import itertools
+import math
 from typing import NamedTuple
 
 import msgspec
@@ -17,45 +18,45 @@ from footsense.sim.scene import Scene, Tripod
 __all__ = ["CanFigures", "can_trial"]
 
 WALK = Scene(
-    description="Six legs walk, and CAN breaks.",
+    description="Six legs walk with a fault of CAN.",
     load=Tripod(period_s=1.0, duty_rel=0.6, peak_force_n=1.0),
     lead_in_s=0.4,
 )
 
 
 class CanFigures(NamedTuple):
-    """What a consumer at the other end of the bus noticed of a fault.
+    """Effect of a fault of CAN on a consumer at the other end of the bus.
 
     Attributes:
-        heard_rel: Part of all Force frames that it heard [1].
+        received_rel: Share of all Force frames that it received [1].
         longest_silence_s: Longest time between two of one leg [s].
-        back_after_s: From the end of the fault until it had heard every leg again [s]; None if the fault does not
-            end, or if a leg stays silent.
-        worst_wait_s: Longest that one was on its way [s].
-        worst_age_s: Oldest measurement in one when it came [s].
+        recovery_s: Time from the end of the fault until it received every leg again [s]; None if the fault stays, or
+            if a leg stays silent.
+        longest_delay_s: Longest time of a frame from the kernel to the consumer [s].
+        oldest_s: Largest age of a measurement on its arrival [s].
         n_dropped: Frames that the sink could not hand over.
-        n_bus_off: How often the controller went bus-off.
+        n_bus_off: Times that the controller went bus-off.
     """
 
-    heard_rel: float
+    received_rel: float
     longest_silence_s: float
-    back_after_s: float | None
-    worst_wait_s: float
-    worst_age_s: float
+    recovery_s: float | None
+    longest_delay_s: float
+    oldest_s: float
     n_dropped: int
     n_bus_off: int
 
 
 class _Consumer:
-    """Notes when each force was published, and when it came."""
+    """Keeps the times at which forces were published and received."""
 
     def __init__(self, legs: tuple[str, ...]) -> None:
         self._nodes = [NODE_IDS[leg] for leg in legs]
         self._measured_ns: dict[int, dict[int, int]] = {}  # by time of sending, by node
-        self.came_ns: dict[int, list[int]] = {node: [] for node in self._nodes}
+        self.received_ns: dict[int, list[int]] = {node: [] for node in self._nodes}
         self.n_published = 0
-        self.worst_wait_ns = 0
-        self.worst_age_ns = 0
+        self.longest_delay_ns = 0
+        self.oldest_ns = 0
 
     def observe(self, cycle: Cycle) -> None:
         forces = cycle.forces
@@ -65,21 +66,21 @@ class _Consumer:
     def close(self) -> None:
         pass
 
-    def hear(self, t_ns: int, handed_ns: int, frame: bytes) -> None:
+    def on_delivered(self, t_ns: int, handed_ns: int, frame: bytes) -> None:
         can_id, _ = next(split_frames(frame))
         node = can_id - FORCE_ID
-        if node in self.came_ns:
-            self.came_ns[node].append(t_ns)
-            self.worst_wait_ns = max(self.worst_wait_ns, t_ns - handed_ns)
+        if node in self.received_ns:
+            self.received_ns[node].append(t_ns)
+            self.longest_delay_ns = max(self.longest_delay_ns, t_ns - handed_ns)
             if measured_ns := self._measured_ns[handed_ns][node]:
-                self.worst_age_ns = max(self.worst_age_ns, t_ns - measured_ns)
+                self.oldest_ns = max(self.oldest_ns, t_ns - measured_ns)
 
 
 def can_trial(fault: CanFault, *, duration_s: float, config: Config = DEFAULT) -> CanFigures:
-    """Return what becomes of the forces of a walk in which something breaks on CAN.
+    """Return the effect of a fault of CAN on the forces of a walk.
 
     Args:
-        fault: What, and when.
+        fault: The fault.
         duration_s: Length of the walk [s].
         config: The robot.
 
@@ -89,27 +90,24 @@ def can_trial(fault: CanFault, *, duration_s: float, config: Config = DEFAULT) -
     """
     consumer = _Consumer(config.legs)
     with open_service(config, msgspec.structs.replace(WALK, faults=(fault,)), real_time=False) as robot:
-        assert robot.can is not None, "the scene names a fault of CAN"
+        assert robot.can is not None, "the scene has a fault of CAN"
         controller = robot.can.controller
-        controller.hear = consumer.hear
+        controller.on_delivered = consumer.on_delivered
         robot.observers.append(consumer)
         clock = robot.scan_source.clock
         robot.run(lambda: clock.now_ns() > duration_s * 1e9)
         n_dropped = robot.sink.stats.dropped
-    came_ns = consumer.came_ns.values()
-    again_ns = [next((t_ns for t_ns in times_ns if t_ns > fault.until_ns), None) for times_ns in came_ns]
-    back_ns = [t_ns for t_ns in again_ns if t_ns is not None]
+    received_ns = consumer.received_ns.values()
+    again_ns = [
+        min((t_ns for t_ns in of_leg if t_ns > fault.until_ns), default=math.inf) for of_leg in received_ns
+    ]
+    silences_ns = [after - before for of_leg in received_ns for before, after in itertools.pairwise(of_leg)]
     return CanFigures(
-        heard_rel=sum(map(len, came_ns)) / consumer.n_published,
-        longest_silence_s=max(
-            after_ns - before_ns
-            for times_ns in came_ns
-            for before_ns, after_ns in itertools.pairwise(times_ns)
-        )
-        / 1e9,
-        back_after_s=(max(back_ns) - fault.until_ns) / 1e9 if len(back_ns) == len(again_ns) else None,
-        worst_wait_s=consumer.worst_wait_ns / 1e9,
-        worst_age_s=consumer.worst_age_ns / 1e9,
+        received_rel=sum(map(len, received_ns)) / consumer.n_published,
+        longest_silence_s=max(silences_ns) / 1e9,
+        recovery_s=(max(again_ns) - fault.until_ns) / 1e9 if math.isfinite(max(again_ns)) else None,
+        longest_delay_s=consumer.longest_delay_ns / 1e9,
+        oldest_s=consumer.oldest_ns / 1e9,
         n_dropped=n_dropped,
         n_bus_off=controller.n_bus_off,
     )

@@ -1,13 +1,14 @@
-"""Every fault that a scene can have, each in a walk of its own: what CAN showed of it, and what it cost the others."""
+"""Table of all faults of a scene, each in a walk of its own: appearance on CAN, and effect on the other legs."""
 
 from collections.abc import Callable
+from itertools import islice
 from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 
 from footsense.config import DEFAULT, Config, Mux
-from footsense.sim.faults import scene_faults
+from footsense.sim.faults import scene_faults as faults
 from footsense.sim.faults.scene_faults import CanFault, Fault
 from footsense.validation.can_trial import CanFigures, can_trial
 from footsense.validation.fault_trial import (
@@ -15,28 +16,29 @@ from footsense.validation.fault_trial import (
     LEG,
     PASSES_AT_S,
     WALK,
-    Figures,
-    Walk,
+    FaultFigures,
+    PublishedWalk,
     figures,
     walk,
 )
 
-__all__ = ["CAN_TRIALS", "TRIALS", "CanTrial", "Trial", "can_rows", "rows"]
+__all__ = ["CAN_TRIALS", "TRIALS", "FaultTrial", "can_rows", "rows"]
 
-#: How long a trial of CAN is [s]: the kernel looks after a carrier once a second, ours opens the interface in as much.
+#: Length of a walk with a fault of CAN [s]: the kernel checks a carrier once a second, and the daemon opens the
+#: interface again as often.
 _CAN_WALK_S = 4.0
-#: Rows of the quick table: each `n`-th.
-_QUICK = 6
+#: Step between the rows of the quick table.
+_QUICK_STEP = 6
 
 
-class Trial(NamedTuple):
-    """One row of the table.
+class FaultTrial(NamedTuple):
+    """A row of the table.
 
     Attributes:
-        words: What breaks.
-        script: The same as a scene has it.
+        words: The fault in words.
+        script: The fault as in a scene.
         config: The robot.
-        adapter_timeout_ms: How long an adapter waits for a line that is held [ms].
+        adapter_timeout_ms: Timeout of the adapter for a held line [ms].
     """
 
     words: str
@@ -46,107 +48,95 @@ class Trial(NamedTuple):
 
     @property
     def until_s(self) -> float | None:
-        """When it is over [s]; None if it is for good, or for a moment."""
+        """End of the fault [s]; None if it stays, or lasts for a moment."""
         return max((getattr(fault, "until_s", None) or 0.0 for fault in self.script), default=0.0) or None
-
-
-class CanTrial(NamedTuple):
-    """One row of the table of CAN: what breaks, in words and as a scene has it."""
-
-    words: str
-    fault: CanFault
 
 
 _WITHOUT_RESET = msgspec.structs.replace(
     DEFAULT, buses=tuple(msgspec.structs.replace(bus, mux=Mux()) for bus in DEFAULT.buses)
 )
 _LOOSE_REL = 0.02
-_TRUNK_HELD_S = 0.1
+_BUS_STUCK_S = 0.1
+_SPAN: dict[str, Any] = {"at_s": BREAKS_AT_S, "until_s": PASSES_AT_S}
 
 
-def _passing(kind: Callable[..., Fault], **values: float) -> tuple[Fault, ...]:
-    return (kind(leg=LEG, at_s=BREAKS_AT_S, until_s=PASSES_AT_S, **values),)
+def _on_leg(kind: Callable[..., Fault], **values: float) -> tuple[Fault, ...]:
+    return (kind(leg=LEG, **_SPAN, **values),)
 
 
-_AT: dict[str, Any] = {"leg": LEG, "at_s": BREAKS_AT_S}
+_STUCK_SDA = _on_leg(faults.StuckSda)
 
 TRIALS = (
-    Trial("cable off and on", _passing(scene_faults.Absent)),
-    Trial("2 % of the acknowledges lost", _passing(scene_faults.NackAtRandom, rate_rel=_LOOSE_REL)),
-    Trial("a wrong bit in 2 % of the answers", _passing(scene_faults.CorruptReads, rate_rel=_LOOSE_REL)),
-    Trial("conversions never finish", _passing(scene_faults.StuckConverter)),
-    Trial("another chip at the address", _passing(scene_faults.WrongChip)),
-    Trial("supply dips: all settings lost", (scene_faults.BrownOut(**_AT),)),
-    Trial("row switch deaf", _passing(scene_faults.SwitchIgnoresWrites)),
-    Trial("SDA held low by the leg", _passing(scene_faults.StuckSda)),
-    Trial("the same, RESET pin not wired", _passing(scene_faults.StuckSda), config=_WITHOUT_RESET),
-    Trial(
-        "the same with RESET, adapter waits 1 s", _passing(scene_faults.StuckSda), adapter_timeout_ms=1000.0
+    FaultTrial("cable off and on", _on_leg(faults.Absent)),
+    FaultTrial("2 % of the acknowledges lost", _on_leg(faults.NackAtRandom, rate_rel=_LOOSE_REL)),
+    FaultTrial("a wrong bit in 2 % of the answers", _on_leg(faults.CorruptReads, rate_rel=_LOOSE_REL)),
+    FaultTrial("conversions never finish", _on_leg(faults.StuckConverter)),
+    FaultTrial("another chip at the address", _on_leg(faults.WrongChip)),
+    FaultTrial("supply dips: all settings lost", (faults.BrownOut(leg=LEG, at_s=BREAKS_AT_S),)),
+    FaultTrial("row switch ignores writes", _on_leg(faults.SwitchIgnoresWrites)),
+    FaultTrial("SDA held low by the leg", _STUCK_SDA),
+    FaultTrial("the same, RESET pin not wired", _STUCK_SDA, config=_WITHOUT_RESET),
+    FaultTrial("the same with RESET, adapter waits 1 s", _STUCK_SDA, adapter_timeout_ms=1000.0),
+    FaultTrial(
+        "SDA held low on the upstream bus, 0.1 s",
+        (faults.StuckUpstreamBus(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + _BUS_STUCK_S),),
     ),
-    Trial(
-        "SDA held low on the trunk, 0.1 s",
-        (scene_faults.StuckUpstreamBus(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + _TRUNK_HELD_S),),
+    FaultTrial(
+        "2 % of the arbitrations lost", (faults.ArbitrationLost(at_s=BREAKS_AT_S, rate_rel=_LOOSE_REL),)
     ),
-    Trial(
-        "2 % of the arbitrations lost", (scene_faults.ArbitrationLost(at_s=BREAKS_AT_S, rate_rel=_LOOSE_REL),)
-    ),
-    Trial("mux forgets its channels", (scene_faults.MuxReset(at_s=BREAKS_AT_S),)),
-    Trial("element open", _passing(scene_faults.ElementOpen, element=4)),
-    Trial("element shorted", _passing(scene_faults.ElementShorted, element=0)),
-    Trial("element stuck", _passing(scene_faults.ElementStuck, element=0)),
-    Trial("element drifts, 0.5 pF/s", _passing(scene_faults.ElementDrifts, element=0, rate_ff_per_s=500.0)),
-    Trial("gap full of water", _passing(scene_faults.GapClosed, element=5)),
-    Trial("row line broken", _passing(scene_faults.BrokenRow, row=1)),
-    Trial("column line broken", _passing(scene_faults.BrokenColumn, column=1)),
-    Trial(
-        "two row lines broken",
-        _passing(scene_faults.BrokenRow, row=0) + _passing(scene_faults.BrokenRow, row=2),
-    ),
+    FaultTrial("mux reset", (faults.MuxReset(at_s=BREAKS_AT_S),)),
+    FaultTrial("element open", _on_leg(faults.ElementOpen, element=4)),
+    FaultTrial("element shorted", _on_leg(faults.ElementShorted, element=0)),
+    FaultTrial("element stuck", _on_leg(faults.ElementStuck, element=0)),
+    FaultTrial("element drifts, 0.5 pF/s", _on_leg(faults.ElementDrifts, element=0, rate_ff_per_s=500.0)),
+    FaultTrial("gap full of water", _on_leg(faults.GapClosed, element=5)),
+    FaultTrial("row line broken", _on_leg(faults.BrokenRow, row=1)),
+    FaultTrial("column line broken", _on_leg(faults.BrokenColumn, column=1)),
+    FaultTrial("two row lines broken", _on_leg(faults.BrokenRow, row=0) + _on_leg(faults.BrokenRow, row=2)),
 )
 
-_CAN_SPAN: dict[str, Any] = {"at_s": BREAKS_AT_S, "until_s": PASSES_AT_S}
-CAN_TRIALS = (
-    CanTrial("nobody acknowledges", scene_faults.CanNoAck(**_CAN_SPAN)),
-    CanTrial("high and low shorted: bus-off", scene_faults.CanBusOff(**_CAN_SPAN)),
-    CanTrial("interface down and up", scene_faults.CanDown(**_CAN_SPAN)),
-    CanTrial("adapter unplugged, and new", scene_faults.CanDown(unplugged=True, **_CAN_SPAN)),
-    CanTrial("another program floods the queue", scene_faults.CanQueueFull(**_CAN_SPAN)),
-    CanTrial("1000 frames/s before ours", scene_faults.CanTraffic(rate_hz=1000.0, **_CAN_SPAN)),
-)
+CAN_TRIALS: dict[str, CanFault] = {
+    "no acknowledge": faults.CanNoAck(**_SPAN),
+    "high and low shorted: bus-off": faults.CanBusOff(**_SPAN),
+    "interface down and up": faults.CanDown(**_SPAN),
+    "adapter unplugged, and new": faults.CanDown(unplugged=True, **_SPAN),
+    "another program floods the queue": faults.CanQueueFull(**_SPAN),
+    "1000 frames/s before ours": faults.CanTraffic(rate_hz=1000.0, **_SPAN),
+}
 
 
-def rows(say: Callable[[str], None], *, quick: bool = False) -> list[tuple[Trial, Figures]]:
-    """Walk with nothing that breaks, then with each fault of legs, buses and feet, and return what became of it.
+def rows(report: Callable[[str], None], *, quick: bool = False) -> dict[str, FaultFigures]:
+    """Walk without a fault, then with each fault of legs, buses and feet; return the figures by words.
 
     Args:
-        say: Told what has just been done.
-        quick: Whether only a few are walked.
+        report: Called with the words of each row as it is complete.
+        quick: Whether only every sixth fault is walked.
 
     Raises:
         ModelError: The released network or the response table is missing.
     """
     whole = walk()
-    found = [(Trial("nothing", ()), _of_nothing(whole))]
-    for trial in TRIALS[::_QUICK] if quick else TRIALS:
+    found = {"nothing": _without_fault(whole)}
+    for trial in islice(TRIALS, None, None, _QUICK_STEP if quick else 1):
         effects = msgspec.structs.replace(WALK.effects, adapter_timeout_ms=trial.adapter_timeout_ms)
         broken = walk(*trial.script, config=trial.config, effects=effects)
-        found.append((trial, figures(broken, whole, BREAKS_AT_S, trial.until_s)))
-        say(trial.words)
+        found[trial.words] = figures(broken, whole, BREAKS_AT_S, trial.until_s)
+        report(trial.words)
     return found
 
 
-def _of_nothing(whole: Walk) -> Figures:
-    """Return the figures of a walk in which nothing breaks, with the leg's largest error over its sigma."""
+def _without_fault(whole: PublishedWalk) -> FaultFigures:
+    """Return the figures of a walk without a fault, with the leg's largest error over its sigma."""
     row = whole.legs.index(LEG)
     late = whole.t_sent_ns > BREAKS_AT_S * 1e9
     over_sigma = np.abs(whole.force_n - whole.true_force_n)[late, row] / whole.sigma_n[late, row]
     return figures(whole, whole, BREAKS_AT_S, None)._replace(worst_error_sigma=float(over_sigma.max()))
 
 
-def can_rows(say: Callable[[str], None], *, quick: bool = False) -> list[tuple[CanTrial, CanFigures]]:
-    """Walk with each fault of CAN, and return what a consumer noticed; arguments as of `rows`."""
-    found = []
-    for trial in CAN_TRIALS[::_QUICK] if quick else CAN_TRIALS:
-        found.append((trial, can_trial(trial.fault, duration_s=_CAN_WALK_S)))
-        say(trial.words)
+def can_rows(report: Callable[[str], None], *, quick: bool = False) -> dict[str, CanFigures]:
+    """Walk with each fault of CAN; return the figures by words. Arguments as of `rows`."""
+    found = {}
+    for words, fault in islice(CAN_TRIALS.items(), None, None, _QUICK_STEP if quick else 1):
+        found[words] = can_trial(fault, duration_s=_CAN_WALK_S)
+        report(words)
     return found

@@ -1,4 +1,4 @@
-"""Faults at random, of every kind that a scene can have, for walks that are long enough to meet them all."""
+"""Random faults of every kind that a scene can have, for long walks."""
 
 from typing import Any, get_args
 
@@ -17,17 +17,17 @@ from footsense.sim.faults.scene_faults import (
     OnWires,
 )
 
-#: Kinds that strike a leg or its bus, and kinds that strike CAN; how often it is one of the latter.
+#: Kinds of faults of a leg or its bus, kinds of faults of CAN, and the share of the latter.
 ON_ROBOT: tuple[type[Fault], ...] = get_args(OnChips | OnFoot | OnWires)
 ON_CAN: tuple[type[Fault], ...] = get_args(CanFault)
 _SHARE_OF_CAN = 0.2
-#: Grades of a loose contact, and of noise on a line.
+#: Rates of lost acknowledges and corrupt reads.
 GRADES_REL = (0.01, 0.05, 0.3)
-#: Another master wins no more often; beyond, a bus is no longer ours.
+#: Largest rate of lost arbitrations; beyond, the bus belongs to the other master.
 _MOST_CONTENDED_REL = 0.05
-#: Ids of another node on CAN: before all of ours, among them, and behind them.
+#: Ids of another node on CAN: above all of ours in priority, among them, and below.
 IDS = (0x000, 0x183, 0x7FF)
-#: More than a bus takes at 500 kbit/s.
+#: More than a bus carries at 500 kbit/s.
 _FLOOD_HZ = 5_000.0
 _SHORTEST_S, _LONGEST_S = 0.05, 6.0
 
@@ -35,14 +35,14 @@ _SHORTEST_S, _LONGEST_S = 0.05, 6.0
 def random_faults(
     rng: np.random.Generator, legs: tuple[str, ...], from_s: float, until_s: float, every_s: float = 30.0
 ) -> tuple[Fault, ...]:
-    """Return faults that last 0.05 s to 6 s, at times that know nothing of each other.
+    """Return faults of 0.05 s to 6 s at independent times.
 
     Args:
-        rng: Where chance comes from.
-        legs: Legs that may be struck.
-        from_s: Time of the first at the earliest [s].
-        until_s: When the last has ended [s].
-        every_s: Mean time from one to the next [s].
+        rng: Source of randomness.
+        legs: Legs that may have a fault.
+        from_s: Earliest begin [s].
+        until_s: Latest end [s].
+        every_s: Mean time between two begins [s].
     """
     script: list[Fault] = []
     at_s = from_s
@@ -58,10 +58,10 @@ def random_fault(rng: np.random.Generator, leg: str, at_s: float, lasts_s: float
     """Return a fault of any kind, as `fault_of` does.
 
     Args:
-        rng: Where chance comes from.
-        leg: The leg that it strikes, unless it strikes them all.
-        at_s: When it begins [s].
-        lasts_s: How long it lasts [s].
+        rng: Source of randomness.
+        leg: The leg of a fault that is not of all legs.
+        at_s: Begin [s].
+        lasts_s: Duration [s].
     """
     kinds = ON_CAN if rng.random() < _SHARE_OF_CAN else ON_ROBOT
     kind = kinds[int(rng.integers(len(kinds)))]
@@ -82,11 +82,11 @@ def random_fault(rng: np.random.Generator, leg: str, at_s: float, lasts_s: float
 
 
 def fault_of(kind: type[Fault], **values: Any) -> list[Fault]:  # noqa: ANN401 - a field of any fault
-    """Return a fault that is over in the end: two for an element that drifts, the second back to where it was.
+    """Return a fault without lasting effect: two for an element that drifts, the second back to the begin.
 
     Args:
-        kind: Which.
-        values: Every field that a fault may have; those that this one has are taken.
+        kind: Class of the fault.
+        values: Values of all fields that any fault has; others than those of the class are ignored.
     """
     if kind is CanQueueFull:
         values["rate_hz"] = _FLOOD_HZ

@@ -1,5 +1,6 @@
-"""What faults may cost in a walk: when a leg may be without a force, and by how much a frame may be late."""
+"""Tolerances of a walk with faults: spans in which a leg may lack a force, and delays that a held bus may cause."""
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -7,31 +8,31 @@ import numpy as np
 
 from footsense.sim.faults.scene_faults import ArbitrationLost, CanFault, Fault, StuckSda, StuckUpstreamBus
 
-__all__ = ["Rules", "Spans", "excused_s", "gap_costs_s"]
+__all__ = ["Rules", "Spans", "tolerated_delays_s", "tolerated_spans_s"]
 
-#: Longest pause after which a leg is tried again [s], and one that held a line of the bus; what a try takes beyond,
-#: and in how many steps it is tared after it.
-_PAUSE_S, _HOLDER_PAUSE_S, _TRY_S, _STEPS = 4.0, 16.0, 1.0, 3.0
-#: Time without a force that an adapter's timeouts cost, for each leg that holds the bus, and beyond a scan that is read
-#: anew where that takes longer [s]; and in all where the trunk itself is held [s].
-_HOLDER_COSTS_S, _TIMEOUTS_COST_S, _TRUNK_COSTS_S = 0.085, 0.06, 0.45
-#: What it costs a leg that the same transaction lost twice [s], or in scans: that one, and two more until its elements
-#: can be brought to one time again.
-_ARBITRATION_COSTS_S, _ARBITRATION_COSTS_SCANS = 0.08, 3.3
+#: Longest pause until a leg is tried again [s], and after it held a line of the bus [s]; duration of the try [s]; gait
+#: periods until it is tared after that.
+_PAUSE_S, _STUCK_PAUSE_S, _TRY_S, _TARE_PERIODS = 4.0, 16.0, 1.0, 3.0
+#: Delay by the timeouts of each leg that holds the bus [s]; the same beyond a repeated scan, where that takes longer
+#: [s]; delay by a stuck upstream bus in all [s].
+_STUCK_LEG_DELAY_S, _TIMEOUTS_DELAY_S, _STUCK_BUS_DELAY_S = 0.085, 0.06, 0.45
+#: Delay of a leg whose transaction lost the arbitration twice [s], or in scans: this one, and two until its elements
+#: can be aligned again.
+_ARBITRATION_DELAY_S, _ARBITRATION_DELAY_SCANS = 0.08, 3.3
 
 
 class Rules(NamedTuple):
-    """What the walk is held to.
+    """Limits of a walk.
 
     Attributes:
         legs: Names of the legs.
-        period_s: From one frame to the next if all is well [s].
+        period_s: Period of the frames without faults [s].
         max_age_s: Age limit of a force [s].
-        gait_period_s: A leg is in the air once in this time [s].
-        from_s: When every leg is tared [s].
-        stands_s: Spans in which no leg is ever in the air [s].
-        element: Whether a force is as of its sending.
-        bitrate: Of CAN [bit/s].
+        gait_period_s: Gait period: each leg is in swing once in it [s].
+        from_s: Time from which every leg is tared [s].
+        stands_s: Spans without any swing [s].
+        element: Whether a force is valid for the time of its sending.
+        bitrate: Bit rate of CAN [bit/s].
     """
 
     legs: tuple[str, ...]
@@ -45,70 +46,69 @@ class Rules(NamedTuple):
 
 
 class Spans:
-    """Spans of time that are asked for in their order.
+    """Disjoint spans of time in ascending order.
 
     Args:
-        spans_s: From when until when, in their order and apart [s].
+        spans_s: Begin and end of each [s].
     """
 
     def __init__(self, spans_s: Sequence[tuple[float, float]]) -> None:
-        self._spans_s = tuple(spans_s)
-        self._next = 0
+        self._begins_s = [begin_s for begin_s, _ in spans_s]
+        self._ends_s = [end_s for _, end_s in spans_s]
 
-    def hold(self, t_s: float) -> bool:
-        """Tell whether a time, not before the last one asked for, lies in one of them."""
-        while self._next < len(self._spans_s) and self._spans_s[self._next][1] < t_s:
-            self._next += 1
-        return self._next < len(self._spans_s) and self._spans_s[self._next][0] <= t_s
+    def contain(self, t_s: float) -> bool:
+        """Return whether a time lies in one of the spans, their ends included."""
+        following = bisect_left(self._ends_s, t_s)
+        return following < len(self._begins_s) and self._begins_s[following] <= t_s
 
 
-def excused_s(rules: Rules, script: Sequence[Fault], leg: str) -> list[tuple[float, float]]:
-    """Return when a leg may be without a force [s]: while something is broken, and until it is surely found again.
+def tolerated_spans_s(rules: Rules, script: Sequence[Fault], leg: str) -> list[tuple[float, float]]:
+    """Return the spans in which a leg may lack a force [s]: a fault on it, and the time of recovery.
 
-    A leg that was left out is tried again after pauses that double: it waits no longer than it was broken.
+    A leg without an answer is tried again after pauses that double: the last is no longer than the fault.
     """
     spans: list[tuple[float, float]] = []
     for fault in sorted(script, key=lambda fault: fault.at_s):
         if isinstance(fault, CanFault | ArbitrationLost) or getattr(fault, "leg", leg) != leg:
             continue
-        begins_s = spans[-1][0] if spans and fault.at_s <= spans[-1][1] else fault.at_s
+        overlaps = bool(spans) and fault.at_s <= spans[-1][1]
+        begin_s, end_s = spans.pop() if overlaps else (fault.at_s, 0.0)
         until_s = max(getattr(fault, "until_s", None) or fault.at_s, fault.at_s)
-        longest_s = _HOLDER_PAUSE_S if isinstance(fault, StuckSda | StuckUpstreamBus) else _PAUSE_S
-        recovery_s = min(until_s - begins_s, longest_s) + _TRY_S + _STEPS * rules.gait_period_s
-        later_s = _later_s(rules, until_s, recovery_s)
-        if spans and fault.at_s <= spans[-1][1]:
-            spans[-1] = (begins_s, max(spans[-1][1], later_s))
-        else:
-            spans.append((begins_s, later_s))
+        longest_s = _STUCK_PAUSE_S if isinstance(fault, StuckSda | StuckUpstreamBus) else _PAUSE_S
+        recovery_s = min(until_s - begin_s, longest_s) + _TRY_S + _TARE_PERIODS * rules.gait_period_s
+        spans.append((begin_s, max(end_s, _walked_s(rules, until_s, recovery_s))))
     return spans
 
 
-def _later_s(rules: Rules, t_s: float, walking_s: float) -> float:
-    """Return when a robot that walks, and does not stand, has done so for some time after `t_s` [s]."""
-    later_s = t_s + walking_s
+def _walked_s(rules: Rules, t_s: float, walking_s: float) -> float:
+    """Return the time at which a robot has walked for some time after `t_s`, its stands not counted [s]."""
+    end_s = t_s + walking_s
     for from_s, until_s in rules.stands_s:
-        # It comes to a stand, and leaves it, with the legs in the middle of their stance.
-        ends_s = until_s + 2.0 * rules.gait_period_s
-        if from_s < later_s and t_s < ends_s:
-            later_s += ends_s - max(from_s, t_s)
-    return later_s
+        # A stand begins and ends with the legs in the middle of their stance.
+        stood_s = until_s + 2.0 * rules.gait_period_s
+        if from_s < end_s and t_s < stood_s:
+            end_s += stood_s - max(from_s, t_s)
+    return end_s
 
 
-def gap_costs_s(script: Sequence[Fault], period_s: float) -> list[tuple[float, float, float]]:
-    """Return from when until when a bus that is held may cost how much time [s], in the order of their ends.
+def tolerated_delays_s(script: Sequence[Fault], period_s: float) -> list[tuple[float, float, float]]:
+    """Return begin, end and tolerated delay of each fault of a bus [s], in the order of their ends.
 
     Args:
-        script: What breaks.
-        period_s: From one frame to the next if all is well [s].
+        script: Faults of the walk.
+        period_s: Period of the frames without faults [s].
     """
-    holder_s = max(_HOLDER_COSTS_S, _TIMEOUTS_COST_S + period_s)
-    arbitration_s = max(_ARBITRATION_COSTS_S, _ARBITRATION_COSTS_SCANS * period_s)
-    costs = []
+    leg_s = max(_STUCK_LEG_DELAY_S, _TIMEOUTS_DELAY_S + period_s)
+    arbitration_s = max(_ARBITRATION_DELAY_S, _ARBITRATION_DELAY_SCANS * period_s)
+    recovery_s = _STUCK_PAUSE_S + _TRY_S
+    delays = []
     for fault in script:
-        if isinstance(fault, StuckSda | StuckUpstreamBus):
-            until_s = fault.until_s if fault.until_s is not None else np.inf
-            cost_s = holder_s if isinstance(fault, StuckSda) else _TRUNK_COSTS_S
-            costs.append((fault.at_s, until_s + _HOLDER_PAUSE_S + _TRY_S, cost_s))
-        elif isinstance(fault, ArbitrationLost):
-            costs.append((fault.at_s, (fault.until_s or np.inf) + arbitration_s, arbitration_s))
-    return sorted(costs, key=lambda cost: cost[1])
+        if isinstance(fault, StuckSda | StuckUpstreamBus | ArbitrationLost):
+            until_s = np.inf if fault.until_s is None else fault.until_s
+            after_s, delay_s = {
+                StuckSda: (recovery_s, leg_s),
+                StuckUpstreamBus: (recovery_s, _STUCK_BUS_DELAY_S),
+                ArbitrationLost: (arbitration_s, arbitration_s),
+            }[type(fault)]
+            delays.append((fault.at_s, until_s + after_s, delay_s))
+    return sorted(delays, key=lambda delay: delay[1])

@@ -49,7 +49,7 @@ class CanWalk:
     ) -> None:
         self.clock = FakeClock()
         self.can = SimulatedCan(self.clock, bitrate, faults, settings)
-        self.can.controller.hear = self._hear
+        self.can.controller.on_delivered = self._hear
         self.period_ns = period_ns
         self.heard: list[Heard] = []
         self.n_scans = 0

@@ -22,11 +22,11 @@ from footsense.validation.can_trial import can_trial
 def test_a_consumer_hears_no_old_force_and_soon_all_legs_again(fault: CanFault, back_s: float) -> None:
     """The silence is as long as the fault and no longer than the way back; nothing comes late after it."""
     figures = can_trial(fault, duration_s=1.6)
-    assert figures.back_after_s is not None
-    assert figures.back_after_s < back_s
+    assert figures.recovery_s is not None
+    assert figures.recovery_s < back_s
     assert 0.38 < figures.longest_silence_s < 0.4 + back_s + 0.05
-    assert figures.worst_wait_s < 0.052  # two scans and the time of a full queue
-    assert figures.worst_age_s < 0.097  # the age limit: four scans
+    assert figures.longest_delay_s < 0.052  # two scans and the time of a full queue
+    assert figures.oldest_s < 0.097  # the age limit: four scans
 
 
 def test_a_scene_names_what_breaks_on_can(tmp_path: Path) -> None:

@@ -22,7 +22,16 @@ from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
 from footsense.telemetry.exporter import CountersCollector
 from footsense.telemetry.metrics import Metrics
-from footsense.validation.fault_trial import BREAKS_AT_S, LEG, PASSES_AT_S, WALK, Figures, Walk, figures, walk
+from footsense.validation.fault_trial import (
+    BREAKS_AT_S,
+    LEG,
+    PASSES_AT_S,
+    WALK,
+    FaultFigures,
+    PublishedWalk,
+    figures,
+    walk,
+)
 
 DBC = Path(firmware_interface.__file__).parent / "footsense.dbc"
 
@@ -94,17 +103,17 @@ ON_FOOT: dict[Fault, Expected] = {
 
 
 @pytest.fixture(scope="module")
-def whole() -> Walk:
+def whole() -> PublishedWalk:
     """The walk in which nothing breaks."""
     return walk(config=ROBOT)
 
 
-def trial(fault: Fault, whole: Walk) -> tuple[Walk, Figures]:
+def trial(fault: Fault, whole: PublishedWalk) -> tuple[PublishedWalk, FaultFigures]:
     broken = walk(fault, config=ROBOT)
     return broken, figures(broken, whole, fault.at_s, getattr(fault, "until_s", None))
 
 
-def touches_no_other_leg(broken: Walk, whole: Walk) -> bool:
+def touches_no_other_leg(broken: PublishedWalk, whole: PublishedWalk) -> bool:
     others = [row for row, leg in enumerate(whole.legs) if leg != LEG]
     n = min(len(broken.t_sent_ns), len(whole.t_sent_ns))
     same = [
@@ -120,23 +129,23 @@ def touches_no_other_leg(broken: Walk, whole: Walk) -> bool:
     ("fault", "expected"), [*ON_CHIPS.items(), *ON_FOOT.items()], ids=lambda value: type(value).__name__
 )
 def test_a_fault_is_named_passes_and_touches_no_other_leg(
-    fault: Fault, expected: Expected, whole: Walk
+    fault: Fault, expected: Expected, whole: PublishedWalk
 ) -> None:
     """State, cause and elements as the table has them, in time; never a number where the state forbids one."""
     broken, seen = trial(fault, whole)
     assert (seen.state, seen.cause, seen.fault_mask) == expected[:3]
-    assert seen.shown_after_s is not None
+    assert seen.detection_s is not None
     assert expected.shown is not None
-    assert seen.shown_after_s <= expected.shown
-    assert (seen.recovered_after_s is None) == (expected.recovered is None)
-    assert (seen.recovered_after_s or 0.0) <= (expected.recovered or 0.0)
+    assert seen.detection_s <= expected.shown
+    assert (seen.recovery_s is None) == (expected.recovered is None)
+    assert (seen.recovery_s or 0.0) <= (expected.recovered or 0.0)
     assert touches_no_other_leg(broken, whole)
     forbidden = ~np.isin(broken.state, [int(state) for state in USABLE])
     assert np.isnan(broken.force_n[forbidden]).all()
     assert np.isfinite(broken.force_n[~forbidden]).all()
 
 
-def test_two_broken_rows_are_more_than_can_be_estimated(whole: Walk) -> None:
+def test_two_broken_rows_are_more_than_can_be_estimated(whole: PublishedWalk) -> None:
     """No force, and the mask names all six."""
     broken = walk(
         scene_faults.BrokenRow(row=0, **ON_LEG), scene_faults.BrokenRow(row=2, **ON_LEG), config=ROBOT
@@ -146,7 +155,7 @@ def test_two_broken_rows_are_more_than_can_be_estimated(whole: Walk) -> None:
     assert touches_no_other_leg(broken, whole)
 
 
-def test_what_is_left_of_a_foot_is_worth_having(whole: Walk) -> None:
+def test_what_is_left_of_a_foot_is_worth_having(whole: PublishedWalk) -> None:
     """Without a row the force is off by less than a tenth of the load, and its sigma is larger."""
     broken = walk(scene_faults.BrokenRow(row=1, **ON_LEG), config=ROBOT)
     row = whole.legs.index(LEG)
@@ -158,19 +167,19 @@ def test_what_is_left_of_a_foot_is_worth_having(whole: Walk) -> None:
     assert np.mean(np.abs(error_n) <= 5.0 * broken.sigma_n[late, row]) > 0.95
 
 
-def test_a_leg_that_holds_the_bus_costs_the_others_three_frames(whole: Walk) -> None:
+def test_a_leg_that_holds_the_bus_costs_the_others_three_frames(whole: PublishedWalk) -> None:
     """Two timeouts of 20 ms, what was being read, and a scan; one more timeout at each later try; it is tared anew."""
     broken, seen = trial(scene_faults.StuckSda(**PASSING), whole)
     assert (seen.state, seen.cause) == (State.ABSENT, Cause.BUS_STUCK)
-    assert seen.recovered_after_s is not None
-    assert seen.recovered_after_s < TARED_S
-    assert seen.worst_gap_s < 0.09
+    assert seen.recovery_s is not None
+    assert seen.recovery_s < TARED_S
+    assert seen.longest_gap_s < 0.09
     assert seen.lost_frames <= 3
     others = [row for row, leg in enumerate(whole.legs) if leg != LEG]
     assert (broken.state[broken.t_sent_ns > BREAKS_AT_S * 1e9][:, others] == State.VALID).all()
 
 
-def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(whole: Walk) -> None:
+def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(whole: PublishedWalk) -> None:
     """Nothing else disconnects it; every leg says why, and all come back when it lets go."""
     bus = msgspec.structs.replace(ROBOT.buses[0], mux=Mux())
     broken = walk(scene_faults.StuckSda(**PASSING), config=msgspec.structs.replace(ROBOT, buses=(bus,)))
@@ -178,14 +187,14 @@ def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(wh
     assert (broken.state[held] == State.ABSENT).all()
     assert (broken.cause[held] == Cause.BUS_STUCK).all()
     assert (broken.state[-1] == State.VALID).all()
-    assert figures(broken, whole, BREAKS_AT_S, PASSES_AT_S).recovered_after_s is not None
+    assert figures(broken, whole, BREAKS_AT_S, PASSES_AT_S).recovery_s is not None
 
 
-def test_a_trunk_that_is_held_low_stops_all_and_all_come_back(whole: Walk) -> None:
+def test_a_trunk_that_is_held_low_stops_all_and_all_come_back(whole: PublishedWalk) -> None:
     """The RESET pin is of no help there; the next try that gets through brings every leg back at once."""
     broken = walk(scene_faults.StuckUpstreamBus(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + 0.1), config=ROBOT)
     seen = figures(broken, whole, BREAKS_AT_S, BREAKS_AT_S + 0.1)
-    assert seen.worst_gap_s < 0.45
+    assert seen.longest_gap_s < 0.45
     assert (broken.state[-1] == State.VALID).all()
 
 
@@ -194,11 +203,11 @@ def test_a_trunk_that_is_held_low_stops_all_and_all_come_back(whole: Walk) -> No
     [scene_faults.MuxReset(at_s=BREAKS_AT_S), scene_faults.ArbitrationLost(at_s=BREAKS_AT_S, rate_rel=0.02)],
     ids=lambda fault: type(fault).__name__,
 )
-def test_what_a_second_try_mends_is_never_seen(fault: Fault, whole: Walk) -> None:
+def test_what_a_second_try_mends_is_never_seen(fault: Fault, whole: PublishedWalk) -> None:
     """A mux that forgot its channels, a transaction that another master took: no frame is lost or held up."""
     seen = trial(fault, whole)[1]
     assert (seen.state, seen.cause, seen.lost_frames) == (State.VALID, Cause.NONE, 0)
-    assert seen.worst_gap_s < 0.026
+    assert seen.longest_gap_s < 0.026
 
 
 @pytest.mark.parametrize(
@@ -206,15 +215,15 @@ def test_what_a_second_try_mends_is_never_seen(fault: Fault, whole: Walk) -> Non
     [scene_faults.NackAtRandom(rate_rel=0.05, **PASSING), scene_faults.CorruptReads(rate_rel=0.2, **PASSING)],
     ids=lambda fault: type(fault).__name__,
 )
-def test_what_fails_now_and_then_makes_no_error_without_its_sigma(fault: Fault, whole: Walk) -> None:
+def test_what_fails_now_and_then_makes_no_error_without_its_sigma(fault: Fault, whole: PublishedWalk) -> None:
     """A force that is further off than any is in a walk in which nothing fails has the sigma for it."""
     broken, seen = trial(fault, whole)
     row = whole.legs.index(LEG)
     error_n = np.abs(broken.force_n - broken.true_force_n)[:, row]
     far_n = 1.1 * np.nanmax(np.abs(whole.force_n - whole.true_force_n)[:, row])
     assert not (error_n > np.maximum(far_n, 5.0 * broken.sigma_n[:, row])).any()
-    assert seen.shown_after_s is not None
-    assert seen.recovered_after_s is not None
+    assert seen.detection_s is not None
+    assert seen.recovery_s is not None
     assert touches_no_other_leg(broken, whole)
 
 

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Self, TextIO
 
+import msgspec
 from rich.console import Console
 from rich.progress import Progress
 
@@ -63,6 +64,16 @@ class Job:
 
 #: Figures of a foot, by name.
 Figures = dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class _Result:
+    """A line of the file."""
+
+    job: Job
+    figures: Figures
+
+
 #: Judges one foot; picklable, the same result each time.
 Work = Callable[[Job], Figures]
 #: Runs the jobs, and yields each as it is finished.
@@ -126,7 +137,7 @@ def _run_missing(
         for job, figures in finishing:
             finished[job] = figures
             if ledger is not None:
-                ledger.write(json.dumps({"job": asdict(job), "figures": figures}) + "\n")
+                ledger.write(msgspec.json.encode(_Result(job, figures)).decode() + "\n")
                 ledger.flush()
             bar.advance(task)
 
@@ -159,10 +170,8 @@ def _resume(file: Path, about: Mapping[str, str | int]) -> dict[Job, Figures]:
     finished = {}
     for number, line in enumerate(lines, start=2):
         try:
-            entry = json.loads(line)
-            described = entry["job"]
-            job = Job(Tolerances(**described["tolerances"]), described["foot"], described["taught"])
-            finished[job] = entry["figures"]
-        except (ValueError, KeyError, TypeError) as error:
+            result = msgspec.json.decode(line, type=_Result)
+        except msgspec.MsgspecError as error:
             raise FootsenseError(f"{file}, line {number}: not the result of a foot ({error})") from error
+        finished[result.job] = result.figures
     return finished

@@ -1,7 +1,7 @@
-"""Feet as they are made, loaded on a bench that is not exact either, and what each read-out makes of them.
+"""Fabricated feet on an inexact test stand, and the errors of each read-out on them.
 
-Every foot is reproducible by itself, from its number, the campaign's seed and the tolerances. Two kinds of read-outs
-are judged: what was learnt on the design, and what is learnt anew from the foot's own 362 measured cases.
+Every foot is reproducible by itself, from its number, the run's seed and the tolerances. Two kinds of read-outs
+are judged: those trained on the design, and those trained on the foot's own 362 measured cases.
 """
 
 from dataclasses import dataclass
@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.lab.evaluation.evaluate import Readout, errors
+from footsense.lab.evaluation.evaluate import Readout, capacitance_readout, elastance_readout, errors
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.monte_carlo.resumable_run import Figures, Job, Tolerances
 from footsense.lab.training.export import OnnxNetwork
@@ -30,21 +31,15 @@ Vector = NDArray[np.float64]
 REFERENCE_N = np.array([4.0, 4.0, 12.0]) * GRAM_FORCE_N
 
 
-def _direction(force_n: Vector) -> Vector:
-    """Return unit vectors, shape (n, 3), of forces."""
-    unit: Vector = force_n / np.linalg.norm(force_n, axis=1, keepdims=True)
-    return unit
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """What a bench measures of one foot under loads that were meant to be the paper's.
+    """Measurements of one foot under loads close to the paper's.
 
     Attributes:
-        force_n: By the reference sensor [N], shape (n, 3).
-        true_n: What the force was [N], shape (n, 3).
-        change_pf: Of the capacitances [pF], shape (n, 9).
-        closure_um: What the daemon finds by the designed dimensions [um], shape (n, 9).
+        force_n: Of the reference sensor [N], shape (n, 3).
+        true_n: True forces [N], shape (n, 3).
+        change_pf: Changes of the capacitances [pF], shape (n, 9).
+        closure_um: Closures by the designed dimensions [um], shape (n, 9).
     """
 
     force_n: Vector
@@ -56,21 +51,21 @@ class Measured:
 def measure(
     foot: Foot, mount: Vector, true_n: Vector, tolerances: Tolerances, rng: np.random.Generator
 ) -> Measured:
-    """Load a foot on the bench.
+    """Load a foot on the test stand.
 
     Args:
         foot: The specimen.
-        mount: How it sits on its leg, as in its deviations.
+        mount: Rotation on its leg, as in its deviations.
         true_n: Forces [N], shape (n, 3).
-        tolerances: Of the bench.
+        tolerances: Of the test stand.
         rng: Of its noise.
     """
-    response, direction = foot.response, _direction(true_n)
+    response, direction = foot.response, normalized(true_n)
     noise = rng.normal(size=(4, len(true_n), 9))
     # Two of the three axes turn a direction, so that the angle between it and the normal has the stated rms.
     lean = np.radians(tolerances.stick_deg) * np.sqrt(0.5)
     normal = direction + lean * np.cross(direction, np.cross(direction, noise[0, :, :3]))
-    normal = _direction(normal)
+    normal = normalized(normal)
     unknown = normal @ mount[2] < np.sin(np.radians(response.min_elevation_deg))
     normal[unknown] = direction[unknown]
     unloaded_pf = foot.unloaded_pf
@@ -85,95 +80,85 @@ def measure(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Workshop:
-    """What every foot is judged with, opened once in each process.
+class _Design:
+    """The released models and the read-outs fitted to the design, opened once in each process.
 
     Attributes:
         response: The design.
-        network: Trained on it.
-        plain: The paper's own kind of network, taught its 362 cases on the design.
-        change_matrix: Linear read-out of capacitance changes of the design [N/pF], shape (9, 3).
+        network: The released network.
+        readouts: By name: `plain`, the paper's kind of network, and `change`, linear in capacitance changes.
         training_n: Forces of the 362 cases [N].
         verification_n: Forces of the 180 cases [N].
     """
 
     response: FootResponse
     network: OnnxNetwork
-    plain: Readout
-    change_matrix: Vector
+    readouts: dict[str, Readout]
     training_n: Vector
     verification_n: Vector
 
 
 @lru_cache(maxsize=1)
-def _workshop(models: Path, seed: int, epochs: int) -> _Workshop:
-    """Open the released models, and teach what is learnt on the design."""
+def _design(models: Path, seed: int, epochs: int) -> _Design:
+    """Open the released models, and train the other read-outs."""
     response, network = open_models(models)
     training = paper_training(response)
-    design = response.design
-    return _Workshop(
+    return _Design(
         response=response,
         network=network,
-        plain=_taught(design, training, np.random.default_rng(seed), epochs),
-        change_matrix=_linear(
-            design.capacitance_pf(training.closure_um) - design.unloaded_pf, training.force_n
-        ),
+        readouts={
+            "plain": _plain_network(response.design, training, np.random.default_rng(seed), epochs),
+            "change": capacitance_readout(response.design, training),
+        },
         training_n=training.force_n,
         verification_n=paper_verification(response).force_n,
     )
 
 
-def _taught(design: CapacitorDesign, cases: Cases, rng: np.random.Generator, epochs: int) -> Readout:
-    """Return the paper's kind of network, fed with capacitance changes, after it learnt cases."""
+def _plain_network(design: CapacitorDesign, cases: Cases, rng: np.random.Generator, epochs: int) -> Readout:
+    """Return the paper's kind of network, trained on capacitance changes."""
     return PaperTraining(design, cases).train([start_layers(rng, (9, *HIDDEN, 3))], epochs)[0]
 
 
-def _linear(features: Vector, force_n: Vector) -> Vector:
-    """Return the least-squares read-out without offset, shape (9, 3)."""
-    return np.asarray(np.linalg.lstsq(features, force_n, rcond=None)[0], dtype=np.float64)
-
-
 def judge(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
-    """Return what the read-outs make of one foot: mean errors over the 180 cases, and how often sigma holds.
+    """Return the errors of all read-outs on one foot, means over the 180 cases, and the coverage of sigma.
 
     Args:
         job: The foot.
         models: Folder of the released models.
-        seed: Of the campaign.
-        epochs: That plain networks learn.
+        seed: Of the run.
+        epochs: Of training plain networks.
 
     Returns:
-        `<read-out>_deg` and `<read-out>_gf` for `network`, `plain` and `change` (learnt on the design), `own_closure`
-        and `own_change` (linear, learnt on the foot's own cases), `own_network` if taught, and `reference`: of
-        the reference sensor itself; shares `within_1` and `within_2` of the components that the
-        network has within 1 and 2 sigma.
+        `<read-out>_deg` and `<read-out>_gf` for `network`, `plain` and `change` (trained on the design), `own_closure`
+        and `own_change` (linear, fitted to the foot's own cases), `own_network` if the job asks for it, and
+        `reference`: of the reference sensor itself; shares `within_1` and `within_2` of the force components within 1
+        and 2 sigma of the network.
     """
-    shop = _workshop(models, seed, epochs)
-    design = shop.response.design
-    own = fabricate(shop.response, job.tolerances, seed, job.foot)
-    foot = Foot(shop.response, own)
+    on_design = _design(models, seed, epochs)
+    design, network = on_design.response.design, on_design.network
+    own = fabricate(on_design.response, job.tolerances, seed, job.foot)
+    foot = Foot(on_design.response, own)
     rng = np.random.default_rng((seed, job.foot, 1))
-    taught = measure(foot, own.mount, shop.training_n, job.tolerances, rng)
-    asked = measure(foot, own.mount, shop.verification_n, job.tolerances, rng)
-    closure_rel = asked.closure_um / design.gap_um
-    shipped_n = shop.network.force_n(closure_rel)
-    changed_um = as_designed_um(design, asked.change_pf)
+    training = measure(foot, own.mount, on_design.training_n, job.tolerances, rng)
+    test = measure(foot, own.mount, on_design.verification_n, job.tolerances, rng)
+    closure_rel = test.closure_um / design.gap_um
+    changed_um = as_designed_um(design, test.change_pf)
+    own_changes = Cases(training.force_n, as_designed_um(design, training.change_pf))
+    network_n = network.force_n(closure_rel)
     estimates = {
-        "network": shipped_n,
-        "plain": shop.plain(changed_um),
-        "change": asked.change_pf @ shop.change_matrix,
-        "own_closure": asked.closure_um @ _linear(taught.closure_um, taught.force_n),
-        "own_change": asked.change_pf @ _linear(taught.change_pf, taught.force_n),
-        "reference": asked.true_n,
+        "network": network_n,
+        **{name: read(changed_um) for name, read in on_design.readouts.items()},
+        "own_closure": elastance_readout(Cases(training.force_n, training.closure_um))(test.closure_um),
+        "own_change": capacitance_readout(design, own_changes)(changed_um),
+        "reference": test.true_n,
     }
     if job.taught:
-        cases = Cases(taught.force_n, as_designed_um(design, taught.change_pf))
-        estimates["own_network"] = _taught(design, cases, np.random.default_rng((seed, job.foot, 2)), epochs)(
-            changed_um
-        )
+        rng = np.random.default_rng((seed, job.foot, 2))
+        estimates["own_network"] = _plain_network(design, own_changes, rng, epochs)(changed_um)
     figures: Figures = {}
     for name, estimate in estimates.items():
-        row = errors(asked.force_n, estimate)
+        row = errors(test.force_n, estimate)
         figures |= {f"{name}_deg": row.direction_deg, f"{name}_gf": row.magnitude_gf}
-    off_rel = np.abs(shipped_n - asked.true_n) / shop.network.sigma_n(closure_rel)
+    off_rel = np.abs(network_n - test.true_n) / network.sigma_n(closure_rel)
     return figures | {f"within_{k}": float((off_rel <= k).mean()) for k in (1, 2)}

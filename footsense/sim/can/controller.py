@@ -89,8 +89,8 @@ class CanController:
         running: Whether the interface is up.
         no_ack: Whether no other node is there.
         shorted: Whether no bit gets through.
-        hear: Called with each frame of ours that reached the other nodes: when, when it was handed over [ns], and
-            the frame. None for nobody.
+        on_delivered: Called with each frame of ours that reached the other nodes: its time, the time at which it was
+            handed over [ns], and the frame. None for no listener.
         n_delivered: Frames of ours that reached them.
         n_lost: Frames of ours that were tried once and not again.
         n_flushed: Frames of ours that it held when it was restarted or stopped.
@@ -117,7 +117,7 @@ class CanController:
         self._error_count = 0
         self.running = True
         self.no_ack = self.shorted = False
-        self.hear: Callable[[int, int, bytes], object] | None = None
+        self.on_delivered: Callable[[int, int, bytes], object] | None = None
         self.n_delivered = self.n_lost = self.n_flushed = self.n_bus_off = 0
 
     @property
@@ -192,8 +192,8 @@ class CanController:
             self._count_errors(-1)
         if frame.ours:
             self.n_delivered += 1
-            if self.hear is not None:
-                self.hear(t_ns, frame.handed_ns, frame.data)
+            if self.on_delivered is not None:
+                self.on_delivered(t_ns, frame.handed_ns, frame.data)
 
     def _miss_ack(self, t_ns: int) -> None:
         """Nobody acknowledged; that alone takes no controller beyond error passive."""

@@ -62,7 +62,7 @@ class SimulatedCan:
 
     Attributes:
         queue: The interface's queue.
-        controller: Its controller; `controller.hear` is for whoever wants to know what came when.
+        controller: Its controller; `controller.on_delivered` is for whoever wants to know what came when.
         present: Whether the interface exists.
         up: Whether it is up.
     """

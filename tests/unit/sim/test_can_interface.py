@@ -22,7 +22,7 @@ class Bench:
         self.can = SimulatedCan(self.clock, 500_000, faults, settings)
         self.wire = self.can.connect()
         self.heard: list[tuple[int, int]] = []  # when, id
-        self.can.controller.hear = lambda t_ns, _, frame: self.heard.append(
+        self.can.controller.on_delivered = lambda t_ns, _, frame: self.heard.append(
             (t_ns, next(split_frames(frame))[0])
         )
 

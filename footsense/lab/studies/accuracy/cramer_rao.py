@@ -46,7 +46,7 @@ ROUNDS = (1, 2, 4, 12)
 #: Largest misfit of an explained scan: of right fits one in twenty thousand has more.
 EXPLAINED = 5.0
 
-_CURVES, _MAP = "cramer-rao.png", "cramer-rao-map.png"
+CURVES, MAP = "cramer-rao.png", "cramer-rao-map.png"
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +165,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         ambiguous=ambiguous,
     )
     drawing = _map(azimuth, elevation, bound.reshape(len(azimuth), steps), ambiguous)
-    return results, {_CURVES: _curves(ratio.centred), _MAP: drawing}
+    return results, {CURVES: _curves(ratio.centred), MAP: drawing}
 
 
 def _curves(bins: Sequence[MagnitudeBin]) -> Figure:

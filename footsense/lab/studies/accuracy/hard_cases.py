@@ -23,7 +23,7 @@ from footsense.lab.fem.mesh import COARSE, MeshSize, build_mesh
 from footsense.lab.fem.quarter import Parity, Quarter
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import Material, SoleDesign
-from footsense.lab.studies.accuracy.hard_inputs import network_cases, pipeline_cases
+from footsense.lab.studies.accuracy.hard_inputs import Case, network_cases, pipeline_cases
 from footsense.lab.studies.page import Figures, Study, StudyContext
 
 Vector = NDArray[np.float64]
@@ -31,23 +31,6 @@ Vector = NDArray[np.float64]
 _UP = np.array([[0.0, 0.0, 1.0]])
 #: A mesh for statements that hold on any mesh.
 _PLAIN = MeshSize(layers=0, order=2, bar_mm=1.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Case:
-    """One hard case.
-
-    Attributes:
-        name: The input.
-        expected: The expected result.
-        measured: The measured result.
-        held: Whether it is as expected.
-    """
-
-    name: str
-    expected: str
-    measured: str
-    held: bool
 
 
 def _refused(name: str, error: type[Exception], attempt: Callable[[], object]) -> Case:
@@ -180,8 +163,8 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
             *_rim(response),
             *_designs(context.sole),
         ],
-        "The network": (Case(*row) for row in network_cases(context)),
-        "The daemon": (Case(*row) for row in pipeline_cases(context)),
+        "The network": network_cases(context),
+        "The daemon": pipeline_cases(context),
     }
     if not context.quick:
         groups["The solid"] = _solids(context.sole)

@@ -1,10 +1,8 @@
-"""Hard inputs of the network and of the daemon's pipeline, for the study `hard-cases`.
-
-Each case is a row: what is done, what is expected, what was measured, whether it held.
-"""
+"""Hard inputs of the network and of the daemon's pipeline, for the study `hard-cases`."""
 
 import json
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import onnx
@@ -25,13 +23,29 @@ from footsense.lab.studies.page import StudyContext
 from footsense.lab.training.load_cases import paper_verification
 
 Vector = NDArray[np.float64]
-Row = tuple[str, str, str, bool]
 
 _SCAN_NS, _MAX_AGE_NS, _WINDOW = 25_000_000, 100_000_000, 4
 #: Scans after a line breaks until its leg has a force again: three readings make a parabola.
 _SETTLING = 3
 #: float32 against float64: a twentieth of a bit on CAN [N].
 _SINGLE_N = 5e-5
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One hard case.
+
+    Attributes:
+        name: The input.
+        expected: The expected result.
+        measured: The measured result.
+        held: Whether it is as expected.
+    """
+
+    name: str
+    expected: str
+    measured: str
+    held: bool
 
 
 def _in_double(context: StudyContext, closure_rel: Vector) -> Vector:
@@ -44,29 +58,29 @@ def _in_double(context: StudyContext, closure_rel: Vector) -> Vector:
     return np.asarray(ReferenceEvaluator(model).run(["force_n"], inputs)[0], dtype=np.float64)
 
 
-def network_cases(context: StudyContext) -> Iterator[Row]:
+def network_cases(context: StudyContext) -> Iterator[Case]:
     """Yield the cases of the network alone."""
     network, gap_um = context.network, context.response.design.gap_um
     none_n = float(np.abs(network.force_n(np.zeros((1, 9)))).max())
-    yield "no closure", "0 N, exactly", f"{none_n:g} N", none_n == 0.0
+    yield Case("no closure", "0 N, exactly", f"{none_n:g} N", none_n == 0.0)
     tiny = np.full((1, 9), 1e-40)
     tiny_n = float(np.abs(network.force_n(tiny)).max())
-    yield "closures of 1e-40, subnormal in float32", "below 1 uN", f"{tiny_n:.1e} N", tiny_n < 1e-6
+    yield Case("closures of 1e-40, subnormal in float32", "below 1 uN", f"{tiny_n:.1e} N", tiny_n < 1e-6)
     broken = np.zeros((1, 9))
     broken[0, 4] = np.nan
     force_n = network.force_n(broken)
-    yield "one NaN", "no number", str(force_n[0].tolist()), bool(np.isnan(force_n).any())
+    yield Case("one NaN", "no number", str(force_n[0].tolist()), bool(np.isnan(force_n).any()))
     cases = paper_verification(context.response)
     closure_rel = cases.closure_um / gap_um
     apart_n = float(np.abs(network.force_n(closure_rel) - _in_double(context, closure_rel)).max())
-    yield (
+    yield Case(
         "float32 against float64, 180 cases",
         f"below {1e3 * _SINGLE_N:g} mN",
         f"{1e3 * apart_n:.1e} mN",
         apart_n < _SINGLE_N,
     )
     far_n = network.force_n(np.full((1, 9), 10.0))
-    yield (
+    yield Case(
         "closures ten gaps wide",
         "a finite number",
         f"{np.linalg.norm(far_n):.0f} N",
@@ -108,7 +122,7 @@ class _Leg:
         return self._pipeline.process(scan, t_ns + age_ns)[0]
 
 
-def pipeline_cases(context: StudyContext) -> Iterator[Row]:
+def pipeline_cases(context: StudyContext) -> Iterator[Case]:
     """Yield the cases of broken lines and loads beyond the training, as the state of the leg and its force."""
     response, design = context.response, context.response.design
     up = np.array([[0.0, 0.0, 1.0]])
@@ -163,4 +177,4 @@ def pipeline_cases(context: StudyContext) -> Iterator[Row]:
         has_value = state in {State.VALID, State.DEGRADED}
         said = f"fz = {force_n:.3f} N, sigma {1e3 * sigma_n:.1f} mN" if np.isfinite(force_n) else "no force"
         held = found is state and bool(np.isfinite(force_n)) is has_value
-        yield name, state.name, f"{found.name}, {said}", held
+        yield Case(name, state.name, f"{found.name}, {said}", held)
