@@ -46,7 +46,7 @@ ROUNDS = (1, 2, 4, 12)
 #: Largest misfit of an explained scan: of right fits one in twenty thousand has more.
 EXPLAINED = 5.0
 
-CURVES, MAP = "cramer-rao.png", "cramer-rao-map.png"
+_CURVES, _MAP = "cramer-rao.png", "cramer-rao-map.png"
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +165,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         ambiguous=ambiguous,
     )
     drawing = _map(azimuth, elevation, bound.reshape(len(azimuth), steps), ambiguous)
-    return results, {CURVES: _curves(ratio.centred), MAP: drawing}
+    return results, {_CURVES: _curves(ratio.centred), _MAP: drawing}
 
 
 def _curves(bins: Sequence[MagnitudeBin]) -> Figure:
@@ -218,13 +218,5 @@ STUDY = Study(
     title="The Cramer-Rao bound",
     results=Results,
     compute=compute,
-    names={
-        "BASELINE_NOISE_PF": BASELINE_NOISE_PF,
-        "ELEVATIONS_DEG": ELEVATIONS_DEG.tolist(),
-        "EXPLAINED": EXPLAINED,
-        "MAP_GF": MAP_GF,
-        "NOISE_PF": NOISE_PF,
-        "ROUNDS": ROUNDS,
-        "TARGET_RATIO": TARGET_RATIO,
-    },
+    names={"BASELINE_NOISE_PF": BASELINE_NOISE_PF, "NOISE_PF": NOISE_PF},
 )

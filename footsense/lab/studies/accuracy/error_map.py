@@ -35,7 +35,7 @@ Vector = NDArray[np.float64]
 _MAP, _HISTOGRAM = "error-map.png", "error-histogram.png"
 #: The paper's errors in the experiment, section V C [deg, gf].
 EXPERIMENT_DEG, EXPERIMENT_GF = 15.9, 18.7
-_MAGNITUDE_GF = 100.0
+MAGNITUDE_GF = 100.0
 #: Lowest elevation that is computed, a little below the rim of the map [deg].
 _LOWEST_DEG = 26.0
 #: Steps of the map's colours, and its iso-lines [deg].
@@ -202,7 +202,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     right, up = _disc(points)
     normal = _normals(right, up)
     computed = normal[..., 2] >= np.sin(np.radians(_LOWEST_DEG))
-    force_n = normal[computed] * _MAGNITUDE_GF * GRAM_FORCE_N
+    force_n = normal[computed] * MAGNITUDE_GF * GRAM_FORCE_N
     cases = Cases(force_n, sensed_closure_um(Foot(context.response), normal[computed], force_n))
     verification = paper_verification(context.response)
     maps, readings = {}, {}
@@ -235,13 +235,5 @@ STUDY = Study(
     title="Where the network errs",
     results=Results,
     compute=compute,
-    names={
-        "BASELINE_NOISE_PF": BASELINE_NOISE_PF,
-        "EXPERIMENT_DEG": EXPERIMENT_DEG,
-        "EXPERIMENT_GF": EXPERIMENT_GF,
-        "MAGNITUDE_GF": _MAGNITUDE_GF,
-        "NOISE_PF": NOISE_PF,
-        "PAPER_DIRECTION_DEG": PAPER_DIRECTION_DEG,
-        "PAPER_MAGNITUDE_GF": PAPER_MAGNITUDE_GF,
-    },
+    names={"BASELINE_NOISE_PF": BASELINE_NOISE_PF},
 )

@@ -220,12 +220,12 @@ def _figure(results: Results) -> Figure:
     return figure
 
 
-def _gains(errors_deg: dict[str, MeanStd]) -> dict[str, Difference]:
+def gains(errors_deg: dict[str, MeanStd]) -> dict[str, Difference]:
     """Return the gain of larger elements for each of `PAIRS` [deg]."""
     return {f"{s} minus {b}": errors_deg[s].excess(errors_deg[b]) for s, b in PAIRS if b in errors_deg}
 
 
-def _factors(results: Results) -> dict[str, float]:
+def factors(results: Results) -> dict[str, float]:
     """Return the error with random error over the error without, by sensor."""
     return {name: results.noisy_deg[name].mean / clean.mean for name, clean in results.clean_deg.items()}
 
@@ -235,14 +235,5 @@ STUDY = Study(
     title="How many elements, and how large",
     results=Results,
     compute=compute,
-    names={
-        "FORCE_GF": FORCE_GF,
-        "HIDDEN": HIDDEN,
-        "NOISE_REL": NOISE_REL,
-        "SATURATED_REL": SATURATED_REL,
-        "SENSORS": SENSORS,
-        "SIGNIFICANT": SIGNIFICANT,
-        "factors": _factors,
-        "gains": _gains,
-    },
+    names={"SIGNIFICANT": SIGNIFICANT},
 )

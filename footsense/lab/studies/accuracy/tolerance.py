@@ -47,7 +47,7 @@ _COLOURS = {
 }
 
 
-def _distinct_levels(plan: Plan, sweeps: tuple[Sweep, ...]) -> Iterable[tuple[Sweep, float]]:
+def distinct_levels(plan: Plan, sweeps: tuple[Sweep, ...]) -> Iterable[tuple[Sweep, float]]:
     """Return every level of some sweeps; sweeps begin alike, and the same tolerances are returned once."""
     levels: dict[Tolerances, tuple[Sweep, float]] = {}
     for sweep in sweeps:
@@ -113,16 +113,9 @@ STUDY = Study(
     names={
         "CAREFUL": CAREFUL,
         "EXACT": EXACT,
-        "FEET": FEET,
-        "MEASURED_DIRECTION_DEG": MEASURED_DIRECTION_DEG,
-        "MEASURED_MAGNITUDE_GF": MEASURED_MAGNITUDE_GF,
-        "ON_DESIGN": ON_DESIGN,
-        "ON_FOOT": ON_FOOT,
         "PAPER_DIRECTION_DEG": PAPER_DIRECTION_DEG,
         "PAPER_MAGNITUDE_GF": PAPER_MAGNITUDE_GF,
-        "TEST_STANDS": TEST_STANDS,
         "TYPICAL": TYPICAL,
-        "distinct_levels": _distinct_levels,
         "interp": np.interp,
     },
 )

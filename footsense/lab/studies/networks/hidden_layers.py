@@ -28,7 +28,7 @@ TRAINING_GF = (50.0, 150.0)
 _FIGURE = "hidden-layers.png"
 _DEPTHS = {"1": "one hidden layer", "2": "two hidden layers"}
 #: Mean errors of each network: name, words, the paper's figure.
-_MEASURED = (
+MEASURED = (
     ("direction_deg", "direction, 100 gf [deg]", PAPER_DIRECTION_DEG),
     ("magnitude_gf", "magnitude, 100 gf [gf]", PAPER_MAGNITUDE_GF),
     ("training_deg", "direction, 50 and 150 gf [deg]", None),
@@ -77,7 +77,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     epochs = QUICK_EPOCHS if context.quick else EPOCHS
     training = PaperTraining(response.design, paper_training(response))
     paper, *others = [paper_verification(response), *(verification_at(response, m) for m in TRAINING_GF)]
-    measured: dict[str, ByDepth] = {name: {} for name, _, _ in _MEASURED}
+    measured: dict[str, ByDepth] = {name: {} for name, _, _ in MEASURED}
     for depth, words in _DEPTHS.items():
         room = (9, *[max(neurons)] * int(depth), 3)
         starts = [
@@ -108,8 +108,8 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
 
 def _figure(results: Results) -> Figure:
     """Draw each error over the neurons, with the standard deviation between seeds as a band."""
-    figure, axes = panels(len(_MEASURED), 8.2, 3.4)
-    for panel, (name, words, paper) in zip(axes, _MEASURED, strict=True):
+    figure, axes = panels(len(MEASURED), 8.2, 3.4)
+    for panel, (name, words, paper) in zip(axes, MEASURED, strict=True):
         for depth, label in _DEPTHS.items():
             plot_band(panel, results.neurons, getattr(results, name)[depth], label=label)
         if paper is not None:
@@ -124,7 +124,7 @@ def _figure(results: Results) -> Figure:
     return figure
 
 
-def _differences(neurons: Sequence[int], errors_by_depth: list[ByDepth]) -> dict[str, list[Difference]]:
+def differences(neurons: Sequence[int], errors_by_depth: list[ByDepth]) -> dict[str, list[Difference]]:
     """Return differences of means that are positive where the paper's statements hold, one for each kind of error."""
     differences: dict[str, list[Difference]] = defaultdict(list)
     for by_depth in errors_by_depth:
@@ -142,10 +142,5 @@ STUDY = Study(
     title="How many hidden layers and neurons",
     results=Results,
     compute=compute,
-    names={
-        "MEASURED": _MEASURED,
-        "SIGNIFICANT": SIGNIFICANT,
-        "differences": _differences,
-        "n_weights": n_weights,
-    },
+    names={"SIGNIFICANT": SIGNIFICANT},
 )
