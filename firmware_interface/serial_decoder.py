@@ -37,7 +37,7 @@ class SerialDecoder:
         self._overflowing = False
         self._last: dict[int, tuple[int, int]] = {}  # number and flags of each leg's last record
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         """Drop the partial record that is held: the line was interrupted."""
         self._rest, self._starting, self._overflowing = b"", True, False
 

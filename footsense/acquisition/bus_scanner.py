@@ -92,7 +92,7 @@ class BusScanner:
             try:
                 if position == 0:
                     self._take_temperatures()
-                self._begin_missing()
+                self._start_missing()
                 for _ in range(n_steps):
                     self._step()
             except BusStuckError:
@@ -113,7 +113,7 @@ class BusScanner:
         """Disconnect every leg."""
         self._transport.close()
 
-    def _begin_missing(self) -> None:
+    def _start_missing(self) -> None:
         """Begin anew where no conversion runs; everywhere if one is so old that the loop must have been delayed."""
         now_ns, late = self._clock.now_ns(), False
         for group in self._groups:
@@ -121,7 +121,7 @@ class BusScanner:
         self.missed_deadlines += late
         for group in self._groups:
             if late or group.running is None:
-                group.begin_anew(self._plan.steps[self._position])
+                group.restart(self._plan.steps[self._position])
 
     def _step(self) -> None:
         """Read one element of every leg."""
@@ -141,8 +141,8 @@ class BusScanner:
         now_ns, missing = self._clock.now_ns(), False
         any_bad: list[bool] = np.any(self._latest.reading, axis=1).tolist()
         for leg, bad in zip(self.legs, any_bad, strict=True):
-            if leg.in_scan and (bad or leg.in_doubt):
-                leg.note_scan(self._latest.reading[leg.row], now_ns)
+            if leg.in_scan and (bad or leg.is_suspect):
+                leg.count_misses(self._latest.reading[leg.row], now_ns)
             missing |= not leg.in_scan
         if missing:
             probe_due(self._transport, self.legs, self._plan, self._clock)

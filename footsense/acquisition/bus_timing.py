@@ -128,6 +128,6 @@ def has_time_for_checks(costs: BusCosts, plan: ScanPlan, n_legs: int) -> bool:
     """Return whether a conversion, after the read-out of all legs, leaves time to ask for lines and settings."""
     step, select_ns = plan.steps[0], costs.lasts_ns(1)
     checks = (*step.select_checks, plan.board.setting_check)
-    ask_ns = costs.of_ns([step.done.ask] if step.done else [])
+    ask_ns = costs.of_ns([step.done.read] if step.done else [])
     spare_ns = plan.wait_ns - ask_ns - select_ns - n_legs * (select_ns + costs.of_ns(step.read))
-    return spare_ns >= costs.of_ns(check.ask for check in checks)
+    return spare_ns >= costs.of_ns(check.read for check in checks)

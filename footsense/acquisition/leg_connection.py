@@ -50,7 +50,7 @@ class LegConnection:
         selection: Control byte of the mux that connects the leg alone.
         in_scan: Whether the leg takes part in the scans.
         outcome: OK, or why the leg gives no reading in this scan, or since it was left out.
-        in_doubt: Whether `note_scan` needs the next scan even if no reading is missing.
+        is_suspect: Whether `count_misses` needs the next scan even if no reading is missing.
         retry_at_ns: Time at which a leg that was left out is tried again [ns].
         offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
         temperature_c: Last temperature of the converter [degC]; NaN without one.
@@ -63,7 +63,7 @@ class LegConnection:
         self._channel = channel
         self.in_scan = False
         self.outcome = Reading.NO_ANSWER
-        self.in_doubt = True
+        self.is_suspect = True
         self.retry_at_ns = 0
         self.offset_pf = 0.0
         self.temperature_c = float("nan")
@@ -100,7 +100,7 @@ class LegConnection:
             self.outcome = Reading.OK
             self._misses = 0
 
-    def note_scan(self, readings: NDArray[np.uint8], now_ns: int) -> None:
+    def count_misses(self, readings: NDArray[np.uint8], now_ns: int) -> None:
         """Count scans with a missing reading in a row; after three, leave the leg out for a while.
 
         Args:
@@ -112,9 +112,9 @@ class LegConnection:
         if not missing:
             self._misses = 0
             self._pause_ns = _FIRST_PAUSE_NS
-            self.in_doubt = False
+            self.is_suspect = False
             return
-        self.in_doubt = True
+        self.is_suspect = True
         self._misses += 1
         if self._misses >= _MISSES_ALLOWED:
             self.leave(missing[0], _MISSES[missing[0]], now_ns)
@@ -131,7 +131,7 @@ class LegConnection:
         if outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS:
             _log.warning("leg %s: %s; left out of the scan and tried again later", self.name, why)
         self.in_scan = False
-        self.in_doubt = True
+        self.is_suspect = True
         self.outcome = outcome
         self.temperature_c = float("nan")
         self.retry_at_ns = now_ns + round(pauses * self._pause_ns)

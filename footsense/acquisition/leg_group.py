@@ -101,7 +101,7 @@ class LegGroup:
                 selection |= leg.selection
         return tuple(active), selection
 
-    def begin_anew(self, step: Step) -> None:
+    def restart(self, step: Step) -> None:
         """Start a conversion on converters that may hold any result, which is read away first."""
         legs, selection = self.active()
         if legs:
@@ -214,7 +214,7 @@ class LegGroup:
         """Ask all connected legs at once, if their results do not tell."""
         if step.done is None:
             return True
-        answers = self._exchange(selection, (step.done.ask,))
+        answers = self._exchange(selection, (step.done.read,))
         return answers is not None and step.done.decode(answers[0]) is _OK
 
     def _read_leg(self, leg: LegConnection, step: Step, *, all_done: bool) -> tuple[Reading, float]:
@@ -223,7 +223,7 @@ class LegGroup:
             try:
                 bus = self._transport.connect(leg.selection)
                 if step.done and not all_done:
-                    reading = step.done.decode(bus.transfer(step.done.ask))
+                    reading = step.done.decode(bus.transfer(step.done.read))
                     if reading is Reading.CORRUPT:
                         continue
                     if reading is Reading.NOT_READY:
@@ -251,7 +251,7 @@ class LegGroup:
                     leg.outcome = self._answer(leg.selection, check)
 
     def _answer(self, selection: int, check: Check) -> Reading:
-        answers = self._exchange(selection, (check.ask,))
+        answers = self._exchange(selection, (check.read,))
         if answers is None:
             return Reading.NO_ANSWER
         return _OK if answers[0] == check.expected else Reading.MISCONFIGURED
@@ -278,6 +278,6 @@ class LegGroup:
             BusStuckError: The other legs have lost time, and the mux its selection.
         """
         if isinstance(error, BusTimeoutError):
-            ask = self._plan.steps[0].select_checks[0].ask
-            self._transport.leave_out_stuck([leg for leg in self.legs if leg.in_scan], ask, self._clock)
+            read = self._plan.steps[0].select_checks[0].read
+            self._transport.leave_out_stuck([leg for leg in self.legs if leg.in_scan], read, self._clock)
             raise BusStuckError from error

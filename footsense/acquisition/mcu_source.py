@@ -120,7 +120,7 @@ class McuSource:
             now_ns = self._clock.now_ns()
             if self._port.opened != self._opened:
                 self._opened = self._port.opened
-                self._decoder.begin_anew()
+                self._decoder.reset()
             if data:
                 self._take(data, now_ns)
             if not self._frames and now_ns >= self._deadline_ns:
@@ -136,7 +136,7 @@ class McuSource:
         while self._clock.now_ns() < until_ns:
             self._port.wait_until_ns(until_ns)
             self._port.read()
-        self._decoder.begin_anew()
+        self._decoder.reset()
         self._deadline_ns = until_ns + self._silent_ns
         self._listens = True
 

@@ -87,7 +87,7 @@ class UpstreamBus:
             self.connect(0)
         return self._selection is not None
 
-    def leave_out_stuck(self, legs: Sequence[LegConnection], ask: Transaction, clock: Clock) -> None:
+    def leave_out_stuck(self, legs: Sequence[LegConnection], read: Transaction, clock: Clock) -> None:
         """Leave the legs out that hold a line low, after a timeout; all if the bus itself does not get free.
 
         No answer tells which of the connected legs holds the line: the whole bus is blocked. So all are disconnected
@@ -95,7 +95,7 @@ class UpstreamBus:
 
         Args:
             legs: Legs in the scan.
-            ask: A read of a leg that changes nothing.
+            read: A read of a leg that changes nothing.
             clock: The time that the bus lives in.
         """
         free = self.free()
@@ -105,7 +105,7 @@ class UpstreamBus:
                 leg.leave(Reading.BUS_STUCK, why, clock.now_ns(), pauses=STUCK_BUS_PAUSES)
                 continue
             try:
-                self.connect(leg.selection).transfer(ask)
+                self.connect(leg.selection).transfer(read)
             except BusTimeoutError:
                 free = self.free()
                 why = "holds a line of the bus low"
@@ -152,9 +152,9 @@ class KernelMux:
         """Do nothing: the kernel disconnects and recovers the bus."""
         return True
 
-    def leave_out_stuck(self, legs: Sequence[LegConnection], ask: Transaction, clock: Clock) -> None:
+    def leave_out_stuck(self, legs: Sequence[LegConnection], read: Transaction, clock: Clock) -> None:
         """Leave the leg out on whose adapter a transaction timed out: no other leg was connected."""
-        del ask
+        del read
         for leg in legs:
             leg.leave(Reading.BUS_STUCK, "holds a line of the bus low", clock.now_ns())
 

@@ -37,8 +37,8 @@ def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
                 bus.transfer(write)
             bus.transfer(step.trigger)
             clock.sleep_until_ns(clock.now_ns() + plan.wait_ns)
-            for ask in (*([step.done.ask] if step.done else []), *step.read):
-                bus.transfer(ask)
+            for read in (*([step.done.read] if step.done else []), *step.read):
+                bus.transfer(read)
 
 
 @contextmanager

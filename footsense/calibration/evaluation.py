@@ -5,7 +5,9 @@ training range. Errors are compared over the loads that both can read.
 """
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,7 @@ from footsense.calibration.loads.calibration_load import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
+from footsense.estimation.network import Network
 from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
 from footsense.foot.network_card import TrainedInputs
 from footsense.foot.parameters import FootParameters
@@ -50,6 +53,16 @@ class DesignModels(NamedTuple):
     response: FootResponse
     network: Callable[[int], Estimator]
     trained_inputs: TrainedInputs
+
+    @classmethod
+    def load(cls, folder: Path) -> Self:
+        """Return the models in a folder with `network.onnx` and `response.npz`.
+
+        Raises:
+            ModelError: A file is missing, damaged, or of another format.
+        """
+        network = lru_cache(maxsize=8)(partial(Network, folder / "network.onnx"))
+        return cls(FootResponse.load(folder / "response.npz"), network, network(1).card.trained_inputs)
 
 
 class Band(NamedTuple):

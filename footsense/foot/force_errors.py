@@ -6,11 +6,9 @@ Direction error: angle between true and estimated force [deg]. Magnitude error: 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.directions import angles_between_deg
-
-Vector = NDArray[np.float64]
+from footsense.frames import Vector
 
 #: One gram-force [N], by the standard acceleration of free fall.
 GRAM_FORCE_N = 9.80665e-3

@@ -17,12 +17,9 @@ Source:
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
-from footsense.frames import ELEMENTS
-
-Vector = NDArray[np.float64]
+from footsense.frames import ELEMENTS, Vector
 
 #: Cells along an electrode's side. Flat index of a cell: (element * 6 + forward) * 6 + leftward.
 CELLS_PER_SIDE = 6

@@ -180,7 +180,7 @@ def test_a_line_that_was_interrupted_begins_anew() -> None:
     line = encode_record(serial_vectors.record())
     decoder = SerialDecoder()
     assert len(decoder.feed(line + line[:30])) == 1
-    decoder.begin_anew()
+    decoder.reset()
     assert decoder.feed(line[20:]) == []
     assert not decoder.losses
 

@@ -23,7 +23,7 @@ from tests.system.simulated_test_stand import MADE, true_parameters
 
 FORCE_N = (0.3, -0.2, 0.7)
 
-#: Two feet from the same workshop, pressed alike.
+#: Two feet of one batch, with the same load.
 SCENE = Scene(description="pressed", load=Constant(force_n=FORCE_N), lead_in_s=0.6, fabrication=MADE)
 UNTIL_NS = 900_000_000
 
@@ -37,7 +37,7 @@ def config(feet: Path, **mounted: str) -> Config:
     )
 
 
-def workshop(feet: Path) -> None:
+def write_both(feet: Path) -> None:
     """Write the calibrations of both feet, as a perfect calibration would."""
     calibration(feet, "foot-0007", parameters=true_parameters(0))
     calibration(feet, "foot-0008", parameters=true_parameters(1))
@@ -74,7 +74,7 @@ def test_feet_with_calibrations_say_what_they_feel(tmp_path: Path) -> None:
 
     Sigma is that of a foot whose temperature nobody knows, 2.5 % of the force, and little else.
     """
-    workshop(tmp_path)
+    write_both(tmp_path)
     robot = config(tmp_path, lf="foot-0007", rf="foot-0008")
     for publish in ("frame", "element"):
         forces = run(msgspec.structs.replace(robot, publish=publish)).cycle.forces
@@ -89,7 +89,7 @@ def test_feet_with_calibrations_say_what_they_feel(tmp_path: Path) -> None:
 
 def test_another_foot_is_found_by_its_fingerprint(tmp_path: Path) -> None:
     """Feet that were swapped give no force: what they read unloaded is not what the calibrations of their legs say."""
-    workshop(tmp_path)
+    write_both(tmp_path)
     last = run(config(tmp_path, lf="foot-0008", rf="foot-0007"))
     assert last.cycle.forces.state.tolist() == [State.NO_BASELINE, State.NO_BASELINE]
     assert np.isnan(last.cycle.forces.force_n).all()
@@ -98,7 +98,7 @@ def test_another_foot_is_found_by_its_fingerprint(tmp_path: Path) -> None:
 
 def test_calibrations_that_cannot_be_used(tmp_path: Path) -> None:
     """A foot without a calibration, one of another foot, and two that were fitted on different networks."""
-    workshop(tmp_path)
+    write_both(tmp_path)
     with pytest.raises(ModelError, match="foot-0009: no such calibration"):
         load_calibrations(config(tmp_path, lf="foot-0009"))
     (tmp_path / "foot-0007").rename(tmp_path / "foot-0009")
@@ -113,14 +113,14 @@ def test_calibrations_that_cannot_be_used(tmp_path: Path) -> None:
 
 def test_a_leg_without_a_named_foot_is_told_of(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """It goes on as before, by the design."""
-    workshop(tmp_path)
+    write_both(tmp_path)
     assert list(load_calibrations(config(tmp_path, rf="foot-0008"))) == ["rf"]
     assert "lf: no foot is named under feet" in caplog.text
 
 
 def test_check_config_lists_the_calibrations(tmp_path: Path) -> None:
     """Which foot, since when, on how many loads, and how good."""
-    workshop(tmp_path / "feet")
+    write_both(tmp_path / "feet")
     file = tmp_path / "robot.yaml"
     file.write_text(
         "buses: [{device: sim, legs: {lf: 0, rf: 1}}]\ncan: {interface: virtual}\n"
@@ -138,7 +138,7 @@ def test_check_config_lists_the_calibrations(tmp_path: Path) -> None:
 def test_a_recording_knows_its_calibrations(tmp_path: Path) -> None:
     """Replayed with the same calibrations it gives the same forces; with others it says so, or refuses to compare."""
     feet, walk = tmp_path / "feet", tmp_path / "walk.mcap"
-    workshop(feet)
+    write_both(feet)
     run(config(feet, lf="foot-0007", rf="foot-0008"), record=walk)
     result = CliRunner().invoke(replay, [str(walk), "--check"])
     assert "scans equal bit for bit" in result.output, result.exception

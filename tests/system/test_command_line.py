@@ -96,6 +96,9 @@ def test_a_number_out_of_range_is_a_usage_error(tmp_path: Path, arguments: tuple
         (("run", "--operating-point", "steady"), "default"),
         (("run", "--operating-point", "fresh"), "low-latency"),
         (("replay", "a.mcap", "--packs", "feet"), "--calibrations"),
+        (("record", "a.mcap", "--pokes", "50"), "--loads"),
+        (("calibrate", "a.mcap", "--feet", "feet"), "--calibrations"),
+        (("evaluate", "a.mcap", "--pack", "feet/foot-0007"), "--calibration"),
     ],
     ids=str,
 )

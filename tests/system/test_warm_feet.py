@@ -37,7 +37,7 @@ def robot(feet: Path) -> Config:
     )
 
 
-def workshop(feet: Path, temperature_c: float | None) -> Path:
+def write_calibrations(feet: Path, temperature_c: float | None) -> Path:
     """Write the calibrations of both feet, as a perfect calibration at a temperature would."""
     for number in (0, 1):
         calibration(
@@ -76,8 +76,8 @@ class Seen:
 def test_a_known_temperature_corrects_and_an_unknown_one_widens(tmp_path: Path) -> None:
     """20 K make forces 8 % too small; what two converters are off by leaves 1 %, else sigma covers it."""
     size_n = float(np.linalg.norm(FORCE_N))
-    known = walked(workshop(tmp_path / "known", ROOM_C), WARM, 3.0)[-1].forces
-    unknown = walked(workshop(tmp_path / "unknown", None), WARM, 3.0)[-1].forces
+    known = walked(write_calibrations(tmp_path / "known", ROOM_C), WARM, 3.0)[-1].forces
+    unknown = walked(write_calibrations(tmp_path / "unknown", None), WARM, 3.0)[-1].forces
     for forces in (known, unknown):
         assert forces.state.tolist() == [State.VALID, State.VALID]
     known_n, unknown_n = (np.linalg.norm(forces.force_n, axis=1) for forces in (known, unknown))
@@ -90,7 +90,7 @@ def test_a_known_temperature_corrects_and_an_unknown_one_widens(tmp_path: Path) 
 def test_a_replay_is_as_warm_as_the_walk_was(tmp_path: Path) -> None:
     """Temperatures are recorded when they change; without them the same scans give the forces of a cold foot."""
     walk = tmp_path / "walk.mcap"
-    cycles = walked(workshop(tmp_path / "feet", ROOM_C), WARMS, 10.6, walk)
+    cycles = walked(write_calibrations(tmp_path / "feet", ROOM_C), WARMS, 10.6, walk)
     told = [cycle.temperature_c for cycle in cycles if cycle.temperature_c is not None]
     assert len(told) == 2
     np.testing.assert_allclose(told[1] - told[0], KELVIN, atol=1e-3)

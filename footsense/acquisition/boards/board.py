@@ -19,11 +19,11 @@ class Check(NamedTuple):
     """A setting that is read back; asked of several legs at once, the answers are a wired AND.
 
     Attributes:
-        ask: A read that changes nothing.
+        read: A read that changes nothing.
         expected: The answer of a leg that holds its setting.
     """
 
-    ask: Transaction
+    read: Transaction
     expected: bytes
 
 
@@ -31,11 +31,11 @@ class Done(NamedTuple):
     """The question whether a conversion is done, where it can be asked of several legs at once.
 
     Attributes:
-        ask: A read that changes nothing.
+        read: A read that changes nothing.
         decode: Meaning of the answer: OK, NOT_READY or CORRUPT.
     """
 
-    ask: Transaction
+    read: Transaction
     decode: Callable[[bytes], Reading]
 
 

@@ -6,10 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.faults.missing_sets import COLUMNS, ROWS
-from footsense.frames import ELEMENTS, BaselineDrift, Cause, Reading, State
-
-Mask = NDArray[np.bool_]
-Codes = NDArray[np.uint8]
+from footsense.frames import ELEMENTS, BaselineDrift, Cause, Codes, Mask, Reading, State
 
 #: Largest distance of an element's drift from the mean of its leg's [pF]: all drift by 30 fF over 20 K, and elements
 #: differ in that by a fifth.

@@ -15,9 +15,9 @@ from footsense.estimation.faults.calibration_monitor import (
     SUM_LIMIT,
     SUM_SLACK,
     CalibrationMonitor,
-    Vector,
     attributed_rel,
 )
+from footsense.frames import Vector
 
 PERIOD_NS = 800_000_000
 SAMPLES = PERIOD_NS // SAMPLE_NS

@@ -12,10 +12,10 @@ from footsense.acquisition.scan_plan import ORDERS
 from footsense.config import DEFAULT, Config
 from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.daemon.foot_types import released
-from footsense.estimation.faults.calibration_monitor import REFERENCE_STRIDES, Vector
+from footsense.estimation.faults.calibration_monitor import REFERENCE_STRIDES
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.frames import ELEMENTS, LEGS, CapFrame, Cause, State
+from footsense.frames import ELEMENTS, LEGS, CapFrame, Cause, State, Vector
 from footsense.sim.foot.warming import softness_at
 from footsense.sim.loads.ground_load import Walk, smooth_step
 

@@ -143,7 +143,7 @@ def test_a_network_cut_short(tmp_path: Path) -> None:
         read_calibration(folder, FOOT_TYPE)
 
 
-def test_a_pack_is_never_overwritten(tmp_path: Path) -> None:
+def test_a_calibration_is_never_overwritten(tmp_path: Path) -> None:
     """A second one is refused; asked for, it takes the name, and the first is kept under a number and stays whole."""
     first = calibration(tmp_path)
     with pytest.raises(CalibrationError, match=r"with --replace the old one is kept as foot-0007\.1"):
