@@ -2,8 +2,8 @@
 
 A study module `x.py` ends with `STUDY = Study(...)`; its template is `x.md.j2` beside it. `compute` may take minutes
 and returns results (a dataclass) and figures. The results are written as JSON. The template sees the fields of the
-results and the names of the study module (its constants and functions), no more, so a committed page can be rendered again from its JSON without computing anything; a test
-compares it with the committed text.
+results and the names of the study module (its constants and functions), no more, so a committed page can be rendered
+again from its JSON without computing anything; a test compares it with the committed text.
 """
 
 import json
