@@ -21,7 +21,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from footsense.foot.checksum_trailer import unsealed_sha256
+from footsense.foot.checksum_trailer import verified_sha256
 from footsense.foot.response_table import FootResponse
 from footsense.lab.code_hash import module_sha256
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, open_models
@@ -72,7 +72,7 @@ class StudyContext:
     def network_sha256(self) -> str:
         """Hash of the network's file; its card holds the hash of the response table, so it identifies the foot too."""
         path = self.models / NETWORK_FILE
-        return unsealed_sha256(path.read_bytes(), str(path))
+        return verified_sha256(path.read_bytes(), str(path))
 
 
 @dataclass(frozen=True, kw_only=True)
