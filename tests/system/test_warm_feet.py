@@ -14,7 +14,8 @@ from footsense.recording.cycle_records import Numbered
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.recording.writer import FdStream
-from footsense.sim.scene import Constant, Effects, Scene, Warming
+from footsense.sim.scene import Effects, Scene, Warming
+from footsense.sim.scene_loads import Constant
 from tests.support.calibrations import calibration
 from tests.system.simulated_test_stand import MADE, true_parameters
 
