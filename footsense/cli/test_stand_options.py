@@ -5,18 +5,19 @@ from pathlib import Path
 import click
 
 from footsense.calibration.evaluation import DesignModels
+from footsense.cli.options import FILE, FOLDER
 from footsense.daemon.foot_types import released
 from footsense.errors import ConfigError
 from footsense.estimation.network import Network
 
 __all__ = ["design_models", "foot_option", "foot_type_option", "recordings_argument"]
 
-recordings_argument = click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
+recordings_argument = click.argument("recordings", nargs=-1, required=True, type=FILE)
 foot_option = click.option("--foot", required=True, help="The foot on the test stand, such as foot-0007.")
 foot_type_option = click.option(
     "--foot-type",
     "foot_type_folder",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     help="Folder with network.onnx and response.npz of the foot's type; by default the released one.",
 )
 

@@ -157,6 +157,6 @@ class NetFtReference:
         now = int(status[bad][0]) if bad.any() else 0
         if len(status):
             if now and not self._status:
-                _log.warning("%s: its status is %#010x, its web page says why", self._name, now)
+                _log.warning("%s: status %#010x; its web page shows the cause", self._name, now)
             self._status = now
         return bad

@@ -19,7 +19,8 @@ from footsense.daemon.foot_types import FOOT_TYPE
 from footsense.daemon.service import open_service
 from footsense.daemon.test_stand import StandSession
 from footsense.sim.loads.ground_load import Load
-from footsense.sim.scene import CalibrationLoads, Effects, Fabrication, Scene, Unloaded
+from footsense.sim.scene import Effects, Fabrication, Scene
+from footsense.sim.scene_loads import CalibrationLoads, Unloaded
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 from footsense.sim.test_stand.reference_sensor import RATED_GF, TRANSMISSION_NS
 

@@ -22,7 +22,8 @@ from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.recording.writer import UnbufferedFile
 from footsense.reference.sensor_mounting import NEWTON_PER
-from footsense.sim.scene import CalibrationLoads, Scene
+from footsense.sim.scene import Scene
+from footsense.sim.scene_loads import CalibrationLoads
 from tests.system.simulated_test_stand import MADE, presses
 
 STAND = StandConfig(

@@ -36,7 +36,7 @@ _N_DIRECTIONS = 400
 
 
 class NextLoad(NamedTuple):
-    """The load that would cover most of what is not covered yet.
+    """The load in the middle of the largest uncovered part.
 
     Attributes:
         azimuth_deg: 0 forward, 90 to the left [deg].

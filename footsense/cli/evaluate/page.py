@@ -16,6 +16,7 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
+from footsense.lab.studies.page import table as markdown_table
 
 Vector = NDArray[np.float64]
 
@@ -58,8 +59,6 @@ def write_page(
     stem = figures["foot"]
     (folder / f"{stem}.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
     header, *lines = table(figures)
-    rule = "|---|---|" + "---:|" * (len(header) - 2)
-    body = "\n".join("| " + " | ".join(line) + " |" for line in lines)
     notes = "\n".join(f"- {line}" for line in warnings)
     page = folder / f"{stem}.md"
     page.write_text(
@@ -68,9 +67,7 @@ def write_page(
 Mean and 95th percentile of the angle to the reference's force, and of the difference of the magnitudes, over the loads
 that have a force with and without the calibration.
 
-| {" | ".join(header)} |
-{rule}
-{body}
+{markdown_table(header, lines)}
 
 {notes}
 

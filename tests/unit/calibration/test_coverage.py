@@ -67,7 +67,7 @@ def feet(seed: int, n: int = 12) -> tuple[np.ndarray, np.ndarray]:
 
 
 def judged(
-    said_n: object, estimate_n: object, units: str, axes: list[str], mount_deg: tuple[float, ...]
+    reading_n: object, estimate_n: object, units: str, axes: list[str], mount_deg: tuple[float, ...]
 ) -> list[str]:
     described: dict[str, Any] = {
         "sensor": Simulated(),
@@ -76,7 +76,7 @@ def judged(
         "mount_deg": mount_deg,
     }
     test_stand = StandConfig(axes=Axes(**dict(zip("xyz", axes, strict=True))), **described)
-    return reference_check(test_stand)(np.asarray(said_n), np.asarray(estimate_n))
+    return reference_check(test_stand)(np.asarray(reading_n), np.asarray(estimate_n))
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -92,8 +92,8 @@ def test_a_plausible_reference_passes(seed: int) -> None:
 def test_wrong_units_are_named(named: str, meant: str) -> None:
     """Each taken for each other."""
     forces_n, estimate_n = feet(1)
-    said_n = forces_n * NEWTON_PER[named] / NEWTON_PER[meant]
-    (line,) = judged(said_n, estimate_n, named, ["-x", "-y", "-z"], (0, 0, 0))
+    reading_n = forces_n * NEWTON_PER[named] / NEWTON_PER[meant]
+    (line,) = judged(reading_n, estimate_n, named, ["-x", "-y", "-z"], (0, 0, 0))
     assert f"its readings seem to be in {meant}, and the test stand's file says units: {named}" in line
 
 
@@ -110,10 +110,10 @@ def test_wrong_axes_are_named_with_those_that_fit(
             0
         ]
     )
-    said_n = SensorMounting(dict(zip("xyz", given, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)).apply(
+    reading_n = SensorMounting(dict(zip("xyz", given, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)).apply(
         sensor
     )[0]
-    (line,) = judged(said_n, estimate_n, "N", given, mount_deg)
+    (line,) = judged(reading_n, estimate_n, "N", given, mount_deg)
     assert "axes: {x: -x, y: -y, z: -z} would fit" in line
 
 
