@@ -13,6 +13,7 @@ from footsense.frames import Cycle, State
 from footsense.recording.cycle_records import NumberedCycle
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
+from footsense.recording.writer import UnbufferedFile
 from footsense.sim.scene import Effects, Scene, Warming
 from footsense.sim.scene_loads import Constant
 from tests.support.calibrations import calibration
