@@ -198,9 +198,9 @@ def open_service(
         )
         reference = None
         if test_stand is not None:
-            from footsense.daemon.test_stand import sensor_of  # a robot needs no serial port
+            from footsense.daemon.test_stand import open_sensor  # a robot needs no serial port
 
-            reference = stack.enter_context(sensor_of(test_stand, legs.index(test_stand.leg), scan))
+            reference = stack.enter_context(open_sensor(test_stand, legs.index(test_stand.leg), scan))
         if record is not None:
             header = recording_header(config, scene, network, flags, calibrations)
             header |= test_stand.header() if test_stand is not None else {}

@@ -11,7 +11,7 @@ import numpy as np
 import onnxruntime as ort
 
 from footsense.errors import ModelError
-from footsense.foot.checksum_trailer import unsealed_sha256
+from footsense.foot.checksum_trailer import verified_sha256
 from footsense.foot.network_card import METADATA_KEY, Signal, read_card
 from footsense.frames import ELEMENTS, Mask, Vector
 
@@ -42,7 +42,7 @@ class Network:
 
     def __init__(self, path: Path, n_rows: int) -> None:
         content = _content(path)
-        self.sha256 = unsealed_sha256(content, str(path))
+        self.sha256 = verified_sha256(content, str(path))
         options = ort.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.execution_mode = ort.ExecutionMode.ORT_SEQUENTIAL

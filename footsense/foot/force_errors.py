@@ -1,4 +1,4 @@
-"""How wrong estimated forces are, in the units of the paper.
+"""Errors of estimated forces, in the units of the paper.
 
 Direction error: angle between true and estimated force [deg]. Magnitude error: | |f| - |f_est| | [gf].
 """
@@ -38,7 +38,7 @@ class Errors:
 
 
 def magnitude_errors_gf(truth_n: Vector, estimate_n: Vector) -> Vector:
-    """Return by how much the magnitude of each estimate is off [gf], shape (n,), never negative.
+    """Return the absolute error of each estimate's magnitude [gf], shape (n,).
 
     Args:
         truth_n: True forces [N], shape (n, 3).

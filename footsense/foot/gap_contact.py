@@ -84,10 +84,10 @@ def kkt_residual(
         The largest of each: `balance_um` |d - (d0 - B l)|, `penetration_um` d - g, `pull_n` -l, `slack_nm_n`
         |l (g - d)|.
     """
-    rest = solution.closure_um - (free_um - compliance_um_per_n @ solution.force_n)
+    balance_um = solution.closure_um - (free_um - compliance_um_per_n @ solution.force_n)
     slack_um = gap_um - solution.closure_um
     return {
-        "balance_um": float(np.abs(rest).max()),
+        "balance_um": float(np.abs(balance_um).max()),
         "penetration_um": float(max(0.0, -slack_um.min())),
         "pull_n": float(max(0.0, -solution.force_n.min())),
         "slack_nm_n": float(1e3 * np.abs(slack_um * solution.force_n).max()),

@@ -14,7 +14,7 @@ import ngsolve as ng
 import numpy as np
 
 from footsense.estimation.faults.imputation import Imputation
-from footsense.foot.checksum_trailer import seal
+from footsense.foot.checksum_trailer import add_checksum
 from footsense.foot.network_card import FORMAT, INPUT_ORDER, INPUT_UNIT, OUTPUT_ORDER, OUTPUT_UNIT
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import Errors, Readout
@@ -223,7 +223,7 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
         # What goes into the card is computed before there is a file, by JAX, and may differ in the last digit from
         # what everybody finds later, which is what is printed.
         card = _card(response, loads, recipe, weights, cases, table)
-        network = seal(onnx_model(weights, card).SerializeToString())
+        network = add_checksum(onnx_model(weights, card).SerializeToString())
         (Path(scratch) / NETWORK_FILE).write_bytes(network)
         parity = _parity_n(OnnxNetwork(Path(scratch) / NETWORK_FILE), weights, closure_rel)
         most_n = PARITY_REL * loads.max_n

@@ -39,3 +39,14 @@ def test_links_and_paths_of_a_page_exist(page: Path) -> None:
         if not found and not path.startswith(("my-", "walk", "/")):
             missing.append(path)
     assert not missing
+
+
+def test_documents_that_code_refers_to_exist() -> None:
+    """Docstrings and comments name documents by path, decisions by number."""
+    missing = []
+    for path in (*ROOT.glob("footsense/**/*.py"), *ROOT.glob("firmware_interface/**/*.[pch]*")):
+        for named in re.findall(r"\bdocs/[\w./-]*\w", path.read_text(encoding="utf-8", errors="ignore")):
+            made_by_a_command = named.startswith("docs/report-quick")
+            if not made_by_a_command and not (ROOT / named).exists() and not list(ROOT.glob(f"{named}*")):
+                missing.append(f"{path.relative_to(ROOT)}: {named}")
+    assert not missing

@@ -19,7 +19,7 @@ from footsense.lab.training.paper_procedure import EPOCHS
 from footsense.lab.training.per_foot_network import per_foot_force_n
 from footsense.sim.foot.fabrication import AS_BADLY_MADE, FootTolerances
 from footsense.validation.test_stand_trial import FootBatch
-from footsense.validation.virtual_experiment import ALL, FEW, FootResult, run_experiment
+from footsense.validation.virtual_experiment import ALL_LOADS, LOAD_COUNTS, FootResult, run_experiment
 
 #: Feet of a full run, and of a quick one with one of so many loads.
 N_FEET, QUICK_N_FEET, _QUICK_EVERY = 20, 2, 7
@@ -28,8 +28,8 @@ _QUICK_EPOCHS = 500
 #: The estimators, in words.
 _ESTIMATORS = {
     "design_only": "network of the design alone",
-    **{f"calibrated_{n}": f"calibrated with {n} loads" for n in FEW},
-    f"calibrated_{ALL}": "calibrated with all loads",
+    **{f"calibrated_{n}": f"calibrated with {n} loads" for n in LOAD_COUNTS},
+    f"calibrated_{ALL_LOADS}": "calibrated with all loads",
     "linear_per_foot": "linear in ΔC, the foot's own loads",
     "network_per_foot": "network on ΔC, the foot's own loads",
 }
@@ -106,7 +106,7 @@ class Results:
 
 def _line(one: FootResult) -> str:
     """Return a foot's line of progress."""
-    before, after = one.errors["design_only"], one.errors.get(f"calibrated_{ALL}")
+    before, after = one.errors["design_only"], one.errors.get(f"calibrated_{ALL_LOADS}")
     calibrated = "refused" if after is None else f"{after.direction_deg:.2f} deg, {after.magnitude_gf:.2f} gf"
     return (
         f"{one.foot}: {one.n_training} loads, design {before.direction_deg:.1f} deg, {before.magnitude_gf:.1f} gf; "
@@ -194,7 +194,7 @@ def _figure(feet: Sequence[FootResult]) -> Figure:
 
 def _panel(axes: Axes, feet: Sequence[FootResult], error: str, paper: float) -> None:
     """Draw one error; the other estimators and the paper's figure as horizontal lines."""
-    counts = (*FEW, ALL)
+    counts = (*LOAD_COUNTS, ALL_LOADS)
     names = [f"calibrated_{n}" for n in counts]
     lines = np.array(
         [

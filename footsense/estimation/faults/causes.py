@@ -97,7 +97,7 @@ def causes(reading: Codes, state: Codes, faults: ElementFaults, drift_cause: Cod
         reading: How each element answered, shape (legs, 9).
         state: State of each leg, shape (legs,).
         faults: Faulty elements.
-        drift_cause: Causes by the drift of the baselines, as of `drift_causes`: told, though it is still followed.
+        drift_cause: Causes by drift, as of `drift_causes`; a baseline still follows such a drift.
     """
     cause = drift_cause.copy()
     cause[state == State.SATURATED] = Cause.GAP_CLOSED
