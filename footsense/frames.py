@@ -24,17 +24,27 @@ __all__ = [
     "BaselineStatus",
     "CapFrame",
     "Cause",
+    "Codes",
     "Command",
     "CommandKind",
     "CommandResult",
     "ContactFrame",
     "Cycle",
     "Flag",
+    "Mask",
     "Reading",
     "Reference",
     "Result",
+    "Stamps",
     "State",
+    "Vector",
 ]
+
+#: Arrays by their entries: numbers, truth values, times [ns], and codes of an enumeration.
+Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Stamps = NDArray[np.int64]
+Codes = NDArray[np.uint8]
 
 #: Elements of a foot: a 3 x 3 grid, flat index 3 * row + column, row 0 the most forward, column 0 the leftmost.
 ELEMENTS = 9
@@ -71,9 +81,9 @@ class CapFrame:
     """
 
     sequence: int
-    t_ns: NDArray[np.int64]
-    capacitance_pf: NDArray[np.float64]
-    reading: NDArray[np.uint8]
+    t_ns: Stamps
+    capacitance_pf: Vector
+    reading: Codes
 
     def __post_init__(self) -> None:
         """Check the shapes.
@@ -99,10 +109,10 @@ class BaselineDrift(NamedTuple):
         moved_ns: Time of the last move or tare [ns], shape (legs,), int64; 0 without a baseline.
     """
 
-    status: NDArray[np.uint8]
-    mean_pf: NDArray[np.float64]
-    worst_pf: NDArray[np.float64]
-    moved_ns: NDArray[np.int64]
+    status: Codes
+    mean_pf: Vector
+    worst_pf: Vector
+    moved_ns: Stamps
 
     @classmethod
     def none(cls, n_legs: int) -> "BaselineDrift":
@@ -132,17 +142,17 @@ class ContactFrame:
 
     sequence: int
     t_sent_ns: int
-    t_ns: NDArray[np.int64]
-    force_n: NDArray[np.float64]
-    sigma_n: NDArray[np.float64]
-    state: NDArray[np.uint8]
+    t_ns: Stamps
+    force_n: Vector
+    sigma_n: Vector
+    state: Codes
     fault_mask: NDArray[np.uint16]
-    flags: NDArray[np.uint8]
-    cause: NDArray[np.uint8]
+    flags: Codes
+    cause: Codes
     baseline: BaselineDrift
 
     @property
-    def age_ns(self) -> NDArray[np.int64]:
+    def age_ns(self) -> Stamps:
         """Age of each leg's measurement at the time of sending [ns], shape (legs,); of no meaning where t_ns is 0."""
         return self.t_sent_ns - self.t_ns
 
@@ -182,9 +192,9 @@ class Reference(NamedTuple):
         saturated: Whether an axis was at the end of its range, shape (n,).
     """
 
-    t_ns: NDArray[np.int64]
-    force_n: NDArray[np.float64]
-    saturated: NDArray[np.bool_]
+    t_ns: Stamps
+    force_n: Vector
+    saturated: Mask
 
 
 class Cycle(NamedTuple):
@@ -205,7 +215,7 @@ class Cycle(NamedTuple):
     forces: ContactFrame
     outcomes: tuple[CommandResult, ...]
     reference: Reference | None = None
-    temperature_c: NDArray[np.float64] | None = None
+    temperature_c: Vector | None = None
 
 
 @dataclass(slots=True)

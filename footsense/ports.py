@@ -6,10 +6,7 @@ port cannot tell which.
 
 from typing import NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-from footsense.frames import CapFrame, Command, CommandResult, ContactFrame, Cycle, Reference
+from footsense.frames import CapFrame, Command, CommandResult, ContactFrame, Cycle, Mask, Reference, Vector
 
 
 class Transaction(NamedTuple):
@@ -156,9 +153,7 @@ class ReferenceSensor(Protocol):
 class Estimator(Protocol):
     """Estimates forces from normalised gap closures: the network."""
 
-    def estimate(
-        self, closure_rel: NDArray[np.float64], missing: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def estimate(self, closure_rel: Vector, missing: Mask) -> tuple[Vector, Vector]:
         """Return force and standard deviation of its components of every row [N], shape (rows, 3) each.
 
         Args:

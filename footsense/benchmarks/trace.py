@@ -41,8 +41,11 @@ _LEFT_OUT = ("footsense/sim/", "footsense/cli/", "footsense/benchmarks/")
 Calls = dict[tuple[str, str], float]
 
 
-def calls_per_scan() -> tuple[Calls, Calls]:
+def calls_per_scan(n_scans: int = _COUNTED) -> tuple[Calls, Calls]:
     """Count the calls of a virtual walk.
+
+    Args:
+        n_scans: Scans to count.
 
     Returns:
         Calls per scan by module and qualified name: of the service, and of our code under the simulator.
@@ -64,10 +67,10 @@ def calls_per_scan() -> tuple[Calls, Calls]:
         service.run(_after(_WARM_UP))
         sys.setprofile(count)
         try:
-            service.run(_after(_COUNTED))
+            service.run(_after(n_scans))
         finally:
             sys.setprofile(None)
-    return _by_function(service_calls), _by_function(simulator_calls)
+    return _by_function(service_calls, n_scans), _by_function(simulator_calls, n_scans)
 
 
 def _is_simulated(frame: FrameType | None) -> bool:
@@ -79,14 +82,19 @@ def _is_simulated(frame: FrameType | None) -> bool:
     return False
 
 
-def _by_function(calls: Counter[CodeType]) -> Calls:
+def _by_function(calls: Counter[CodeType], n_scans: int) -> Calls:
     found: Counter[tuple[str, str]] = Counter()
     for code, n in calls.items():
         path = Path(code.co_filename)
         module = path.relative_to(_ROOT).as_posix() if path.is_relative_to(_ROOT) else ""
         if module.startswith(("footsense/", "firmware_interface/")) and not module.startswith(_LEFT_OUT):
             found[module, code.co_qualname] += n
-    return {function: n / _COUNTED for function, n in found.items()}
+    return {function: n / n_scans for function, n in found.items()}
+
+
+def steady_functions(calls: Calls) -> list[tuple[str, str]]:
+    """Return module and qualified name of every function that runs in most scans."""
+    return [function for function, n in calls.items() if n > _RARE_PER_SCAN]
 
 
 def _after(n_scans: int) -> Callable[[], bool]:
@@ -107,7 +115,7 @@ def main() -> None:
             click.echo(f"{sum(inside.values()):8.1f} {module}")
             for name, n in sorted(inside.items(), key=lambda function: -function[1]):
                 click.echo(f"{n:17.2f} {name}{'' if n > _RARE_PER_SCAN else '  (not in every scan)'}")
-    steady = [function for function, n in calls.items() if n > _RARE_PER_SCAN]
+    steady = steady_functions(calls)
     n_modules = len({module for module, _ in steady})
     layouts = sum(n for (module, _), n in simulator_calls.items() if module.startswith("firmware_interface/"))
     click.echo(

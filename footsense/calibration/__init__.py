@@ -1,5 +1,5 @@
 """From the recordings of a foot on a test stand to its calibration.
 
-`loads` finds the presses, `session` guides and reads a session, `fit` fits a model of the foot and learns
-what it leaves, `evaluation` compares the result with the reference, `writer` writes the files.
+`loads` finds the presses, `session` guides and reads a session, `fit` fits a model of the foot and a correction of its
+residual, `evaluation` compares the result with the reference, `writer` writes the files.
 """

@@ -25,7 +25,7 @@ from footsense.foot.calibration_format import (
     Parameters,
 )
 from footsense.foot.calibration_reader import FootCalibration, read_calibration
-from footsense.foot.checksum_trailer import unsealed_sha256
+from footsense.foot.checksum_trailer import verified_sha256
 from footsense.foot.parameters import FootParameters
 
 __all__ = ["check_calibration_target", "file_sha256", "write_calibration"]
@@ -97,7 +97,7 @@ def write_calibration(
         content = network.read_bytes()
         described = Parameters(
             format=FORMAT,
-            network_sha256=unsealed_sha256(content, str(network)),
+            network_sha256=verified_sha256(content, str(network)),
             temperature_c=temperature_c,
             stiffness_per_k=stiffness_per_k,
             **parameters.as_lists(),

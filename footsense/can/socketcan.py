@@ -1,7 +1,7 @@
 """All CAN frames of a scan to the kernel with one system call.
 
 python-can calls select, send and log for each frame, and `socket.send` costs a third more than one `sendmmsg` for all
-(docs/adr/0014), whose arguments are prepared once.
+(docs/adr/0015), whose arguments are prepared once.
 
 Source:
     sendmmsg(2).

@@ -5,11 +5,13 @@ from pathlib import Path
 from typing import Any
 
 import click
+import msgspec
 
 import footsense
 from footsense.calibration.fit.calibrate import CalibrationResult, calibrate_sessions
 from footsense.calibration.session.recorded_session import read_sessions
 from footsense.calibration.writer import check_calibration_target, write_calibration
+from footsense.cli.options import FOLDER, json_option
 from footsense.cli.test_stand_options import (
     design_models,
     foot_option,
@@ -19,7 +21,6 @@ from footsense.cli.test_stand_options import (
 from footsense.clock import stopwatch_ns, wall_time_iso
 from footsense.foot.calibration_format import Manifest
 from footsense.foot.calibration_reader import FootCalibration
-from footsense.foot.force_errors import Errors
 
 
 @click.command()
@@ -28,7 +29,7 @@ from footsense.foot.force_errors import Errors
 @click.option(
     "--calibrations",
     "folder",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     default=Path("feet"),
     show_default=True,
     help="Folder of all calibrations; this foot's is named after the foot.",
@@ -36,7 +37,7 @@ from footsense.foot.force_errors import Errors
 @foot_type_option
 @click.option("--hold-out", help="Session to hold out for the accuracy; by default the last of several.")
 @click.option("--replace", is_flag=True, help="Replace an existing calibration; the old one is kept.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@json_option
 def calibrate(
     recordings: tuple[Path, ...],
     foot: str,
@@ -56,7 +57,7 @@ def calibrate(
     sessions = read_sessions(recordings, foot)
     for line in (line for session in sessions for line in session.warnings):
         click.echo(f"warning: {line}", err=True)
-    models, network, _ = design_models(sessions[0].foot_type, foot_type_folder)
+    models, design = design_models(sessions[0].foot_type, foot_type_folder)
     result = calibrate_sessions(models, sessions, hold_out)
     manifest = Manifest(
         foot=foot,
@@ -69,7 +70,12 @@ def calibrate(
         recordings={session.path.name: session.sha256 for session in sessions},
     )
     calibration = write_calibration(
-        folder, manifest, result.parameters, network, temperature_c=result.temperature_c, replace=replace
+        folder,
+        manifest,
+        result.parameters,
+        design / "network.onnx",
+        temperature_c=result.temperature_c,
+        replace=replace,
     )
     took_s = (stopwatch_ns() - began_ns) * 1e-9
     click.echo(
@@ -80,7 +86,7 @@ def calibrate(
 
 
 def _figures(calibration: FootCalibration, result: CalibrationResult, took_s: float) -> dict[str, Any]:
-    predicted, parameters, held_out = result.predicted, calibration.parameters, result.held_out
+    predicted, parameters = result.predicted, calibration.parameters
     return {
         "calibration": str(calibration.folder),
         "sha256": calibration.manifest.sha256,
@@ -94,18 +100,8 @@ def _figures(calibration: FootCalibration, result: CalibrationResult, took_s: fl
         "corrected": bool(parameters.correction.any()),
         "predicted": {"direction_deg": predicted.direction_deg, "magnitude_rel": predicted.magnitude_rel},
         "not_identified": list(predicted.not_identified),
-        "held_out": None
-        if held_out is None
-        else {
-            "protocol": held_out.protocol,
-            "design_only": _errors(held_out.design_only),
-            "calibrated": _errors(held_out.calibrated),
-        },
+        "held_out": msgspec.to_builtins(result.held_out),
     }
-
-
-def _errors(errors: Errors) -> dict[str, float]:
-    return {"direction_deg": errors.direction_deg, "magnitude_gf": errors.magnitude_gf, "loads": errors.n}
 
 
 def _text(calibration: FootCalibration, result: CalibrationResult, took_s: float) -> str:

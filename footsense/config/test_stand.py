@@ -176,9 +176,9 @@ def _contradiction(test_stand: StandConfig) -> strict_yaml.Problem | None:
     """Return the first contradiction between valid values."""
     axes = (test_stand.axes.x, test_stand.axes.y, test_stand.axes.z)
     if len({axis[-1] for axis in axes}) < len(axes):
-        said = ", ".join(axes)
+        names = ", ".join(axes)
         return strict_yaml.Problem(
-            "axes", f"{said} names an axis of the sensor twice; each belongs to one of x, y, z"
+            "axes", f"{names} names an axis of the sensor twice; each belongs to one of x, y, z"
         )
     if isinstance(test_stand.sensor, Serial):
         return _framing(test_stand.sensor.framing)
@@ -192,7 +192,7 @@ def _framing(framing: Lines | Binary) -> strict_yaml.Problem | None:
         if axis not in named:
             return strict_yaml.Problem(f"{where}.columns", f"no column is {axis}; a force has fx, fy and fz")
     if len(set(named)) < len(named) or len(set(named) & set(TIMES)) > 1:
-        return strict_yaml.Problem(f"{where}.columns", "name one thing twice; call what is of no use -")
+        return strict_yaml.Problem(f"{where}.columns", "name one thing twice; call an unused column -")
     if isinstance(framing, Lines):
         return None
     try:

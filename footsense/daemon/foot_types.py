@@ -28,14 +28,23 @@ def artefact(config: Config, name: str) -> Path:
     Raises:
         ModelError: There is no such foot type.
     """
-    if "/" not in config.foot_type:
-        path = released(name, config.foot_type)
-        remedy = f"a folder of your own is written with a slash, such as ./{config.foot_type}"
+    return models_folder(config.foot_type) / name
+
+
+def models_folder(foot_type: str) -> Path:
+    """Return the folder of a foot type, a released one or, with a slash, a folder of its own.
+
+    Raises:
+        ModelError: There is no such foot type.
+    """
+    if "/" not in foot_type:
+        folder = released("network.onnx", foot_type).parent
+        remedy = f"a folder of your own is written with a slash, such as ./{foot_type}"
     else:
-        path, remedy = Path(config.foot_type) / name, "`footsense lab build --foot` makes one"
-    if not path.parent.is_dir():
-        raise ModelError(f"foot_type: no foot type {config.foot_type}: {path.parent} is no folder; {remedy}")
-    return path
+        folder, remedy = Path(foot_type), "`footsense lab build --foot` makes one"
+    if not folder.is_dir():
+        raise ModelError(f"foot_type: no foot type {foot_type}: {folder} is no folder; {remedy}")
+    return folder
 
 
 def require_foot_type(path: Path, found: str, config: Config) -> None:

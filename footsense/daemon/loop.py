@@ -8,10 +8,9 @@ does: recorder and CAN log write in processes of their own, and metrics are serv
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.estimation.pipeline import Pipeline
-from footsense.frames import CapFrame, Command, Cycle, Reference
+from footsense.frames import CapFrame, Command, Cycle, Reference, Vector
 from footsense.ports import Clock, ForceSink, FrameSource, Observer, ReferenceSensor
 
 
@@ -23,7 +22,7 @@ def run(
     clock: Clock,
     stop: Callable[[], bool],
     reference: ReferenceSensor | None = None,
-    temperature_c: Callable[[], NDArray[np.float64]] | None = None,
+    temperature_c: Callable[[], Vector] | None = None,
 ) -> None:
     """Run until the source ends or `stop` says so; the caller closes what it opened.
 
@@ -38,7 +37,7 @@ def run(
         temperature_c: Returns the last temperature of each leg's converter [degC], shape (legs,), called once a cycle;
             None where no converter has a sensor.
     """
-    last_c: NDArray[np.float64] | None = None
+    last_c: Vector | None = None
     while not stop():
         scan = source.read()
         if scan is None:
@@ -60,7 +59,7 @@ def step(
     observers: Sequence[Observer],
     clock: Clock,
     reference: Reference | None = None,
-    temperature_c: NDArray[np.float64] | None = None,
+    temperature_c: Vector | None = None,
 ) -> Cycle:
     """Run one cycle: execute the commands, estimate, publish, notify the observers."""
     if temperature_c is not None:

@@ -12,7 +12,8 @@ from footsense.calibration.session.guide import SessionGuide
 from footsense.calibration.session.reference_checks import reference_check
 from footsense.config.test_stand import StandConfig
 from footsense.estimation.network import Network
-from footsense.sim.scene import CalibrationLoads, Effects, Fabrication, Scene
+from footsense.sim.scene import Effects, Fabrication, Scene
+from footsense.sim.scene_loads import CalibrationLoads
 from footsense.sim.test_stand.press_sequence import paper_presses
 
 __all__ = ["practice_scene", "session_guide"]

@@ -3,13 +3,11 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.parameters import FEATURES, FootParameters, features
 from footsense.foot.temperature import CalibratedAt, effect
+from footsense.frames import Mask, Vector
 from footsense.ports import Estimator
-
-Vector = NDArray[np.float64]
 
 
 class CalibratedFeet:
@@ -60,7 +58,7 @@ class CalibratedFeet:
         self._matrix, self._correction = gains * self._calibrated_matrix, gains * self._calibrated_correction
         self._error_rel = np.hypot(self._calibrated_error_rel, np.tile(unknown_rel, self._repeats))[:, None]
 
-    def estimate(self, closure_rel: Vector, missing: NDArray[np.bool_]) -> tuple[Vector, Vector]:
+    def estimate(self, closure_rel: Vector, missing: Mask) -> tuple[Vector, Vector]:
         """Return force and sigma of every row [N], shape (rows, 3) each; arguments as of the network.
 
         The network's sigma is rotated and scaled with the force; the calibration's residual error is added.

@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.estimation.alignment.scan_by_scan import AlignedSample
 from footsense.estimation.baseline.contact import ContactLimits
@@ -31,18 +30,18 @@ from footsense.foot.network_card import TrainedInputs
 from footsense.frames import (
     CapFrame,
     Cause,
+    Codes,
     Command,
     CommandKind,
     CommandResult,
     ContactFrame,
     Flag,
+    Mask,
     Result,
+    Stamps,
     State,
+    Vector,
 )
-
-Vector = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Codes = NDArray[np.uint8]
 
 _VALID, _CONTACT = np.uint8(State.VALID), np.uint8(Flag.CONTACT)
 
@@ -53,9 +52,7 @@ class Alignment(Protocol):
     `ScanByScan` does it for whole scans, `ElementByElement` for every conversion.
     """
 
-    def align(
-        self, distance_rel: Vector, t_ns: NDArray[np.int64], now_ns: int, missing: Mask
-    ) -> AlignedSample:
+    def align(self, distance_rel: Vector, t_ns: Stamps, now_ns: int, missing: Mask) -> AlignedSample:
         """Bring the elements of each leg to one time."""
         ...
 

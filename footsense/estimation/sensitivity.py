@@ -3,13 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.estimation.baseline.contact import trimmed_means
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, Vector
 from footsense.ports import Estimator
-
-Vector = NDArray[np.float64]
 
 #: Largest closures of the loads at which the sensitivity is taken [1], and the step of the differences [1].
 _LEVELS_REL = (0.02, 0.2)

@@ -19,7 +19,7 @@ from footsense.foot.calibration_format import (
     Manifest,
     Parameters,
 )
-from footsense.foot.checksum_trailer import unsealed_sha256
+from footsense.foot.checksum_trailer import verified_sha256
 from footsense.foot.parameters import FootParameters
 from footsense.foot.temperature import STIFFNESS_PER_K, CalibratedAt
 
@@ -92,7 +92,7 @@ def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> F
         if hashlib.sha256(content).hexdigest() != manifest.files[name]:
             raise ModelError(_edited(folder / name, f"its hash in {MANIFEST}"))
     found = _decoded(folder / PARAMETERS, contents[PARAMETERS], Parameters)
-    network_sha256 = unsealed_sha256(contents[NETWORK], str(folder / NETWORK))
+    network_sha256 = verified_sha256(contents[NETWORK], str(folder / NETWORK))
     if network_sha256 != found.network_sha256:
         raise ModelError(
             f"{folder / NETWORK}: network {network_sha256[:12]}, but the parameters were fitted on "

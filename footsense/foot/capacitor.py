@@ -11,7 +11,8 @@ instead of linearising it. Fringing fields are not modelled here.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from footsense.frames import Vector
 
 #: Electric constant in the units of this module [pF um / mm2]: 8.8541878128e-12 F/m, CODATA 2018.
 EPS0_PF_UM_PER_MM2 = 8.8541878128
@@ -53,12 +54,12 @@ class CapacitorDesign:
         """
         return float(self.capacitance_pf(np.zeros(1))[0])
 
-    def capacitance_pf(self, closure_um: NDArray[np.float64]) -> NDArray[np.float64]:
+    def capacitance_pf(self, closure_um: Vector) -> Vector:
         """Return the capacitance without stray [pF] at a mean closure [um], any shape, each below gap_um."""
         plate_distance_um = self.gap_um - closure_um + self.film_equivalent_um
         return EPS0_PF_UM_PER_MM2 * self.electrode_area_mm2 / plate_distance_um
 
-    def plate_distance_um(self, capacitance_pf: NDArray[np.float64]) -> NDArray[np.float64]:
+    def plate_distance_um(self, capacitance_pf: Vector) -> Vector:
         """Return the distance of the electrodes in air [um], the film's share included: the elastance as a length.
 
         Args:
@@ -66,9 +67,7 @@ class CapacitorDesign:
         """
         return EPS0_PF_UM_PER_MM2 * self.electrode_area_mm2 / capacitance_pf
 
-    def closure_um(
-        self, capacitance_pf: NDArray[np.float64], baseline_pf: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def closure_um(self, capacitance_pf: Vector, baseline_pf: Vector) -> Vector:
         """Return the gap closure [um] since the baseline was taken, positive when pressed.
 
         The gap itself drops out, so a foot whose gaps are not the designed ones is measured right.

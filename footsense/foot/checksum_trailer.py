@@ -14,14 +14,14 @@ import hashlib
 
 from footsense.errors import ModelError
 
-__all__ = ["seal", "unsealed_sha256"]
+__all__ = ["add_checksum", "verified_sha256"]
 
 _KEY = b"footsense_sha256"
 _DIGITS = 64
 _HEAD = bytes((0x72, 2 + len(_KEY) + 2 + _DIGITS, 0x0A, len(_KEY))) + _KEY + bytes((0x12, _DIGITS))
 
 
-def seal(content: bytes) -> bytes:
+def add_checksum(content: bytes) -> bytes:
     """Return an ONNX file with its checksum trailer.
 
     Args:
@@ -30,8 +30,8 @@ def seal(content: bytes) -> bytes:
     return content + _HEAD + hashlib.sha256(content).hexdigest().encode()
 
 
-def unsealed_sha256(content: bytes, where: str) -> str:
-    """Return the hash of a file without its trailer, which identifies the network.
+def verified_sha256(content: bytes, where: str) -> str:
+    """Verify the checksum, and return the hash of the file without its trailer, which identifies the network.
 
     Args:
         content: The file.

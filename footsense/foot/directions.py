@@ -8,7 +8,9 @@ import math
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from footsense.frames import Vector
 
 __all__ = [
     "angles_between_deg",
@@ -21,8 +23,6 @@ __all__ = [
     "spiral_directions",
     "tangent_frame",
 ]
-
-Vector = NDArray[np.float64]
 
 
 def normalized(vectors: Vector) -> Vector:

@@ -1,4 +1,4 @@
-"""How wrong estimated forces are, in the units of the paper.
+"""Errors of estimated forces, in the units of the paper.
 
 Direction error: angle between true and estimated force [deg]. Magnitude error: | |f| - |f_est| | [gf].
 """
@@ -6,11 +6,9 @@ Direction error: angle between true and estimated force [deg]. Magnitude error: 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.directions import angles_between_deg
-
-Vector = NDArray[np.float64]
+from footsense.frames import Vector
 
 #: One gram-force [N], by the standard acceleration of free fall.
 GRAM_FORCE_N = 9.80665e-3
@@ -40,7 +38,7 @@ class Errors:
 
 
 def magnitude_errors_gf(truth_n: Vector, estimate_n: Vector) -> Vector:
-    """Return by how much the magnitude of each estimate is off [gf], shape (n,), never negative.
+    """Return the absolute error of each estimate's magnitude [gf], shape (n,).
 
     Args:
         truth_n: True forces [N], shape (n, 3).

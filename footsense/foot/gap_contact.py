@@ -17,12 +17,9 @@ Source:
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
-from footsense.frames import ELEMENTS
-
-Vector = NDArray[np.float64]
+from footsense.frames import ELEMENTS, Vector
 
 #: Cells along an electrode's side. Flat index of a cell: (element * 6 + forward) * 6 + leftward.
 CELLS_PER_SIDE = 6
@@ -87,10 +84,10 @@ def kkt_residual(
         The largest of each: `balance_um` |d - (d0 - B l)|, `penetration_um` d - g, `pull_n` -l, `slack_nm_n`
         |l (g - d)|.
     """
-    rest = solution.closure_um - (free_um - compliance_um_per_n @ solution.force_n)
+    balance_um = solution.closure_um - (free_um - compliance_um_per_n @ solution.force_n)
     slack_um = gap_um - solution.closure_um
     return {
-        "balance_um": float(np.abs(rest).max()),
+        "balance_um": float(np.abs(balance_um).max()),
         "penetration_um": float(max(0.0, -slack_um.min())),
         "pull_n": float(max(0.0, -solution.force_n.min())),
         "slack_nm_n": float(1e3 * np.abs(slack_um * solution.force_n).max()),

@@ -1,14 +1,15 @@
 """Hertz contact of the ball with a rigid floor."""
 
 import numpy as np
-from numpy.typing import NDArray
+
+from footsense.frames import Vector
 
 __all__ = ["contact_radius_mm"]
 
 
 def contact_radius_mm(
-    pressing_n: NDArray[np.float64] | float, ball_radius_mm: float, contact_modulus_mpa: float
-) -> NDArray[np.float64]:
+    pressing_n: Vector | float, ball_radius_mm: float, contact_modulus_mpa: float
+) -> Vector:
     """Return the radius a of the contact patch [mm], of the shape of the force: a^3 = 3 F R / (4 E*).
 
     Args:
@@ -19,5 +20,5 @@ def contact_radius_mm(
     Source:
         K. L. Johnson, Contact Mechanics, 1985, equation (4.22).
     """
-    radius_mm: NDArray[np.float64] = np.cbrt(0.75 * ball_radius_mm / contact_modulus_mpa * pressing_n)
+    radius_mm: Vector = np.cbrt(0.75 * ball_radius_mm / contact_modulus_mpa * pressing_n)
     return radius_mm

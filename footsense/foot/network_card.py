@@ -6,10 +6,10 @@ from typing import Annotated
 import msgspec
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from footsense.errors import ModelError
 from footsense.foot.capacitor import GAP_CLOSED_REL, CapacitorDesign
+from footsense.frames import Vector
 
 #: Key of the card in the file's metadata.
 METADATA_KEY = "footsense_card"
@@ -36,20 +36,20 @@ class TrainedInputs:
     """
 
     design: CapacitorDesign
-    closure_rel_min: NDArray[np.float64]
-    closure_rel_max: NDArray[np.float64]
-    moments: NDArray[np.float64]
+    closure_rel_min: Vector
+    closure_rel_max: Vector
+    moments: Vector
 
-    def gap_closed_rel(self, gap_um: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gap_closed_rel(self, gap_um: Vector) -> Vector:
         """Return the closure over the design's gap above which a gap counts as closed [1], shape as given.
 
         Args:
             gap_um: Air gap of each element [um], shape (..., 9).
         """
-        closed_rel: NDArray[np.float64] = GAP_CLOSED_REL * (gap_um / self.design.gap_um)
+        closed_rel: Vector = GAP_CLOSED_REL * (gap_um / self.design.gap_um)
         return closed_rel
 
-    def usable_max_rel(self, gap_um: NDArray[np.float64]) -> NDArray[np.float64]:
+    def usable_max_rel(self, gap_um: Vector) -> Vector:
         """Return the largest usable closure [1]: gap not closed, and trained; arguments as of `gap_closed_rel`."""
         return np.minimum(self.closure_rel_max, self.gap_closed_rel(gap_um))
 

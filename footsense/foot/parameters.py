@@ -12,11 +12,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from footsense.frames import ELEMENTS
-
-Vector = NDArray[np.float64]
+from footsense.frames import ELEMENTS, Vector
 
 #: Terms of the correction.
 FEATURES = 15

@@ -1,14 +1,13 @@
-"""The rubber foot as the simulator knows it: a contact force becomes the closures of its gaps.
+"""Response table of a foot type: the closures of its gaps under a contact force.
 
-The solid is linear, so the closure of cell c under a force f whose contact lies at -R n is, as long as no gap shuts,
+The solid is linear, so the closure of cell c under a force f whose contact lies at -R n is, as long as no gap closes,
 
     d_c = (G0_c(n) + a^2 G2_c(n)) . f,        a^3 = 3 |f . n| R / (4 E*)   (Hertz, rigid floor)
 
-G0 is the response to a point force and a^2 G2 what the contact patch of radius a adds. Both come from the
-adjoint solves of `footsense lab build` as series in products of Chebyshev polynomials of the stereographic
-coordinates of n: smooth over the pole, and evaluated without a search. What happens when a gap shuts is in `gaps`;
-the compliance B that it needs comes from the same solves. Cells of one quarter are stored, the others are their
-mirror images.
+G0 is the response to a point force, and a^2 G2 the effect of the contact patch of radius a. Both come from the adjoint
+solves of `footsense lab build`, as series in products of Chebyshev polynomials of the stereographic coordinates of n:
+smooth over the pole, and evaluated without a search. Closed gaps are solved in `gap_contact.py`, with the compliance B
+of the same solves. Cells of one quarter are stored, the others are their mirror images.
 """
 
 import hashlib
@@ -28,23 +27,29 @@ from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.gap_contact import ALL_CELLS, element_means
 from footsense.foot.hertz import contact_radius_mm
 from footsense.foot.symmetry import HALF_SIDE, SIDE, whole_compliance, whole_series
+from footsense.frames import Vector
 
-#: Version of the file's layout; a reader refuses any other.
+#: Version of the file's layout.
 FORMAT = 2
 
-#: A unit vector may be this far from length one; more is a mistake of the caller.
+#: Largest deviation of a unit vector from length 1 [1].
 UNIT_TOLERANCE = 1e-6
 
 #: Arrays of the file, by the names of the fields.
 _ARRAYS = ("quarter_series", "quarter_compliance")
+#: Other fields of the file, beside the design.
+_DESCRIPTION = (
+    *("foot_type", "ball_radius_mm", "hertz_modulus_mpa", "min_elevation_deg"),
+    *("fit_elevation_deg", "degree", "provenance"),
+)
 
 
 def n_products(degree: int) -> int:
-    """Return how many products T_i T_j there are with i + j <= degree."""
+    """Return the number of products T_i T_j with i + j <= degree."""
     return (degree + 1) * (degree + 2) // 2
 
 
-def series_basis(normal: NDArray[np.float64], degree: int, fit_elevation_deg: float) -> NDArray[np.float64]:
+def series_basis(normal: Vector, degree: int, fit_elevation_deg: float) -> Vector:
     """Return the products T_i(X) T_j(Y), i + j <= degree, of the stereographic coordinates of a unit vector.
 
     (X, Y) = (n_x, n_y) / (1 + n_z), scaled so that the circle of elevation `fit_elevation_deg` has radius 1.
@@ -63,7 +68,7 @@ def series_basis(normal: NDArray[np.float64], degree: int, fit_elevation_deg: fl
     order = np.arange(degree + 1.0)
     chebyshev = np.cos(np.arccos(np.minimum(np.maximum(plane, -1.0), 1.0))[..., None] * order)
     products = chebyshev[..., 0, :, None] * chebyshev[..., 1, None, :]
-    kept: NDArray[np.float64] = products.reshape(*products.shape[:-2], -1)[..., _kept(degree)]
+    kept: Vector = products.reshape(*products.shape[:-2], -1)[..., _kept(degree)]
     return kept
 
 
@@ -80,22 +85,22 @@ def _kept(degree: int) -> NDArray[np.intp]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FootResponse:
-    """How one type of foot answers a contact force.
+    """Response of one type of foot to a contact force.
 
     Attributes:
         foot_type: Name of the type, the same as in the network's card.
         design: Dimensions of the capacitors.
         ball_radius_mm: Radius R of the ball [mm].
         hertz_modulus_mpa: E* = E / (1 - nu^2) of the rubber against a rigid floor [MPa].
-        min_elevation_deg: Lowest elevation of the contact normal that the series may be asked for [deg].
-        fit_elevation_deg: Elevation of the rim of the disc that it was fitted on [deg].
+        min_elevation_deg: Lowest elevation of the contact normal [deg].
+        fit_elevation_deg: Elevation of the rim of the disc on which the series was fitted [deg].
         degree: Total degree of the series.
-        quarter_series: Of G0 [um/N] and G2 [um/(N mm2)] for the cells of a quarter, shape (2, products, 9, 9, 3).
+        quarter_series: Series of G0 [um/N] and G2 [um/(N mm2)] of a quarter's cells, shape (2, products, 9, 9, 3).
         quarter_compliance: Closure of all cells under a force on a cell of the quarter [um/N], shape (9, 9, 18, 18).
         series: The same for all cells, force component before cell: shape (2, products, 3 * 324).
-        compliance_um_per_n: The matrix B of `gaps`, shape (324, 324).
-        provenance: Where the numbers come from (mesh, order, unknowns, interpolation error), as JSON values.
-        sha256: Of the file that it was loaded from, empty if it was made in memory.
+        compliance_um_per_n: The matrix B of `gap_contact.py`, shape (324, 324).
+        provenance: Mesh, order, unknowns and interpolation error, as JSON values.
+        sha256: Hash of the file that it was loaded from, empty without one.
     """
 
     foot_type: str
@@ -105,13 +110,13 @@ class FootResponse:
     min_elevation_deg: float
     fit_elevation_deg: float
     degree: int
-    quarter_series: NDArray[np.float64]
-    quarter_compliance: NDArray[np.float64]
+    quarter_series: Vector
+    quarter_compliance: Vector
     provenance: dict[str, Any]
     sha256: str = ""
-    series: NDArray[np.float64] = field(init=False)
-    compliance_um_per_n: NDArray[np.float64] = field(init=False)
-    #: The last single contact and its closures per newton: a stick presses a foot for thousands of looks.
+    series: Vector = field(init=False)
+    compliance_um_per_n: Vector = field(init=False)
+    #: The last single contact and its closures per newton: a test stand holds one contact for thousands of scans.
     _last: list[Any] = field(init=False, default_factory=lambda: [b"", None])
 
     def __post_init__(self) -> None:
@@ -174,32 +179,19 @@ class FootResponse:
 
     def save(self, path: Path) -> None:
         """Write the table; equal content gives equal bytes (the archive's own dates are fixed)."""
-        about = {
-            "format": FORMAT,
-            "foot_type": self.foot_type,
-            "design": asdict(self.design),
-            "ball_radius_mm": self.ball_radius_mm,
-            "hertz_modulus_mpa": self.hertz_modulus_mpa,
-            "min_elevation_deg": self.min_elevation_deg,
-            "fit_elevation_deg": self.fit_elevation_deg,
-            "degree": self.degree,
-            "provenance": self.provenance,
-        }
+        about = {"format": FORMAT, "design": asdict(self.design)}
+        about |= {name: getattr(self, name) for name in _DESCRIPTION}
         text = np.array(json.dumps(about, sort_keys=True))
         with path.open("wb") as stream:
             np.savez(stream, description=text, **{name: getattr(self, name) for name in _ARRAYS})
 
-    def patch_radius_mm(
-        self, normal: NDArray[np.float64], force_n: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def patch_radius_mm(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the Hertz radius a [mm] of the contact patch, shape (...), of loads as in `closure_um`."""
         pressing = np.abs((normal * force_n).sum(axis=-1))
         return contact_radius_mm(pressing, self.ball_radius_mm, self.hertz_modulus_mpa)
 
-    def free_closure_um(
-        self, normal: NDArray[np.float64], force_n: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Return the closure of each cell under a contact, as if no gap could shut.
+    def free_closure_um(self, normal: Vector, force_n: Vector) -> Vector:
+        """Return the closure of each cell under a contact, as if no gap could close.
 
         Args:
             normal: Unit normal of the ball at the contact, pointing into the ball [1, foot frame], shape
@@ -231,22 +223,20 @@ class FootResponse:
         weighted = np.concatenate([basis, radius_squared * basis], axis=-1)
         shape = (*basis.shape[:-1], 3, ALL_CELLS)
         unit_n = (weighted @ self.series.reshape(-1, 3 * ALL_CELLS)).reshape(shape)
-        closure: NDArray[np.float64] = (force_n[..., None, :] @ unit_n)[..., 0, :]
+        closure: Vector = (force_n[..., None, :] @ unit_n)[..., 0, :]
         return closure
 
-    def _of_one_contact(
-        self, normal: NDArray[np.float64], force_n: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Return the same for one contact, shape (1, 324); where it stays, only the force is new."""
+    def _of_one_contact(self, normal: Vector, force_n: Vector) -> Vector:
+        """Return the same for one contact, shape (1, 324); the series of the last one is kept."""
         where = normal.tobytes()
         if self._last[0] != where:
             basis = series_basis(normal, self.degree, self.fit_elevation_deg)[0]
             self._last[:] = where, basis @ self.series.reshape(2, len(basis), -1)
         point, patch = self._last[1].reshape(2, 3, ALL_CELLS)
         radius_squared = self.patch_radius_mm(normal, force_n)[0] ** 2
-        closure: NDArray[np.float64] = force_n @ (point + radius_squared * patch)
+        closure: Vector = force_n @ (point + radius_squared * patch)
         return closure
 
-    def closure_um(self, normal: NDArray[np.float64], force_n: NDArray[np.float64]) -> NDArray[np.float64]:
+    def closure_um(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the mean closure of each element [um], shape (..., 9), of loads as in `free_closure_um`."""
         return element_means(self.free_closure_um(normal, force_n))

@@ -6,13 +6,10 @@ The solid is the designed one but for its stiffness; gaps, films, strays and the
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot import gap_contact
 from footsense.foot.response_table import FootResponse
-from footsense.frames import ELEMENTS
-
-Vector = NDArray[np.float64]
+from footsense.frames import ELEMENTS, Vector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

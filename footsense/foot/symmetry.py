@@ -1,15 +1,14 @@
-"""The square's symmetries, as they act on cells, on series and on the compliance of the gaps.
+"""Symmetries of the square foot, applied to cells, series and compliance.
 
 The cells of all electrodes together are an 18 x 18 grid, row 0 the most forward, column 0 the leftmost (the bars
-between the electrodes left out). A mirror of the foot maps the grid onto itself, so a quarter of it tells the rest.
+between the electrodes left out). A mirror of the foot maps the grid onto itself, so a quarter determines the rest.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.gap_contact import ALL_CELLS, CELLS_PER_SIDE
-
-Vector = NDArray[np.float64]
+from footsense.frames import Vector
 
 #: Cells along a side of the grid, and along a side of the quarter x > 0, y > 0.
 SIDE = 3 * CELLS_PER_SIDE

@@ -35,7 +35,7 @@ _LAB_STUDIES = {
     "solid": "mechanics.solid_page",
     "floor": "mechanics.floor",
     "fidelity": "mechanics.fidelity",
-    "cramer-rao": "accuracy.cramer_rao_page",
+    "cramer-rao": "accuracy.cramer_rao",
     "network-size": "networks.network_size",
     "history": "networks.history",
     "hard-cases": "accuracy.hard_cases",

@@ -96,7 +96,7 @@ TARGETS = (
         "one forward solve per case over the table, time", "-", 50.0, "fidelity", _table_ratio, at_least=True
     ),
     *(
-        Target(f"{_MADE}, {loads}, {what}", paper, wanted, "experiment", f"{key}.mean")
+        Target(f"{_MADE}, {loads}, {what}", paper, wanted, "experiment", f"estimators.{key}.mean")
         for loads, what, paper, wanted, key in (
             ("all loads", "direction [deg]", "15.9", 1.6, "calibrated_362.direction_deg"),
             ("all loads", "magnitude [gf]", "18.7", 1.9, "calibrated_362.magnitude_gf"),

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from footsense.errors import SensorError
 from footsense.frames import Reference
 from footsense.reference.record_decoder import SensorRecords
-from footsense.reference.sample_stream import SampleStream, SensorStatistics
+from footsense.reference.sample_stream import SampleStream
 
 __all__ = ["RDT_PORT", "NetFtReference", "rdt_request"]
 
@@ -56,12 +56,16 @@ class NetFtReference:
         port: Its UDP port.
         stream: Conversion of its counts to forces.
 
+    Attributes:
+        statistics: Counts so far; an opening is a request for the stream.
+
     Raises:
         SensorError: There is no such address.
     """
 
     def __init__(self, host: str, port: int, stream: SampleStream) -> None:
         self._stream = stream
+        self.statistics = stream.statistics
         self._name = f"{host}:{port}"
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
@@ -71,10 +75,8 @@ class NetFtReference:
             raise SensorError(f"{self._name}: {error.strerror or error}; give the sensor's address") from None
         self._socket.setblocking(False)
         self._requested_ns: int | None = None
-        self._n_requests = 0
         self._last_rdt: int | None = None
         self._unwrapped = 0
-        self._n_bad = 0
         self._bad = b""
         self._status = 0
 
@@ -88,7 +90,7 @@ class NetFtReference:
         good = [packet for packet in packets if len(packet) % _RECORD.itemsize == 0]
         for packet in packets:
             if len(packet) % _RECORD.itemsize:
-                self._n_bad, self._bad = self._n_bad + 1, packet[:40]
+                self.statistics.n_bad, self._bad = self.statistics.n_bad + 1, packet[:40]
         records = self._in_order(np.frombuffer(b"".join(good), _RECORD))
         # If all records come late, the sensor has restarted its sequence at the request of another client.
         silent = self._requested_ns is None or now_ns - self._requested_ns > _REQUEST_AGAIN_NS
@@ -99,20 +101,16 @@ class NetFtReference:
             self._requested_ns = now_ns
         return self._stream.convert(records, sum(map(len, packets)), now_ns, self._bad)
 
-    def statistics(self) -> SensorStatistics:
-        """Return the counts so far."""
-        return self._stream.statistics(self._n_bad, self._n_requests)
-
     def close(self) -> None:
         """Stop the stream, and release the socket."""
         self._send(_STOP)
         self._socket.close()
 
     def _request(self) -> None:
-        if self._n_requests:
+        if self.statistics.n_opened:
             self._stream.restart()
             self._last_rdt = None
-        self._n_requests += 1
+        self.statistics.n_opened += 1
         self._send(_START)
 
     def _send(self, command: int) -> None:
@@ -144,7 +142,7 @@ class NetFtReference:
                 self._last_rdt = number
                 self._unwrapped += step
                 sequence.append(self._unwrapped)
-        self._n_bad += keep.count(False)
+        self.statistics.n_bad += keep.count(False)
         kept = records[np.array(keep, np.bool_)]
         return SensorRecords(
             None,
@@ -159,6 +157,6 @@ class NetFtReference:
         now = int(status[bad][0]) if bad.any() else 0
         if len(status):
             if now and not self._status:
-                _log.warning("%s: its status is %#010x, its web page says why", self._name, now)
+                _log.warning("%s: status %#010x; its web page shows the cause", self._name, now)
             self._status = now
         return bad

@@ -20,12 +20,15 @@ class FileReference:
 
     Args:
         reference: All samples in their order.
+
+    Attributes:
+        statistics: Counts so far.
     """
 
     def __init__(self, reference: Reference) -> None:
         self._reference = reference
         self._offset_ns: int | None = None
-        self._n_read = 0
+        self.statistics = SensorStatistics(n_opened=1)
 
     def read(self, now_ns: int) -> Reference:
         """Return the samples up to now that were not returned yet."""
@@ -33,16 +36,11 @@ class FileReference:
         if self._offset_ns is None:
             self._offset_ns = now_ns - int(t_ns[0])
         until = int(np.searchsorted(t_ns, now_ns - self._offset_ns, side="right"))
-        span = slice(self._n_read, max(until, self._n_read))
-        self._n_read = span.stop
-        return Reference(
-            t_ns[span] + self._offset_ns, self._reference.force_n[span], self._reference.saturated[span]
-        )
-
-    def statistics(self) -> SensorStatistics:
-        """Return the counts so far."""
-        n_saturated = int(np.count_nonzero(self._reference.saturated[: self._n_read]))
-        return SensorStatistics(self._n_read, 0, 0, n_saturated, 0, 1, 0.0)
+        counts, (_, force_n, saturated) = self.statistics, self._reference
+        span = slice(counts.n_samples, max(until, counts.n_samples))
+        counts.n_samples = span.stop
+        counts.n_saturated += int(np.count_nonzero(saturated[span]))
+        return Reference(t_ns[span] + self._offset_ns, force_n[span], saturated[span])
 
     def close(self) -> None:
         """Hold nothing: there is nothing to release."""

@@ -1,7 +1,7 @@
 """Conversion of a streaming force sensor's records to timed forces, and supervision of the stream."""
 
 import logging
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,7 +22,8 @@ _WRONG_FORMAT_BYTES = 4096
 _log = logging.getLogger(__name__)
 
 
-class SensorStatistics(NamedTuple):
+@dataclass(slots=True)
+class SensorStatistics:
     """Counts of a force sensor so far.
 
     Attributes:
@@ -35,13 +36,13 @@ class SensorStatistics(NamedTuple):
         residual_ms: Uncertainty of the times [ms].
     """
 
-    n_samples: int
-    n_missing: int
-    n_bad: int
-    n_saturated: int
-    n_jumps: int
-    n_opened: int
-    residual_ms: float
+    n_samples: int = 0
+    n_missing: int = 0
+    n_bad: int = 0
+    n_saturated: int = 0
+    n_jumps: int = 0
+    n_opened: int = 0
+    residual_ms: float = 0.0
 
 
 class SampleStream:
@@ -51,18 +52,19 @@ class SampleStream:
         name: Name of the sensor, for messages.
         mounting: Its mounting.
         times: Its clock.
+
+    Attributes:
+        statistics: Counts so far; the sensor's driver counts bad records and openings.
     """
 
     def __init__(self, name: str, mounting: SensorMounting, times: SampleTimes) -> None:
         self._name = name
         self._mounting = mounting
         self._times = times
-        self._n_samples = 0
-        self._n_saturated = 0
+        self.statistics = SensorStatistics()
         self._n_bytes = 0
         self._heard_ns: int | None = None
         self._silent = False
-        self._n_jumps_logged = 0
         self._n_missing_before = 0
 
     def restart(self) -> None:
@@ -87,35 +89,31 @@ class SampleStream:
         # Samples older than the clock of a simulation have no time.
         fresh = np.full(len(t_ns), self._heard_ns is not None) & (t_ns >= 0)
         self._watch(int(np.count_nonzero(fresh)), n_bytes, now_ns, example)
-        self._n_saturated += int(np.count_nonzero(saturated[fresh]))
+        self.statistics.n_saturated += int(np.count_nonzero(saturated[fresh]))
         return Reference(t_ns[fresh], force_n[fresh], saturated[fresh])
-
-    def statistics(self, n_bad: int, n_opened: int) -> SensorStatistics:
-        """Return the counts so far."""
-        times = self._times
-        counts = (self._n_samples, times.n_missing, n_bad, self._n_saturated, times.n_jumps, n_opened)
-        return SensorStatistics(*counts, residual_ms=times.residual_ns * 1e-6)
 
     def _watch(self, n: int, n_bytes: int, now_ns: int, example: bytes) -> None:
         if self._heard_ns is None:
             self._heard_ns = now_ns
-        self._n_samples += n
+        counts, times = self.statistics, self._times
+        counts.n_samples += n
+        counts.n_missing, counts.residual_ms = times.n_missing, times.residual_ns * 1e-6
         self._n_bytes += n_bytes
-        if self._n_samples == 0:
+        if counts.n_samples == 0:
             self._require_records(now_ns - self._heard_ns, example)
         elif n:
             if self._silent:
-                missing = self._times.n_missing - self._n_missing_before
+                missing = counts.n_missing - self._n_missing_before
                 _log.warning("%s: sends again; %d samples are missing", self._name, missing)
             self._heard_ns, self._silent = now_ns, False
-            self._n_missing_before = self._times.n_missing
+            self._n_missing_before = counts.n_missing
         elif now_ns - self._heard_ns > _SILENT_NS and not self._silent:
             self._silent = True
             _log.warning(
                 "%s: no sample for %g s; the recording goes on without", self._name, _SILENT_NS * 1e-9
             )
-        if self._times.n_jumps > self._n_jumps_logged:
-            self._n_jumps_logged = self._times.n_jumps
+        if times.n_jumps > counts.n_jumps:
+            counts.n_jumps = times.n_jumps
             _log.warning("%s: its clock has jumped; the clock map restarts", self._name)
 
     def _require_records(self, waited_ns: int, example: bytes) -> None:

@@ -3,7 +3,7 @@
 from footsense.frames import Reference
 from footsense.ports import SerialPort
 from footsense.reference.record_decoder import RecordDecoder
-from footsense.reference.sample_stream import SampleStream, SensorStatistics
+from footsense.reference.sample_stream import SampleStream
 
 __all__ = ["SerialReference"]
 
@@ -16,6 +16,9 @@ class SerialReference:
         decoder: Decoder of its records.
         stream: Conversion of the records to forces.
         start: Bytes to send after the port was opened; empty if it streams by itself.
+
+    Attributes:
+        statistics: Counts so far.
     """
 
     def __init__(
@@ -24,8 +27,9 @@ class SerialReference:
         self._port = port
         self._decoder = decoder
         self._stream = stream
+        self.statistics = stream.statistics
         self._start = start
-        self._opened = port.opened
+        self.statistics.n_opened = port.opened
         port.write(start)
 
     def read(self, now_ns: int) -> Reference:
@@ -35,17 +39,14 @@ class SerialReference:
             SensorError: The bytes are no records of this sensor.
         """
         data = self._port.read()
-        if self._port.opened != self._opened:
-            self._opened = self._port.opened
+        if self._port.opened != self.statistics.n_opened:
+            self.statistics.n_opened = self._port.opened
             self._decoder.reset()
             self._stream.restart()
             self._port.write(self._start)
         records = self._decoder.feed(data)
+        self.statistics.n_bad = self._decoder.n_bad
         return self._stream.convert(records, len(data), now_ns, self._decoder.last_bad or data[:60])
-
-    def statistics(self) -> SensorStatistics:
-        """Return the counts so far."""
-        return self._stream.statistics(self._decoder.n_bad, self._opened)
 
     def close(self) -> None:
         """Release the port."""

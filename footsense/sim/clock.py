@@ -1,13 +1,13 @@
-"""Virtual time: it moves only when a bus transaction or a wait moves it.
+"""Virtual time, moved by bus transactions and waits alone.
 
-Each simulated bus has a clock of its own, because buses scan side by side; the loop's clock joins them.
+Each simulated bus has its own clock, because buses scan in parallel; the clock of the loop joins them.
 """
 
 from collections.abc import Sequence
 
 
 class VirtualClock:
-    """The time of one bus."""
+    """The clock of one bus; begins at 0."""
 
     def __init__(self) -> None:
         self._now_ns = 0
@@ -17,27 +17,31 @@ class VirtualClock:
         return self._now_ns
 
     def sleep_until_ns(self, t_ns: int) -> None:
-        """Move on to `t_ns`; time never goes back."""
+        """Move to `t_ns` [ns]; time never goes back."""
         self._now_ns = max(self._now_ns, t_ns)
 
     def advance_ns(self, duration_ns: int) -> None:
-        """Move on by `duration_ns`, which is not negative."""
+        """Move by a duration [ns], not negative."""
         self._now_ns += duration_ns
 
 
 class JoinedClock:
-    """The loop's time: whoever asks for it has waited for all buses, so they all stand at the latest of them."""
+    """The clock of the loop: a reader has waited for all buses, so that all move to the latest of them.
+
+    Args:
+        clocks: Clocks of the buses.
+    """
 
     def __init__(self, clocks: Sequence[VirtualClock]) -> None:
         self._clocks = tuple(clocks)
 
     def now_ns(self) -> int:
-        """Return the time at which every bus is ready [ns]."""
+        """Return the latest time of the buses [ns], and move all of them there."""
         latest_ns = max(clock.now_ns() for clock in self._clocks)
         self.sleep_until_ns(latest_ns)
         return latest_ns
 
     def sleep_until_ns(self, t_ns: int) -> None:
-        """Move every bus on to `t_ns`."""
+        """Move every bus to `t_ns` [ns]."""
         for clock in self._clocks:
             clock.sleep_until_ns(t_ns)

@@ -1,7 +1,7 @@
 """A validation error of msgspec with its path as keys, and the value and choices that msgspec leaves out."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any, NamedTuple
 
@@ -62,7 +62,9 @@ def locate_error(data: Any, type_: type[object], error: str, former: Mapping[str
         path = item_path(path, value)
     if unknown := _UNKNOWN.fullmatch(fault):
         name = unknown["name"]
-        return Problem(item_path(path, name), unknown["fault"] + _remedy(name, _keys(info, value), former))
+        return Problem(
+            item_path(path, name), unknown["fault"] + _remedy(name, list(_fields(info, value)), former)
+        )
     if missing := _MISSING.fullmatch(fault):
         info = _item_type(info, value, missing["name"])
         return Problem(path, fault.replace("`", "") + _expected(info))
@@ -91,7 +93,7 @@ def _expected(info: inspect.Type) -> str:
     return f" ({', or '.join(reasons)})" if reasons else ""
 
 
-def _remedy(word: object, allowed: tuple[object, ...], former: Mapping[str, str]) -> str:
+def _remedy(word: object, allowed: Sequence[object], former: Mapping[str, str]) -> str:
     """Return what to write instead of a word that is not allowed."""
     if str(word) in former:
         return f"; {former[str(word)]}"
@@ -106,52 +108,39 @@ def _union_members(info: inspect.Type) -> list[tuple[inspect.Type, str]]:
         reason = (info.extra_json_schema or {}).get("description", "")
         return [(type_, own or reason) for type_, own in _union_members(info.type)]
     if isinstance(info, inspect.UnionType):
-        return [variant for type_ in info.types for variant in _union_members(type_)]
+        return [member for type_ in info.types for member in _union_members(type_)]
     return [(info, "")]
 
 
-def _choices(info: inspect.Type) -> tuple[object, ...]:
-    return tuple(
-        value
-        for type_, _ in _union_members(info)
-        if isinstance(type_, inspect.LiteralType)
-        for value in type_.values
-    )
+def _choices(info: inspect.Type) -> list[object]:
+    types = (type_ for type_, _ in _union_members(info) if isinstance(type_, inspect.LiteralType))
+    return [value for type_ in types for value in type_.values]
 
 
-def _possible_structs(info: inspect.Type, value: Any) -> list[inspect.StructType]:  # noqa: ANN401
-    """Return the structs of a union that have the tag of a mapping."""
+def _fields(info: inspect.Type, value: dict[str, object]) -> dict[str, inspect.Type]:
+    """Return the types of the fields of a mapping; of several structs, of those with its tag."""
     structs = [type_ for type_, _ in _union_members(info) if isinstance(type_, inspect.StructType)]
-    return [
-        struct for struct in structs if struct.tag_field is None or value.get(struct.tag_field) == struct.tag
-    ]
+    fields: dict[str, inspect.Type] = {}
+    for struct in structs:
+        if struct.tag_field is not None:
+            fields[struct.tag_field] = inspect.LiteralType(tuple(other.tag for other in structs))
+        if struct.tag_field is None or value.get(struct.tag_field) == struct.tag:
+            fields |= {field.encode_name: field.type for field in struct.fields}
+    return fields
 
 
-def _keys(info: inspect.Type, value: object) -> tuple[str, ...]:
-    return tuple(
-        name
-        for struct in _possible_structs(info, value)
-        for name in (*filter(None, [struct.tag_field]), *(field.encode_name for field in struct.fields))
-    )
-
-
-def _item_type(info: inspect.Type, value: object, key: str | int) -> inspect.Type:
+def _item_type(info: inspect.Type, value: Any, key: str | int) -> inspect.Type:  # noqa: ANN401
     """Return the type of an item of a value."""
-    variants = [type_ for type_, _ in _union_members(info)]
-    tags = [
-        type_.tag for type_ in variants if isinstance(type_, inspect.StructType) and type_.tag_field == key
-    ]
-    if tags:
-        return inspect.LiteralType(tuple(tags))
-    for struct in _possible_structs(info, value) if isinstance(key, str) else ():
-        return next(field.type for field in struct.fields if field.encode_name == key)
-    for type_ in variants:
-        if isinstance(type_, inspect.TupleType) and isinstance(key, int):
-            return type_.item_types[key]
-        if isinstance(type_, inspect.ListType | inspect.VarTupleType):
-            return type_.item_type
-        if isinstance(type_, inspect.DictType):
-            return type_.value_type
+    for type_, _ in _union_members(info):
+        match type_:
+            case inspect.StructType() if isinstance(value, dict):
+                return _fields(info, value)[str(key)]
+            case inspect.TupleType(item_types=types):
+                return types[int(key)]
+            case inspect.ListType(item_type=item) | inspect.VarTupleType(item_type=item):
+                return item
+            case inspect.DictType(value_type=item):
+                return item
     return inspect.AnyType()
 
 

@@ -13,7 +13,8 @@ from footsense.config import DEFAULT, Config
 from footsense.daemon.service import open_service
 from footsense.frames import Cycle
 from footsense.sim.faults.scene_faults import CanFault
-from footsense.sim.scene import Scene, Tripod
+from footsense.sim.scene import Scene
+from footsense.sim.scene_loads import Tripod
 
 __all__ = ["CanFigures", "can_trial"]
 

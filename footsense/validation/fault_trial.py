@@ -15,7 +15,8 @@ from footsense.config import DEFAULT, Config
 from footsense.daemon.service import open_service
 from footsense.frames import USABLE, Cause, ContactFrame, Cycle, State
 from footsense.sim.faults.scene_faults import Fault, Leg
-from footsense.sim.scene import Effects, Scene, Tripod
+from footsense.sim.scene import Effects, Scene
+from footsense.sim.scene_loads import Tripod
 
 #: The leg with the fault.
 LEG: Leg = "rm"

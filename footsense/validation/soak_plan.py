@@ -5,7 +5,8 @@ import numpy as np
 
 from footsense.config import DEFAULT, Config
 from footsense.sim.faults.scene_faults import CanTraffic
-from footsense.sim.scene import Effects, Scene, Stand, Tripod, Warming
+from footsense.sim.scene import Effects, Scene, Warming
+from footsense.sim.scene_loads import Stand, Tripod
 
 __all__ = ["IDLE_TRAFFIC", "LEAD_IN_S", "Stretch", "day", "robot_and_scene"]
 

@@ -9,7 +9,7 @@ import logging
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from functools import lru_cache, partial
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -22,21 +22,18 @@ from footsense.calibration.fit.calibrate import calibrate
 from footsense.calibration.loads.calibration_load import LoadSet
 from footsense.calibration.session.recorded_session import read_session
 from footsense.clock import stopwatch_ns
-from footsense.config import Bus, Can, Config
-from footsense.daemon.foot_types import artefact
+from footsense.daemon.foot_types import models_folder
 from footsense.errors import CalibrationError
-from footsense.estimation.network import Network
 from footsense.foot.force_errors import errors
-from footsense.foot.response_table import FootResponse
 from footsense.validation.test_stand_trial import FootBatch, foot_name, run_trial
 
-__all__ = ["ALL", "FEW", "FootErrors", "FootResult", "models_folder", "run_experiment"]
+__all__ = ["ALL_LOADS", "LOAD_COUNTS", "FootErrors", "FootResult", "run_experiment"]
 
 Vector = NDArray[np.float64]
 
 #: Numbers of loads that a calibration uses; the last is all there are.
-FEW = (5, 10, 20, 50, 100)
-ALL = 362
+LOAD_COUNTS = (5, 10, 20, 50, 100)
+ALL_LOADS = 362
 
 #: Trains on changes of capacitance [pF], shape (n, 9), and forces [N], shape (n, 3); returns those of other changes.
 PerFootNetwork = Callable[[Vector, Vector, Vector], Vector]
@@ -110,7 +107,7 @@ def evaluate_foot(
     batch: FootBatch, number: int, *, per_foot_network: PerFootNetwork | None, every: int = 1
 ) -> FootResult:
     """Press, calibrate and evaluate one foot; arguments as of `run_experiment`."""
-    models = _design_models(batch.foot_type)
+    models = DesignModels.load(models_folder(batch.foot_type))
     with tempfile.TemporaryDirectory(prefix="footsense-test-stand-") as folder:
         trial = run_trial(batch, number, Path(folder), every=every)
         began_ns = stopwatch_ns()
@@ -118,13 +115,13 @@ def evaluate_foot(
         refused: dict[str, str] = {}
         calibrated = {}
         order = training.spread_order()
-        for wanted in (ALL, *(n for n in FEW if n < len(training))):
-            loads = training if wanted == ALL else training.subset(order[:wanted])
+        for wanted in (ALL_LOADS, *(n for n in LOAD_COUNTS if n < len(training))):
+            loads = training if wanted == ALL_LOADS else training.subset(order[:wanted])
             try:
                 calibrated[f"calibrated_{wanted}"] = calibrate(models, loads).parameters
             except CalibrationError as error:
                 refused[f"calibrated_{wanted}"] = str(error)
-            if wanted == ALL:
+            if wanted == ALL_LOADS:
                 calibrate_s = (stopwatch_ns() - began_ns) * 1e-9
     test = LoadSet.of(trial.test.loads)
     network = models.network(len(test))
@@ -146,24 +143,6 @@ def evaluate_foot(
         refused=refused,
         calibrate_s=calibrate_s,
     )
-
-
-def models_folder(foot_type: str) -> Path:
-    """Return the folder of a foot type.
-
-    Raises:
-        ModelError: There is no such type.
-    """
-    config = Config(
-        buses=(Bus(device="sim", legs={"lf": 0}),), can=Can(interface="virtual"), foot_type=foot_type
-    )
-    return artefact(config, "network.onnx").parent
-
-
-def _design_models(foot_type: str) -> DesignModels:
-    folder = models_folder(foot_type)
-    network = lru_cache(maxsize=8)(partial(Network, folder / "network.onnx"))
-    return DesignModels(FootResponse.load(folder / "response.npz"), network, network(1).card.trained_inputs)
 
 
 def _without_model(

@@ -15,7 +15,7 @@ from onnx import ModelProto, TensorProto, helper
 from footsense.daemon.foot_types import released
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
-from footsense.foot.checksum_trailer import seal
+from footsense.foot.checksum_trailer import add_checksum
 from footsense.foot.network_card import read_card
 from tests.fuzz.outcome import TRIED, refusal
 
@@ -74,14 +74,14 @@ def judge(files: list[Path]) -> list[str]:
 def test_forged_files_hurt_nobody(tmp_path: Path) -> None:
     """Bytes changed under a checksum that is made anew: the runtime takes them or refuses, and lives on."""
     content, rng, files = WHOLE[:-86], np.random.default_rng(1), []
-    assert seal(content) == WHOLE
+    assert add_checksum(content) == WHOLE
     for n in range(150):
         changed = bytearray(content)
         structure = rng.integers(0, 3000, 2), len(content) - 1 - rng.integers(0, 6000, 2)
         for at in (*structure[n % 2], rng.integers(0, len(content)))[: 1 + n % 3]:
             changed[at] = rng.integers(0, 256)
         files.append(tmp_path / f"{n}.onnx")
-        files[-1].write_bytes(seal(bytes(changed)))
+        files[-1].write_bytes(add_checksum(bytes(changed)))
     assert sum(" refused: " in line for line in judge(files)) > 10
 
 
@@ -103,7 +103,7 @@ def network(tmp_path: Path, *nodes: Any, **constants: Any) -> Path:
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     helper.set_model_props(model, {"footsense_card": json.dumps(CARD)})
     path = tmp_path / f"{len(list(tmp_path.iterdir()))}.onnx"
-    path.write_bytes(seal(model.SerializeToString()))
+    path.write_bytes(add_checksum(model.SerializeToString()))
     return path
 
 

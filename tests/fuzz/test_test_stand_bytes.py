@@ -90,7 +90,7 @@ def test_any_binary_records(data: st.DataObject, layout: str, checksum: str) -> 
 
 @given(st.lists(st.binary(max_size=120) | st.binary(min_size=36, max_size=36), max_size=8))
 @TRIED
-def test_any_packets(packets: list[bytes]) -> None:
+def test_any_calibrationets(packets: list[bytes]) -> None:
     """A stranger at the sensor's address."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sensor:
         sensor.bind(("127.0.0.1", 0))
@@ -121,8 +121,8 @@ STAND = (Path(__file__).parents[2] / "deploy/test-stand.yaml").read_text()
 
 @given(data=st.data(), text=texts)
 @TRIED
-def test_any_bench(tmp_path: Path, data: st.DataObject, text: str) -> None:
-    """Any text inside the description of a bench."""
+def test_any_test_stand_file(tmp_path: Path, data: st.DataObject, text: str) -> None:
+    """Any text inside the description of a test stand."""
     at = data.draw(st.integers(0, len(STAND)))
     cut = data.draw(st.integers(at, min(at + 80, len(STAND))))
     path = tmp_path / "test-stand.yaml"
@@ -198,7 +198,7 @@ def forged(calibration: Path, name: str, changed: bytes) -> None:
 
 @given(data=st.data(), value=anything, text=texts)
 @settings(TRIED, max_examples=20)
-def test_any_pack(calibration: Path, data: st.DataObject, value: object, text: str) -> None:
+def test_any_calibration(calibration: Path, data: st.DataObject, value: object, text: str) -> None:
     """Parameters and manifests that say anything; parameters even with hashes that are right."""
     files = {name: (calibration / name).read_bytes() for name in (PARAMETERS, MANIFEST)}
     said = json.loads(files[PARAMETERS])

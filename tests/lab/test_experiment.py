@@ -16,12 +16,13 @@ def test_a_badly_made_foot_is_calibrated_through_bytes_and_files(tmp_path: Path)
     command = ["lab", "experiment", "--quick", "--feet", "1", "--json", "--output", str(tmp_path)]
     done = CliRunner().invoke(main, command, catch_exceptions=False)
     assert done.exit_code == 0
-    figures = json.loads(done.stdout)
+    values = json.loads(done.stdout)
+    figures = values["estimators"]
     ways = {"design_only", "calibrated_362", "calibrated_20", "linear_per_foot", "network_per_foot"}
     assert ways <= figures.keys()
     for what in ("direction_deg", "magnitude_gf"):
         assert figures["calibrated_362"][what]["mean"] < 0.5 * figures["design_only"][what]["mean"]
         assert figures["calibrated_362"][what]["mean"] < figures["linear_per_foot"][what]["mean"]
-    assert figures["refused"] == {}
+    assert values["refused"] == {}
     assert (tmp_path / "experiment.md").read_text(encoding="utf-8").startswith("## The experiment")
     assert (tmp_path / "experiment.png").stat().st_size > 10_000

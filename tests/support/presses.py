@@ -15,32 +15,32 @@ Vector = NDArray[np.float64]
 SCAN_NS = 24_400_000
 SAMPLE_NS = 5_000_000
 NOISE_FF = 0.47
-#: Noise of a sample [N], half of 4, 4 and 12 gf, and where the sensor's zero stands.
+#: Noise of a sample [N], half of 4, 4 and 12 gf, and its offset.
 SAMPLE_NOISE_N = np.array([2.0, 2.0, 6.0]) * 9.80665e-3
-ZERO_N = np.array([0.3, -0.2, 1.1])
+OFFSET_N = np.array([0.3, -0.2, 1.1])
 #: Closure of each element that 1 N along each axis makes, over the gap [1].
 _PATTERN = np.array([[-0.2, 0.0, 0.2], [-0.2, 0.0, 0.2], [-0.2, 0.0, 0.2]])
 CLOSURE_REL = np.stack([-_PATTERN.T.ravel(), -_PATTERN.ravel(), np.full(9, 0.4)])
 
 
-class Hold(NamedTuple):
-    """One press: when it begins, how long it rises and falls, how long it is held, and with which force."""
+class SimulatedPress(NamedTuple):
+    """One press: when it begins, rise and fall, how long it dwells, and its force."""
 
     at_s: float
-    held_s: float
+    dwell_s: float
     force_n: tuple[float, float, float]
     rise_s: float = 0.2
 
 
-def felt(*holds: Hold) -> Callable[[float], Vector]:
+def force_profile(*presses: SimulatedPress) -> Callable[[float], Vector]:
     """Return the force over time of some presses."""
 
     def force_n(t_s: float) -> Vector:
         total = np.zeros(3)
-        for hold in holds:
-            since_s = t_s - hold.at_s
-            edge = min(since_s, 2 * hold.rise_s + hold.held_s - since_s) / hold.rise_s
-            total += min(max(edge, 0.0), 1.0) * np.array(hold.force_n)
+        for press in presses:
+            since_s = t_s - press.at_s
+            edge = min(since_s, 2 * press.rise_s + press.dwell_s - since_s) / press.rise_s
+            total += min(max(edge, 0.0), 1.0) * np.array(press.force_n)
         return total
 
     return force_n
@@ -61,19 +61,19 @@ def cycles(
     saturated: Callable[[float], bool] = lambda _: False,
     missing: Callable[[float], bool] = lambda _: False,
     reading: Callable[[float], Reading] = lambda _: Reading.OK,
-    said_n: Callable[[Vector], Vector] = lambda force_n: force_n,
+    reading_n: Callable[[Vector], Vector] = lambda force_n: force_n,
     scan_ns: int = SCAN_NS,
 ) -> Iterator[Cycle]:
     """Yield the cycles of one leg that is pressed so.
 
     Args:
-        force_n: What the foot feels over time [s].
+        force_n: Force on the foot over time [s].
         until_s: When it ends [s].
         drift_pf_per_s: Of every element.
         saturated: When the sensor is at its end.
         missing: When its samples do not arrive.
         reading: How element 4 answers.
-        said_n: What the sensor makes of a force.
+        reading_n: Reading of the sensor under a force.
         scan_ns: How long a scan takes.
     """
     random = np.random.default_rng(5)
@@ -91,7 +91,7 @@ def cycles(
         samples = []
         while t_sample_ns <= t_ns:
             if not missing(sample_s := t_sample_ns * 1e-9 - 1.0):
-                noisy_n = said_n(force_n(sample_s)) + ZERO_N + random.normal(0.0, SAMPLE_NOISE_N)
+                noisy_n = reading_n(force_n(sample_s)) + OFFSET_N + random.normal(0.0, SAMPLE_NOISE_N)
                 samples.append((t_sample_ns, noisy_n, saturated(sample_s)))
             t_sample_ns += SAMPLE_NS
         yield Cycle(scan, (), _forces(number, t_ns, force_n(t_s - 0.5e-9 * scan_ns)), (), _reference(samples))

@@ -1,4 +1,4 @@
-"""CalibrationLoads of a made foot as a bench would measure them, without the electronics between."""
+"""Calibration loads of a made foot as a test stand would measure them, without electronics."""
 
 from functools import lru_cache
 
@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.loads.calibration_load import LoadSet
 from footsense.daemon.foot_types import released
-from footsense.estimation.network import Network
-from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.sim.foot.fabrication import FootTolerances, fabricate
 
@@ -21,8 +19,7 @@ MADE = FootTolerances(gap_um=2.5, film_um=1.0, stray_pf=0.35, stiffness_rel=0.2,
 @lru_cache(maxsize=1)
 def design() -> DesignModels:
     """Return the released foot type."""
-    network = lru_cache(maxsize=None)(lambda n_rows: Network(released("network.onnx"), n_rows))
-    return DesignModels(FootResponse.load(released("response.npz")), network, network(1).card.trained_inputs)
+    return DesignModels.load(released("network.onnx").parent)
 
 
 def made(number: int) -> Deviations:
@@ -30,7 +27,7 @@ def made(number: int) -> Deviations:
     return fabricate(design().response, MADE, 7, number)
 
 
-def poked(
+def load_set(
     own: Deviations,
     force_n: Vector,
     rng: np.random.Generator | None = None,
@@ -42,7 +39,7 @@ def poked(
     Args:
         own: The foot.
         force_n: Forces [N], shape (n, 3).
-        rng: Of what a bench cannot hold still.
+        rng: Source of the test stand's errors; None for exact loads.
         lean_deg: Root mean square angle between normal and force [deg].
         rubber_rel: Root mean square share of each force that the rubber's memory adds [1].
     """

@@ -1,4 +1,4 @@
-"""A simulated stand: one foot as it was made, poked by a stick, recorded beside a reference that errs by nothing."""
+"""A simulated test stand: one foot as made, pressed by a stick, recorded beside an exact reference."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +15,8 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Reference
 from footsense.sim.foot.fabrication import fabricate
-from footsense.sim.scene import CalibrationLoads, Fabrication, Scene
+from footsense.sim.scene import Fabrication, Scene
+from footsense.sim.scene_loads import CalibrationLoads
 
 _SAMPLE_NS = 5_000_000
 
@@ -60,7 +61,7 @@ def record(path: Path, foot: str = "foot-0007", n: int = 24, *, reference: bool 
         buses=(Bus(device="sim", legs={"lf": 0}),), can=Can(interface="virtual"), feet={"lf": foot}
     )
     load = CalibrationLoads(presses=presses(n), rise_s=0.1, dwell_s=0.4, pause_s=0.6)
-    scene = Scene(description="a bench", load=load, fabrication=MADE)
+    scene = Scene(description="a test stand", load=load, fabrication=MADE)
     end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 200_000_000
     with open_service(config, scene, record=path, real_time=False) as service:
         true_force_n, clock = service.scan_source.true_force_n, service.scan_source.clock

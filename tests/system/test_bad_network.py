@@ -16,7 +16,7 @@ from onnx import TensorProto, helper
 from footsense.config import DEFAULT
 from footsense.daemon.estimation import load_network
 from footsense.errors import ModelError
-from footsense.foot.checksum_trailer import seal
+from footsense.foot.checksum_trailer import add_checksum
 from footsense.foot.network_card import INPUT_ORDER, OUTPUT_ORDER
 from tests.system.command import footsense, one_line_error, robot
 
@@ -83,7 +83,7 @@ def network_file(
     if text is not None:
         helper.set_model_props(model, {"footsense_card": text})
     file = folder / "network.onnx"
-    file.write_bytes(seal(model.SerializeToString()))
+    file.write_bytes(add_checksum(model.SerializeToString()))
     return file
 
 
@@ -123,7 +123,7 @@ def test_a_corrupt_network(tmp_path: Path) -> None:
     """Bytes that are no ONNX file, with and without the checksum of one."""
     (tmp_path / "network.onnx").write_bytes(b"this is no network")
     assert "no checksum at its end" in refused(tmp_path)
-    (tmp_path / "network.onnx").write_bytes(seal(b"this is no network"))
+    (tmp_path / "network.onnx").write_bytes(add_checksum(b"this is no network"))
     assert "not a readable ONNX network" in refused(tmp_path)
 
 
@@ -223,7 +223,7 @@ def test_a_network_whose_weights_do_not_fit_its_input_is_told_with_the_reason(tm
     file = network_file(tmp_path, card())
     model = onnx.load(str(file))
     model.graph.input[0].type.tensor_type.shape.dim[1].dim_value = 8
-    file.write_bytes(seal(model.SerializeToString()))
+    file.write_bytes(add_checksum(model.SerializeToString()))
     line = refused(tmp_path)
     assert "not a readable ONNX network (" in line
     assert "ncompatible dimensions" in line

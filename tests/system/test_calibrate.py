@@ -17,12 +17,13 @@ from footsense.daemon.test_stand import StandSession
 from footsense.errors import CalibrationError
 from footsense.foot.calibration_reader import read_calibration
 from footsense.frames import Cycle
-from footsense.recording.cycle_records import Numbered
+from footsense.recording.cycle_records import NumberedCycle
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
-from footsense.recording.writer import FdStream
+from footsense.recording.writer import UnbufferedFile
 from footsense.reference.sensor_mounting import NEWTON_PER
-from footsense.sim.scene import CalibrationLoads, Scene
+from footsense.sim.scene import Scene
+from footsense.sim.scene_loads import CalibrationLoads
 from tests.system.simulated_test_stand import MADE, presses
 
 STAND = StandConfig(
@@ -45,11 +46,11 @@ CONFIG = Config(
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording of a session of 24 presses, most of which count."""
-    path = tmp_path_factory.mktemp("bench") / "session.mcap"
+    path = tmp_path_factory.mktemp("stand") / "session.mcap"
     # The board's range ends below a shut gap.
     light = tuple((0.5 * x, 0.5 * y, 0.5 * z) for x, y, z in presses(24))
     load = CalibrationLoads(presses=light, rise_s=0.1, dwell_s=0.7, pause_s=0.8)
-    scene = Scene(description="a bench", load=load, lead_in_s=2.0, fabrication=MADE)
+    scene = Scene(description="a test stand", load=load, lead_in_s=2.0, fabrication=MADE)
     end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 500_000_000
     run = StandSession(test_stand=STAND, leg="lf", foot="foot-0007", session="one")
     with open_service(CONFIG, scene, record=path, real_time=False, test_stand=run) as service:
@@ -66,9 +67,9 @@ def rewritten(
     with path.open("wb") as file:
         described = msgspec.json.encode(stand).decode()
         header = {**recording.header, "reference": described, "session": path.stem}
-        copy = McapFile(FdStream(file.fileno()), header)
+        copy = McapFile(UnbufferedFile(file.fileno()), header)
         for number, cycle in enumerate(recording):
-            copy.add_cycle(Numbered(number, change(cycle)))
+            copy.add_cycle(NumberedCycle(number, change(cycle)))
         copy.finish()
     return path
 
@@ -88,8 +89,8 @@ def invoke(*arguments: str | Path) -> Result:
     return CliRunner().invoke(calibrate, [*map(str, arguments), "--foot", "foot-0007"])
 
 
-def test_a_pack_knows_at_what_temperature_it_was_made(session: Path, tmp_path: Path) -> None:
-    """The mean of what the converter told; nothing as soon as one session does not tell."""
+def test_a_calibration_has_the_temperature_of_its_sessions(session: Path, tmp_path: Path) -> None:
+    """The mean of the converter's temperature; None if one session has none."""
     done = invoke(session, "--calibrations", tmp_path)
     assert done.exit_code == 0, done.exception
     told = [cycle.temperature_c for cycle in Replay(session) if cycle.temperature_c is not None]

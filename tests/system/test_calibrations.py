@@ -15,15 +15,16 @@ from footsense.daemon.calibrations import load_calibrations
 from footsense.daemon.foot_types import released
 from footsense.daemon.service import open_service
 from footsense.errors import ModelError
-from footsense.foot.checksum_trailer import seal
+from footsense.foot.checksum_trailer import add_checksum
 from footsense.frames import Cycle, State
-from footsense.sim.scene import Constant, Scene
+from footsense.sim.scene import Scene
+from footsense.sim.scene_loads import Constant
 from tests.support.calibrations import calibration
 from tests.system.simulated_test_stand import MADE, true_parameters
 
 FORCE_N = (0.3, -0.2, 0.7)
 
-#: Two feet from the same workshop, pressed alike.
+#: Two feet of one batch, with the same load.
 SCENE = Scene(description="pressed", load=Constant(force_n=FORCE_N), lead_in_s=0.6, fabrication=MADE)
 UNTIL_NS = 900_000_000
 
@@ -37,7 +38,7 @@ def config(feet: Path, **mounted: str) -> Config:
     )
 
 
-def workshop(feet: Path) -> None:
+def write_both(feet: Path) -> None:
     """Write the calibrations of both feet, as a perfect calibration would."""
     calibration(feet, "foot-0007", parameters=true_parameters(0))
     calibration(feet, "foot-0008", parameters=true_parameters(1))
@@ -74,7 +75,7 @@ def test_feet_with_calibrations_say_what_they_feel(tmp_path: Path) -> None:
 
     Sigma is that of a foot whose temperature nobody knows, 2.5 % of the force, and little else.
     """
-    workshop(tmp_path)
+    write_both(tmp_path)
     robot = config(tmp_path, lf="foot-0007", rf="foot-0008")
     for publish in ("frame", "element"):
         forces = run(msgspec.structs.replace(robot, publish=publish)).cycle.forces
@@ -89,7 +90,7 @@ def test_feet_with_calibrations_say_what_they_feel(tmp_path: Path) -> None:
 
 def test_another_foot_is_found_by_its_fingerprint(tmp_path: Path) -> None:
     """Feet that were swapped give no force: what they read unloaded is not what the calibrations of their legs say."""
-    workshop(tmp_path)
+    write_both(tmp_path)
     last = run(config(tmp_path, lf="foot-0008", rf="foot-0007"))
     assert last.cycle.forces.state.tolist() == [State.NO_BASELINE, State.NO_BASELINE]
     assert np.isnan(last.cycle.forces.force_n).all()
@@ -98,14 +99,14 @@ def test_another_foot_is_found_by_its_fingerprint(tmp_path: Path) -> None:
 
 def test_calibrations_that_cannot_be_used(tmp_path: Path) -> None:
     """A foot without a calibration, one of another foot, and two that were fitted on different networks."""
-    workshop(tmp_path)
+    write_both(tmp_path)
     with pytest.raises(ModelError, match="foot-0009: no such calibration"):
         load_calibrations(config(tmp_path, lf="foot-0009"))
     (tmp_path / "foot-0007").rename(tmp_path / "foot-0009")
     with pytest.raises(ModelError, match="foot-0009: the calibration of foot-0007, not of foot-0009"):
         load_calibrations(config(tmp_path, lf="foot-0009"))
     other = tmp_path / "other.onnx"
-    other.write_bytes(seal(released("network.onnx").read_bytes()[:-86] + b"\x72\x04\x0a\x00\x12\x00"))
+    other.write_bytes(add_checksum(released("network.onnx").read_bytes()[:-86] + b"\x72\x04\x0a\x00\x12\x00"))
     calibration(tmp_path, "foot-0010", network=other)
     with pytest.raises(ModelError, match=r"foot-0010: fitted on network .* a robot has one network"):
         load_calibrations(config(tmp_path, lf="foot-0008", rf="foot-0010"))
@@ -113,14 +114,14 @@ def test_calibrations_that_cannot_be_used(tmp_path: Path) -> None:
 
 def test_a_leg_without_a_named_foot_is_told_of(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """It goes on as before, by the design."""
-    workshop(tmp_path)
+    write_both(tmp_path)
     assert list(load_calibrations(config(tmp_path, rf="foot-0008"))) == ["rf"]
     assert "lf: no foot is named under feet" in caplog.text
 
 
 def test_check_config_lists_the_calibrations(tmp_path: Path) -> None:
     """Which foot, since when, on how many loads, and how good."""
-    workshop(tmp_path / "feet")
+    write_both(tmp_path / "feet")
     file = tmp_path / "robot.yaml"
     file.write_text(
         "buses: [{device: sim, legs: {lf: 0, rf: 1}}]\ncan: {interface: virtual}\n"
@@ -138,7 +139,7 @@ def test_check_config_lists_the_calibrations(tmp_path: Path) -> None:
 def test_a_recording_knows_its_calibrations(tmp_path: Path) -> None:
     """Replayed with the same calibrations it gives the same forces; with others it says so, or refuses to compare."""
     feet, walk = tmp_path / "feet", tmp_path / "walk.mcap"
-    workshop(feet)
+    write_both(feet)
     run(config(feet, lf="foot-0007", rf="foot-0008"), record=walk)
     result = CliRunner().invoke(replay, [str(walk), "--check"])
     assert "scans equal bit for bit" in result.output, result.exception

@@ -18,7 +18,7 @@ from tests.system.simulated_test_stand import record, true_parameters
 @pytest.fixture(scope="module")
 def stand(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a session of foot-0007, and the calibration that a perfect calibration makes of it."""
-    folder = tmp_path_factory.mktemp("bench")
+    folder = tmp_path_factory.mktemp("stand")
     record(folder / "session.mcap")
     calibration(folder / "feet", parameters=true_parameters())
     return folder
@@ -60,7 +60,7 @@ def test_before_and_after(stand: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.lab
 def test_the_page(stand: Path, tmp_path: Path) -> None:
     """A page, its numbers and three figures; without a calibration, the network alone, and that is said."""
-    with_pack = invoke(
+    calibrated = invoke(
         stand / "session.mcap",
         "--foot",
         "foot-0007",
@@ -69,7 +69,7 @@ def test_the_page(stand: Path, tmp_path: Path) -> None:
         "--out",
         tmp_path,
     )
-    assert with_pack.exit_code == 0, with_pack.exception
+    assert calibrated.exit_code == 0, calibrated.exception
     assert {file.name for file in tmp_path.iterdir()} == {
         *("foot-0007.md", "foot-0007.json", "error-map.png", "errors.png", "patterns.png")
     }
@@ -79,7 +79,7 @@ def test_the_page(stand: Path, tmp_path: Path) -> None:
     assert "with calibration" not in alone.stdout
 
 
-def test_a_pack_is_not_judged_by_what_it_was_made_of(stand: Path, tmp_path: Path) -> None:
+def test_an_evaluation_on_fitted_recordings_is_marked(stand: Path, tmp_path: Path) -> None:
     """Not without saying so; the hashes of the recordings tell, whatever they are called."""
     from footsense.calibration.writer import file_sha256
 

@@ -22,7 +22,8 @@ from footsense.sim.bus.serial_line import LineFaults, SimulatedLine
 from footsense.sim.chips.mcu import SimulatedMcu, simulated_mcu
 from footsense.sim.faults.scene_faults import ElementOpen, StuckSda
 from footsense.sim.robot import SimulatedRobot
-from footsense.sim.scene import Effects, MeasuredWalk, Ramp, Scene
+from footsense.sim.scene import Effects, Scene
+from footsense.sim.scene_loads import MeasuredWalk, Ramp
 from tests.support.pty_line import HurriedClock, Line
 
 MS, S = 1_000_000, 1_000_000_000
@@ -72,7 +73,7 @@ def robot(scene: Scene, faults: LineFaults) -> Robot:
 def test_a_walk_is_felt_as_it_is_and_through_a_line_that_fails() -> None:
     """What a line loses costs a leg three scans; no force of what remains is wrong by it."""
     feet = robot(
-        WALK, LineFaults(lost_rel=5e-5, garbled_rel=5e-5, resets_ns=[2 * S], unplugged_ns=[(3 * S, 3.1 * S)])
+        WALK, LineFaults(lost_rel=5e-5, corrupt_rel=5e-5, resets_ns=[2 * S], unplugged_ns=[(3 * S, 3.1 * S)])
     )
     errors_n, ages_ns, usable = [], [], []
     for now_ns, forces in feet.run(4 * S):

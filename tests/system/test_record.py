@@ -72,7 +72,7 @@ def test_a_session_ends_with_a_set_that_is_enough(tmp_path: Path) -> None:
     assert footsense("replay", "--check", out).returncode == 0
 
 
-def test_a_reference_that_contradicts_the_foot_is_doubted(tmp_path: Path) -> None:
+def test_a_reference_that_contradicts_the_foot_is_reported(tmp_path: Path) -> None:
     """Wrong units and swapped axes are said as soon as they are known, and at the end; the recording is kept."""
     out = tmp_path / "one.mcap"
     wrong = SENSOR.replace("units: gf", "units: kgf").replace("{x: -x, y: -y, z: -z}", "{x: y, y: -x, z: -z}")

@@ -10,11 +10,12 @@ from footsense.config import Bus, Can, Config
 from footsense.daemon.service import open_service
 from footsense.foot.temperature import unknown_temperature_rel
 from footsense.frames import Cycle, State
-from footsense.recording.cycle_records import Numbered
+from footsense.recording.cycle_records import NumberedCycle
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
-from footsense.recording.writer import FdStream
-from footsense.sim.scene import Constant, Effects, Scene, Warming
+from footsense.recording.writer import UnbufferedFile
+from footsense.sim.scene import Effects, Scene, Warming
+from footsense.sim.scene_loads import Constant
 from tests.support.calibrations import calibration
 from tests.system.simulated_test_stand import MADE, true_parameters
 
@@ -37,7 +38,7 @@ def robot(feet: Path) -> Config:
     )
 
 
-def workshop(feet: Path, temperature_c: float | None) -> Path:
+def write_calibrations(feet: Path, temperature_c: float | None) -> Path:
     """Write the calibrations of both feet, as a perfect calibration at a temperature would."""
     for number in (0, 1):
         calibration(
@@ -76,8 +77,8 @@ class Seen:
 def test_a_known_temperature_corrects_and_an_unknown_one_widens(tmp_path: Path) -> None:
     """20 K make forces 8 % too small; what two converters are off by leaves 1 %, else sigma covers it."""
     size_n = float(np.linalg.norm(FORCE_N))
-    known = walked(workshop(tmp_path / "known", ROOM_C), WARM, 3.0)[-1].forces
-    unknown = walked(workshop(tmp_path / "unknown", None), WARM, 3.0)[-1].forces
+    known = walked(write_calibrations(tmp_path / "known", ROOM_C), WARM, 3.0)[-1].forces
+    unknown = walked(write_calibrations(tmp_path / "unknown", None), WARM, 3.0)[-1].forces
     for forces in (known, unknown):
         assert forces.state.tolist() == [State.VALID, State.VALID]
     known_n, unknown_n = (np.linalg.norm(forces.force_n, axis=1) for forces in (known, unknown))
@@ -90,7 +91,7 @@ def test_a_known_temperature_corrects_and_an_unknown_one_widens(tmp_path: Path) 
 def test_a_replay_is_as_warm_as_the_walk_was(tmp_path: Path) -> None:
     """Temperatures are recorded when they change; without them the same scans give the forces of a cold foot."""
     walk = tmp_path / "walk.mcap"
-    cycles = walked(workshop(tmp_path / "feet", ROOM_C), WARMS, 10.6, walk)
+    cycles = walked(write_calibrations(tmp_path / "feet", ROOM_C), WARMS, 10.6, walk)
     told = [cycle.temperature_c for cycle in cycles if cycle.temperature_c is not None]
     assert len(told) == 2
     np.testing.assert_allclose(told[1] - told[0], KELVIN, atol=1e-3)
@@ -102,9 +103,9 @@ def test_a_replay_is_as_warm_as_the_walk_was(tmp_path: Path) -> None:
     assert "scans equal bit for bit" in result.output, result.exception
     old = tmp_path / "old.mcap"
     with old.open("wb") as file:
-        recording = McapFile(FdStream(file.fileno()), Replay(walk).header)
+        recording = McapFile(UnbufferedFile(file.fileno()), Replay(walk).header)
         for number, cycle in enumerate(Replay(walk)):
-            recording.add_cycle(Numbered(number, cycle._replace(temperature_c=None)))
+            recording.add_cycle(NumberedCycle(number, cycle._replace(temperature_c=None)))
         recording.finish()
     assert CliRunner().invoke(replay, [str(old)]).output == f"{len(cycles)} scans replayed\n"
     result = CliRunner().invoke(replay, [str(old), "--check"])

@@ -1,4 +1,4 @@
-"""Residual correction: a small linear layer behind the network, learnt from what the physical parameters leave.
+"""Residual correction: a small linear layer behind the network, fitted to the residual of the physical parameters.
 
 Ridge regression of the relative errors of the physical forces M p, with the reference f and the network's forces p:
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.fit.parameter_fit import PRIOR, Fit
+from footsense.calibration.fit.parameter_fit import PRIOR, ParameterFit
 from footsense.calibration.fit.twin import KINDS, ContactLoads, FootTwin, parameter_names
 from footsense.errors import CalibrationError
 from footsense.foot.directions import angles_between_deg, direction_grid
@@ -49,7 +49,7 @@ def evaluation_loads_n() -> Vector:
     return np.concatenate([size * GRAM_FORCE_N * directions for size in (50.0, 120.0)])
 
 
-def predict_uncertainty(twin: FootTwin, fit: Fit) -> PredictedUncertainty:
+def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertainty:
     """Return the errors to expect, to first order, over draws from the posterior.
 
     A foot whose parameters differ from the fitted ones changes the nine readings of a load; the least-squares change of
@@ -64,58 +64,36 @@ def predict_uncertainty(twin: FootTwin, fit: Fit) -> PredictedUncertainty:
     force_n = force_n[closure_um.max(axis=1) < _OPEN_REL * twin.gap_um(fit.parameters).min()]
     if not len(force_n):
         return PredictedUncertainty(np.inf, np.inf, "gap", ())
-    rng = np.random.default_rng(_SEED)
-    slopes = _force_per_pf(twin, fit.parameters, force_n)
-    everything = slice(0, len(fit.parameters))
-    direction_deg, magnitude_rel = _errors(twin, fit, force_n, slopes, everything, rng, _DRAWS)
-    by_kind = {
-        kind: _errors(twin, fit, force_n, slopes, which, rng, _DRAWS_OF_KIND)[0]
-        for kind, which in KINDS.items()
-    }
-    not_identified = tuple(
-        name
-        for name, contraction in zip(parameter_names(), fit.contraction, strict=True)
-        if contraction < IDENTIFIED_CONTRACTION
-    )
-    return PredictedUncertainty(
-        direction_deg, magnitude_rel, max(by_kind, key=by_kind.__getitem__), not_identified
-    )
-
-
-def _force_per_pf(twin: FootTwin, parameters: Vector, force_n: Vector) -> Vector:
-    """Return the pseudo-inverse of the readings' slopes by the force [N/pF], shape (n, 3, 9)."""
-    at_pf = twin.capacitance_pf(parameters, ContactLoads.centred(force_n))
-    step_n = 1e-3 * np.linalg.norm(force_n, axis=1, keepdims=True)
-    slopes = [
-        (twin.capacitance_pf(parameters, ContactLoads.centred(force_n + step_n * axis)) - at_pf) / step_n
+    loads, magnitude_n = ContactLoads.centred(force_n), np.linalg.norm(force_n, axis=1)
+    at_pf = twin.capacitance_pf(fit.parameters, loads)
+    step_n = 1e-3 * magnitude_n[:, None]
+    by_force = [
+        (twin.capacitance_pf(fit.parameters, ContactLoads.centred(force_n + step_n * axis)) - at_pf) / step_n
         for axis in np.eye(3)
     ]
-    return np.linalg.pinv(np.stack(slopes, axis=2))
+    force_per_pf = np.linalg.pinv(np.stack(by_force, axis=2))
+    rng = np.random.default_rng(_SEED)
 
+    def errors(which: slice, n_draws: int) -> tuple[float, float]:
+        """Return median angle [deg] and relative magnitude error [1] if only these parameters are uncertain."""
+        root = np.linalg.cholesky(fit.covariance[which, which])
+        angles_deg, magnitudes_rel = [], []
+        for _ in range(n_draws):
+            drawn = fit.parameters.copy()
+            deviation = root @ rng.normal(size=len(root))
+            drawn[which] += np.clip(deviation, -2.0 * PRIOR[which], 2.0 * PRIOR[which])
+            change_pf = twin.capacitance_pf(np.clip(drawn, *twin.bounds()), loads) - at_pf
+            estimate_n = force_n + np.einsum("nij,nj->ni", force_per_pf, change_pf)
+            angles_deg.append(angles_between_deg(force_n, estimate_n))
+            magnitudes_rel.append(np.abs(np.linalg.norm(estimate_n, axis=1) / magnitude_n - 1.0))
+        return float(np.median(angles_deg)), float(np.median(magnitudes_rel))
 
-def _errors(
-    twin: FootTwin,
-    fit: Fit,
-    force_n: Vector,
-    force_per_pf: Vector,
-    which: slice,
-    rng: np.random.Generator,
-    n_draws: int,
-) -> tuple[float, float]:
-    """Return median angle [deg] and relative magnitude error [1] if only some parameters are uncertain."""
-    loads = ContactLoads.centred(force_n)
-    at_pf = twin.capacitance_pf(fit.parameters, loads)
-    magnitude_n = np.linalg.norm(force_n, axis=1)
-    root = np.linalg.cholesky(fit.covariance[which, which])
-    angles_deg, magnitudes_rel = [], []
-    for _ in range(n_draws):
-        drawn = fit.parameters.copy()
-        drawn[which] += np.clip(root @ rng.normal(size=len(root)), -2.0 * PRIOR[which], 2.0 * PRIOR[which])
-        change_pf = twin.capacitance_pf(np.clip(drawn, *twin.bounds()), loads) - at_pf
-        estimate_n = force_n + np.einsum("nij,nj->ni", force_per_pf, change_pf)
-        angles_deg.append(angles_between_deg(force_n, estimate_n))
-        magnitudes_rel.append(np.abs(np.linalg.norm(estimate_n, axis=1) / magnitude_n - 1.0))
-    return float(np.median(angles_deg)), float(np.median(magnitudes_rel))
+    direction_deg, magnitude_rel = errors(slice(None), _DRAWS)
+    by_kind = {kind: errors(which, _DRAWS_OF_KIND)[0] for kind, which in KINDS.items()}
+    contractions = zip(parameter_names(), fit.contraction, strict=True)
+    not_identified = tuple(name for name, value in contractions if value < IDENTIFIED_CONTRACTION)
+    dominant = max(by_kind, key=by_kind.__getitem__)
+    return PredictedUncertainty(direction_deg, magnitude_rel, dominant, not_identified)
 
 
 def require_identified(predicted: PredictedUncertainty, n_loads: int) -> None:

@@ -1,4 +1,4 @@
-"""Guidance of a session on the test stand: loads as they happen, what they cover, and what is wrong with them."""
+"""Guidance of a session on the test stand: new loads, their coverage, and findings about the reference."""
 
 from collections import Counter, deque
 from collections.abc import Callable
@@ -36,7 +36,7 @@ class SessionGuide:
         report: As given.
         coverage: What the accepted loads cover.
         rejected: Number of rejected presses by reason.
-        findings: What is wrong with the reference, as of the last load.
+        findings: Findings about the reference, as of the last load.
     """
 
     def __init__(

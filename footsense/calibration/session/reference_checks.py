@@ -23,7 +23,7 @@ __all__ = ["ReferenceCheck", "reference_check", "require_consistent_reference"]
 
 Vector = NDArray[np.float64]
 
-#: Returns what is wrong with a reference, one line each, of its forces and the foot's own [N], shapes (n, 3).
+#: Returns findings, one line each, of the reference's forces and the foot's own estimates [N], shapes (n, 3).
 ReferenceCheck = Callable[[Vector, Vector], list[str]]
 
 #: Fewest loads of a finding.
@@ -87,7 +87,7 @@ def _wrong_units(reference_n: Vector, estimate_n: Vector, units: str) -> Iterato
         return
     off = {unit: abs(math.log(ratio * value / NEWTON_PER[units])) for unit, value in NEWTON_PER.items()}
     best = min(off, key=off.__getitem__)
-    finding = f"the reference says {ratio:.3g} times the force that the foot itself estimates"
+    finding = f"the reference reads {ratio:.3g} times the force that the foot itself estimates"
     if best != units and off[best] < math.log(_EXPLAINED_RATIO):
         yield f"{finding}: its readings seem to be in {best}, and the test stand's file says units: {units}"
     else:

@@ -54,7 +54,7 @@ def evaluate(
         _require_figures(out)
     sessions = read_sessions(recordings, foot)
     foot_type = sessions[0].foot_type
-    models, _, response = design_models(foot_type, foot_type_folder)
+    models, _ = design_models(foot_type, foot_type_folder)
     network, trained_inputs, parameters = models.network, models.trained_inputs, None
     calibration = _calibration_of(folder, foot, foot_type)
     if calibration is not None:
@@ -68,7 +68,7 @@ def evaluate(
     if out is not None:
         from footsense.cli.evaluate.page import write_page
 
-        page = write_page(out, figures, warnings, evaluation, parameters, response)
+        page = write_page(out, figures, warnings, evaluation, parameters, models.response)
         click.echo(f"wrote {page}", err=True)
     click.echo(json.dumps(figures, indent=2) if as_json else _text(figures))
 

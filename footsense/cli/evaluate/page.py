@@ -16,6 +16,7 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
+from footsense.lab.studies.page import table as markdown_table
 
 Vector = NDArray[np.float64]
 
@@ -31,7 +32,7 @@ def write_page(
     warnings: Sequence[str],
     evaluation: Evaluation,
     foot: FootParameters | None,
-    response: Path,
+    response: FootResponse,
 ) -> Path:
     """Write the page, its figures and its numbers, and return the page's path.
 
@@ -51,15 +52,13 @@ def write_page(
     drawn = {
         _MAP: error_map(reference_n, estimates_n),
         _HISTOGRAMS: histograms(reference_n, estimates_n),
-        _PATTERNS: patterns(_patterns(evaluation, foot, FootResponse.load(response))),
+        _PATTERNS: patterns(_patterns(evaluation, foot, response)),
     }
     for name, figure in drawn.items():
         figure.savefig(folder / name, dpi=110, bbox_inches="tight", metadata={"Software": None})
     stem = figures["foot"]
     (folder / f"{stem}.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
     header, *lines = table(figures)
-    rule = "|---|---|" + "---:|" * (len(header) - 2)
-    body = "\n".join("| " + " | ".join(line) + " |" for line in lines)
     notes = "\n".join(f"- {line}" for line in warnings)
     page = folder / f"{stem}.md"
     page.write_text(
@@ -68,9 +67,7 @@ def write_page(
 Mean and 95th percentile of the angle to the reference's force, and of the difference of the magnitudes, over the loads
 that have a force with and without the calibration.
 
-| {" | ".join(header)} |
-{rule}
-{body}
+{markdown_table(header, lines)}
 
 {notes}
 

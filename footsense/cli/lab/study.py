@@ -24,6 +24,9 @@ DAEMON_STUDIES = {
     "touchdown": "footsense.benchmarks.touchdown.page",
 }
 
+#: Pages that have commands of their own, with their modules.
+OTHER_PAGES = {"experiment": "footsense.cli.lab.experiment_page"}
+
 _quick_option = click.option(
     "--quick", is_flag=True, help="Every step in seconds; its figures are no results."
 )
@@ -235,7 +238,7 @@ def _print_stale(models: Path, pages: Path, *, quick: bool) -> None:
     from footsense.lab.report import STUDIES, why_stale
     from footsense.lab.studies.page import StudyContext
 
-    context, studies = StudyContext(models=models, quick=quick), STUDIES | DAEMON_STUDIES
+    context, studies = StudyContext(models=models, quick=quick), STUDIES | DAEMON_STUDIES | OTHER_PAGES
     for name in studies:
         if reason := why_stale(name, pages, context, studies):
             click.echo(f"{name}: {reason}")

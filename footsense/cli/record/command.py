@@ -187,7 +187,7 @@ def _report(out: Path, guide: SessionGuide, sensor: StandSensor | None) -> None:
             f"elevation {target.elevation_deg:.0f} deg, in another session"
         )
     if sensor is not None:
-        counts = sensor.statistics()
+        counts = sensor.statistics
         click.echo(
             f"reference: {counts.n_samples} samples, {counts.n_missing} missing, {counts.n_bad} unreadable, "
             f"{counts.n_saturated} saturated, clock jumped {counts.n_jumps} times, opened {counts.n_opened} times, "

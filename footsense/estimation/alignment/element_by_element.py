@@ -3,18 +3,14 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.estimation.alignment.prediction import Prediction
 from footsense.estimation.alignment.scan_by_scan import AlignedSample
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import MISSING_SETS, missing_set_index
-from footsense.frames import ELEMENTS
+from footsense.estimation.sensitivity import jacobian_n
+from footsense.frames import ELEMENTS, Mask, Stamps, Vector
 from footsense.ports import Estimator
-
-Vector = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Stamps = NDArray[np.int64]
 
 #: Largest spread of a leg's nine readings that can be aligned, in scans.
 _SPREAD_SCANS = 1.5
@@ -23,7 +19,6 @@ _SPREAD_SCANS = 1.5
 _JUMPS_REL = 1.5
 #: Mean closure of a stance, at which the network's sensitivity is taken [1].
 _STANCE_REL = 0.2
-_DIFFERENCE_REL = 1e-3
 
 
 class ElementByElement:
@@ -136,12 +131,7 @@ class ElementByElement:
         axes, directions = np.linalg.eigh(moments)
         stance_rel = np.abs(directions[:, axes.argmax()])
         stance_rel *= _STANCE_REL / stance_rel.max()
-        shifts = np.concatenate((np.eye(ELEMENTS), -np.eye(ELEMENTS))) * _DIFFERENCE_REL
-        whole = np.zeros((n_legs, ELEMENTS), bool)
-        forces_n = np.array(
-            [self._estimator.estimate(np.tile(row, (n_legs, 1)), whole)[0] for row in stance_rel + shifts]
-        )
-        sensitivity = (forces_n[:ELEMENTS] - forces_n[ELEMENTS:]).transpose(1, 2, 0) / (2 * _DIFFERENCE_REL)
+        sensitivity = jacobian_n(self._estimator, n_legs, stance_rel).transpose(1, 2, 0)
         covariance = self._prediction.position_covariance
         variance_n2 = np.empty((n_legs, len(MISSING_SETS), ELEMENTS, 3))
         for number, missing in enumerate(MISSING_SETS):

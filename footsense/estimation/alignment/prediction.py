@@ -15,10 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.faults.missing_sets import MISSING_SETS
-from footsense.frames import ELEMENTS
-
-Vector = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from footsense.frames import ELEMENTS, Stamps, Vector
 
 #: Time in which a velocity decays to 1/e [s], and spectral density of its random walk [1/s3] for an element of mean
 #: loading. Over measured and made-up walks, steps and ramps the error is flat around both: half or twice either changes
@@ -92,7 +89,7 @@ class Prediction:
         legs: NDArray[np.intp],
         elements: NDArray[np.intp],
         values: Vector,
-        t_ns: NDArray[np.int64],
+        t_ns: Stamps,
         sets: NDArray[np.intp],
     ) -> None:
         """Update some legs with one new reading each.
@@ -118,7 +115,7 @@ class Prediction:
         self._innovation2[legs] = squared
         self._speed[legs] += _NEWEST_REL * (squared - self._speed[legs])
 
-    def observe_all(self, element: int, values: Vector, t_ns: NDArray[np.int64]) -> None:
+    def observe_all(self, element: int, values: Vector, t_ns: Stamps) -> None:
         """Update all legs with a reading of the same element, none of them missing; else as `observe`."""
         state = self._state
         elapsed_s = np.asarray((t_ns - self._t_ns) * 1e-9, np.float64)

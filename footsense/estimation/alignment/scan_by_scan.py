@@ -16,15 +16,10 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.estimation.faults.imputation import Imputation
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, Mask, Stamps, Vector
 from footsense.ports import Estimator
-
-Vector = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Stamps = NDArray[np.int64]
 
 #: Largest move of an element, in its own scan periods. Even steps need 0.44; more means that the scan stalled. As an
 #: array, as the next one: numpy would convert Python's numbers in every call.

@@ -16,12 +16,7 @@ One element alone makes no contact: the load is a trimmed mean, without the larg
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from footsense.frames import CommandKind
-
-Vector = NDArray[np.float64]
+from footsense.frames import CommandKind, Vector
 
 #: A fall ends contact below this share of the mean load over the last second or so [1].
 _FALLEN_REL = 0.3
@@ -189,32 +184,17 @@ class ContactDetector:
         return abs(self.load_n) <= self._lift_n + self.drift_n
 
     def refusal(self, kind: CommandKind) -> str | None:
-        """Return why a command must not be executed now, None if it may be."""
-        return refusal(kind, in_contact=self.in_contact, load_n=self.load_n, drift_n=self.drift_n)
+        """Return why a command must not be executed now, None if it may be.
 
-
-def refusal(kind: CommandKind, *, in_contact: bool, load_n: float, drift_n: float) -> str | None:
-    """Return why a command to one leg must not be executed now, None if it may be.
-
-    A controller that leans on a leg must not lose its force by one frame, so a leg in contact is not stopped. Nor is
-    it tared, unless drift and creep could explain its load: then the tare itself decides, since a foot that was lifted
-    as slowly as drift is still in contact here. Where contact is not known, as without a baseline, there is no force to
-    lose: the leg may be stopped, and a tare is decided by its readings. START is always safe.
-
-    Args:
-        kind: Command.
-        in_contact: Whether the foot is in contact.
-        load_n: Load along the leg [N], NaN where it is not known.
-        drift_n: Largest load that drift and creep alone could produce [N].
-
-    Example:
-        >>> refusal(CommandKind.STOP, in_contact=True, load_n=0.4, drift_n=0.02)
-        'the foot is in contact: it carries 0.40 N'
-    """
-    if not in_contact or kind is CommandKind.START:
-        return None
-    if kind is CommandKind.TARE and load_n <= drift_n:
-        return None
-    carries = "its load is not known now" if math.isnan(load_n) else f"it carries {load_n:.2f} N"
-    limit = f", and drift explains at most {drift_n:.2f} N" if kind is CommandKind.TARE else ""
-    return f"the foot is in contact: {carries}{limit}"
+        A controller that leans on a leg must not lose its force by one frame, so a leg in contact is not stopped. Nor
+        is it tared, unless drift and creep could explain its load: then the tare itself decides, since a foot that was
+        lifted as slowly as drift is still in contact here. Where contact is not known, as without a baseline, there is
+        no force to lose: the leg may be stopped, and a tare is decided by its readings. START is always safe.
+        """
+        is_tare = kind is CommandKind.TARE
+        if not self.in_contact or kind is CommandKind.START or (is_tare and self.load_n <= self.drift_n):
+            return None
+        unknown = math.isnan(self.load_n)
+        carries = "its load is not known now" if unknown else f"it carries {self.load_n:.2f} N"
+        limit = f", and drift explains at most {self.drift_n:.2f} N" if is_tare else ""
+        return f"the foot is in contact: {carries}{limit}"

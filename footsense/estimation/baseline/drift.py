@@ -19,11 +19,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from footsense.frames import ELEMENTS, BaselineStatus
-
-Vector = NDArray[np.float64]
+from footsense.frames import ELEMENTS, BaselineStatus, Mask, Stamps, Vector
 
 #: Fastest drift [pF/s]: 0.1 K/s of a foot that comes from the sun into the shade, at 1.5 fF/K.
 FASTEST_PF_PER_S = 0.15e-3
@@ -41,9 +38,7 @@ _TARE_PF2 = 0.2e-3**2
 _NEWEST_REL = 0.2
 
 
-def baseline_sigma_pf(
-    variance_pf2: Vector | float, updated_ns: NDArray[np.int64] | int, now_ns: int
-) -> Vector:
+def baseline_sigma_pf(variance_pf2: Vector | float, updated_ns: Stamps | int, now_ns: int) -> Vector:
     """Return the standard deviation of baselines at a time [pF], of the shape of their variances.
 
     Args:
@@ -116,7 +111,7 @@ class LegBaseline:
         self._before = None
         self.status = reason
 
-    def follow(self, capacitance_pf: Vector, t_ns: NDArray[np.int64]) -> bool:
+    def follow(self, capacitance_pf: Vector, t_ns: Stamps) -> bool:
         """Follow a foot in swing whose readings drift and creep could explain.
 
         Nothing happens until every element has been read anew since the last call that counted.
@@ -153,7 +148,7 @@ class LegBaseline:
         self.offset_pf = (mean_pf, float(moved_pf[np.abs(moved_pf).argmax()]))
         return True
 
-    def _move(self, reading_pf: Vector, known: NDArray[np.bool_], t_ns: int) -> None:
+    def _move(self, reading_pf: Vector, known: Mask, t_ns: int) -> None:
         elapsed_s = max(t_ns - self.updated_ns, 0) * 1e-9
         reach_pf = FASTEST_PF_PER_S * elapsed_s
         anchor_pf = self._anchor_pf + _clipped(self.baseline_pf - self._anchor_pf, -reach_pf, reach_pf)

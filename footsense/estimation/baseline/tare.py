@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 
 from footsense.estimation.faults.causes import SILENT
 from footsense.estimation.faults.open_elements import OPEN_REL
-from footsense.frames import ELEMENTS, Reading, Result
-
-Vector = NDArray[np.float64]
+from footsense.frames import ELEMENTS, Codes, Mask, Reading, Result, Stamps, Vector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,9 +65,9 @@ class TareWindow:
     def add(
         self,
         capacitance_pf: Vector,
-        reading: NDArray[np.uint8],
-        t_ns: NDArray[np.int64],
-        missing: NDArray[np.bool_],
+        reading: Codes,
+        t_ns: Stamps,
+        missing: Mask,
     ) -> TareResult | None:
         """Take a frame of the leg, and return the result once the window is full.
 

@@ -8,7 +8,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, trimmed_means
 from footsense.estimation.baseline.drift import FARTHEST_PF, BaselineLimits, LegBaseline, baseline_sigma_pf
@@ -20,18 +19,18 @@ from footsense.foot.capacitor import CapacitorDesign
 from footsense.frames import (
     BaselineDrift,
     BaselineStatus,
+    Codes,
     Command,
     CommandKind,
     CommandResult,
     Flag,
+    Mask,
     Reading,
     Result,
+    Stamps,
     State,
+    Vector,
 )
-
-Vector = NDArray[np.float64]
-Stamps = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 #: Silence after which a baseline is discarded: the foot may have been swapped (a swap takes longer).
 _SILENT_NS = 250_000_000
@@ -144,7 +143,7 @@ class BaselineTracker:
         return {leg: State.NO_BASELINE if leg in self._refusal else State.TARING for leg in self._untared}
 
     def tare(
-        self, capacitance_pf: Vector, reading: NDArray[np.uint8], t_ns: Stamps, missing: Mask, now_ns: int
+        self, capacitance_pf: Vector, reading: Codes, t_ns: Stamps, missing: Mask, now_ns: int
     ) -> tuple[CommandResult, ...]:
         """Feed a frame of all legs to the tares in progress, and return the results of those that end with it.
 
@@ -266,7 +265,7 @@ class BaselineTracker:
     def _window(self, leg: int) -> TareWindow:
         return TareWindow(self._tare, self._unloaded_pf[leg], self._feet[leg])
 
-    def _discard_silent(self, reading: NDArray[np.uint8], now_ns: int) -> None:
+    def _discard_silent(self, reading: Codes, now_ns: int) -> None:
         """Discard the baselines of legs that have been silent for too long, and tare them again."""
         if not np.count_nonzero(reading):
             self._heard_ns.fill(now_ns)

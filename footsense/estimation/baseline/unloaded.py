@@ -3,12 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.capacitor import CapacitorDesign
-
-Vector = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from footsense.frames import Mask, Vector
 
 
 class UnloadedFeet(NamedTuple):

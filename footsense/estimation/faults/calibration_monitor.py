@@ -36,10 +36,8 @@ the slack of the sum lies above it. A foot that alone is that much warmer is rep
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from footsense.frames import Mask, Vector
 
 #: Strides over which the references are averaged.
 REFERENCE_STRIDES = 100

@@ -6,10 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.faults.missing_sets import COLUMNS, ROWS
-from footsense.frames import ELEMENTS, BaselineDrift, Cause, Reading, State
-
-Mask = NDArray[np.bool_]
-Codes = NDArray[np.uint8]
+from footsense.frames import ELEMENTS, BaselineDrift, Cause, Codes, Mask, Reading, State
 
 #: Largest distance of an element's drift from the mean of its leg's [pF]: all drift by 30 fF over 20 K, and elements
 #: differ in that by a fifth.
@@ -100,7 +97,7 @@ def causes(reading: Codes, state: Codes, faults: ElementFaults, drift_cause: Cod
         reading: How each element answered, shape (legs, 9).
         state: State of each leg, shape (legs,).
         faults: Faulty elements.
-        drift_cause: Causes by the drift of the baselines, as of `drift_causes`: told, though it is still followed.
+        drift_cause: Causes by drift, as of `drift_causes`; a baseline still follows such a drift.
     """
     cause = drift_cause.copy()
     cause[state == State.SATURATED] = Cause.GAP_CLOSED

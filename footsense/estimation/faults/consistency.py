@@ -17,13 +17,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.estimation.faults.missing_sets import MISSING_SETS
-from footsense.frames import ELEMENTS
-
-Vector = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from footsense.frames import ELEMENTS, Mask, Stamps, Vector
 
 #: Limit of an element's residual: over its gap [1], and over the root mean square of the others [1].
 RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL = 0.03, 0.4
@@ -112,7 +108,7 @@ class ConsistencyTest:
         return squares
 
     def test(
-        self, closure_rel: Vector, measured_rel: Vector, missing: Mask, t_ns: NDArray[np.int64]
+        self, closure_rel: Vector, measured_rel: Vector, missing: Mask, t_ns: Stamps
     ) -> ConsistencyResult:
         """Test the elements of a frame.
 

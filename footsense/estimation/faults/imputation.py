@@ -6,9 +6,8 @@ estimate from those that remain; the network gets the mask of the imputed ones a
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from footsense.frames import Mask, Vector
 
 
 class Imputation:
@@ -23,7 +22,7 @@ class Imputation:
         self._moments = moments
         self._matrices: dict[bytes, Vector] = {}
 
-    def matrix(self, missing: NDArray[np.bool_]) -> Vector:
+    def matrix(self, missing: Mask) -> Vector:
         """Return F of the imputed closures F @ x, shape (9, 9).
 
         Args:
@@ -39,7 +38,7 @@ class Imputation:
             self._matrices[key] = matrix
         return self._matrices[key]
 
-    def impute(self, closure_rel: Vector, missing: NDArray[np.bool_]) -> Vector:
+    def impute(self, closure_rel: Vector, missing: Mask) -> Vector:
         """Return the closures with the missing ones imputed, shape (n, 9).
 
         Args:

@@ -3,9 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import ELEMENTS
-
-Mask = NDArray[np.bool_]
+from footsense.frames import ELEMENTS, Mask
 
 _ELEMENTS = np.arange(ELEMENTS)
 

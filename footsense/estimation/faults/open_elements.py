@@ -4,13 +4,9 @@ Pressing only adds capacitance, so an element that has lost half of its unloaded
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.estimation.faults.missing_sets import LINES
-from footsense.frames import ELEMENTS
-
-Vector = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from footsense.frames import ELEMENTS, Mask, Vector
 
 #: Capacitance below which an element is open, over its unloaded capacitance [1].
 OPEN_REL = 0.5

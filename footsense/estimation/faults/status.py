@@ -16,11 +16,7 @@ from footsense.estimation.faults.causes import ElementFaults, causes, converter_
 from footsense.estimation.faults.consistency import ConsistencyResult
 from footsense.estimation.faults.open_elements import OPEN_REL, floating_pf, missing_elements
 from footsense.foot.network_card import TrainedInputs
-from footsense.frames import USABLE, CapFrame, Reading, State
-
-Vector = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Codes = NDArray[np.uint8]
+from footsense.frames import USABLE, CapFrame, Codes, Mask, Reading, Stamps, State, Vector
 
 #: Least capacitance of an element over the range of an FDC1004 [pF].
 RANGE_END_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
@@ -115,7 +111,7 @@ class LegStatus(NamedTuple):
     usable: Mask
     fault_mask: NDArray[np.uint16]
     cause: Codes
-    t_ns: NDArray[np.int64]
+    t_ns: Stamps
     healthy: bool
 
 
@@ -132,9 +128,7 @@ class LegClassifier:
         stopped: Legs that a command has stopped, shape (legs,).
     """
 
-    def __init__(
-        self, n_legs: int, trained: TrainedInputs, gap_um: NDArray[np.float64], max_age_ns: int
-    ) -> None:
+    def __init__(self, n_legs: int, trained: TrainedInputs, gap_um: Vector, max_age_ns: int) -> None:
         self.stopped: Mask = np.zeros(n_legs, bool)
         self._closure_min_rel = trained.closure_rel_min
         self._closure_max_rel = trained.usable_max_rel(gap_um)
@@ -151,7 +145,7 @@ class LegClassifier:
         elements: ElementStatus,
         missing: Mask,
         sample: AlignedSample,
-        measured_rel: NDArray[np.float64],
+        measured_rel: Vector,
         consistency: ConsistencyResult,
         untared: Mask,
         untared_legs: Mapping[int, State],

@@ -2,9 +2,29 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
+
+#: A difference is significant from this many of its standard errors on.
+SIGNIFICANT = 2.0
+
+
+class Difference(NamedTuple):
+    """Difference of two means.
+
+    Attributes:
+        mean: Difference.
+        error: Its standard error.
+    """
+
+    mean: float
+    error: float
+
+    @property
+    def sign(self) -> int:
+        """1 or -1 if significant, else 0."""
+        return int(np.sign(self.mean)) if abs(self.mean) > SIGNIFICANT * self.error else 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,16 +62,16 @@ class MeanStd:
             n=len(values),
         )
 
-    def excess(self, other: "MeanStd") -> tuple[float, float]:
+    def excess(self, other: "MeanStd") -> Difference:
         """Return how much larger this mean is than another, and the standard error of that difference.
 
         Example:
             >>> few, many = MeanStd.over([3.0, 5.0]), MeanStd.over([1.0, 1.0])
             >>> few.excess(many)
-            (3.0, 1.0)
+            Difference(mean=3.0, error=1.0)
         """
         error = np.sqrt(self.std**2 / self.n + other.std**2 / other.n)
-        return self.mean - other.mean, float(error)
+        return Difference(self.mean - other.mean, float(error))
 
     def __str__(self) -> str:
         return f"{self.mean:.2f} ± {self.std:.2f}"

@@ -1,15 +1,16 @@
 """A study of the report: `compute` measures, a Jinja template turns the measured numbers into the page's text.
 
 A study module `x.py` ends with `STUDY = Study(...)`; its template is `x.md.j2` beside it. `compute` may take minutes
-and returns results (a dataclass) and figures. The results are written as JSON. The template sees nothing but the
-results and constants, so a committed page can be rendered again from its JSON without computing anything; a test
-compares it with the committed text.
+and returns results (a dataclass) and figures. The results are written as JSON. The template sees the fields of the
+results and the names of the study module (its constants and functions), no more, so a committed page can be rendered
+again from its JSON without computing anything; a test compares it with the committed text.
 """
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache, cached_property
+from importlib import import_module
 from pathlib import Path
 from timeit import default_timer
 from typing import Any, Generic, TypeVar
@@ -20,7 +21,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from footsense.foot.checksum_trailer import unsealed_sha256
+from footsense.foot.checksum_trailer import verified_sha256
 from footsense.foot.response_table import FootResponse
 from footsense.lab.code_hash import module_sha256
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, open_models
@@ -71,7 +72,7 @@ class StudyContext:
     def network_sha256(self) -> str:
         """Hash of the network's file; its card holds the hash of the response table, so it identifies the foot too."""
         path = self.models / NETWORK_FILE
-        return unsealed_sha256(path.read_bytes(), str(path))
+        return verified_sha256(path.read_bytes(), str(path))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +123,7 @@ class Study(Generic[Results]):
         title: Heading of its page.
         results: Type of the measured numbers: a dataclass that msgspec converts to and from JSON.
         compute: Measures.
-        names: Constants and functions that the template uses beside the fields of the results.
+        names: Names that the template uses and that the module itself does not.
         render: Returns the text of a page without a template.
         command: Of `footsense lab`; empty for `study <name>`.
     """
@@ -131,7 +132,7 @@ class Study(Generic[Results]):
     title: str
     results: type[Results]
     compute: Callable[[StudyContext], tuple[Results, Figures]]
-    names: Mapping[str, Any] = field(default_factory=dict)
+    names: dict[str, Any] = field(default_factory=dict)
     render: Callable[[Results], str] | None = None
     command: str = ""
 
@@ -143,10 +144,15 @@ class Study(Generic[Results]):
             "seconds": round(default_timer() - started, 1),
             "quick": context.quick,
             "network_sha256": context.network_sha256,
-            "code_sha256": module_sha256(self.compute.__module__),
+            "code_sha256": module_sha256(self._module),
             **msgspec.to_builtins(results, str_keys=True, enc_hook=_plain),
         }
         return self.rendered(json.loads(json.dumps(values)), figures)
+
+    @property
+    def _module(self) -> str:
+        """Name of the module of `compute`, which may be partial."""
+        return str(getattr(self.compute, "func", self.compute).__module__)
 
     def rendered(self, values: dict[str, Any], figures: Figures | None = None) -> Page:
         """Return the page of what a page's JSON holds; it computes nothing."""
@@ -155,7 +161,8 @@ class Study(Generic[Results]):
         if self.render is not None:
             body = self.render(results).strip()
         else:
-            body = render(self.compute.__module__, {"results": results, **numbers, **self.names})
+            names = vars(import_module(self._module)) | numbers | self.names | {"results": results}
+            body = render(self._module, names)
         return Page(
             name=self.name,
             title=self.title,

@@ -1,8 +1,11 @@
-"""A simulated I2C bus: one trunk, one mux, and the legs behind it, byte by byte and bit time by bit time.
+"""A simulated I2C bus: upstream bus, mux, and the legs behind it, in bytes and bit times.
 
-Electrically it does what an open-drain bus does: every connected chip at the address takes part, what they send is
-a wired AND, and a transaction fails only if nobody acknowledges. The mux switches at STOP, so a selection can never
-act within its own transaction. Not simulated: clock stretching, signal quality.
+The bus is open-drain: every connected chip at an address takes part, their answers are a wired AND, and a transaction
+fails only if no chip acknowledges. The mux switches at STOP, so that a selection never acts within its own transaction.
+Not simulated: clock stretching, signal quality.
+
+Source:
+    UM10204 (I2C-bus specification), section 3.1; TCA9548A data sheet SCPS207, section 8.5.4 (switching at STOP).
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,16 +19,16 @@ from footsense.sim.clock import VirtualClock
 
 
 class SimulatedChip(Protocol):
-    """What a chip does on the bus; times are those of its last clock."""
+    """A chip on the bus; times are those of its last clock [ns]."""
 
     address: int
 
     def acknowledges(self, t_ns: int) -> bool:
-        """Tell whether the chip answers to its address at all."""
+        """Return whether the chip acknowledges its address."""
         ...
 
     def write(self, data: bytes, t_ns: int) -> None:
-        """Take the bytes of a write."""
+        """Receive the bytes of a write."""
         ...
 
     def read(self, n: int, t_ns: int) -> bytes:
@@ -34,24 +37,35 @@ class SimulatedChip(Protocol):
 
 
 class SimulatedMux:
-    """A TCA9548A: takes one control byte, the last one wins, and connects its channels after STOP."""
+    """A TCA9548A: the last byte written selects its channels, from STOP on.
+
+    Args:
+        address: Address on the bus.
+
+    Attributes:
+        address: As given.
+        control: Control register: bit k connects channel k.
+
+    Source:
+        TCA9548A data sheet SCPS207, sections 8.4.1 (RESET input) and 8.5.4 (selection at STOP).
+    """
 
     def __init__(self, address: int) -> None:
         self.address = address
         self.control = 0
 
     def acknowledges(self, t_ns: int) -> bool:
-        """Answer always."""
+        """Return True: the mux always answers."""
         del t_ns
         return True
 
     def write(self, data: bytes, t_ns: int) -> None:
-        """Take the selection; the bus applies it at STOP, when this returns."""
+        """Set the control register; the bus applies it at STOP, when this returns."""
         del t_ns
         self.control = data[-1]
 
     def pulse(self) -> None:
-        """Take a pulse at the RESET pin: nothing is connected any more."""
+        """Disconnect all channels, as a pulse at the RESET pin does."""
         self.control = 0
 
     def read(self, n: int, t_ns: int) -> bytes:
@@ -61,13 +75,13 @@ class SimulatedMux:
 
 
 class SimulatedBus:
-    """The adapter of one simulated trunk.
+    """The adapter of a simulated upstream bus.
 
     Args:
-        clock: The bus's own time, moved by every transaction.
+        clock: Clock of the bus, moved by every transaction.
         rate_hz: Bus clock [Hz].
-        host_cost_ns: What the host adds to every transaction: interpreter, system call, interrupt [ns].
-        mux: The mux on the trunk.
+        host_cost_ns: Cost of a transaction on the host: interpreter, system call, interrupt [ns].
+        mux: The mux on the bus.
         legs: Chips behind each mux channel.
     """
 
@@ -84,15 +98,15 @@ class SimulatedBus:
         self._host_cost_ns = host_cost_ns
         self._mux = mux
         self._legs = {channel: tuple(chips) for channel, chips in legs.items()}
-        # Every transaction asks for both.
+        # Looked up in every transaction.
         self._connected: dict[tuple[int, int], tuple[SimulatedChip, ...]] = {}
         self._lasts_ns: dict[tuple[int, int], int] = {}
 
     def transfer(self, transaction: Transaction) -> bytes:
-        """Do one transaction and move the clock by what it takes.
+        """Do one transaction, and move the clock by its duration.
 
         Raises:
-            NackError: No connected chip answers to the address.
+            NackError: No connected chip acknowledges the address.
         """
         address, data, n_read = transaction
         t_start_ns = self._clock.now_ns() + self._host_cost_ns
@@ -123,12 +137,12 @@ class SimulatedBus:
         """Nothing is held."""
 
     def _wire_time_ns(self, n_written: int, n_read: int) -> int:
-        """Return how long a transaction lasts, and keep it [ns]."""
+        """Return the duration of a transaction on the wire [ns], and keep it."""
         lasts_ns = wire_time_ns(transaction_bits(n_written, n_read), self._rate_hz)
         return self._lasts_ns.setdefault((n_written, n_read), lasts_ns)
 
     def _connect(self, address: int) -> tuple[SimulatedChip, ...]:
-        """Return every chip at `address` that is electrically on the trunk now, and keep them."""
+        """Return the connected chips at `address`, and keep them for this selection."""
         behind = [
             chip
             for channel in range(tca9548a.CHANNELS)

@@ -1,7 +1,7 @@
 """A serial line in virtual time, from a simulated microcontroller to the daemon.
 
-Bytes arrive a record's length at a time, as they do on the wire; they are lost, garbled, and the plug is pulled. Not
-simulated: what of a USB adapter holds bytes back.
+Bytes arrive a record's length at a time, as on the wire. Faults: lost bytes, wrong bits, resets of the controller, a
+plug that is out. Not simulated: delays of a USB adapter.
 """
 
 from collections import deque
@@ -19,17 +19,17 @@ __all__ = ["LineFaults", "SimulatedLine"]
 
 
 class LineFaults(NamedTuple):
-    """What goes wrong on the line, and when.
+    """Faults of the line.
 
     Attributes:
         lost_rel: Share of the bytes that are lost [1].
-        garbled_rel: Share of the bytes of which a bit is wrong [1].
-        resets_ns: When the controller is reset, in the middle of a record [ns].
+        corrupt_rel: Share of the bytes with one wrong bit [1].
+        resets_ns: Times at which the controller is reset, in the middle of a record [ns].
         unplugged_ns: Spans in which the plug is out [ns].
     """
 
     lost_rel: float = 0.0
-    garbled_rel: float = 0.0
+    corrupt_rel: float = 0.0
     resets_ns: Sequence[int] = ()
     unplugged_ns: Sequence[Span] = ()
 
@@ -39,14 +39,14 @@ class SimulatedLine:
 
     Args:
         mcu: The controller at the other end.
-        clock: Virtual time: a wait for bytes moves it.
+        clock: Virtual clock: a wait for bytes moves it.
         rate_hz: Scans per second.
         baud: Bits per second.
-        faults: What goes wrong.
-        seed: Of what goes wrong at random.
+        faults: Faults of the line.
+        seed: Seed of the random ones.
 
     Attributes:
-        opened: How often it has been opened.
+        opened: Times that it has been opened.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class SimulatedLine:
         self._is_out = False
 
     def read(self) -> bytes:
-        """Return what has arrived by now."""
+        """Return the bytes that have arrived."""
         now_ns = self._clock.now_ns()
         while self._next_ns + self._mcu.converts_ns <= now_ns:
             self._send(self._next_ns)
@@ -83,18 +83,18 @@ class SimulatedLine:
         return arrived
 
     def wait_until_ns(self, t_ns: int) -> None:
-        """Move on to the next arrival, or to `t_ns`."""
+        """Move the clock to the next arrival, or to `t_ns`."""
         sends_ns = self._next_ns + self._mcu.converts_ns
         self._clock.sleep_until_ns(min(t_ns, self._due[0][0] if self._due else sends_ns))
 
     def write(self, data: bytes) -> None:
-        """Take bytes; the controller does not listen."""
+        """Discard bytes: the controller does not listen."""
 
     def close(self) -> None:
         """Do nothing: there is nothing to release."""
 
     def _send(self, t_ns: int) -> None:
-        """Put on the line what of a scan gets through: a record's length of bytes at a time."""
+        """Put the bytes of a scan on the line that get through, a record's length at a time."""
         data = self._mcu.scan(t_ns)
         while self._resets_ns and self._resets_ns[0] <= t_ns:
             data = data[: len(data) // 2 + 20]
@@ -109,11 +109,11 @@ class SimulatedLine:
             self._due.append((sends_ns + min(end, len(data)) * self._byte_ns, piece))
 
     def _harmed(self, data: bytes) -> bytes:
-        lost_rel, garbled_rel, *_ = self._faults
-        if not (lost_rel or garbled_rel):
+        lost_rel, corrupt_rel, *_ = self._faults
+        if not (lost_rel or corrupt_rel):
             return data
         line = np.frombuffer(data, np.uint8)
         kept = self._random.random(len(line)) >= lost_rel
-        wrong = self._random.random(len(line)) < garbled_rel
+        wrong = self._random.random(len(line)) < corrupt_rel
         bits = np.left_shift(1, self._random.integers(0, 8, len(line))).astype(np.uint8)
         return np.where(wrong, line ^ bits, line)[kept].tobytes()

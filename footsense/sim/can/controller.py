@@ -1,10 +1,11 @@
-"""A CAN controller and the wire that it is on: arbitration, acknowledgement, error counter, bus-off.
+"""A CAN controller on its wire: arbitration, acknowledgement, error counter, bus-off.
 
-Not modelled: real stuff bits, every frame is as long as it can be; faults that begin or end within a frame, which
-count from the next on; receive errors; drivers that keep the carrier in bus-off.
+Not modelled: real stuff bits (every frame has its maximum length); faults that begin or end within a frame (they act
+from the next on); receive errors; drivers that keep the carrier in bus-off.
 
 Source:
-    ISO 11898-1: error counters, retransmission, recovery. Linux: drivers/net/can/dev/dev.c.
+    ISO 11898-1: acknowledgement, retransmission, error counters and states, recovery from bus-off.
+    Linux: drivers/net/can/dev/dev.c.
 """
 
 import math
@@ -24,7 +25,7 @@ _ERROR_BITS = 6 + 8 + 3
 _SUSPEND_BITS = 8
 #: Bits of a frame behind the one in which an acknowledgement is missing: delimiter, end of frame, pause.
 _AFTER_ACK_BITS = 1 + 7 + 3
-#: Bits of silence after which a controller may come back to the bus.
+#: Recessive bits after which a controller may leave bus-off.
 _RECOVERY_BITS = 128 * 11
 
 _PASSIVE = 128
@@ -33,14 +34,14 @@ _TX_PASSIVE = 0x20
 
 
 class CanSettings(NamedTuple):
-    """How an interface is set up.
+    """Settings of an interface.
 
     Attributes:
-        queue_frames: Room in its queue.
+        queue_frames: Capacity of its queue.
         head_drop: Whether a full queue drops its oldest frame instead of refusing the newest.
-        one_shot: Whether the controller tries each frame once.
-        restart_ns: Time from bus-off to the restart [ns]; 0 for none.
-        mailboxes: Frames that the controller holds.
+        one_shot: Whether the controller sends each frame once only.
+        restart_ns: Time from bus-off to the automatic restart [ns]; 0 for none.
+        mailboxes: Transmit mailboxes of the controller.
     """
 
     queue_frames: int
@@ -51,7 +52,7 @@ class CanSettings(NamedTuple):
 
 
 class OtherNode:
-    """Another node on the bus, which holds one frame of 8 bytes at a time.
+    """Another node on the bus, with at most one frame of 8 bytes to send.
 
     Args:
         can_id: Id of its frames.
@@ -66,7 +67,7 @@ class OtherNode:
 
 
 def frame_bits(n_data: int) -> int:
-    """Return the longest that a frame with an 11-bit id can be, the pause behind it included [bits].
+    """Return the maximum length of a frame with an 11-bit id, stuff bits and interframe space included [bits].
 
     Example:
         >>> frame_bits(8)
@@ -79,22 +80,22 @@ class CanController:
     """The controller of one interface.
 
     Args:
-        queue: Where its frames come from.
-        settings: How the interface is set up.
+        queue: Transmit queue of the interface.
+        settings: Settings of the interface.
         bitrate: Bit rate of the bus [bit/s].
         others: The other nodes on the bus.
-        tell: Takes the error frames that it reports.
+        tell: Receives the error frames that it reports.
 
     Attributes:
         running: Whether the interface is up.
-        no_ack: Whether no other node is there.
-        shorted: Whether no bit gets through.
+        no_ack: Whether no other node acknowledges.
+        shorted: Whether the wires are shorted.
         on_delivered: Called with each frame of ours that reached the other nodes: its time, the time at which it was
             handed over [ns], and the frame. None for no listener.
         n_delivered: Frames of ours that reached them.
-        n_lost: Frames of ours that were tried once and not again.
-        n_flushed: Frames of ours that it held when it was restarted or stopped.
-        n_bus_off: How often it has gone bus-off.
+        n_lost: Frames of ours that failed in one-shot mode.
+        n_flushed: Frames of ours in the mailboxes at a restart or stop.
+        n_bus_off: Times that it went bus-off.
     """
 
     def __init__(
@@ -122,11 +123,11 @@ class CanController:
 
     @property
     def due_ns(self) -> float:
-        """When something happens next [ns]; infinite if nothing does by itself."""
+        """Time of the next event [ns]; infinite without any."""
         return min(self._free_ns, self._restart_ns)
 
     def happen(self, t_ns: int) -> None:
-        """Do what is due."""
+        """Process the events due at `t_ns` [ns]."""
         if self._passing is not None and self._free_ns <= t_ns:
             passed, self._passing, self._free_ns = self._passing, None, math.inf
             passed(t_ns)
@@ -139,14 +140,14 @@ class CanController:
             self._occupy(t_ns, _RECOVERY_BITS, _nothing)
 
     def stop(self) -> None:
-        """Be switched off, as an interface that goes down."""
+        """Stop, as an interface that goes down."""
         self._flush()
         self._passing = None
         self._free_ns = self._restart_ns = math.inf
         self._error_count = 0
 
     def begin(self, t_ns: int) -> None:
-        """Fill the mailboxes from the queue, and put a frame onto the wire if that is free."""
+        """Fill the mailboxes from the queue, and start a frame if the wire is free."""
         while len(self._mailboxes) < self._settings.mailboxes and self.running and len(self._queue):
             self._mailboxes.append(self._queue.take())
         if self._passing is not None:
@@ -154,7 +155,7 @@ class CanController:
         ours = None
         if self.running and self._mailboxes and self._error_count < _BUS_OFF:
             ours = self._mailboxes[0]
-        # Without an acknowledgement, and on a shorted bus, no other node is there to be heard.
+        # Without acknowledgement, and on a shorted bus, no frame of another node arrives.
         reachable = not (self.no_ack or self.shorted)
         waiting = [node for node in self._others if node.waiting] if reachable else []
         other = min(waiting, key=lambda node: node.can_id, default=None)
@@ -196,7 +197,7 @@ class CanController:
                 self.on_delivered(t_ns, frame.handed_ns, frame.data)
 
     def _miss_ack(self, t_ns: int) -> None:
-        """Nobody acknowledged; that alone takes no controller beyond error passive."""
+        """Count a missing acknowledgement, which alone takes no controller beyond error passive."""
         del t_ns
         if self._error_count < _PASSIVE:
             self._count_errors(8)
@@ -204,7 +205,7 @@ class CanController:
             self._give_up()
 
     def _fail(self, t_ns: int) -> None:
-        """The first bit came back wrong."""
+        """Count a bit error, and go bus-off at 256."""
         self._count_errors(8)
         if self._error_count >= _BUS_OFF:
             self.n_bus_off += 1
@@ -215,7 +216,7 @@ class CanController:
             self._give_up()
 
     def _count_errors(self, change: int) -> None:
-        """Move the transmit error counter, and tell when that changes the controller's state."""
+        """Change the transmit error counter, and report a change of the error state."""
         before, after = self._error_count, max(0, self._error_count + change)
         self._error_count = after
         if after >= _BUS_OFF:
@@ -227,4 +228,4 @@ class CanController:
 
 
 def _nothing(t_ns: int) -> None:
-    """What follows from a frame of another node."""
+    """Ignore the end of another node's frame."""

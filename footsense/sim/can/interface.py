@@ -1,12 +1,11 @@
 """A SocketCAN interface and the bus behind it, frame by frame in virtual time.
 
-A frame goes from the socket into the interface's queue, from there into one of the controller's mailboxes, and
-from there onto the wire, where it may find nobody who acknowledges, or no wire. What becomes of it on the way
-decides whether an old force comes late, and vcan shows none of it:
+A frame passes from the socket to the queue of the interface, to a mailbox of the controller, and to the wire. These
+stages decide whether an old force arrives late, and vcan simulates none of them:
 
 - A full queue refuses a frame (`pfifo`, ENOBUFS) or drops its oldest (`pfifo_head_drop`, no error).
-- A frame without an acknowledgement is sent again for ever, and the rest waits behind it; in one-shot mode it is
-  sent once, and gone. So is one that loses an arbitration.
+- A frame without an acknowledgement is repeated for ever, and the others wait behind it; in one-shot mode it is sent
+  once and lost, as is a frame that loses an arbitration.
 - Bus-off: the driver takes the carrier away. The kernel then empties the queue, but at most once a second: in a
   bus-off that follows soon, frames stay in the queue and go out after the restart. The restart empties the
   mailboxes. While the queue is deactivated, a frame is taken without error and lost.
@@ -42,7 +41,7 @@ _MOST_UNREAD = 300
 
 
 class _Sender:
-    """When a node, or another program on the same computer, sends."""
+    """Schedule of another node, or of another program on the same computer."""
 
     def __init__(self, fault: CanTraffic | CanQueueFull) -> None:
         self.period_ns = _NS_PER_S / fault.rate_hz
@@ -55,14 +54,14 @@ class SimulatedCan:
     """An interface and its bus.
 
     Args:
-        clock: The time; what happens on the bus is worked out whenever a socket asks.
+        clock: The clock; events on the bus are processed whenever a socket is used.
         bitrate: Bit rate of the bus [bit/s].
-        faults: What goes wrong, and when.
-        settings: How the interface is set up.
+        faults: Faults of the bus and of the interface.
+        settings: Settings of the interface.
 
     Attributes:
-        queue: The interface's queue.
-        controller: Its controller; `controller.on_delivered` is for whoever wants to know what came when.
+        queue: Transmit queue.
+        controller: Controller; its `on_delivered` observes the frames that arrive.
         present: Whether the interface exists.
         up: Whether it is up.
     """
@@ -92,7 +91,7 @@ class SimulatedCan:
         """Return a socket that is bound to the interface.
 
         Raises:
-            CanError: There is no such interface at the moment.
+            CanError: The interface does not exist at the moment.
         """
         self.advance()
         if not self.present:
@@ -104,7 +103,7 @@ class SimulatedCan:
         return socket
 
     def arrive(self, can_id: int, data: bytes) -> None:
-        """Let every socket receive a frame of another node."""
+        """Deliver a frame of another node to every socket."""
         self.advance()
         self._tell(pack_frame(can_id, data))
 
@@ -119,7 +118,7 @@ class SimulatedCan:
         return taken
 
     def advance(self) -> None:
-        """Let everything happen that happens up to now."""
+        """Process all events up to now."""
         now_ns = self._clock.now_ns()
         while (t_ns := self._due_ns()) <= now_ns:
             self._t_ns = max(self._t_ns, math.ceil(t_ns))
@@ -127,15 +126,15 @@ class SimulatedCan:
         self._t_ns = max(self._t_ns, now_ns)
 
     def _due_ns(self) -> float:
-        """Return when something happens next [ns]."""
+        """Return the time of the next event [ns]."""
         return min(self._edges[0], self.controller.due_ns, self.queue.look_ns, self._others_ns)
 
     def _others_due_ns(self) -> float:
-        """Return when another node or program sends next [ns]."""
+        """Return the time at which another node or program sends next [ns]."""
         return min((sender.due_ns for sender in self._senders), default=math.inf)
 
     def _happen(self, t_ns: int) -> None:
-        """Do what is due at `t_ns`."""
+        """Process the events due at `t_ns` [ns]."""
         while self._edges[0] <= t_ns:
             self._edges.popleft()
             self._turn(t_ns)
@@ -150,7 +149,7 @@ class SimulatedCan:
         self.controller.begin(t_ns)
 
     def _turn(self, t_ns: int) -> None:
-        """Begin and end the faults of this moment."""
+        """Begin and end faults at `t_ns` [ns]."""
         acting = [fault for fault in self._faults if fault.at_ns <= t_ns < fault.until_ns]
         down = [fault for fault in acting if isinstance(fault, CanDown)]
         if self.up and down:
@@ -167,7 +166,7 @@ class SimulatedCan:
         self.controller.shorted = any(isinstance(fault, CanBusOff) for fault in acting)
 
     def _other_sends(self, sender: _Sender, t_ns: int) -> None:
-        """Let a node or another program send its next frame."""
+        """Send the next frame of another node or program."""
         sender.due_ns += sender.period_ns
         if sender.due_ns >= sender.until_ns:
             sender.due_ns = math.inf
@@ -182,7 +181,7 @@ class SimulatedCan:
 
 
 class _Socket:
-    """A socket that is bound to the interface: what stands behind `CanWire`."""
+    """A socket that is bound to the interface, a `CanWire`."""
 
     def __init__(self, can: SimulatedCan, sockets: "list[_Socket]") -> None:
         self._can = can
@@ -209,7 +208,7 @@ class _Socket:
         return len(frames) // FRAME_BYTES
 
     def receive(self) -> list[bytes]:
-        """Return what has arrived.
+        """Return the frames that have arrived.
 
         Raises:
             OSError: The interface has gone down.
@@ -223,7 +222,7 @@ class _Socket:
         return arrived
 
     def close(self) -> None:
-        """Release the socket; what it has handed over stays in the queue."""
+        """Release the socket; its frames stay in the queue."""
         if self in self._sockets:
             self._sockets.remove(self)
 

@@ -1,4 +1,4 @@
-"""The queue that Linux keeps for a CAN interface, and what it does with it when the carrier goes.
+"""The transmit queue of a CAN interface in Linux, and its treatment at a loss of carrier.
 
 Source:
     Linux: net/sched/sch_fifo.c, net/sched/sch_generic.c, net/core/link_watch.c.
@@ -10,15 +10,15 @@ from typing import NamedTuple
 
 __all__ = ["Queued", "TransmitQueue"]
 
-#: The kernel looks after interfaces that lost their carrier at most this often [ns].
+#: Least time between two looks of the kernel at interfaces without carrier [ns].
 _LINK_WATCH_NS = 1_000_000_000
 
 
 class Queued(NamedTuple):
-    """A frame on its way.
+    """A frame in the queue or a mailbox.
 
     Attributes:
-        handed_ns: When it was handed to the kernel [ns].
+        handed_ns: Time at which it was handed to the kernel [ns].
         data: The frame, as in `firmware_interface.socketcan`.
         ours: Whether it came from a socket, and not from another program.
     """
@@ -32,14 +32,14 @@ class TransmitQueue:
     """A queue of frames.
 
     Args:
-        room: Frames that it holds.
-        head_drop: Whether a full one drops its oldest frame (`pfifo_head_drop`) or refuses the newest (`pfifo`).
+        room: Capacity in frames.
+        head_drop: Whether a full queue drops its oldest frame (`pfifo_head_drop`) or refuses the newest (`pfifo`).
 
     Attributes:
         n_pushed_out: Frames dropped for newer ones.
-        n_purged: Frames emptied out.
-        n_swallowed: Frames taken while there was no carrier, and lost.
-        look_ns: When the kernel looks after the carrier next [ns]; infinite if it has no reason to.
+        n_purged: Frames dropped with the carrier.
+        n_swallowed: Frames accepted without carrier, and lost.
+        look_ns: Next look of the kernel at the carrier [ns]; infinite without a reason.
     """
 
     def __init__(self, room: int, *, head_drop: bool) -> None:
@@ -55,14 +55,14 @@ class TransmitQueue:
         self.n_swallowed = 0
 
     def __len__(self) -> int:
-        """Return how many frames wait."""
+        """Return the number of frames."""
         return len(self._frames)
 
     def put(self, frame: Queued) -> bool:
-        """Take a frame.
+        """Append a frame.
 
         Returns:
-            False for one that was refused: ENOBUFS.
+            False if it was refused: ENOBUFS.
         """
         if not self._active:
             self.n_swallowed += 1
@@ -76,7 +76,7 @@ class TransmitQueue:
         return True
 
     def take(self) -> Queued:
-        """Return the oldest frame, of which there is one."""
+        """Remove and return the oldest frame; there is one."""
         return self._frames.popleft()
 
     def purge(self) -> None:
@@ -85,23 +85,23 @@ class TransmitQueue:
         self._frames.clear()
 
     def stop(self) -> None:
-        """Be emptied with an interface that goes down; when it comes up again, it has a carrier."""
+        """Empty the queue of an interface that goes down; it has a carrier when it comes up again."""
         self.purge()
         self.regain_carrier()
         self.look_ns = math.inf
 
     def lose_carrier(self, t_ns: int) -> None:
-        """The kernel is told; it acts at once if it has not just done so."""
+        """Note the loss of the carrier; the kernel looks at once, or a second after its last look."""
         self._carrier = False
         self.look_ns = max(t_ns, self._may_look_ns)
 
     def regain_carrier(self) -> None:
-        """A deactivated queue is made active at once; one that the kernel did not get to is as it was."""
+        """Note the return of the carrier; it activates a deactivated queue at once."""
         self._carrier = True
         self._active = True
 
     def look(self, t_ns: int) -> None:
-        """Do what the kernel does when it looks after the carrier."""
+        """Look at the carrier at `t_ns` [ns]: without one, deactivate and empty the queue."""
         self.look_ns = math.inf
         self._may_look_ns = t_ns + _LINK_WATCH_NS
         if not self._carrier:

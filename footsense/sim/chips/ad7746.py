@@ -1,16 +1,19 @@
 """A simulated AD7746, from the data sheet: registers, single conversions, ready bits, range, noise, temperature.
 
-It shares only register addresses and times with the driver. Behaviours kept:
-- the pointer moves on with every byte, read or written; one byte 0xBF in its place resets the chip, which answers
-  nobody for 200 us;
-- a single conversion converts what is enabled, capacitance first, then the chip is idle, and the mode reads as that;
+It shares only register addresses and times with the driver. Simulated:
+- the address pointer advances with every byte read or written; the byte 0xBF in its place resets the chip, which then
+  does not answer for 200 us;
+- a single conversion converts the enabled channels, capacitance first; then the chip is idle, and the mode reads idle;
 - RDYCAP and RDYVT fall with new data, RDY with all of it; they rise when the data is read, which stays until the next
-  conversion ends; a write of the configuration abandons a conversion that runs;
-- the CAPDAC takes off its steps, whose size is the chip's own; codes end at 0x000000 and 0xFFFFFF;
-- EXCERR, if the excitation was shorted during the conversion;
-- noise by conversion time, that of a cable to the foot included: the chip's own is a twentieth of it.
+  conversion ends; a write of the configuration aborts a running conversion;
+- the CAPDAC subtracts its steps, whose size differs between chips; codes are limited to 0x000000 and 0xFFFFFF;
+- EXCERR after a conversion with a shorted excitation;
+- noise by conversion time, of the cable to the foot as well: that of the chip is a twentieth of it.
 Not simulated: continuous conversion, calibration modes, CIN2, the second CAPDAC, differential input, chopping, external
 temperature and voltage.
+
+Source:
+    Analog Devices AD7745/AD7746 data sheet rev. 0; `firmware_interface/ad7746.py` names the tables.
 """
 
 from collections.abc import Callable
@@ -25,7 +28,7 @@ from footsense.sim.faults.schedule import Span, during
 #: Smallest and largest step of a chip's CAPDAC over the nominal one [1]: 17 pF of full scale are guaranteed, 21 pF
 #: typical.
 CAPDAC_GAIN_REL = (0.85, 1.2)
-#: How far a chip's thermometer may be off [K].
+#: Largest error of a chip's thermometer [K].
 TEMPERATURE_ERROR_K = 2.0
 
 _RATE_OF_CODE = {rate.code: rate for rate in chip.RATES.values()}
@@ -40,10 +43,10 @@ class SimulatedAd7746(LegChip):
 
     Args:
         mutual_capacitance: The foot between EXCA and CIN1.
-        noise: Source of its noise; None for a converter without.
-        clock_error_rel: How much longer its conversions last than nominal [1].
-        capdac_gain_rel: Size of its CAPDAC's steps over the nominal one [1].
-        temperature_c: What its thermometer reads at a time [ns], its error included [deg C].
+        noise: Source of its noise; None for none.
+        clock_error_rel: Relative excess of its conversion times [1].
+        capdac_gain_rel: Size of its CAPDAC steps over the nominal one [1].
+        temperature_c: Returns the reading of its thermometer at a time [ns], error included [deg C].
 
     Attributes:
         stuck_ns: Spans in which its conversions do not finish [ns].
@@ -71,7 +74,7 @@ class SimulatedAd7746(LegChip):
         return super().acknowledges(t_ns) and t_ns >= self._ready_ns
 
     def write(self, data: bytes, t_ns: int) -> None:
-        """Take a register pointer and the values of the registers from there on; or reset."""
+        """Receive a register pointer and the values of the registers from there on; or a reset command."""
         self._finish_by(t_ns)
         if data[0] == chip.RESET_COMMAND:
             self.power_up(t_ns)
@@ -85,7 +88,7 @@ class SimulatedAd7746(LegChip):
             self._pointer += 1
 
     def read(self, n: int, t_ns: int) -> bytes:
-        """Return the registers from the pointer on; behind the last one, ones."""
+        """Return the registers from the pointer on, and ones behind the last one."""
         self._finish_by(t_ns)
         # The status as it was when it was sent: what follows in the same burst clears its bits.
         answer = bytes(self._registers[self._pointer : self._pointer + n])
@@ -104,11 +107,11 @@ class SimulatedAd7746(LegChip):
         self._registers[Register.CAP_SETUP : Register.CAP_SETUP + len(settings)] = settings
         self._pointer = 0
         self._ready_ns = t_ns + chip.RESET_NS
-        #: What converts, its start and its end; in its order.
+        #: Channel, start and end of the pending conversions, in their order.
         self._running: list[tuple[int, int, int]] = []
 
     def _begin(self, t_ns: int) -> None:
-        """Take a configuration; a single conversion starts with it."""
+        """Take the configuration, and start a single conversion."""
         self._running = []
         configuration = self._registers[Register.CONFIGURATION]
         if configuration & 0x07 != chip.MODE_SINGLE:
@@ -131,7 +134,7 @@ class SimulatedAd7746(LegChip):
                 t_ns = end_ns
 
     def _finish_by(self, t_ns: int) -> None:
-        """Let the conversions that are over by now set their results."""
+        """Set the results of the conversions that are over by `t_ns` [ns]."""
         while self._running and self._running[0][2] <= t_ns:
             kind, start_ns, end_ns = self._running[0]
             if during(self.stuck_ns, end_ns):

@@ -1,8 +1,8 @@
 """A simulated FDC1004, from the data sheet: registers, one-shot conversions, DONE bits, noise and range.
 
-It shares only register addresses with the driver. Behaviours kept (data sheet sections as there):
+It shares only register addresses with the driver. Simulated (sections of the data sheet, SNOSCY5):
 - one conversion at a time: a trigger with several measurements and no REPEAT starts none (8.5.3.1), and a trigger
-  during a conversion abandons it;
+  during a conversion aborts it;
 - DONE_n is set when measurement n ends and cleared when its result is read (8.5.3.4);
 - a result that was never converted, or is being converted, reads as 0x7FFFFF;
 - the CAPDAC takes its steps off what a pin sees, with an error of the whole chip and one where bit 3 comes in;
@@ -35,7 +35,7 @@ CinCapacitance = Callable[[int, int, int], float]
 
 
 class _Conversion(NamedTuple):
-    """What a word in FDC_CONF starts: measurement, nominal time, noise."""
+    """A conversion that a word in FDC_CONF starts: measurement, nominal time [ns], noise [pF]."""
 
     slot: int
     lasts_ns: int
@@ -44,7 +44,7 @@ class _Conversion(NamedTuple):
 
 @cache
 def _conversion(word: int) -> _Conversion | None:
-    """Return what a word in FDC_CONF starts; None for nothing."""
+    """Return the conversion that a word in FDC_CONF starts; None for none."""
     triggers = chip.CONF_TRIGGERS.decode(word)
     one_shot = triggers.bit_count() == 1 and not chip.CONF_REPEAT.decode(word)
     rate = _RATE_OF_CODE.get(chip.CONF_RATE.decode(word))
@@ -71,8 +71,8 @@ class SimulatedFdc1004(LegChip):
 
     Args:
         cin_capacitance_pf: What is connected to the pins.
-        noise: Source of the converter's noise; None for a converter without.
-        clock_error_rel: How much longer its conversions last than nominal [1].
+        noise: Source of its noise; None for none.
+        clock_error_rel: Relative excess of its conversion times [1].
 
     Attributes:
         stuck_ns: Spans in which its conversions do not finish [ns].
@@ -98,7 +98,7 @@ class SimulatedFdc1004(LegChip):
         self._reset()
 
     def write(self, data: bytes, t_ns: int) -> None:
-        """Take a register pointer and, if two bytes follow, the register's new value."""
+        """Receive a register pointer and, if two bytes follow, the value of the register."""
         if self._running is not None and t_ns >= self._ends_ns:
             self._finish(self._running)
         self._pointer = data[0]
@@ -111,7 +111,7 @@ class SimulatedFdc1004(LegChip):
             self._registers[self._pointer] = word
 
     def read(self, n: int, t_ns: int) -> bytes:
-        """Return the register at the pointer; further bytes are ones, as nobody drives the line."""
+        """Return the register at the pointer, and ones behind it: no chip drives the line then."""
         if self._running is not None and t_ns >= self._ends_ns:
             self._finish(self._running)
         word = self._register(self._pointer).to_bytes(2, "big")
@@ -139,7 +139,7 @@ class SimulatedFdc1004(LegChip):
         self._ends_ns = t_ns + round(conversion.lasts_ns * self._clock_factor)
 
     def _finish(self, conversion: _Conversion) -> None:
-        """Let a conversion that is over by now set its result."""
+        """Set the result of a conversion that is over."""
         if during(self.stuck_ns, self._ends_ns):
             return
         self._running = None

@@ -1,4 +1,8 @@
-"""A simulated ADG715 with a foot's rows or columns on it."""
+"""A simulated ADG715 on the rows or columns of a foot.
+
+Source:
+    Analog Devices ADG714/ADG715 data sheet rev. B: one data byte, bit n closes switch n + 1; all open at power-up.
+"""
 
 from collections import deque
 from typing import NamedTuple
@@ -7,12 +11,12 @@ from firmware_interface import adg715
 from footsense.sim.chips.leg_chip import LegChip
 from footsense.sim.faults.schedule import Span, during
 
-#: Capacitance to ground of a row line that nothing drives [pF]: the electrode and a few millimetres of trace.
+#: Capacitance to ground of a floating row line [pF]: the electrode and a few millimetres of trace.
 FLOATING_ROW_PF = 1.0
 
 
 class LineStates(NamedTuple):
-    """Which lines were selected and which waited, from a time on; the others floated."""
+    """Selected and waiting lines from a time on [ns], as bit masks; the others float."""
 
     since_ns: int
     selected: int
@@ -41,7 +45,7 @@ class SimulatedLineSwitch(LegChip):
         self._set(0, t_ns)
 
     def write(self, data: bytes, t_ns: int) -> None:
-        """Set the switches; the last byte counts."""
+        """Set the switches to the last byte."""
         if not during(self.ignores_writes_ns, t_ns):
             self._set(data[-1], t_ns)
 
@@ -57,7 +61,7 @@ class SimulatedLineSwitch(LegChip):
         return bytes((self._switches,)) * n
 
     def between(self, t_from_ns: int, t_to_ns: int) -> list[tuple[float, LineStates]]:
-        """Return the states of the lines in a span of time, each with its share of it; the shares sum to 1."""
+        """Return the states of the lines between two times [ns], each with its share of the span; they sum to 1."""
         shares = []
         until_ns = t_to_ns
         for states in reversed(self._history):

@@ -1,7 +1,7 @@
 """A simulated microcontroller that scans feet by itself.
 
-It shares only the layout of a record with the driver. Behaviours kept: a clock of its own that starts anywhere, drifts
-and wraps; numbers that begin anew with a reset; all records of a scan together, behind its last conversion.
+It shares only the layout of a record with the driver. Simulated: a clock that starts at any value, drifts and wraps;
+sequence numbers that restart with a reset; all records of a scan in one burst, after its last conversion.
 """
 
 from collections.abc import Callable, Mapping
@@ -31,11 +31,11 @@ __all__ = ["SimulatedMcu", "simulated_mcu"]
 _NS_PER_US = 1000
 _AF_PER_PF = 1e6
 _WRAP_US = 1 << 32
-#: Records of a leg in which it says that it has just started.
+#: Records of a leg with the flag of a recent start.
 _STARTING_RECORDS = 256
-#: Noise of one conversion [pF]: that of the default board's fastest one, for want of a board to measure.
+#: Noise of one conversion [pF]: that of the default board at its fastest rate; no such board was measured.
 _NOISE_PF = fdc1004.RATES[400].noise_ff * 1e-3
-#: By how much its crystal runs fast [1].
+#: Relative error of its crystal [1].
 _CLOCK_ERROR_REL = 40e-6
 
 #: Share of a scan's time in which the elements are converted, one after the other.
@@ -43,7 +43,7 @@ _CONVERTING_REL = 0.9
 _ROWS = _COLUMNS = 3
 #: One row selected, the others waiting.
 _ALONE = [LineStates(0, 1 << row, 0b111 & ~(1 << row)) for row in range(_ROWS)]
-#: What the noise draws from, beside what the legs do.
+#: Random stream of the noise, beside those of the legs.
 _NOISE_DRAW = 6
 
 #: Capacitances of a leg's elements at a time [ns], stray included [pF], shape (9,).
@@ -54,10 +54,10 @@ class SimulatedMcu:
     """The controller.
 
     Args:
-        legs: What it measures on each leg, by the leg's name.
-        step_us: Time from element to element [us]; 0 to convert them all together.
-        starts_us: What its clock says at time 0 [us].
-        noise: Source of its noise; None for a converter without.
+        legs: Capacitances of each leg, by its name.
+        step_us: Time from element to element [us]; 0 for simultaneous conversions.
+        starts_us: Its clock at time 0 [us].
+        noise: Source of its noise; None for none.
 
     Attributes:
         silent_ns: Spans in which a leg's converter does not answer, by the leg's name [ns].
@@ -81,14 +81,14 @@ class SimulatedMcu:
         self._lead = b""
 
     def restart(self, t_ns: int) -> None:
-        """Be reset at a time [ns]: clock and numbers begin at 0, and a zero ends what was cut off."""
+        """Reset at a time [ns]: clock and numbers restart at 0, and a zero byte ends the interrupted record."""
         self._lead = b"\0"
         self._starts_us = 0
         self._started_ns = t_ns
         self._n_scans = 0
 
     def scan(self, t_ns: int) -> bytes:
-        """Return the records of a scan whose first conversion has its middle at a time [ns], behind each other."""
+        """Return the records of a scan, of which the middle of the first conversion is at `t_ns` [ns]."""
         t_us = self._starts_us + round((t_ns - self._started_ns) * (1 + _CLOCK_ERROR_REL)) // _NS_PER_US
         number, self._n_scans = self._n_scans, self._n_scans + 1
         flags = RecordFlag.STARTING if number < _STARTING_RECORDS else 0
@@ -109,7 +109,7 @@ class SimulatedMcu:
 
     @property
     def converts_ns(self) -> int:
-        """The time from a scan's first conversion to its last, when its records go out [ns]."""
+        """Time from the first to the last conversion of a scan, after which its records are sent [ns]."""
         return (ELEMENTS - 1) * self._step_us * _NS_PER_US
 
     def _values_af(self, leg: str, elements_pf: Elements, t_ns: int) -> list[int]:
@@ -130,12 +130,12 @@ class SimulatedMcu:
 
 
 def simulated_mcu(robot: SimulatedRobot, scene: Scene, rate_hz: float) -> SimulatedMcu:
-    """Return a microcontroller on a simulated robot, none of whose buses is used then.
+    """Return a microcontroller on a simulated robot, whose buses are not used then.
 
     Args:
         robot: The robot.
-        scene: What it does, and what is not ideal.
-        rate_hz: Scans per second that leave it time.
+        scene: The scene.
+        rate_hz: Scans per second [Hz].
     """
     noise = np.random.default_rng((scene.seed, _NOISE_DRAW)) if scene.effects.converter_noise else None
     return SimulatedMcu(

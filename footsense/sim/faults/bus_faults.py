@@ -1,10 +1,13 @@
-"""A simulated bus on whose wires something breaks.
+"""Faults of the wires of a simulated bus.
 
-A leg that holds SDA low reaches the trunk through its channel of the mux, which is a switch and no buffer: from then
-on no transaction gets through, not even the one that would disconnect the leg. Only the mux's RESET pin frees the
-trunk, as its data sheet says (TCA9548A, 8.4.1). Each transaction costs the adapter's timeout.
+A leg that holds SDA low reaches the upstream bus through its channel of the mux, which is a switch without a buffer:
+from then on no transaction passes, not even the one that would disconnect the leg. Only the RESET pin of the mux frees
+the bus. Each transaction costs the timeout of the adapter.
 
-A transaction that loses arbitration is begun again by the kernel as often as the adapter's `retries` say.
+The kernel repeats a transaction that loses arbitration as often as the adapter's `retries` say.
+
+Source:
+    TCA9548A data sheet SCPS207, section 8.4.1 (RESET input); UM10204, section 3.1.8 (arbitration).
 """
 
 from collections import deque
@@ -19,24 +22,24 @@ from footsense.sim.clock import VirtualClock
 from footsense.sim.faults.scene_faults import ArbitrationLost, MuxReset, OnWires, StuckSda, StuckUpstreamBus
 from footsense.sim.faults.schedule import Schedule
 
-#: What `footsense/acquisition/linux_i2c.py` asks the kernel for.
+#: Retries that `footsense/acquisition/linux_i2c.py` sets.
 KERNEL_RETRIES = 1
-#: How far into its transaction an adapter gets before it loses arbitration: the address, at 400 kHz [ns].
+#: Time in a transaction until arbitration is lost: that of the address, at 400 kHz [ns].
 _LOST_AFTER_NS = 25_000
 
 
 class FailingBus:
-    """Stands in front of a simulated bus.
+    """A simulated bus with faults.
 
     Args:
-        bus: The bus as it would be.
-        clock: Its time.
-        mux: The mux on its trunk.
+        bus: The bus without faults.
+        clock: Its clock.
+        mux: Its mux.
         channels: Mux channel of each leg.
-        faults: What breaks.
-        timeout_ns: How long the adapter waits for a line that is held [ns].
-        host_cost_ns: What the host adds to every transaction [ns].
-        rng: Of what happens at random.
+        faults: Its faults.
+        timeout_ns: Timeout of the adapter for a held line [ns].
+        host_cost_ns: Cost of a transaction on the host [ns].
+        rng: Source of lost arbitrations.
     """
 
     def __init__(
@@ -58,18 +61,18 @@ class FailingBus:
         self._rng = rng
         self._channels = dict(channels)
         self._faults = Schedule((fault.span_ns, fault) for fault in faults if not isinstance(fault, MuxReset))
-        self._forgets_ns = deque(sorted(fault.at_ns for fault in faults if isinstance(fault, MuxReset)))
+        self._resets_ns = deque(sorted(fault.at_ns for fault in faults if isinstance(fault, MuxReset)))
 
     def transfer(self, transaction: Transaction) -> bytes:
-        """Do one transaction, if the wires let it through.
+        """Do one transaction, if the wires pass it.
 
         Raises:
             BusTimeoutError: SDA is held low.
-            BusError: Arbitration was lost more often than the kernel begins again.
+            BusError: Arbitration was lost more often than the kernel retries.
         """
         t_ns = self._clock.now_ns()
-        while self._forgets_ns and self._forgets_ns[0] <= t_ns:
-            self._forgets_ns.popleft()
+        while self._resets_ns and self._resets_ns[0] <= t_ns:
+            self._resets_ns.popleft()
             self._mux.control = 0
         acting = self._faults.at(t_ns)
         if not acting:
@@ -88,11 +91,11 @@ class FailingBus:
         self._bus.close()
 
     def _holds(self, fault: OnWires) -> bool:
-        """Tell whether a fault that acts holds a line of the bus."""
+        """Return whether an acting fault holds a line of the bus."""
         if isinstance(fault, StuckSda):
             return bool(self._mux.control >> self._channels[fault.leg] & 1)
         return isinstance(fault, StuckUpstreamBus)
 
     def _wins(self, fault: OnWires) -> bool:
-        """Tell whether a fault that acts wins an arbitration this time."""
+        """Return whether an acting fault wins the arbitration this time."""
         return isinstance(fault, ArbitrationLost) and self._rng.random() < fault.rate_rel

@@ -1,6 +1,6 @@
-"""Feet as a workshop makes them: how far each specimen is from its design, drawn from tolerances.
+"""Fabricated feet: deviations of each specimen from the design, drawn from tolerances.
 
-Every foot is reproducible by itself, from its number, a seed and the tolerances.
+Each foot is reproducible by itself, from its number, a seed and the tolerances.
 """
 
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from footsense.frames import ELEMENTS
 
 Vector = NDArray[np.float64]
 
-#: What a gap, a film or the stiffness is at least, of the designed one [1]; a draw below is drawn again.
+#: Least gap, film and stiffness over the designed one [1]; a draw below is repeated.
 LEAST_REL = 0.25
 #: Lowest elevation of the paper's loads [deg].
 LOWEST_LOAD_DEG = 40.0
@@ -22,14 +22,14 @@ LOWEST_LOAD_DEG = 40.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FootTolerances:
-    """How far a made foot is from its design: rms values, zero for exact.
+    """Deviations of fabricated feet from the design: rms values, zero for exact.
 
     Attributes:
         gap_um: Of the gap of each element [um].
         film_um: Of the film of each element [um].
         stray_pf: Of the stray of each element that the daemon does not know of [pF].
         stiffness_rel: Of the stiffness of the whole foot [1].
-        mount_deg: Angle by which the foot is turned on its leg, about any axis [deg].
+        mount_deg: Rotation of the foot on its leg, about any axis [deg].
     """
 
     gap_um: float = 0.0
@@ -42,15 +42,21 @@ class FootTolerances:
 #: Feet as badly made as the paper's: what was trained on the design alone is wrong on them by 15.9 deg and 18.7 gf. The
 #: stray makes the one, the stiffness the other. Twenty feet differ from another twenty by 1.6 deg and 2.3 gf (rms).
 AS_BADLY_MADE = FootTolerances(gap_um=2.0, film_um=1.0, stray_pf=0.34, stiffness_rel=0.2, mount_deg=3.0)
-#: How exactly a foot that was taken off is put on again [deg].
+#: Rms rotation by taking a foot off and mounting it again [deg].
 REMOUNT_DEG = 0.3
 
 
 def fabricate(response: FootResponse, tolerances: FootTolerances, seed: int, foot: int) -> Deviations:
-    """Return how foot number `foot` differs from its design.
+    """Return the deviations of one foot from its design.
 
-    Each kind of deviation has its own stream of random numbers, so a foot has the same pattern of gaps whether
-    its mount is exact or not, and at twice the tolerance twice the deviations (but for those drawn again).
+    Each kind of deviation has its own random stream: a foot has the same gaps with any tolerance of its mount, and
+    twice the deviations with twice the tolerance (repeated draws apart).
+
+    Args:
+        response: Response table, for the design and its lowest elevation.
+        tolerances: Rms values of the deviations.
+        seed: Seed of all feet.
+        foot: Number of the foot.
     """
     gap, film, stray, stiffness, mount = (
         np.random.default_rng(stream) for stream in np.random.SeedSequence((seed, foot)).spawn(5)
@@ -66,7 +72,15 @@ def fabricate(response: FootResponse, tolerances: FootTolerances, seed: int, foo
 
 
 def mounted(own: Deviations, remount_deg: float, seed: int, foot: int, mounting: int) -> Deviations:
-    """Return a foot that was put on once more: turned by another small angle of that root mean square [deg]."""
+    """Return a foot after another mounting, rotated by a further small angle.
+
+    Args:
+        own: Deviations of the foot.
+        remount_deg: Rms rotation of a mounting [deg].
+        seed: Seed of all feet.
+        foot: Number of the foot.
+        mounting: Number of the mounting.
+    """
     random = np.random.default_rng((seed, foot, mounting, 7))
     return replace(own, mount=_turned(random, remount_deg) @ own.mount)
 

@@ -1,29 +1,33 @@
-"""What a change of temperature does to a foot: every zero drifts a little differently, and the rubber stiffens."""
+"""Effect of temperature on a foot: drift of the baseline, different for each element, and stiffer rubber."""
 
 import numpy as np
 
 from footsense.frames import ELEMENTS
 from footsense.sim.scene import Warming
 
-#: The spacer grows by 310 ppm/K: an element of 5 pF loses as much [pF/K].
+#: Thermal expansion of the spacer, 310 ppm/K, on an element of 5 pF [pF/K].
 DRIFT_PF_PER_K = -1.5e-3
-#: How much the elements of one foot differ in that [1].
+#: Standard deviation between the elements of a foot [1].
 DRIFT_SPREAD_REL = 0.2
 #: Shear modulus of PDMS, 1.1 kPa/K of 250 kPa (Lotters 1997) [1/K].
 STIFFENING_PER_K = 4.4e-3
 
 
 def softness_at(kelvin: float) -> float:
-    """Return the closures of a foot that is warmer over those before, under the same load [1]."""
+    """Return closures of a warmer foot over those before, under the same load [1].
+
+    Args:
+        kelvin: Change of temperature [K].
+    """
     return 1.0 / (1.0 + STIFFENING_PER_K * kelvin)
 
 
 class WarmingFoot:
-    """One foot whose temperature changes.
+    """A foot with a change of temperature.
 
     Args:
-        warming: How.
-        rng: Of how its elements differ.
+        warming: The change.
+        rng: Source of the differences between its elements.
     """
 
     def __init__(self, warming: Warming, rng: np.random.Generator) -> None:
@@ -32,10 +36,10 @@ class WarmingFoot:
         self._pf_per_k: list[float] = (DRIFT_PF_PER_K * (1.0 + spread_rel)).tolist()
 
     def drift_pf(self, t_ns: int) -> list[float]:
-        """Return what the elements have drifted by [pF], nine."""
+        """Return the drift of each element at a time [pF], nine."""
         kelvin = self._warming.kelvin_at(t_ns)
         return [pf_per_k * kelvin for pf_per_k in self._pf_per_k]
 
     def softness(self, t_ns: int) -> float:
-        """Return the closures of the foot over those that it had at the beginning, under the same load [1]."""
+        """Return closures at a time over those at the begin, under the same load [1]."""
         return softness_at(self._warming.kelvin_at(t_ns))

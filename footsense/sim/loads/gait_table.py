@@ -1,7 +1,7 @@
-"""What a foot does over one gait cycle, computed once: for walks so long that the response table would take hours.
+"""Capacitances of a foot over one gait cycle, computed once, for walks that would take hours with the response table.
 
-The load of a walk depends on the phase alone, and so do the capacitances, but for what the temperature does to the
-rubber, which is a second axis. Between the points they are interpolated linearly.
+The load of a walk depends on the phase alone. The capacitances depend on the phase and on the softness of the rubber,
+which changes with temperature and age; between the points of both they are interpolated linearly.
 """
 
 import math
@@ -22,9 +22,9 @@ class GaitTable:
 
     Args:
         foot: The foot.
-        walk: How it is loaded.
-        leg: On which leg it is mounted.
-        softness: Bounds of what the closures may be of those that the foot had at the beginning [1].
+        walk: The walk.
+        leg: Leg of the foot.
+        softness: Bounds of the closures over those at the begin [1].
 
     Attributes:
         unloaded_pf: Capacitance of each element in the air [pF], nine.
@@ -49,11 +49,11 @@ class GaitTable:
         ]
 
     def capacitance_pf(self, phase: float | None, softness: float = 1.0) -> list[float]:
-        """Return what each element has [pF], nine.
+        """Return the capacitance of each element [pF], nine.
 
         Args:
-            phase: Where the leg is in its gait cycle, within the stance; None in the air.
-            softness: Closures over those that the foot had at the beginning [1].
+            phase: Phase of the leg within its stance [1]; None in the air.
+            softness: Closures over those at the begin [1].
         """
         if phase is None:
             return self.unloaded_pf
@@ -72,5 +72,5 @@ class GaitTable:
 
 
 def _between(from_pf: list[float], to_pf: list[float], part: float) -> list[float]:
-    """Return the values of which some part of the way is behind them."""
+    """Return values interpolated linearly between two sets."""
     return [a_pf + part * (b_pf - a_pf) for a_pf, b_pf in zip(from_pf, to_pf, strict=True)]

@@ -1,4 +1,4 @@
-"""What the ground does to each foot over time: the truth that the whole chain is judged against.
+"""True loads of the feet over time.
 
 A load gives, for a leg and a time, the surface normal at the contact and the ground reaction on the foot, both in
 the foot frame (x forward, y left, z along the leg towards the body). On flat ground a leg that leans by the pitch p
@@ -24,8 +24,13 @@ _SECOND_TRIPOD = ("rf", "lm", "rr")
 _RIGHT_LEGS = ("rf", "rm", "rr")
 
 
-class Contact(NamedTuple):
-    """The touch of one foot: inward normal of the ball at the contact (unit length) and force [N], foot frame."""
+class GroundContact(NamedTuple):
+    """Contact of one foot with the ground, foot frame.
+
+    Attributes:
+        normal: Inward unit normal of the ball at the contact, shape (3,).
+        force_n: Ground reaction on the foot [N], shape (3,); zero in the air.
+    """
 
     normal: Vector
     force_n: Vector
@@ -34,31 +39,31 @@ class Contact(NamedTuple):
 class Load(Protocol):
     """The contacts of all legs over time."""
 
-    def contact(self, leg: str, t_ns: int) -> Contact:
-        """Return how `leg` is loaded at `t_ns`; a force of zero means that it is in the air."""
+    def contact(self, leg: str, t_ns: int) -> GroundContact:
+        """Return the contact of a leg at a time [ns]."""
         ...
 
 
 _UP = np.array([0.0, 0.0, 1.0])
-IN_THE_AIR = Contact(_UP, np.zeros(3))
+IN_THE_AIR = GroundContact(_UP, np.zeros(3))
 
 
 class Unloaded:
-    """Every foot hangs in the air."""
+    """All feet in the air."""
 
-    def contact(self, leg: str, t_ns: int) -> Contact:
-        """Return no load."""
+    def contact(self, leg: str, t_ns: int) -> GroundContact:
+        """Return a contact without force."""
         del leg, t_ns
         return IN_THE_AIR
 
 
 class Ramp:
-    """Every foot is pressed through its centre by one force, which grows evenly from nothing and then stays.
+    """One force on every foot, through the centre of its ball, that rises linearly from zero and stays.
 
     Args:
-        force_n: Force on every foot in the end [N], foot frame, not zero.
-        from_ns: When it begins [ns].
-        rise_ns: How long it grows [ns]; 0 for a load that is there at once.
+        force_n: Force in the end [N], foot frame, not zero.
+        from_ns: Begin of the rise [ns].
+        rise_ns: Duration of the rise [ns]; 0 for a step.
     """
 
     def __init__(self, force_n: tuple[float, float, float], from_ns: int, rise_ns: int = 0) -> None:
@@ -67,14 +72,14 @@ class Ramp:
         self._from_ns = from_ns
         self._rise_ns = rise_ns
 
-    def contact(self, leg: str, t_ns: int) -> Contact:
-        """Return the same for every leg."""
+    def contact(self, leg: str, t_ns: int) -> GroundContact:
+        """Return the contact at a time [ns], the same for every leg."""
         del leg
         since_ns = t_ns - self._from_ns
         if since_ns < 0:
             return IN_THE_AIR
         share = min(since_ns / self._rise_ns, 1.0) if self._rise_ns else 1.0
-        return Contact(self._normal, share * self._force_n)
+        return GroundContact(self._normal, share * self._force_n)
 
 
 #: Ground reaction in the world frame [N] over the phase of the gait cycle, 0 at touchdown, in [0, 1).
@@ -90,10 +95,10 @@ class Walk:
     Args:
         reaction: Ground reaction of each leg over its phase.
         period_ns: Duration of a gait cycle [ns].
-        duty_rel: Part of the cycle that a foot is on the ground [1].
-        pitch_deg: Lean of the leg at touchdown; it falls evenly to the opposite at lift-off [deg].
-        from_ns: When the walk begins; before that, all feet are in the air [ns].
-        stands_ns: From when until when it stands, each after the one before [ns].
+        duty_rel: Share of the cycle in stance [1].
+        pitch_deg: Lean of the leg at touchdown; it changes linearly to the opposite at lift-off [deg].
+        from_ns: Begin of the walk; before that, all feet are in the air [ns].
+        stands_ns: Begin and end of each stand, in the order of time [ns].
 
     Attributes:
         period_ns: As given.
@@ -116,10 +121,10 @@ class Walk:
         self._pitch_rad = math.radians(pitch_deg)
         self._from_ns = from_ns
         self._stands_ns = tuple(stands_ns)
-        self._touch: tuple[Reaction, float, Contact] | None = None  # three legs touch the ground alike
+        self._touch: tuple[Reaction, float, GroundContact] | None = None  # three legs touch the ground alike
 
-    def contact(self, leg: str, t_ns: int) -> Contact:
-        """Return the leg's contact; the second tripod steps half a cycle after the first."""
+    def contact(self, leg: str, t_ns: int) -> GroundContact:
+        """Return the contact of a leg at a time [ns]; the second tripod steps half a cycle after the first."""
         phase = self.phase(leg, t_ns)
         if phase is None:
             return IN_THE_AIR
@@ -129,7 +134,7 @@ class Walk:
         return self._touch[2]
 
     def phase(self, leg: str, t_ns: int) -> float | None:
-        """Return where a leg is in its gait cycle, 0 at touchdown, in [0, 1); None in the air."""
+        """Return the phase of a leg at a time [ns], 0 at touchdown, below `duty_rel`; None in the air."""
         from_ns = self._from_ns + (self.period_ns // 2 if leg in _SECOND_TRIPOD else 0)
         since_ns = t_ns - from_ns
         if since_ns < 0:
@@ -144,23 +149,23 @@ class Walk:
         phase = since_ns % self.period_ns / self.period_ns
         return phase if phase < self.duty_rel else None
 
-    def contact_at(self, leg: str, phase: float) -> Contact:
-        """Return a leg's contact at a phase of its stance."""
+    def contact_at(self, leg: str, phase: float) -> GroundContact:
+        """Return the contact of a leg at a phase of its stance [1]."""
         x, y, z = self.reaction[leg](phase).tolist()
         if z <= 0.0:
             return IN_THE_AIR
         pitch = self._pitch_rad * (1 - 2 * phase / self.duty_rel)
         sin, cos = math.sin(pitch), math.cos(pitch)
-        return Contact(
+        return GroundContact(
             normal=np.array([sin, 0.0, cos]), force_n=np.array([x * cos + z * sin, y, z * cos - x * sin])
         )
 
 
 def smooth_step(duty_rel: float, peak_force_n: float, friction_rel: float) -> Reaction:
-    """Return a stance with rounded flanks: it brakes first, drives on later, and pushes a little to the left.
+    """Return a stance with rounded flanks: braking first, propulsion later, and a small force to the left.
 
     Args:
-        duty_rel: Part of the cycle on the ground [1].
+        duty_rel: Share of the cycle in stance [1].
         peak_force_n: Largest vertical force [N].
         friction_rel: Largest horizontal over vertical force [1].
     """
@@ -213,12 +218,12 @@ def measured_strides() -> dict[str, MeasuredStride]:
 
 
 def measured_walk(peak_force_n: float, pitch_deg: float, from_ns: int) -> Walk:
-    """Return a walk whose legs feel measured ground reactions, scaled so that the largest vertical one fits.
+    """Return a walk with measured ground reactions, scaled to a largest vertical force.
 
     Args:
-        peak_force_n: What the largest vertical force is scaled to [N].
-        pitch_deg: As for Walk.
-        from_ns: As for Walk.
+        peak_force_n: Largest vertical force [N].
+        pitch_deg: As of `Walk`.
+        from_ns: As of `Walk`.
     """
     strides = measured_strides()
     largest_n = max(float(stride.force_n[:, 2].max()) for stride in strides.values())

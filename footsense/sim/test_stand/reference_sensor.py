@@ -105,27 +105,16 @@ class SimulatedPort:
     def __init__(self, sensor: SimulatedSensor, clock: Clock) -> None:
         self._sensor = sensor
         self._clock = clock
-        self._unplugged = False
         self.opened = 1
 
     def read(self) -> bytes:
         """Return the bytes that have arrived."""
-        data = self._sensor.bytes_until(self._clock.now_ns())
-        return b"" if self._unplugged else data
+        return self._sensor.bytes_until(self._clock.now_ns())
 
     def write(self, data: bytes) -> None:
         """Start the stream on any command."""
         if data:
             self._sensor.start(self._clock.now_ns())
-
-    def unplug(self) -> None:
-        """Unplug the port; the sensor streams on."""
-        self._unplugged = True
-
-    def plug_in(self) -> None:
-        """Plug it in again, which reopens the port."""
-        self._unplugged = False
-        self.opened += 1
 
     def wait_until_ns(self, t_ns: int) -> None:
         """Advance the clock to a time [ns]."""

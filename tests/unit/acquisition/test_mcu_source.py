@@ -74,7 +74,7 @@ def test_every_element_lands_at_its_place_and_time(step_us: int, starts_us: int)
 
 def test_lost_and_garbled_bytes_cost_the_record_alone() -> None:
     """No value is wrong; a leg whose record is missing is held up in that frame, and no other leg is."""
-    robot = Robot(LineFaults(lost_rel=3e-4, garbled_rel=3e-4))
+    robot = Robot(LineFaults(lost_rel=3e-4, corrupt_rel=3e-4))
     frames = robot.run(20 * S)
     readings = np.array([frame.reading for _, frame in frames[20:]])
     assert set(np.unique(readings)) == {Reading.OK, Reading.DELAYED}

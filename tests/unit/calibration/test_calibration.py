@@ -1,4 +1,4 @@
-"""A foot calibrated from loads: what is true is found, what is not told is said, what cannot be is refused."""
+"""A foot calibrated from loads: its parameters are found, unidentified ones reported, impossible ones refused."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from footsense.foot.parameters import FootParameters, features
 from footsense.foot.specimen import Deviations, Foot
 from footsense.sim.foot.fabrication import rotation
 from footsense.sim.test_stand.press_sequence import paper_presses
-from tests.support.test_stand_loads import design, made, poked
+from tests.support.test_stand_loads import design, load_set, made
 
 Vector = NDArray[np.float64]
 
@@ -59,10 +59,10 @@ def test_the_twin_reads_what_the_simulated_foot_reads(number: int) -> None:
     )
 
 
-def test_exact_loads_tell_the_foot() -> None:
+def test_exact_loads_identify_the_foot() -> None:
     """Strays, stiffness and mount come out as they are."""
     own = made(1)
-    loads = poked(own, _TRAINING[::6])
+    loads = load_set(own, _TRAINING[::6])
     found = fit_parameters(FootTwin(design().response, loads.unloaded_pf), loads).parameters
     np.testing.assert_allclose(found[STRAY], own.stray_pf, atol=0.02)
     np.testing.assert_allclose(found[STIFFNESS], own.stiffness_rel, atol=0.01)
@@ -75,7 +75,7 @@ def test_errors_as_large_as_supposed_lie_as_far_as_supposed() -> None:
     A little less, as the stick did not lean: left out of the supposed errors, creep makes it 12.4 and lean 8.6.
     """
     rng = np.random.default_rng(4)
-    loads = poked(made(1), _TRAINING[::4], rng, lean_deg=0.0, rubber_rel=0.015)
+    loads = load_set(made(1), _TRAINING[::4], rng, lean_deg=0.0, rubber_rel=0.015)
     unexplained_pf = 0.005 * (loads.capacitance_pf - loads.unloaded_pf) * rng.normal(size=(len(loads), 9))
     loads = replace(loads, capacitance_pf=loads.capacitance_pf + unexplained_pf)
     found = fit_parameters(FootTwin(design().response, loads.unloaded_pf), loads)
@@ -86,7 +86,7 @@ def test_twenty_loads_make_a_foot_several_times_better() -> None:
     """On loads that the calibration did not know, of two feet that are as badly made as the paper's."""
     for number in (1, 3):
         rng = np.random.default_rng(number)
-        loads, judged = poked(made(number), _TRAINING, rng), poked(made(number), _JUDGED, rng)
+        loads, judged = load_set(made(number), _TRAINING, rng), load_set(made(number), _JUDGED, rng)
         found = calibrate(design(), loads.subset(loads.spread_order()[:20]))
         before = errors(judged.force_n, _read(judged, None))
         after = errors(judged.force_n, _read(judged, found.parameters))
@@ -97,9 +97,9 @@ def test_twenty_loads_make_a_foot_several_times_better() -> None:
 
 
 def test_a_foot_as_designed_is_left_as_it_is() -> None:
-    """Nothing is made up: calibration of an exact foot does not make it worse than the noise of its bench."""
+    """Nothing is made up: calibration of an exact foot does not make it worse than the noise of its test stand."""
     rng = np.random.default_rng(5)
-    loads, judged = poked(Deviations(), _TRAINING[::5], rng), poked(Deviations(), _JUDGED)
+    loads, judged = load_set(Deviations(), _TRAINING[::5], rng), load_set(Deviations(), _JUDGED)
     found = calibrate(design(), loads).parameters
     assert errors(judged.force_n, _read(judged, found)).direction_deg < 0.5
     assert not found.correction.any()
@@ -107,10 +107,10 @@ def test_a_foot_as_designed_is_left_as_it_is() -> None:
 
 def test_a_load_that_slipped_does_not_count_much() -> None:
     """One reading of another load among sixty changes little."""
-    loads = poked(made(1), _TRAINING[::6], np.random.default_rng(2))
+    loads = load_set(made(1), _TRAINING[::6], np.random.default_rng(2))
     slipped = loads.capacitance_pf.copy()
     slipped[10] = slipped[40]
-    judged = poked(made(1), _JUDGED)
+    judged = load_set(made(1), _JUDGED)
     found = calibrate(design(), replace(loads, capacitance_pf=slipped)).parameters
     assert errors(judged.force_n, _read(judged, found)).direction_deg < 1.5
 
@@ -133,21 +133,21 @@ def test_loads_from_one_side_are_refused_by_what_they_do_not_tell() -> None:
     """Honest refusal: what no load moved cannot be known."""
     own = made(1)
     with pytest.raises(CalibrationError, match="press from more sides"):
-        calibrate(design(), poked(own, _TRAINING[:1].repeat(5, axis=0)))
+        calibrate(design(), load_set(own, _TRAINING[:1].repeat(5, axis=0)))
     with pytest.raises(CalibrationError, match="3 loads; at least 5"):
-        calibrate(design(), poked(own, _TRAINING[:3]))
+        calibrate(design(), load_set(own, _TRAINING[:3]))
 
 
 def test_kilograms_force_taken_for_newtons_are_found_out() -> None:
     """No foot is a tenth as stiff as designed."""
-    loads = poked(made(1), _TRAINING[::10])
+    loads = load_set(made(1), _TRAINING[::10])
     with pytest.raises(CalibrationError, match=r"1 kgf is 9\.81 N"):
         calibrate(design(), replace(loads, force_n=loads.force_n / 9.80665))
 
 
 def test_loads_of_no_foot_of_the_type_are_refused() -> None:
     """Elements wired in another order fit no parameters."""
-    loads = poked(made(1), _TRAINING[::15])
+    loads = load_set(made(1), _TRAINING[::15])
     order = np.random.default_rng(1).permutation(9)
     mixed = replace(
         loads, capacitance_pf=loads.capacitance_pf[:, order], baseline_pf=loads.baseline_pf[:, order]
@@ -159,24 +159,24 @@ def test_loads_of_no_foot_of_the_type_are_refused() -> None:
 @pytest.mark.parametrize("number", [2, 9])
 def test_firm_loads_that_shut_gaps_lead_nowhere_else(number: int) -> None:
     """All at once end where the light ones point: nothing is far from the twin."""
-    found = calibrate(design(), poked(made(number), _TRAINING[::2], np.random.default_rng(number))).fit
+    found = calibrate(design(), load_set(made(number), _TRAINING[::2], np.random.default_rng(number))).fit
     assert np.median(found.distance) < 5.0
     assert np.abs(found.parameters[STRAY] - made(number).stray_pf).max() < 0.35
 
 
-def test_a_gap_that_never_shuts_is_as_designed_and_said_to_be_untold() -> None:
-    """CalibrationLoads of 50 gf shut none: they tell nothing of any gap, and what is not told is not moved."""
+def test_a_gap_that_never_closes_stays_as_designed_and_unidentified() -> None:
+    """Loads of 50 gf close none, so they identify no gap, and an unidentified parameter does not move."""
     found = fit_parameters(
-        FootTwin(design().response, poked(made(1), _LIGHT).unloaded_pf), poked(made(1), _LIGHT)
+        FootTwin(design().response, load_set(made(1), _LIGHT).unloaded_pf), load_set(made(1), _LIGHT)
     )
     np.testing.assert_allclose(found.parameters[GAP], 0.0, atol=1e-6)
     assert (found.contraction[GAP] < 0.01).all()
 
 
-def test_no_gap_is_told_but_by_loads_that_shut_it() -> None:
+def test_a_gap_is_identified_only_by_loads_that_close_it() -> None:
     """One that a neighbour's shutting had moved would let a shut gap pass for an open one on the robot."""
     own = made(0)
-    loads = poked(own, _TRAINING[::6], np.random.default_rng(0))
+    loads = load_set(own, _TRAINING[::6], np.random.default_rng(0))
     twin = FootTwin(design().response, loads.unloaded_pf)
     found = fit_parameters(twin, loads)
     cells_um = twin.cells_um(found.parameters, ContactLoads.centred(loads.force_n)).reshape(len(loads), 9, -1)

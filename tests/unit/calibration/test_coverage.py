@@ -1,4 +1,4 @@
-"""What has been pressed, what is missing, and whether the reference may be believed."""
+"""Coverage of a session, its next load, and the checks of the reference."""
 
 import itertools
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from footsense.calibration.session.coverage import LOWEST_DEG, Coverage
+from footsense.calibration.session.coverage import MIN_ELEVATION_DEG, Coverage
 from footsense.calibration.session.reference_checks import reference_check
 from footsense.config.test_stand import Axes, Simulated, StandConfig
 from footsense.foot.force_errors import GRAM_FORCE_N
@@ -15,12 +15,12 @@ from footsense.sim.test_stand.press_sequence import paper_presses
 from tests.support.presses import direction
 
 
-def test_the_wishes_make_a_set_that_is_enough() -> None:
-    """Whoever presses what is wished for covers two magnitudes, with few more loads than are wanted."""
+def test_the_next_loads_make_a_complete_set() -> None:
+    """Applying each next load covers two magnitudes, with few more loads than wanted."""
     coverage = Coverage(40)
     while not coverage.complete:
         azimuth_deg, elevation_deg, magnitude_gf = coverage.next
-        assert LOWEST_DEG <= elevation_deg <= 90.0
+        assert MIN_ELEVATION_DEG <= elevation_deg <= 90.0
         coverage.add(magnitude_gf * GRAM_FORCE_N * direction(azimuth_deg, elevation_deg))
     assert 40 <= coverage.n_loads <= 44
     assert coverage.counts[1] == 0
@@ -67,7 +67,7 @@ def feet(seed: int, n: int = 12) -> tuple[np.ndarray, np.ndarray]:
 
 
 def judged(
-    said_n: object, estimate_n: object, units: str, axes: list[str], mount_deg: tuple[float, ...]
+    reading_n: object, estimate_n: object, units: str, axes: list[str], mount_deg: tuple[float, ...]
 ) -> list[str]:
     described: dict[str, Any] = {
         "sensor": Simulated(),
@@ -76,11 +76,11 @@ def judged(
         "mount_deg": mount_deg,
     }
     test_stand = StandConfig(axes=Axes(**dict(zip("xyz", axes, strict=True))), **described)
-    return reference_check(test_stand)(np.asarray(said_n), np.asarray(estimate_n))
+    return reference_check(test_stand)(np.asarray(reading_n), np.asarray(estimate_n))
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_reference_that_may_be_right_is_believed(seed: int) -> None:
+def test_a_plausible_reference_passes(seed: int) -> None:
     """A foot that is off by a fifth contradicts nobody, nor does one that says nothing, nor do four loads."""
     forces_n, estimate_n = feet(seed)
     assert judged(forces_n, estimate_n, "gf", ["-x", "-y", "-z"], (0, 0, 10)) == []
@@ -92,8 +92,8 @@ def test_a_reference_that_may_be_right_is_believed(seed: int) -> None:
 def test_wrong_units_are_named(named: str, meant: str) -> None:
     """Each taken for each other."""
     forces_n, estimate_n = feet(1)
-    said_n = forces_n * NEWTON_PER[named] / NEWTON_PER[meant]
-    (line,) = judged(said_n, estimate_n, named, ["-x", "-y", "-z"], (0, 0, 0))
+    reading_n = forces_n * NEWTON_PER[named] / NEWTON_PER[meant]
+    (line,) = judged(reading_n, estimate_n, named, ["-x", "-y", "-z"], (0, 0, 0))
     assert f"its readings seem to be in {meant}, and the test stand's file says units: {named}" in line
 
 
@@ -110,14 +110,14 @@ def test_wrong_axes_are_named_with_those_that_fit(
             0
         ]
     )
-    said_n = SensorMounting(dict(zip("xyz", given, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)).apply(
+    reading_n = SensorMounting(dict(zip("xyz", given, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)).apply(
         sensor
     )[0]
-    (line,) = judged(said_n, estimate_n, "N", given, mount_deg)
+    (line,) = judged(reading_n, estimate_n, "N", given, mount_deg)
     assert "axes: {x: -x, y: -y, z: -z} would fit" in line
 
 
-def test_axes_that_cannot_be_told_are_doubted() -> None:
+def test_wrong_axes_without_a_fitting_map_are_reported() -> None:
     """Straight presses alone say that a sign is wrong, not which map would fit."""
     forces_n = np.tile([0.0, 0.0, 1.0], (8, 1))
     (line,) = judged(-forces_n, forces_n, "N", ["x", "y", "z"], (0, 0, 0))

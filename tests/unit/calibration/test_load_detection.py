@@ -1,4 +1,4 @@
-"""A press is found, weighed against the reference, and refused with the reason where it does not count."""
+"""A press is detected and reduced to a calibration load, or rejected with the reason."""
 
 import itertools
 import re
@@ -19,10 +19,10 @@ from tests.support.presses import (
     SAMPLE_NOISE_N,
     SAMPLE_NS,
     SCAN_NS,
-    Hold,
+    SimulatedPress,
     cycles,
     direction,
-    felt,
+    force_profile,
 )
 
 Vector = NDArray[np.float64]
@@ -35,35 +35,35 @@ def find_loads(cycles: Iterable[Cycle], row: int) -> list[CalibrationLoad]:
     return [load for load in found if load is not None]
 
 
-ONE = Hold(1.5, 1.2, tuple(direction(40.0, 60.0)))
+ONE = SimulatedPress(1.5, 1.2, tuple(direction(40.0, 60.0)))
 
 
 def test_loads_are_what_was_pressed() -> None:
     """Three presses: their force within what averaging leaves of the noise, capacitances and zero to a femtofarad."""
-    holds = [
-        Hold(1.5 + 2.5 * k, 1.0, tuple(size_n * direction(70.0 * k, 55.0 + 10 * k)))
+    presses = [
+        SimulatedPress(1.5 + 2.5 * k, 1.0, tuple(size_n * direction(70.0 * k, 55.0 + 10 * k)))
         for k, size_n in enumerate((0.5, 1.0, 1.4))
     ]
-    loads = find_loads(cycles(felt(*holds), 9.5, drift_pf_per_s=0.005), 0)
+    loads = find_loads(cycles(force_profile(*presses), 9.5, drift_pf_per_s=0.005), 0)
     assert [load.rejection for load in loads] == [None] * 3
-    for load, hold in zip(loads, holds, strict=True):
-        error_n = load.force_n - hold.force_n
+    for load, press in zip(loads, presses, strict=True):
+        error_n = load.force_n - press.force_n
         assert (np.abs(error_n) < 5 * SAMPLE_NOISE_N / np.sqrt(min(load.n_samples, 60))).all()
         assert load.force_noise_n == pytest.approx(SAMPLE_NOISE_N, rel=0.3)
-        held_pf = DESIGN.capacitance_pf(np.array(hold.force_n) @ CLOSURE_REL * DESIGN.gap_um)
+        held_pf = DESIGN.capacitance_pf(np.array(press.force_n) @ CLOSURE_REL * DESIGN.gap_um)
         assert load.capacitance_pf - load.baseline_pf == pytest.approx(held_pf - DESIGN.unloaded_pf, abs=1e-3)
-        assert load.estimate_n == pytest.approx(hold.force_n, abs=0.01)
+        assert load.estimate_n == pytest.approx(press.force_n, abs=0.01)
         assert 0.8 < load.dwell_s < 1.2
-        assert abs(load.t_ns * 1e-9 - 1.0 - (hold.at_s + 0.2 + hold.held_s / 2)) < 0.1
+        assert abs(load.t_ns * 1e-9 - 1.0 - (press.at_s + 0.2 + press.dwell_s / 2)) < 0.1
 
 
 @pytest.mark.parametrize(
-    ("hold", "more", "why"),
+    ("press", "more", "why"),
     [
-        (ONE._replace(held_s=0.15), {}, Rejection.TOO_SHORT),
-        (ONE._replace(held_s=0.05, rise_s=1.2), {}, Rejection.SLIPPED),
+        (ONE._replace(dwell_s=0.15), {}, Rejection.TOO_SHORT),
+        (ONE._replace(dwell_s=0.05, rise_s=1.2), {}, Rejection.SLIPPED),
         (ONE._replace(force_n=(0.0, 0.0, 0.05)), {}, Rejection.TOO_LIGHT),
-        (ONE._replace(held_s=9.0), {}, Rejection.NOT_RELEASED),
+        (ONE._replace(dwell_s=9.0), {}, Rejection.NOT_RELEASED),
         (ONE, {"saturated": lambda t_s: t_s > 2.0}, Rejection.REFERENCE_SATURATED),
         (ONE, {"missing": lambda t_s: t_s > 1.8}, Rejection.REFERENCE_MISSING),
         (ONE, {"missing": lambda t_s: t_s < 1.5}, Rejection.REFERENCE_MISSING),
@@ -75,9 +75,11 @@ def test_loads_are_what_was_pressed() -> None:
         (ONE, {"missing": lambda t_s: not 1.2 <= t_s < 1.208}, Rejection.REFERENCE_MISSING),
     ],
 )
-def test_what_does_not_count_has_a_reason(hold: Hold, more: dict[str, Any], why: Rejection) -> None:
-    """Each way of spoiling a press is told from the others, in words, and without a number."""
-    loads = find_loads(cycles(felt(hold), 5.5, **more), 0)
+def test_what_does_not_count_has_a_reason(
+    press: SimulatedPress, more: dict[str, Any], why: Rejection
+) -> None:
+    """Each defect of a press has a rejection of its own, and no values."""
+    loads = find_loads(cycles(force_profile(press), 5.5, **more), 0)
     assert [load.rejection for load in loads] == [why]
     assert loads[0].reason
     assert why is Rejection.TOO_LIGHT or np.isnan(loads[0].force_n).all()
@@ -86,7 +88,7 @@ def test_what_does_not_count_has_a_reason(hold: Hold, more: dict[str, Any], why:
 def test_an_element_that_is_silent_afterwards_leaves_the_rest_before() -> None:
     """Nothing is known of the drift then."""
     (load,) = find_loads(
-        cycles(felt(ONE), 5.5, reading=lambda t_s: Reading.NO_ANSWER if t_s > 3.1 else Reading.OK), 0
+        cycles(force_profile(ONE), 5.5, reading=lambda t_s: Reading.NO_ANSWER if t_s > 3.1 else Reading.OK), 0
     )
     assert load.rejection is None
     assert np.isfinite(load.baseline_pf).all()
@@ -96,40 +98,40 @@ def test_an_element_that_is_silent_afterwards_leaves_the_rest_before() -> None:
 def test_what_the_sensor_says_at_its_end_is_no_zero() -> None:
     """Samples of 40 N in the rest, said to be its end, move no force."""
 
-    def said_n(force_n: Vector) -> Vector:
+    def reading_n(force_n: Vector) -> Vector:
         return force_n if force_n.any() else force_n + 40.0
 
     def saturated(t_s: float) -> bool:
         return 0.5 < t_s < 0.9 or t_s > 3.3
 
     def at_its_end(t_s: float) -> Vector:
-        return felt(ONE)(t_s) + (1e-9 if not saturated(t_s) else 0.0)
+        return force_profile(ONE)(t_s) + (1e-9 if not saturated(t_s) else 0.0)
 
-    (load,) = find_loads(cycles(at_its_end, 5.5, said_n=said_n, saturated=saturated), 0)
+    (load,) = find_loads(cycles(at_its_end, 5.5, reading_n=reading_n, saturated=saturated), 0)
     assert load.rejection is None
     assert load.force_n == pytest.approx(ONE.force_n, abs=0.03)
 
 
 def test_a_zero_far_off_makes_no_slip_steady() -> None:
-    """What a hold may move by is a share of the force, not of where the sensor's zero stands."""
+    """What a press may move by is a share of the force, not of where the sensor's zero stands."""
     sample = itertools.count()
 
-    def said_n(force_n: Vector) -> Vector:
+    def reading_n(force_n: Vector) -> Vector:
         t_s = next(sample) * SAMPLE_NS * 1e-9
         return force_n * (t_s - 1.0) + 40.0
 
-    loads = find_loads(cycles(felt(ONE), 5.5, said_n=said_n), 0)
+    loads = find_loads(cycles(force_profile(ONE), 5.5, reading_n=reading_n), 0)
     assert [load.rejection for load in loads] == [Rejection.SLIPPED]
 
 
-def test_a_foot_that_hangs_is_not_poked() -> None:
-    """A minute of noise and drift holds no press."""
-    assert find_loads(cycles(felt(), 60.0, drift_pf_per_s=0.01), 0) == []
+def test_an_unloaded_foot_gives_no_load() -> None:
+    """A minute of noise and drift presses no press."""
+    assert find_loads(cycles(force_profile(), 60.0, drift_pf_per_s=0.01), 0) == []
 
 
 def test_pressed_again_at_once_is_two_loads() -> None:
     """The second has the zero of before the first; what the foot did after the first is not known."""
-    loads = find_loads(cycles(felt(ONE, ONE._replace(at_s=3.2)), 6.0), 0)
+    loads = find_loads(cycles(force_profile(ONE, ONE._replace(at_s=3.2)), 6.0), 0)
     assert [load.rejection for load in loads] == [None, None]
     assert np.isnan(loads[0].shift_pf).all()
     assert loads[1].baseline_pf == pytest.approx(loads[0].baseline_pf, abs=1e-3)
@@ -137,8 +139,8 @@ def test_pressed_again_at_once_is_two_loads() -> None:
 
 def test_a_slow_converter_is_enough() -> None:
     """Ten scans a second find presses that are held for a second."""
-    holds = [ONE._replace(at_s=1.5 + 2.0 * k, held_s=1.0) for k in range(3)]
-    loads = find_loads(cycles(felt(*holds), 8.0, scan_ns=99_000_000), 0)
+    presses = [ONE._replace(at_s=1.5 + 2.0 * k, dwell_s=1.0) for k in range(3)]
+    loads = find_loads(cycles(force_profile(*presses), 8.0, scan_ns=99_000_000), 0)
     assert [load.rejection for load in loads] == [None] * 3
     assert np.array([load.force_n - ONE.force_n for load in loads]) == pytest.approx(
         np.zeros((3, 3)), abs=0.03
@@ -147,8 +149,8 @@ def test_a_slow_converter_is_enough() -> None:
 
 def test_presses_in_a_row_each_have_their_own_zero() -> None:
     """With 0.4 s between them, drift is taken off each; the reference's zero is that of all rests before."""
-    holds = [ONE._replace(at_s=1.5 + 1.2 * k, held_s=0.6, rise_s=0.1) for k in range(8)]
-    loads = find_loads(cycles(felt(*holds), 12.0, drift_pf_per_s=0.02), 0)
+    presses = [ONE._replace(at_s=1.5 + 1.2 * k, dwell_s=0.6, rise_s=0.1) for k in range(8)]
+    loads = find_loads(cycles(force_profile(*presses), 12.0, drift_pf_per_s=0.02), 0)
     assert [load.rejection for load in loads] == [None] * 8
     moved_pf = np.array([load.baseline_pf - loads[0].baseline_pf for load in loads]).mean(axis=1)
     assert moved_pf == pytest.approx(0.02 * 1.2 * np.arange(8), abs=1e-3)
@@ -165,15 +167,17 @@ def test_presses_in_a_row_each_have_their_own_zero() -> None:
     ],
 )
 @pytest.mark.parametrize("scan_ns", [SCAN_NS, 99_000_000])
-def test_a_reference_of_another_time_is_told(late_s: float, says: str, scan_ns: int) -> None:
+def test_a_lagging_reference_is_reported(late_s: float, says: str, scan_ns: int) -> None:
     """The median over presses, fast and slow ones, is right to 15 ms."""
-    holds = [
-        Hold(1.5 + 2.0 * k, 0.8, tuple(0.6 * direction(70.0 * k, 60.0)), rise_s=0.3 if k % 2 else 0.1)
+    presses = [
+        SimulatedPress(
+            1.5 + 2.0 * k, 0.8, tuple(0.6 * direction(70.0 * k, 60.0)), rise_s=0.3 if k % 2 else 0.1
+        )
         for k in range(6)
     ]
     late = [
         cycle._replace(reference=cycle.reference._replace(t_ns=cycle.reference.t_ns + round(late_s * 1e9)))
-        for cycle in cycles(felt(*holds), 14.0, scan_ns=scan_ns)
+        for cycle in cycles(force_profile(*presses), 14.0, scan_ns=scan_ns)
         if cycle.reference is not None
     ]
     lags_s = [load.lag_s for load in find_loads(late, 0) if load.rejection is None]

@@ -11,14 +11,14 @@ from footsense.calibration.loads.calibration_load import CalibrationLoad
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
 from footsense.sim.test_stand.press_sequence import paper_presses
-from tests.support.test_stand_loads import design, made, poked
+from tests.support.test_stand_loads import design, load_set, made
 
 _FORCE_N = 0.3 * paper_presses("training")[::12]
 
 
 def session(name: str, number: int) -> RecordedSession:
     """Return one of three recordings of a foot, with a third of its loads."""
-    loads = poked(made(1), _FORCE_N[number::3])
+    loads = load_set(made(1), _FORCE_N[number::3])
     one = [
         CalibrationLoad(
             0,

@@ -27,7 +27,8 @@ from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
-from footsense.sim.scene import Constant, load_scene
+from footsense.sim.scene import load_scene
+from footsense.sim.scene_loads import Constant
 from tests.support.feet import DESIGN
 
 HANGING = load_scene("hanging")

@@ -1,4 +1,4 @@
-"""A zero that drifts makes no contact, and a zero that follows eats no load."""
+"""Drift makes no contact, and drift tracking absorbs no load."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def test_twenty_kelvin_in_ten_minutes_of_walking() -> None:
     np.testing.assert_allclose(feet.tracker.drift.mean_pf * 1e3, [-30.0, 0.0, 30.0], atol=1.0)
 
 
-def test_drift_makes_no_contact_even_if_the_zero_does_not_follow() -> None:
+def test_drift_makes_no_contact_even_if_the_baseline_does_not_follow() -> None:
     """Ten minutes of the fastest drift are twice the threshold; a touch is found above them all the same."""
     feet = Standing(2, track=False).tared()
     for step in range(2400):
@@ -44,7 +44,7 @@ def test_drift_makes_no_contact_even_if_the_zero_does_not_follow() -> None:
 def test_a_stance_of_half_an_hour_is_not_eaten() -> None:
     """Frozen to the bit, in contact to the end, however light; then the creep's recovery moves it by 2.5 fF in 10 s.
 
-    The feet also cool by 20 K or heat up by it meanwhile, so that none comes back to its zero.
+    The feet also cool by 20 K or heat up by it meanwhile, so that none returns to its baseline.
     """
     stands_n = np.array([1.0, 1.0, 1.0, 0.3, 0.1, 0.05])
     drift_ff = np.array([0.0, 30.0, -30.0, 0.0, 0.0, 0.0])
@@ -82,7 +82,7 @@ def test_a_stance_of_half_an_hour_is_not_eaten() -> None:
 def test_a_load_that_comes_slowly_in_the_air_is_contact(
     n_per_s: float, found_n: float, swallowed_mn: float
 ) -> None:
-    """It is found as soon as it is a little more than the threshold, and the zero has kept its hands off."""
+    """It is detected slightly above the threshold, and the baseline has not followed it."""
     feet = Standing(1).tared()
     force_n = 0.0
     while not feet.in_contact[0]:
@@ -95,7 +95,7 @@ def test_a_load_that_comes_slowly_in_the_air_is_contact(
 
 
 def test_a_load_as_slow_as_drift_is_followed_up_to_what_drift_explains() -> None:
-    """1 N in an hour cannot be told from drift, at 0.3 mN/s: a threshold's half is swallowed, then it is TOO_FAST."""
+    """1 N in an hour cannot be told from drift, at 0.3 mN/s: half a threshold is absorbed, then it is TOO_FAST."""
     feet = Standing(1).tared()
     for step in range(4000):
         feet.feed(step * 0.1 / 3600, passed_s=0.1)
@@ -105,9 +105,9 @@ def test_a_load_as_slow_as_drift_is_followed_up_to_what_drift_explains() -> None
 
 
 def test_conversion_by_conversion_is_like_scan_by_scan() -> None:
-    """Times are in seconds: the same contacts within a scan, the same zero within its noise, at nine times the rate."""
+    """Times are in seconds: the same contacts within a scan, the same baseline within noise, at nine times the rate."""
     touchdowns_s: list[list[float]] = []
-    zeros_ff = []
+    baselines_ff = []
     for element_by_element in (False, True):
         feet = Standing(1, element_by_element=element_by_element).tared()
         assert [outcome.result for outcome in feet.outcomes] == [Result.DONE]
@@ -118,13 +118,13 @@ def test_conversion_by_conversion_is_like_scan_by_scan() -> None:
                 found_s.append(t_s)
             was = bool(feet.in_contact[0])
         touchdowns_s.append(found_s)
-        zeros_ff.append(feet.baseline_ff.mean())
+        baselines_ff.append(feet.baseline_ff.mean())
     np.testing.assert_allclose(touchdowns_s[0], touchdowns_s[1], atol=0.03)
     assert len(touchdowns_s[0]) == 11
-    np.testing.assert_allclose(zeros_ff, 1.2, atol=0.5)
+    np.testing.assert_allclose(baselines_ff, 1.2, atol=0.5)
 
 
-def test_what_a_zero_refuses_it_names() -> None:
+def test_a_baseline_names_why_it_does_not_follow() -> None:
     """A foot whose elements shake, one whose readings fall faster than they can, one on the ground, and a free one."""
     feet = Standing(4).tared()
     drift_ff = np.zeros((4, 9))

@@ -1,4 +1,4 @@
-"""A foot that ages is found while the robot walks, and nothing else is taken for it."""
+"""A foot that ages is detected while the robot walks; nothing else raises the alarm."""
 
 import math
 
@@ -15,9 +15,9 @@ from footsense.estimation.faults.calibration_monitor import (
     SUM_LIMIT,
     SUM_SLACK,
     CalibrationMonitor,
-    Vector,
     attributed_rel,
 )
+from footsense.frames import Vector
 
 PERIOD_NS = 800_000_000
 SAMPLES = PERIOD_NS // SAMPLE_NS
@@ -33,9 +33,9 @@ class Walking:
         self._t_ns = 1_000_000_000
 
     def stride(self, reads_rel: Vector | float = 1.0, residual_rel: Vector | float = 0.06) -> list[int]:
-        """Walk one stride with forces that read so much of what they did at first; return the legs in doubt.
+        """Walk one stride with forces scaled from the first ones; return the legs with an alarm.
 
-        A stride is judged with the touchdown behind it: what is returned is what the strides before have shown.
+        A stride is tested at the touchdown after it: the result is that of the strides before.
         """
         loads_n = np.broadcast_to(USUAL_N * reads_rel, 6)
         residual2 = np.broadcast_to(np.square(residual_rel), 6)
@@ -54,7 +54,7 @@ class Walking:
             assert self.stride() == []
 
     def until_found(self, reads_rel: Vector | float = 1.0, residual_rel: Vector | float = 0.06) -> int:
-        """Return the strides until something is in doubt."""
+        """Return the strides until an alarm."""
         for n in range(1, 40):
             if self.stride(reads_rel, residual_rel):
                 return n
@@ -141,8 +141,8 @@ def test_strides_without_every_force_are_not_judged() -> None:
     assert all(walking.stride(wrong) == [] for _ in range(30))
 
 
-def test_a_bench_is_no_walk() -> None:
-    """One foot that is poked again and again has nothing to be compared with, and costs nothing."""
+def test_a_test_stand_is_no_walk() -> None:
+    """One foot on a test stand has no other feet to be compared with, and costs no time."""
     assert CalibrationMonitor(1).due_ns > 10**18
 
 

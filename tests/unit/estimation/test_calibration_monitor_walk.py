@@ -1,4 +1,4 @@
-"""Whole walks of six simulated feet through the released network: an ageing foot is told, a sound walk is not.
+"""Whole walks of six simulated feet through the released network: an ageing foot raises an alarm, a sound one does not.
 
 Only chips and buses are left out: what the converters would read at each conversion is computed once for a stride.
 """
@@ -12,10 +12,10 @@ from footsense.acquisition.scan_plan import ORDERS
 from footsense.config import DEFAULT, Config
 from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.daemon.foot_types import released
-from footsense.estimation.faults.calibration_monitor import REFERENCE_STRIDES, Vector
+from footsense.estimation.faults.calibration_monitor import REFERENCE_STRIDES
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.frames import ELEMENTS, LEGS, CapFrame, Cause, State
+from footsense.frames import ELEMENTS, LEGS, CapFrame, Cause, State, Vector
 from footsense.sim.foot.warming import softness_at
 from footsense.sim.loads.ground_load import Walk, smooth_step
 
@@ -60,7 +60,7 @@ def walk(
         config: The robot.
 
     Returns:
-        In which of those strides each leg's calibration came into doubt, and the forces along the last such leg in the
+        In which of those strides each leg raised the alarm, and the forces along the last such leg in the
         stride after that [N].
     """
     pipeline = pipeline_for(config, NETWORK, 0)
@@ -68,7 +68,7 @@ def walk(
     softness = np.broadcast_to(then, len(LEGS))
     unloaded_pf, sound_pf = stride_pf(1.0)
     aged_pf = np.stack([stride_pf(float(s))[1][:, row] for row, s in enumerate(softness)], axis=1)
-    told: dict[str, int] = {}
+    alarms: dict[str, int] = {}
     forces_n: list[float] = []
     reading = np.zeros((len(LEGS), ELEMENTS), np.uint8)
     for stride in range(-REFERENCE_STRIDES - 3, strides):
@@ -86,23 +86,23 @@ def walk(
             out, _ = pipeline.process(CapFrame(number, t_ns, capacitance_pf, reading), now_ns)
             stale = out.cause == Cause.CALIBRATION_STALE
             for row in np.flatnonzero(stale).tolist():
-                told.setdefault(LEGS[row], stride)
+                alarms.setdefault(LEGS[row], stride)
                 assert out.state[row] == State.VALID
                 forces_n.append(float(out.force_n[row, 2]))
-    return told, forces_n
+    return alarms, forces_n
 
 
 def test_a_foot_that_became_softer_is_named_and_its_forces_stay() -> None:
     """15 % more closure under the same load: found within 20 strides on that leg alone; the force is as it is read."""
     aged = np.ones(len(LEGS))
     aged[RM] = 1.15
-    told, forces_n = walk(22, aged)
-    assert list(told) == ["rm"]
-    assert told["rm"] <= 20
+    alarms, forces_n = walk(22, aged)
+    assert list(alarms) == ["rm"]
+    assert alarms["rm"] <= 20
     assert max(forces_n) > 0.85
 
 
 @pytest.mark.parametrize("softness", [1.0, softness_at(20.0)], ids=["as before", "20 K warmer"])
-def test_sound_feet_are_not_in_doubt(softness: float) -> None:
+def test_sound_feet_raise_no_alarm(softness: float) -> None:
     """Nor feet that are 20 K warmer, which takes 8 % of every force."""
     assert walk(60, softness)[0] == {}

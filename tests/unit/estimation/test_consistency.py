@@ -1,4 +1,4 @@
-"""Which element contradicts the others: found, remembered, and trusted again."""
+"""Residual test: the faulty element is isolated, excluded, and readmitted."""
 
 import numpy as np
 import pytest
@@ -27,14 +27,14 @@ loads = st.tuples(st.floats(0.2, 2.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0
 
 
 class Leg:
-    """One leg that is judged scan by scan."""
+    """One leg, tested scan by scan."""
 
     def __init__(self) -> None:
         self.consistency = ConsistencyTest(1, MOMENTS, SETTLED_NS)
         self.t_ns = 0
 
     def test(self, closure_rel: NDArray[np.float64], *unread: int) -> ConsistencyResult:
-        """Judge the next scan, without some elements; those that are remembered are measured, but not aligned."""
+        """Test the next scan without some elements; excluded ones are measured, but not aligned."""
         self.t_ns += SCAN_NS
         measured_rel = closure_rel[None]
         missing = self.consistency.excluded.copy()
@@ -49,8 +49,8 @@ def pressed(load: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> NDArray[np.fl
 
 
 @given(loads)
-def test_a_load_contradicts_nothing(load: tuple[float, float, float]) -> None:
-    """Nothing is missing, nothing in doubt."""
+def test_a_load_is_consistent(load: tuple[float, float, float]) -> None:
+    """Nothing is missing, nothing inconsistent."""
     result = Leg().test(pressed(load))
     assert not result.missing.any()
     assert not result.inconsistency_rel.any()
@@ -60,7 +60,7 @@ def test_a_load_contradicts_nothing(load: tuple[float, float, float]) -> None:
 def test_the_element_that_is_wrong_is_left_out(
     load: tuple[float, float, float], element: int, by: float
 ) -> None:
-    """At once, alone, and with doubt until it is sure that it is not the motion."""
+    """At once and alone; sigma is wider until motion cannot be the cause any more."""
     closure_rel = pressed(load)
     closure_rel[element] += by
     leg = Leg()
@@ -85,7 +85,7 @@ def test_a_line_that_is_wrong_is_left_out(line: NDArray[np.bool_]) -> None:
 def test_a_wrong_element_beside_one_that_cannot_be_read_takes_their_line(
     unread: int, wrong: int, line: tuple[int, ...]
 ) -> None:
-    """No force does without two single elements, so their row or column is left out, and remembered."""
+    """No force does without two single elements, so their row or column is left out, and excluded."""
     leg = Leg()
     closure_rel = pressed((1.0, 0.2, 0.3))
     closure_rel[wrong] += 0.6
@@ -96,8 +96,8 @@ def test_a_wrong_element_beside_one_that_cannot_be_read_takes_their_line(
     assert leg.consistency.excluded[0, wrong]
 
 
-def test_what_nobody_explains_is_only_doubted() -> None:
-    """A load that steps while the elements are read: nothing is left out, and all is in doubt for a while."""
+def test_residuals_without_a_faulty_element_widen_sigma() -> None:
+    """A load that steps while the elements are read: nothing is left out, and sigma is wider for a while."""
     closure_rel = pressed()
     closure_rel[[0, 2, 4, 7]] = 0.0
     result = Leg().test(closure_rel)
@@ -105,7 +105,7 @@ def test_what_nobody_explains_is_only_doubted() -> None:
     assert result.inconsistency_rel[0] > 0.1
 
 
-def test_a_stuck_element_is_told_from_one_that_stands_beside_its_place() -> None:
+def test_a_stuck_element_is_told_from_a_drifting_one() -> None:
     """Both contradict; one moves with the others."""
     for follows in (False, True):
         leg = Leg()
@@ -202,8 +202,8 @@ def test_a_drift_that_a_load_hides_is_not_trusted() -> None:
         assert leg.test(loaded).missing[0, 8]
 
 
-def test_a_leg_without_a_reading_is_not_judged_and_a_new_foot_is_trusted() -> None:
-    """A NaN that is not missing says nothing about the others; forgetting forgets all."""
+def test_a_leg_without_a_reading_is_not_tested_and_a_new_foot_is_trusted() -> None:
+    """A NaN that is not missing says nothing about the others; a reset readmits all."""
     leg = Leg()
     wrong = pressed()
     wrong[3] = -1.0

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, refusal, trimmed_means
+from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, trimmed_means
 from footsense.frames import CommandKind
 
 LIMITS = ContactLimits(threshold_n=0.03)
@@ -180,7 +180,9 @@ def test_commands_only_where_they_are_safe(
     kind: CommandKind, *, in_contact: bool, load_n: float, drift_n: float, says: str | None
 ) -> None:
     """On the ground no STOP and no TARE, unless drift explains the whole load; START and unknown contact always."""
-    reason = refusal(kind, in_contact=in_contact, load_n=load_n, drift_n=drift_n)
+    contact = ContactDetector(LIMITS)
+    contact.in_contact, contact.load_n, contact.drift_n = in_contact, load_n, drift_n
+    reason = contact.refusal(kind)
     assert reason is None if says is None else reason is not None and says in reason
 
 

@@ -199,8 +199,8 @@ def test_a_line_is_told_from_single_faults(elements: list[int], cause: Cause) ->
     assert causes(reading, np.array([State.DEGRADED]), faulty, NO_DRIFT).tolist() == [cause]
 
 
-def test_the_gravest_reading_gives_state_and_cause() -> None:
-    """An element that is garbled is nothing beside a chip that does not answer; what is known of elements is less."""
+def test_the_most_severe_reading_gives_state_and_cause() -> None:
+    """A corrupt answer is less severe than a chip that does not answer, and faulty elements are less than either."""
     whole = np.zeros((1, 9), bool)
     faulty = ElementFaults(opened(4), whole, whole, whole)
     for readings, state, cause in (
@@ -218,7 +218,7 @@ def test_the_gravest_reading_gives_state_and_cause() -> None:
         assert causes(reading, states, faulty, NO_DRIFT).tolist() == [cause]
 
 
-def test_a_zero_that_left_the_others_is_told() -> None:
+def test_an_element_that_drifts_apart_is_a_cause() -> None:
     """Though it is followed and the force is valid."""
     whole = np.zeros((2, 9), bool)
     drift = BaselineDrift.none(2)._replace(mean_pf=np.array([-0.03, -0.03]), worst_pf=np.array([-0.036, 0.0]))

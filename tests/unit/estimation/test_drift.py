@@ -1,4 +1,4 @@
-"""One leg's zero: how far it goes, how sure it is, and what it refuses."""
+"""One leg's baseline: its reach, its uncertainty, and its limits."""
 
 import numpy as np
 import pytest
@@ -75,7 +75,7 @@ def test_it_is_less_sure_the_longer_it_stands_still() -> None:
 
 
 def test_the_newest_reading_is_never_used() -> None:
-    """It may be the first of a touchdown: whatever it is, the zero moves by the one before it."""
+    """It may be the first of a touchdown: the baseline moves by the one before it."""
     moved_pf = []
     for newest_ff in (0.5, -3.0, 4.0):
         foot = Swinging()
@@ -121,7 +121,7 @@ def test_it_stops_where_a_tare_would_be_refused() -> None:
     assert foot.baseline.offset_pf[0] < -0.5e-3
 
 
-def test_an_element_without_a_zero_gets_one_from_two_quiet_readings() -> None:
+def test_an_element_without_a_baseline_gets_one_from_two_quiet_readings() -> None:
     """And only near what the free foot reads; the offset counts from there."""
     tared_pf = UNLOADED_PF.copy()
     tared_pf[[2, 5]] = np.nan

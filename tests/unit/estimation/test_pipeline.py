@@ -135,7 +135,7 @@ def test_a_tare_makes_no_jump_in_the_force() -> None:
 
 
 def test_a_leg_that_was_away_is_tared_anew() -> None:
-    """It may carry another foot now: after a quarter of a second the old baseline is not believed any more."""
+    """It may carry another foot now: after a quarter of a second the old baseline is discarded."""
     feet = Feet().tared()
     for n_silent in (9, 10):
         for _ in range(n_silent):
@@ -240,7 +240,7 @@ def test_sigma_knows_of_motion() -> None:
     ],
 )
 def test_a_foot_s_own_gap_says_when_it_is_shut(closure_um: float, states: list[State]) -> None:
-    """A narrow one shuts early, a wide one is read as far as the network was taught; a gain is taken off before."""
+    """A narrow gap closes early, a wide one is read as far as the network was trained; a gain is divided out before."""
     gap_um = np.repeat([[12.0], [24.0], [24.0]], 9, axis=1)
     gain_rel = np.repeat([[1.0], [1.0], [1.25]], 9, axis=1)
     feet = Feet(3, gap_um=gap_um, gain_rel=gain_rel).tared()
@@ -292,8 +292,8 @@ def test_a_refused_command_keeps_the_baseline_and_says_so() -> None:
         forces = feet.feed(feet.scan(3.0))
     assert [(leg, result) for leg, result, _ in feet.outcomes] == [(1, Result.LOADED)]
     assert forces.state.tolist() == [State.VALID, State.VALID]
-    touching = Flag.SIMULATED | Flag.CONTACT
-    assert forces.flags.tolist() == [touching, touching | Flag.TARE_REFUSED]
+    in_contact = Flag.SIMULATED | Flag.CONTACT
+    assert forces.flags.tolist() == [in_contact, in_contact | Flag.TARE_REFUSED]
     feet.feed(feet.scan(0.02))
     feet.pipeline.execute(Command(CommandKind.TARE, 1))
     for _ in range(WINDOW):
@@ -320,11 +320,11 @@ def test_a_leg_on_the_ground_is_neither_stopped_nor_tared() -> None:
     assert start.result is Result.DONE
     forces = feet.feed(feet.scan(5.0))
     assert forces.state.tolist() == [State.VALID] * 2
-    touching = Flag.SIMULATED | Flag.CONTACT
-    assert forces.flags.tolist() == [touching, touching | Flag.TARE_REFUSED]
+    in_contact = Flag.SIMULATED | Flag.CONTACT
+    assert forces.flags.tolist() == [in_contact, in_contact | Flag.TARE_REFUSED]
 
 
-def test_an_element_that_was_missing_at_the_tare_gets_its_zero_in_the_air() -> None:
+def test_an_element_that_was_missing_at_the_tare_gets_its_baseline_in_swing() -> None:
     """The leg starts DEGRADED without it, and is VALID soon after it is back."""
     feet = Feet(n_legs=1)
     states = []
@@ -375,7 +375,7 @@ def test_whatever_the_converters_say_a_value_is_usable_or_missing(
     assert np.isnan(forces.sigma_n[~usable]).all()
 
 
-def test_sigma_knows_how_long_the_zero_has_stood_still() -> None:
+def test_sigma_grows_while_the_baseline_is_held() -> None:
     """After 100 s without a reading in the air, what drift may have done since is part of it."""
     feet = Feet(n_legs=1).tared()
     feet.pipeline._baselines._sensitivity = Sensitivity(load_n=9.0, baseline_n=np.array([1.0, 1.0, 9.0]))

@@ -33,16 +33,16 @@ def run(motion: Vector) -> Vector:
     """Return the positions that the filter tells after each reading of a motion, shape (steps, 9), as it goes on."""
     filter_ = prediction()
     filter_.begin(0, motion[0], 0)
-    told = []
+    predicted = []
     for n, truth in enumerate(motion[1:], 1):
         element = np.array([ORDER[n % 9]])
         filter_.observe(np.array([0]), element, truth[element], np.array([n * STEP_NS]), np.zeros(1, np.intp))
-        told.append(filter_.at(n * STEP_NS)[0])
-    return np.array(told)
+        predicted.append(filter_.at(n * STEP_NS)[0])
+    return np.array(predicted)
 
 
 def textbook(motion: Vector) -> Vector:
-    """Return the same by a Kalman filter as it is taught, whose covariance is carried along with the readings."""
+    """Return the same by a textbook Kalman filter, whose covariance is carried along with the readings."""
     wandering = MOMENTS / np.trace(MOMENTS) + _OWN_REL * np.eye(9)
     kept = np.exp(-STEP_S / _DECAY_S)
     step = np.eye(18)
@@ -51,7 +51,7 @@ def textbook(motion: Vector) -> Vector:
     noise = _DENSITY * np.kron(np.array([[STEP_S**3 / 3, STEP_S**2 / 2], [STEP_S**2 / 2, STEP_S]]), wandering)
     state = np.concatenate((motion[0], np.zeros(9)))
     covariance = np.kron(np.diag([1.0, 1.0 / STEP_S]), wandering)
-    told = []
+    predicted = []
     for n, truth in enumerate(motion[1:], 1):
         element = ORDER[n % 9]
         state, covariance = step @ state, step @ covariance @ step.T + noise
@@ -61,8 +61,8 @@ def textbook(motion: Vector) -> Vector:
         # Joseph's form, which stays symmetric and positive whatever is rounded.
         rest = np.eye(18) - gain @ looks
         covariance = rest @ covariance @ rest.T + gain @ gain.T * NOISE**2
-        told.append(state[:9])
-    return np.array(told)
+        predicted.append(state[:9])
+    return np.array(predicted)
 
 
 def test_it_is_the_textbook_filter_once_that_has_settled() -> None:
@@ -72,7 +72,7 @@ def test_it_is_the_textbook_filter_once_that_has_settled() -> None:
     np.testing.assert_allclose(run(motion)[300:], textbook(motion)[300:], atol=2e-6)
 
 
-def test_what_stands_still_is_told_exactly() -> None:
+def test_a_constant_load_is_predicted_exactly() -> None:
     """No motion, no error: whatever the distances are."""
     still = np.tile(np.linspace(0.1, 1.4, 9), (60, 1))
     np.testing.assert_allclose(run(still), still[1:], atol=1e-12)
@@ -81,14 +81,14 @@ def test_what_stands_still_is_told_exactly() -> None:
 def test_a_load_that_grows_is_followed_by_all_elements() -> None:
     """Readings up to a scan old are a scan's growth behind; their prediction is not, once it has seen the growth."""
     growth: Vector = np.outer(np.maximum(np.arange(90.0) - 30, 0) * 0.01, 1 + 0.2 * _X)
-    told = run(growth)
+    predicted = run(growth)
     behind = (
         np.array([[growth[n - (n - ORDER.index(e)) % 9, e] for e in range(9)] for n in range(1, 90)])
         - growth[1:]
     )
-    error = told - growth[1:]
+    error = predicted - growth[1:]
     assert np.abs(error[40:]).max() < 0.1 * np.abs(behind[40:]).max()
-    # In the very scan in which it begins, nobody can know; but no worse than without.
+    # In the very scan in which it begins, no filter can know; but no worse than without.
     assert np.square(error).sum() < 0.3 * np.square(behind).sum()
 
 
@@ -146,7 +146,7 @@ def test_a_leg_is_together_with_nine_readings_and_not_before() -> None:
 
 @pytest.mark.parametrize("number", [1, 5, 10, 15])
 def test_a_leg_is_together_without_what_is_missing(number: int) -> None:
-    """An element that nobody asks for may give nothing, or nonsense."""
+    """A missing element may read nothing, or anything."""
     leg, missing = Leg(), MISSING_SETS[number]
     together = [leg.read(np.nan if missing[ORDER[n % 9]] else 1.3, missing) for n in range(18)]
     assert all(together[9:])

@@ -12,45 +12,45 @@ OK = np.zeros(9, np.uint8)
 
 
 def tare(readings_pf: np.ndarray, missing: np.ndarray = NONE, foot: str = "") -> TareResult | None:
-    """Return the verdict over scans of these readings, shape (9,), one after the other."""
+    """Return the tared over scans of these readings, shape (9,), one after the other."""
     window = TareWindow(LIMITS, UNLOADED_PF, foot)
     for number in range(LIMITS.window_frames):
-        verdict = window.add(readings_pf, OK, np.full(9, 1 + number), missing)
-    return verdict
+        tared = window.add(readings_pf, OK, np.full(9, 1 + number), missing)
+    return tared
 
 
-def test_a_foot_that_is_another_is_told_by_name() -> None:
-    """A foot of a pack has a fingerprint of its own; whoever reads the line need not know what unloaded_pf is."""
-    verdict = tare(UNLOADED_PF * np.linspace(0.88, 1.1, 9), foot="foot-0008")
-    assert verdict is not None
-    assert (verdict.result, verdict.baseline_pf) == (Result.LOADED, None)
-    assert verdict.reason == (
+def test_another_foot_is_refused_by_name() -> None:
+    """A calibrated foot has unloaded readings of its own; the message names the foot instead of unloaded_pf."""
+    tared = tare(UNLOADED_PF * np.linspace(0.88, 1.1, 9), foot="foot-0008")
+    assert tared is not None
+    assert (tared.result, tared.baseline_pf) == (Result.LOADED, None)
+    assert tared.reason == (
         "the foot is not unloaded, or another than foot-0008: element 0 reads 4.752 pF, -12.0% from the 5.400 pF "
         "expected of foot-0008, at most 3.0% is allowed"
     )
 
 
 def test_an_element_that_is_missing_is_left_out() -> None:
-    """Whatever it reads; the others get their zero, and the reason names it."""
+    """Whatever it reads; the others get their baseline, and the reason names it."""
     for reading in (0.3, np.nan):
         readings_pf = UNLOADED_PF.copy()
         readings_pf[4] = reading
-        verdict = tare(readings_pf, np.arange(9) == 4)
-        assert verdict is not None
-        assert verdict.result is Result.DONE
-        assert verdict.reason == "tared over 4 scans, 0.00 fF rms without elements 4"
-        assert verdict.baseline_pf is not None
-        assert np.isnan(verdict.baseline_pf).tolist() == (np.arange(9) == 4).tolist()
+        tared = tare(readings_pf, np.arange(9) == 4)
+        assert tared is not None
+        assert tared.result is Result.DONE
+        assert tared.reason == "tared over 4 scans, 0.00 fF rms without elements 4"
+        assert tared.baseline_pf is not None
+        assert np.isnan(tared.baseline_pf).tolist() == (np.arange(9) == 4).tolist()
 
 
-def test_an_open_element_that_nobody_knew_of_is_called_open_and_not_loaded() -> None:
+def test_an_open_element_is_called_open_and_not_loaded() -> None:
     """No load makes a capacitance smaller by half."""
     readings_pf = UNLOADED_PF.copy()
     readings_pf[[1, 5]] = 0.3
-    verdict = tare(readings_pf)
-    assert verdict is not None
-    assert verdict.result is Result.ELEMENT_FAULT
-    assert verdict.reason.startswith("an element is open: element 1 reads 0.300 pF, -94.4% from the 5.400 pF")
+    tared = tare(readings_pf)
+    assert tared is not None
+    assert tared.result is Result.ELEMENT_FAULT
+    assert tared.reason.startswith("an element is open: element 1 reads 0.300 pF, -94.4% from the 5.400 pF")
 
 
 def test_a_frame_counts_once_every_element_has_been_read_anew() -> None:
@@ -60,23 +60,23 @@ def test_a_frame_counts_once_every_element_has_been_read_anew() -> None:
     assert window.add(np.full(9, np.nan), OK, np.full(9, 1), NONE) is None
     stamps = np.zeros(9, np.int64)
     frames = 0
-    verdict = None
-    while verdict is None:
+    tared = None
+    while tared is None:
         stamps[frames % 9] = frames + 1
         frames += 1
-        verdict = window.add(UNLOADED_PF, OK, stamps.copy(), NONE)
-    assert (verdict.result, frames) == (Result.DONE, 4 * 9)
+        tared = window.add(UNLOADED_PF, OK, stamps.copy(), NONE)
+    assert (tared.result, frames) == (Result.DONE, 4 * 9)
 
 
 def test_a_reading_that_fails_ends_it() -> None:
     """ABSENT if nothing answers, ELEMENT_FAULT with the names if single readings are none, unless they are missing."""
-    for code, result in ((Reading.NO_ANSWER, Result.ABSENT), (Reading.NOT_READY, Result.ELEMENT_FAULT)):
+    for code, expected in ((Reading.NO_ANSWER, Result.ABSENT), (Reading.NOT_READY, Result.ELEMENT_FAULT)):
         reading = OK.copy()
         reading[[2, 3]] = code
-        verdict = TareWindow(LIMITS, UNLOADED_PF).add(UNLOADED_PF, reading, np.ones(9, np.int64), NONE)
-        assert verdict is not None
-        assert verdict.result is result
-        reason = verdict.reason
+        tared = TareWindow(LIMITS, UNLOADED_PF).add(UNLOADED_PF, reading, np.ones(9, np.int64), NONE)
+        assert tared is not None
+        assert tared.result is expected
+        reason = tared.reason
     assert reason == "elements 2, 3 give no reading"
     assert (
         TareWindow(LIMITS, UNLOADED_PF).add(UNLOADED_PF, reading, np.ones(9, np.int64), reading != 0) is None

@@ -17,13 +17,13 @@ from footsense.daemon.foot_types import FOOT_TYPE, released
 from footsense.errors import CalibrationError, FootsenseError, ModelError
 from footsense.foot.calibration_format import Manifest
 from footsense.foot.calibration_reader import read_calibration
-from footsense.foot.checksum_trailer import seal
+from footsense.foot.checksum_trailer import add_checksum
 from footsense.foot.temperature import STIFFNESS_PER_K, CalibratedAt
 from tests.support.calibrations import calibration, content, parameters
 
 
 def reseal(folder: Path, **changed: Any) -> None:
-    """Change entries of a manifest as someone would who also knows how to seal it; the files' hashes are made anew."""
+    """Change entries of a manifest and its own hash with them; the files' hashes are made anew."""
     found = msgspec.json.decode((folder / "manifest.json").read_bytes(), type=Manifest)
     files = {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in found.files}
     found = msgspec.structs.replace(found, **{"files": files, **changed})
@@ -47,7 +47,7 @@ def change_byte(file: Path, old: bytes, new: bytes) -> None:
 def other_network(folder: Path) -> None:
     """Put a network there that is one, but not the one."""
     content = released("network.onnx").read_bytes()[:-86]
-    (folder / "network.onnx").write_bytes(seal(content + b"\x72\x04\x0a\x00\x12\x00"))
+    (folder / "network.onnx").write_bytes(add_checksum(content + b"\x72\x04\x0a\x00\x12\x00"))
     reseal(folder)
 
 
@@ -135,7 +135,7 @@ def test_what_is_wrong_is_said(tmp_path: Path, harm: Callable[[Path], Any], said
 
 
 def test_a_network_cut_short(tmp_path: Path) -> None:
-    """The seal of a network counts inside a calibration as anywhere, hashes made anew or not."""
+    """The checksum of a network counts inside a calibration as anywhere, hashes made anew or not."""
     folder = calibration(tmp_path).folder
     (folder / "network.onnx").write_bytes(released("network.onnx").read_bytes()[:-100])
     reseal(folder)
@@ -143,7 +143,7 @@ def test_a_network_cut_short(tmp_path: Path) -> None:
         read_calibration(folder, FOOT_TYPE)
 
 
-def test_a_pack_is_never_overwritten(tmp_path: Path) -> None:
+def test_a_calibration_is_never_overwritten(tmp_path: Path) -> None:
     """A second one is refused; asked for, it takes the name, and the first is kept under a number and stays whole."""
     first = calibration(tmp_path)
     with pytest.raises(CalibrationError, match=r"with --replace the old one is kept as foot-0007\.1"):

@@ -1,4 +1,4 @@
-"""What a bench's force sensor says becomes forces on the foot in the daemon's time; what it does not say is counted."""
+"""Records of a force sensor become forces on the foot in the daemon's time; missing ones are counted."""
 
 import binascii
 import socket
@@ -131,11 +131,23 @@ def stream_of(times: SampleTimes) -> SampleStream:
     )
 
 
-def bench(columns: tuple[str, ...] = COLUMNS) -> tuple[VirtualClock, SimulatedPort, SerialReference]:
+class UnpluggablePort(SimulatedPort):
+    """A simulated port that loses what the sensor sends while it is unplugged."""
+
+    unplugged = False
+
+    def read(self) -> bytes:
+        data = super().read()
+        return b"" if self.unplugged else data
+
+
+def simulated_stand(
+    columns: tuple[str, ...] = COLUMNS,
+) -> tuple[VirtualClock, UnpluggablePort, SerialReference]:
     """Return a simulated sensor that feels one newton upwards, and what reads it."""
     clock = VirtualClock()
     clock.sleep_until_ns(10**12)
-    port = SimulatedPort(SimulatedSensor(lambda _: np.array([0.0, 0.0, 1.0]), 3, 0.0), clock)
+    port = UnpluggablePort(SimulatedSensor(lambda _: np.array([0.0, 0.0, 1.0]), 3, 0.0), clock)
     reference = SerialReference(
         port, LineDecoder(columns, ","), stream_of(SampleTimes(RATE_HZ, TRANSMISSION_NS)), b"S"
     )
@@ -157,14 +169,14 @@ def watched(
 @pytest.mark.parametrize("columns", [COLUMNS, ("-", "fx", "fy", "fz")], ids=["stamped", "counted"])
 def test_samples_have_the_time_at_which_they_were_taken(columns: tuple[str, ...]) -> None:
     """To a millisecond after a second, with a drifting clock and with none, though the loop looks once a scan."""
-    clock, _, reference = bench(columns)
+    clock, _, reference = simulated_stand(columns)
     samples = watched(clock, reference, 8.0)
     before = 4  # were in the line at the first look
     true_ns = 10**12 + PERIOD_NS * np.arange(1 + before, 1 + before + len(samples))
     late_ns = samples[:, 0] - true_ns
     assert np.abs(late_ns[250:]).max() < 1.2e6
     assert (np.diff(samples[50:, 0]) >= 0).all()
-    assert reference.statistics().n_missing == 0
+    assert reference.statistics.n_missing == 0
     assert samples[:, 3].mean() - 1.0 == pytest.approx(samples[0, 3] - 1.0, abs=0.4)  # but for its own zero
 
 
@@ -173,13 +185,14 @@ def test_a_sensor_that_is_unplugged_is_missed_and_comes_back(
     columns: tuple[str, ...], caplog: pytest.LogCaptureFixture
 ) -> None:
     """The samples that it would have sent are counted, said once, and those that follow have their right times."""
-    clock, port, reference = bench(columns)
+    clock, port, reference = simulated_stand(columns)
     watched(clock, reference, 3.0)
-    port.unplug()
+    port.unplugged = True
     assert len(watched(clock, reference, 2.0)) == 0
-    port.plug_in()
+    port.unplugged = False
+    port.opened += 1
     samples = watched(clock, reference, 3.0)
-    figures = reference.statistics()
+    figures = reference.statistics
     assert figures.n_missing == pytest.approx(400, abs=8)
     assert figures.n_opened == 2
     assert [record.getMessage()[:28] for record in caplog.records] == [
@@ -207,7 +220,7 @@ def test_a_clock_that_jumps_is_followed_anew(jumps_at: int, caplog: pytest.LogCa
         )
         mapped.append(int(said.t_ns[-1]) - now_ns)
     assert max(map(abs, mapped)) < 1_000_000
-    assert stream.statistics(0, 1)[:2] == (1200, 0)
+    assert (stream.statistics.n_samples, stream.statistics.n_missing) == (1200, 0)
     assert times.n_jumps == 1
     assert [record.getMessage() for record in caplog.records] == [
         "sensor: its clock has jumped; the clock map restarts"
@@ -224,7 +237,7 @@ def test_a_sensor_that_makes_no_sense_ends_the_run(sent: bytes, says: str) -> No
         def read(self) -> bytes:
             return sent
 
-    clock, _, _ = bench()
+    clock, _, _ = simulated_stand()
     port = Port(SimulatedSensor(lambda _: np.zeros(3), 1), clock)
     reference = SerialReference(port, LineDecoder(COLUMNS, ","), stream_of(SampleTimes(200.0, 0)), b"S")
     with pytest.raises(SensorError, match=says):
@@ -275,7 +288,7 @@ def test_a_net_ft_stream_is_asked_for_and_read() -> None:
         assert said.force_n.tolist() == [[0.0, -2.0, 3.0]] * 4
         assert said.saturated.tolist() == [False, False, False, True]
         assert np.diff(said.t_ns).tolist() == [1_000_000, 2_000_000, 1_000_000]
-        figures = reference.statistics()
+        figures = reference.statistics
         assert (figures.n_samples, figures.n_missing, figures.n_bad) == (4, 1, 2)
         reference.close()
         assert sensor.recv(64) == rdt_request(0)
@@ -305,7 +318,7 @@ def test_a_net_ft_that_counts_anew_is_asked_again() -> None:
 
 
 def test_a_file_is_played_from_the_first_scan_on(tmp_path: Path) -> None:
-    """Each sample once, when its time has come, with the axes and units of the bench."""
+    """Each sample once, when its time has come, with the axes and units of the test stand."""
     path = tmp_path / "log.csv"
     path.write_text("time_ms, fx, fy, fz, note\n" + "".join(f"{5 * k},0,0,{-k},x\n" for k in range(10)))
     reference = FileReference(read_csv(path, SensorMounting(AGAINST, (0, 0, 0), "gf", 1.0, (9, 9, 9)), 0))

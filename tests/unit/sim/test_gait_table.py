@@ -8,7 +8,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import LEGS
 from footsense.sim.loads.gait_table import GaitTable
-from footsense.sim.scene import Stand, Tripod
+from footsense.sim.scene_loads import Stand, Tripod
 
 WALK = Tripod(period_s=1.2, duty_rel=0.6, peak_force_n=0.9, friction_rel=0.15, pitch_deg=10.0)
 MS = 1_000_000

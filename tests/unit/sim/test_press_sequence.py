@@ -1,6 +1,7 @@
-"""A bench in simulation: a stick that loads, rubber that remembers, feet that were made and not designed."""
+"""A simulated test stand: presses, viscoelastic rubber, feet as made."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from footsense.errors import ConfigError
 from footsense.foot.response_table import FootResponse
 from footsense.sim.foot.viscoelastic import CREEP_REL, CREEP_TIME_S, PLAY_N, PLAY_REL, ViscoelasticElement
 from footsense.sim.robot import SimulatedRobot, Wiring
-from footsense.sim.scene import Effects, Fabrication, Scene, Unloaded, load_scene
+from footsense.sim.scene import Effects, Fabrication, Scene, load_scene
+from footsense.sim.scene_loads import Unloaded
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 
 _UP = np.array([0.0, 0.0, 1.0])
@@ -31,7 +33,7 @@ def test_the_papers_presses_are_its_counts_and_angles() -> None:
 
 @given(st.integers(0, 5_000))
 def test_a_stick_presses_holds_and_lets_go(at_ms: int) -> None:
-    """Force and time of each press are as told, between them the foot is free."""
+    """Force and time of each press are as configured, with pauses without load between them."""
     loads = PressSequence(
         [(0.0, 0.0, 1.0), (0.3, 0.0, 0.4)],
         from_ns=1000 * _MS,
@@ -106,4 +108,20 @@ def test_a_press_below_the_known_response_is_refused_by_its_number(
         encoding="utf-8",
     )
     with pytest.raises(ConfigError, match=r"presses\[1\].*elevation of 6 deg"):
+        load_scene(str(file))
+
+
+@pytest.mark.parametrize(
+    ("load", "present"),
+    [
+        ("kind: pokes, presses: training", "calibration_loads"),
+        ("kind: calibration_loads, presses: training, hold_s: 1", "dwell_s"),
+        ("kind: calibration_loads, presses: training, rest_s: 1", "pause_s"),
+    ],
+)
+def test_a_word_of_an_earlier_version_names_the_present_one(load: str, present: str, tmp_path: Path) -> None:
+    """One line with the new word."""
+    file = tmp_path / "old.yaml"
+    file.write_text(f"description: old\nload: {{{load}}}\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=f"now called {present}"):
         load_scene(str(file))

@@ -25,8 +25,10 @@ from footsense.lab.evaluation.maximum_likelihood import (
     lifted_normals,
     maximum_likelihood,
 )
-from footsense.lab.studies.page import Figures, StudyContext, panels
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels
 from footsense.lab.training.load_cases import (
+    BASELINE_NOISE_PF,
+    NOISE_PF,
     measured_closure_rel,
     sensed_closure_um,
 )
@@ -44,7 +46,7 @@ ROUNDS = (1, 2, 4, 12)
 #: Largest misfit of an explained scan: of right fits one in twenty thousand has more.
 EXPLAINED = 5.0
 
-CURVES, MAP = "cramer-rao.png", "cramer-rao-map.png"
+_CURVES, _MAP = "cramer-rao.png", "cramer-rao-map.png"
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +165,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         ambiguous=ambiguous,
     )
     drawing = _map(azimuth, elevation, bound.reshape(len(azimuth), steps), ambiguous)
-    return results, {CURVES: _curves(ratio.centred), MAP: drawing}
+    return results, {_CURVES: _curves(ratio.centred), _MAP: drawing}
 
 
 def _curves(bins: Sequence[MagnitudeBin]) -> Figure:
@@ -209,3 +211,12 @@ def _map(azimuth: Vector, elevation: Vector, bound_deg: Vector, ambiguous: dict[
     axes.legend(fontsize=8)
     axes.grid(alpha=0.3)
     return figure
+
+
+STUDY = Study(
+    name="cramer-rao",
+    title="The Cramer-Rao bound",
+    results=Results,
+    compute=compute,
+    names={"BASELINE_NOISE_PF": BASELINE_NOISE_PF, "NOISE_PF": NOISE_PF},
+)

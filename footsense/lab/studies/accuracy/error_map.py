@@ -20,7 +20,7 @@ from footsense.foot.force_errors import GRAM_FORCE_N, magnitude_errors_gf
 from footsense.foot.specimen import Foot
 from footsense.lab.ball import circle, rim, touch
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels
 from footsense.lab.training.load_cases import (
     BASELINE_NOISE_PF,
     NOISE_PF,
@@ -35,7 +35,7 @@ Vector = NDArray[np.float64]
 _MAP, _HISTOGRAM = "error-map.png", "error-histogram.png"
 #: The paper's errors in the experiment, section V C [deg, gf].
 EXPERIMENT_DEG, EXPERIMENT_GF = 15.9, 18.7
-_MAGNITUDE_GF = 100.0
+MAGNITUDE_GF = 100.0
 #: Lowest elevation that is computed, a little below the rim of the map [deg].
 _LOWEST_DEG = 26.0
 #: Steps of the map's colours, and its iso-lines [deg].
@@ -202,7 +202,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     right, up = _disc(points)
     normal = _normals(right, up)
     computed = normal[..., 2] >= np.sin(np.radians(_LOWEST_DEG))
-    force_n = normal[computed] * _MAGNITUDE_GF * GRAM_FORCE_N
+    force_n = normal[computed] * MAGNITUDE_GF * GRAM_FORCE_N
     cases = Cases(force_n, sensed_closure_um(Foot(context.response), normal[computed], force_n))
     verification = paper_verification(context.response)
     maps, readings = {}, {}
@@ -230,39 +230,10 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     return results, figures
 
 
-def render(results: Results) -> str:
-    """Return the page's text."""
-    rows = [
-        [name, str(direction), str(magnitude)]
-        for name, (direction, magnitude) in results.verification.items()
-    ]
-    rows += [
-        ["the paper, simulation", f"{PAPER_DIRECTION_DEG}", f"{PAPER_MAGNITUDE_GF}"],
-        ["the paper, experiment", f"{EXPERIMENT_DEG}", f"{EXPERIMENT_GF}"],
-    ]
-    return f"""
-Where on the ball is the released network wrong? Centred loads of {_MAGNITUDE_GF:g} gf from all directions down to an
-elevation of {results.lowest_deg:g} deg, drawn where the ground touches the ball, seen from below (stereographic, so
-that circles stay circles). Noise is {1e3 * NOISE_PF:g} fF per conversion and {1e3 * BASELINE_NOISE_PF:g} fF of the
-baseline; the map shows the mean over {results.noise_draws} draws. The red circles are the paper's mean errors, drawn to
-scale around a contact as in its Fig. 19.
-
-![]({_MAP})
-
-Without noise the mean error over the map is {results.map_mean_deg:.2f} deg and the largest {results.map_max_deg:.2f}
-deg, under a force of azimuth {results.worst_azimuth_deg:.0f} deg and elevation {results.worst_elevation_deg:.0f} deg.
-
-### The 180 verification cases
-
-{table(["mean, p95, largest", "direction [deg]", "magnitude [gf]"], rows)}
-
-![]({_HISTOGRAM})
-
-The paper's experiment is on a fabricated foot, whose gaps are not the designed ones; both rows of ours are of the
-designed foot, so they stand beside its simulation.
-"""
-
-
 STUDY = Study(
-    name="error-map", title="Where the network errs", results=Results, compute=compute, render=render
+    name="error-map",
+    title="Where the network errs",
+    results=Results,
+    compute=compute,
+    names={"BASELINE_NOISE_PF": BASELINE_NOISE_PF},
 )

@@ -16,7 +16,7 @@ from footsense.lab.evaluation.evaluate_models import (
     evaluate_models,
 )
 from footsense.lab.monte_carlo.resumable_run import Tolerances
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
 from footsense.lab.training.train import MASKS
 from footsense.sim.foot.fabrication import fabricate
@@ -144,48 +144,10 @@ def _figure(truth_n: Vector, force_n: Vector, sigma_n: Vector) -> Figure:
     return figure
 
 
-def _shares(cover: Coverage) -> list[str]:
-    """Return the two shares per axis as cells."""
-    return [" / ".join(f"{100 * value:.0f}" for value in cover[f"within_{k}_sigma"]) for k in (1, 2)]
-
-
-def render(results: Results) -> str:
-    """Return the page's text."""
-    missing_rows = [
-        [
-            name,
-            f"{e.direction_deg:.2f}",
-            f"{e.direction_p95_deg:.2f}",
-            f"{e.magnitude_gf:.2f}",
-            *_shares(results.missing_coverage[name]),
-        ]
-        for name, e in results.missing.items()
-    ]
-    batches = {f"design, {name} N": cover for name, cover in results.coverage_by_force_n.items()}
-    batches |= {f"feet, {name} rms": cover for name, cover in results.coverage_on_held_out_feet.items()}
-    shares = ["% within 1 sigma, x / y / z", "within 2"]
-    return f"""
-{results.weights} weights, symmetric under the square by construction. `paper_*`: the paper's 180
-verification cases (100 gf, centred), without noise, gap contact on; `_362`: trained on the paper's 362 cases
-alone, fed with closures by inversion of the forward model or by elastance. `random_*`: held-out random loads from
-{results.judged_from_n:g} N, leaning contacts, the converter's noise. The paper's figures are those of its simulation
-(III F).
-
-{as_markdown(results.errors)}
-
-Missing elements are an input: their closures are imputed linearly from the others, the network receives the mask, and
-the leg is DEGRADED. Held-out random loads:
-
-{table(["missing", "direction mean [deg]", "p95 [deg]", "magnitude [gf]", *shares], missing_rows)}
-
-Coverage of sigma; 68.3 and 95.4 % would be Gaussian and exact. First the design itself over the loading range, then
-held-out feet, {results.n_feet} a batch, that differ from it: sigma contains the noise and the network's error, not the
-foot's deviations. A tare removes differences of the gaps; unknown strays, stiffness and mount need a calibration.
-
-{table(["held-out loads on", *shares], [[name, *_shares(cover)] for name, cover in batches.items()])}
-
-![]({_FIGURE})
-"""
-
-
-STUDY = Study(name="released", title="The released network", results=Results, compute=compute, render=render)
+STUDY = Study(
+    name="released",
+    title="The released network",
+    results=Results,
+    compute=compute,
+    names={"as_markdown": as_markdown},
+)

@@ -19,9 +19,9 @@ from footsense.lab.evaluation.evaluate import errors
 from footsense.lab.fem.block import BLOCK_SIZE, COARSE_BLOCK, Column, block_fields
 from footsense.lab.fem.mesh import MeshSize
 from footsense.lab.geometry import SoleDesign
-from footsense.lab.monte_carlo.statistics import MeanStd
+from footsense.lab.monte_carlo.statistics import SIGNIFICANT, Difference, MeanStd
 from footsense.lab.response import DEGREE, add_series, fit_class, patch_mean, transposed_series
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels
 from footsense.lab.training.mlp import forward, stack, train, unstack
 from footsense.lab.training.paper_procedure import HIDDEN, starts_of
 from footsense.lab.training.rprop import RPROP
@@ -37,8 +37,6 @@ SEEDS, QUICK_SEEDS = 5, 3
 EPOCHS, QUICK_EPOCHS = 2000, 500
 #: Seed of the random errors.
 NOISE_SEED = 5
-#: A difference counts from this many of its standard errors on.
-SIGNIFICANT = 2.0
 #: Saturated is what gains less than this of the step from 4 to 9 elements [1].
 SATURATED_REL = 0.2
 
@@ -222,75 +220,14 @@ def _figure(results: Results) -> Figure:
     return figure
 
 
-def _holds(*, true: bool) -> str:
-    """Say whether a statement holds."""
-    return "holds" if true else "does not hold"
+def gains(errors_deg: dict[str, MeanStd]) -> dict[str, Difference]:
+    """Return the gain of larger elements for each of `PAIRS` [deg]."""
+    return {f"{s} minus {b}": errors_deg[s].excess(errors_deg[b]) for s, b in PAIRS if b in errors_deg}
 
 
-def _findings(title: str, errors_deg: dict[str, MeanStd]) -> str:
-    """Test the paper's statements about Fig. 8."""
-    lines = []
-    most = max(name for name in errors_deg if name in "ABCDE")
-    if most > "B":
-        first, rest = (errors_deg[a].mean - errors_deg[b].mean for a, b in (("A", "B"), ("B", most)))
-        lines.append(
-            f"- **{title}, number.** From 4 to 9 elements (A to B) the error falls by {first:.2f} deg, from B to "
-            f"{most} by another {rest:.2f} deg. That it saturates beyond about 10 "
-            f"{_holds(true=rest < SATURATED_REL * first)}, if saturated means less than "
-            f"{SATURATED_REL:.0%} of the first step."
-        )
-    pairs = {f"{s} minus {b}": errors_deg[s].excess(errors_deg[b]) for s, b in PAIRS if b in errors_deg}
-    said = "; ".join(
-        f"{name} {gain:+.3f} ± {error:.3f} deg "
-        f"({'more' if abs(gain) > SIGNIFICANT * error else 'no more'} than chance)"
-        for name, (gain, error) in pairs.items()
-    )
-    gains = [gain for gain, _ in pairs.values()]
-    not_worse = all(gain > -SIGNIFICANT * error for gain, error in pairs.values())
-    lines.append(
-        f"- **{title}, area.** {said}. That a larger area is better, or no worse than chance, "
-        f"{_holds(true=not_worse)} for all of these; that it is conspicuous for 4 elements alone, at least "
-        f"{SIGNIFICANT:g} times the others' gain, {_holds(true=gains[0] > SIGNIFICANT * max(0.0, *gains[1:]))}."
-    )
-    return "\n".join(lines)
-
-
-def render(results: Results) -> str:
-    """Return the page's text."""
-    clean, noisy = results.clean_deg, results.noisy_deg
-    rows = [
-        [sensor.name, str(sensor.per_side**2), f"{sensor.side_mm:g}", f"{sensor.pitch_mm:.3g}"]
-        + [f"{one.mean:.3f} ± {one.std:.3f}" for one in (clean[sensor.name], noisy[sensor.name])]
-        for sensor in SENSORS
-        if sensor.name in clean
-    ]
-    factors = {name: noisy[name].mean / clean[name].mean for name in clean}
-    header = ["sensor", "elements", "side [mm]", "pitch [mm]", "clean [deg]", f"{NOISE_REL:.0%} error [deg]"]
-    return f"""
-Before the paper settles on 3 x 3 elements of 4 mm, it reads a plain block of PDMS between the hemispheres with eight
-assumed sensors (sections III B to E). Ours: a block of {results.sheet_mm:g} mm, {results.thick_mm:g} mm thick; the mean
-of sigma_z over each element and through the thickness, from adjoint solves; centred contacts with the Hertz patch of
-{FORCE_GF:g} gf; {len(_TRAINING)} directions for training and {len(_TEST)} for the test; each pattern divided by its
-largest value. Networks n-{HIDDEN[0]}-{HIDDEN[1]}-3, RPROP, {results.epochs} epochs, {results.seeds} start weights; mean
-± standard deviation between them. The random error is normal, {NOISE_REL:.0%} rms of each element's own output, in
-training and test patterns alike.
-
-The paper's drawing gives no sizes for F to H nor pitches. Chosen here: A to C at the centres of F to H, and these the
-largest that leave bars of 1 mm between them, as 4 mm do for G; D and E reach to the edge.
-
-{table(header, rows)}
-
-![]({_FIGURE})
-
-The paper says that the error falls with the number of elements and saturates beyond about 10, that a larger area is
-better, conspicuously so only with 4 elements, and that 5 % random error changes next to nothing.
-
-{_findings("Without random error", clean)}
-{_findings(f"With {NOISE_REL:.0%}", noisy)}
-- **Random error.** With it the error is larger by these factors:
-  {", ".join(f"{name} {f:.1f}" for name, f in factors.items())}. That it changes next to nothing
-  {_holds(true=max(factors.values()) < SIGNIFICANT)} for our block, if that means by less than {SIGNIFICANT:g}.
-"""
+def factors(results: Results) -> dict[str, float]:
+    """Return the error with random error over the error without, by sensor."""
+    return {name: results.noisy_deg[name].mean / clean.mean for name, clean in results.clean_deg.items()}
 
 
 STUDY = Study(
@@ -298,5 +235,5 @@ STUDY = Study(
     title="How many elements, and how large",
     results=Results,
     compute=compute,
-    render=render,
+    names={"SIGNIFICANT": SIGNIFICANT},
 )

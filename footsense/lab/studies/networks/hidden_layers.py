@@ -7,13 +7,12 @@ Source:
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, errors
-from footsense.lab.monte_carlo.statistics import MeanStd
+from footsense.lab.monte_carlo.statistics import SIGNIFICANT, Difference, MeanStd
 from footsense.lab.studies.page import Figures, Study, StudyContext, panels, plot_band
 from footsense.lab.training.load_cases import paper_training, paper_verification
 from footsense.lab.training.mlp import start_layers
@@ -23,15 +22,13 @@ from footsense.lab.training.paper_procedure import EPOCHS, QUICK_EPOCHS, PaperTr
 NEURONS, QUICK_NEURONS = (3, 5, 8, 12, 18, 27, 40), (3, 12, 40)
 #: Networks of each size, which differ in their start weights.
 SEEDS, QUICK_SEEDS = 20, 3
-#: A difference counts from this many of its standard errors on.
-SIGNIFICANT = 2.0
 #: The magnitudes of the training cases [gf].
 TRAINING_GF = (50.0, 150.0)
 
 _FIGURE = "hidden-layers.png"
 _DEPTHS = {"1": "one hidden layer", "2": "two hidden layers"}
 #: Mean errors of each network: name, words, the paper's figure.
-_MEASURED = (
+MEASURED = (
     ("direction_deg", "direction, 100 gf [deg]", PAPER_DIRECTION_DEG),
     ("magnitude_gf", "magnitude, 100 gf [gf]", PAPER_MAGNITUDE_GF),
     ("training_deg", "direction, 50 and 150 gf [deg]", None),
@@ -80,7 +77,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     epochs = QUICK_EPOCHS if context.quick else EPOCHS
     training = PaperTraining(response.design, paper_training(response))
     paper, *others = [paper_verification(response), *(verification_at(response, m) for m in TRAINING_GF)]
-    measured: dict[str, ByDepth] = {name: {} for name, _, _ in _MEASURED}
+    measured: dict[str, ByDepth] = {name: {} for name, _, _ in MEASURED}
     for depth, words in _DEPTHS.items():
         room = (9, *[max(neurons)] * int(depth), 3)
         starts = [
@@ -111,8 +108,8 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
 
 def _figure(results: Results) -> Figure:
     """Draw each error over the neurons, with the standard deviation between seeds as a band."""
-    figure, axes = panels(len(_MEASURED), 8.2, 3.4)
-    for panel, (name, words, paper) in zip(axes, _MEASURED, strict=True):
+    figure, axes = panels(len(MEASURED), 8.2, 3.4)
+    for panel, (name, words, paper) in zip(axes, MEASURED, strict=True):
         for depth, label in _DEPTHS.items():
             plot_band(panel, results.neurons, getattr(results, name)[depth], label=label)
         if paper is not None:
@@ -127,26 +124,9 @@ def _figure(results: Results) -> Figure:
     return figure
 
 
-class _Difference(NamedTuple):
-    """A difference of means.
-
-    Attributes:
-        mean: Difference.
-        error: Its standard error.
-    """
-
-    mean: float
-    error: float
-
-    @property
-    def sign(self) -> int:
-        """1 or -1 if significant, else 0."""
-        return int(np.sign(self.mean)) if abs(self.mean) > SIGNIFICANT * self.error else 0
-
-
-def _differences(neurons: Sequence[int], errors_by_depth: list[ByDepth]) -> dict[str, list[_Difference]]:
+def differences(neurons: Sequence[int], errors_by_depth: list[ByDepth]) -> dict[str, list[Difference]]:
     """Return differences of means that are positive where the paper's statements hold, one for each kind of error."""
-    differences = defaultdict(list)
+    differences: dict[str, list[Difference]] = defaultdict(list)
     for by_depth in errors_by_depth:
         best = {depth: min(sizes, key=lambda one: one.mean) for depth, sizes in by_depth.items()}
         differences["one layer at its best, less two at theirs"].append(best["1"].excess(best["2"]))
@@ -154,7 +134,7 @@ def _differences(neurons: Sequence[int], errors_by_depth: list[ByDepth]) -> dict
             for k, words in ((0, "fewest"), (-1, "most")):
                 label = f"{name}: {words} neurons ({neurons[k]}), less the best"
                 differences[label].append(by_depth[depth][k].excess(best[depth]))
-    return {label: [_Difference(*one) for one in row] for label, row in differences.items()}
+    return differences
 
 
 STUDY = Study(
@@ -162,10 +142,5 @@ STUDY = Study(
     title="How many hidden layers and neurons",
     results=Results,
     compute=compute,
-    names={
-        "MEASURED": _MEASURED,
-        "SIGNIFICANT": SIGNIFICANT,
-        "differences": _differences,
-        "n_weights": n_weights,
-    },
+    names={"SIGNIFICANT": SIGNIFICANT},
 )

@@ -133,18 +133,18 @@ class _Readout(NamedTuple):
 
 
 _THIS_SCAN = last_scans(1)
-_ALONE, _FILTERED, _UNDONE = (
+ALONE, FILTERED, UNDONE = (
     "this scan, trained with creep",
     "this scan and 2 low-pass states",
     "this scan, creep undone by its chain",
 )
 _READOUTS = (
     _Readout("this scan, trained without creep", (), _THIS_SCAN),
-    _Readout(_ALONE, ASSUMED, _THIS_SCAN),
+    _Readout(ALONE, ASSUMED, _THIS_SCAN),
     _Readout("last 2 scans", ASSUMED, last_scans(2)),
     _Readout("last 4 scans", ASSUMED, last_scans(4)),
-    _Readout(_FILTERED, ASSUMED, low_passed),
-    _Readout(_UNDONE, (), _THIS_SCAN, _without_creep),
+    _Readout(FILTERED, ASSUMED, low_passed),
+    _Readout(UNDONE, (), _THIS_SCAN, _without_creep),
 )
 #: Each network takes seconds to compile.
 _LEFT_OUT_QUICK = ("last 2 scans", "last 4 scans")
@@ -271,14 +271,5 @@ STUDY = Study(
     title="Does a history pay",
     results=Results,
     compute=compute,
-    names={
-        "ALONE": _ALONE,
-        "FILTERED": _FILTERED,
-        "UNDONE": _UNDONE,
-        "ASSUMED": ASSUMED,
-        "FILTERS_S": FILTERS_S,
-        "HIDDEN": HIDDEN,
-        "LARGEST_N": LARGEST_N,
-        "PERIOD_S": PERIOD_S,
-    },
+    names={"HIDDEN": HIDDEN},
 )

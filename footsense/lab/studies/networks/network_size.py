@@ -145,5 +145,4 @@ STUDY = Study(
     title="How many weights",
     results=Results,
     compute=compute,
-    names={"BATCH": BATCH, "RUNS": RUNS, "TIMINGS": TIMINGS, "WEIGHT_LIMIT": WEIGHT_LIMIT},
 )

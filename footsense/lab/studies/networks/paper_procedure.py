@@ -31,10 +31,10 @@ from footsense.lab.training.paper_procedure import (
 
 #: Magnitudes of the 180 directions [gf]; the training cases have the first and the last, the paper's test the middle.
 MAGNITUDES_GF = (50.0, 60.0, 70.0, 80.0, 90.0, 100.0, 110.0, 120.0, 130.0, 140.0, 150.0)
-_PAPER = MAGNITUDES_GF.index(100.0)
+AT_100_GF = MAGNITUDES_GF.index(100.0)
 
 _FIGURE = "paper-procedure.png"
-_NAMES: dict[Feed, str] = {"capacitance": "ΔC", "closure": "closures"}
+NAMES: dict[Feed, str] = {"capacitance": "ΔC", "closure": "closures"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,17 +77,17 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         "closure": elastance_readout(training),
     }
     by_feed, points = {}, {}
-    for feed, name in _NAMES.items():
+    for feed, name in NAMES.items():
         networks = paper_networks(response, quick=context.quick, feed=feed)
         rows = [[errors(cases.force_n, read(cases.closure_um)) for read in networks] for cases in tests]
-        alone = errors(tests[_PAPER].force_n, linear[feed](tests[_PAPER].closure_um))
+        alone = errors(tests[AT_100_GF].force_n, linear[feed](tests[AT_100_GF].closure_um))
         by_feed[str(feed)] = FeedErrors(
             direction_deg=[MeanStd.over(one.direction_deg for one in row) for row in rows],
             magnitude_gf=[MeanStd.over(one.magnitude_gf for one in row) for row in rows],
             linear_deg=alone.direction_deg,
             linear_gf=alone.magnitude_gf,
         )
-        points[str(feed)] = rows[_PAPER]
+        points[str(feed)] = rows[AT_100_GF]
         context.say(f"paper-procedure: {len(networks)} networks on {name} trained")
     results = Results(epochs=QUICK_EPOCHS if context.quick else EPOCHS, by_feed=by_feed)
     return results, {_FIGURE: _figure(by_feed, points)}
@@ -96,7 +96,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
 def _figure(by_feed: dict[str, FeedErrors], points: dict[str, list[Errors]]) -> Figure:
     """Draw every network as a point of its two errors, and the direction error over the magnitude."""
     figure, (cloud, curve) = panels(2, 8.2, 4.0)
-    for colour, (feed, name) in zip(("C0", "C1"), _NAMES.items(), strict=True):
+    for colour, (feed, name) in zip(("C0", "C1"), NAMES.items(), strict=True):
         networks, found = points[feed], by_feed[feed]
         x, y = [one.direction_deg for one in networks], [one.magnitude_gf for one in networks]
         cloud.plot(x, y, "o", color=colour, alpha=0.6, label=f"networks on {name}")
@@ -124,11 +124,5 @@ STUDY = Study(
     title="The paper's own procedure",
     results=Results,
     compute=compute,
-    names={
-        "AT_100_GF": _PAPER,
-        "HIDDEN": HIDDEN,
-        "NAMES": _NAMES,
-        "PAPER_DIRECTION_DEG": PAPER_DIRECTION_DEG,
-        "PAPER_MAGNITUDE_GF": PAPER_MAGNITUDE_GF,
-    },
+    names={"HIDDEN": HIDDEN},
 )

@@ -164,5 +164,5 @@ STUDY = Study(
     title="RPROP against back-propagation",
     results=Results,
     compute=compute,
-    names={"HIDDEN": HIDDEN, "RATES": RATES},
+    names={"HIDDEN": HIDDEN},
 )

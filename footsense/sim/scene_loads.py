@@ -1,0 +1,173 @@
+"""Loads of a scene: the values of its key `load`, each with the load of the feet that it describes."""
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from footsense.frames import LEGS
+from footsense.sim.loads import ground_load
+from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
+
+__all__ = [
+    "FORMER_LOADS",
+    "CalibrationLoads",
+    "Constant",
+    "MeasuredWalk",
+    "Pressing",
+    "Ramp",
+    "Stand",
+    "Tripod",
+    "Unloaded",
+]
+
+Force = Annotated[float, Meta(ge=0.0, le=2.0)]
+Pitch = Annotated[float, Meta(ge=-30.0, le=30.0)]
+#: A force with a part along the leg [N].
+Pressing = tuple[float, float, Annotated[float, Meta(gt=0.0, le=2.0)]]
+
+#: Words of earlier versions of `CalibrationLoads`, each with what replaces it.
+FORMER_LOADS = {
+    "pokes": "now called calibration_loads",
+    "hold_s": "now called dwell_s",
+    "rest_s": "now called pause_s",
+}
+
+
+def _ns(seconds: float) -> int:
+    return round(seconds * 1_000_000_000)
+
+
+class _Load(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind"):
+    """A load from a time on; before that, all feet are in the air."""
+
+
+class Unloaded(_Load, frozen=True, kw_only=True, tag="unloaded"):
+    """All feet in the air."""
+
+    def build(self, from_ns: int) -> ground_load.Load:
+        """Return the load from a time on [ns]."""
+        del from_ns
+        return ground_load.Unloaded()
+
+
+class Constant(_Load, frozen=True, kw_only=True, tag="constant"):
+    """One force on every foot, through the centre of its ball.
+
+    Attributes:
+        force_n: The force [N].
+    """
+
+    force_n: Pressing
+
+    def build(self, from_ns: int) -> ground_load.Load:
+        """Return the load from a time on [ns]."""
+        return ground_load.Ramp(self.force_n, from_ns)
+
+
+class Ramp(_Load, frozen=True, kw_only=True, tag="ramp"):
+    """One force on every foot, through the centre of its ball, that rises linearly from zero.
+
+    Attributes:
+        force_n: The force in the end [N].
+        rise_s: Duration of the rise [s].
+    """
+
+    force_n: Pressing
+    rise_s: Annotated[float, Meta(gt=0.0, le=60.0)]
+
+    def build(self, from_ns: int) -> ground_load.Load:
+        """Return the load from a time on [ns]."""
+        return ground_load.Ramp(self.force_n, from_ns, _ns(self.rise_s))
+
+
+class Stand(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A stand: from the middle of each leg's next stance on, for whole gait periods.
+
+    Attributes:
+        from_s: Begin [s].
+        until_s: End [s].
+    """
+
+    from_s: Annotated[float, Meta(ge=0.0)]
+    until_s: Annotated[float, Meta(gt=0.0)]
+
+
+class Tripod(_Load, frozen=True, kw_only=True, tag="tripod"):
+    """A tripod gait with rounded stances.
+
+    Attributes:
+        period_s: Gait period [s].
+        duty_rel: Share of the period in stance [1].
+        peak_force_n: Largest vertical force [N].
+        friction_rel: Largest horizontal over vertical force [1].
+        pitch_deg: Lean of the legs at touchdown [deg].
+        stands: Stands, in the order of time.
+    """
+
+    period_s: Annotated[float, Meta(ge=0.1, le=10.0)]
+    duty_rel: Annotated[float, Meta(gt=0.0, lt=1.0)]
+    peak_force_n: Force
+    friction_rel: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.0
+    pitch_deg: Pitch = 0.0
+    stands: tuple[Stand, ...] = ()
+
+    def build(self, from_ns: int) -> ground_load.Walk:
+        """Return the load from a time on [ns]."""
+        reaction = ground_load.smooth_step(self.duty_rel, self.peak_force_n, self.friction_rel)
+        return ground_load.Walk(
+            dict.fromkeys(LEGS, reaction),
+            period_ns=_ns(self.period_s),
+            duty_rel=self.duty_rel,
+            pitch_deg=self.pitch_deg,
+            from_ns=from_ns,
+            stands_ns=[(_ns(stand.from_s), _ns(stand.until_s)) for stand in self.stands],
+        )
+
+
+class MeasuredWalk(_Load, frozen=True, kw_only=True, tag="measured_walk"):
+    """A tripod gait with the measured ground reactions of a walking person, scaled.
+
+    Attributes:
+        peak_force_n: Largest vertical force [N].
+        pitch_deg: Lean of the legs at touchdown [deg].
+    """
+
+    peak_force_n: Force
+    pitch_deg: Pitch = 0.0
+
+    def build(self, from_ns: int) -> ground_load.Load:
+        """Return the load from a time on [ns]."""
+        return ground_load.measured_walk(self.peak_force_n, self.pitch_deg, from_ns)
+
+
+class CalibrationLoads(_Load, frozen=True, kw_only=True, tag="calibration_loads"):
+    """Presses of all feet through the centre of the ball, one after the other, as on a test stand.
+
+    Attributes:
+        presses: The forces [N]; or the paper's: `training`, 362, or `verification`, 180.
+        rise_s: Duration of a force's rise, and of its fall [s].
+        dwell_s: Duration of the constant force [s].
+        pause_s: Time without load before the next press [s].
+        lean_deg: Root mean square angle between the contact's normal and the force [deg].
+        seed: Seed of these angles.
+    """
+
+    presses: Literal["training", "verification"] | Annotated[tuple[Pressing, ...], Meta(min_length=1)]
+    rise_s: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.1
+    dwell_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 0.6
+    pause_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 0.4
+    lean_deg: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
+    seed: Annotated[int, Meta(ge=0)] = 1
+
+    def build(self, from_ns: int) -> PressSequence:
+        """Return the load from a time on [ns]."""
+        return PressSequence(
+            paper_presses(self.presses) if isinstance(self.presses, str) else self.presses,
+            from_ns=from_ns,
+            rise_ns=_ns(self.rise_s),
+            dwell_ns=_ns(self.dwell_s),
+            pause_ns=_ns(self.pause_s),
+            lean_deg=self.lean_deg,
+            seed=self.seed,
+        )
