@@ -25,7 +25,10 @@ DAEMON_STUDIES = {
 }
 
 #: Pages that have commands of their own, with their modules.
-OTHER_PAGES = {"experiment": "footsense.cli.lab.experiment_page"}
+OTHER_PAGES = {
+    "experiment": "footsense.cli.lab.experiment_page",
+    "faults": "footsense.cli.lab.faults_page",
+}
 
 _quick_option = click.option(
     "--quick", is_flag=True, help="Every step in seconds; its figures are no results."
