@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.calibration.loads.calibration_load import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
@@ -21,7 +20,7 @@ from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
 from footsense.foot.network_card import TrainedInputs
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, Mask, Vector
 from footsense.ports import Estimator
 
 __all__ = [
@@ -34,7 +33,6 @@ __all__ = [
     "evaluate",
 ]
 
-Vector = NDArray[np.float64]
 
 #: Fewest loads of an evaluation: with fewer, a 95th percentile is a single load.
 _MIN_LOADS = 20
@@ -95,9 +93,9 @@ class Estimates(NamedTuple):
     sigma_n: Vector
 
     @property
-    def usable(self) -> NDArray[np.bool_]:
+    def usable(self) -> Mask:
         """Which loads have a force, shape (n,)."""
-        usable: NDArray[np.bool_] = np.asarray(np.isfinite(self.force_n).all(axis=1))
+        usable: Mask = np.asarray(np.isfinite(self.force_n).all(axis=1))
         return usable
 
 
@@ -115,7 +113,7 @@ class Evaluation(NamedTuple):
     calibrated: Estimates | None
 
     @property
-    def compared(self) -> NDArray[np.bool_]:
+    def compared(self) -> Mask:
         """Which loads have a force with and without the calibration, shape (n,)."""
         usable = self.design_only.usable
         return usable if self.calibrated is None else usable & self.calibrated.usable
