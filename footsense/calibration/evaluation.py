@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.calibration.loads.calibration_load import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
@@ -21,7 +20,7 @@ from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
 from footsense.foot.network_card import TrainedInputs
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, Mask, Vector
 from footsense.ports import Estimator
 
 __all__ = [
@@ -36,7 +35,6 @@ __all__ = [
     "evaluate",
 ]
 
-Vector = NDArray[np.float64]
 
 #: Sources of estimates: the network of the design alone, and with the foot's calibration.
 DESIGN_ONLY, CALIBRATED = "network alone", "with calibration"
@@ -100,9 +98,9 @@ class Estimates(NamedTuple):
     sigma_n: Vector
 
     @property
-    def usable(self) -> NDArray[np.bool_]:
+    def usable(self) -> Mask:
         """Which loads have a force, shape (n,)."""
-        usable: NDArray[np.bool_] = np.asarray(np.isfinite(self.force_n).all(axis=1))
+        usable: Mask = np.asarray(np.isfinite(self.force_n).all(axis=1))
         return usable
 
 
@@ -118,7 +116,7 @@ class Evaluation(NamedTuple):
     estimates: Mapping[str, Estimates]
 
     @property
-    def compared(self) -> NDArray[np.bool_]:
+    def compared(self) -> Mask:
         """Which loads have a force with and without the calibration, shape (n,)."""
         compared: NDArray[np.bool_] = np.all([one.usable for one in self.estimates.values()], axis=0)
         return compared

@@ -29,8 +29,8 @@ from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Scene
 from footsense.telemetry.journal import Journal
-from footsense.telemetry.log_lines import lost_lines
-from footsense.telemetry.metrics import Metrics
+from footsense.telemetry.log_lines import n_lost_lines
+from footsense.telemetry.metrics import MetricsObserver
 from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
 
 if TYPE_CHECKING:
@@ -229,19 +229,19 @@ def _metrics(
     scan: ScanSource,
     wakeups: Sequence[WakeupLatency],
     recorder: Recorder | None,
-) -> list[Metrics]:
+) -> list[MetricsObserver]:
     """Return the configured metrics; none if their file cannot be written, which must not stop the forces."""
     if config.metrics is None:
         return []
     try:
-        metrics = Metrics(
+        metrics = MetricsObserver(
             config.legs,
             stats,
             Path(config.metrics.counters),
             wakeups=wakeups,
             missed_deadlines=lambda: scan.source.missed_deadlines,
             recorder_lost=lambda: recorder.lost if recorder else 0,
-            log_lost=lost_lines,
+            log_lost=n_lost_lines,
         )
     except FootsenseError as error:
         _log.warning("%s; the forces go on without metrics", error)

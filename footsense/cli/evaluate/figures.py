@@ -5,16 +5,14 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.force_errors import magnitude_errors_gf
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, Vector
 from footsense.lab.ball import circle, rim, touch
 
 __all__ = ["PAPER_DEG", "PAPER_GF", "error_map", "histograms", "patterns"]
 
-Vector = NDArray[np.float64]
 
 #: The paper's mean errors in the experiment, section V C [deg, gf].
 PAPER_DEG, PAPER_GF = 15.9, 18.7

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.calibration.evaluation import Evaluation
 from footsense.cli.evaluate.command import headline, table
@@ -16,9 +15,8 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
+from footsense.frames import Vector
 from footsense.lab.studies.page import table as markdown_table
-
-Vector = NDArray[np.float64]
 
 _MAP, _HISTOGRAMS, _PATTERNS = "error-map.png", "errors.png", "patterns.png"
 
