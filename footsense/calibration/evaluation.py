@@ -118,7 +118,7 @@ class Evaluation(NamedTuple):
     @property
     def compared(self) -> Mask:
         """Which loads have a force with and without the calibration, shape (n,)."""
-        compared: NDArray[np.bool_] = np.all([one.usable for one in self.estimates.values()], axis=0)
+        compared: Mask = np.all([one.usable for one in self.estimates.values()], axis=0)
         return compared
 
     def errors_of(self, estimates: Estimates, band: MagnitudeBand) -> Errors | None:
