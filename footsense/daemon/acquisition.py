@@ -53,7 +53,7 @@ class ScanSource:
     temperature_c: Callable[[], Vector] | None = None
 
 
-def plan_for(config: Config) -> ScanPlan:
+def scan_plan_for(config: Config) -> ScanPlan:
     """Return the order of transactions on each bus of a robot that is read over I2C."""
     return scan_plan(config.order, config.rate_sps, config.board)
 
@@ -178,7 +178,7 @@ def _microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: Scene 
 def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> ScanSource:
     """Open and start the scanner of every bus."""
     buses = open_buses(config, robot, stack)
-    plan = plan_for(config)
+    plan = scan_plan_for(config)
     scanners = []
     for bus, clock, transport in buses:
         channels = bus.channels or {leg: channel for channel, leg in enumerate(bus.legs)}
