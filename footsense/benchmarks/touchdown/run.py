@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from firmware_interface import fdc1004
+from firmware_interface.chips import fdc1004
 from footsense.benchmarks.latency_vs_error.chain import ORDERS, Stamps, converted_pf, latest, pace
 from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, Mask, Steps, Vector
 from footsense.estimation.alignment.element_by_element import ElementByElement

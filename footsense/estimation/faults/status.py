@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface import fdc1004
+from firmware_interface.chips import fdc1004
 from footsense.estimation.alignment.scan_by_scan import AlignedSample
 from footsense.estimation.faults.causes import ElementFaults, causes, converter_states, fault_mask
 from footsense.estimation.faults.consistency import ConsistencyResult
