@@ -12,7 +12,7 @@ import struct
 from typing import NamedTuple
 
 from firmware_interface.can_codes import BaselineStatus
-from firmware_interface.can_decoding import member_of, opened
+from firmware_interface.can_decoding import enum_member, unpack_protected
 from firmware_interface.crc8 import protect
 
 __all__ = ["BASELINE_ID", "Baseline", "decode_baseline", "encode_baseline"]
@@ -84,8 +84,8 @@ def decode_baseline(can_id: int, data: bytes) -> Baseline:
     Raises:
         FrameError: The id, length, crc, counter or status is wrong.
     """
-    node, counter, (head, mean, worst, age) = opened(can_id, data, BASELINE_ID, _BASELINE)
-    status = member_of(BaselineStatus, head >> 4)
+    node, counter, (head, mean, worst, age) = unpack_protected(can_id, data, BASELINE_ID, _BASELINE)
+    status = enum_member(BaselineStatus, head >> 4)
     age_ns = None if age == _NO_AGE else age * _AGE_NS
     return Baseline(node, counter, status, _offset_pf(mean), _offset_pf(worst), age_ns)
 

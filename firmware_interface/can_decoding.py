@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.crc8 import FrameError, check
 
-__all__ = ["member_of", "node_of", "opened"]
+__all__ = ["enum_member", "node_of", "unpack_protected"]
 
 _Code = TypeVar("_Code", bound=IntEnum)
 
@@ -24,7 +24,9 @@ def node_of(can_id: int, base: int) -> int:
     return node
 
 
-def opened(can_id: int, data: bytes, base: int, layout: struct.Struct) -> tuple[int, int, tuple[Any, ...]]:
+def unpack_protected(
+    can_id: int, data: bytes, base: int, layout: struct.Struct
+) -> tuple[int, int, tuple[Any, ...]]:
     """Return node, counter and fields of a protected frame.
 
     Args:
@@ -40,7 +42,7 @@ def opened(can_id: int, data: bytes, base: int, layout: struct.Struct) -> tuple[
     return node, check(can_id, data, layout.size + 1), layout.unpack_from(data, 1)
 
 
-def member_of(codes: type[_Code], code: int) -> _Code:
+def enum_member(codes: type[_Code], code: int) -> _Code:
     """Return the member of an enumeration that has a code.
 
     Raises:

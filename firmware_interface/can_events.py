@@ -12,7 +12,7 @@ import struct
 from typing import NamedTuple
 
 from firmware_interface.can_codes import Cause, CommandKind, NmtState, Result, State
-from firmware_interface.can_decoding import member_of, node_of, opened
+from firmware_interface.can_decoding import enum_member, node_of, unpack_protected
 from firmware_interface.crc8 import COUNTER_PERIOD, FrameError, protect
 
 __all__ = [
@@ -161,9 +161,9 @@ def decode_fault(can_id: int, data: bytes) -> Fault:
     Raises:
         FrameError: The id, length, crc, counter, a state or the cause is wrong.
     """
-    node, counter, (head, previous, fault_mask, code) = opened(can_id, data, FAULT_ID, _FAULT)
-    state, before = member_of(State, head >> 4), member_of(State, previous & 0xF)
-    return Fault(node, counter, state, before, fault_mask & 0x1FF, member_of(Cause, code))
+    node, counter, (head, previous, fault_mask, code) = unpack_protected(can_id, data, FAULT_ID, _FAULT)
+    state, before = enum_member(State, head >> 4), enum_member(State, previous & 0xF)
+    return Fault(node, counter, state, before, fault_mask & 0x1FF, enum_member(Cause, code))
 
 
 def encode_command(node: int, counter: int, kind: CommandKind) -> bytes:
@@ -191,7 +191,7 @@ def decode_command(can_id: int, data: bytes) -> Command:
         UnknownCommandError: The crc is right, but kind and word are those of no command.
         FrameError: The id, length, crc or counter is wrong.
     """
-    node, counter, (_, code, _, word) = opened(can_id, data, COMMAND_ID, _COMMAND)
+    node, counter, (_, code, _, word) = unpack_protected(can_id, data, COMMAND_ID, _COMMAND)
     for kind, known in WORDS.items():
         if code == kind and word == known:
             return Command(node, counter, kind)
@@ -222,8 +222,8 @@ def decode_answer(can_id: int, data: bytes) -> Answer:
     Raises:
         FrameError: The id, length, crc, counter or result is wrong.
     """
-    node, counter, (head, kind, command_counter) = opened(can_id, data, ANSWER_ID, _ANSWER)
-    return Answer(node, counter, member_of(Result, head >> 4), kind, command_counter & 0xF)
+    node, counter, (head, kind, command_counter) = unpack_protected(can_id, data, ANSWER_ID, _ANSWER)
+    return Answer(node, counter, enum_member(Result, head >> 4), kind, command_counter & 0xF)
 
 
 def encode_heartbeat(state: NmtState, *, degraded_timing: bool = False) -> bytes:

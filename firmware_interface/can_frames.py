@@ -15,7 +15,7 @@ from functools import cache
 from typing import NamedTuple
 
 from firmware_interface.can_codes import NODE_IDS, USABLE, CommandKind, Flag, Result, State
-from firmware_interface.can_decoding import member_of, opened
+from firmware_interface.can_decoding import enum_member, unpack_protected
 from firmware_interface.crc8 import COLUMN_CRC, ID_CRC, FrameError, crc8
 from firmware_interface.socketcan import FRAME_BYTES, pack_frame
 
@@ -218,9 +218,9 @@ def decode_force(can_id: int, data: bytes) -> Force:
     Raises:
         FrameError: The id, length, crc, counter or state is wrong.
     """
-    node, counter, (head, *codes) = opened(can_id, data, FORCE_ID, _FORCE)
+    node, counter, (head, *codes) = unpack_protected(can_id, data, FORCE_ID, _FORCE)
     x_n, y_n, z_n = (_NAN if code == _NO_FORCE else code / _FORCE_PER_N for code in codes)
-    return Force(node, counter, member_of(State, head >> 4), (x_n, y_n, z_n))
+    return Force(node, counter, enum_member(State, head >> 4), (x_n, y_n, z_n))
 
 
 def encode_quality(
@@ -259,7 +259,7 @@ def decode_quality(can_id: int, data: bytes) -> Quality:
     Raises:
         FrameError: The id, length, crc or counter is wrong.
     """
-    node, counter, (payload,) = opened(can_id, data, QUALITY_ID, _QUALITY)
+    node, counter, (payload,) = unpack_protected(can_id, data, QUALITY_ID, _QUALITY)
     bits = int.from_bytes(payload, "little")
     age = bits >> 8 & 0xFFF
     codes = (bits >> 29 & 0x1FF, bits >> 38 & 0x1FF, bits >> 47 & 0x1FF)

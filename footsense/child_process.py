@@ -12,7 +12,7 @@ from pathlib import Path
 
 from footsense.errors import RecordingError
 
-__all__ = ["check_new_file", "drop_realtime", "gathered", "start_writer"]
+__all__ = ["check_new_file", "drop_realtime", "read_batches", "start_writer"]
 
 #: Longest time that bytes stay in the pipe [ms]. A wake-up at every scan would cost the loop, whose write does the
 #: waking. At 370 cycles a second the pipe has room for five times as many.
@@ -74,7 +74,7 @@ def start_writer(
     return writer, write_end
 
 
-def gathered(pipe: int) -> Iterator[bytes]:
+def read_batches(pipe: int) -> Iterator[bytes]:
     """Read the pipe a few times a second, up to its end.
 
     Args:

@@ -31,7 +31,7 @@ from footsense.recording.cycle_pipe import CyclePipe
 from footsense.sim.clock import VirtualClock
 from footsense.sim.scene import load_scene
 from footsense.telemetry.journal import Journal
-from footsense.telemetry.metrics import Metrics
+from footsense.telemetry.metrics import MetricsObserver
 from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
 
 __all__ = [
@@ -130,7 +130,7 @@ def our_cycle() -> Iterator[OurCycle]:
         can_sink(DEFAULT, clock, None, stats, connect=lambda: wire) as sink,
     ):
         counters = Path(folder) / "counters"
-        metrics = Metrics(DEFAULT.legs, stats, counters)
+        metrics = MetricsObserver(DEFAULT.legs, stats, counters)
         observers = (
             Journal(DEFAULT.legs),
             SystemdObserver(SystemdNotifier({}), DEFAULT.legs),

@@ -26,11 +26,10 @@ from footsense.ports import Estimator
 
 __all__ = [
     "BANDS",
-    "MIN_LOADS",
-    "Band",
     "DesignModels",
     "Estimates",
     "Evaluation",
+    "MagnitudeBand",
     "estimate_loads",
     "evaluate",
 ]
@@ -38,7 +37,7 @@ __all__ = [
 Vector = NDArray[np.float64]
 
 #: Fewest loads of an evaluation: with fewer, a 95th percentile is a single load.
-MIN_LOADS = 20
+_MIN_LOADS = 20
 
 
 class DesignModels(NamedTuple):
@@ -65,7 +64,7 @@ class DesignModels(NamedTuple):
         return cls(FootResponse.load(folder / "response.npz"), network, network(1).card.trained_inputs)
 
 
-class Band(NamedTuple):
+class MagnitudeBand(NamedTuple):
     """Loads of at least `min_gf` and less than `max_gf`, which are evaluated together."""
 
     name: str
@@ -75,10 +74,10 @@ class Band(NamedTuple):
 
 #: All loads, and one magnitude of the paper in each of the others.
 BANDS = (
-    Band("all", 0.0, np.inf),
-    Band("below 75 gf", 0.0, 75.0),
-    Band("75 to 125 gf", 75.0, 125.0),
-    Band("from 125 gf", 125.0, np.inf),
+    MagnitudeBand("all", 0.0, np.inf),
+    MagnitudeBand("below 75 gf", 0.0, 75.0),
+    MagnitudeBand("75 to 125 gf", 75.0, 125.0),
+    MagnitudeBand("from 125 gf", 125.0, np.inf),
 )
 
 
@@ -121,7 +120,7 @@ class Evaluation(NamedTuple):
         usable = self.design_only.usable
         return usable if self.calibrated is None else usable & self.calibrated.usable
 
-    def errors_of(self, estimates: Estimates, band: Band) -> Errors | None:
+    def errors_of(self, estimates: Estimates, band: MagnitudeBand) -> Errors | None:
         """Return the errors of estimates over the compared loads of a band, None if there are none."""
         magnitude_gf = np.linalg.norm(self.reference_n, axis=1) / GRAM_FORCE_N
         chosen = self.compared & (magnitude_gf >= band.min_gf) & (magnitude_gf < band.max_gf)
@@ -174,10 +173,10 @@ def evaluate(
         CalibrationError: Too few loads are there, or have a force.
     """
     loads = LoadSet.of([load for session in sessions for load in session.loads])
-    if len(loads) < MIN_LOADS:
+    if len(loads) < _MIN_LOADS:
         raise CalibrationError(
             f"{len(loads)} accepted loads in {len(sessions)} recordings; "
-            f"at least {MIN_LOADS} are needed for an evaluation"
+            f"at least {_MIN_LOADS} are needed for an evaluation"
         )
     estimator = network(len(loads))
     evaluation = Evaluation(
@@ -186,9 +185,9 @@ def evaluate(
         calibrated=None if foot is None else estimate_loads(loads, estimator, trained_inputs, foot),
     )
     n_compared = int(evaluation.compared.sum())
-    if n_compared < MIN_LOADS:
+    if n_compared < _MIN_LOADS:
         raise CalibrationError(
-            f"{n_compared} of {len(loads)} loads lie in the network's training range, at least {MIN_LOADS} are "
+            f"{n_compared} of {len(loads)} loads lie in the network's training range, at least {_MIN_LOADS} are "
             "needed; press less hard, and check that the recordings are of this foot type"
         )
     return evaluation

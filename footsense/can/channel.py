@@ -15,7 +15,7 @@ from pathlib import Path
 
 from firmware_interface.socketcan import FRAME_BYTES, is_data, is_error, pack_frame, split_frames
 from footsense.can.bus_health import BusHealth
-from footsense.can.frame_log import CanLog, check_log_suffix
+from footsense.can.frame_log import CanFrameLog, check_log_suffix
 from footsense.can.python_can import error_text, open_wire
 from footsense.errors import CanError
 from footsense.frames import CanStatistics
@@ -77,13 +77,13 @@ class CanChannel:
         self._back_off_ns = 0  # 0: the interface is open
         self._due_ns = 0
         self._lost_ns = 0
-        self._log: CanLog | None = None
+        self._log: CanFrameLog | None = None
         self._wire: CanWire | None = self._connect()
         try:
             # Sent before the log is open, and before the first force defines the time.
             self._unlogged = self._greet(b"".join(pack_frame(*frame) for frame in greeting.items()))
             if log_file is not None:
-                self._log = CanLog(log_file, channel, stats, waits=log_waits)
+                self._log = CanFrameLog(log_file, channel, stats, waits=log_waits)
         except BaseException:
             self._release()
             raise

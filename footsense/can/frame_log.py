@@ -16,7 +16,7 @@ from footsense.child_process import check_new_file, start_writer
 from footsense.errors import ConfigError, RecordingError
 from footsense.frames import CanStatistics
 
-__all__ = ["LOG_SUFFIXES", "RECORD_HEAD", "CanLog", "check_log_suffix", "check_log_target"]
+__all__ = ["LOG_SUFFIXES", "RECORD_HEAD", "CanFrameLog", "check_log_suffix", "check_log_target"]
 
 _log = logging.getLogger(__name__)
 
@@ -55,7 +55,7 @@ def check_log_target(path: Path) -> None:
     check_new_file(f"CAN log {path}", path)
 
 
-class CanLog:
+class CanFrameLog:
     """A log that is being written.
 
     Args:

@@ -12,7 +12,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from firmware_interface.socketcan import split_frames
 from footsense.can.frame_log import RECORD_HEAD
-from footsense.child_process import drop_realtime, gathered
+from footsense.child_process import drop_realtime, read_batches
 
 if TYPE_CHECKING:
     from can.io.generic import FileIOMessageWriter
@@ -23,7 +23,7 @@ __all__ = ["main"]
 def _records(pipe: int) -> Iterator[list[tuple[int, bytes]]]:
     """Yield the time [ns] and the frames of the records received so far, up to the end of the pipe."""
     rest = b""
-    for data in gathered(pipe):
+    for data in read_batches(pipe):
         rest += data
         records = []
         while len(rest) >= RECORD_HEAD.size:

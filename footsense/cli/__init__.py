@@ -17,7 +17,7 @@ import click
 import footsense
 from footsense.cli.former_words import with_present_word
 from footsense.errors import FootsenseError
-from footsense.telemetry.log_lines import LogLines
+from footsense.telemetry.log_lines import NonBlockingLogHandler
 
 #: Exit code of a command that Ctrl-C ended, as shells have it: 128 + SIGINT. `run` ends well, with 0.
 _INTERRUPTED = 130
@@ -104,7 +104,7 @@ def _give_up_output() -> None:
 
 def _log_sink() -> logging.Handler:
     try:
-        return LogLines(sys.stderr.fileno())
+        return NonBlockingLogHandler(sys.stderr.fileno())
     except (AttributeError, OSError):  # closed, or replaced by something without a descriptor
         return logging.StreamHandler()
 

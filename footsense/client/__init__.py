@@ -8,7 +8,7 @@ Nothing here opens a channel or reads a clock, and nothing but `firmware_interfa
 """
 
 from footsense.client.commands import CommandResult, PendingCommands
-from footsense.client.link import LINK_IDS, LegForce, Limits, Link, Status
+from footsense.client.link import LINK_IDS, LegForce, Link, LinkLimits, LinkStatus
 from footsense.client.reports import REPORT_IDS, LegReport, Reports
 
 __all__ = [
@@ -17,9 +17,9 @@ __all__ = [
     "CommandResult",
     "LegForce",
     "LegReport",
-    "Limits",
     "Link",
+    "LinkLimits",
+    "LinkStatus",
     "PendingCommands",
     "Reports",
-    "Status",
 ]

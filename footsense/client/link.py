@@ -15,7 +15,7 @@ from firmware_interface.can_codes import NODE_IDS, USABLE, Flag, State
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, Force, Quality, decode_force, decode_quality
 from firmware_interface.crc8 import COUNTER_PERIOD, FrameError
 
-__all__ = ["LINK_IDS", "LegForce", "Limits", "Link", "Status"]
+__all__ = ["LINK_IDS", "LegForce", "Link", "LinkLimits", "LinkStatus"]
 
 #: CAN ids of the accepted frames.
 LINK_IDS = tuple(base + node for base in (FORCE_ID, QUALITY_ID) for node in NODE_IDS.values())
@@ -24,8 +24,8 @@ _NAN = float("nan")
 _NO_FORCE = (_NAN, _NAN, _NAN)
 
 
-class Status(IntEnum):
-    """Status of a leg's stream of frames."""
+class LinkStatus(IntEnum):
+    """LinkStatus of a leg's stream of frames."""
 
     STALE = 0  #: no force for `timeout_ns`, or fewer than `min_good` since then; or the force is too old
     OK = 1  #: the last force is valid, in sequence, and young enough
@@ -35,8 +35,8 @@ class Status(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
-    """Limits for using a force; the defaults suit forces every 25 ms.
+class LinkLimits:
+    """LinkLimits for using a force; the defaults suit forces every 25 ms.
 
     Attributes:
         max_age_ns: A force older than this is stale [ns].
@@ -57,7 +57,7 @@ class LegForce(NamedTuple):
     """A leg's force at one time, and whether it may be used.
 
     Attributes:
-        status: Status of its frames.
+        status: LinkStatus of its frames.
         usable: Whether the force may be used.
         state: Last reported state of the leg; ABSENT before the first report.
         flags: Flags of the last force.
@@ -67,7 +67,7 @@ class LegForce(NamedTuple):
         age_ns: Present age of the measurement [ns]; None unless usable.
     """
 
-    status: Status
+    status: LinkStatus
     usable: bool
     state: State
     flags: Flag
@@ -81,16 +81,16 @@ class Link:
     """The forces of a robot's legs as a CAN consumer may use them; times are the caller's.
 
     Args:
-        limits: Limits for using a force; None for the defaults.
+        limits: LinkLimits for using a force; None for the defaults.
 
     Example:
         >>> link = Link()
         >>> link.leg(1, now_ns=0).status
-        <Status.STALE: 0>
+        <LinkStatus.STALE: 0>
     """
 
-    def __init__(self, limits: Limits | None = None) -> None:
-        self._limits = limits or Limits()
+    def __init__(self, limits: LinkLimits | None = None) -> None:
+        self._limits = limits or LinkLimits()
         self._legs = {node: _Leg(self._limits) for node in NODE_IDS.values()}
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> bool:
@@ -129,7 +129,7 @@ class Link:
 class _Leg:
     """State machine of one leg."""
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: LinkLimits) -> None:
         self._limits = limits
         self._force: Force | None = None  # the last one complete with its quality
         self._quality: Quality | None = None
@@ -139,7 +139,7 @@ class _Leg:
         self._next_ns = 0
         self._wrong_ns = 0
         self._n_good = 0
-        self._status = Status.STALE
+        self._status = LinkStatus.STALE
 
     def take(self, half: Force | Quality, now_ns: int) -> None:
         """Take a frame that passed its check."""
@@ -164,7 +164,7 @@ class _Leg:
 
     def take_wrong(self, now_ns: int) -> None:
         """Take a frame that failed its check."""
-        self._reset(Status.WRONG)
+        self._reset(LinkStatus.WRONG)
         self._wrong_ns = now_ns
         self._next.clear()
 
@@ -173,7 +173,7 @@ class _Leg:
         status = self._status_at(now_ns)
         state, force, quality = self._state, self._force, self._quality
         allowed = state == State.VALID or (state == State.DEGRADED and self._limits.accept_degraded)
-        usable = status in {Status.OK, Status.LOST} and allowed
+        usable = status in {LinkStatus.OK, LinkStatus.LOST} and allowed
         flags, mask = (quality.flags, quality.fault_mask) if quality else (Flag(0), 0)
         if not usable or force is None or quality is None or quality.age_ns is None or _has_hole(force):
             return LegForce(status, False, state, flags, mask, _NO_FORCE, _NO_FORCE, None)
@@ -184,24 +184,24 @@ class _Leg:
         """Take a force that is complete with its quality."""
         counts, delta = True, 1
         if self._is_silent(now_ns) or self._force is None:
-            self._reset(Status.STALE)  # after a silence the sender may have restarted: ignore the counter
+            self._reset(LinkStatus.STALE)  # after a silence the sender may have restarted: ignore the counter
         else:
             delta = (force.counter - self._force.counter) % COUNTER_PERIOD
             if delta > self._limits.max_delta:
-                self._reset(Status.WRONG)
+                self._reset(LinkStatus.WRONG)
                 self._wrong_ns = now_ns
                 counts = False
         self._force, self._quality, self._state = force, quality, force.state
         self._arrived_ns = self._next_ns
         self._n_good += counts
         if self._has_enough():
-            self._status = Status.OK if delta == 1 else Status.LOST
+            self._status = LinkStatus.OK if delta == 1 else LinkStatus.LOST
 
     def _take_repeated(self) -> None:
         if self._has_enough():
-            self._status = Status.REPEATED
+            self._status = LinkStatus.REPEATED
 
-    def _reset(self, why: Status) -> None:
+    def _reset(self, why: LinkStatus) -> None:
         self._status = why
         self._n_good = 0
 
@@ -211,13 +211,13 @@ class _Leg:
     def _is_silent(self, now_ns: int) -> bool:
         return self._force is None or _is_over(now_ns, self._arrived_ns, self._limits.timeout_ns)
 
-    def _status_at(self, now_ns: int) -> Status:
+    def _status_at(self, now_ns: int) -> LinkStatus:
         if self._is_silent(now_ns):
             over = _is_over(now_ns, self._wrong_ns, self._limits.timeout_ns)
-            return Status.WRONG if self._status is Status.WRONG and not over else Status.STALE
+            return LinkStatus.WRONG if self._status is LinkStatus.WRONG and not over else LinkStatus.STALE
         # Only a force ages; a state without force stays valid.
-        if self._status is not Status.WRONG and self._state in USABLE and self._is_too_old(now_ns):
-            return Status.STALE
+        if self._status is not LinkStatus.WRONG and self._state in USABLE and self._is_too_old(now_ns):
+            return LinkStatus.STALE
         return self._status
 
     def _is_too_old(self, now_ns: int) -> bool:

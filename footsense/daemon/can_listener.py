@@ -7,7 +7,7 @@ from typing import NamedTuple
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.socketcan import split_frames
 from footsense.can.python_can import open_wire
-from footsense.client import LINK_IDS, REPORT_IDS, LegForce, LegReport, Limits, Link, Reports, Status
+from footsense.client import LINK_IDS, REPORT_IDS, LegForce, LegReport, Link, LinkLimits, LinkStatus, Reports
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 
@@ -35,7 +35,7 @@ class LegSnapshot(NamedTuple):
     @property
     def is_known(self) -> bool:
         """Whether frames of the leg have come lately; else its state is only the last one reported."""
-        silent = self.force.status is Status.STALE and self.report.node_state is None
+        silent = self.force.status is LinkStatus.STALE and self.report.node_state is None
         return self.n_forces > 0 and not silent
 
 
@@ -45,10 +45,10 @@ class Listener:
     Args:
         wire: The open channel.
         clock: The time of arrival.
-        limits: Limits for using a force.
+        limits: LinkLimits for using a force.
     """
 
-    def __init__(self, wire: CanWire, clock: Clock, limits: Limits) -> None:
+    def __init__(self, wire: CanWire, clock: Clock, limits: LinkLimits) -> None:
         self._wire = wire
         self._clock = clock
         self._link = Link(limits)
@@ -90,7 +90,7 @@ class Listener:
 
 
 @contextmanager
-def listening(interface: str, channel: str, clock: Clock, limits: Limits) -> Iterator[Listener]:
+def listening(interface: str, channel: str, clock: Clock, limits: LinkLimits) -> Iterator[Listener]:
     """Open a channel for listening, and close it at the end.
 
     Yields:

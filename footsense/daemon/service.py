@@ -29,8 +29,8 @@ from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Scene
 from footsense.telemetry.journal import Journal
-from footsense.telemetry.log_lines import lost_lines
-from footsense.telemetry.metrics import Metrics
+from footsense.telemetry.log_lines import n_lost_lines
+from footsense.telemetry.metrics import MetricsObserver
 from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
 
 if TYPE_CHECKING:
@@ -198,9 +198,9 @@ def open_service(
         )
         reference = None
         if test_stand is not None:
-            from footsense.daemon.test_stand import sensor_of  # a robot needs no serial port
+            from footsense.daemon.test_stand import open_sensor  # a robot needs no serial port
 
-            reference = stack.enter_context(sensor_of(test_stand, legs.index(test_stand.leg), scan))
+            reference = stack.enter_context(open_sensor(test_stand, legs.index(test_stand.leg), scan))
         if record is not None:
             header = recording_header(config, scene, network, flags, calibrations)
             header |= test_stand.header() if test_stand is not None else {}
@@ -229,19 +229,19 @@ def _metrics(
     scan: ScanSource,
     wakeups: Sequence[WakeupLatency],
     recorder: Recorder | None,
-) -> list[Metrics]:
+) -> list[MetricsObserver]:
     """Return the configured metrics; none if their file cannot be written, which must not stop the forces."""
     if config.metrics is None:
         return []
     try:
-        metrics = Metrics(
+        metrics = MetricsObserver(
             config.legs,
             stats,
             Path(config.metrics.counters),
             wakeups=wakeups,
             missed_deadlines=lambda: scan.source.missed_deadlines,
             recorder_lost=lambda: recorder.lost if recorder else 0,
-            log_lost=lost_lines,
+            log_lost=n_lost_lines,
         )
     except FootsenseError as error:
         _log.warning("%s; the forces go on without metrics", error)

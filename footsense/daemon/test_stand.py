@@ -23,7 +23,7 @@ from footsense.reference.sensor_mounting import SensorMounting
 from footsense.reference.serial_sensor import SerialReference
 from footsense.sim.test_stand import reference_sensor as simulated
 
-__all__ = ["StandSensor", "StandSession", "is_live", "sensor_of"]
+__all__ = ["StandSensor", "StandSession", "is_live", "open_sensor"]
 
 StandSensor = SerialReference | NetFtReference | FileReference
 
@@ -60,7 +60,7 @@ def is_live(test_stand: StandConfig) -> bool:
 
 
 @contextmanager
-def sensor_of(run: StandSession, row: int, scan_source: ScanSource) -> Iterator[StandSensor]:
+def open_sensor(run: StandSession, row: int, scan_source: ScanSource) -> Iterator[StandSensor]:
     """Open the force sensor of a session, and close it at the end.
 
     Args:

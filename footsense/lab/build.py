@@ -34,37 +34,37 @@ from footsense.lab.model_card import readme
 from footsense.lab.response import make_response
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork, library_versions, onnx_model
-from footsense.lab.training.forward_inversion import unbending
+from footsense.lab.training.forward_inversion import forward_model
 from footsense.lab.training.load_cases import Cases, paper_training, random_loads
 from footsense.lab.training.network import Weights
 from footsense.lab.training.train import MASKS, Protocol, moments, predict, train
 
-#: Seed of the wide training set.
+#: Seed of the random loads of the training.
 TRAINING_SEED = 1
 #: ONNX Runtime may differ from JAX by this much, over the largest force [1]: of 2 N a tenth of a bit on CAN, five times
 #: what is seen.
 PARITY_REL = 5e-5
-#: How far beyond the trained closures the daemon still believes the network [1]: noise, and drift since the tare.
+#: Margin around the trained closures within which the daemon uses the network [1]: noise, and drift since the tare.
 MARGIN_REL = 0.02
-#: Decimals that are kept of the moments, whose largest is about 1.
+#: Decimals of the moments, whose largest is about 1.
 _DECIMALS = 9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recipe:
-    """What one build does.
+    """Sizes and training protocols of a build.
 
     Attributes:
         mesh: Fineness of the solid.
-        wide_cases: Size of the wide training set.
-        shipped: Training of the released network.
+        random_loads: Number of random loads of the training.
+        released: Training of the released network.
         only_362: Training on the paper's cases alone.
-        quick: Whether the model card has to warn of what comes of it.
+        quick: Whether the model card warns that this is no release.
     """
 
     mesh: MeshSize
-    wide_cases: int
-    shipped: Protocol
+    random_loads: int
+    released: Protocol
     only_362: Protocol
     quick: bool = False
 
@@ -72,15 +72,15 @@ class Recipe:
 #: The release.
 FULL = Recipe(
     mesh=SHIPPED,
-    wide_cases=100_000,
-    shipped=Protocol(),
+    random_loads=100_000,
+    released=Protocol(),
     only_362=Protocol(steps=6_000, batch=128, masked=False),
 )
 #: Every step of the chain in half a minute; its numbers are no release.
 QUICK = Recipe(
     mesh=COARSE,
-    wide_cases=10_000,
-    shipped=Protocol(steps=3_000),
+    random_loads=10_000,
+    released=Protocol(steps=3_000),
     only_362=Protocol(steps=2_000, batch=128, masked=False),
     quick=True,
 )
@@ -88,7 +88,7 @@ QUICK = Recipe(
 
 @dataclass(frozen=True, slots=True)
 class Built:
-    """What a build made.
+    """The result of a build.
 
     Attributes:
         table: Errors by row, of the file as ONNX Runtime computes it.
@@ -107,25 +107,25 @@ def _readout(weights: Weights, gap_um: float) -> Readout:
 
 
 def _alone(response: FootResponse, protocol: Protocol, report: Callable[[str], None]) -> dict[str, Readout]:
-    """Return read-outs trained on the paper's 362 cases alone: by elastance, and fed with unbent closures.
+    """Return read-outs trained on the paper's 362 cases alone: by elastance, and by inversion of the forward model.
 
-    A foot whose gaps the paper's loads shut for good has no unbent closures, and not that read-out.
+    If the paper's loads close gaps completely, the inversion has no solution, and its read-out is left out.
     """
     training, gap_um = paper_training(response), response.design.gap_um
     plain = train(training, response.design, protocol)
     alone = {f"{ALONE}_elastance": _readout(plain, gap_um)}
-    law = unbending(response)
+    model = forward_model(response)
     try:
-        unbent_um = law.mean_um(training.closure_um)
+        inverted_um = model.mean_um(training.closure_um)
     except ArithmeticError as error:
         report(f"no {ALONE}: the paper's loads are too large for this foot: {error}")
         return alone
-    read_unbent = _readout(train(Cases(training.force_n, unbent_um), response.design, protocol), gap_um)
-    return {ALONE: lambda closure_um: read_unbent(law.mean_um(closure_um)), **alone}
+    read_inverted = _readout(train(Cases(training.force_n, inverted_um), response.design, protocol), gap_um)
+    return {ALONE: lambda closure_um: read_inverted(model.mean_um(closure_um)), **alone}
 
 
 def _signal(name: str, unit: str, order: str, meaning: str) -> dict[str, str]:
-    """Return a card's word on one input or output."""
+    """Return a card's entry for one input or output."""
     return {"name": name, "unit": unit, "order": order, "meaning": meaning}
 
 
@@ -137,7 +137,7 @@ def _card(
     cases: Cases,
     table: dict[str, Errors],
 ) -> dict[str, Any]:
-    """Return the card: what the daemon must know to use the network, and how it came to be."""
+    """Return the card: the data that the daemon needs to use the network, and how the network was made."""
     design = response.design
     seen_rel = cases.with_symmetric_copies().closure_um / design.gap_um
     return {
@@ -156,7 +156,7 @@ def _card(
         "response_sha256": response.sha256,
         "training": {
             "wide": {
-                "cases": recipe.wide_cases,
+                "cases": recipe.random_loads,
                 "seed": TRAINING_SEED,
                 **msgspec.structs.asdict(loads),
                 "full_scale_pf": load_cases.FULL_SCALE_PF,
@@ -164,7 +164,7 @@ def _card(
                 "baseline_noise_pf": load_cases.BASELINE_NOISE_PF,
             },
             "held_out": {"cases": HELD_OUT_CASES, "seed": HELD_OUT_SEED},
-            "shipped": recipe.shipped.card(),
+            "shipped": recipe.released.card(),
             "only_362": recipe.only_362.card(),
             "weights": weights.size,
         },
@@ -192,47 +192,46 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
         foot_file: Its description.
         output: Folder for response.npz, network.onnx, README.md and a copy of the description; made if missing.
         recipe: How fine and how long.
-        report: Told what has just been done, one line each.
+        report: Receives a line after each step.
 
     Returns:
         Errors, card and parity.
 
     Raises:
         ConfigError: The description does not fit.
-        ArithmeticError: ONNX Runtime does not compute what was trained.
-        ModelError: The foot cannot be meshed or solved, or does not measure its loads.
+        ArithmeticError: ONNX Runtime and JAX differ too much.
+        ModelError: The foot cannot be meshed or solved, or its loads are beyond the converter.
     """
     sole, description = load_foot(foot_file), foot_file.read_bytes()
     made = make_response(sole, recipe.mesh, report)
     report(f"response table: {made.provenance}")
     output.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=output) as scratch:
-        made.save(Path(scratch) / RESPONSE_FILE)
-        response = FootResponse.load(Path(scratch) / RESPONSE_FILE)
+    with tempfile.TemporaryDirectory(dir=output) as temporary:
+        made.save(Path(temporary) / RESPONSE_FILE)
+        response = FootResponse.load(Path(temporary) / RESPONSE_FILE)
         design, loads = response.design, sole.loads
-        recipe = replace(recipe, shipped=replace(recipe.shipped, floor_n=loads.floor_n))
+        recipe = replace(recipe, released=replace(recipe.released, floor_n=loads.floor_n))
         alone = _alone(response, recipe.only_362, report)
         report(f"trained on the paper's 362 cases: {', '.join(alone)}")
-        cases = random_loads(response, loads, recipe.wide_cases, TRAINING_SEED)
-        report(f"{recipe.wide_cases} wide cases, gaps in contact")
+        cases = random_loads(response, loads, recipe.random_loads, TRAINING_SEED)
+        report(f"{recipe.random_loads} random loads, gaps in contact")
         closure_rel = cases.closure_um / design.gap_um
         imputation = Imputation(_rounded_moments(cases.with_symmetric_copies().closure_um / design.gap_um))
-        weights = train(cases, design, recipe.shipped, imputation)
+        weights = train(cases, design, recipe.released, imputation)
         report(f"trained on them: {weights.size} weights")
         table = error_table(response, loads, _readout(weights, design.gap_um), alone)
-        # What goes into the card is computed before there is a file, by JAX, and may differ in the last digit from
-        # what everybody finds later, which is what is printed.
+        # The card needs the errors before the file exists, so JAX computes them; the printed ones are of the file.
         card = _card(response, loads, recipe, weights, cases, table)
         network = add_checksum(onnx_model(weights, card).SerializeToString())
-        (Path(scratch) / NETWORK_FILE).write_bytes(network)
-        parity = _parity_n(OnnxNetwork(Path(scratch) / NETWORK_FILE), weights, closure_rel)
+        (Path(temporary) / NETWORK_FILE).write_bytes(network)
+        parity = _parity_n(OnnxNetwork(Path(temporary) / NETWORK_FILE), weights, closure_rel)
         most_n = PARITY_REL * loads.max_n
         if not parity <= most_n:
             raise ArithmeticError(f"ONNX Runtime and JAX differ by {parity:.2e} N, more than {most_n:.0e} N")
-        (Path(scratch) / FOOT_FILE).write_bytes(description)
-        table = evaluate_models(Path(scratch))
+        (Path(temporary) / FOOT_FILE).write_bytes(description)
+        table = evaluate_models(Path(temporary))
         text = readme(sole, made, card, table, parity, quick=recipe.quick)
-        (Path(scratch) / "README.md").write_text(text, encoding="utf-8")
+        (Path(temporary) / "README.md").write_text(text, encoding="utf-8")
         for name in (FOOT_FILE, RESPONSE_FILE, NETWORK_FILE, "README.md"):
-            (Path(scratch) / name).replace(output / name)
+            (Path(temporary) / name).replace(output / name)
     return Built(table, card, parity)

@@ -9,7 +9,7 @@ import select
 from collections.abc import Callable, Mapping, Sequence
 
 from footsense.frames import Cycle
-from footsense.recording.cycle_records import Loss, pack_cycle, pack_header, pack_loss
+from footsense.recording.cycle_records import LostCycles, pack_cycle, pack_header, pack_loss
 
 __all__ = ["CyclePipe"]
 
@@ -60,7 +60,7 @@ class CyclePipe:
         self._t_ns = cycle.forces.t_sent_ns
         record = pack_cycle(self.n_cycles, cycle)
         if self._unreported:
-            record = pack_loss(Loss(self.n_cycles, self._t_ns, self._unreported)) + record
+            record = pack_loss(LostCycles(self.n_cycles, self._t_ns, self._unreported)) + record
         self.n_cycles += 1
         if self._write(record):
             self._unreported = 0
@@ -99,7 +99,7 @@ class CyclePipe:
         """
         left = memoryview(self._rest)
         if self._unreported:
-            loss = pack_loss(Loss(self.n_cycles, self._t_ns, self._unreported))
+            loss = pack_loss(LostCycles(self.n_cycles, self._t_ns, self._unreported))
             left = memoryview(self._rest + loss)
         os.set_blocking(self._fd, False)
         room = select.poll()

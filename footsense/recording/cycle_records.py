@@ -27,7 +27,7 @@ from footsense.frames import (
     State,
 )
 
-__all__ = ["Loss", "Numbered", "pack_cycle", "pack_header", "pack_loss", "unpack"]
+__all__ = ["LostCycles", "NumberedCycle", "pack_cycle", "pack_header", "pack_loss", "unpack"]
 
 _LENGTH_BYTES = 4
 #: Longest record [bytes], far above any cycle.
@@ -39,7 +39,7 @@ _MAX_REASON = 10_000
 _Count = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
 
 
-class Numbered(NamedTuple):
+class NumberedCycle(NamedTuple):
     """A cycle and its place in the recording.
 
     Attributes:
@@ -51,7 +51,7 @@ class Numbered(NamedTuple):
     cycle: Cycle
 
 
-class Loss(msgspec.Struct, frozen=True, array_like=True, tag="loss"):
+class LostCycles(msgspec.Struct, frozen=True, array_like=True, tag="loss"):
     """Cycles that found the pipe full.
 
     Attributes:
@@ -83,7 +83,7 @@ class _Cycle(msgspec.Struct, array_like=True, tag="cycle"):
 
 #: Integers of numpy become Python's.
 _encode = msgspec.msgpack.Encoder(enc_hook=np.generic.item).encode
-_decode = msgspec.msgpack.Decoder(_Header | _Cycle | Loss).decode
+_decode = msgspec.msgpack.Decoder(_Header | _Cycle | LostCycles).decode
 
 #: Largest code of each field.
 _CODES = {
@@ -122,7 +122,7 @@ def pack_header(header: Mapping[str, str]) -> bytes:
     return _framed(_encode(_Header(dict(header))))
 
 
-def pack_loss(loss: Loss) -> bytes:
+def pack_loss(loss: LostCycles) -> bytes:
     """Return the record of lost cycles."""
     return _framed(_encode(loss))
 
@@ -168,7 +168,7 @@ def _text(reason: str) -> str:
     return reason[:_MAX_REASON].encode(errors="backslashreplace").decode()
 
 
-def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | Numbered | Loss]:
+def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | NumberedCycle | LostCycles]:
     """Take every complete record out of the front of a buffer.
 
     Args:
@@ -192,7 +192,7 @@ def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | N
             if isinstance(record, _Header):
                 n_legs = len(record.entries["legs"].split(","))
                 yield record.entries
-            elif isinstance(record, Loss):
+            elif isinstance(record, LostCycles):
                 yield record
             else:
                 _require(n_legs is not None, "no header before the first cycle")
@@ -211,7 +211,7 @@ def _require(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the 
         raise ValueError(words)
 
 
-def _numbered(record: _Cycle, n_legs: int) -> Numbered:
+def _numbered(record: _Cycle, n_legs: int) -> NumberedCycle:
     layout = _arrays(n_legs)
     _require(len(record.arrays) == layout.itemsize, f"arrays of {len(record.arrays)} bytes")
     entry = np.frombuffer(record.arrays, dtype=layout)[0]
@@ -241,7 +241,7 @@ def _numbered(record: _Cycle, n_legs: int) -> Numbered:
     temperature_c = None if record.temperature_c is None else np.frombuffer(record.temperature_c, "<f8")
     _require(temperature_c is None or len(temperature_c) == n_legs, "temperatures of other legs")
     cycle = Cycle(scan, record.commands, forces, record.outcomes, reference, temperature_c)
-    return Numbered(record.counter, cycle)
+    return NumberedCycle(record.counter, cycle)
 
 
 def _reference(times: bytes, forces: bytes, saturations: bytes) -> Reference:

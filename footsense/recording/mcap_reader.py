@@ -21,7 +21,7 @@ from zstandard import ZstdError, frame_content_size
 from footsense.errors import RecordingError
 from footsense.frames import LEGS, CapFrame, Command, CommandResult, Cycle
 from footsense.recording import messages
-from footsense.recording.cycle_records import Loss, Numbered
+from footsense.recording.cycle_records import LostCycles, NumberedCycle
 from footsense.recording.mcap_writer import HEADER_CRC, METADATA, PROFILE, header_crc
 from footsense.recording.reference_messages import decode_reference
 
@@ -100,7 +100,7 @@ def _check_legs(path: Path, legs: str) -> None:
         )
 
 
-def read_entries(path: Path, legs: tuple[str, ...]) -> Iterator[Numbered | Loss]:
+def read_entries(path: Path, legs: tuple[str, ...]) -> Iterator[NumberedCycle | LostCycles]:
     """Yield every complete cycle and every recorded loss, in file order.
 
     Args:
@@ -115,7 +115,7 @@ def read_entries(path: Path, legs: tuple[str, ...]) -> Iterator[Numbered | Loss]
     """
     with path.open("rb") as file:
         bounded = _Bounded(file)
-        assembly = _Assembly(legs)
+        assembly = _CycleAssembly(legs)
         good = 0
         try:
             for record in StreamReader(bounded, emit_chunks=True, validate_crcs=True).records:
@@ -151,7 +151,7 @@ def _contents(chunk: _Record) -> list[_Record]:
     return list(breakup_chunk(chunk, validate_crc=True))
 
 
-class _Assembly:
+class _CycleAssembly:
     """Assembles cycles from their messages, and detects missing ones."""
 
     def __init__(self, legs: tuple[str, ...]) -> None:
@@ -168,7 +168,7 @@ class _Assembly:
         self._t_first_ns = 0
         self._t_last_ns = 0
 
-    def take(self, records: list[_Record]) -> Iterator[Numbered | Loss]:
+    def take(self, records: list[_Record]) -> Iterator[NumberedCycle | LostCycles]:
         for record in records:
             if isinstance(record, Channel):
                 self._topics[record.id] = record.topic
@@ -178,14 +178,14 @@ class _Assembly:
                 if whole is not None:
                     yield whole
 
-    def _message(self, topic: str, message: _Record) -> Numbered | Loss | None:
+    def _message(self, topic: str, message: _Record) -> NumberedCycle | LostCycles | None:
         event = json.loads(message.data) if topic == messages.EVENT else {}
         if event.get("event") == "loss":
             self._expected += messages.whole(event["n_cycles"])
         _require(message.sequence == self._expected & 0xFFFF_FFFF, "cycles are missing")
         match topic, event.get("event"):
             case messages.EVENT, "loss":
-                return Loss(self._expected, message.log_time, event["n_cycles"])
+                return LostCycles(self._expected, message.log_time, event["n_cycles"])
             case messages.EVENT, "command":
                 self._commands.append(messages.decode_command(event, self._legs))
             case messages.EVENT, "outcome":
@@ -201,7 +201,7 @@ class _Assembly:
                 return self._cycle(message.data)
         return None
 
-    def _cycle(self, data: bytes) -> Numbered:
+    def _cycle(self, data: bytes) -> NumberedCycle:
         forces = messages.decode_force(data, self._legs)
         if self._scan is None:
             raise ValueError("a scan is missing")
@@ -215,7 +215,7 @@ class _Assembly:
         cycle = Cycle(
             self._scan, tuple(self._commands), forces, tuple(self._outcomes), reference, temperature_c
         )
-        numbered = Numbered(self._expected, cycle)
+        numbered = NumberedCycle(self._expected, cycle)
         self._scan, self._temperature_event = None, None
         self._commands, self._outcomes, self._samples = [], [], []
         self._expected += 1

@@ -17,7 +17,7 @@ from mcap.writer import CompressionType, Writer
 
 from footsense.frames import Reference
 from footsense.recording import messages
-from footsense.recording.cycle_records import Loss, Numbered
+from footsense.recording.cycle_records import LostCycles, NumberedCycle
 from footsense.recording.reference_messages import encode_reference, reference_schema
 
 __all__ = ["HEADER_CRC", "METADATA", "PROFILE", "McapFile", "Stream", "header_crc"]
@@ -77,7 +77,7 @@ class McapFile:
             self._register(topic, schema)
         self.flush()
 
-    def add_cycle(self, numbered: Numbered) -> None:
+    def add_cycle(self, numbered: NumberedCycle) -> None:
         """Write one cycle."""
         counter, (scan, commands, forces, outcomes, reference, temperature_c) = numbered
         t_ns = forces.t_sent_ns
@@ -99,7 +99,7 @@ class McapFile:
         for t_ns, sample in encode_reference(reference):
             self._add(messages.REFERENCE, counter, t_ns, sample)
 
-    def add_loss(self, loss: Loss) -> None:
+    def add_loss(self, loss: LostCycles) -> None:
         """Write that cycles are missing at this place."""
         self._add(messages.EVENT, loss.counter, loss.t_ns, messages.loss_event(loss.n_cycles))
 

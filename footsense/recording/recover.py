@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from footsense.errors import RecordingError
-from footsense.recording.cycle_records import Numbered
+from footsense.recording.cycle_records import NumberedCycle
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recorder import check_not_being_written, check_target, partial_path
 from footsense.recording.replay import Replay
-from footsense.recording.writer import FdStream
+from footsense.recording.writer import UnbufferedFile
 
 __all__ = ["Recovered", "recover", "recovered_path"]
 
@@ -60,10 +60,10 @@ def recover(path: Path, target: Path) -> Recovered:
     try:
         fd = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
         try:
-            file = McapFile(FdStream(fd), replay.header)
+            file = McapFile(UnbufferedFile(fd), replay.header)
             try:
                 for entry in replay.entries():
-                    if isinstance(entry, Numbered):
+                    if isinstance(entry, NumberedCycle):
                         file.add_cycle(entry)
                         n_cycles += 1
                     else:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from footsense.errors import RecordingError
 from footsense.frames import CapFrame, Command, Cycle
-from footsense.recording.cycle_records import Loss, Numbered
+from footsense.recording.cycle_records import LostCycles, NumberedCycle
 from footsense.recording.mcap_reader import read_entries, read_header
 
 __all__ = ["Replay", "ReplayClock", "ReplaySource"]
@@ -31,7 +31,7 @@ class Replay:
         self.header = read_header(path)
         self.legs = tuple(self.header["legs"].split(","))
 
-    def entries(self) -> Iterator[Numbered | Loss]:
+    def entries(self) -> Iterator[NumberedCycle | LostCycles]:
         """Return complete cycles and recorded losses in file order.
 
         Returns:
@@ -51,7 +51,7 @@ class Replay:
         Raises:
             RecordingError: What follows is cut off or damaged.
         """
-        return (entry.cycle for entry in self.entries() if isinstance(entry, Numbered))
+        return (entry.cycle for entry in self.entries() if isinstance(entry, NumberedCycle))
 
 
 class ReplaySource:
@@ -77,7 +77,7 @@ class ReplaySource:
         """Return the next scan; None at the end, and where the recording is damaged (see `damage`)."""
         try:
             for entry in self._entries:
-                if isinstance(entry, Numbered):
+                if isinstance(entry, NumberedCycle):
                     self.cycle = entry.cycle
                     self._commands = self.cycle.commands
                     return self.cycle.scan

@@ -14,12 +14,12 @@ import sys
 import threading
 from pathlib import Path
 
-from footsense.child_process import drop_realtime, gathered
+from footsense.child_process import drop_realtime, read_batches
 from footsense.errors import RecordingError
-from footsense.recording.cycle_records import Loss, Numbered, unpack
+from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack
 from footsense.recording.mcap_writer import McapFile
 
-__all__ = ["FdStream", "PipeWriter", "main"]
+__all__ = ["PipeWriter", "UnbufferedFile", "main"]
 
 #: Longest time that cycles stay in an unfinished chunk [ns].
 FLUSH_PERIOD_NS = 400_000_000
@@ -28,7 +28,7 @@ FLUSH_PERIOD_NS = 400_000_000
 _WAITING_PIECES = 100
 
 
-class FdStream:
+class UnbufferedFile:
     """A file without a buffer, so that a full disk is an error of the write.
 
     Args:
@@ -67,7 +67,7 @@ class PipeWriter:
     """
 
     def __init__(self, fd: int) -> None:
-        self._stream = FdStream(fd)
+        self._stream = UnbufferedFile(fd)
         self._buffer = bytearray()
         self._file: McapFile | None = None
         self._n_legs: int | None = None
@@ -86,7 +86,7 @@ class PipeWriter:
             if isinstance(entry, dict):
                 self._file = McapFile(self._stream, entry)
                 self._n_legs = len(entry["legs"].split(","))
-            elif self._file is not None and isinstance(entry, Numbered):
+            elif self._file is not None and isinstance(entry, NumberedCycle):
                 n_written = self._stream.tell()
                 self._file.add_cycle(entry)
                 # A chunk was full and is written; the force of this cycle may be in the next one.
@@ -94,7 +94,7 @@ class PipeWriter:
                     self.n_cycles = self._n_added
                 self._n_added += 1
                 self._pace(entry.cycle.forces.t_sent_ns)
-            elif self._file is not None and isinstance(entry, Loss):
+            elif self._file is not None and isinstance(entry, LostCycles):
                 self._file.add_loss(entry)
 
     def _pace(self, t_ns: int) -> None:
@@ -127,7 +127,7 @@ def _write_until_end(writer: PipeWriter, pipe: int) -> None:
     pieces: queue.Queue[bytes] = queue.Queue(_WAITING_PIECES)
 
     def empty_pipe() -> None:
-        for data in gathered(pipe):
+        for data in read_batches(pipe):
             pieces.put(data)
         pieces.put(b"")
 

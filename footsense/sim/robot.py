@@ -24,7 +24,7 @@ from footsense.sim.foot.fabrication import fabricate, mounted
 from footsense.sim.foot.viscoelastic import ViscoelasticElement
 from footsense.sim.foot.warming import WarmingFoot, softness_at
 from footsense.sim.loads.gait_table import GaitTable
-from footsense.sim.loads.ground_load import Contact, Load, Walk
+from footsense.sim.loads.ground_load import GroundContact, Load, Walk
 from footsense.sim.scene import Scene
 
 
@@ -79,7 +79,7 @@ class SimulatedLeg:
         self._table = table
         self._foot = foot
         self._rubber = ViscoelasticElement() if effects.rubber else None
-        self._last: Contact | None = None
+        self._last: GroundContact | None = None
         self._last_pf: list[float] = []
         # Faults draw from a stream of their own, so that converters make the same noise with and without them.
         noise, faults, drift = ((scene.seed, number, *stream) for stream in ((), (1,), (2,)))
@@ -106,7 +106,7 @@ class SimulatedLeg:
         else:
             contact = self._load.contact(self._leg, t_ns)
             if self._rubber is not None:
-                contact = Contact(*self._rubber.effective_load(t_ns, *contact))
+                contact = GroundContact(*self._rubber.effective_load(t_ns, *contact))
             if softness != 1.0:  # a stiffer solid yields as under a smaller load
                 contact = contact._replace(force_n=contact.force_n * softness)
             element_pf = self._solid_pf(contact)
@@ -115,7 +115,7 @@ class SimulatedLeg:
             element_pf = [pf + by_pf for pf, by_pf in zip(element_pf, drift_pf, strict=True)]
         return self.wired.damage.elements_pf(element_pf, t_ns)
 
-    def _solid_pf(self, contact: Contact) -> list[float]:
+    def _solid_pf(self, contact: GroundContact) -> list[float]:
         """Return the capacitances under a load [pF], nine; a load that stays is computed once."""
         if self._last is None or not all(map(np.array_equal, contact, self._last)):
             normal, force_n = self._last = contact

@@ -15,7 +15,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Histo
 from prometheus_client.registry import Collector
 
 from footsense.errors import ConfigError, FootsenseError
-from footsense.telemetry.shared_counters import Family, read_counters
+from footsense.telemetry.shared_counters import MetricFamily, read_counters
 
 __all__ = ["CountersCollector", "serve"]
 
@@ -39,7 +39,7 @@ class CountersCollector(Collector):
         Yields:
             `footsense_up`, and while the service runs, all its metrics.
         """
-        families: list[Family] = []
+        families: list[MetricFamily] = []
         cells: list[float] = []
         reason = ""
         try:
@@ -56,7 +56,7 @@ class CountersCollector(Collector):
             first += family.n_cells
 
 
-def _metric(family: Family, cells: Sequence[float]) -> Metric:
+def _metric(family: MetricFamily, cells: Sequence[float]) -> Metric:
     """Return one metric of its cells."""
     names = list(family.labels)
     combinations = product(*family.labels.values())

@@ -16,13 +16,13 @@ import socket
 import stat
 from collections.abc import Callable
 
-__all__ = ["LogLines", "lost_lines"]
+__all__ = ["NonBlockingLogHandler", "n_lost_lines"]
 
 #: Up to this length a pipe takes a line whole or not at all [bytes]. Source: pipe(7), PIPE_BUF.
 _LINE_BYTES = 4096
 
 
-class LogLines(logging.Handler):
+class NonBlockingLogHandler(logging.Handler):
     """A log handler that writes each record as one line if there is room for it.
 
     Args:
@@ -73,9 +73,9 @@ class LogLines(logging.Handler):
         return True
 
 
-def lost_lines() -> int:
+def n_lost_lines() -> int:
     """Return how many lines of the process's log were dropped."""
-    return sum(sink.lost for sink in logging.getLogger().handlers if isinstance(sink, LogLines))
+    return sum(sink.lost for sink in logging.getLogger().handlers if isinstance(sink, NonBlockingLogHandler))
 
 
 def _one_line(text: str) -> bytes:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from enum import IntEnum
 
 from firmware_interface.can_codes import EXPECTED, BaselineStatus, Cause, Phase, Result, State
-from footsense.telemetry.shared_counters import Family
+from footsense.telemetry.shared_counters import MetricFamily
 
 __all__ = ["AGE_BOUNDS_S", "CAN_COUNTERS", "FAULTS", "PERIOD_BOUNDS_S", "STATE_SETS", "families"]
 
@@ -47,7 +47,7 @@ CAN_COUNTERS = {
 }
 
 
-def families(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | None) -> list[Family]:
+def families(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | None) -> list[MetricFamily]:
     """Return the metrics of a robot.
 
     Args:
@@ -58,15 +58,17 @@ def families(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | None) -> 
     offset = "baseline offset since the last tare; NaN without a baseline."
     return [
         *(_wakeups(wakeup_bounds_s) if wakeup_bounds_s is not None else ()),
-        Family("footsense_degraded_timing", "gauge", "1 while the loop lacks the scheduling it asked for."),
-        Family("footsense_scans_total", "counter", "Scans published."),
-        Family(
+        MetricFamily(
+            "footsense_degraded_timing", "gauge", "1 while the loop lacks the scheduling it asked for."
+        ),
+        MetricFamily("footsense_scans_total", "counter", "Scans published."),
+        MetricFamily(
             "footsense_scan_period_seconds",
             "histogram",
             "Time from one published scan to the next.",
             bounds=PERIOD_BOUNDS_S,
         ),
-        Family(
+        MetricFamily(
             "footsense_frame_age_seconds",
             "histogram",
             "Age of a leg's measurement when its force was sent.",
@@ -74,53 +76,57 @@ def families(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | None) -> 
             AGE_BOUNDS_S,
         ),
         *(
-            Family(name, "gauge", meaning, {**leg, label: _names(codes)})
+            MetricFamily(name, "gauge", meaning, {**leg, label: _names(codes)})
             for name, (label, codes, meaning) in STATE_SETS.items()
         ),
-        Family("footsense_leg_contact", "gauge", "1 while the foot is in contact with the ground.", leg),
-        Family(
+        MetricFamily(
+            "footsense_leg_contact", "gauge", "1 while the foot is in contact with the ground.", leg
+        ),
+        MetricFamily(
             "footsense_leg_scans_total",
             "counter",
             "Scans by the leg's state.",
             {**leg, "state": _names(State)},
         ),
-        Family(
+        MetricFamily(
             "footsense_faults_total",
             "counter",
             "Transitions of a leg into a state that is a fault.",
             {**leg, "kind": _names(FAULTS)},
         ),
-        Family("footsense_tares_total", "counter", "Tares by result.", {**leg, "result": _names(Result)}),
-        Family(
+        MetricFamily(
+            "footsense_tares_total", "counter", "Tares by result.", {**leg, "result": _names(Result)}
+        ),
+        MetricFamily(
             "footsense_baseline_mean_offset_farads", "gauge", f"Mean over the elements of the {offset}", leg
         ),
-        Family("footsense_baseline_worst_offset_farads", "gauge", f"Largest element's {offset}", leg),
-        Family(
+        MetricFamily("footsense_baseline_worst_offset_farads", "gauge", f"Largest element's {offset}", leg),
+        MetricFamily(
             "footsense_baseline_age_seconds",
             "gauge",
             "Time since the baseline was tared or moved; NaN if never.",
             leg,
         ),
-        *(Family(name, "counter", meaning) for name, meaning in CAN_COUNTERS.values()),
-        Family("footsense_recorder_lost_frames_total", "counter", "Scans missing in the recording."),
-        Family(
+        *(MetricFamily(name, "counter", meaning) for name, meaning in CAN_COUNTERS.values()),
+        MetricFamily("footsense_recorder_lost_frames_total", "counter", "Scans missing in the recording."),
+        MetricFamily(
             "footsense_log_lost_lines_total", "counter", "Log lines dropped because their reader was slow."
         ),
     ]
 
 
-def _wakeups(bounds_s: Sequence[float]) -> list[Family]:
+def _wakeups(bounds_s: Sequence[float]) -> list[MetricFamily]:
     return [
-        Family(
+        MetricFamily(
             "footsense_wakeup_latency_seconds",
             "histogram",
             "Time from the deadline of a sleeping thread to its wake-up.",
             bounds=list(bounds_s),
         ),
-        Family(
+        MetricFamily(
             "footsense_overruns_total", "counter", "Deadlines that had passed before the thread could sleep."
         ),
-        Family(
+        MetricFamily(
             "footsense_missed_deadlines_total",
             "counter",
             "Scans given up because a wake-up came too late; never made up for.",

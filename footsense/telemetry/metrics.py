@@ -24,7 +24,7 @@ from footsense.telemetry.metric_families import (
 )
 from footsense.telemetry.shared_counters import SharedCounters
 
-__all__ = ["Metrics", "WakeupLatency"]
+__all__ = ["MetricsObserver", "WakeupLatency"]
 
 _COPY_PERIOD_NS = 100_000_000
 _FARADS_PER_PF = 1e-12
@@ -47,7 +47,7 @@ class WakeupLatency(Protocol):
     def overruns(self) -> int: ...  # noqa: D102
 
 
-class Metrics:
+class MetricsObserver:
     """Counts every cycle into shared memory.
 
     Args:

@@ -32,14 +32,14 @@ import msgspec
 
 from footsense.errors import FootsenseError
 
-__all__ = ["Family", "SharedCounters", "read_counters"]
+__all__ = ["MetricFamily", "SharedCounters", "read_counters"]
 
 _MAGIC = b"FSCOUNT1"
 _HEAD = struct.Struct("<8sQ")
 
 
 @dataclass(frozen=True)
-class Family:
+class MetricFamily:
     """One metric with all its label values.
 
     Attributes:
@@ -82,7 +82,7 @@ class SharedCounters:
         FootsenseError: Another running service writes this file, or it cannot be created.
     """
 
-    def __init__(self, families: list[Family], path: Path) -> None:
+    def __init__(self, families: list[MetricFamily], path: Path) -> None:
         description = json.dumps([asdict(family) for family in families]).encode()
         description += b" " * (-len(description) % 8)
         self.first: dict[str, int] = {}
@@ -116,7 +116,7 @@ class SharedCounters:
             self.cells.release()
 
 
-def read_counters(path: Path) -> tuple[list[Family], list[float]]:
+def read_counters(path: Path) -> tuple[list[MetricFamily], list[float]]:
     """Return the families of a running service and their present cells.
 
     Raises:
@@ -129,7 +129,7 @@ def read_counters(path: Path) -> tuple[list[Family], list[float]]:
             raise FootsenseError(f"{path}: its service has ended")
         magic, length = _HEAD.unpack_from(content)
         start = _HEAD.size + length
-        families = msgspec.json.decode(content[_HEAD.size : start], type=list[Family])
+        families = msgspec.json.decode(content[_HEAD.size : start], type=list[MetricFamily])
         cells: list[float] = memoryview(content)[start:].cast("d").tolist()  # type: ignore[assignment]
     except OSError as error:
         raise FootsenseError(f"{path}: {error.strerror}") from error

@@ -24,7 +24,7 @@ from footsense.sim.scene_loads import CalibrationLoads, Unloaded
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 from footsense.sim.test_stand.reference_sensor import RATED_GF, TRANSMISSION_NS
 
-__all__ = ["FootBatch", "Trial", "foot_name", "run_trial"]
+__all__ = ["FootBatch", "FootTrial", "foot_name", "run_trial"]
 
 Vector = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ class FootBatch(NamedTuple):
     foot_type: str = FOOT_TYPE
 
 
-class Trial(NamedTuple):
+class FootTrial(NamedTuple):
     """The sessions of one foot.
 
     Attributes:
@@ -71,7 +71,7 @@ class Trial(NamedTuple):
     true_force_n: Vector
 
 
-def run_trial(batch: FootBatch, number: int, folder: Path, *, every: int = 1) -> Trial:
+def run_trial(batch: FootBatch, number: int, folder: Path, *, every: int = 1) -> FootTrial:
     """Press a foot in both sessions and read the recordings.
 
     Args:
@@ -87,7 +87,7 @@ def run_trial(batch: FootBatch, number: int, folder: Path, *, every: int = 1) ->
     training, _ = _session(batch, number, config, "training", folder, every)
     test, presses = _session(batch, number, config, "verification", folder, every)
     true_force_n = np.array([presses.contact(LEG, load.t_ns).force_n for load in test.loads])
-    return Trial(training, test, true_force_n)
+    return FootTrial(training, test, true_force_n)
 
 
 def foot_name(number: int) -> str:

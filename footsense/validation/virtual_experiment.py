@@ -27,13 +27,13 @@ from footsense.errors import CalibrationError
 from footsense.foot.force_errors import errors
 from footsense.validation.test_stand_trial import FootBatch, foot_name, run_trial
 
-__all__ = ["ALL", "FEW", "FootErrors", "FootResult", "run_experiment"]
+__all__ = ["ALL_LOADS", "LOAD_COUNTS", "FootErrors", "FootResult", "run_experiment"]
 
 Vector = NDArray[np.float64]
 
 #: Numbers of loads that a calibration uses; the last is all there are.
-FEW = (5, 10, 20, 50, 100)
-ALL = 362
+LOAD_COUNTS = (5, 10, 20, 50, 100)
+ALL_LOADS = 362
 
 #: Trains on changes of capacitance [pF], shape (n, 9), and forces [N], shape (n, 3); returns those of other changes.
 PerFootNetwork = Callable[[Vector, Vector, Vector], Vector]
@@ -115,13 +115,13 @@ def evaluate_foot(
         refused: dict[str, str] = {}
         calibrated = {}
         order = training.spread_order()
-        for wanted in (ALL, *(n for n in FEW if n < len(training))):
-            loads = training if wanted == ALL else training.subset(order[:wanted])
+        for wanted in (ALL_LOADS, *(n for n in LOAD_COUNTS if n < len(training))):
+            loads = training if wanted == ALL_LOADS else training.subset(order[:wanted])
             try:
                 calibrated[f"calibrated_{wanted}"] = calibrate(models, loads).parameters
             except CalibrationError as error:
                 refused[f"calibrated_{wanted}"] = str(error)
-            if wanted == ALL:
+            if wanted == ALL_LOADS:
                 calibrate_s = (stopwatch_ns() - began_ns) * 1e-9
     test = LoadSet.of(trial.test.loads)
     network = models.network(len(test))

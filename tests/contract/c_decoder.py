@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
-from footsense.client import LegForce, Limits, Status
+from footsense.client import LegForce, LinkLimits, LinkStatus
 
 __all__ = ["SOURCES", "CLink", "compile_c", "library"]
 
@@ -90,7 +90,7 @@ def library() -> ctypes.CDLL:
 class CLink:
     """`footsense.client.Link`, in C."""
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: LinkLimits) -> None:
         self._library = library()
         self._link = ctypes.create_string_buffer(_LINK_BYTES)
         given = _Limits(
@@ -111,7 +111,7 @@ class CLink:
         """Return what is known of a leg, in the units of C: mN and us."""
         view = self._library.footsense_get_leg_force(self._link, node, t_us)
         return (
-            Status(view.status),
+            LinkStatus(view.status),
             view.usable,
             view.state,
             view.flags,

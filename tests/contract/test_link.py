@@ -25,7 +25,7 @@ from firmware_interface.can_events import (
 )
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, encode_force, encode_quality
 from firmware_interface.crc8 import FrameError, protect
-from footsense.client import CommandResult, Limits, Link, PendingCommands
+from footsense.client import CommandResult, Link, LinkLimits, PendingCommands
 from tests.contract import link_vectors
 from tests.contract.c_decoder import SOURCES, CLink, compile_c, in_c_units, library
 
@@ -40,8 +40,8 @@ def test_the_vectors_are_those_that_the_script_makes() -> None:
 
 @pytest.mark.parametrize("case", LINK["cases"], ids=lambda case: case["name"])
 def test_both_see_what_the_vectors_say(case: dict[str, Any]) -> None:
-    """Status and use after every frame."""
-    limits = Limits(**case["limits"])
+    """LinkStatus and use after every frame."""
+    limits = LinkLimits(**case["limits"])
     ours, theirs = Link(limits), CLink(limits)
     for t_us, can_id, data, status, usable in case["steps"]:
         if can_id is not None:
@@ -86,12 +86,12 @@ def streams(draw: st.DrawFn) -> list[tuple[int, int, bytes]]:
 @given(
     streams(),
     st.builds(
-        Limits, max_delta=st.integers(1, 14), min_good=st.integers(0, 4), accept_degraded=st.booleans()
+        LinkLimits, max_delta=st.integers(1, 14), min_good=st.integers(0, 4), accept_degraded=st.booleans()
     ),
     st.integers(0, 200_000),
 )
 def test_both_see_the_same_in_any_frames(
-    frames: list[tuple[int, int, bytes]], limits: Limits, later_us: int
+    frames: list[tuple[int, int, bytes]], limits: LinkLimits, later_us: int
 ) -> None:
     """Every field of every view, right after each frame and some time later, clocks that step back included."""
     ours, theirs = Link(limits), CLink(limits)

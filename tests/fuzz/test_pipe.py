@@ -9,14 +9,21 @@ from hypothesis import strategies as st
 
 from footsense.errors import RecordingError
 from footsense.frames import CommandResult, Result
-from footsense.recording.cycle_records import Loss, Numbered, pack_cycle, pack_header, pack_loss, unpack
+from footsense.recording.cycle_records import (
+    LostCycles,
+    NumberedCycle,
+    pack_cycle,
+    pack_header,
+    pack_loss,
+    unpack,
+)
 from footsense.recording.writer import PipeWriter
 from tests.fuzz.outcome import TRIED, refusal
 from tests.support.cycles import LEGS, TARE, cycle, same
 
 SHOWN = cycle(3, outcomes=(CommandResult(TARE, Result.LOADED, "0.2 pF"),), n_samples=2, warm=True)
 HEADER = pack_header({"legs": ",".join(LEGS)})
-STREAM = HEADER + pack_cycle(0, SHOWN) + pack_loss(Loss(3, 5, 2))
+STREAM = HEADER + pack_cycle(0, SHOWN) + pack_loss(LostCycles(3, 5, 2))
 FIELDS = msgspec.msgpack.decode(pack_cycle(0, SHOWN)[4:])
 
 
@@ -103,6 +110,6 @@ def test_a_field_without_a_meaning_is_refused(place: int, value: object) -> None
 def test_what_is_right_is_read() -> None:
     """What the tests above damage is right as it is."""
     _, numbered, loss = unpack(bytearray(STREAM), None)
-    assert isinstance(numbered, Numbered)
+    assert isinstance(numbered, NumberedCycle)
     assert same(numbered.cycle, SHOWN)
-    assert loss == Loss(3, 5, 2)
+    assert loss == LostCycles(3, 5, 2)

@@ -14,9 +14,9 @@ from footsense.config import DEFAULT, load_config
 from footsense.daemon.recording_header import recorded_config, recorded_flags
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
-from footsense.recording.writer import FdStream
+from footsense.recording.writer import UnbufferedFile
 from footsense.sim.scene import load_scene
-from footsense.telemetry.shared_counters import Family, SharedCounters, read_counters
+from footsense.telemetry.shared_counters import MetricFamily, SharedCounters, read_counters
 from tests.fuzz.outcome import TRIED, refusal
 
 ROBOT = "buses: [{device: sim, legs: {lf: 0, rf: 1}}]\ncan: {interface: virtual}\n"
@@ -98,8 +98,8 @@ def test_bombs(tmp_path: Path, text: str) -> None:
 
 
 FAMILIES = [
-    Family("a_total", "counter", "Counts.", {"leg": ["lf", "rf"]}),
-    Family("b", "histogram", "Bins.", {}, [1.0]),
+    MetricFamily("a_total", "counter", "Counts.", {"leg": ["lf", "rf"]}),
+    MetricFamily("b", "histogram", "Bins.", {}, [1.0]),
 ]
 
 
@@ -150,7 +150,7 @@ def test_any_recorded_configuration(tmp_path: Path, key: str, value: object, tex
     for config in (json.dumps({**CONFIG, key: value}), text, "[" * 50_000):
         path = tmp_path / "walk.mcap"
         with path.open("wb") as file:
-            McapFile(FdStream(file.fileno()), {"legs": "lf", "config": config, "flags": flags}).finish()
+            McapFile(UnbufferedFile(file.fileno()), {"legs": "lf", "config": config, "flags": flags}).finish()
         refusal(lambda path=path: recorded_config(Replay(path)))  # type: ignore[misc]
         refusal(lambda path=path: recorded_flags(Replay(path)))  # type: ignore[misc]
     path.unlink()

@@ -237,7 +237,7 @@ def test_a_build_is_the_same_release_as_itself(built: Built, folder: Path) -> No
     del built
     rows = compare(folder, folder)
     assert all(row.same for row in rows)
-    assert rows[0].found == 0.0
+    assert rows[0].measured == 0.0
 
 
 def test_a_network_of_another_response_is_refused(built: Built, folder: Path, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from footsense.foot.specimen import Foot
 from footsense.lab.fem.forward import ForwardFoot
 from footsense.lab.fem.mesh import COARSE
 from footsense.lab.fidelity.half_space import HalfSpace, lattice_opening_mm
-from footsense.lab.fidelity.levels import NAMES, Contact, Linear, rung
+from footsense.lab.fidelity.levels import NAMES, GapContact, Linear, rung
 from footsense.lab.fidelity.query import response_to
 from tests.lab.released import RELEASED, SOLE
 
@@ -59,7 +59,7 @@ def test_a_mirrored_load_is_answered_mirrored() -> None:
 
 def test_rungs_part_where_a_gap_shuts(released: FootResponse) -> None:
     """Linear and contact are one while all gaps are open; then only contact keeps its closures within the gap."""
-    linear, contact = Linear(released), Contact(released)
+    linear, contact = Linear(released), GapContact(released)
     light, firm = 0.05 * FORCE, 5.0 * FORCE
     np.testing.assert_allclose(
         linear.answer(NORMAL, light).capacitance_pf, contact.answer(NORMAL, light).capacitance_pf, rtol=1e-12

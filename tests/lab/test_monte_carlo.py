@@ -204,7 +204,7 @@ def test_levels_are_interpolated_linearly() -> None:
     assert results.reached(sweep, "network_deg", 9.0) == pytest.approx(4.5)
     assert results.reached(sweep, "network_deg", 0.0) == 0.0
     assert results.reached(sweep, "network_deg", 99.0) is None
-    assert all(job.taught for job in FULL.jobs(TEST_STANDS[0], 1.0))
+    assert all(job.with_network for job in FULL.jobs(TEST_STANDS[0], 1.0))
 
 
 def test_the_page_reports_the_level_of_the_papers_error() -> None:

@@ -93,7 +93,7 @@ class Robot:
         mask: int = 0,
         cause: Cause = Cause.NONE,
         flags: int = 0,
-        zero: BaselineDrift | None = None,
+        baseline: BaselineDrift | None = None,
     ) -> None:
         """Publish one frame at a time at which its measurement is `age_ns` old."""
         self.clock.t_ns = t_ns
@@ -110,7 +110,7 @@ class Robot:
                 fault_mask=np.full(n, mask, np.uint16),
                 flags=np.full(n, flags, np.uint8),
                 cause=np.full(n, cause, np.uint8),
-                baseline=zero or BaselineDrift.none(n),
+                baseline=baseline or BaselineDrift.none(n),
             )
         )
 

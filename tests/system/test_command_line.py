@@ -15,10 +15,10 @@ from footsense.cli import main
 from footsense.config import DEFAULT
 from footsense.daemon.service import can_sink
 from footsense.errors import HardwareError
-from footsense.recording.cycle_records import Loss, Numbered
+from footsense.recording.cycle_records import LostCycles, NumberedCycle
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
-from footsense.recording.writer import FdStream
+from footsense.recording.writer import UnbufferedFile
 from footsense.sim.clock import VirtualClock
 from tests.system.command import TIMEOUT_S, footsense, one_line_error
 
@@ -40,11 +40,11 @@ def gapped(walk: Path, tmp_path: Path) -> Path:
     replay = Replay(walk)
     path = tmp_path / "gapped.mcap"
     with path.open("wb") as file:
-        recording = McapFile(FdStream(file.fileno()), replay.header)
+        recording = McapFile(UnbufferedFile(file.fileno()), replay.header)
         for entry in replay.entries():
-            assert isinstance(entry, Numbered)
+            assert isinstance(entry, NumberedCycle)
             if entry.counter == N_BEFORE + N_LOST:
-                recording.add_loss(Loss(entry.counter, entry.cycle.forces.t_sent_ns, N_LOST))
+                recording.add_loss(LostCycles(entry.counter, entry.cycle.forces.t_sent_ns, N_LOST))
             if not N_BEFORE <= entry.counter < N_BEFORE + N_LOST:
                 recording.add_cycle(entry)
         recording.finish()

@@ -21,7 +21,7 @@ from footsense.frames import USABLE, Cause, State
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
 from footsense.telemetry.exporter import CountersCollector
-from footsense.telemetry.metrics import Metrics
+from footsense.telemetry.metrics import MetricsObserver
 from footsense.validation.fault_trial import (
     BREAKS_AT_S,
     LEG,
@@ -233,7 +233,7 @@ def test_can_and_metrics_show_it(tmp_path: Path) -> None:
     log = tmp_path / "can.log"
     with open_service(ROBOT, scene, real_time=False, can_log=log) as service:
         clock = service.scan_source.clock
-        metrics = Metrics(service.legs, service.sink.stats, tmp_path / "counters")
+        metrics = MetricsObserver(service.legs, service.sink.stats, tmp_path / "counters")
         service.observers.append(metrics)
         service.run(lambda: clock.now_ns() > 1_000_000_000)
         registry = CollectorRegistry()

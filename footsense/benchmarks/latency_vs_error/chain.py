@@ -22,13 +22,13 @@ from footsense.foot.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS
 from footsense.ports import Estimator
-from footsense.sim.loads.ground_load import Contact
+from footsense.sim.loads.ground_load import GroundContact
 
 Vector = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 #: Load of one foot at a time [ns].
-FootLoad = Callable[[int], Contact]
+FootLoad = Callable[[int], GroundContact]
 
 #: Orders of a scan by their names in the configuration.
 ORDERS = {"raster": tuple(range(ELEMENTS)), "lo_shu": (5, 0, 7, 6, 4, 2, 1, 8, 3)}

@@ -1,6 +1,6 @@
 """Rate, averaging, publish mode and network size against latency, noise and error on a walk."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -17,7 +17,6 @@ from footsense.benchmarks.latency_vs_error.errors import LatencyAndErrors, Truth
 from footsense.foot.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS
-from footsense.lab.studies.page import table
 from footsense.ports import Estimator
 from footsense.sim.loads.ground_load import Ramp
 
@@ -102,26 +101,6 @@ class WalkAndStand(NamedTuple):
             noise_mn=rms_mn(standing_n - standing_n.mean(axis=0)),
             walk=latency_and_errors(walk, self.truth),
         )
-
-
-_COLUMNS: dict[str, Callable[[OperatingPoint], str]] = {
-    "publish, scans averaged": lambda p: p.publish if p.publish == "element" else f"frame, {p.average_scans}",
-    "S/s": lambda p: f"{p.rate_sps}",
-    "weights": lambda p: f"{p.weights}",
-    "forces/s": lambda p: f"{p.forces_hz:.0f}",
-    "CAN at 500 kbit/s": lambda p: f"{p.can_kbit_s / 500:.0%}",
-    "age of the held force p50 / p99 [ms]": lambda p: "{:.1f} / {:.1f}".format(*p.walk.age_held_ms),
-    "lag [ms]": lambda p: f"{p.walk.lag_ms:.1f}",
-    "noise, standing [mN]": lambda p: f"{p.noise_mn:.2f}",
-    "error of the held force, walk [mN]": lambda p: f"{p.walk.held_total_mn:.1f}",
-    "direction [deg]": lambda p: f"{p.walk.held_direction_deg:.1f}",
-    "error when sent [mN]": lambda p: f"{p.walk.error_total_mn:.1f}",
-}
-
-
-def grid_table(points: Sequence[OperatingPoint]) -> str:
-    """Return the operating points as a table."""
-    return table(list(_COLUMNS), [[cell(point) for cell in _COLUMNS.values()] for point in points])
 
 
 def _xy(points: Sequence[OperatingPoint], panel: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -10,7 +10,7 @@ import numpy as np
 from footsense.benchmarks.latency_vs_error.chain import FootLoad, pace
 from footsense.benchmarks.latency_vs_error.errors import Truth
 from footsense.frames import ELEMENTS, LEGS
-from footsense.sim.loads.ground_load import Contact, Ramp, Walk, measured_walk, smooth_step
+from footsense.sim.loads.ground_load import GroundContact, Ramp, Walk, measured_walk, smooth_step
 
 #: Largest vertical force of a walk [N] and lean of its legs [deg].
 PEAK_N, PITCH_DEG = 1.0, 10.0
@@ -50,9 +50,9 @@ def _walking(walk: Callable[[int], Walk], period_ns: int, strides: int, *, sidew
     return Truth.of(feet, _WALK_FROM_NS, _WALK_FROM_NS + strides * period_ns)
 
 
-def _turned_left(contact: FootLoad, t_ns: int) -> Contact:
+def _turned_left(contact: FootLoad, t_ns: int) -> GroundContact:
     """Return the contact of a foot that walks to its left instead of ahead."""
-    return Contact(*(_TO_THE_LEFT @ vector for vector in contact(t_ns)))
+    return GroundContact(*(_TO_THE_LEFT @ vector for vector in contact(t_ns)))
 
 
 def _pressed(title: str, rise_ns: int, n_phases: int) -> LoadCase:

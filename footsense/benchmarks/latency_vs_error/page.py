@@ -2,14 +2,17 @@
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import numpy as np
 
 from footsense.benchmarks.latency_vs_error.chain import (
+    BUS_HZ,
+    HOST_COST_NS,
     ORDERS,
     PublishedForces,
     by_element,
@@ -19,16 +22,96 @@ from footsense.benchmarks.latency_vs_error.chain import (
     pace,
     without_alignment,
 )
-from footsense.benchmarks.latency_vs_error.errors import latency_and_errors, settling_ms
-from footsense.benchmarks.latency_vs_error.grid import OperatingPoint, WalkAndStand, grid_figure
+from footsense.benchmarks.latency_vs_error.errors import (
+    SIGMAS,
+    LatencyAndErrors,
+    latency_and_errors,
+    settling_ms,
+)
+from footsense.benchmarks.latency_vs_error.grid import FRAME_BITS, OperatingPoint, WalkAndStand, grid_figure
 from footsense.benchmarks.latency_vs_error.loads import LoadCase, load_cases, measured_truth
-from footsense.benchmarks.latency_vs_error.tables import FIGURE, MethodResult, Results, Size, body
 from footsense.foot.network_card import TrainedInputs, read_card
 from footsense.foot.specimen import Foot
 from footsense.lab.studies.networks.network_size import train_sizes
-from footsense.lab.studies.page import Page, StudyContext
+from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.training.export import OnnxNetwork, onnx_model
 from footsense.lab.training.network import Weights
+
+
+class Size(NamedTuple):
+    """Size of the study.
+
+    Attributes:
+        strides: Strides of a walk that are counted.
+        phases: Phases of a scan at which a foot is pressed.
+        rates_sps: Conversions per second.
+        averaged: Numbers of scans that are averaged.
+        channels: Channels of the networks that are trained.
+        cases: Loads in their training.
+        training_steps: Steps of their training.
+    """
+
+    strides: int
+    phases: int
+    rates_sps: tuple[int, ...]
+    averaged: tuple[int, ...]
+    channels: tuple[int, ...]
+    cases: int
+    training_steps: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MethodResult:
+    """Result of one publishing method under one load.
+
+    Attributes:
+        method: Name of the method.
+        order: Order of the scan.
+        errors: Latency and errors.
+        settling_ms: Time until the held force stays within a tenth of a step or ramp, median and worst [ms].
+    """
+
+    method: str
+    order: str
+    errors: LatencyAndErrors
+    settling_ms: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadResult:
+    """Results of all publishing methods under one load.
+
+    Attributes:
+        title: Heading of its table.
+        n_feet: Feet under the load.
+        methods: Results of the methods.
+    """
+
+    title: str
+    n_feet: int
+    methods: list[MethodResult]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TradeoffResults:
+    """Results of the study.
+
+    Attributes:
+        step_ms: From one conversion to the next at 400 S/s [ms].
+        lead_ms: From the middle of a conversion to the sending of its force [ms].
+        size: Size of the study.
+        loads: Results under each load.
+        points: Rates, averaging and publish modes with the shipped network.
+        sizes: Networks of other sizes at 400 S/s.
+    """
+
+    step_ms: float
+    lead_ms: float
+    size: Size
+    loads: dict[str, LoadResult]
+    points: list[OperatingPoint]
+    sizes: list[OperatingPoint]
+
 
 FULL = Size(
     strides=4,
@@ -55,42 +138,40 @@ _METHODS: dict[str, tuple[Callable[..., PublishedForces], tuple[str, ...]]] = {
 }
 
 
-def _results(load: LoadCase, bench: StudyContext, card: TrainedInputs) -> Results:
+def _load_result(load: LoadCase, context: StudyContext, card: TrainedInputs) -> LoadResult:
     """Return the results of every publishing method under one load."""
-    foot, truth = Foot(bench.response), load.truth
+    foot, truth = Foot(context.response), load.truth
     readings = {
         name: convert(foot, truth.feet, order, 400, truth.end_ns, _SEED) for name, order in ORDERS.items()
     }
-    results = {}
+    methods = []
     for method, (publish, orders) in _METHODS.items():
         for order in orders:
-            published = publish(readings[order], bench.network, card)
+            published = publish(readings[order], context.network, card)
             settling = None
             if load.begins_ns is not None:
                 each_ms = settling_ms(published, truth, load.begins_ns)
                 settling = (float(np.median(each_ms)), float(each_ms.max()))
             errors = latency_and_errors(published, truth)
-            results[method, order] = MethodResult(
-                method=method, order=order, errors=errors, settling_ms=settling
-            )
-    return results
+            methods.append(MethodResult(method=method, order=order, errors=errors, settling_ms=settling))
+    return LoadResult(title=load.title, n_feet=len(truth.feet), methods=methods)
 
 
 def _points(
-    bench: StudyContext, size: Size, card: TrainedInputs
+    context: StudyContext, size: Size, card: TrainedInputs
 ) -> tuple[list[OperatingPoint], list[OperatingPoint]]:
     """Return rates, averaging and publish modes with the shipped network, and networks of other sizes."""
-    foot, truth = Foot(bench.response), measured_truth(size.strides)
-    weights = bench.network.card["training"]["weights"]
+    foot, truth = Foot(context.response), measured_truth(size.strides)
+    weights = context.network.card["training"]["weights"]
     feet = {rate: WalkAndStand.at(rate, foot, truth) for rate in size.rates_sps}
     points = []
     for rate in size.rates_sps:
         for n_averaged, publish in (*((n, "frame") for n in size.averaged), (1, "element")):
-            points.append(feet[rate].operating_point(bench.network, card, n_averaged, publish, weights))
-        bench.say(f"tradeoff: {rate} S/s")
+            points.append(feet[rate].operating_point(context.network, card, n_averaged, publish, weights))
+        context.say(f"tradeoff: {rate} S/s")
     sizes = [
         feet[400].operating_point(_onnx_network(trained), card, 1, publish, trained.size)
-        for trained in train_sizes(bench, size.channels, size.cases, size.training_steps)
+        for trained in train_sizes(context, size.channels, size.cases, size.training_steps)
         for publish in ("frame", "element")
     ]
     return points, sizes
@@ -104,27 +185,35 @@ def _onnx_network(weights: Weights) -> OnnxNetwork:
         return OnnxNetwork(path)
 
 
-def page(bench: StudyContext) -> Page:
-    """Run the study on the released network, or its quick form."""
-    card = read_card(json.dumps(bench.network.card), str(bench.models)).trained_inputs
-    size = QUICK if bench.quick else FULL
-    loads = load_cases(size.strides, size.phases)
-    results: dict[str, Results] = {}
-    for name, load in loads.items():
-        results[name] = _results(load, bench, card)
-        bench.say(f"tradeoff: {name}")
-    points, sizes = _points(bench, size, card)
-    values = {
-        "step_ms": pace(400).step_ns * 1e-6,
-        "lead_ms": pace(400).lead_ns * 1e-6,
-        "loads": {name: [asdict(result) for result in of.values()] for name, of in results.items()},
-        "points": [asdict(point) for point in points],
-        "sizes": [asdict(point) for point in sizes],
-    }
-    return Page(
-        name="tradeoff",
-        title="Latency against error",
-        body=body(size, loads, results, points, sizes),
-        figures={FIGURE: grid_figure(points, sizes)},
-        values=values,
+def compute(context: StudyContext) -> tuple[TradeoffResults, Figures]:
+    """Publish the forces of all loads in every way, at every operating point."""
+    card = read_card(json.dumps(context.network.card), str(context.models)).trained_inputs
+    size = QUICK if context.quick else FULL
+    loads = {}
+    for name, load in load_cases(size.strides, size.phases).items():
+        loads[name] = _load_result(load, context, card)
+        context.say(f"tradeoff: {name}")
+    points, sizes = _points(context, size, card)
+    results = TradeoffResults(
+        step_ms=pace(400).step_ns * 1e-6,
+        lead_ms=pace(400).lead_ns * 1e-6,
+        size=size,
+        loads=loads,
+        points=points,
+        sizes=sizes,
     )
+    return results, {"tradeoff.png": grid_figure(points, sizes)}
+
+
+STUDY = Study(
+    name="tradeoff",
+    title="Latency against error",
+    results=TradeoffResults,
+    compute=compute,
+    names={
+        "BUS_HZ": BUS_HZ,
+        "FRAME_BITS": FRAME_BITS,
+        "HOST_COST_NS": HOST_COST_NS,
+        "SIGMAS": " / ".join(map(str, SIGMAS)),
+    },
+)

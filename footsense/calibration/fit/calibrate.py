@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.evaluation import DesignModels, estimate_loads
+from footsense.calibration.evaluation import DesignModels, Estimates, estimate_loads
 from footsense.calibration.fit.correction import fit_correction
-from footsense.calibration.fit.parameter_fit import Fit, fit_parameters
+from footsense.calibration.fit.parameter_fit import ParameterFit, fit_parameters
 from footsense.calibration.fit.predicted_uncertainty import (
     PredictedUncertainty,
     predict_uncertainty,
@@ -26,7 +26,7 @@ from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.calibration.session.reference_checks import require_consistent_reference
 from footsense.errors import CalibrationError
 from footsense.foot.calibration_format import HeldOut
-from footsense.foot.force_errors import Errors, errors
+from footsense.foot.force_errors import errors
 from footsense.foot.parameters import FootParameters
 from footsense.sim.foot.fabrication import rotation
 
@@ -51,7 +51,7 @@ class CalibrationResult(NamedTuple):
 
     Attributes:
         parameters: Parameters of the foot.
-        fit: Fit of its model.
+        fit: ParameterFit of its model.
         predicted: Force errors expected from what remains unknown.
         n_loads: Loads used.
         held_out: Errors of a calibration without some of the loads on those; None if there are too few.
@@ -59,7 +59,7 @@ class CalibrationResult(NamedTuple):
     """
 
     parameters: FootParameters
-    fit: Fit
+    fit: ParameterFit
     predicted: PredictedUncertainty
     n_loads: int
     held_out: HeldOut | None = None
@@ -88,7 +88,9 @@ def calibrate_sessions(
     held_out = None
     if min(out.sum(), (~out).sum()) >= MIN_LOADS:
         parameters = calibrate(models, loads.subset(~out)).parameters
-        before, after = (_errors(models, loads.subset(out), foot) for foot in (None, parameters))
+        test = loads.subset(out)
+        estimates = [_estimates(models, test, foot) for foot in (None, parameters)]
+        before, after = (errors(test.force_n[one.usable], one.force_n[one.usable]) for one in estimates)
         held_out = HeldOut(protocol=protocol, design_only=before, calibrated=after)
     temperatures_c = [session.temperature_c for session in sessions if session.temperature_c is not None]
     temperature_c = None
@@ -131,12 +133,8 @@ def calibrate(models: DesignModels, loads: LoadSet) -> CalibrationResult:
         gap_um=twin.gap_um(fit.parameters),
         gain_rel=1.0 + fit.parameters[GAIN],
     )
-    designed = estimate_loads(loads, models.network(len(loads)), models.trained_inputs, electrodes)
+    designed = _estimates(models, loads, electrodes)
     read = designed.usable
-    if not read.any():
-        raise CalibrationError(
-            f"none of {len(loads)} loads lies in the network's training range; press less hard"
-        )
     mount = rotation(fit.parameters[MOUNT])
     physical = replace(electrodes, stiffness_rel=stiffness_rel, mount=mount)
     designed_n, force_n = designed.force_n[read], loads.force_n[read]
@@ -148,20 +146,19 @@ def calibrate(models: DesignModels, loads: LoadSet) -> CalibrationResult:
     return CalibrationResult(parameters, fit, predicted, len(loads))
 
 
-def _errors(models: DesignModels, loads: LoadSet, foot: FootParameters | None) -> Errors:
-    """Return the errors over the loads that a foot, calibrated or as designed, can read.
+def _estimates(models: DesignModels, loads: LoadSet, foot: FootParameters | None) -> Estimates:
+    """Return the estimates of a foot, calibrated or as designed.
 
     Raises:
-        CalibrationError: It can read none.
+        CalibrationError: There is none.
     """
     estimates = estimate_loads(loads, models.network(len(loads)), models.trained_inputs, foot)
-    read = estimates.usable
-    if not read.any():
+    if not estimates.usable.any():
         raise CalibrationError(
             f"none of {len(loads)} loads lies in the network's training range; press less hard, "
             "and check that the foot is of this type"
         )
-    return errors(loads.force_n[read], estimates.force_n[read])
+    return estimates
 
 
 def _require_one_foot(sessions: Sequence[RecordedSession]) -> None:

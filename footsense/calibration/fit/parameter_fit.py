@@ -32,7 +32,7 @@ from footsense.calibration.fit.twin import (
 from footsense.calibration.loads.calibration_load import LoadSet
 from footsense.frames import ELEMENTS
 
-__all__ = ["PRIOR", "Fit", "fit_parameters"]
+__all__ = ["PRIOR", "ParameterFit", "fit_parameters"]
 
 Vector = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ _REWHITEN_AT = 3
 _MIN_LIGHT_LOADS, _MAX_LIGHT_LOADS = 15, 40
 
 
-class Fit(NamedTuple):
+class ParameterFit(NamedTuple):
     """Result of a fit.
 
     Attributes:
@@ -80,8 +80,8 @@ class Fit(NamedTuple):
         return contraction
 
 
-def fit_parameters(twin: FootTwin, loads: LoadSet) -> Fit:
-    """Fit a foot's parameters to calibration loads.
+def fit_parameters(twin: FootTwin, loads: LoadSet) -> ParameterFit:
+    """ParameterFit a foot's parameters to calibration loads.
 
     If there are enough, light loads from all sides come first: they close no gap, and the problem is nearly linear.
 
@@ -101,7 +101,7 @@ def fit_parameters(twin: FootTwin, loads: LoadSet) -> Fit:
     return _solve(twin, loads, start, shared_gap=False)
 
 
-def _solve(twin: FootTwin, loads: LoadSet, start: Vector, *, shared_gap: bool) -> Fit:
+def _solve(twin: FootTwin, loads: LoadSet, start: Vector, *, shared_gap: bool) -> ParameterFit:
     """Return the optimum that Levenberg-Marquardt reaches from `start`; `shared_gap` as of `_State.slopes`."""
     state = _State(twin, loads, _whitening(twin, start, loads), start)
     damping = 1e-3
@@ -124,7 +124,7 @@ def _solve(twin: FootTwin, loads: LoadSet, start: Vector, *, shared_gap: bool) -
             break
     slopes = state.slopes(shared_gap=shared_gap)
     covariance = np.asarray(np.linalg.inv(slopes.T @ slopes), np.float64)
-    return Fit(state.parameters, covariance, state.distance)
+    return ParameterFit(state.parameters, covariance, state.distance)
 
 
 class _State:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.fit.parameter_fit import PRIOR, Fit
+from footsense.calibration.fit.parameter_fit import PRIOR, ParameterFit
 from footsense.calibration.fit.twin import KINDS, ContactLoads, FootTwin, parameter_names
 from footsense.errors import CalibrationError
 from footsense.foot.directions import angles_between_deg, direction_grid
@@ -49,7 +49,7 @@ def evaluation_loads_n() -> Vector:
     return np.concatenate([size * GRAM_FORCE_N * directions for size in (50.0, 120.0)])
 
 
-def predict_uncertainty(twin: FootTwin, fit: Fit) -> PredictedUncertainty:
+def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertainty:
     """Return the errors to expect, to first order, over draws from the posterior.
 
     A foot whose parameters differ from the fitted ones changes the nine readings of a load; the least-squares change of

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from footsense.foot.directions import angles_between_deg, azimuth_elevation_deg, spiral_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 
-__all__ = ["BANDS_GF", "COMPLETE_REL", "LOWEST_DEG", "Coverage", "NextLoad", "angles_deg"]
+__all__ = ["BANDS_GF", "COMPLETE_REL", "MIN_ELEVATION_DEG", "Coverage", "NextLoad", "angles_deg"]
 
 Vector = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ BANDS_GF = (50.0, 100.0, 150.0)
 #: Bands to cover: loads of one magnitude do not tell how gaps close with the force.
 N_BANDS = 2
 #: Lowest elevation of the protocol [deg].
-LOWEST_DEG = 40.0
+MIN_ELEVATION_DEG = 40.0
 #: Share of the directions to cover [1]; the last 5 % cost as many loads as all others.
 COMPLETE_REL = 0.95
 
@@ -62,9 +62,9 @@ class Coverage:
 
     def __init__(self, wanted: int) -> None:
         self._wanted = wanted
-        self._directions = spiral_directions(_N_DIRECTIONS, LOWEST_DEG)
+        self._directions = spiral_directions(_N_DIRECTIONS, MIN_ELEVATION_DEG)
         per_band = max(wanted / N_BANDS, 1.0)
-        cap_sr = 2 * math.pi * (1 - math.sin(math.radians(LOWEST_DEG)))
+        cap_sr = 2 * math.pi * (1 - math.sin(math.radians(MIN_ELEVATION_DEG)))
         self.reach_deg = math.degrees(
             _LENIENCE * math.sqrt(_HEXAGONAL_DENSITY * cap_sr / (math.pi * per_band))
         )

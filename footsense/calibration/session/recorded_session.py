@@ -15,7 +15,7 @@ from footsense.calibration.loads.reference_lag import lag_message
 from footsense.calibration.writer import file_sha256
 from footsense.config.test_stand import StandConfig
 from footsense.errors import CalibrationError, RecordingError
-from footsense.recording.cycle_records import Loss
+from footsense.recording.cycle_records import LostCycles
 from footsense.recording.replay import Replay
 
 __all__ = ["RecordedSession", "read_session", "read_sessions"]
@@ -126,7 +126,7 @@ def read_session(path: Path, foot: str) -> RecordedSession:
     now_c, temperatures_c, damage = math.nan, list[float](), ""
     try:
         for entry in recording.entries():
-            if isinstance(entry, Loss):
+            if isinstance(entry, LostCycles):
                 n_lost += entry.n_cycles
                 continue
             if entry.cycle.reference is not None:

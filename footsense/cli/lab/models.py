@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.option(
     "--foot",
     type=click.Path(path_type=Path),
-    help="Description of the foot, a YAML file; without it the shipped one's.",
+    help="Description of the foot, a YAML file; without it the released one's.",
 )
 @click.option(
     "--out",
@@ -48,7 +48,7 @@ def build(*, foot: Path | None, out: Path | None, quick: bool) -> None:
 
 
 def _require_no_other(known: Path, description: Path, sole: "SoleDesign") -> None:
-    """Check that a foot type's name is not that of another foot: their networks could not be told apart.
+    """Check that no other foot has this foot type's name: their networks would be indistinguishable.
 
     Raises:
         FootsenseError: It is.
@@ -100,7 +100,7 @@ def compare(*, other: Path, models: Path | None) -> None:
     differences = compare_builds(models or released_folder(), other)
     for row in differences:
         verdict = "same" if row.same else "DIFFERS"
-        click.echo(f"{row.what}: {row.found:.3g}, tolerated {row.tolerated:.3g}: {verdict}")
+        click.echo(f"{row.what}: {row.measured:.3g}, tolerated {row.tolerated:.3g}: {verdict}")
     _require_same(all(row.same for row in differences), other)
 
 

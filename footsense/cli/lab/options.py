@@ -13,12 +13,12 @@ from footsense.errors import FootsenseError
 models_option = click.option(
     "--models",
     type=click.Path(file_okay=False, path_type=Path),
-    help="Folder of a foot type, as `lab build` makes it; without it the shipped one's.",
+    help="Folder of a foot type, as `lab build` makes it; without it the released one's.",
 )
 
 
 def released_folder() -> Path:
-    """Return the folder of the shipped foot."""
+    """Return the folder of the released foot type."""
     return released("network.onnx").parent
 
 

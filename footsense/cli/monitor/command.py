@@ -12,7 +12,7 @@ from rich.live import Live
 from firmware_interface.can_codes import Flag, phase_of
 from footsense.cli.monitor.table import cause_text, monitor_table
 from footsense.cli.options import StopRequest, duration_option, echo_json
-from footsense.client import Limits
+from footsense.client import LinkLimits
 from footsense.clock import MonotonicClock
 from footsense.daemon.can_listener import LegSnapshot, Listener, listening
 
@@ -54,7 +54,7 @@ def monitor(
     Only listens. A force is shown if a consumer that accepts degraded legs may use it.
     """  # noqa: DOC501 - click shows this text
     limit_ns = max_age_ms * 1_000_000
-    limits = Limits(max_age_ns=limit_ns, timeout_ns=limit_ns, accept_degraded=True)
+    limits = LinkLimits(max_age_ns=limit_ns, timeout_ns=limit_ns, accept_degraded=True)
     console = Console()
     clock = MonotonicClock()
     stop = StopRequest()

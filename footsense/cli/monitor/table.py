@@ -8,12 +8,12 @@ from rich.text import Text
 
 from firmware_interface.can_codes import Cause, Flag, NmtState
 from footsense.cli.leg_table import EMPTY, FORCE_COLUMNS, force_cells, leg_table, number, state_text, words
-from footsense.client import Status
+from footsense.client import LinkStatus
 from footsense.daemon.can_listener import LegSnapshot
 
 __all__ = ["cause_text", "monitor_table"]
 
-_LINK_STYLES = {Status.OK: "green", Status.LOST: "yellow", Status.REPEATED: "yellow"}
+_LINK_STYLES = {LinkStatus.OK: "green", LinkStatus.LOST: "yellow", LinkStatus.REPEATED: "yellow"}
 
 #: State of the node in a heartbeat, in words short enough for the last column.
 _NODE_STATES = {

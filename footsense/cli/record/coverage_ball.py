@@ -13,7 +13,7 @@ from rich.text import Text
 
 from footsense.calibration.session.coverage import (
     BANDS_GF,
-    LOWEST_DEG,
+    MIN_ELEVATION_DEG,
     Coverage,
     NextLoad,
     angles_deg,
@@ -29,7 +29,7 @@ Vector = NDArray[np.float64]
 _ROWS = 11
 COLUMNS = 2 * _ROWS - 1
 _MIDDLE = (_ROWS - 1) / 2
-_RIM_DEG = 90.0 - LOWEST_DEG
+_RIM_DEG = 90.0 - MIN_ELEVATION_DEG
 
 
 class Glyphs(NamedTuple):

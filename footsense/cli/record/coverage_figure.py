@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from footsense.calibration.session.coverage import BANDS_GF, LOWEST_DEG, Coverage
+from footsense.calibration.session.coverage import BANDS_GF, MIN_ELEVATION_DEG, Coverage
 from footsense.foot.directions import azimuth_elevation_deg
 from footsense.foot.force_errors import GRAM_FORCE_N
 
@@ -34,7 +34,7 @@ def draw_coverage(path: Path, coverage: Coverage, loads_n: NDArray[np.float64], 
         own = band_of == band
         style = {"s": 26, "c": magnitude_gf[own], "cmap": "viridis", "vmin": 0, "vmax": 200}
         axes.scatter(np.radians(azimuth_deg[own]), 90.0 - elevation_deg[own], **style)
-        axes.set_rlim(0.0, 90.0 - LOWEST_DEG + coverage.reach_deg / 2)
+        axes.set_rlim(0.0, 90.0 - MIN_ELEVATION_DEG + coverage.reach_deg / 2)
         axes.set_rgrids(
             [90.0 - ring for ring in _RINGS_DEG], [f"{ring:g}" for ring in _RINGS_DEG], fontsize=7
         )

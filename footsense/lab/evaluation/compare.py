@@ -1,4 +1,4 @@
-"""Whether a build is as good as the release: what differs beside what is tolerated.
+"""Compare a build with the release: differences beside their tolerances.
 
 The solve repeats to rounding, so the response must. Training in float32 over 10^5 steps amplifies the last bit of
 its input and of another processor's arithmetic; what must repeat is that the network is no worse.
@@ -27,19 +27,19 @@ class Difference:
     """One compared figure.
 
     Attributes:
-        what: Its name and unit.
-        found: Difference between the builds; of an error, that of the second build.
-        tolerated: Largest one that is the same release.
+        what: Name and unit.
+        measured: Difference between the builds; for an error, its value in the second build.
+        tolerated: Largest value of the same release.
     """
 
     what: str
-    found: float
+    measured: float
     tolerated: float
 
     @property
     def same(self) -> bool:
         """Whether the difference is tolerated."""
-        return self.found <= self.tolerated
+        return self.measured <= self.tolerated
 
 
 def error(what: str, released: float, built: float, promised: float) -> Difference:

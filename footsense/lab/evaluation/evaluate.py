@@ -1,4 +1,4 @@
-"""What the network is judged by: the paper's errors, the linear read-outs, and how far sigma holds."""
+"""References for the network: the paper's errors, linear read-outs, and the coverage of sigma."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""The error table: the paper's protocol and random loads, linear read-outs and network side by side."""
+"""The error table of a foot type: the paper's protocol and random loads, linear read-outs and network side by side."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -33,19 +33,19 @@ from footsense.lab.training.load_cases import (
 RESPONSE_FILE, NETWORK_FILE = "response.npz", "network.onnx"
 #: Seed and size of the held-out random loads.
 HELD_OUT_SEED, HELD_OUT_CASES = 2, 10_000
-#: Rows of the networks trained on the paper's 362 cases alone; the very name is the one fed with unbent closures.
+#: Rows of the networks trained on the paper's 362 cases alone; without suffix: fed by inversion of the forward model.
 ALONE = "paper_network_362"
 
 
 def error_table(
-    response: FootResponse, loads: LoadRange, shipped: Readout, alone: dict[str, Readout] | None = None
+    response: FootResponse, loads: LoadRange, released: Readout, alone: dict[str, Readout] | None = None
 ) -> dict[str, Errors]:
     """Return the errors of every read-out.
 
     Args:
         response: The foot.
         loads: What the network was trained for.
-        shipped: The network trained on random loads.
+        released: The network trained on random loads.
         alone: Networks trained on the paper's cases alone by the names of their rows, if at hand.
 
     Returns:
@@ -55,18 +55,18 @@ def error_table(
     training, verification = paper_training(response), paper_verification(response)
     rng = np.random.default_rng(HELD_OUT_SEED)
     held_out = random_loads(response, loads, HELD_OUT_CASES, HELD_OUT_SEED)
-    felt = np.linalg.norm(held_out.force_n, axis=1) >= loads.judged_from_n
+    counted = np.linalg.norm(held_out.force_n, axis=1) >= loads.judged_from_n
     noisy_um = measured_closure_rel(response.design, held_out.closure_um, rng) * response.design.gap_um
-    asked = Cases(held_out.force_n[felt], noisy_um[felt])
+    test = Cases(held_out.force_n[counted], noisy_um[counted])
     readouts: dict[str, tuple[Readout, Cases]] = {
         "paper_linear_dc": (capacitance_readout(response.design, training), verification),
         "paper_linear_elastance": (elastance_readout(training), verification),
-        "paper_network": (shipped, verification),
+        "paper_network": (released, verification),
         "random_linear_elastance": (
             elastance_readout(random_loads(response, loads, HELD_OUT_CASES, 3)),
-            asked,
+            test,
         ),
-        "random_network": (shipped, asked),
+        "random_network": (released, test),
     }
     readouts |= {name: (read, verification) for name, read in (alone or {}).items()}
     return {name: errors(cases.force_n, read(cases.closure_um)) for name, (read, cases) in readouts.items()}
@@ -105,9 +105,9 @@ def require_same_foot(sole: SoleDesign, response: FootResponse, card: dict[str, 
     }
     tabled = {"foot_type": response.foot_type, **asdict(response.design)}
     tabled |= {name: getattr(response, name) for name in ("ball_radius_mm", "hertz_modulus_mpa")}
-    taught = card["training"]["wide"]
+    trained = card["training"]["wide"]
     described |= (loads := msgspec.structs.asdict(sole.loads))
-    tabled |= {name: taught.get(name) for name in loads}
+    tabled |= {name: trained.get(name) for name in loads}
     for name, value in described.items():
         if tabled[name] != value:
             raise ModelError(
@@ -156,12 +156,12 @@ def as_json(table: dict[str, Errors], beside: dict[str, float] | None = None) ->
         table: Of `evaluate_models`.
         beside: Figures that are not of the table, such as `crb_ratio`.
     """
-    shipped, alone = table["paper_network"], table.get(ALONE)
+    released, alone = table["paper_network"], table.get(ALONE)
     linear = table["paper_linear_elastance"]
     return {
         **(beside or {}),
-        "direction_deg": shipped.direction_deg,
-        "magnitude_gf": shipped.magnitude_gf,
+        "direction_deg": released.direction_deg,
+        "magnitude_gf": released.magnitude_gf,
         "direction_deg_362": alone and alone.direction_deg,
         "magnitude_gf_362": alone and alone.magnitude_gf,
         "linear_direction_deg": linear.direction_deg,

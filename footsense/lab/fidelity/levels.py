@@ -45,7 +45,7 @@ class Linear:
         return Answer(element_means(cells_um), capacitance_pf(design, distance_um))
 
 
-class Contact:
+class GapContact:
     """The response table with gaps that carry load once they shut.
 
     Args:
@@ -121,7 +121,7 @@ def rung(name: str, response: FootResponse, sole: SoleDesign) -> Rung:
         case "linear":
             return Linear(response)
         case "contact":
-            return Contact(response)
+            return GapContact(response)
         case "full":
             return Full(sole)
         case _:

@@ -54,12 +54,12 @@ class Job:
     Attributes:
         tolerances: The rms values of its distribution.
         foot: Its number: the same number is the same foot, at other tolerances with deviations of the same pattern.
-        taught: Whether to train a network on its own cases, which takes longer than all the rest.
+        with_network: Whether to train a network on its own cases, which takes longer than all the rest.
     """
 
     tolerances: Tolerances
     foot: int
-    taught: bool = False
+    with_network: bool = False
 
 
 #: Figures of a foot, by name.

@@ -153,7 +153,7 @@ def judge(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
         "own_change": capacitance_readout(design, own_changes)(changed_um),
         "reference": test.true_n,
     }
-    if job.taught:
+    if job.with_network:
         rng = np.random.default_rng((seed, job.foot, 2))
         estimates["own_network"] = _plain_network(design, own_changes, rng, epochs)(changed_um)
     figures: Figures = {}

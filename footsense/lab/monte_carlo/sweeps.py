@@ -67,13 +67,13 @@ class Plan:
 
     Attributes:
         feet: Feet at every level.
-        taught: Feet at every level of the test stand, each with a network of its own; at least 2.
+        with_network: Feet at every level of the test stand, each with a network of its own; at least 2.
         epochs: Of training such a network.
         thin: Every thin-th level is done.
     """
 
     feet: int
-    taught: int
+    with_network: int
     epochs: int
     thin: int = 1
 
@@ -83,12 +83,15 @@ class Plan:
 
     def jobs(self, sweep: Sweep, level: float) -> list[Job]:
         """Return the feet of a level."""
-        taught = sweep in TEST_STANDS
-        return [Job(sweep.at(level), foot, taught) for foot in range(self.taught if taught else self.feet)]
+        with_network = sweep in TEST_STANDS
+        return [
+            Job(sweep.at(level), foot, with_network)
+            for foot in range(self.with_network if with_network else self.feet)
+        ]
 
 
-FULL = Plan(feet=40, taught=20, epochs=EPOCHS)
-QUICK = Plan(feet=2, taught=2, epochs=QUICK_EPOCHS, thin=4)
+FULL = Plan(feet=40, with_network=20, epochs=EPOCHS)
+QUICK = Plan(feet=2, with_network=2, epochs=QUICK_EPOCHS, thin=4)
 
 
 @dataclass(frozen=True, kw_only=True)

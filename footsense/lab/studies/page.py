@@ -142,17 +142,22 @@ class Study(Generic[Results]):
             "seconds": round(default_timer() - started, 1),
             "quick": context.quick,
             "network_sha256": context.network_sha256,
-            "code_sha256": module_sha256(self.compute.__module__),
+            "code_sha256": module_sha256(self._module),
             **msgspec.to_builtins(results, str_keys=True, enc_hook=_plain),
         }
         return self.rendered(json.loads(json.dumps(values)), figures)
+
+    @property
+    def _module(self) -> str:
+        """Name of the module of `compute`, which may be partial."""
+        return str(getattr(self.compute, "func", self.compute).__module__)
 
     def rendered(self, values: dict[str, Any], figures: Figures | None = None) -> Page:
         """Return the page of what a page's JSON holds; it computes nothing."""
         results: Any = msgspec.convert(values, self.results, str_keys=True)
         numbers = {one.name: getattr(results, one.name) for one in fields(results)}
-        module = self.compute.__module__
-        body = render(module, vars(import_module(module)) | numbers | self.names | {"results": results})
+        names = vars(import_module(self._module)) | numbers | self.names | {"results": results}
+        body = render(self._module, names)
         return Page(
             name=self.name,
             title=self.title,

@@ -1,14 +1,14 @@
-"""Undo the two nonlinearities of the sensor by its design alone: the bent electrode and the gap that shuts.
+"""Inversion of the sensor's forward model: bent electrodes and gaps that close.
 
 Elastance gives the closure of a flat gap. A plate that bends into its cavity has a smaller distance in the middle,
-which counts for more, and where the middle shuts, the rest carries. Both are known from the response table: a cell's
+which dominates the capacitance, and where the middle closes, the rest carries. The response table has both: a cell's
 free closure follows the elements' mean closures m by a linear profile P (fitted on loads of the kind to be read),
 contact adds what `gaps.touch` says, and the cells' capacitances add up. Newton's method finds the nine m that explain
 the nine capacitances:
 
     C(m) = sum over cells of eps0 dA / (g - d + t / eps_r),      d = touch(P m),      C(m) = C measured
 
-m is linear in the load whatever the gaps do, so that a read-out which has seen 50 and 150 gf is right at 100 gf too.
+m is linear in the load although gaps close, so a read-out fitted at 50 and 150 gf is right at 100 gf too.
 """
 
 from dataclasses import dataclass
@@ -24,17 +24,17 @@ Vector = NDArray[np.float64]
 
 #: Lowest elevation of the centred loads that the profile is fitted on [deg]: a little below the paper's lowest.
 _PROFILE_MIN_DEG = 38.0
-#: Rounds of Newton's method; six bring 1 um to 1e-6 um with gaps shut.
+#: Rounds of Newton's method; six bring 1 um to 1e-6 um with gaps closed.
 _ROUNDS = 8
 #: Largest step of a round over the gap [1], and the step of the differences [um].
 _LARGEST_REL, _STEP_UM = 0.2, 1e-3
-#: What capacitance may remain unexplained [pF]: a thousandth of the converter's noise.
+#: Largest unexplained capacitance [pF]: a thousandth of the converter's noise.
 _TOLERANCE_PF = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Unbending:
-    """The law of a foot's capacitances, and its inverse.
+class ForwardModel:
+    """The capacitances of a foot as a function of mean closures, and the inverse.
 
     Attributes:
         response: The foot.
@@ -45,7 +45,7 @@ class Unbending:
     profile: Vector
 
     def capacitance_pf(self, mean_um: Vector) -> Vector:
-        """Return the capacitances [pF], shape (n, 9), of mean closures as if no gap could shut [um], shape (n, 9)."""
+        """Return the capacitances [pF], shape (n, 9), of mean closures of free gaps [um], shape (n, 9)."""
         design = self.response.design
         gap_um = np.full(gap_contact.ALL_CELLS, design.gap_um)
         cells_um = gap_contact.contact_closures_um(
@@ -54,33 +54,33 @@ class Unbending:
         return gap_contact.capacitance_pf(design, gap_um - cells_um + design.film_equivalent_um)
 
     def mean_um(self, closure_um: Vector) -> Vector:
-        """Return the mean closures as if no gap could shut [um], shape (n, 9).
+        """Return the mean closures of free gaps [um], shape (n, 9).
 
         Args:
             closure_um: Closures by elastance [um], shape (n, 9), as `Cases` have them.
 
         Raises:
-            ArithmeticError: A capacitance is beyond what any load gives.
+            ArithmeticError: No load gives such a capacitance.
         """
-        asked_pf = self.response.design.capacitance_pf(closure_um)
+        target_pf = self.response.design.capacitance_pf(closure_um)
         mean, largest_um = closure_um.copy(), _LARGEST_REL * self.response.design.gap_um
         for _ in range(_ROUNDS):
-            found = self.capacitance_pf(mean)
-            if np.abs(asked_pf - found).max(initial=0.0) < _TOLERANCE_PF:
+            computed = self.capacitance_pf(mean)
+            if np.abs(target_pf - computed).max(initial=0.0) < _TOLERANCE_PF:
                 return mean
             moved = [self.capacitance_pf(mean + _STEP_UM * unit) for unit in np.eye(9)]
-            slope = (np.stack(moved, axis=2) - found[:, :, None]) / _STEP_UM
-            step = np.linalg.solve(slope, (asked_pf - found)[:, :, None])[:, :, 0]
+            slope = (np.stack(moved, axis=2) - computed[:, :, None]) / _STEP_UM
+            step = np.linalg.solve(slope, (target_pf - computed)[:, :, None])[:, :, 0]
             mean += np.clip(step, -largest_um, largest_um)
-        left = np.abs(asked_pf - self.capacitance_pf(mean)).max()
+        left = np.abs(target_pf - self.capacitance_pf(mean)).max()
         if left < _TOLERANCE_PF:
             return mean
         raise ArithmeticError(f"no closures explain these capacitances: {left:.3g} pF are left")
 
 
-def unbending(response: FootResponse) -> Unbending:
-    """Return the law of a foot under centred loads."""
+def forward_model(response: FootResponse) -> ForwardModel:
+    """Return the forward model of a foot under centred loads."""
     direction = disc_normals(_PROFILE_MIN_DEG, rings=24, spokes=72)
     cells = response.free_closure_um(direction, direction)
     profile = np.asarray(np.linalg.lstsq(gap_contact.element_means(cells), cells, rcond=None)[0], np.float64)
-    return Unbending(response, profile)
+    return ForwardModel(response, profile)

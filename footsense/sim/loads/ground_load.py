@@ -24,7 +24,7 @@ _SECOND_TRIPOD = ("rf", "lm", "rr")
 _RIGHT_LEGS = ("rf", "rm", "rr")
 
 
-class Contact(NamedTuple):
+class GroundContact(NamedTuple):
     """Contact of one foot with the ground, foot frame.
 
     Attributes:
@@ -39,19 +39,19 @@ class Contact(NamedTuple):
 class Load(Protocol):
     """The contacts of all legs over time."""
 
-    def contact(self, leg: str, t_ns: int) -> Contact:
+    def contact(self, leg: str, t_ns: int) -> GroundContact:
         """Return the contact of a leg at a time [ns]."""
         ...
 
 
 _UP = np.array([0.0, 0.0, 1.0])
-IN_THE_AIR = Contact(_UP, np.zeros(3))
+IN_THE_AIR = GroundContact(_UP, np.zeros(3))
 
 
 class Unloaded:
     """All feet in the air."""
 
-    def contact(self, leg: str, t_ns: int) -> Contact:
+    def contact(self, leg: str, t_ns: int) -> GroundContact:
         """Return a contact without force."""
         del leg, t_ns
         return IN_THE_AIR
@@ -72,14 +72,14 @@ class Ramp:
         self._from_ns = from_ns
         self._rise_ns = rise_ns
 
-    def contact(self, leg: str, t_ns: int) -> Contact:
+    def contact(self, leg: str, t_ns: int) -> GroundContact:
         """Return the contact at a time [ns], the same for every leg."""
         del leg
         since_ns = t_ns - self._from_ns
         if since_ns < 0:
             return IN_THE_AIR
         share = min(since_ns / self._rise_ns, 1.0) if self._rise_ns else 1.0
-        return Contact(self._normal, share * self._force_n)
+        return GroundContact(self._normal, share * self._force_n)
 
 
 #: Ground reaction in the world frame [N] over the phase of the gait cycle, 0 at touchdown, in [0, 1).
@@ -121,9 +121,9 @@ class Walk:
         self._pitch_rad = math.radians(pitch_deg)
         self._from_ns = from_ns
         self._stands_ns = tuple(stands_ns)
-        self._touch: tuple[Reaction, float, Contact] | None = None  # three legs touch the ground alike
+        self._touch: tuple[Reaction, float, GroundContact] | None = None  # three legs touch the ground alike
 
-    def contact(self, leg: str, t_ns: int) -> Contact:
+    def contact(self, leg: str, t_ns: int) -> GroundContact:
         """Return the contact of a leg at a time [ns]; the second tripod steps half a cycle after the first."""
         phase = self.phase(leg, t_ns)
         if phase is None:
@@ -149,14 +149,14 @@ class Walk:
         phase = since_ns % self.period_ns / self.period_ns
         return phase if phase < self.duty_rel else None
 
-    def contact_at(self, leg: str, phase: float) -> Contact:
+    def contact_at(self, leg: str, phase: float) -> GroundContact:
         """Return the contact of a leg at a phase of its stance [1]."""
         x, y, z = self.reaction[leg](phase).tolist()
         if z <= 0.0:
             return IN_THE_AIR
         pitch = self._pitch_rad * (1 - 2 * phase / self.duty_rel)
         sin, cos = math.sin(pitch), math.cos(pitch)
-        return Contact(
+        return GroundContact(
             normal=np.array([sin, 0.0, cos]), force_n=np.array([x * cos + z * sin, y, z * cos - x * sin])
         )
 

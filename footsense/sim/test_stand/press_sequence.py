@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from footsense.foot.directions import normalized, paper_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.sim.loads.ground_load import IN_THE_AIR, Contact
+from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact
 
 __all__ = ["PressSequence", "paper_presses"]
 
@@ -74,7 +74,7 @@ class PressSequence:
         """End of the pause after the last press [ns]."""
         return self._from_ns + len(self._force_n) * self._lasts_ns
 
-    def contact(self, leg: str, t_ns: int) -> Contact:
+    def contact(self, leg: str, t_ns: int) -> GroundContact:
         """Return the contact at a time [ns], the same for every leg."""
         del leg
         number, since_ns = divmod(t_ns - self._from_ns, self._lasts_ns)
@@ -82,4 +82,4 @@ class PressSequence:
         if not 0 <= number < len(self._force_n) or since_ns >= pressed_ns:
             return IN_THE_AIR
         share = min(since_ns, pressed_ns - since_ns, self._rise_ns) / self._rise_ns if self._rise_ns else 1.0
-        return Contact(self._normal[number], share * self._force_n[number])
+        return GroundContact(self._normal[number], share * self._force_n[number])

@@ -1,6 +1,7 @@
 """A mux that the kernel switches: the same readings, at the pace that one adapter for each leg allows."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from types import MappingProxyType
 
@@ -31,13 +32,16 @@ class FailingLeg(SimulatedKernelMuxLeg):
 
     Attributes:
         failing: Number of the transaction that fails, and how.
+        counts: Number of each transaction.
     """
 
     failing: Mapping[int, BusError] = MappingProxyType({})
+    counts: Counter[Transaction]
     n = 0
 
     def transfer(self, transaction: Transaction) -> bytes:
         self.n += 1
+        self.counts[transaction] += 1
         if error := self.failing.get(self.n):
             self._clock.advance_ns(20_000_000 if isinstance(error, BusTimeoutError) else 27_500)
             raise error
@@ -60,8 +64,11 @@ class Robot:
         mux = SimulatedMux(0x71)
         legs = [leg_chips(board, capacitance_pf, channel) for channel in range(6)]
         chips = {channel: (converter, *switches) for channel, (converter, switches) in enumerate(legs)}
-        trunk = SimulatedBus(self.clock, 400_000, 0, mux, chips)
-        self.legs = {f"{n}": FailingLeg(trunk, self.clock, mux, n, host_cost_ns) for n in range(6)}
+        upstream = SimulatedBus(self.clock, 400_000, 0, mux, chips)
+        self.switches = [switches for _, switches in legs]
+        self.legs = {f"{n}": FailingLeg(upstream, self.clock, mux, n, host_cost_ns) for n in range(6)}
+        for leg in self.legs.values():
+            leg.counts = Counter()
         channels = {name: channel for channel, name in enumerate(self.legs)}
         plan = scan_plan(order, board.rates_sps[0], board.name)
         self.bus = BusScanner(KernelMux(tuple(self.legs.values())), self.clock, channels, plan)
@@ -136,6 +143,20 @@ def test_an_absent_leg_costs_only_itself_and_comes_back() -> None:
     assert (frame.reading == Reading.OK).all()
 
 
+def test_a_leg_that_holds_a_line_is_left_out_at_once() -> None:
+    """The first timeout names the leg, whose adapter alone was in use; the others then wait for its rare tries only."""
+    robot = Robot(distinct)
+    robot.read(2)
+    leg = robot.legs["2"]
+    leg.failing = dict.fromkeys(range(leg.n, leg.n + 999), BusTimeoutError("stuck"))
+    frame = robot.read()
+    n_timeouts = leg.n
+    assert (frame.reading[2] == Reading.BUS_STUCK).all()
+    assert (np.delete(frame.reading, 2, axis=0) == Reading.OK).all()
+    robot.read(5)
+    assert leg.n == n_timeouts
+
+
 def test_temperatures_are_told_leg_by_leg() -> None:
     """From the first scan on; one that cannot be asked has none, and costs the others nothing."""
     robot = Robot(distinct, board=AD7746)
@@ -143,6 +164,38 @@ def test_temperatures_are_told_leg_by_leg() -> None:
     frame = robot.read()
     assert (np.isnan(robot.scanner.temperature_c()) == [False, False, True, False, False, False]).all()
     assert (np.delete(frame.reading, 2, axis=0) == Reading.OK).all()
+
+
+@pytest.mark.parametrize("order", ["lo_shu", "raster"])
+def test_lines_are_checked_of_one_leg_a_scan_and_settings_after_all_lines(order: str) -> None:
+    """In 54 scans each leg's lines are read back after each of the nine steps, and its settings once."""
+    robot = Robot(distinct, order=order)
+    robot.read(2)
+    for leg in robot.legs.values():
+        leg.counts.clear()
+    robot.read(54)
+    lines, settings = Transaction(0x49, b"", 1), Transaction(0x50, b"\x09", 2)
+    assert [(leg.counts[lines], leg.counts[settings]) for leg in robot.legs.values()] == [(9, 1)] * 6
+
+
+def test_readings_since_the_last_check_are_taken_back() -> None:
+    """A line switch that ignores its writes is noticed in the middle of a scan: all nine elements are discarded."""
+    robot = Robot(distinct, element_wise=True)
+    robot.read(9 * 20)
+    robot.switches[3][0].ignores_writes_ns = [(robot.clock.now_ns(), math.inf)]
+    lost = [frame.reading[3] == Reading.MISCONFIGURED for frame in (robot.read() for _ in range(9 * 12))]
+    assert next(elements for elements in lost if elements.any()).all()
+
+
+def test_conversions_are_discarded_after_a_delay_of_the_loop_and_not_before() -> None:
+    """A delay of one and a half steps is none yet: legs are served one after the other, and wait for up to a step."""
+    robot = Robot(distinct, host_cost_ns=40_000, element_wise=True)
+    robot.read(18)
+    for delay_ns, missed in ((5_000_000, 0), (200_000_000, 1)):
+        robot.clock.advance_ns(delay_ns)
+        frame = robot.read(9)
+        assert robot.scanner.missed_deadlines == missed
+        assert (frame.reading == Reading.OK).all()
 
 
 @pytest.mark.parametrize("element_wise", [False, True])

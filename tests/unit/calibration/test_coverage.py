@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from footsense.calibration.session.coverage import LOWEST_DEG, Coverage
+from footsense.calibration.session.coverage import MIN_ELEVATION_DEG, Coverage
 from footsense.calibration.session.reference_checks import reference_check
 from footsense.config.test_stand import Axes, Simulated, StandConfig
 from footsense.foot.force_errors import GRAM_FORCE_N
@@ -20,7 +20,7 @@ def test_the_next_loads_make_a_complete_set() -> None:
     coverage = Coverage(40)
     while not coverage.complete:
         azimuth_deg, elevation_deg, magnitude_gf = coverage.next
-        assert LOWEST_DEG <= elevation_deg <= 90.0
+        assert MIN_ELEVATION_DEG <= elevation_deg <= 90.0
         coverage.add(magnitude_gf * GRAM_FORCE_N * direction(azimuth_deg, elevation_deg))
     assert 40 <= coverage.n_loads <= 44
     assert coverage.counts[1] == 0

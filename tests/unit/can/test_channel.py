@@ -14,7 +14,7 @@ import pytest
 from firmware_interface.can_codes import NmtState
 from firmware_interface.can_events import decode_heartbeat
 from firmware_interface.socketcan import pack_frame
-from footsense.can.frame_log import CanLog, check_log_target
+from footsense.can.frame_log import CanFrameLog, check_log_target
 from footsense.can.sink import CanSink
 from footsense.errors import CanError, ConfigError, RecordingError
 from footsense.frames import BaselineDrift, CanStatistics, ContactFrame
@@ -160,7 +160,7 @@ def test_a_log_that_takes_nothing_costs_its_own_frames_and_no_time(tmp_path: Pat
     os.mkfifo(path)
     reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     stats = CanStatistics()
-    log = CanLog(path, "can0", stats, waits=False)
+    log = CanFrameLog(path, "can0", stats, waits=False)
     scan = pack_frame(0x181, bytes(8)) * 12
     for t_ns in range(20_000):
         log.add(t_ns, scan)
@@ -176,7 +176,7 @@ def test_a_log_that_takes_nothing_costs_its_own_frames_and_no_time(tmp_path: Pat
 def test_a_log_with_a_gap_is_said_to_have_one(tmp_path: Path) -> None:
     """Frames that found no room on the way to the file, and whoever owns the file may read it."""
     stats = CanStatistics(unlogged=24)
-    log = CanLog(tmp_path / "walk.log", "can0", stats, waits=True)
+    log = CanFrameLog(tmp_path / "walk.log", "can0", stats, waits=True)
     log.add(0, pack_frame(0x181, bytes(8)))
     with pytest.raises(
         RecordingError, match=r"its writer was too slow: 24 frames are missing; what was sent"
@@ -198,7 +198,7 @@ def test_a_killed_writer_ends_the_log_and_not_the_forces(
 ) -> None:
     """What follows is counted, the journal has one line, and the end says that the log is not whole."""
     stats = CanStatistics()
-    log = CanLog(tmp_path / "walk.log", "can0", stats, waits=True)
+    log = CanFrameLog(tmp_path / "walk.log", "can0", stats, waits=True)
     log._writer.kill()
     log._writer.wait()
     for t_ns in range(3):

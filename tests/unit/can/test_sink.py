@@ -129,7 +129,7 @@ def test_a_change_is_reported_once(robot: Robot) -> None:
 
 
 def test_what_does_not_fit_beside_the_forces_waits_for_the_next_scan(request: pytest.FixtureRequest) -> None:
-    """Four frames beside those of the forces: reports first, then heartbeats and zeros."""
+    """Four frames beside those of the forces: reports first, then heartbeats and baselines."""
     robot = Robot(request.node.nodeid, tuple(NODE_IDS))
     kinds = []
     for scan in range(4):
@@ -191,15 +191,15 @@ def test_heartbeats_tell_degraded_timing(robot: Robot) -> None:
     ]
 
 
-def test_the_zero_is_told_once_a_second(robot: Robot) -> None:
+def test_the_baseline_is_sent_once_a_second(robot: Robot) -> None:
     """Where it stands, and how long ago it moved; of a leg without one, that there is none."""
     robot.publish(0)
     row = np.ones(1)
-    zero = BaselineDrift(
+    baseline = BaselineDrift(
         (row * BaselineStatus.HELD).astype(np.uint8), row * 0.01, row * -0.02, np.array([500 * MS])
     )
     for t_ms in range(20, 2000, 20):
-        robot.publish(t_ms * MS, zero=zero)
+        robot.publish(t_ms * MS, baseline=baseline)
     none, held = (decode_baseline(0x381, bytes(m.data)) for m in robot.heard(0x380))
     assert (none.counter, none.status, none.age_ns) == (0, BaselineStatus.NONE, None)
     assert (held.counter, held.status, held.mean_pf, held.worst_pf) == (1, BaselineStatus.HELD, 0.01, -0.02)
@@ -336,7 +336,7 @@ def test_a_full_channel_drops_frames_and_the_consumer_sees_the_gap(
     slow = can.Bus(interface="virtual", channel=request.node.nodeid, rx_queue_size=4)
     log_file = tmp_path / "sent.log"
     robot = Robot(request.node.nodeid, log_file=log_file)  # the boot heartbeat is the first of the four
-    robot.publish(0)  # Force, Quality, a fault report; a heartbeat and a zero find no room
+    robot.publish(0)  # Force, Quality, a fault report; a heartbeat and a baseline find no room
     robot.publish(MS)
     assert (robot.sink.stats.sent, robot.sink.stats.dropped) == (4, 4)
     while slow.recv(timeout=0):

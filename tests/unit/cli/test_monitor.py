@@ -15,7 +15,7 @@ from firmware_interface.can_events import FAULT_ID, HEARTBEAT_ID, encode_fault, 
 from footsense.can.python_can import open_wire
 from footsense.cli.monitor.command import monitor, snapshot_json
 from footsense.cli.monitor.table import monitor_table
-from footsense.client import LegForce, LegReport, Limits, Reports, Status
+from footsense.client import LegForce, LegReport, LinkLimits, LinkStatus, Reports
 from footsense.daemon.can_listener import LegSnapshot, Listener
 from footsense.errors import CanError
 from tests.support.can_robot import MS, FakeClock, Robot
@@ -24,7 +24,7 @@ from tests.support.can_robot import MS, FakeClock, Robot
 def snapshot(leg: str = "lf") -> LegSnapshot:
     """Return a leg of which everything is told, in the longest words."""
     force = LegForce(
-        status=Status.REPEATED,
+        status=LinkStatus.REPEATED,
         usable=True,
         state=State.CONVERTER_FAULT,
         flags=Flag.SIMULATED | Flag.CONTACT,
@@ -71,7 +71,7 @@ def test_a_listener_sees_what_a_sink_sends_and_stops_believing_it(request: pytes
     """Over one channel in virtual time: three scans until trust, then silence."""
     robot = Robot(request.node.nodeid, ("lf", "rr"))
     clock = FakeClock()
-    listener = Listener(open_wire("virtual", request.node.nodeid, 500_000, ()), clock, Limits())
+    listener = Listener(open_wire("virtual", request.node.nodeid, 500_000, ()), clock, LinkLimits())
     before = plain(listener)[0]
     assert (before["link"], before["state"], before["phase"], before["heartbeat"]) == (
         "stale",
@@ -112,7 +112,7 @@ def test_a_channel_that_goes_away_is_one_line() -> None:
             raise AssertionError("who was handed a channel does not close it")
 
     with pytest.raises(CanError, match="the CAN channel is gone: Network is down"):
-        Listener(Gone(), FakeClock(), Limits()).listen(1)
+        Listener(Gone(), FakeClock(), LinkLimits()).listen(1)
 
 
 def test_reports_are_known_as_long_as_they_come() -> None:

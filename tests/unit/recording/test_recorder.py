@@ -13,7 +13,7 @@ import pytest
 
 from footsense.errors import ConfigError, RecordingError
 from footsense.recording.cycle_pipe import CyclePipe
-from footsense.recording.cycle_records import Loss, Numbered
+from footsense.recording.cycle_records import LostCycles, NumberedCycle
 from footsense.recording.recorder import Recorder, check_target, partial_path
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay
@@ -103,8 +103,8 @@ def test_a_full_pipe_loses_cycles_and_says_so(tmp_path: Path) -> None:
         writer.finish()
     os.close(read_end)
     entries = list(Replay(tmp_path / "walk.mcap").entries())
-    assert entries[-2] == Loss(100, 1_000 + 100 * PERIOD_NS, lost)
-    numbered = [entry for entry in entries if isinstance(entry, Numbered)]
+    assert entries[-2] == LostCycles(100, 1_000 + 100 * PERIOD_NS, lost)
+    numbered = [entry for entry in entries if isinstance(entry, NumberedCycle)]
     assert [entry.counter for entry in numbered] == [*range(100 - lost), 100]
     assert all(same(entry.cycle, cycle(entry.counter)) for entry in numbered)
 

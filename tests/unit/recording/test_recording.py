@@ -14,12 +14,19 @@ from footsense.errors import RecordingError
 from footsense.frames import Cause, CommandResult, Cycle, Result
 from footsense.recording import messages
 from footsense.recording.compare import compare, same_machine
-from footsense.recording.cycle_records import Loss, Numbered, pack_cycle, pack_header, pack_loss, unpack
+from footsense.recording.cycle_records import (
+    LostCycles,
+    NumberedCycle,
+    pack_cycle,
+    pack_header,
+    pack_loss,
+    unpack,
+)
 from footsense.recording.machine import this_machine
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
-from footsense.recording.writer import FdStream
+from footsense.recording.writer import UnbufferedFile
 from tests.support.cycles import LEGS, TARE, cycle, read_until_damage, same, write
 
 
@@ -52,7 +59,7 @@ def test_the_pipe_keeps_every_bit(
     ]
     header = {"legs": ",".join(LEGS[:n_legs])}
     stream = pack_header(header) + b"".join(pack_cycle(i, one) for i, one in enumerate(shown))
-    stream += pack_loss(Loss(9, 8, 6))
+    stream += pack_loss(LostCycles(9, 8, 6))
     buffer, entries, legs = bytearray(), [], None
     for at in range(0, len(stream), piece):
         buffer += stream[at : at + piece]
@@ -60,8 +67,8 @@ def test_the_pipe_keeps_every_bit(
             legs = n_legs
             entries.append(entry)
     assert entries[0] == header
-    assert entries[-1] == Loss(9, 8, 6)
-    numbered = [entry for entry in entries if isinstance(entry, Numbered)]
+    assert entries[-1] == LostCycles(9, 8, 6)
+    numbered = [entry for entry in entries if isinstance(entry, NumberedCycle)]
     assert [entry.counter for entry in numbered] == [0, 1, 2]
     assert all(same(a, b.cycle) for a, b in zip(shown, numbered, strict=True))
 
@@ -177,10 +184,10 @@ def test_replay_gives_scan_commands_and_time(walk: tuple[bytes, list[Cycle]], sc
 def test_replay_counts_what_was_lost(scratch: Path) -> None:
     """The source gives the scans on both sides of a gap, and tells the gap with the scan after it."""
     with scratch.open("wb") as file:
-        recording = McapFile(FdStream(file.fileno()), {"legs": ",".join(LEGS)})
-        recording.add_cycle(Numbered(0, cycle(0)))
-        recording.add_loss(Loss(4, 0, 3))
-        recording.add_cycle(Numbered(4, cycle(4)))
+        recording = McapFile(UnbufferedFile(file.fileno()), {"legs": ",".join(LEGS)})
+        recording.add_cycle(NumberedCycle(0, cycle(0)))
+        recording.add_loss(LostCycles(4, 0, 3))
+        recording.add_cycle(NumberedCycle(4, cycle(4)))
         recording.finish()
     source = ReplaySource(Replay(scratch))
     seen = [(scan.sequence, source.lost) for scan in iter(source.read, None)]
@@ -230,7 +237,7 @@ def test_integers_of_numpy_are_packed_as_numbers() -> None:
     shown = cycle(3, outcomes=(CommandResult(tare, Result.DONE, "\ud800"),))._replace(commands=(tare,))
     header = pack_header({"legs": ",".join(LEGS)})
     _, read = unpack(bytearray(header + pack_cycle(0, shown)), None)
-    assert isinstance(read, Numbered)
+    assert isinstance(read, NumberedCycle)
     assert read.cycle.commands == (TARE,)
     assert read.cycle.outcomes == (CommandResult(TARE, Result.DONE, "\\ud800"),)
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from footsense.telemetry.log_lines import LogLines
+from footsense.telemetry.log_lines import NonBlockingLogHandler
 
 
 def pipe() -> tuple[int, int]:
@@ -46,7 +46,7 @@ def drained(reader: int) -> list[bytes]:
 def test_a_reader_that_stands_still_loses_lines_and_is_told_how_many(ends: tuple[int, int]) -> None:
     """Whole lines arrive, the others are counted, and the first that finds room again says so."""
     reader, writer = ends
-    log = LogLines(writer)
+    log = NonBlockingLogHandler(writer)
     n_lines = 3000
     for n in range(n_lines):
         log.emit(record(f"{n:04d} {'x' * 200}"))
@@ -67,7 +67,7 @@ def test_a_reader_that_stands_still_loses_lines_and_is_told_how_many(ends: tuple
 def test_a_reader_that_has_gone_is_no_error() -> None:
     """The service goes on without a log."""
     reader, writer = pipe()
-    log = LogLines(writer)
+    log = NonBlockingLogHandler(writer)
     os.close(reader)
     log.emit(record("unheard"))
     assert log.lost == 1
@@ -78,7 +78,7 @@ def test_a_reader_that_has_gone_is_no_error() -> None:
 def test_a_record_is_one_line_whatever_it_says(ends: tuple[int, int]) -> None:
     """A line break cannot forge a second line, and a record that does not fit its format is still told."""
     reader, writer = ends
-    log = LogLines(writer)
+    log = NonBlockingLogHandler(writer)
     log.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
     log.emit(record("a\nERROR: b"))
     broken = record("leg %d")

@@ -32,8 +32,8 @@ from footsense.frames import (
 )
 from footsense.telemetry.exporter import CountersCollector
 from footsense.telemetry.metric_families import STATE_SETS
-from footsense.telemetry.metrics import Metrics
-from footsense.telemetry.shared_counters import Family, SharedCounters, read_counters
+from footsense.telemetry.metrics import MetricsObserver
+from footsense.telemetry.shared_counters import MetricFamily, SharedCounters, read_counters
 
 MS = 1_000_000
 LEGS = ("lf", "rr")
@@ -66,9 +66,9 @@ def cycle(
 
 
 @pytest.fixture
-def metrics(tmp_path: Path) -> Iterator[Metrics]:
-    """Metrics of two legs with a file of their own."""
-    metrics = Metrics(LEGS, CanStatistics(), tmp_path / "counters")
+def metrics(tmp_path: Path) -> Iterator[MetricsObserver]:
+    """MetricsObserver of two legs with a file of their own."""
+    metrics = MetricsObserver(LEGS, CanStatistics(), tmp_path / "counters")
     yield metrics
     metrics.close()
 
@@ -89,7 +89,9 @@ def codes_set(scraped: CollectorRegistry, name: str, leg: str, codes: type[IntEn
     return [code for code, value in values.items() if value]
 
 
-def test_scan_period_and_age_are_histograms_in_seconds(metrics: Metrics, scraped: CollectorRegistry) -> None:
+def test_scan_period_and_age_are_histograms_in_seconds(
+    metrics: MetricsObserver, scraped: CollectorRegistry
+) -> None:
     """The first scan has no period; a leg that was not measured has no age; a bound belongs to its bucket."""
     both, one = (State.VALID, State.VALID), (State.VALID, State.ABSENT)
     for t_ms, states, age_ms in ((1000, both, 12), (1022.5, one, 13), (1500, one, 900)):
@@ -108,7 +110,7 @@ def test_scan_period_and_age_are_histograms_in_seconds(metrics: Metrics, scraped
 
 
 def test_a_fault_counts_once_per_fall_and_the_state_is_shown(
-    metrics: Metrics, scraped: CollectorRegistry
+    metrics: MetricsObserver, scraped: CollectorRegistry
 ) -> None:
     """A wire that breaks twice is two faults, each of several scans; a tare is none; the other leg has none."""
     for state in (
@@ -143,7 +145,7 @@ def test_can_recorder_and_tares_are_counted(tmp_path: Path, scraped: CollectorRe
         reopened=6,
         unlogged=8,
     )
-    metrics = Metrics(LEGS, can, tmp_path / "counters", recorder_lost=lambda: 7, log_lost=lambda: 5)
+    metrics = MetricsObserver(LEGS, can, tmp_path / "counters", recorder_lost=lambda: 7, log_lost=lambda: 5)
     refused = CommandResult(Command(CommandKind.TARE, 1), Result.NOT_QUIET, "")
     stopped = CommandResult(Command(CommandKind.STOP, 1), Result.DONE, "")
     metrics.observe(cycle(0, (State.VALID, State.VALID), outcomes=(refused, stopped)))
@@ -167,7 +169,7 @@ def test_what_the_clocks_count_is_one_histogram_of_all_threads(
 ) -> None:
     """Two buses add up; what happens between two copies is shown by the next, a tenth of a second later."""
     wakeups = (WakeupLatency(), WakeupLatency())
-    metrics = Metrics(
+    metrics = MetricsObserver(
         LEGS, CanStatistics(), tmp_path / "counters", wakeups=wakeups, missed_deadlines=lambda: 3
     )
     both = (State.VALID, State.VALID)
@@ -188,7 +190,7 @@ def test_what_the_clocks_count_is_one_histogram_of_all_threads(
     metrics.close()
 
 
-def test_in_virtual_time_nobody_is_late(metrics: Metrics, scraped: CollectorRegistry) -> None:
+def test_in_virtual_time_nobody_is_late(metrics: MetricsObserver, scraped: CollectorRegistry) -> None:
     """What is not measured is not shown, rather than as zero."""
     metrics.observe(cycle(1000, (State.VALID, State.VALID)))
     get = scraped.get_sample_value
@@ -196,12 +198,12 @@ def test_in_virtual_time_nobody_is_late(metrics: Metrics, scraped: CollectorRegi
     assert get("footsense_overruns_total") is None
 
 
-def test_a_leg_is_shown_with_phase_cause_contact_and_zero(
-    metrics: Metrics, scraped: CollectorRegistry
+def test_a_leg_is_shown_with_phase_cause_contact_and_baseline(
+    metrics: MetricsObserver, scraped: CollectorRegistry
 ) -> None:
-    """Each changes by itself; a zero that does not exist is NaN, not 0."""
+    """Each changes by itself; a baseline that does not exist is NaN, not 0."""
     plain = cycle(2000, (State.VALID, State.ELEMENT_FAULT))
-    zero = BaselineDrift(
+    baseline = BaselineDrift(
         np.array([BaselineStatus.HELD, BaselineStatus.NONE], np.uint8),
         np.array([0.002, np.nan]),
         np.array([-0.003, np.nan]),
@@ -211,7 +213,7 @@ def test_a_leg_is_shown_with_phase_cause_contact_and_zero(
         plain.forces,
         cause=np.array([Cause.NONE, Cause.ELEMENT_SHORTED], np.uint8),
         flags=np.array([Flag.CONTACT | Flag.DEGRADED_TIMING, 0], np.uint8),
-        baseline=zero,
+        baseline=baseline,
     )
     metrics.observe(plain._replace(forces=told))
     get = scraped.get_sample_value
@@ -236,8 +238,8 @@ def test_a_leg_is_shown_with_phase_cause_contact_and_zero(
 def test_the_file_describes_itself_and_is_gone_at_the_end(tmp_path: Path) -> None:
     """A reader needs nothing but the file; closing twice is once."""
     families = [
-        Family("a_total", "counter", "A.", {"leg": ["lf", "rr"]}),
-        Family("b", "histogram", "B.", {}, [1.0]),
+        MetricFamily("a_total", "counter", "A.", {"leg": ["lf", "rr"]}),
+        MetricFamily("b", "histogram", "B.", {}, [1.0]),
     ]
     counters = SharedCounters(families, tmp_path / "counters")
     counters.cells[counters.first["b"] + 2] = 2.5
@@ -272,16 +274,16 @@ def test_a_file_that_cannot_be_created_is_one_line(tmp_path: Path) -> None:
         SharedCounters([], tmp_path / "none" / "counters")
 
 
-def test_two_services_do_not_count_into_one_file(metrics: Metrics, tmp_path: Path) -> None:
+def test_two_services_do_not_count_into_one_file(metrics: MetricsObserver, tmp_path: Path) -> None:
     """The second one is refused in one line, and the first one's counters stay."""
     metrics.observe(cycle(0, (State.VALID, State.VALID)))
     with pytest.raises(FootsenseError, match="another running service counts into this file"):
-        Metrics(LEGS, CanStatistics(), tmp_path / "counters")
+        MetricsObserver(LEGS, CanStatistics(), tmp_path / "counters")
     families, cells = read_counters(tmp_path / "counters")
     assert cells[sum(family.n_cells for family in families[: _place(families, "footsense_scans_total")])] == 1
 
 
-def _place(families: list[Family], name: str) -> int:
+def _place(families: list[MetricFamily], name: str) -> int:
     return [family.name for family in families].index(name)
 
 
@@ -292,7 +294,7 @@ def test_a_service_that_starts_ends_and_starts_again_is_shown_as_such(
     get = scraped.get_sample_value
     assert (get("footsense_up"), get("footsense_scans_total")) == (0, None)
     for _ in range(2):
-        metrics = Metrics(LEGS, CanStatistics(), tmp_path / "counters")
+        metrics = MetricsObserver(LEGS, CanStatistics(), tmp_path / "counters")
         assert (get("footsense_up"), get("footsense_scans_total")) == (1, 0)
         metrics.observe(cycle(0, (State.VALID, State.VALID)))
         assert get("footsense_scans_total") == 1
@@ -305,15 +307,15 @@ def test_a_killed_service_is_not_shown_as_running(tmp_path: Path, scraped: Colle
     service = (
         "import os, signal, sys; from pathlib import Path\n"
         "from footsense.frames import CanStatistics\n"
-        "from footsense.telemetry.metrics import Metrics\n"
-        "metrics = Metrics(('lf', 'rr'), CanStatistics(), Path(sys.argv[1]))\n"
+        "from footsense.telemetry.metrics import MetricsObserver\n"
+        "metrics = MetricsObserver(('lf', 'rr'), CanStatistics(), Path(sys.argv[1]))\n"
         "os.kill(os.getpid(), signal.SIGKILL)\n"
     )
     path = tmp_path / "counters"
     killed = subprocess.run([sys.executable, "-c", service, str(path)], check=False)
     assert (killed.returncode, path.exists()) == (-9, True)
     assert scraped.get_sample_value("footsense_up") == 0
-    metrics = Metrics(LEGS, CanStatistics(), path)
+    metrics = MetricsObserver(LEGS, CanStatistics(), path)
     assert scraped.get_sample_value("footsense_up") == 1
     metrics.close()
     assert list(tmp_path.iterdir()) == []

@@ -91,7 +91,7 @@ def run_study(
     plan = QUICK if context.quick else FULL
     results = sweep_results(context.models, context.response.design.gap_um, plan, workers, file)
     context.say(
-        f"tolerance: {plan.feet} feet at each level of fabrication, {plan.taught} at each of the test stand"
+        f"tolerance: {plan.feet} feet at each level of fabrication, {plan.with_network} at each of the test stand"
     )
     figures = {
         _FEET_FIGURE: _figure(results, FEET, ON_DESIGN),
