@@ -9,13 +9,10 @@ timeout.
 import logging
 from collections.abc import Iterable
 
-import numpy as np
-from numpy.typing import NDArray
-
 from firmware_interface import tca9548a
 from footsense.acquisition.boards.board import Board
 from footsense.errors import BusTimeoutError, HardwareError, WrongChipError
-from footsense.frames import Reading
+from footsense.frames import Codes, Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
 _log = logging.getLogger(__name__)
@@ -100,7 +97,7 @@ class LegConnection:
             self.outcome = Reading.OK
             self._misses = 0
 
-    def count_misses(self, readings: NDArray[np.uint8], now_ns: int) -> None:
+    def count_misses(self, readings: Codes, now_ns: int) -> None:
         """Count scans with a missing reading in a row; after three, leave the leg out for a while.
 
         Args:

@@ -14,15 +14,12 @@ conversion runs. A leg that fails is left out for the rest of the scan, so that 
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from footsense.acquisition.boards.board import CONVERTED, Check, Step, Thermometer
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import Transport
 from footsense.errors import BusError, BusTimeoutError, NackError
-from footsense.frames import Reading
+from footsense.frames import Codes, Reading, Stamps, Vector
 from footsense.ports import Clock, Transaction
 
 _NAN = float("nan")
@@ -40,9 +37,9 @@ class BusStuckError(Exception):
 class BusReadings(NamedTuple):
     """The latest readings of one bus; arrays as in `CapFrame`, rows in the order of the bus's legs."""
 
-    t_ns: NDArray[np.int64]
-    capacitance_pf: NDArray[np.float64]
-    reading: NDArray[np.uint8]
+    t_ns: Stamps
+    capacitance_pf: Vector
+    reading: Codes
 
     def discard(self, where: tuple[int | slice, int | slice], reading: Reading) -> None:
         """Replace readings of some legs and elements by the reason why there are none."""

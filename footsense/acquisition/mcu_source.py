@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.serial_decoder import SerialDecoder
@@ -25,7 +24,7 @@ from firmware_interface.serial_frames import (
 )
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.clock_map import ClockMap
-from footsense.frames import ELEMENTS, CapFrame, Reading
+from footsense.frames import ELEMENTS, CapFrame, Codes, Reading, Stamps, Vector
 from footsense.ports import Clock, SerialPort
 
 _NS_PER_US = 1000
@@ -224,7 +223,7 @@ def _difference_us(t_us: int, other_us: int) -> int:
     return (t_us - other_us + (1 << 31)) % (1 << 32) - (1 << 31)
 
 
-def _readings(scan: _Scan, now_ns: int) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.uint8]]:
+def _readings(scan: _Scan, now_ns: int) -> tuple[Stamps, Vector, Codes]:
     """Return stamps [ns], capacitances [pF] and readings of the legs of a scan, shape (records, 9) each.
 
     A record whose last conversion would be in the future is corrupt: its times are wrong.

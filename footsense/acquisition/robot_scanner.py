@@ -9,10 +9,9 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import repeat
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.acquisition.bus_scanner import BusScanner
-from footsense.frames import ELEMENTS, CapFrame
+from footsense.frames import ELEMENTS, CapFrame, Vector
 
 
 class RobotScanner:
@@ -36,7 +35,7 @@ class RobotScanner:
         """Number of times that conversions were discarded because the loop was delayed."""
         return sum(bus.missed_deadlines for bus in self._buses)
 
-    def temperature_c(self) -> NDArray[np.float64]:
+    def temperature_c(self) -> Vector:
         """Return the temperature of each leg's converter [degC], shape (legs,), at most ten seconds old.
 
         NaN for a board without a sensor, and for a leg that is out of the scan.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.config import Config
-from footsense.daemon.foot_types import released
+from footsense.daemon.foot_types import released_path
 from footsense.errors import FootsenseError
 from footsense.estimation.faults.consistency import RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
@@ -80,7 +80,7 @@ class CFloor:
     """
 
     def __init__(self, folder: Path, config: Config, calibration: TrainedInputs) -> None:
-        weights = _weights(released("network.onnx").read_bytes())
+        weights = _weights(released_path("network.onnx").read_bytes())
         library = _built(folder, len(weights["b1"]))
         design = calibration.design
         n = _LEGS * ELEMENTS

@@ -39,8 +39,8 @@ class Comparison:
         self._exact = same_machine(recording.header, this_machine())
         self.n_equal = 0
 
-    def take(self, recorded: ContactFrame, forces: ContactFrame) -> None:
-        """Compare one frame.
+    def compare_frame(self, recorded: ContactFrame, forces: ContactFrame) -> None:
+        """Compare the forces of one scan.
 
         Raises:
             DifferenceError: A force differs.
@@ -103,7 +103,7 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
             commands = (*source.commands(), *sink.commands())
             made = step(scan, commands, pipeline, sink, (), clock, temperature_c=recorded.temperature_c)
             if comparison and not source.lost:
-                comparison.take(recorded.forces, made.forces)
+                comparison.compare_frame(recorded.forces, made.forces)
             n_frames += 1
     click.echo(str(comparison) if comparison else f"{n_frames} scans replayed")
     _require_whole(file, source, comparison)

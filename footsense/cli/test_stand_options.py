@@ -6,7 +6,7 @@ import click
 
 from footsense.calibration.evaluation import DesignModels
 from footsense.cli.options import FILE, FOLDER
-from footsense.daemon.foot_types import released
+from footsense.daemon.foot_types import released_path
 from footsense.errors import ConfigError
 from footsense.estimation.network import Network
 
@@ -33,7 +33,7 @@ def design_models(foot_type: str, folder: Path | None) -> tuple[DesignModels, Pa
         ConfigError: They are missing, or of another type.
     """
     remedy = "--foot-type names the folder that `footsense lab build --foot` made"
-    folder = folder or released("network.onnx", foot_type).parent
+    folder = folder or released_path("network.onnx", foot_type).parent
     for name in ("network.onnx", "response.npz"):
         if not (folder / name).is_file():
             raise ConfigError(f"{folder}: no foot type {foot_type}: there is no {name} in it; {remedy}")

@@ -6,9 +6,6 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from firmware_interface.serial_frames import RECORD_BITS
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.bus_timing import Timing
@@ -21,6 +18,7 @@ from footsense.acquisition.transports import KernelMux, Transport, UpstreamBus
 from footsense.clock import MonotonicClock, WakeupLatency
 from footsense.config import Bus, Config, Serial
 from footsense.daemon.simulation import simulated_robot
+from footsense.frames import Vector
 from footsense.ports import Clock, SerialPort
 from footsense.sim.bus.serial_line import SimulatedLine
 from footsense.sim.chips.mcu import simulated_mcu
@@ -50,12 +48,12 @@ class ScanSource:
     source: RobotScanner | McuSource
     clock: Clock
     response_sha256: str | None = None
-    true_force_n: Callable[[int], NDArray[np.float64]] | None = None
+    true_force_n: Callable[[int], Vector] | None = None
     wakeups: tuple[WakeupLatency, ...] = ()
-    temperature_c: Callable[[], NDArray[np.float64]] | None = None
+    temperature_c: Callable[[], Vector] | None = None
 
 
-def plan_for(config: Config) -> ScanPlan:
+def scan_plan_for(config: Config) -> ScanPlan:
     """Return the order of transactions on each bus of a robot that is read over I2C."""
     return scan_plan(config.order, config.rate_sps, config.board)
 
@@ -180,7 +178,7 @@ def _microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: Scene 
 def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> ScanSource:
     """Open and start the scanner of every bus."""
     buses = open_buses(config, robot, stack)
-    plan = plan_for(config)
+    plan = scan_plan_for(config)
     scanners = []
     for bus, clock, transport in buses:
         channels = bus.channels or {leg: channel for channel, leg in enumerate(bus.legs)}

@@ -11,7 +11,7 @@ from footsense.client import LINK_IDS, REPORT_IDS, LegForce, LegReport, Link, Li
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 
-__all__ = ["LegSnapshot", "Listener", "listening"]
+__all__ = ["LegSnapshot", "Listener", "open_listener"]
 
 #: Period of reading the channel [ns].
 _POLL_NS = 5_000_000
@@ -90,7 +90,7 @@ class Listener:
 
 
 @contextmanager
-def listening(interface: str, channel: str, clock: Clock, limits: LinkLimits) -> Iterator[Listener]:
+def open_listener(interface: str, channel: str, clock: Clock, limits: LinkLimits) -> Iterator[Listener]:
     """Open a channel for listening, and close it at the end.
 
     Yields:

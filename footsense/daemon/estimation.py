@@ -5,13 +5,12 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.acquisition.scan_plan import BOARDS, ORDERS
 from footsense.config import Config
 from footsense.daemon.calibrations import load_calibrations
 from footsense.daemon.contact_limits import closure_rel_per_pf, contact_limits
-from footsense.daemon.foot_types import artefact, require_foot_type
+from footsense.daemon.foot_types import artefact_path, require_foot_type
 from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.estimation.baseline.tare import TareLimits
@@ -22,12 +21,12 @@ from footsense.estimation.pipeline import Alignment, Pipeline
 from footsense.estimation.sensitivity import sensitivity
 from footsense.foot.calibration_reader import FootCalibration
 from footsense.foot.network_card import TrainedInputs
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, Vector
 from footsense.ports import Estimator
 
 #: Calibrations by leg.
 Calibrations = Mapping[str, FootCalibration]
-PerElement = Sequence[float] | NDArray[np.float64]
+PerElement = Sequence[float] | Vector
 
 #: Scans after which a step of the load has passed through all elements and the alignment.
 _SETTLED_SCANS = 4
@@ -44,7 +43,7 @@ def load_network(config: Config, calibrations: Calibrations | None = None) -> Ne
         ModelError: The network is missing, or made for another foot type.
     """
     calibrations = load_calibrations(config) if calibrations is None else calibrations
-    path = Path(config.model) if config.model else artefact(config, "network.onnx")
+    path = Path(config.model) if config.model else artefact_path(config, "network.onnx")
     path = next((calibration.network for calibration in calibrations.values()), path)
     network = Network(path, n_rows=_n_rows(config))
     require_foot_type(path, network.card.foot_type, config)
@@ -130,7 +129,7 @@ def _alignment(config: Config, trained_inputs: TrainedInputs, estimator: Estimat
 
 def _estimator(
     config: Config, network: Network, calibrations: Calibrations
-) -> tuple[Estimator, Callable[[NDArray[np.float64]], None] | None]:
+) -> tuple[Estimator, Callable[[Vector], None] | None]:
     """Return the estimator of these feet, and what takes their temperature: None for feet without calibrations."""
     if not calibrations:
         return network, None
@@ -148,5 +147,5 @@ def _estimator(
     return feet, set_temperature
 
 
-def _per_leg(config: Config, values: Mapping[str, PerElement], default: float) -> NDArray[np.float64]:
+def _per_leg(config: Config, values: Mapping[str, PerElement], default: float) -> Vector:
     return np.array([values.get(leg, (default,) * ELEMENTS) for leg in config.legs])

@@ -10,7 +10,7 @@ from footsense.errors import ModelError
 FOOT_TYPE = DEFAULT.foot_type
 
 
-def released(name: str, foot_type: str = FOOT_TYPE) -> Path:
+def released_path(name: str, foot_type: str = FOOT_TYPE) -> Path:
     """Return the path of a released artefact: inside the installed package, or beside it in a checkout."""
     package = Path(footsense.__file__).parent
     installed = package / "models" / foot_type / name
@@ -22,7 +22,7 @@ def foot_type_of(config: Config) -> str:
     return Path(config.foot_type).name
 
 
-def artefact(config: Config, name: str) -> Path:
+def artefact_path(config: Config, name: str) -> Path:
     """Return the path of an artefact of the configured foot type.
 
     Raises:
@@ -38,7 +38,7 @@ def models_folder(foot_type: str) -> Path:
         ModelError: There is no such foot type.
     """
     if "/" not in foot_type:
-        folder = released("network.onnx", foot_type).parent
+        folder = released_path("network.onnx", foot_type).parent
         remedy = f"a folder of your own is written with a slash, such as ./{foot_type}"
     else:
         folder, remedy = Path(foot_type), "`footsense lab build --foot` makes one"

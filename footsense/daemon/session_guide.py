@@ -4,7 +4,6 @@ from collections.abc import Callable
 from zlib import crc32
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.calibration.evaluation import estimate_loads
 from footsense.calibration.loads.calibration_load import CalibrationLoad, LoadSet
@@ -12,13 +11,12 @@ from footsense.calibration.session.guide import SessionGuide
 from footsense.calibration.session.reference_checks import reference_check
 from footsense.config.test_stand import StandConfig
 from footsense.estimation.network import Network
+from footsense.frames import Mask, Vector
 from footsense.sim.scene import Effects, Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads
 from footsense.sim.test_stand.press_sequence import paper_presses
 
 __all__ = ["practice_scene", "session_guide"]
-
-Vector = NDArray[np.float64]
 
 
 def session_guide(
@@ -49,7 +47,7 @@ class _OneRow:
     def __init__(self, network: Network) -> None:
         self._network = network
 
-    def estimate(self, closure_rel: Vector, missing: NDArray[np.bool_]) -> tuple[Vector, Vector]:
+    def estimate(self, closure_rel: Vector, missing: Mask) -> tuple[Vector, Vector]:
         force_n, sigma_n = self._network.estimate(closure_rel, missing)
         return force_n[:1], sigma_n[:1]
 

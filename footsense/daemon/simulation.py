@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from footsense.config import Config
-from footsense.daemon.foot_types import artefact, require_foot_type
+from footsense.daemon.foot_types import artefact_path, require_foot_type
 from footsense.errors import ConfigError
 from footsense.foot.response_table import FootResponse
 from footsense.sim.faults.scene_faults import OnChips, OnWires
@@ -41,7 +41,7 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     ]
     if config.serial is not None:  # any wiring: the microcontroller's is not simulated
         wiring = [Wiring(400_000, 0x71, {leg: channel for channel, leg in enumerate(config.legs)})]
-    table = artefact(config, "response.npz")
+    table = artefact_path(config, "response.npz")
     response = FootResponse.load(table)
     require_foot_type(table, response.foot_type, config)
     return SimulatedRobot(scene, response, wiring)

@@ -3,9 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from footsense.frames import BaselineDrift, BaselineStatus, Cause, ContactFrame, State
+from footsense.frames import BaselineDrift, BaselineStatus, Cause, ContactFrame, Mask, State, Vector
 from footsense.recording.messages import NOT_RECORDED
 
 __all__ = ["TOLERANCE_N", "compare", "same_machine"]
@@ -91,7 +90,7 @@ def _baseline_difference(
     return None
 
 
-def _equal(a: NDArray[np.float64], b: NDArray[np.float64], tolerance: float | None) -> NDArray[np.bool_]:
+def _equal(a: Vector, b: Vector, tolerance: float | None) -> Mask:
     if tolerance is not None:
         return np.isclose(a, b, rtol=0.0, atol=tolerance, equal_nan=True)
     same_bits = np.atleast_1d(a).view(np.uint64) == np.atleast_1d(b).view(np.uint64)

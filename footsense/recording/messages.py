@@ -31,6 +31,7 @@ from footsense.frames import (
     Reading,
     Result,
     State,
+    Vector,
 )
 
 __all__ = [
@@ -179,7 +180,7 @@ def wholes(values: object, dtype: type[_Whole], shape: tuple[int, ...], most: in
     return np.array([whole(value, most, least) for value in found.flat], dtype=dtype).reshape(shape)
 
 
-def floats(values: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def floats(values: object, shape: tuple[int, ...]) -> Vector:
     """Return an array of numbers, null as NaN.
 
     Raises:
@@ -219,14 +220,14 @@ def loss_event(n_cycles: int) -> bytes:
     return json.dumps({"event": "loss", "n_cycles": n_cycles}).encode()
 
 
-def temperature_event(temperature_c: NDArray[np.float64], legs: Sequence[str]) -> bytes:
+def temperature_event(temperature_c: Vector, legs: Sequence[str]) -> bytes:
     """Return the event of changed converter temperatures [degC], shape (legs,)."""
     return dump(
         {"event": "temperature", "temperature_c": dict(zip(legs, temperature_c.tolist(), strict=True))}
     )
 
 
-def decode_temperature(event: Mapping[str, Any], legs: Sequence[str]) -> NDArray[np.float64]:
+def decode_temperature(event: Mapping[str, Any], legs: Sequence[str]) -> Vector:
     """Return the temperatures of a temperature event [degC], shape (legs,)."""
     return floats([event["temperature_c"][leg] for leg in legs], (len(legs),))
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.errors import SensorError
-from footsense.frames import Reference
+from footsense.frames import Mask, Reference
 from footsense.reference.record_decoder import SensorRecords
 from footsense.reference.sample_stream import SampleStream
 
@@ -151,9 +151,9 @@ class NetFtReference:
             self._faulty(kept["status"]),
         )
 
-    def _faulty(self, status: NDArray[np.uint32]) -> NDArray[np.bool_]:
+    def _faulty(self, status: NDArray[np.uint32]) -> Mask:
         """Return which readings the sensor flags as faulty, and log when that begins."""
-        bad: NDArray[np.bool_] = status != 0
+        bad: Mask = status != 0
         now = int(status[bad][0]) if bad.any() else 0
         if len(status):
             if now and not self._status:

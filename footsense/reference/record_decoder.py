@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from footsense.frames import Mask, Stamps, Vector
 from footsense.reference.record_columns import MAX_RECORD_BYTES, TIMES, integer_bits, largest_plausible
 
 __all__ = ["CHECKSUMS", "BinaryDecoder", "LineDecoder", "RecordDecoder", "SensorRecords"]
@@ -36,10 +36,10 @@ class SensorRecords(NamedTuple):
         saturated: Whether the sensor flags them as saturated, shape (n,).
     """
 
-    t_ns: NDArray[np.int64] | None
-    sequence: NDArray[np.int64] | None
-    raw: NDArray[np.float64]
-    saturated: NDArray[np.bool_]
+    t_ns: Stamps | None
+    sequence: Stamps | None
+    raw: Vector
+    saturated: Mask
 
 
 class RecordDecoder:
@@ -96,7 +96,7 @@ class RecordDecoder:
         self.n_bad += 1
         self.last_bad = data[:60]
 
-    def _unwrap(self, counts: NDArray[np.float64], index: int) -> NDArray[np.float64]:
+    def _unwrap(self, counts: Vector, index: int) -> Vector:
         """Return counts without wraps; one that goes back by less than half its range has gone back."""
         wrap = self._wraps[index]
         if wrap is None or not len(counts):

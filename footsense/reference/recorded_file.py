@@ -4,10 +4,9 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.errors import SensorError
-from footsense.frames import Reference
+from footsense.frames import Reference, Vector
 from footsense.reference.record_columns import TIMES, largest_plausible
 from footsense.reference.sample_stream import SensorStatistics
 from footsense.reference.sensor_mounting import SensorMounting
@@ -79,7 +78,7 @@ def read_csv(path: Path, mounting: SensorMounting, latency_ns: int) -> Reference
     return Reference(t_ns - latency_ns, force_n, saturated)
 
 
-def _sample(path: Path, line: int, row: dict[str, str], time: str) -> NDArray[np.float64]:
+def _sample(path: Path, line: int, row: dict[str, str], time: str) -> Vector:
     columns = (time, "fx", "fy", "fz")
     try:
         values = np.array([row[column] for column in columns], dtype=np.float64)

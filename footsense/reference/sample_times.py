@@ -9,9 +9,9 @@ count is corrected when samples are lost.
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.clock_map import ClockMap
+from footsense.frames import Stamps
 from footsense.reference.record_decoder import SensorRecords
 
 __all__ = ["SampleTimes"]
@@ -62,7 +62,7 @@ class SampleTimes:
         self._restarted = True
         self._late_ns.clear()
 
-    def stamp(self, records: SensorRecords, arrival_ns: int) -> NDArray[np.int64]:
+    def stamp(self, records: SensorRecords, arrival_ns: int) -> Stamps:
         """Return the sampling time of each record [ns], shape (n,).
 
         Args:

@@ -3,13 +3,12 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.frames import Mask, Vector
 
 __all__ = ["NEWTON_PER", "SensorMounting", "rotation_matrix"]
 
-Vector = NDArray[np.float64]
 
 #: Units of force [N]; the pound is the international one of 0.45359237 kg.
 NEWTON_PER = {"N": 1.0, "mN": 1e-3, "kgf": 1e3 * GRAM_FORCE_N, "gf": GRAM_FORCE_N, "lbf": 4.4482216152605}
@@ -45,10 +44,10 @@ class SensorMounting:
         self._unit_per_count = unit_per_count
         self._limit = _SATURATED_REL * np.array(rated)
 
-    def apply(self, raw: Vector) -> tuple[Vector, NDArray[np.bool_]]:
+    def apply(self, raw: Vector) -> tuple[Vector, Mask]:
         """Return forces [N], shape (n, 3), and whether an axis is saturated, shape (n,), of readings, shape (n, 3)."""
         readings = raw * self._unit_per_count
-        saturated: NDArray[np.bool_] = np.any(np.abs(readings) >= self._limit, axis=1)
+        saturated: Mask = np.any(np.abs(readings) >= self._limit, axis=1)
         return readings @ self._to_foot.T, saturated
 
 

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
+from footsense.frames import Vector
 from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
 from footsense.sim.bus.kernel_mux import SimulatedKernelMuxLeg
 from footsense.sim.chips.electronics import WiredFoot, electronics
@@ -224,6 +224,6 @@ class SimulatedRobot:
                 }
             )
 
-    def true_force_n(self, t_ns: int) -> NDArray[np.float64]:
+    def true_force_n(self, t_ns: int) -> Vector:
         """Return the true force on every foot at a time [N], shape (legs, 3), foot frame."""
         return np.array([self._load.contact(leg, t_ns).force_n for leg in self._legs])

@@ -7,9 +7,8 @@ are kept in fixed tables: a day of walking takes no more memory than a minute.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from footsense.frames import EXPECTED, USABLE, Cycle, State
+from footsense.frames import EXPECTED, USABLE, Cycle, State, Vector
 
 #: Smallest true force of a loaded frame, whose direction is defined [N].
 LOADED_N = 0.1
@@ -31,7 +30,7 @@ class Histogram:
         self._counts = np.zeros(round(end / width), np.int64)
         self._sum = 0.0
 
-    def add(self, values: NDArray[np.float64]) -> None:
+    def add(self, values: Vector) -> None:
         """Count values, none of them negative, shape (n,)."""
         bins = np.minimum((values / self._width).astype(np.int64), len(self._counts) - 1)
         np.add.at(self._counts, bins, 1)
@@ -70,9 +69,7 @@ class RunStatistics:
         true_force_n: Returns the true force on each foot at a time [ns -> N, shape (legs, 3)]; None if unknown.
     """
 
-    def __init__(
-        self, legs: tuple[str, ...], true_force_n: Callable[[int], NDArray[np.float64]] | None
-    ) -> None:
+    def __init__(self, legs: tuple[str, ...], true_force_n: Callable[[int], Vector] | None) -> None:
         self._legs = legs
         self._true_force_n = true_force_n
         self._scans = 0
@@ -101,7 +98,7 @@ class RunStatistics:
     def close(self) -> None:
         """Nothing is held."""
 
-    def _compare(self, estimate_n: NDArray[np.float64], true_n: NDArray[np.float64]) -> None:
+    def _compare(self, estimate_n: Vector, true_n: Vector) -> None:
         self._squared_n2 += np.square(estimate_n - true_n).sum(axis=0)
         self._valid += len(estimate_n)
         true, estimate = np.linalg.norm(true_n, axis=1), np.linalg.norm(estimate_n, axis=1)

@@ -92,19 +92,24 @@ class SharedCounters:
             n_cells += family.n_cells
         start = _HEAD.size + len(description)
         self._path = path
+        self._fd, unnamed = -1, path
         try:
             with contextlib.suppress(FileNotFoundError), path.open("rb") as present:
                 if _is_locked(present):
                     raise FootsenseError(f"{path}: another running service counts into this file")
             # Complete and locked before a reader can see it.
             self._fd, name = tempfile.mkstemp(prefix=f"{path.name}.", dir=path.parent)
+            unnamed = Path(name)
             fcntl.flock(self._fd, fcntl.LOCK_EX)
             os.fchmod(self._fd, 0o644)
             os.write(self._fd, _HEAD.pack(_MAGIC, len(description)) + description)
             os.ftruncate(self._fd, start + 8 * n_cells)
             self.cells = memoryview(mmap.mmap(self._fd, 0))[start:].cast("d")
-            Path(name).rename(path)
+            unnamed.rename(path)
         except OSError as error:
+            if self._fd >= 0:
+                os.close(self._fd)
+                unnamed.unlink()
             raise FootsenseError(f"{path}: cannot be written: {error.strerror}") from error
 
     def close(self) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from footsense.config import DEFAULT, Config
 from footsense.daemon.service import open_service
-from footsense.frames import USABLE, Cause, ContactFrame, Cycle, State
+from footsense.frames import USABLE, Cause, Codes, ContactFrame, Cycle, Stamps, State, Vector
 from footsense.sim.faults.scene_faults import Fault, Leg
 from footsense.sim.scene import Effects, Scene
 from footsense.sim.scene_loads import Tripod
@@ -52,14 +52,14 @@ class PublishedWalk(NamedTuple):
     """
 
     legs: tuple[str, ...]
-    t_sent_ns: NDArray[np.int64]
-    t_ns: NDArray[np.int64]
-    state: NDArray[np.uint8]
-    cause: NDArray[np.uint8]
+    t_sent_ns: Stamps
+    t_ns: Stamps
+    state: Codes
+    cause: Codes
     fault_mask: NDArray[np.uint16]
-    force_n: NDArray[np.float64]
-    sigma_n: NDArray[np.float64]
-    true_force_n: NDArray[np.float64]
+    force_n: Vector
+    sigma_n: Vector
+    true_force_n: Vector
 
 
 class FaultFigures(NamedTuple):

@@ -10,11 +10,10 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_interface.can_frames import FORCE_ID, NODE_IDS, QUALITY_ID, decode_quality
 from firmware_interface.socketcan import split_frames
-from footsense.frames import USABLE, ContactFrame, Cycle, State
+from footsense.frames import USABLE, ContactFrame, Cycle, State, Vector
 from footsense.sim.can.interface import AS_DEPLOYED
 from footsense.sim.faults.scene_faults import CanFault, Fault
 from footsense.validation.tolerances import Rules, Spans, tolerated_delays_s, tolerated_spans_s
@@ -81,9 +80,7 @@ class Invariants:
         n_states: Number of leg frames by state.
     """
 
-    def __init__(
-        self, rules: Rules, script: Sequence[Fault], true_force_n: Callable[[int], NDArray[np.float64]]
-    ) -> None:
+    def __init__(self, rules: Rules, script: Sequence[Fault], true_force_n: Callable[[int], Vector]) -> None:
         self._rules = rules
         self._true_force_n = true_force_n
         spans_of = [tolerated_spans_s(rules, script, leg) for leg in rules.legs]

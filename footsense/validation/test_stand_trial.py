@@ -9,7 +9,6 @@ from typing import Final, Literal, NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.calibration.session.recorded_session import RecordedSession, read_session
 from footsense.config import Bus, Can, Config
@@ -18,6 +17,7 @@ from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.foot_types import FOOT_TYPE
 from footsense.daemon.service import open_service
 from footsense.daemon.test_stand import StandSession
+from footsense.frames import Vector
 from footsense.sim.loads.ground_load import Load
 from footsense.sim.scene import Effects, Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads, Unloaded
@@ -26,7 +26,6 @@ from footsense.sim.test_stand.reference_sensor import RATED_GF, TRANSMISSION_NS
 
 __all__ = ["FootBatch", "FootTrial", "foot_name", "run_trial"]
 
-Vector = NDArray[np.float64]
 
 #: Twenty feet of this seed have errors near the mean of 160.
 _TYPICAL_SEED = 8

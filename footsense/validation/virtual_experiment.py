@@ -15,7 +15,6 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.calibration.evaluation import DesignModels, estimate_loads
 from footsense.calibration.fit.calibrate import calibrate
@@ -25,11 +24,11 @@ from footsense.clock import stopwatch_ns
 from footsense.daemon.foot_types import models_folder
 from footsense.errors import CalibrationError
 from footsense.foot.force_errors import errors
+from footsense.frames import Vector
 from footsense.validation.test_stand_trial import FootBatch, foot_name, run_trial
 
 __all__ = ["ALL_LOADS", "LOAD_COUNTS", "FootErrors", "FootResult", "run_experiment"]
 
-Vector = NDArray[np.float64]
 
 #: Numbers of loads that a calibration uses; the last is all there are.
 LOAD_COUNTS = (5, 10, 20, 50, 100)

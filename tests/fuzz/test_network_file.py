@@ -12,14 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from onnx import ModelProto, TensorProto, helper
 
-from footsense.daemon.foot_types import released
+from footsense.daemon.foot_types import released_path
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
 from footsense.foot.checksum_trailer import add_checksum
 from footsense.foot.network_card import read_card
 from tests.fuzz.outcome import TRIED, refusal
 
-WHOLE = released("network.onnx").read_bytes()
+WHOLE = released_path("network.onnx").read_bytes()
 CARD = json.loads(
     {entry.key: entry.value for entry in ModelProto.FromString(WHOLE).metadata_props}["footsense_card"]
 )

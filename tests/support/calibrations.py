@@ -7,7 +7,7 @@ import numpy as np
 
 import footsense
 from footsense.calibration.writer import write_calibration
-from footsense.daemon.foot_types import FOOT_TYPE, released
+from footsense.daemon.foot_types import FOOT_TYPE, released_path
 from footsense.foot.calibration_format import HeldOut, Manifest
 from footsense.foot.calibration_reader import FootCalibration
 from footsense.foot.force_errors import Errors
@@ -63,7 +63,7 @@ def content(foot: str = "foot-0007", **given: Any) -> dict[str, Any]:
     }
     values: dict[str, Any] = {
         "parameters": parameters(),
-        "network": released("network.onnx"),
+        "network": released_path("network.onnx"),
         "temperature_c": 23.5,
     }
     manifest = Manifest(**{name: given.pop(name, value) for name, value in fields.items()})

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.loads.calibration_load import LoadSet
-from footsense.daemon.foot_types import released
+from footsense.daemon.foot_types import released_path
 from footsense.foot.specimen import Deviations, Foot
 from footsense.sim.foot.fabrication import FootTolerances, fabricate
 
@@ -19,7 +19,7 @@ MADE = FootTolerances(gap_um=2.5, film_um=1.0, stray_pf=0.35, stiffness_rel=0.2,
 @lru_cache(maxsize=1)
 def design() -> DesignModels:
     """Return the released foot type."""
-    return DesignModels.load(released("network.onnx").parent)
+    return DesignModels.load(released_path("network.onnx").parent)
 
 
 def made(number: int) -> Deviations:

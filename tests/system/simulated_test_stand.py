@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from footsense.config import Bus, Can, Config
 from footsense.daemon import loop
-from footsense.daemon.foot_types import released
+from footsense.daemon.foot_types import released_path
 from footsense.daemon.service import open_service
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
@@ -80,7 +80,7 @@ def record(path: Path, foot: str = "foot-0007", n: int = 24, *, reference: bool 
 
 def true_parameters(number: int = 0) -> FootParameters:
     """Return what a perfect calibration of the foot on a leg would find, by the leg's number."""
-    response = FootResponse.load(released("response.npz"))
+    response = FootResponse.load(released_path("response.npz"))
     made = fabricate(response, MADE.tolerances, MADE.seed, MADE.first + number)
     return FootParameters(
         stray_pf=made.stray_pf,

@@ -12,7 +12,7 @@ from footsense.cli.replay import replay
 from footsense.config import Bus, Can, Config
 from footsense.config.sections import Leg
 from footsense.daemon.calibrations import load_calibrations
-from footsense.daemon.foot_types import released
+from footsense.daemon.foot_types import released_path
 from footsense.daemon.service import open_service
 from footsense.errors import ModelError
 from footsense.foot.checksum_trailer import add_checksum
@@ -106,7 +106,9 @@ def test_calibrations_that_cannot_be_used(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="foot-0009: the calibration of foot-0007, not of foot-0009"):
         load_calibrations(config(tmp_path, lf="foot-0009"))
     other = tmp_path / "other.onnx"
-    other.write_bytes(add_checksum(released("network.onnx").read_bytes()[:-86] + b"\x72\x04\x0a\x00\x12\x00"))
+    other.write_bytes(
+        add_checksum(released_path("network.onnx").read_bytes()[:-86] + b"\x72\x04\x0a\x00\x12\x00")
+    )
     calibration(tmp_path, "foot-0010", network=other)
     with pytest.raises(ModelError, match=r"foot-0010: fitted on network .* a robot has one network"):
         load_calibrations(config(tmp_path, lf="foot-0008", rf="foot-0010"))

@@ -11,7 +11,7 @@ from pathlib import Path
 import can
 
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID
-from footsense.daemon.foot_types import released
+from footsense.daemon.foot_types import released_path
 from footsense.recording.recorder import partial_path
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay
@@ -165,7 +165,7 @@ def test_a_wall_clock_that_is_set(tmp_path: Path) -> None:
 def test_files_that_change_under_the_running_service(tmp_path: Path) -> None:
     """The network and the table of the simulated feet are read once: nothing of them stays open or mapped."""
     network = tmp_path / "network.onnx"
-    shutil.copy(released("network.onnx"), network)
+    shutil.copy(released_path("network.onnx"), network)
     config, path = robot(tmp_path, more="model: network.onnx\n"), tmp_path / "walk.mcap"
     with running(tmp_path, "--config", config, "--record", path) as daemon:
         daemon.wait_until_ready()

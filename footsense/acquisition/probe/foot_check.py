@@ -7,10 +7,9 @@ readings are those of the estimation (`estimation/faults`).
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.estimation.faults.open_elements import OPEN_REL, floating_pf
-from footsense.frames import ELEMENTS, Cause, Reading
+from footsense.frames import ELEMENTS, Cause, Codes, Mask, Reading, Vector
 
 _ROW, _COLUMN = np.divmod(np.arange(ELEMENTS), 3)
 
@@ -75,25 +74,25 @@ class FootScans(NamedTuple):
         reading: How each element answered, shape (scans, 9), uint8 of `Reading`.
     """
 
-    capacitance_pf: NDArray[np.float64]
-    reading: NDArray[np.uint8]
+    capacitance_pf: Vector
+    reading: Codes
 
     @property
-    def mean_pf(self) -> NDArray[np.float64]:
+    def mean_pf(self) -> Vector:
         """Mean of each element [pF], shape (9,), NaN if a scan lacks it."""
-        mean_pf: NDArray[np.float64] = self.capacitance_pf.mean(axis=0)
+        mean_pf: Vector = self.capacitance_pf.mean(axis=0)
         return mean_pf
 
     @property
-    def noise_ff(self) -> NDArray[np.float64]:
+    def noise_ff(self) -> Vector:
         """Standard deviation of each element [fF], shape (9,), NaN if a scan lacks it."""
-        noise_pf: NDArray[np.float64] = self.capacitance_pf.std(axis=0, ddof=1)
+        noise_pf: Vector = self.capacitance_pf.std(axis=0, ddof=1)
         return noise_pf * 1e3
 
     @property
-    def worst_reading(self) -> NDArray[np.uint8]:
+    def worst_reading(self) -> Codes:
         """Highest `Reading` of each element, shape (9,); 0 if all were OK."""
-        highest: NDArray[np.uint8] = self.reading.max(axis=0)
+        highest: Codes = self.reading.max(axis=0)
         return highest
 
     @property
@@ -105,8 +104,8 @@ class FootScans(NamedTuple):
 
 def foot_faults(
     scans: FootScans,
-    stray_pf: NDArray[np.float64],
-    unloaded_pf: NDArray[np.float64],
+    stray_pf: Vector,
+    unloaded_pf: Vector,
     *,
     noise_limit_ff: float,
     unloaded_limit_rel: float,
@@ -161,7 +160,7 @@ def foot_faults(
     return tuple(broken)
 
 
-def _over_range(over: NDArray[np.bool_], opened: NDArray[np.bool_]) -> list[FootFault]:
+def _over_range(over: Mask, opened: Mask) -> list[FootFault]:
     """Return the faults of elements over the converter's range: a whole column of them has its line at ground."""
     faults = []
     for column in range(3):
@@ -185,7 +184,7 @@ def _over_range(over: NDArray[np.bool_], opened: NDArray[np.bool_]) -> list[Foot
     return faults
 
 
-def _opened(opened: NDArray[np.bool_], over: NDArray[np.bool_]) -> list[FootFault]:
+def _opened(opened: Mask, over: Mask) -> list[FootFault]:
     """Return the faults of elements without their electrode: whole lines first, then single elements."""
     if opened.all():
         what, check = "none of its elements is connected", "whether the foot is plugged in"
@@ -211,5 +210,5 @@ def _opened(opened: NDArray[np.bool_], over: NDArray[np.bool_]) -> list[FootFaul
     return faults
 
 
-def _indices(mask: NDArray[np.bool_]) -> tuple[int, ...]:
+def _indices(mask: Mask) -> tuple[int, ...]:
     return tuple(np.flatnonzero(mask).tolist())

@@ -50,11 +50,11 @@ class Run:
     swings: Mask
 
 
-def run(bench: StudyContext, method: str, steps: Steps, until_s: float, seed: int) -> Run:
+def run(context: StudyContext, method: str, steps: Steps, until_s: float, seed: int) -> Run:
     """Return the frames of feet that touch down.
 
     Args:
-        bench: Response table and network.
+        context: Response table and network.
         method: One of `METHODS`.
         steps: Steps of the feet.
         until_s: End of the run [s].
@@ -63,8 +63,8 @@ def run(bench: StudyContext, method: str, steps: Steps, until_s: float, seed: in
     step_ns, lead_ns = pace(_RATE_SPS)
     n_feet, n = len(steps.kind), int(until_s * 1e9) // step_ns
     t_ns = np.arange(1, n + 1, dtype=np.int64) * step_ns
-    read_pf = _readings(Foot(bench.response, contact=False), steps, t_ns, np.random.default_rng(seed))
-    pipeline = _pipeline(bench, method, n_feet)
+    read_pf = _readings(Foot(context.response, contact=False), steps, t_ns, np.random.default_rng(seed))
+    pipeline = _pipeline(context, method, n_feet)
     each = ELEMENTS if method == FRAME else 1
     numbers = latest(_ORDER, n)[::each]
     sent_ns = (t_ns + lead_ns)[ELEMENTS - 1 :: each]
@@ -104,10 +104,10 @@ def _readings(foot: Foot, steps: Steps, t_ns: Stamps, rng: np.random.Generator) 
     return converted_pf(all_pf, _RATE_SPS, rng)
 
 
-def _pipeline(bench: StudyContext, method: str, n_feet: int) -> Pipeline:
+def _pipeline(context: StudyContext, method: str, n_feet: int) -> Pipeline:
     """Return the daemon's pipeline of as many legs as there are feet."""
-    network = bench.network
-    card = read_card(json.dumps(network.card), str(bench.models)).trained_inputs
+    network = context.network
+    card = read_card(json.dumps(network.card), str(context.models)).trained_inputs
     design, step_ns = card.design, pace(_RATE_SPS).step_ns
     unloaded_rel = float(design.plate_distance_um(np.array([design.unloaded_pf]))[0]) / design.gap_um
     noise_rel = fdc1004.RATES[_RATE_SPS].noise_ff * 1e-3 / design.unloaded_pf * unloaded_rel

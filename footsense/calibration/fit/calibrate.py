@@ -10,7 +10,6 @@ from statistics import fmean
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.calibration.evaluation import DesignModels, Estimates, estimate_loads
 from footsense.calibration.fit.correction import fit_correction
@@ -28,11 +27,11 @@ from footsense.errors import CalibrationError
 from footsense.foot.calibration_format import HeldOut
 from footsense.foot.force_errors import errors
 from footsense.foot.parameters import FootParameters
+from footsense.frames import Mask
 from footsense.sim.foot.fabrication import rotation
 
 __all__ = ["MIN_LOADS", "CalibrationResult", "calibrate", "calibrate_sessions"]
 
-Vector = NDArray[np.float64]
 
 #: Fewest loads of a calibration: with fewer, not even the strays are identified.
 MIN_LOADS = 5
@@ -184,9 +183,7 @@ def _require_one_foot(sessions: Sequence[RecordedSession]) -> None:
             )
 
 
-def _held_out(
-    sessions: Sequence[RecordedSession], loads: LoadSet, hold_out: str | None
-) -> tuple[NDArray[np.bool_], str]:
+def _held_out(sessions: Sequence[RecordedSession], loads: LoadSet, hold_out: str | None) -> tuple[Mask, str]:
     """Return which loads are held out, shape (n,), and the protocol in words.
 
     Raises:

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.parameters import FEATURES, features
+from footsense.frames import Vector
 
 __all__ = ["Correction", "fit_correction"]
 
-Vector = NDArray[np.float64]
 
 #: Penalties per load, for features scaled to a root mean square of one.
 _PENALTIES = np.logspace(-4.0, 1.0, 11)

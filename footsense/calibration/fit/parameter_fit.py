@@ -17,7 +17,6 @@ Source:
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.calibration.fit.twin import (
     GAIN,
@@ -30,11 +29,10 @@ from footsense.calibration.fit.twin import (
     FootTwin,
 )
 from footsense.calibration.loads.calibration_load import LoadSet
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, Mask, Vector
 
 __all__ = ["PRIOR", "ParameterFit", "fit_parameters"]
 
-Vector = NDArray[np.float64]
 
 #: Prior standard deviation of each parameter: stray of the wiring [pF], electrodes by shadow mask [1], spun spacers
 #: [um], rubber of uncertain cure [1], a foot mounted by hand [rad].
@@ -188,7 +186,7 @@ class _State:
         white = self._weight[:, None, None] * (self._whitening @ slopes_pf)
         return np.concatenate([white.reshape(-1, N_PARAMETERS), np.diag(1.0 / PRIOR)])
 
-    def _slope_pf(self, number: int, rows: slice | NDArray[np.bool_]) -> Vector:
+    def _slope_pf(self, number: int, rows: slice | Mask) -> Vector:
         """Return the slope of some loads' readings by one parameter [pF per its unit], shape (rows, 9)."""
         moved = self.parameters.copy()
         moved[number] += _STEP[number]

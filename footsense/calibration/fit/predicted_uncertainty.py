@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.calibration.fit.parameter_fit import PRIOR, ParameterFit
 from footsense.calibration.fit.twin import KINDS, ContactLoads, FootTwin, parameter_names
@@ -11,10 +10,10 @@ from footsense.errors import CalibrationError
 from footsense.foot.directions import angles_between_deg, direction_grid
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import element_means
+from footsense.frames import Vector
 
 __all__ = ["IDENTIFIED_CONTRACTION", "PredictedUncertainty", "predict_uncertainty", "require_identified"]
 
-Vector = NDArray[np.float64]
 
 #: Largest predicted errors with which a calibration is made: an uncalibrated, carelessly made foot is not much worse.
 _MAX_DIRECTION_DEG, _MAX_MAGNITUDE_REL = 4.0, 0.1

@@ -11,16 +11,14 @@ load turned by the mount. The film does not appear: the unloaded distance D cont
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot import gap_contact
 from footsense.foot.response_table import FootResponse
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, Vector
 from footsense.sim.foot.fabrication import rotation
 
 __all__ = ["GAIN", "GAP", "KINDS", "MOUNT", "N_PARAMETERS", "STIFFNESS", "STRAY", "ContactLoads", "FootTwin"]
 
-Vector = NDArray[np.float64]
 
 #: Slices of the parameter vector: stray [pF], closure gain minus one [1], gap minus the design's [um], stiffness over
 #: the design's minus one [1], mount as a rotation vector [rad]. All zero is a foot as designed.

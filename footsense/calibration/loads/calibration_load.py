@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.directions import normalized
+from footsense.frames import Codes, Mask, Stamps, Vector
 
 __all__ = ["CalibrationLoad", "LoadSet", "Press", "Rejection", "column_means"]
-
-Vector = NDArray[np.float64]
 
 
 class Rejection(StrEnum):
@@ -95,13 +94,13 @@ class Press(NamedTuple):
         offset_samples: Number of those samples.
     """
 
-    t_ns: NDArray[np.int64]
+    t_ns: Stamps
     capacitance_pf: Vector
-    reading: NDArray[np.uint8]
+    reading: Codes
     estimate_n: Vector
-    sample_ns: NDArray[np.int64]
+    sample_ns: Stamps
     force_n: Vector
-    saturated: NDArray[np.bool_]
+    saturated: Mask
     before_ns: tuple[int, int]
     pressed_ns: tuple[int, int]
     after_ns: tuple[int, int] | None
@@ -142,7 +141,7 @@ class LoadSet:
         """Return the number of loads."""
         return len(self.force_n)
 
-    def subset(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> Self:
+    def subset(self, which: NDArray[np.intp] | Mask) -> Self:
         """Return some of the loads, by index or by mask."""
         return type(self)(**{name: getattr(self, name)[which] for name in self.__slots__})
 

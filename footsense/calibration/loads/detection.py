@@ -9,15 +9,13 @@ from collections.abc import Iterable
 from enum import Enum, auto
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.calibration.loads.calibration_load import CalibrationLoad, Press, Rejection, column_means
 from footsense.calibration.loads.dwell import reduce_press
-from footsense.frames import Cycle, Reading, Reference
+from footsense.frames import Codes, Cycle, Reading, Reference, Vector
 
 __all__ = ["LoadDetector", "join_references"]
 
-Vector = NDArray[np.float64]
 
 _NS_PER_MS = 1_000_000
 
@@ -56,7 +54,7 @@ class LoadDetector:
 
     def __init__(self, row: int) -> None:
         self._row = row
-        self._scans: deque[tuple[int, Vector, NDArray[np.uint8], Vector]] = deque()
+        self._scans: deque[tuple[int, Vector, Codes, Vector]] = deque()
         self._reference: deque[Reference] = deque()
         self._offsets: deque[tuple[int, Vector, int]] = deque()
         self._phase = _Phase.UNLOADED

@@ -7,16 +7,14 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.calibration.loads.calibration_load import CalibrationLoad, Press, Rejection, column_means
 from footsense.calibration.loads.reference_lag import lag_s
 from footsense.calibration.loads.steady_span import longest_steady
-from footsense.frames import ELEMENTS, Reading
+from footsense.frames import ELEMENTS, Mask, Reading, Stamps, Vector
 
 __all__ = ["reduce_press"]
 
-Vector = NDArray[np.float64]
 
 _NS_PER_S = 1_000_000_000
 
@@ -147,7 +145,7 @@ def _longest_dwell(press: Press, before: _Unloaded) -> tuple[int, int]:
     return begin_ns + edge_ns, end_ns - edge_ns
 
 
-def _beside(press: Press, t_ns: NDArray[np.int64]) -> Vector:
+def _beside(press: Press, t_ns: Stamps) -> Vector:
     """Return the mean of the reference about each time [N], shape (times, 3); NaN without a sample."""
     first = np.searchsorted(press.sample_ns, t_ns - _BESIDE_NS)
     last = np.searchsorted(press.sample_ns, t_ns + _BESIDE_NS)
@@ -182,10 +180,10 @@ def _seconds(span_ns: tuple[int, int]) -> float:
     return (span_ns[1] - span_ns[0]) / _NS_PER_S
 
 
-def _within(t_ns: NDArray[np.int64], span_ns: tuple[int, int]) -> NDArray[np.bool_]:
-    inside: NDArray[np.bool_] = (t_ns >= span_ns[0]) & (t_ns <= span_ns[1])
+def _within(t_ns: Stamps, span_ns: tuple[int, int]) -> Mask:
+    inside: Mask = (t_ns >= span_ns[0]) & (t_ns <= span_ns[1])
     return inside
 
 
-def _elements(which: NDArray[np.bool_]) -> str:
+def _elements(which: Mask) -> str:
     return ", ".join(map(str, np.flatnonzero(which)))

@@ -7,13 +7,12 @@ opposite signs on the way up and on the way down; what is not linear between for
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.calibration.loads.calibration_load import Press
+from footsense.frames import Vector
 
 __all__ = ["lag_message", "lag_s"]
 
-Vector = NDArray[np.float64]
 
 #: Span of unloaded foot and of dwell used beside each edge, and the least of the unloaded span after it [ns].
 _BESIDE_NS, _MIN_AFTER_NS = 200_000_000, 100_000_000

@@ -8,15 +8,14 @@ import math
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
+
+from footsense.frames import Stamps, Vector
 
 __all__ = ["longest_steady"]
 
-Vector = NDArray[np.float64]
-
 
 def longest_steady(
-    t_ns: NDArray[np.int64], force_n: Vector, change_pf: Vector, limit_n: Vector, limit_pf: Vector
+    t_ns: Stamps, force_n: Vector, change_pf: Vector, limit_n: Vector, limit_pf: Vector
 ) -> tuple[int, int]:
     """Return the first and the last scan of the longest span without motion; one scan if there is none.
 

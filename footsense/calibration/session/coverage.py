@@ -12,14 +12,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.directions import angles_between_deg, azimuth_elevation_deg, spiral_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.frames import Vector
 
 __all__ = ["BANDS_GF", "COMPLETE_REL", "MIN_ELEVATION_DEG", "Coverage", "NextLoad", "angles_deg"]
 
-Vector = NDArray[np.float64]
 
 #: Magnitude of each band [gf]; a load belongs to the nearest.
 BANDS_GF = (50.0, 100.0, 150.0)

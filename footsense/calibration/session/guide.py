@@ -4,7 +4,6 @@ from collections import Counter, deque
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.calibration.loads.calibration_load import CalibrationLoad, Rejection
 from footsense.calibration.loads.detection import LoadDetector
@@ -12,11 +11,10 @@ from footsense.calibration.loads.reference_lag import lag_message
 from footsense.calibration.session.coverage import Coverage, angles_deg
 from footsense.calibration.session.reference_checks import ReferenceCheck
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.frames import Cycle
+from footsense.frames import Cycle, Vector
 
 __all__ = ["SessionGuide"]
 
-Vector = NDArray[np.float64]
 
 #: Span of the displayed mean of the reference [ns].
 _SHOWN_NS = 100_000_000

@@ -9,7 +9,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.calibration.evaluation import DesignModels, estimate_loads
 from footsense.calibration.loads.calibration_load import LoadSet
@@ -17,11 +16,11 @@ from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.config.test_stand import StandConfig
 from footsense.errors import CalibrationError
 from footsense.foot.directions import angles_between_deg
+from footsense.frames import Vector
 from footsense.reference.sensor_mounting import NEWTON_PER, rotation_matrix
 
 __all__ = ["ReferenceCheck", "reference_check", "require_consistent_reference"]
 
-Vector = NDArray[np.float64]
 
 #: Returns findings, one line each, of the reference's forces and the foot's own estimates [N], shapes (n, 3).
 ReferenceCheck = Callable[[Vector, Vector], list[str]]

@@ -1,8 +1,6 @@
 """`footsense lab experiment`: the paper's experiment on simulated feet."""
 
 import json
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,15 +49,14 @@ def experiment(
     """
     folder = output or Path("docs") / ("report-quick" if quick else "report")
     require_writable(folder)
-    from footsense.cli.lab.experiment_page import STUDY, run_study
+    from footsense.cli.lab.experiment_page import study_of
     from footsense.lab.report import bind
     from footsense.lab.studies.page import StudyContext
 
     batch = FootBatch(seed=seed, foot_type=foot_type or FootBatch().foot_type)
     say: Callable[[str], None] = (lambda _: None) if as_json else stopwatch_report()
     context = StudyContext(models=models_folder(batch.foot_type), quick=quick, say=say)
-    run = partial(run_study, batch=batch, n_feet=n_feet, jobs=jobs)
-    page = replace(STUDY, compute=run).page(context)
+    page = study_of(batch, n_feet, jobs).page(context)
     page.write(folder)
     if foot_type is None:
         bind(folder, context)

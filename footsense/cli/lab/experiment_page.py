@@ -114,16 +114,26 @@ def _line(one: FootResult) -> str:
     )
 
 
-def run_study(
-    context: StudyContext, batch: FootBatch, n_feet: int | None = None, jobs: int | None = None
-) -> tuple[Results, Figures]:
-    """Load, calibrate and read feet.
+def study_of(batch: FootBatch, n_feet: int | None = None, jobs: int | None = None) -> Study[Results]:
+    """Return the study of some feet.
 
     Args:
-        context: The models.
         batch: Seed and type of the feet.
         n_feet: How many; without it as many as a full or a quick run has.
         jobs: Feet at a time; without it one for each processor.
+    """
+    run = partial(_run, batch=batch, n_feet=n_feet, jobs=jobs or os.cpu_count() or 1)
+    return Study(
+        name="experiment",
+        title="The experiment, on simulated feet",
+        results=Results,
+        compute=run,
+        command="experiment",
+    )
+
+
+def _run(context: StudyContext, batch: FootBatch, n_feet: int | None, jobs: int) -> tuple[Results, Figures]:
+    """Load, calibrate and read feet.
 
     Raises:
         FootsenseError: No foot could be read.
@@ -132,7 +142,7 @@ def run_study(
     n_feet = n_feet or (QUICK_N_FEET if context.quick else N_FEET)
     network = partial(per_foot_force_n, context.response.design, epochs=epochs)
     feet: list[FootResult] = []
-    for one in run_experiment(batch, range(n_feet), network, jobs=jobs or os.cpu_count() or 1, every=every):
+    for one in run_experiment(batch, range(n_feet), network, jobs=jobs, every=every):
         feet.append(one)
         context.say(_line(one))
     if not feet:
@@ -212,14 +222,8 @@ def _panel(axes: Axes, feet: Sequence[FootResult], error: str, paper: float) -> 
 
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
-    """Run the experiment of the report."""
-    return run_study(context, FootBatch())
+    """Run the experiment of the report: the default feet, all processors."""
+    return study_of(FootBatch()).compute(context)
 
 
-STUDY = Study(
-    name="experiment",
-    title="The experiment, on simulated feet",
-    results=Results,
-    compute=compute,
-    command="experiment",
-)
+STUDY = study_of(FootBatch())

@@ -8,7 +8,7 @@ import click
 import msgspec
 
 from footsense.cli.lab.options import models_option, released_folder, require_writable, stopwatch_report
-from footsense.daemon.foot_types import released
+from footsense.daemon.foot_types import released_path
 from footsense.errors import FootsenseError
 
 if TYPE_CHECKING:
@@ -31,10 +31,10 @@ def build(*, foot: Path | None, out: Path | None, quick: bool) -> None:
     """Solve a foot, train its network, write both with their card, and print the error table."""
     from footsense.lab.foot_file import FOOT_FILE, load_foot
 
-    description = foot or released(FOOT_FILE)
+    description = foot or released_path(FOOT_FILE)
     sole = load_foot(description)
     folder = (out or Path("models-quick" if quick else "models")) / sole.foot_type
-    for known in (folder, released(FOOT_FILE, sole.foot_type).parent):
+    for known in (folder, released_path(FOOT_FILE, sole.foot_type).parent):
         _require_no_other(known / FOOT_FILE, description, sole)
     require_writable(folder)
     from footsense.lab.build import FULL, QUICK

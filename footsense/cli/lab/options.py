@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from footsense.clock import stopwatch_ns
-from footsense.daemon.foot_types import released
+from footsense.daemon.foot_types import released_path
 from footsense.errors import FootsenseError
 
 models_option = click.option(
@@ -19,7 +19,7 @@ models_option = click.option(
 
 def released_folder() -> Path:
     """Return the folder of the released foot type."""
-    return released("network.onnx").parent
+    return released_path("network.onnx").parent
 
 
 def require_writable(folder: Path) -> None:

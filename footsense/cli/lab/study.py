@@ -10,7 +10,7 @@ import click
 
 from footsense.cli.lab.options import models_option, released_folder, require_writable, stopwatch_report
 from footsense.clock import stopwatch_ns
-from footsense.daemon.foot_types import FOOT_TYPE, released
+from footsense.daemon.foot_types import FOOT_TYPE, released_path
 from footsense.errors import FootsenseError
 
 if TYPE_CHECKING:
@@ -25,7 +25,10 @@ DAEMON_STUDIES = {
 }
 
 #: Pages that have commands of their own, with their modules.
-OTHER_PAGES = {"experiment": "footsense.cli.lab.experiment_page"}
+OTHER_PAGES = {
+    "experiment": "footsense.cli.lab.experiment_page",
+    "faults": "footsense.cli.lab.faults_page",
+}
 
 _quick_option = click.option(
     "--quick", is_flag=True, help="Every step in seconds; its figures are no results."
@@ -224,7 +227,7 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
 
     say, started_ns, build_s = stopwatch_report(), stopwatch_ns(), None
     if not (resume and all((folder / name).exists() for name in (NETWORK_FILE, RESPONSE_FILE))):
-        build(released(FOOT_FILE), folder, QUICK if quick else FULL, say)
+        build(released_path(FOOT_FILE), folder, QUICK if quick else FULL, say)
         build_s = (stopwatch_ns() - started_ns) / 1e9
     context = StudyContext(models=folder, quick=quick, say=say)
     if not (resume and is_made("faults", pages, context)):

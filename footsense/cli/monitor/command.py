@@ -14,7 +14,7 @@ from footsense.cli.monitor.table import cause_text, monitor_table
 from footsense.cli.options import StopRequest, duration_option, echo_json
 from footsense.client import LinkLimits
 from footsense.clock import MonotonicClock
-from footsense.daemon.can_listener import LegSnapshot, Listener, listening
+from footsense.daemon.can_listener import LegSnapshot, Listener, open_listener
 
 #: Default channel of each interface; the multicast address is that of python-can and of deploy/simulated.yaml.
 _CHANNELS = {"socketcan": "can0", "udp_multicast": "239.74.163.2"}
@@ -65,7 +65,7 @@ def monitor(
         raise click.BadParameter(
             f"{name} is no IPv4 multicast address; try {_CHANNELS[interface]}", param_hint="--channel"
         )
-    with listening(interface, name, clock, limits) as listener:
+    with open_listener(interface, name, clock, limits) as listener:
         if as_json or not console.is_terminal:
             for t_ns in _periods(listener, start_ns, end_ns, _NS_PER_S, stop):
                 for snapshot in listener.snapshot():

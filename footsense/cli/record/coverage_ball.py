@@ -8,7 +8,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.text import Text
 
 from footsense.calibration.session.coverage import (
@@ -21,10 +20,10 @@ from footsense.calibration.session.coverage import (
 )
 from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.frames import Vector
 
 __all__ = ["COLUMNS", "GLYPHS", "PLAIN_GLYPHS", "Glyphs", "discs"]
 
-Vector = NDArray[np.float64]
 
 _ROWS = 11
 COLUMNS = 2 * _ROWS - 1

@@ -4,18 +4,18 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from footsense.calibration.session.coverage import BANDS_GF, MIN_ELEVATION_DEG, Coverage
 from footsense.foot.directions import azimuth_elevation_deg
 from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.frames import Vector
 
 __all__ = ["draw_coverage"]
 
 _RINGS_DEG = (40.0, 50.0, 60.0, 70.0, 80.0)
 
 
-def draw_coverage(path: Path, coverage: Coverage, loads_n: NDArray[np.float64], title: str) -> None:
+def draw_coverage(path: Path, coverage: Coverage, loads_n: Vector, title: str) -> None:
     """Draw the loads of each magnitude and their reach, seen from above, forward up.
 
     Args:

@@ -3,7 +3,6 @@
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console, Group
 from rich.text import Text
 
@@ -12,7 +11,7 @@ from footsense.calibration.session.guide import SessionGuide
 from footsense.cli.live_view import LiveView, can_show
 from footsense.cli.record.coverage_ball import GLYPHS, PLAIN_GLYPHS, discs
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.frames import USABLE, Cycle, State
+from footsense.frames import USABLE, Cycle, State, Vector
 
 __all__ = ["MESSAGES", "RecordTable"]
 
@@ -74,7 +73,7 @@ class RecordTable(LiveView):
         )
 
 
-def _force(force_n: NDArray[np.float64]) -> str:
+def _force(force_n: Vector) -> str:
     """Return a force as text.
 
     Example:

@@ -2,15 +2,13 @@
 
 from collections.abc import Callable
 
-import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console, Group, RenderableType
 from rich.progress_bar import ProgressBar
 from rich.text import Text
 
 from footsense.cli.leg_table import EMPTY, FORCE_COLUMNS, force_cells, leg_table, state_text
 from footsense.cli.live_view import LiveView
-from footsense.frames import USABLE, Cycle, State
+from footsense.frames import USABLE, Cycle, State, Vector
 
 _PERIOD_NS = 66_000_000
 _BAR_CELLS = 10
@@ -33,7 +31,7 @@ class LiveTable(LiveView):
         console: Console,
         legs: tuple[str, ...],
         title: str,
-        true_force_n: Callable[[int], NDArray[np.float64]] | None,
+        true_force_n: Callable[[int], Vector] | None,
     ) -> None:
         super().__init__(console, _PERIOD_NS)
         self._legs = legs

@@ -13,7 +13,7 @@ from footsense.acquisition.probe.foot_check import FootFault, FootScans, foot_fa
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.config import Config
-from footsense.daemon.acquisition import open_buses, open_scan_source, plan_for
+from footsense.daemon.acquisition import open_buses, open_scan_source, scan_plan_for
 from footsense.daemon.estimation import load_network
 from footsense.daemon.probe.diagnosis import bus_diagnoses, leg_diagnoses
 from footsense.daemon.probe.report import Diagnosis, ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
@@ -73,7 +73,7 @@ def probe(config: Config, scene: Scene | None) -> ProbeResult:
     diagnoses: list[Diagnosis] = []
     floor_ns = 0
     if config.buses:  # a microcontroller has its own buses
-        plan = plan_for(config)
+        plan = scan_plan_for(config)
         buses = tuple(_probe_buses(config, scene, plan))
         diagnoses += [diagnosis for report in buses for diagnosis in bus_diagnoses(report, plan)]
         floor_ns = ELEMENTS * plan.conversion_ns

@@ -7,7 +7,6 @@ sequence numbers that restart with a reset; all records of a scan in one burst, 
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_interface import fdc1004
 from firmware_interface.can_codes import NODE_IDS
@@ -20,6 +19,7 @@ from firmware_interface.serial_frames import (
     encode_record,
     pack_values,
 )
+from footsense.frames import Vector
 from footsense.sim.chips.electronics import WiredFoot
 from footsense.sim.chips.line_switch import LineStates
 from footsense.sim.faults.schedule import Span, during
@@ -47,7 +47,7 @@ _ALONE = [LineStates(0, 1 << row, 0b111 & ~(1 << row)) for row in range(_ROWS)]
 _NOISE_DRAW = 6
 
 #: Capacitances of a leg's elements at a time [ns], stray included [pF], shape (9,).
-Elements = Callable[[int], NDArray[np.float64]]
+Elements = Callable[[int], Vector]
 
 
 class SimulatedMcu:
@@ -148,7 +148,7 @@ def simulated_mcu(robot: SimulatedRobot, scene: Scene, rate_hz: float) -> Simula
 def _measured(foot: WiredFoot, stray_pf: float) -> Elements:
     """Return the elements of a foot as electronics without a fault of their own measure them, row by row."""
 
-    def elements_pf(t_ns: int) -> NDArray[np.float64]:
+    def elements_pf(t_ns: int) -> Vector:
         element_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)]
         return np.array(
             [

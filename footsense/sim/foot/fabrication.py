@@ -6,13 +6,10 @@ Each foot is reproducible by itself, from its number, a seed and the tolerances.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations
-from footsense.frames import ELEMENTS
-
-Vector = NDArray[np.float64]
+from footsense.frames import ELEMENTS, Vector
 
 #: Least gap, film and stiffness over the designed one [1]; a draw below is repeated.
 LEAST_REL = 0.25

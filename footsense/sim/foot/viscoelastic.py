@@ -16,9 +16,8 @@ Source:
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from footsense.frames import Vector
 
 #: Share that creeps [1] and its retardation time [s].
 CREEP_REL = np.array([0.03, 0.02, 0.02])

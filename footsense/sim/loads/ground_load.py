@@ -12,11 +12,8 @@ from importlib.resources import files
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from footsense.frames import LEGS
-
-Vector = NDArray[np.float64]
+from footsense.frames import LEGS, Vector
 
 _NS_PER_S = 1_000_000_000
 #: Legs of a tripod gait that step half a period later than the others.

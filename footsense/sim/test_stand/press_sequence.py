@@ -8,15 +8,13 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.directions import normalized, paper_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.frames import Vector
 from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact
 
 __all__ = ["PressSequence", "paper_presses"]
-
-Vector = NDArray[np.float64]
 
 
 def paper_presses(protocol: Literal["training", "verification"]) -> Vector:

@@ -15,14 +15,13 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.frames import Vector
 from footsense.ports import Clock
 
 __all__ = ["COLUMNS", "RATED_GF", "RATE_HZ", "TRANSMISSION_NS", "SimulatedPort", "SimulatedSensor"]
 
-Vector = NDArray[np.float64]
 
 #: Rated value and resolution of fx, fy, fz [gf]; table II of the paper.
 RATED_GF = np.array([4000.0, 4000.0, 8000.0])

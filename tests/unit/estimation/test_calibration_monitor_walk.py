@@ -11,7 +11,7 @@ import pytest
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.config import DEFAULT, Config
 from footsense.daemon.estimation import load_network, pipeline_for
-from footsense.daemon.foot_types import released
+from footsense.daemon.foot_types import released_path
 from footsense.estimation.faults.calibration_monitor import REFERENCE_STRIDES
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
@@ -34,7 +34,7 @@ NETWORK = load_network(DEFAULT)
 @cache
 def stride_pf(softness: float) -> tuple[Vector, Vector]:
     """Return what a scan of a foot at rest reads, and those of a stride by frame and leg [pF]."""
-    foot = Foot(FootResponse.load(released("response.npz")))
+    foot = Foot(FootResponse.load(released_path("response.npz")))
     reaction = smooth_step(0.6, 0.8, 0.15)
     walk = Walk(dict.fromkeys(LEGS, reaction), PERIOD_NS, duty_rel=0.6, pitch_deg=10.0, from_ns=0)
     scans = np.empty((FRAMES, len(LEGS), ELEMENTS))

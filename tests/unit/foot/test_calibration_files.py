@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from footsense.calibration.writer import check_calibration_target, write_calibration
-from footsense.daemon.foot_types import FOOT_TYPE, released
+from footsense.daemon.foot_types import FOOT_TYPE, released_path
 from footsense.errors import CalibrationError, FootsenseError, ModelError
 from footsense.foot.calibration_format import Manifest
 from footsense.foot.calibration_reader import read_calibration
@@ -46,7 +46,7 @@ def change_byte(file: Path, old: bytes, new: bytes) -> None:
 
 def other_network(folder: Path) -> None:
     """Put a network there that is one, but not the one."""
-    content = released("network.onnx").read_bytes()[:-86]
+    content = released_path("network.onnx").read_bytes()[:-86]
     (folder / "network.onnx").write_bytes(add_checksum(content + b"\x72\x04\x0a\x00\x12\x00"))
     reseal(folder)
 
@@ -60,7 +60,9 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
         assert np.array_equal(getattr(again.parameters, field.name), getattr(parameters(), field.name))
     assert again.manifest == written.manifest
     assert again.manifest.held_out == content()["manifest"].held_out
-    assert again.network_sha256 == hashlib.sha256(released("network.onnx").read_bytes()[:-86]).hexdigest()
+    assert (
+        again.network_sha256 == hashlib.sha256(released_path("network.onnx").read_bytes()[:-86]).hexdigest()
+    )
     assert again.calibrated_at == CalibratedAt(23.5, STIFFNESS_PER_K)
     assert {entry.name for entry in feet.iterdir()} == {"foot-0007"}, "nothing is left beside it"
     assert (feet / "foot-0007").stat().st_mode & 0o777 == 0o755, "the service is another user"
@@ -137,7 +139,7 @@ def test_what_is_wrong_is_said(tmp_path: Path, harm: Callable[[Path], Any], said
 def test_a_network_cut_short(tmp_path: Path) -> None:
     """The checksum of a network counts inside a calibration as anywhere, hashes made anew or not."""
     folder = calibration(tmp_path).folder
-    (folder / "network.onnx").write_bytes(released("network.onnx").read_bytes()[:-100])
+    (folder / "network.onnx").write_bytes(released_path("network.onnx").read_bytes()[:-100])
     reseal(folder)
     with pytest.raises(ModelError, match="no checksum at its end"):
         read_calibration(folder, FOOT_TYPE)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from footsense.daemon.foot_types import released
+from footsense.daemon.foot_types import released_path
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import LEGS
@@ -17,7 +17,7 @@ MS = 1_000_000
 @pytest.mark.parametrize("softness", [1.0, 0.9983, 0.9277])
 def test_the_table_is_the_foot(softness: float) -> None:
     """Less than a twentieth of a converter's noise, all over the stance and at a temperature between two tables."""
-    foot, walk = Foot(FootResponse.load(released("response.npz"))), WALK.build(0)
+    foot, walk = Foot(FootResponse.load(released_path("response.npz"))), WALK.build(0)
     table = GaitTable(foot, walk, "lf", (1.0, 0.92))
     phases = np.random.default_rng(1).uniform(0.0, 0.6, 300)
     contacts = [walk.contact_at("lf", phase) for phase in phases.tolist()]

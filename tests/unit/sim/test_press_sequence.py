@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.daemon.foot_types import released
+from footsense.daemon.foot_types import released_path
 from footsense.errors import ConfigError
 from footsense.foot.response_table import FootResponse
 from footsense.sim.foot.viscoelastic import CREEP_REL, CREEP_TIME_S, PLAY_N, PLAY_REL, ViscoelasticElement
@@ -82,7 +82,7 @@ def test_the_loop_is_as_wide_as_its_plays_and_the_rubber_is_at_rest_at_first() -
 
 def test_made_feet_differ_and_are_the_same_each_time() -> None:
     """Each leg has its own foot; the numbers name them."""
-    response = FootResponse.load(released("response.npz"))
+    response = FootResponse.load(released_path("response.npz"))
 
     def unloaded_pf(first: int) -> list[float]:
         scene = Scene(

@@ -1,3 +1,4 @@
+import errno
 import fcntl
 import math
 import subprocess
@@ -272,6 +273,20 @@ def test_a_file_that_cannot_be_created_is_one_line(tmp_path: Path) -> None:
     """The service goes on without metrics then."""
     with pytest.raises(FootsenseError, match=r"none/counters: cannot be written: No such file"):
         SharedCounters([], tmp_path / "none" / "counters")
+
+
+def test_a_file_that_cannot_be_replaced_leaves_nothing_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As with a file of another user in /dev/shm, whose sticky bit forbids to replace it."""
+
+    def forbidden(path: Path, target: Path) -> None:
+        raise PermissionError(errno.EPERM, "Operation not permitted", str(path), None, str(target))
+
+    monkeypatch.setattr(Path, "rename", forbidden)
+    with pytest.raises(FootsenseError, match=r"counters: cannot be written: Operation not permitted"):
+        SharedCounters([MetricFamily("a_total", "counter", "A.")], tmp_path / "counters")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_two_services_do_not_count_into_one_file(metrics: MetricsObserver, tmp_path: Path) -> None:
