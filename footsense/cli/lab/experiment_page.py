@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from footsense.errors import FootsenseError
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels
 from footsense.lab.training.paper_procedure import EPOCHS
 from footsense.lab.training.per_foot_network import per_foot_force_n
 from footsense.sim.foot.fabrication import AS_BADLY_MADE, FootTolerances
@@ -26,7 +26,7 @@ N_FEET, QUICK_N_FEET, _QUICK_EVERY = 20, 2, 7
 #: Epochs of the network without physics in a quick run.
 _QUICK_EPOCHS = 500
 #: The estimators, in words.
-_ESTIMATORS = {
+ESTIMATORS = {
     "design_only": "network of the design alone",
     **{f"calibrated_{n}": f"calibrated with {n} loads" for n in LOAD_COUNTS},
     f"calibrated_{ALL_LOADS}": "calibrated with all loads",
@@ -128,7 +128,6 @@ def study_of(batch: FootBatch, n_feet: int | None = None, jobs: int | None = Non
         title="The experiment, on simulated feet",
         results=Results,
         compute=run,
-        render=render,
         command="experiment",
     )
 
@@ -172,7 +171,7 @@ def _run(context: StudyContext, batch: FootBatch, n_feet: int | None, jobs: int)
 def _estimators(feet: list[FootResult]) -> dict[str, EstimatorErrors]:
     """Return the errors of every estimator over the feet that it could read."""
     found = {}
-    for name in _ESTIMATORS:
+    for name in ESTIMATORS:
         read = [one.errors[name] for one in feet if name in one.errors]
         if read:
             columns = {
@@ -220,46 +219,6 @@ def _panel(axes: Axes, feet: Sequence[FootResult], error: str, paper: float) -> 
     axes.set_xticklabels([str(n) for n in counts])
     axes.grid(visible=True, which="both", alpha=0.3)
     axes.legend(fontsize=8)
-
-
-def render(results: Results) -> str:
-    """Return the page's text."""
-    columns = ("direction_deg", "magnitude_gf", "true_direction_deg", "true_magnitude_gf")
-    rows = [
-        [_ESTIMATORS[name], *(str(getattr(errors, column)) for column in columns), str(errors.feet)]
-        for name, errors in results.estimators.items()
-    ]
-    own = results.tolerances
-    refused = [
-        f"- {foot}, {name}: {why}"
-        for foot, reasons in results.refused.items()
-        for name, why in reasons.items()
-    ]
-    lines = "\n".join(refused)
-    quick = f"One of {results.every} loads. " if results.every > 1 else ""
-    return f"""
-{quick}The paper's network came to 2.4 deg / 5.3 gf in simulation, and to 15.9 deg / 18.7 gf on its fabricated foot
-(section V C). Here {results.feet} feet are drawn with rms deviations of {own.gap_um:g} um of each gap, {own.film_um:g}
-um of each film, {own.stray_pf:g} pF of unknown stray beside each element, {own.stiffness_rel:.0%} of the stiffness and
-{own.mount_deg:g} deg of the mount. Their rubber is viscoelastic, gaps close, converters are noisy and off in their
-clocks. These levels are chosen so that the network of the design, without any calibration, has the paper's errors.
-
-Each foot is pressed on a simulated test stand at the paper's 362 loads (50 and 150 gf) and, mounted anew, at its 180
-(100 gf), read by the daemon through the bytes of its chips, beside a simulated three-axis sensor (4/4/8 kgf, steps of
-4/4/12 gf, 1.5 % linearity, a clock of its own), and recorded. The first session is calibrated with all its loads, and
-with the 5 to 100 that cover the forces best; the second compares all estimators. Means over feet, ± the standard
-deviation between them. Errors are those against the reference, as in the paper, whose own gain is off by up to 4 %
-there; *true*: against the simulator's true force.
-
-{table(["estimator", "deg", "gf", "deg, true", "gf, true", "feet"], rows)}
-
-![]({_FIGURE})
-
-- Of 362 loads {results.training_loads.mean:.0f} count on average: on soft feet the heavier ones go beyond the
-  converter's range. Of the 180, {results.unread_loads.mean:.1f} are beyond some estimator, and are left out for all.
-- From a recording to a foot's parameters: {results.calibrate_s.mean:.1f} ± {results.calibrate_s.std:.1f} s.
-{lines}
-"""
 
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
