@@ -1,1 +1,1 @@
-"""Registers, addresses and bit fields of the chips on the boards, from their data sheets."""
+"""Registers of the chips, as their data sheets number them."""

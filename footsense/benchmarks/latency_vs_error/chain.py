@@ -18,7 +18,7 @@ from firmware_interface.chips import fdc1004
 from firmware_interface.schedule import scan_limits
 from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
-from footsense.foot.network_card import TrainedInputs
+from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS
 from footsense.ports import Estimator
