@@ -1,1 +1,1 @@
-"""Speed beside its limits: scan, cycle, wake-up latency, each with its floor in the same run."""
+"""Speed beside its limits: scan, cycle and wake-up latency; studies of latency against error."""

@@ -16,7 +16,7 @@ from footsense.daemon.foot_types import released_path
 from footsense.errors import FootsenseError
 from footsense.estimation.faults.consistency import RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
-from footsense.foot.network_card import TrainedInputs
+from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import ELEMENTS, CapFrame
 
 __all__ = ["CFloor", "codes_of", "compiler", "has_c_floor", "round_ns"]
@@ -68,15 +68,15 @@ def _weights(model: bytes) -> dict[str, NDArray[np.float32]]:
 
 
 class CFloor:
-    """One cycle in C.
+    """One cycle in C: a lower bound of its duration.
 
     Args:
-        folder: Where the library is built.
+        folder: Folder for the library.
         config: A robot of six legs without stray.
-        calibration: What its network's card says.
+        calibration: Inputs that the network was trained for.
 
     Raises:
-        FootsenseError: There is no compiler, or it does not compile this.
+        FootsenseError: There is no compiler, or it fails.
     """
 
     def __init__(self, folder: Path, config: Config, calibration: TrainedInputs) -> None:
@@ -103,17 +103,24 @@ class CFloor:
         self._force_n = np.zeros((_LEGS, 3))
 
     def tare(self, baseline_pf: _Doubles) -> None:
-        """Take over the zeros of all legs [pF], shape (legs, 9)."""
+        """Set the baselines of all legs [pF], shape (legs, 9)."""
         baseline_pf = np.ascontiguousarray(baseline_pf, np.float64)
         self._library.floor_tare(_address(baseline_pf))
 
     def run(
         self, scan: CapFrame, codes: NDArray[np.int32], now_ns: int, socket: int, pipe: int
     ) -> _Doubles | None:
-        """Do one cycle, the frames to a socket and the record to a pipe.
+        """Do one cycle.
+
+        Args:
+            scan: The scan.
+            codes: Its converter codes, shape (legs, 9).
+            now_ns: Time of the cycle [ns].
+            socket: File descriptor for the frames.
+            pipe: File descriptor for the record.
 
         Returns:
-            The forces [N], shape (legs, 3), valid until the next call; None if a leg gives none.
+            Forces [N], shape (legs, 3), valid until the next call; None if a leg has none.
         """
         failed = self._library.floor_cycle(
             *(codes.ctypes.data, scan.t_ns.ctypes.data, now_ns, socket, pipe, self._force_n.ctypes.data)
@@ -123,16 +130,16 @@ class CFloor:
     def pace(
         self, period_ns: int, played: list[tuple[CapFrame, int]], n: int, fds: tuple[int, ...]
     ) -> _Stamps:
-        """Do `n` cycles, one a period, of scans that are played round and round.
+        """Do `n` cycles, one per period, of scans in a loop.
 
         Args:
             period_ns: Time from deadline to deadline [ns].
-            played: Scans, and when each is processed, in their time [ns].
+            played: Scans, each with the time of its cycle [ns].
             n: Cycles.
-            fds: Both ends of the socket, and the pipe's to write and to read.
+            fds: File descriptors as of `Loopback.fds`.
 
         Returns:
-            How late each cycle began [ns], shape (n,).
+            Wake-up latency of each cycle [ns], shape (n,).
         """
         scans, times = zip(*played, strict=True)
         codes = np.stack([codes_of(scan) for scan in scans])
@@ -146,7 +153,7 @@ class CFloor:
 
 
 def round_ns(played: list[tuple[CapFrame, int]]) -> int:
-    """Return after how long scans that are played round and round begin anew [ns]: one scan after the last."""
+    """Return the duration of one round of scans in a loop [ns]."""
     return played[-1][1] - played[0][1] + (played[1][1] - played[0][1])
 
 
@@ -155,10 +162,10 @@ def _address(array: NDArray[Any]) -> ctypes.c_void_p:
 
 
 def _built(folder: Path, n_units: int) -> ctypes.CDLL:
-    """Compile the library and load it.
+    """Compile and load the library.
 
     Raises:
-        FootsenseError: It cannot be compiled.
+        FootsenseError: There is no compiler, or it fails.
     """
     found = compiler()
     if found is None:

@@ -1,7 +1,7 @@
-"""The part of `footsense benchmark` about one cycle: what it costs us, a floor in C, and a naive program, in turns.
+"""Part of `footsense benchmark`: cost of a cycle, of the C floor, and of a naive program, in turns.
 
-A whole cycle: estimate, publish, count, record. Each of the three sends to a socket of the same kind, a stand-in for
-CAN's that any machine has, and records into a pipe of the same kind; both are drained between cycles.
+A whole cycle: estimate, publish, count, record. Each of the three sends to a socket pair, which stands for CAN on any
+machine, and records into a pipe; both are drained between cycles.
 """
 
 import os
@@ -37,8 +37,8 @@ from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
 __all__ = [
     "PRIORITY",
     "WARM_UP",
+    "Loopback",
     "OurCycle",
-    "Outlets",
     "cycle_figures",
     "our_cycle",
     "recorded_scans",
@@ -46,18 +46,18 @@ __all__ = [
     "tared_floor",
 ]
 
-#: Of SCHED_FIFO, as the service has it by default; without it the figures tell of whoever else is busy.
+#: Priority of SCHED_FIFO, the default of the service; without it the figures include other processes.
 PRIORITY = Realtime().priority
-#: Scans in which the feet are tared.
+#: Scans at the begin, in which the feet are tared.
 WARM_UP = 40
-#: Cycles in a row of one way before the next way has its turn.
+#: Cycles in a row of one program before the turn of the next.
 _RUN = 25
 #: Largest difference between the floor's forces and ours [N]: half a step of the wire.
 _SAME_N = 1e-3
 
 
-class Outlets:
-    """Where the frames and the record of a cycle go."""
+class Loopback:
+    """A socket pair and a pipe that take the frames and the record of a cycle."""
 
     def __init__(self) -> None:
         self.socket, self._sink = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -70,7 +70,7 @@ class Outlets:
         return self.socket.fileno(), self._sink.fileno(), self.pipe, self._drain
 
     def drain(self) -> None:
-        """Take out what a cycle has left."""
+        """Discard the frames and the record of a cycle."""
         with suppress(BlockingIOError):
             while True:
                 self._sink.recv(64, socket.MSG_DONTWAIT)
@@ -78,7 +78,7 @@ class Outlets:
             os.read(self._drain, 1 << 16)
 
     def close(self) -> None:
-        """Release all ends."""
+        """Close all ends."""
         self.socket.close()
         self._sink.close()
         os.close(self._drain)
@@ -103,28 +103,28 @@ class OurCycle(NamedTuple):
     """A cycle of the service's own parts.
 
     Attributes:
-        run: Does one cycle with a scan, as of a time [ns].
-        baseline_pf: Returns the zeros that the next cycle begins with [pF], shape (legs, 9).
+        run: Processes a scan at a time [ns].
+        baseline_pf: Returns the baselines at the begin of the next cycle [pF], shape (legs, 9).
         counters: File of its metrics.
-        outlets: Where its frames and records go.
+        loopback: Receiver of its frames and records.
     """
 
     run: Callable[[CapFrame, int], Cycle]
     baseline_pf: Callable[[], NDArray[np.float64]]
     counters: Path
-    outlets: Outlets
+    loopback: Loopback
 
 
 @contextmanager
 def our_cycle() -> Iterator[OurCycle]:
-    """Put together what the service does with a scan.
+    """Compose the cycle of the service.
 
     Yields:
-        The cycle; its counters are there until the end.
+        The cycle; its counters exist until the end.
     """
-    clock, stats, outlets = VirtualClock(), CanStatistics(), Outlets()
+    clock, stats, loopback = VirtualClock(), CanStatistics(), Loopback()
     pipeline = pipeline_for(DEFAULT, load_network(DEFAULT), Flag.SIMULATED)
-    wire = SocketWire(outlets.socket, lambda: None)
+    wire = SocketWire(loopback.socket, lambda: None)
     with (
         TemporaryDirectory(dir="/dev/shm") as folder,
         can_sink(DEFAULT, clock, None, stats, connect=lambda: wire) as sink,
@@ -135,7 +135,7 @@ def our_cycle() -> Iterator[OurCycle]:
             Journal(DEFAULT.legs),
             SystemdObserver(SystemdNotifier({}), DEFAULT.legs),
             metrics,
-            _Recording(outlets.pipe, DEFAULT.legs),
+            _Recording(loopback.pipe, DEFAULT.legs),
         )
 
         def run(scan: CapFrame, now_ns: int) -> Cycle:
@@ -143,10 +143,10 @@ def our_cycle() -> Iterator[OurCycle]:
             return step(scan, tuple(sink.commands()), pipeline, sink, observers, clock)
 
         try:
-            yield OurCycle(run, lambda: pipeline.baseline_pf, counters, outlets)
+            yield OurCycle(run, lambda: pipeline.baseline_pf, counters, loopback)
         finally:
             metrics.close()
-    outlets.close()
+    loopback.close()
 
 
 def recorded_scans(n: int) -> list[CapFrame]:
@@ -156,12 +156,12 @@ def recorded_scans(n: int) -> list[CapFrame]:
 
 
 def sent_ns(scan: CapFrame) -> int:
-    """Return when a scan is processed, in its own time [ns]: when the last element has been read."""
+    """Return the time at which a scan is processed, by its own clock [ns]: after the read-out of its last element."""
     return int(scan.t_ns.max()) + 2_000_000
 
 
 def tared_floor(folder: Path, scans: list[CapFrame]) -> CFloor:
-    """Return the floor with the zeros that the service's tare finds in the first scans.
+    """Return the C floor, tared with the first scans as the service does.
 
     Raises:
         FootsenseError: It cannot be compiled.
@@ -172,25 +172,26 @@ def tared_floor(folder: Path, scans: list[CapFrame]) -> CFloor:
 
 
 class _Times(NamedTuple):
+    """Duration of every cycle of each program [ns]."""
+
     ours_ns: list[int]
     floor_ns: list[int]
     naive_ns: list[int]
 
 
 def cycle_figures(scans: list[CapFrame]) -> dict[str, Any]:
-    """Return what a cycle costs [us] and the ratios; None where there is nothing to compare with.
+    """Return the durations of a cycle [us] and their ratios; None without the C floor or the naive program.
 
-    Hot first, as one cycle follows another; then cold, after the naive program has swept the processor's caches as the
-    rest of a robot does.
+    Hot: cycles of one program in a row. Cold: each after a cycle of the naive program, which evicts the caches as the
+    rest of a robot's software does.
 
     Args:
-        scans: What to process, WARM_UP of them before anything counts.
+        scans: Scans to process; the first `WARM_UP` do not count.
 
     Raises:
-        FootsenseError: The floor's forces are not ours.
+        FootsenseError: The forces of the C floor are not ours.
     """
-    hot, cold = _figures(scans, _RUN), _figures(scans, 1)
-    return {**hot, "cold": cold}
+    return {**_figures(scans, _RUN), "cold": _figures(scans, 1)}
 
 
 def _figures(scans: list[CapFrame], run: int) -> dict[str, float | None]:
@@ -200,22 +201,23 @@ def _figures(scans: list[CapFrame], run: int) -> dict[str, float | None]:
             times = _time(scans, run, ours, floor, naive)
     ours_us, floor_us, naive_us = (np.array(part[WARM_UP:]) * 1e-3 for part in times)
     p50 = float(np.median(ours_us))
+    c_floor_p50, naive_p50 = (float(np.median(us)) if len(us) else None for us in (floor_us, naive_us))
     return {
         "p50": p50,
         "p99": float(np.quantile(ours_us, 0.99)),
-        "c_floor_p50": float(np.median(floor_us)) if floor else None,
-        "naive_p50": float(np.median(naive_us)) if naive else None,
-        "cycle_over_c_floor": p50 / float(np.median(floor_us)) if floor else None,
-        "naive_over_cycle": float(np.median(naive_us)) / p50 if naive else None,
+        "c_floor_p50": c_floor_p50,
+        "naive_p50": naive_p50,
+        "cycle_over_c_floor": p50 / c_floor_p50 if c_floor_p50 else None,
+        "naive_over_cycle": naive_p50 / p50 if naive_p50 else None,
     }
 
 
 def _time(
     scans: list[CapFrame], run: int, ours: OurCycle, floor: CFloor | None, naive: NaiveCycle | None
 ) -> _Times:
-    """Time each cycle three ways, `run` cycles in a row, so that what else the machine does strikes all alike."""
+    """Time the cycles of the three programs in turns of `run`, so that other load of the machine affects all alike."""
     times = _Times([], [], [])
-    outlets = ours.outlets
+    loopback = ours.loopback
     for first in range(0, len(scans), run):
         done = []
         for scan in scans[first : first + run]:
@@ -223,8 +225,8 @@ def _time(
             start_ns = stopwatch_ns()
             cycle = ours.run(scan, now_ns)
             times.ours_ns.append(stopwatch_ns() - start_ns)
-            outlets.drain()
-            # Nothing else of the cycle is kept: the service keeps none, and new memory is cold.
+            loopback.drain()
+            # Keep nothing else of the cycle: the service keeps none, and new memory is cold.
             valid = cycle.forces.state == State.VALID
             done.append((scan, now_ns, baseline_pf, cycle.forces.force_n[valid], valid))
             del cycle
@@ -234,18 +236,18 @@ def _time(
             codes = codes_of(scan)
             floor.tare(baseline_pf)
             start_ns = stopwatch_ns()
-            force_n = floor.run(scan, codes, now_ns, outlets.socket.fileno(), outlets.pipe)
+            force_n = floor.run(scan, codes, now_ns, loopback.socket.fileno(), loopback.pipe)
             times.floor_ns.append(stopwatch_ns() - start_ns)
-            outlets.drain()
+            loopback.drain()
             if number >= WARM_UP:
                 _check_same(scan, ours_n, force_n, valid)
         for scan, now_ns, *_ in done:
             if naive is None:
                 break
             start_ns = stopwatch_ns()
-            naive.run(scan, now_ns, outlets.socket, outlets.pipe)
+            naive.run(scan, now_ns, loopback.socket, loopback.pipe)
             times.naive_ns.append(stopwatch_ns() - start_ns)
-            outlets.drain()
+            loopback.drain()
     return times
 
 
@@ -255,16 +257,16 @@ def _check_same(
     floor_n: NDArray[np.float64] | None,
     valid: NDArray[np.bool_],
 ) -> None:
-    """Check that the floor did the same work.
+    """Check that the C floor gives our forces.
 
     Args:
-        scan: What both were given.
-        ours_n: Our forces of the legs that are valid [N], shape (valid legs, 3).
-        floor_n: The floor's of all [N], shape (legs, 3); None if it gave none.
-        valid: Which legs are, shape (legs,).
+        scan: The scan.
+        ours_n: Our forces of the valid legs [N], shape (valid legs, 3).
+        floor_n: Forces of the C floor [N], shape (legs, 3); None without.
+        valid: Validity of each leg, shape (legs,).
 
     Raises:
-        FootsenseError: It gives another force than we do, or none.
+        FootsenseError: It gives other forces, or none.
     """
     if floor_n is None:
         raise FootsenseError(

@@ -17,7 +17,8 @@ import msgspec
 import numpy as np
 
 import firmware_interface
-from firmware_interface import crc8, tca9548a
+from firmware_interface import crc8
+from firmware_interface.chips import tca9548a
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.config import Bus, Config
 from footsense.daemon.estimation import load_network, pipeline_for
@@ -28,7 +29,7 @@ __all__ = ["NaiveCycle", "naive_cycle", "sequential_scan"]
 
 
 def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
-    """Scan every element of every leg of the first bus, one after the other."""
+    """Scan every element of every leg of the first bus in sequence."""
     plan = scan_plan("raster", config.rate_sps, config.board)
     for channel in config.buses[0].channels.values():
         for step in plan.steps:
@@ -43,7 +44,7 @@ def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
 
 @contextmanager
 def naive_cycle(config: Config) -> Iterator["NaiveCycle | None"]:
-    """Put the naive cycle together.
+    """Compose the naive cycle.
 
     Yields:
         The cycle, or None where cantools is not installed: the robot does not need it.
@@ -59,7 +60,7 @@ def naive_cycle(config: Config) -> Iterator["NaiveCycle | None"]:
 
 
 class NaiveCycle:
-    """What follows a scan, leg by leg: a pipeline and an inference for each, cantools for each message.
+    """A cycle leg by leg: a pipeline and an inference for each, cantools for each message.
 
     Args:
         config: The robot.

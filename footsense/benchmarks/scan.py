@@ -1,4 +1,4 @@
-"""The part of `footsense benchmark` in virtual time: how long a scan takes, and how old a force is when it is sent.
+"""Part of `footsense benchmark` in virtual time: scan period, and age of a force when it is sent.
 
 Bus bits, conversions and host costs are exact there: the same figures on every machine.
 """
@@ -22,7 +22,7 @@ __all__ = ["conversion_limit_ms", "publish_age_ms", "scan_figures"]
 
 _SCANS = 40
 _HOST_COSTS_US = (0, 40, 100)
-#: Published frames of each leg whose ages are asked for, after the feet are tared.
+#: Published frames of each leg of which the age is measured, after the tare.
 _AGES = 120
 
 _TWO_BUSES = replace(
@@ -51,12 +51,12 @@ _CONFIGURATIONS = {
 
 
 def conversion_limit_ms() -> float:
-    """Return the time of nine conversions of the default board, which no scan can beat [ms]."""
+    """Return the duration of nine conversions of the default board [ms], the limit of a scan."""
     return DEFAULT.shortest_scan_ms
 
 
 def scan_figures() -> dict[str, dict[str, float | None]]:
-    """Return what a scan takes in each configuration, named after its buses and what the host adds to a transaction."""
+    """Return period and ratios of a scan by configuration, named after buses and host's cost of a transaction."""
     return {
         f"{name}_{host_cost_us}us": _scan(config, host_cost_us)
         for (name, config), host_cost_us in itertools.product(_CONFIGURATIONS.items(), _HOST_COSTS_US)
@@ -103,7 +103,7 @@ def _best_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
 
 
 def publish_age_ms() -> dict[str, dict[str, float]]:
-    """Return how old forces are when they are sent, on one bus at 40 us per transaction, published both ways."""
+    """Return the age of forces when they are sent [ms] by publish mode, on one bus at 40 us per transaction."""
     return {mode: _age_ms(replace(DEFAULT, publish=mode)) for mode in ("frame", "element")}
 
 

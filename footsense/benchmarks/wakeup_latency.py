@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from footsense.benchmarks.c_floor import has_c_floor, round_ns
-from footsense.benchmarks.cycle import PRIORITY, WARM_UP, Outlets, our_cycle, sent_ns, tared_floor
+from footsense.benchmarks.cycle import PRIORITY, WARM_UP, Loopback, our_cycle, sent_ns, tared_floor
 from footsense.clock import MonotonicClock, gc_disabled, request_realtime
 from footsense.errors import FootsenseError
 from footsense.frames import CapFrame
@@ -176,7 +176,7 @@ def _serve_ours(connection: Connection, scans: list[CapFrame]) -> None:
         refusals = request_realtime(PRIORITY, None)
         for scan in scans[:WARM_UP]:
             cycle.run(scan, sent_ns(scan))
-            cycle.outlets.drain()
+            cycle.loopback.drain()
         connection.send((port, refusals))
         clock = MonotonicClock()
         rounds = _rounds([(scan, sent_ns(scan)) for scan in scans[WARM_UP:]])
@@ -190,14 +190,14 @@ def _serve_ours(connection: Connection, scans: list[CapFrame]) -> None:
                     clock.sleep_until_ns(deadline_ns)
                     late_ns[i] = clock.now_ns() - deadline_ns
                     cycle.run(*next(rounds))
-                    cycle.outlets.drain()
+                    cycle.loopback.drain()
             connection.send(late_ns)
 
 
 def _serve_c(connection: Connection, scans: list[CapFrame]) -> None:
     with TemporaryDirectory() as folder:
-        floor, outlets = tared_floor(Path(folder), scans), Outlets()
+        floor, loopback = tared_floor(Path(folder), scans), Loopback()
         connection.send((0, request_realtime(PRIORITY, None)))
         played = [(scan, sent_ns(scan)) for scan in scans[WARM_UP:]]
         for n in _requests(connection):
-            connection.send(floor.pace(_PERIOD_NS, played, n, outlets.fds).tolist())
+            connection.send(floor.pace(_PERIOD_NS, played, n, loopback.fds).tolist())

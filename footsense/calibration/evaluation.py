@@ -4,7 +4,7 @@ Both are computed as on the robot: closures against the foot's own unloaded read
 training range. Errors are compared over the loads that both can read.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import NamedTuple, Self
@@ -16,8 +16,8 @@ from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import Network
+from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
-from footsense.foot.network_card import TrainedInputs
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Mask, Vector
@@ -25,6 +25,8 @@ from footsense.ports import Estimator
 
 __all__ = [
     "BANDS",
+    "CALIBRATED",
+    "DESIGN_ONLY",
     "DesignModels",
     "Estimates",
     "Evaluation",
@@ -33,6 +35,9 @@ __all__ = [
     "evaluate",
 ]
 
+
+#: Sources of estimates: the network of the design alone, and with the foot's calibration.
+DESIGN_ONLY, CALIBRATED = "network alone", "with calibration"
 
 #: Fewest loads of an evaluation: with fewer, a 95th percentile is a single load.
 _MIN_LOADS = 20
@@ -104,19 +109,17 @@ class Evaluation(NamedTuple):
 
     Attributes:
         reference_n: Forces of the reference [N], shape (n, 3), leg frame.
-        design_only: Estimates of the network alone.
-        calibrated: Estimates with the calibration; None without one.
+        estimates: Estimates by source: `DESIGN_ONLY`, and with a calibration `CALIBRATED`.
     """
 
     reference_n: Vector
-    design_only: Estimates
-    calibrated: Estimates | None
+    estimates: Mapping[str, Estimates]
 
     @property
     def compared(self) -> Mask:
         """Which loads have a force with and without the calibration, shape (n,)."""
-        usable = self.design_only.usable
-        return usable if self.calibrated is None else usable & self.calibrated.usable
+        compared: Mask = np.all([one.usable for one in self.estimates.values()], axis=0)
+        return compared
 
     def errors_of(self, estimates: Estimates, band: MagnitudeBand) -> Errors | None:
         """Return the errors of estimates over the compared loads of a band, None if there are none."""
@@ -177,11 +180,12 @@ def evaluate(
             f"at least {_MIN_LOADS} are needed for an evaluation"
         )
     estimator = network(len(loads))
-    evaluation = Evaluation(
-        reference_n=loads.force_n,
-        design_only=estimate_loads(loads, estimator, trained_inputs, None),
-        calibrated=None if foot is None else estimate_loads(loads, estimator, trained_inputs, foot),
-    )
+    sources = {DESIGN_ONLY: None} if foot is None else {DESIGN_ONLY: None, CALIBRATED: foot}
+    estimates = {
+        source: estimate_loads(loads, estimator, trained_inputs, parameters)
+        for source, parameters in sources.items()
+    }
+    evaluation = Evaluation(loads.force_n, estimates)
     n_compared = int(evaluation.compared.sum())
     if n_compared < _MIN_LOADS:
         raise CalibrationError(

@@ -1,4 +1,4 @@
-"""`footsense benchmark`: what limits the scan, how old a force is, what a cycle costs, and how late the loop wakes.
+"""`footsense benchmark`: scan period, age of a force, cost of a cycle, wake-up latency, start and memory.
 
 Ratios only: each figure stands beside its physical limit, or beside the same work done in C or naively in the same run.
 """

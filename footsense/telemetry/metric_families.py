@@ -1,7 +1,8 @@
 """Every metric of the service: name, labels, and meaning."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import IntEnum
+from typing import Literal
 
 from firmware_interface.can_codes import EXPECTED, BaselineStatus, Cause, Phase, Result, State
 from footsense.telemetry.shared_counters import MetricFamily
@@ -55,83 +56,51 @@ def families(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | None) -> 
         wakeup_bounds_s: Bounds of the wake-up latency's histogram [s]; None in virtual time, where nothing sleeps.
     """
     leg = {"leg": list(legs)}
+    states = {**leg, "state": _names(State)}
     offset = "baseline offset since the last tare; NaN without a baseline."
     return [
         *(_wakeups(wakeup_bounds_s) if wakeup_bounds_s is not None else ()),
-        MetricFamily(
-            "footsense_degraded_timing", "gauge", "1 while the loop lacks the scheduling it asked for."
+        _family("footsense_degraded_timing", "1 while the loop lacks the scheduling it asked for."),
+        _family("footsense_scans_total", "Scans published."),
+        _family(
+            "footsense_scan_period_seconds", "Time from one published scan to the next.", {}, PERIOD_BOUNDS_S
         ),
-        MetricFamily("footsense_scans_total", "counter", "Scans published."),
-        MetricFamily(
-            "footsense_scan_period_seconds",
-            "histogram",
-            "Time from one published scan to the next.",
-            bounds=PERIOD_BOUNDS_S,
-        ),
-        MetricFamily(
-            "footsense_frame_age_seconds",
-            "histogram",
-            "Age of a leg's measurement when its force was sent.",
-            leg,
-            AGE_BOUNDS_S,
-        ),
+        _family("footsense_frame_age_seconds", "Age of a leg's measurement at sending.", leg, AGE_BOUNDS_S),
         *(
-            MetricFamily(name, "gauge", meaning, {**leg, label: _names(codes)})
+            _family(name, meaning, {**leg, label: _names(codes)})
             for name, (label, codes, meaning) in STATE_SETS.items()
         ),
-        MetricFamily(
-            "footsense_leg_contact", "gauge", "1 while the foot is in contact with the ground.", leg
+        _family("footsense_leg_contact", "1 while the foot is in contact with the ground.", leg),
+        _family("footsense_leg_scans_total", "Scans by the leg's state.", states),
+        _family(
+            "footsense_faults_total", "Transitions of a leg into a fault.", {**leg, "kind": _names(FAULTS)}
         ),
-        MetricFamily(
-            "footsense_leg_scans_total",
-            "counter",
-            "Scans by the leg's state.",
-            {**leg, "state": _names(State)},
-        ),
-        MetricFamily(
-            "footsense_faults_total",
-            "counter",
-            "Transitions of a leg into a state that is a fault.",
-            {**leg, "kind": _names(FAULTS)},
-        ),
-        MetricFamily(
-            "footsense_tares_total", "counter", "Tares by result.", {**leg, "result": _names(Result)}
-        ),
-        MetricFamily(
-            "footsense_baseline_mean_offset_farads", "gauge", f"Mean over the elements of the {offset}", leg
-        ),
-        MetricFamily("footsense_baseline_worst_offset_farads", "gauge", f"Largest element's {offset}", leg),
-        MetricFamily(
-            "footsense_baseline_age_seconds",
-            "gauge",
-            "Time since the baseline was tared or moved; NaN if never.",
-            leg,
-        ),
-        *(MetricFamily(name, "counter", meaning) for name, meaning in CAN_COUNTERS.values()),
-        MetricFamily("footsense_recorder_lost_frames_total", "counter", "Scans missing in the recording."),
-        MetricFamily(
-            "footsense_log_lost_lines_total", "counter", "Log lines dropped because their reader was slow."
-        ),
+        _family("footsense_tares_total", "Tares by result.", {**leg, "result": _names(Result)}),
+        _family("footsense_baseline_mean_offset_farads", f"Mean over the elements of the {offset}", leg),
+        _family("footsense_baseline_worst_offset_farads", f"Largest element's {offset}", leg),
+        _family("footsense_baseline_age_seconds", "Time since the last tare or move; NaN if never.", leg),
+        *(_family(name, meaning) for name, meaning in CAN_COUNTERS.values()),
+        _family("footsense_recorder_lost_frames_total", "Scans missing in the recording."),
+        _family("footsense_log_lost_lines_total", "Log lines dropped because their reader was slow."),
     ]
 
 
 def _wakeups(bounds_s: Sequence[float]) -> list[MetricFamily]:
+    latency = "Time from the deadline of a sleeping thread to its wake-up."
+    missed = "Scans given up because a wake-up came too late; never made up for."
     return [
-        MetricFamily(
-            "footsense_wakeup_latency_seconds",
-            "histogram",
-            "Time from the deadline of a sleeping thread to its wake-up.",
-            bounds=list(bounds_s),
-        ),
-        MetricFamily(
-            "footsense_overruns_total", "counter", "Deadlines that had passed before the thread could sleep."
-        ),
-        MetricFamily(
-            "footsense_missed_deadlines_total",
-            "counter",
-            "Scans given up because a wake-up came too late; never made up for.",
-        ),
+        _family("footsense_wakeup_latency_seconds", latency, {}, bounds_s),
+        _family("footsense_overruns_total", "Deadlines that had passed before the thread could sleep."),
+        _family("footsense_missed_deadlines_total", missed),
     ]
+
+
+def _family(
+    name: str, meaning: str, labels: Mapping[str, list[str]] | None = None, bounds: Sequence[float] = ()
+) -> MetricFamily:
+    """Return a metric: a histogram if it has bounds, a counter if its name ends in `_total`, else a gauge."""
+    kind: Literal["counter", "gauge", "histogram"] = "counter" if name.endswith("_total") else "gauge"
+    return MetricFamily(name, "histogram" if bounds else kind, meaning, dict(labels or {}), list(bounds))
 
 
 def _names(codes: "type[IntEnum] | list[State]") -> list[str]:

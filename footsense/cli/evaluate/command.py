@@ -16,12 +16,10 @@ from footsense.cli.options import FOLDER, json_option
 from footsense.cli.test_stand_options import design_models, foot_option, foot_type_option, recordings_argument
 from footsense.errors import ConfigError
 from footsense.estimation.network import Network
-from footsense.foot.calibration_reader import FootCalibration, read_calibration
+from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
 from footsense.foot.force_errors import GRAM_FORCE_N, Errors
 
-__all__ = ["CALIBRATED", "DESIGN_ONLY", "evaluate", "headline", "table"]
-
-DESIGN_ONLY, CALIBRATED = "network alone", "with calibration"
+__all__ = ["evaluate", "headline", "table"]
 
 
 @click.command()
@@ -81,9 +79,7 @@ def _figures(
     evaluation: Evaluation,
 ) -> dict[str, Any]:
     """Return all numbers as plain values; a band without loads is left out."""
-    ways = {DESIGN_ONLY: evaluation.design_only}
-    if evaluation.calibrated is not None:
-        ways[CALIBRATED] = evaluation.calibrated
+    ways = evaluation.estimates
     bands = {
         band.name: {way: evaluation.errors_of(estimates, band) for way, estimates in ways.items()}
         for band in BANDS

@@ -1,7 +1,6 @@
 """The figures of `footsense evaluate`: the paper's Figs. 17, 18 and 19 of one foot. Needs matplotlib."""
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.colors import BoundaryNorm
@@ -12,7 +11,7 @@ from footsense.foot.force_errors import magnitude_errors_gf
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.ball import circle, rim, touch
 
-__all__ = ["PAPER_DEG", "PAPER_GF", "Pattern", "error_map", "histograms", "patterns"]
+__all__ = ["PAPER_DEG", "PAPER_GF", "error_map", "histograms", "patterns"]
 
 
 #: The paper's mean errors in the experiment, section V C [deg, gf].
@@ -23,18 +22,6 @@ _LEVELS_DEG = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 15.0, 20.0, 30.0)
 #: Centre of the circles of the mean error, as in the paper's Fig. 19: a contact half way down the ball.
 _CIRCLE_AT = np.array([np.cos(np.radians(60.0)), 0.0, np.sin(np.radians(60.0))])
 _ELEVATIONS_DEG = (30.0, 50.0, 70.0)
-
-
-class Pattern(NamedTuple):
-    """Closures of the nine elements under one load.
-
-    Attributes:
-        title: The load.
-        closure_um: Closures by source [um], shape (9,) each.
-    """
-
-    title: str
-    closure_um: Mapping[str, Vector]
 
 
 def error_map(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
@@ -97,18 +84,19 @@ def histograms(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure
     return figure
 
 
-def patterns(chosen: Sequence[Pattern]) -> Figure:
+def patterns(closures_um: Mapping[str, Mapping[str, Vector]]) -> Figure:
     """Return the closures of the nine elements under each load as bars, by element, front row first.
 
     Args:
-        chosen: The loads, at least one; all with the same sources.
+        closures_um: Closures by load and source [um], shape (9,) each; all loads have the same sources.
     """
-    figure = Figure(figsize=(8.6, 2.2 * len(chosen) + 0.6), layout="constrained")
-    for axes, pattern in zip(np.atleast_1d(figure.subplots(len(chosen), 1)), chosen, strict=True):
-        width = 0.8 / len(pattern.closure_um)
-        for number, (name, closure_um) in enumerate(pattern.closure_um.items()):
+    figure = Figure(figsize=(8.6, 2.2 * len(closures_um) + 0.6), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(len(closures_um), 1))
+    for axes, (title, by_source) in zip(panels, closures_um.items(), strict=True):
+        width = 0.8 / len(by_source)
+        for number, (name, closure_um) in enumerate(by_source.items()):
             axes.bar(np.arange(ELEMENTS) - 0.4 + (number + 0.5) * width, closure_um, width, label=name)
-        axes.set_title(pattern.title, fontsize=10)
+        axes.set_title(title, fontsize=10)
         axes.set_ylabel("closure [um]")
         axes.set_xticks(np.arange(ELEMENTS), [f"{i} {j}" for i in range(3) for j in range(3)])
         for edge in (2.5, 5.5):

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from footsense.calibration.evaluation import Evaluation
-from footsense.cli.evaluate.command import CALIBRATED, DESIGN_ONLY, headline, table
-from footsense.cli.evaluate.figures import Pattern, error_map, histograms, patterns
+from footsense.cli.evaluate.command import headline, table
+from footsense.cli.evaluate.figures import error_map, histograms, patterns
 from footsense.foot.directions import azimuth_elevation_deg, directions, normalized
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.parameters import FootParameters
@@ -43,9 +43,7 @@ def write_page(
         response: Response table of the foot's type.
     """
     compared = evaluation.compared
-    estimates_n = {DESIGN_ONLY: evaluation.design_only.force_n[compared]}
-    if evaluation.calibrated is not None:
-        estimates_n[CALIBRATED] = evaluation.calibrated.force_n[compared]
+    estimates_n = {source: one.force_n[compared] for source, one in evaluation.estimates.items()}
     reference_n = evaluation.reference_n[compared]
     drawn = {
         _MAP: error_map(reference_n, estimates_n),
@@ -91,7 +89,9 @@ Measured closures, and those of the simulated foot under the reference's force; 
     return page
 
 
-def _patterns(evaluation: Evaluation, foot: FootParameters | None, response: FootResponse) -> list[Pattern]:
+def _patterns(
+    evaluation: Evaluation, foot: FootParameters | None, response: FootResponse
+) -> dict[str, dict[str, Vector]]:
     """Return the measured closures under some of the loads, and those of the simulated foot under them."""
     reference_n = evaluation.reference_n
     direction = normalized(reference_n)
@@ -106,14 +106,13 @@ def _patterns(evaluation: Evaluation, foot: FootParameters | None, response: Foo
         int(np.where(simulated, direction @ directions(*shown_deg), -np.inf).argmax())
         for shown_deg in _SHOWN_DEG
     )
-    gap_um, shown = response.design.gap_um, []
+    shown: dict[str, dict[str, Vector]] = {}
     for row in chosen:
         loaded_pf = specimen.capacitance_pf(direction[row][None], reference_n[row][None])[0]
-        closure_um = {f"measured, {DESIGN_ONLY}": gap_um * evaluation.design_only.closure_rel[row]}
-        if evaluation.calibrated is not None:
-            closure_um[f"measured, {CALIBRATED}"] = gap_um * evaluation.calibrated.closure_rel[row]
-        closure_um["simulated"] = response.design.closure_um(loaded_pf, specimen.unloaded_pf)
-        shown.append(Pattern(_title(reference_n[row]), closure_um))
+        shown[_title(reference_n[row])] = {
+            f"measured, {source}": response.design.gap_um * one.closure_rel[row]
+            for source, one in evaluation.estimates.items()
+        } | {"simulated": response.design.closure_um(loaded_pf, specimen.unloaded_pf)}
     return shown
 
 

@@ -5,6 +5,7 @@ not quiet) or differ from those of the free foot. Every tare is compared with th
 small steps cannot lead into a load. Missing elements are left out; they have no baseline until they are back.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from footsense.estimation.faults.causes import SILENT
 from footsense.estimation.faults.open_elements import OPEN_REL
-from footsense.frames import ELEMENTS, Codes, Mask, Reading, Result, Stamps, Vector
+from footsense.frames import ELEMENTS, Codes, Mask, Reading, Result, Stamps, State, Vector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,6 +124,83 @@ class TareWindow:
             f"tared over {len(readings_pf)} scans, {noise_ff.max():.2f} fF rms{without}",
             baseline_pf,
         )
+
+
+class Tares:
+    """The tares in progress: of every leg at start, repeated until it succeeds, and later on command.
+
+    Args:
+        limits: Limits.
+        unloaded_pf: Expected reading of the free feet [pF], shape (legs, 9).
+        feet: Name of the foot on each leg that `unloaded_pf` was measured on; empty where it is a design value.
+
+    Attributes:
+        in_progress: Window of every tare in progress, by leg.
+        untared: Legs without a baseline.
+        refused: Legs with a refused tare that keep an older baseline.
+    """
+
+    def __init__(self, limits: TareLimits, unloaded_pf: Vector, feet: Sequence[str]) -> None:
+        self._limits, self._unloaded_pf, self._feet = limits, unloaded_pf, feet
+        self.untared = set(range(len(unloaded_pf)))
+        self.refused: set[int] = set()
+        self.in_progress = {leg: self._window(leg) for leg in self.untared}
+        self._commanded: set[int] = set()
+        self._refusals: dict[int, Result] = {}
+
+    @property
+    def states(self) -> dict[int, State]:
+        """State of every leg without a baseline, by row: TARING, or NO_BASELINE after a refusal."""
+        return {leg: State.NO_BASELINE if leg in self._refusals else State.TARING for leg in self.untared}
+
+    def command(self, leg: int) -> None:
+        """Begin a tare on command; a tare in progress serves."""
+        self.in_progress.setdefault(leg, self._window(leg))
+        self._commanded.add(leg)
+
+    def restart(self, leg: int) -> None:
+        """Tare a leg again whose baseline was discarded."""
+        self.untared.add(leg)
+        self._refusals.pop(leg, None)
+        self.in_progress.setdefault(leg, self._window(leg))
+
+    def add(
+        self, capacitance_pf: Vector, reading: Codes, t_ns: Stamps, missing: Mask
+    ) -> list[tuple[int, TareResult, bool]]:
+        """Feed a frame of all legs, shapes (legs, 9), to the tares in progress; arguments as of `TareWindow.add`.
+
+        Returns:
+            Leg and result of every tare that ends, and whether the result is news: a tare without a command repeats a
+            refusal silently, and waits silently for a leg that does not answer.
+        """
+        ended = []
+        for leg, window in list(self.in_progress.items()):
+            tared = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], missing[leg])
+            if tared is not None:
+                ended.append((leg, tared, self._end(leg, tared)))
+        return ended
+
+    def _end(self, leg: int, tared: TareResult) -> bool:
+        """End a leg's tare, or begin the next one; return whether the result is news."""
+        del self.in_progress[leg]
+        commanded = leg in self._commanded
+        self._commanded.discard(leg)
+        repeated = self._refusals.get(leg) is tared.result
+        if tared.baseline_pf is not None:
+            self.untared.discard(leg)
+            self.refused.discard(leg)
+            self._refusals.pop(leg, None)
+        elif leg in self.untared:
+            self.in_progress[leg] = self._window(leg)
+            if tared.result is Result.ABSENT and not commanded:
+                return False
+            self._refusals[leg] = tared.result
+        else:
+            self.refused.add(leg)
+        return commanded or not repeated
+
+    def _window(self, leg: int) -> TareWindow:
+        return TareWindow(self._limits, self._unloaded_pf[leg], self._feet[leg])
 
 
 def _names(elements: NDArray[np.intp]) -> str:

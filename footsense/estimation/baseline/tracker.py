@@ -11,7 +11,7 @@ import numpy as np
 
 from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, trimmed_means
 from footsense.estimation.baseline.drift import FARTHEST_PF, BaselineLimits, LegBaseline, baseline_sigma_pf
-from footsense.estimation.baseline.tare import TareLimits, TareResult, TareWindow
+from footsense.estimation.baseline.tare import TareLimits, Tares
 from footsense.estimation.baseline.unloaded import unloaded_feet
 from footsense.estimation.faults.causes import SILENT, drift_causes
 from footsense.estimation.sensitivity import Sensitivity
@@ -85,30 +85,22 @@ class BaselineTracker:
         feet: Sequence[str] = (),
     ) -> None:
         n_legs = len(unloaded_pf)
-        self._feet = feet or ("",) * n_legs
-        self._legs = range(n_legs)
-        self._unloaded_pf = unloaded_pf
         self._design = design
         self._gain_rel = np.ones_like(unloaded_pf) if gain_rel is None else gain_rel
-        self._tare = tare
+        self._tares = Tares(tare, unloaded_pf, feet or ("",) * n_legs)
         self._sensitivity = sensitivity
         self._track = track
         limits = BaselineLimits(
             noise_limit_ff=tare.noise_limit_ff, unloaded_limit_rel=tare.unloaded_limit_rel
         )
-        self._baselines = [LegBaseline(unloaded_pf[leg], limits) for leg in self._legs]
-        self._contacts = [ContactDetector(contact) for _ in self._legs]
+        self._baselines = [LegBaseline(leg_pf, limits) for leg_pf in unloaded_pf]
+        self._contacts = [ContactDetector(contact) for _ in unloaded_pf]
         # Near the unloaded distance, where the error of a baseline matters.
         self._closure_per_pf = float(design.plate_distance_um(unloaded_pf).mean()) / (
             design.gap_um * float(unloaded_pf.mean())
         )
         self._turn = 0
-        self._windows = {leg: self._window(leg) for leg in self._legs}
-        self._commanded: set[int] = set()
-        self._refusal: dict[int, Result] = {}
-        self._refused: set[int] = set()
         self._heard_ns = np.zeros(n_legs, np.int64)
-        self._untared = set(self._legs)
         self.sigma_n = np.full((n_legs, 3), np.nan)
         self.flags = np.zeros(n_legs, np.uint8)
         self._flags: list[int] = []
@@ -125,10 +117,9 @@ class BaselineTracker:
         """
         reason = self.refusal(CommandKind.TARE, leg)
         if reason is not None:
-            self._refused.add(leg)
+            self._tares.refused.add(leg)
             return CommandResult(Command(CommandKind.TARE, leg), Result.LOADED, reason)
-        self._windows.setdefault(leg, self._window(leg))
-        self._commanded.add(leg)
+        self._tares.command(leg)
         return None
 
     def refusal(self, kind: CommandKind, leg: int) -> str | None:
@@ -137,10 +128,8 @@ class BaselineTracker:
 
     @property
     def untared_legs(self) -> dict[int, State]:
-        """State of every leg without a baseline, by row: TARING, or NO_BASELINE after a refusal."""
-        if not self._untared:
-            return {}
-        return {leg: State.NO_BASELINE if leg in self._refusal else State.TARING for leg in self._untared}
+        """State of every leg without a baseline, by row."""
+        return self._tares.states if self._tares.untared else {}
 
     def tare(
         self, capacitance_pf: Vector, reading: Codes, t_ns: Stamps, missing: Mask, now_ns: int
@@ -155,14 +144,17 @@ class BaselineTracker:
             now_ns: Current time [ns].
         """
         self._discard_silent(reading, now_ns)
-        if not self._windows:
+        if not self._tares.in_progress:
             return ()
         results = []
-        for leg, window in list(self._windows.items()):
-            tared = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], missing[leg])
-            result = None if tared is None else self._conclude(leg, tared, int(t_ns[leg].max()))
-            if result is not None:
-                results.append(result)
+        for leg, tared, is_news in self._tares.add(capacitance_pf, reading, t_ns, missing):
+            if tared.baseline_pf is not None:
+                tared_ns = int(t_ns[leg].max())
+                self._baselines[leg].set_tared(tared.baseline_pf, tared_ns)
+                self._contacts[leg].reset(tared_ns)
+                self._gather()
+            if is_news:
+                results.append(CommandResult(Command(CommandKind.TARE, leg), tared.result, tared.reason))
         return tuple(results)
 
     def observe(
@@ -200,9 +192,9 @@ class BaselineTracker:
             baseline, contact = self._baselines[leg], self._contacts[leg]
             contact.observe(mean_rel * n_per_rel, error_n, newest, now_ns, predicted_mean_rel * n_per_rel)
             in_contact = contact.in_contact
-            refused = _TARE_REFUSED if leg in self._refused else 0
+            refused = _TARE_REFUSED if leg in self._tares.refused else 0
             flags.append(_CONTACT | refused if in_contact else refused)
-            if leg in self._untared:
+            if leg in self._tares.untared:
                 continue
             if in_contact or not (self._track and contact.in_swing):
                 held = _HELD
@@ -262,9 +254,6 @@ class BaselineTracker:
         self._statuses = [baseline.status for baseline in self._baselines]
         self.drift = BaselineDrift(np.array(self._statuses, np.uint8), *self._offsets)
 
-    def _window(self, leg: int) -> TareWindow:
-        return TareWindow(self._tare, self._unloaded_pf[leg], self._feet[leg])
-
     def _discard_silent(self, reading: Codes, now_ns: int) -> None:
         """Discard the baselines of legs that have been silent for too long, and tare them again."""
         if not np.count_nonzero(reading):
@@ -274,35 +263,8 @@ class BaselineTracker:
         self._heard_ns[~silent] = now_ns
         allowed_ns = np.where((reading == Reading.BUS_STUCK).any(axis=1), _BUS_STUCK_NS, _SILENT_NS)
         for leg in np.flatnonzero(now_ns - self._heard_ns >= allowed_ns).tolist():
-            if leg in self._untared:
-                continue
-            self._untared.add(leg)
-            self._baselines[leg].discard()
-            self._contacts[leg] = ContactDetector(self._contacts[leg].limits)
-            self._refusal.pop(leg, None)
-            self._windows.setdefault(leg, self._window(leg))
-            self._gather()
-
-    def _conclude(self, leg: int, tared: TareResult, t_ns: int) -> CommandResult | None:
-        """Take over or refuse a baseline; a tare without a command reports a refusal only when it changes."""
-        del self._windows[leg]
-        commanded = leg in self._commanded
-        self._commanded.discard(leg)
-        repeated = self._refusal.get(leg) is tared.result
-        if tared.baseline_pf is not None:
-            self._baselines[leg].set_tared(tared.baseline_pf, t_ns)
-            self._contacts[leg].reset(t_ns)
-            self._untared.discard(leg)
-            self._refused.discard(leg)
-            self._refusal.pop(leg, None)
-            self._gather()
-        elif leg in self._untared:
-            self._windows[leg] = self._window(leg)
-            if tared.result is Result.ABSENT and not commanded:
-                return None  # nothing to refuse: the tare waits for the leg
-            self._refusal[leg] = tared.result
-        else:
-            self._refused.add(leg)
-        if repeated and not commanded:
-            return None
-        return CommandResult(Command(CommandKind.TARE, leg), tared.result, tared.reason)
+            if leg not in self._tares.untared:
+                self._tares.restart(leg)
+                self._baselines[leg].discard()
+                self._contacts[leg] = ContactDetector(self._contacts[leg].limits)
+                self._gather()

@@ -112,7 +112,7 @@ class CanController:
         self._others = others
         self._tell = tell
         self._mailboxes: deque[Queued] = deque()
-        self._passing: Callable[[int], None] | None = None  # what is due when the wire is free again
+        self._passing: Callable[[int], None] | None = None  # called when the wire is free again
         self._free_ns = math.inf
         self._restart_ns = math.inf
         self._error_count = 0

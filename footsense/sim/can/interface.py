@@ -9,7 +9,7 @@ stages decide whether an old force arrives late, and vcan simulates none of them
 - Bus-off: the driver takes the carrier away. The kernel then empties the queue, but at most once a second: in a
   bus-off that follows soon, frames stay in the queue and go out after the restart. The restart empties the
   mailboxes. While the queue is deactivated, a frame is taken without error and lost.
-- Down: queue and mailboxes are emptied, and each socket is told ENETDOWN. A socket of an interface that is gone
+- Down: queue and mailboxes are emptied, and each socket gets ENETDOWN. A socket of an interface that is gone
   never works again.
 
 Source:
@@ -33,10 +33,10 @@ __all__ = ["AS_DEPLOYED", "CanSettings", "SimulatedCan"]
 
 _NS_PER_S = 1_000_000_000
 
-#: What `deploy/80-can0.network` sets.
+#: Settings of `deploy/80-can0.network`.
 AS_DEPLOYED = CanSettings(queue_frames=16, head_drop=True, one_shot=True, restart_ns=100_000_000)
 
-#: Frames that a socket keeps unread; the kernel drops what comes on top.
+#: Unread frames of a socket; the kernel drops further ones.
 _MOST_UNREAD = 300
 
 
@@ -187,7 +187,7 @@ class _Socket:
         self._can = can
         self._sockets = sockets
         self.unread: deque[bytes] = deque(maxlen=_MOST_UNREAD)
-        self.error = 0  # told once, as the kernel does
+        self.error = 0  # reported once, as by the kernel
         self.gone = False
 
     def send(self, frames: bytes, t_ns: int = 0) -> int:

@@ -5,7 +5,7 @@ It shares only register addresses with the driver. Simulated (sections of the da
   during a conversion aborts it;
 - DONE_n is set when measurement n ends and cleared when its result is read (8.5.3.4);
 - a result that was never converted, or is being converted, reads as 0x7FFFFF;
-- the CAPDAC takes its steps off what a pin sees, with an error of the whole chip and one where bit 3 comes in;
+- the CAPDAC subtracts its steps from the capacitance of a pin;
 - the result clips at the ends of the 24-bit range; white noise by rate.
 Not simulated: REPEAT, offset and gain calibration, supply dependence, noise and temperature of the CAPDAC.
 """
@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from firmware_interface import fdc1004 as chip
+from firmware_interface.chips import fdc1004 as chip
 from footsense.sim.chips.leg_chip import LegChip
 from footsense.sim.faults.schedule import Span, during
 
@@ -55,7 +55,7 @@ def _conversion(word: int) -> _Conversion | None:
 
 @cache
 def _measured(config: int) -> tuple[int, int]:
-    """Return which pin a word in CONF_MEASn measures, and how many steps of the CAPDAC it takes off."""
+    """Return the pin that a word in CONF_MEASn measures, and the number of CAPDAC steps that it subtracts."""
     takes_off = chip.CONF_CHB.decode(config) == chip.CHB_CAPDAC
     return chip.CONF_CHA.decode(config), chip.CONF_CAPDAC.decode(config) if takes_off else 0
 
@@ -70,7 +70,7 @@ class SimulatedFdc1004(LegChip):
     """One converter.
 
     Args:
-        cin_capacitance_pf: What is connected to the pins.
+        cin_capacitance_pf: Capacitance at the pins.
         noise: Source of its noise; None for none.
         clock_error_rel: Relative excess of its conversion times [1].
 

@@ -1,1 +1,1 @@
-"""What breaks in a scene, and how each part fails."""
+"""Faults of a scene, and their simulation in wires, chips, feet and lines."""

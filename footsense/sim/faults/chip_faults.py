@@ -1,4 +1,4 @@
-"""Faults of a leg's chips: each chip on which something breaks is wrapped, and does what its bus would see."""
+"""Faults of a leg's chips, in the chips themselves or in a wrapper around them."""
 
 from collections.abc import Sequence
 

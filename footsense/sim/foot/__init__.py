@@ -1,1 +1,1 @@
-"""What rubber, temperature and fabrication do to a simulated foot."""
+"""Effects of rubber, temperature and fabrication on a simulated foot."""

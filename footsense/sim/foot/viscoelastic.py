@@ -57,6 +57,6 @@ class ViscoelasticElement:
         distance_n = np.sqrt((behind_n * behind_n).sum(axis=1))
         moved = np.maximum(distance_n - PLAY_N, 0.0) / np.maximum(distance_n, _NOTHING_N)
         self._played_n += moved[:, None] * behind_n
-        if force_n @ force_n > _NOTHING_N**2:  # what remains of a load stays where that was
+        if force_n @ force_n > _NOTHING_N**2:  # the memory of a load stays at its contact
             self._normal = normal
         return self._normal, (_AT_ONCE_REL * force_n + PLAY_REL @ self._played_n + CREEP_REL @ self._crept_n)

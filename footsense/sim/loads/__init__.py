@@ -1,1 +1,1 @@
-"""What the ground does to each foot over time."""
+"""Loads of the feet over time."""

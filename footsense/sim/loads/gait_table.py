@@ -11,7 +11,7 @@ import numpy as np
 from footsense.foot.specimen import Foot
 from footsense.sim.loads.ground_load import Walk
 
-#: Time between two points of a table [ns]: 0.03 fF, where no gap shuts.
+#: Time between two points of a table [ns]: error of 0.03 fF where no gap closes.
 STEP_NS = 250_000
 #: Step of the softness between two tables [1].
 _SOFTNESS_STEP = 0.005

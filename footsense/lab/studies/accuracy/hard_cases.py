@@ -38,7 +38,7 @@ def _refused(name: str, error: type[Exception], attempt: Callable[[], object]) -
     try:
         attempt()
     except Exception as raised:  # noqa: BLE001  any exception is the measured result
-        first = re.split(r"[;(]|, got", str(raised))[0][:90]
+        first = re.split(r"[;(]|, got| of \w+\(", str(raised))[0].strip()
         return Case(name, error.__name__, f"{type(raised).__name__}: {first}", isinstance(raised, error))
     return Case(name, error.__name__, "no error", held=False)
 
