@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from footsense.errors import ModelError
-from footsense.foot.network_card import METADATA_KEY
+from footsense.foot.files.network_card import METADATA_KEY
 from footsense.lab.response import SYMMETRIES
 from footsense.lab.training.network import (
     N_SYMMETRIES,
