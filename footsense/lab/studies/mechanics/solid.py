@@ -19,7 +19,7 @@ from footsense.lab.fem.mesh import COARSE, FINEST, SHIPPED, MeshSize
 from footsense.lab.fem.strip import strip_closure_um
 from footsense.lab.geometry import Material, SoleDesign
 from footsense.lab.response import make_response
-from footsense.lab.studies.page import Figures, StudyContext, panels
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels
 from footsense.lab.training.load_cases import paper_training, paper_verification
 
 Vector = NDArray[np.float64]
@@ -291,3 +291,6 @@ def _figure(meshes: Sequence[Mesh]) -> Figure:
     axes.margins(x=0.2)
     axes.legend()
     return figure
+
+
+STUDY = Study(name="solid", title="How exact the solid is", results=Results, compute=compute)
