@@ -66,7 +66,7 @@ class RecordFlag(IntFlag):
     """Notes on a record; bits that this version does not name are zero."""
 
     LO_SHU = 1  #: the elements were converted in the order 5 0 7 6 4 2 1 8 3, not 0 to 8
-    STARTING = 2  #: one of the first 256 of its leg since the controller's start: seq began anew
+    STARTING = 2  #: one of the first 256 of its leg since the controller's start, at which seq restarts
 
 
 _FLAGS = sum(RecordFlag)

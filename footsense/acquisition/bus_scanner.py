@@ -4,7 +4,7 @@ Behind a mux that footsense drives, all legs are one group; behind a mux that th
 and the traffic of the others fills the time in which it converts. A group without a leg that converts waits as long as
 the others do, so that a bus without legs keeps the pace of one with all.
 
-A line that is held low blocks the bus: the leg that holds it is left out at once, and all conversions begin anew.
+A line that is held low blocks the bus: the leg that holds it is left out at once, and all conversions restart.
 
 Where a conversion leaves no time for the checks of lines and settings, and always behind the kernel's mux, they are
 made of one group in one step a scan, in turn. Temperature sensors are read every ten seconds, between two scans.
@@ -114,7 +114,7 @@ class BusScanner:
         self._transport.close()
 
     def _start_missing(self) -> None:
-        """Begin anew where no conversion runs; everywhere if one is so old that the loop must have been delayed."""
+        """Restart groups without a conversion; all groups if one is so old that the loop must have been delayed."""
         now_ns, late = self._clock.now_ns(), False
         for group in self._groups:
             late |= group.running is not None and now_ns > group.running.t_start_ns + self._late_ns
@@ -154,7 +154,7 @@ class BusScanner:
     def _take_temperatures(self) -> None:
         """Read the temperature of all converters if that is due; conversions that run are discarded.
 
-        The converters lose their settings by it, and get them again where conversions begin anew.
+        The converters lose their settings by it, and get them again when conversions restart.
         """
         thermometer = self._plan.board.thermometer
         if thermometer is None or self._clock.now_ns() < self._temperature_due_ns:

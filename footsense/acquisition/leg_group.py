@@ -31,7 +31,7 @@ Legs = tuple[LegConnection, ...]
 
 
 class BusStuckError(Exception):
-    """A line was held low; the leg that holds it is left out, and the others have to begin anew."""
+    """A line was held low; the leg that holds it is left out, and the others have to restart."""
 
 
 class BusReadings(NamedTuple):
@@ -208,7 +208,7 @@ class LegGroup:
                 leg.outcome = reading
 
     def _all_done(self, step: Step, selection: int) -> bool:
-        """Ask all connected legs at once, if their results do not tell."""
+        """Ask all connected legs at once, unless their results show it."""
         if step.done is None:
             return True
         answers = self._exchange(selection, (step.done.read,))

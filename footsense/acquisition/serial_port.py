@@ -103,7 +103,7 @@ class SerialLink:
         except (OSError, ValueError, termios.error) as error:
             why = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
             raise HardwareError(
-                f"{self._device}: {why}; `ls /dev/serial/by-id` shows what is there, nobody else may have it open, "
+                f"{self._device}: {why}; `ls /dev/serial/by-id` lists the ports, no other process may have it open, "
                 "and the service's user belongs in group dialout"
             ) from error
         # Without it an FTDI adapter holds bytes back for up to 16 ms (deploy/README.md); others do not support it.

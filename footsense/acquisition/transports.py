@@ -8,7 +8,7 @@ import contextlib
 import logging
 from collections.abc import Sequence
 
-from firmware_interface import adg715
+from firmware_interface.chips import adg715
 from footsense.acquisition.bus_timing import BusCosts, measure
 from footsense.acquisition.leg_connection import STUCK_BUS_PAUSES, STUCK_LEG_PAUSES, LegConnection
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
@@ -90,7 +90,7 @@ class UpstreamBus:
     def leave_out_stuck(self, legs: Sequence[LegConnection], read: Transaction, clock: Clock) -> None:
         """Leave the legs out that hold a line low, after a timeout; all if the bus itself does not get free.
 
-        No answer tells which of the connected legs holds the line: the whole bus is blocked. So all are disconnected
+        No answer shows which of the connected legs holds the line: the whole bus is blocked. So all are disconnected
         and asked one by one; the leg whose question times out is left out. Each costs one more adapter timeout.
 
         Args:

@@ -1,7 +1,7 @@
 """A hash of the code that measures a study's numbers, unchanged by comments, prose and renamed identifiers.
 
-It covers the function `compute` and whatever of the same module that uses. Text that only `render` uses is left out: it
-is compared byte by byte. A change in an imported module shows only once the numbers are computed again.
+It covers the function `compute` and whatever of the same module that uses. Names that only the template uses are left
+out: its text is compared byte by byte. A change in an imported module shows only once the numbers are computed again.
 """
 
 import ast
@@ -66,16 +66,7 @@ def code_sha256(source: str, entry: str = "compute") -> str:
 
 
 def module_sha256(module: str) -> str:
-    """Return the hash of `compute` in a module, or where the module imports it from; empty if it has none.
-
-    The module is not imported.
-    """
+    """Return the hash of `compute` in a module, which is not imported; empty if the module has no such function."""
     spec = find_spec(module)
     source = Path(spec.origin).read_text(encoding="utf-8") if spec and spec.origin else ""
-    if "def compute(" in source:
-        return code_sha256(source)
-    imports = [
-        node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ImportFrom) and node.module
-    ]
-    sources = [str(node.module) for node in imports if any(alias.name == "compute" for alias in node.names)]
-    return module_sha256(sources[0]) if sources else ""
+    return code_sha256(source) if "def compute(" in source else ""

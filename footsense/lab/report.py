@@ -32,7 +32,7 @@ _LAB_STUDIES = {
     "beyond": "mechanics.beyond",
     "film": "mechanics.film",
     "tolerance": "accuracy.tolerance",
-    "solid": "mechanics.solid_page",
+    "solid": "mechanics.solid",
     "floor": "mechanics.floor",
     "fidelity": "mechanics.fidelity",
     "cramer-rao": "accuracy.cramer_rao",

@@ -70,7 +70,7 @@ class Step(NamedTuple):
         element: Flat index of the element.
         select: Writes that select the element's lines, one for each line switch.
         trigger: Write that starts the conversion.
-        done: The question whether it is done; None where the result itself tells.
+        done: The question whether it is done; None where the result itself shows it.
         read: Reads of one leg's result.
         changes: The writes of `select` that are needed after the step before.
         select_checks: Positions of the line switches: a broadcast write is acknowledged even if one leg misses it, and

@@ -62,7 +62,7 @@ _CHIP_FAULTS = {
     ),
 }
 
-#: Readings of a leg's chips, which tell nothing of the foot.
+#: Readings of a leg's chips, which do not depend on the foot.
 CHIP_READINGS = (*_CHIP_FAULTS, Reading.NO_ANSWER)
 
 

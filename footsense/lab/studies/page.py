@@ -21,12 +21,12 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from footsense.foot.checksum_trailer import verified_sha256
+from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.response_table import FootResponse
 from footsense.lab.code_hash import module_sha256
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, open_models
 from footsense.lab.foot_file import FOOT_FILE, load_foot
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.training.export import OnnxNetwork
 
@@ -54,7 +54,7 @@ class StudyContext:
         return open_models(self.models)
 
     @cached_property
-    def sole(self) -> SoleDesign:
+    def foot_design(self) -> FootDesign:
         """The foot's description."""
         return load_foot(self.models / FOOT_FILE)
 
@@ -124,7 +124,6 @@ class Study(Generic[Results]):
         results: Type of the measured numbers: a dataclass that msgspec converts to and from JSON.
         compute: Measures.
         names: Names that the template uses and that the module itself does not.
-        render: Returns the text of a page without a template.
         command: Of `footsense lab`; empty for `study <name>`.
     """
 
@@ -133,7 +132,6 @@ class Study(Generic[Results]):
     results: type[Results]
     compute: Callable[[StudyContext], tuple[Results, Figures]]
     names: dict[str, Any] = field(default_factory=dict)
-    render: Callable[[Results], str] | None = None
     command: str = ""
 
     def page(self, context: StudyContext) -> Page:
@@ -158,11 +156,8 @@ class Study(Generic[Results]):
         """Return the page of what a page's JSON holds; it computes nothing."""
         results: Any = msgspec.convert(values, self.results, str_keys=True)
         numbers = {one.name: getattr(results, one.name) for one in fields(results)}
-        if self.render is not None:
-            body = self.render(results).strip()
-        else:
-            names = vars(import_module(self._module)) | numbers | self.names | {"results": results}
-            body = render(self._module, names)
+        names = vars(import_module(self._module)) | numbers | self.names | {"results": results}
+        body = render(self._module, names)
         return Page(
             name=self.name,
             title=self.title,

@@ -4,7 +4,7 @@ Source:
     Aoyagi et al., end of section III A, where both are left for later.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -23,7 +23,7 @@ from footsense.foot.directions import (
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import Errors, Readout, elastance_readout, errors
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
     measured_closure_rel,
@@ -89,7 +89,7 @@ def sensed_um(response: FootResponse, free_um: Vector) -> Vector:
 
 
 #: Read-outs under test.
-_NETWORK, _CENTRED, _LEANING = (
+NETWORK, CENTRED, LEANING = (
     "released network",
     "linear, fitted to centred loads",
     "linear, fitted to leaning loads",
@@ -104,9 +104,11 @@ class _Judge:
         gap_um = self.response.design.gap_um
         n_random = QUICK_RANDOM_LOADS if context.quick else RANDOM_LOADS
         self._readouts: dict[str, Readout] = {
-            _NETWORK: lambda closure_um: network.force_n(closure_um / gap_um),
-            _CENTRED: elastance_readout(paper_training(self.response)),
-            _LEANING: elastance_readout(random_loads(self.response, context.sole.loads, n_random, SEED)),
+            NETWORK: lambda closure_um: network.force_n(closure_um / gap_um),
+            CENTRED: elastance_readout(paper_training(self.response)),
+            LEANING: elastance_readout(
+                random_loads(self.response, context.foot_design.loads, n_random, SEED)
+            ),
         }
 
     def measured_um(self, free_um: Vector) -> tuple[Vector, NDArray[np.bool_]]:
@@ -213,7 +215,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         shared.append(judge.errors(measured_um[inside], truth_n[inside]))
     results = Results(
         arm_mm=context.response.ball_radius_mm * float(np.sin(np.radians(LEANS_DEG[1]))),
-        friction_deg=context.sole.loads.friction_angle_deg,
+        friction_deg=context.foot_design.loads.friction_angle_deg,
         lean=lean,
         in_range_rel=within,
         second=shared,
@@ -245,84 +247,4 @@ def _curves(x: Sequence[float], label: str, found: list[dict[str, Errors]]) -> F
     return figure
 
 
-def _rows(levels: Iterable[object], found: Iterable[dict[str, Errors]]) -> list[list[str]]:
-    """Return a row for each level: of every read-out the mean and the 95th percentile [deg], and the mean [gf]."""
-    return [
-        [str(level), str(next(iter(by_name.values())).n)]
-        + [
-            f"{e.direction_deg:.2f} ({e.direction_p95_deg:.2f}), {e.magnitude_gf:.1f}"
-            for e in by_name.values()
-        ]
-        for level, by_name in zip(levels, found, strict=True)
-    ]
-
-
-def render(results: Results) -> str:
-    """Return the page's text."""
-    lean, within = results.lean, results.in_range_rel
-    lean_rows = [
-        [*row, f"{part:.0%}"]
-        for row, part in zip(_rows((f"{x:g}" for x in LEANS_DEG), lean), within, strict=True)
-    ]
-    second_rows = _rows((f"{x:g}" for x in SHARES), results.second)
-    names = [f"{name}: deg mean (p95), gf" for name in lean[0]]
-    k = int(np.argmin(np.abs(np.array(LEANS_DEG) - results.friction_deg)))
-    friction_deg, level, leant = LEANS_DEG[k], lean[0], lean[k]
-    alone, half, equal = results.second[0], results.second[SHARES.index(DISTANCE_SHARE)], results.second[-1]
-    return f"""
-The paper leaves three things for later (end of III A): a force that does not go through the middle of the ball, an
-external load beside the floor's, and a ball that is much deformed. This page has the first two, by the response table,
-gaps in contact and the converter's noise included; the study `floor` has the third.
-
-### A force past the centre
-
-The contact normal leans from the force, as it does with friction or on a slope. {LEANING_GF:g} gf at elevations of
-{", ".join(f"{e:g}" for e in LEANING_ELEVATIONS_DEG)} deg and 36 azimuths; the contact lies to four sides of each.
-
-{table(["lean [deg]", "loads", *names, f"in range at {PAPER_GF:g} gf"], lean_rows)}
-
-![]({_LEAN_FIGURE})
-
-- A centred force has no moment about the middle of the sheet, a leaning one has: at a lean of {LEANS_DEG[1]:g} deg its
-  line passes {results.arm_mm:.1f} mm beside. The linear read-out of centred loads takes that moment for inclination:
-  {level[_CENTRED].direction_deg:.2f} deg of error without lean, {lean[1][_CENTRED].direction_deg:.0f} deg at
-  {LEANS_DEG[1]:g} deg of lean. The paper's protocol does not show this, as all of its loads are centred.
-- Fitted to leaning loads, a linear read-out has {level[_LEANING].direction_deg:.1f} deg without lean and
-  {leant[_LEANING].direction_deg:.1f} deg at {friction_deg:g} deg, where the released network, trained on the same
-  kind of loads, has {level[_NETWORK].direction_deg:.2f} and {leant[_NETWORK].direction_deg:.2f} deg. Its training ends
-  at {friction_deg:g} deg.
-- A leaning force has a moment about the sheet, which closes gaps on one side: of {PAPER_GF:g} gf, the converter's full
-  scale leaves {within[LEANS_DEG.index(15.0)]:.0%} of the loads at a lean of 15 deg and {within[k]:.0%} at
-  {friction_deg:g} deg. The range, not the read-out, is the first limit of a leaning force.
-
-### A second load beside the floor's
-
-The floor presses with {FLOOR_GF:g} gf in the paper's 180 directions; a second contact lies anywhere on the ball
-(normals down to {SECOND_MIN_ELEVATION_DEG:g} deg) and presses without friction, so that lean plays no part. Free
-closures add up, each contact with a Hertz patch of its own, and then the gaps touch. The read-outs estimate one force;
-the reference is the sum of both, the load of the leg. Loads beyond the converter's full scale are left out.
-
-{table(["second over floor", "loads", *names], second_rows)}
-
-With a second load of {DISTANCE_SHARE:g} of the floor's, by the angle between the contacts:
-
-{table(["contacts apart [deg]", "loads", *names], _rows(results.distance, results.distance.values()))}
-
-![]({_SECOND_FIGURE})
-
-- Contacts without friction are centred loads one by one, and free closures add up: a linear read-out that is right for
-  each is right for both. The one of centred loads goes from {alone[_CENTRED].direction_deg:.2f} deg with the floor
-  alone to {half[_CENTRED].direction_deg:.2f} deg with a second load of {DISTANCE_SHARE:g} and
-  {equal[_CENTRED].direction_deg:.2f} deg with one as large as the floor's. It is not quite right for
-  each: gaps touch, and contacts below 40 deg were not in its loads.
-- The released network was trained on one contact of any lean, and goes from {alone[_NETWORK].direction_deg:.2f} over
-  {half[_NETWORK].direction_deg:.2f} to {equal[_NETWORK].direction_deg:.2f} deg, the more the farther the contacts are
-  apart. It distinguishes lean by weak patterns, and two contacts make patterns that no single one makes.
-- So nine closures of one foot determine a leaning contact or a second one, but only if it is known which: a read-out is
-  valid for the kind of loads of its training.
-"""
-
-
-STUDY = Study(
-    name="beyond", title="Beyond one centred force", results=Results, compute=compute, render=render
-)
+STUDY = Study(name="beyond", title="Beyond one centred force", results=Results, compute=compute)

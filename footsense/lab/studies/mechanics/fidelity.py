@@ -1,6 +1,5 @@
 """Study `fidelity`: time and error of four models of the foot, from a formula to finite strain on a floor."""
 
-import math
 from dataclasses import dataclass
 from timeit import default_timer
 
@@ -24,16 +23,16 @@ from footsense.lab.fidelity.compare import (
 from footsense.lab.fidelity.drawing import error_against_time, pattern_tiles
 from footsense.lab.fidelity.half_space import HalfSpace
 from footsense.lab.fidelity.levels import NAMES, Full, rung
-from footsense.lab.studies.page import Figures, Study, StudyContext, table
+from footsense.lab.studies.page import Figures, Study, StudyContext
 
 _FIGURE, _PATTERN = "fidelity.png", "fidelity-pattern.png"
 #: Loads of the full solve: elevation of contact normal and of force [deg], magnitude [gf]. The load of the
 #: paper's Fig. 17, one that leans away from the normal, and two that close gaps.
-_FULL_CASES = ((45.0, 45.0, 100.0), (70.0, 90.0, 100.0), (90.0, 90.0, 150.0), (60.0, 60.0, 150.0))
+FULL_CASES = ((45.0, 45.0, 100.0), (70.0, 90.0, 100.0), (90.0, 90.0, 150.0), (60.0, 60.0, 150.0))
 #: Loads that are solved forward.
 _FORWARD_LOADS, _FORWARD_LOADS_QUICK = 12, 2
 #: Adjoint solves of a table: one per cell of the quarter and class.
-_ADJOINT_SOLVES = 81 * 3
+ADJOINT_SOLVES = 81 * 3
 
 
 #: Differences between answers, by model.
@@ -92,7 +91,7 @@ def _answers(
     """Return the answers of models, and the time of a load [s]."""
     answers, seconds = {}, {}
     for name in names:
-        level = rung(name, context.response, context.sole)
+        level = rung(name, context.response, context.foot_design)
         answers[name], taken_s = timed(level, loads, repeats=1 if name == "full" else 3)
         seconds[name] = taken_s / len(loads)
         context.say(f"fidelity: {name}, {len(loads)} loads in {taken_s:.2g} s")
@@ -109,7 +108,7 @@ def _forward(context: StudyContext, loads: Loads) -> ForwardAgainstTable:
     """Solve some loads one by one, on the table's mesh; on a coarse one in the quick form."""
     size = COARSE if context.quick else MeshSize(**context.response.provenance["mesh"])
     start = default_timer()
-    foot = ForwardFoot(context.sole, size)
+    foot = ForwardFoot(context.foot_design, size)
     factorise_s = default_timer() - start
     context.say(f"fidelity: three classes factorised in {factorise_s:.1f} s")
     n = _FORWARD_LOADS_QUICK if context.quick else _FORWARD_LOADS
@@ -118,16 +117,16 @@ def _forward(context: StudyContext, loads: Loads) -> ForwardAgainstTable:
 
 def _formula(context: StudyContext, loads: Loads, contact: Answer) -> tuple[Distances, tuple[float, float]]:
     """Return the differences of the formula's variants from contact, and the share of the force on the sheet [1]."""
-    sole = context.sole
-    alone = HalfSpace(sole, balanced=False)
+    foot_design = context.foot_design
+    alone = HalfSpace(foot_design, balanced=False)
     variants = {
-        "half-space": HalfSpace(sole),
+        "half-space": HalfSpace(foot_design),
         "without statics": alone,
-        "with PDMS for the rubber": HalfSpace(replace(sole, rubber=sole.pdms)),
+        "with PDMS for the rubber": HalfSpace(replace(foot_design, rubber=foot_design.pdms)),
     }
     answers = {name: one.answer(loads.normal, loads.force_n) for name, one in variants.items()}
-    edge_mm = (sole.sheet_mm - sole.pitch_mm) / 2.0
-    side_mm = [edge_mm, sole.pitch_mm, edge_mm]
+    edge_mm = (foot_design.sheet_mm - foot_design.pitch_mm) / 2.0
+    side_mm = [edge_mm, foot_design.pitch_mm, edge_mm]
     area_mm2 = np.outer(side_mm, side_mm).ravel()
     carried = (alone.pressure_mpa(loads.normal, loads.force_n) @ area_mm2) / loads.force_n[:, 2]
     return _distances(context, answers, contact), (carried.min(), carried.max())
@@ -135,7 +134,7 @@ def _formula(context: StudyContext, loads: Loads, contact: Answer) -> tuple[Dist
 
 def _against_full(context: StudyContext, answers: dict[str, Answer]) -> AgainstFull:
     """Compare the cheap models with the full solve, and take its parts apart at the first load."""
-    reduced, taken_s = timed(Full(context.sole, reduced=True), mirrored_loads(_FULL_CASES[:1]))
+    reduced, taken_s = timed(Full(context.foot_design, reduced=True), mirrored_loads(FULL_CASES[:1]))
     context.say(f"fidelity: full without finite strain and floor, in {taken_s:.1f} s")
     first, contact = (
         Answer(answers[name].closure_um[:1], answers[name].capacitance_pf[:1]) for name in ("full", "contact")
@@ -152,13 +151,13 @@ def _against_full(context: StudyContext, answers: dict[str, Answer]) -> AgainstF
 def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Time and compare the models; the quick form leaves out the full solve."""
     ng.ngsglobals.msg_level = 0
-    loads, sole = paper_loads(context.response), context.sole
+    loads, foot_design = paper_loads(context.response), context.foot_design
     cheap, seconds = _answers(context, NAMES[:3], loads)
     forward = _forward(context, loads)
     apart = _distances(context, {name: cheap[name] for name in NAMES[:2]}, cheap["contact"])
     shown, finest, full, figures = apart, "contact", None, {}
     if not context.quick:
-        answers, taken = _answers(context, NAMES, mirrored_loads(_FULL_CASES))
+        answers, taken = _answers(context, NAMES, mirrored_loads(FULL_CASES))
         full = _against_full(context, answers)
         shown, finest, seconds["full"] = full.distances, "full", taken["full"]
         unloaded_pf = context.response.design.unloaded_pf
@@ -173,7 +172,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         against_contact=apart,
         formula=formula,
         carried_rel=carried_rel,
-        softer=sole.rubber.hertz_mpa / sole.pdms.hertz_mpa,
+        softer=foot_design.rubber.hertz_mpa / foot_design.pdms.hertz_mpa,
         forward=forward,
         coarse_forward=context.quick,
         full=full,
@@ -181,110 +180,4 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     return results, figures
 
 
-def _distance_table(distances: dict[str, Distance]) -> str:
-    """Return a row per answer."""
-    header = [
-        "",
-        "closure, rms",
-        "largest [um]",
-        "ΔC, rms",
-        "largest [pF]",
-        "direction [deg]",
-        "magnitude [gf]",
-    ]
-    rows = [
-        [
-            name,
-            f"{apart.closure_rel:.1%}",
-            f"{apart.closure_max_um:.2f}",
-            f"{apart.capacitance_rel:.1%}",
-            f"{apart.capacitance_max_pf:.3f}",
-            f"{apart.direction_deg:.2f}",
-            f"{apart.magnitude_gf:.2f}",
-        ]
-        for name, apart in distances.items()
-    ]
-    return table(header, rows)
-
-
-def _full_text(full: AgainstFull, seconds: float) -> str:
-    """Return the part on the full solve."""
-    cases = "; ".join(f"{normal:g}/{force:g} deg, {size:g} gf" for normal, force, size in _FULL_CASES)
-    return f"""
-### Against the full solve
-
-Finite strain and a floor with friction, {seconds:.0f} s a load, so {len(_FULL_CASES)} loads (elevation of normal and
-force, magnitude): {cases}. All lie in a mirror plane, of which the full solve meshes half. Against full:
-
-{_distance_table(full.distances)}
-
-Part of that is the mesh, which has to be coarser there. At the first load, the full solve with small strain and Hertz's
-patch, that is with the physics of contact, leaves {full.mesh_rel:.1%} rms between the closures of the two meshes;
-finite strain and the floor, on one mesh, change them by {full.physics_rel:.1%}. The changes of the nine capacitances
-at that load, by all four:
-
-![]({_PATTERN})
-"""
-
-
-def _forward_text(found: ForwardAgainstTable, n: int, *, coarse: bool) -> str:
-    """Return the part on solving every load."""
-    made_s = _ADJOINT_SOLVES * found.adjoint_s
-    table_s = found.factorise_s + made_s + n * found.table_s
-    forward_s = found.factorise_s + n * found.forward_s
-    paid_back = math.ceil(made_s / (found.forward_s - found.table_s))
-    other = "a coarser mesh than the table's, so the difference is that of the meshes"
-    rows = [
-        ["solved, four symmetry classes", f"{1e3 * found.forward_s:.3g} ms", f"{forward_s:.3g} s"],
-        ["looked up in the table of adjoint solves", f"{1e3 * found.table_s:.3g} ms", f"{table_s:.3g} s"],
-    ]
-    header = ["all gaps open, 324 cells", "a load", f"{n} loads, with all that comes before"]
-    return f"""
-### Solving every load
-
-The same weak form on {other if coarse else "the table's mesh"}, loaded by the Hertz patch itself: {found.n} loads of
-the {n}, evenly spread. Once made, the table answers {found.ratio:.0f} times as fast. Its {_ADJOINT_SOLVES} adjoint
-solves of {1e3 * found.adjoint_s:.3g} ms are paid back after {paid_back} loads. The closures of the cells differ by
-{found.closure_rel:.2%} rms, those of the elements by {found.closure_max_um:.3f} um at most.
-
-{table(header, rows)}
-"""
-
-
-def render(results: Results) -> str:
-    """Return the page's text."""
-    n, seconds, full = results.n_loads, results.seconds_per_load, results.full
-    rows = [[name, f"{1e3 * each:.3g} ms", f"{each * n:.3g} s"] for name, each in seconds.items()]
-    scaled = f" That of `full` is scaled from {len(_FULL_CASES)} loads." if full else ""
-    low_rel, high_rel = results.carried_rel
-    return f"""
-Four models answer the same question: how does a contact close nine gaps? What is the time of each, and its error?
-Direction and magnitude are differences between the forces that the released network reads from both capacitances.
-
-{table(["time", "a load", f"{n} loads"], rows)}
-
-The loads are the paper's 362 and 180.{scaled} The table behind `linear` and `contact` is made once and not counted.
-
-![]({_FIGURE})
-
-### Against contact
-
-On the {n} loads:
-
-{_distance_table(results.against_contact)}
-{_full_text(full, seconds["full"]) if full else ""}
-### The formula
-
-Boussinesq's point force on a half-space, a lattice of bars, and statics; nothing is fitted. On the {n} loads,
-against contact:
-
-{_distance_table(results.formula)}
-
-By the stress formula alone the sheet would carry {low_rel:.0%} to {high_rel:.0%} of the vertical force: a half-space
-continues where the ball ends. Statics corrects that. It stays too stiff, since the cavities lie between plates of PDMS,
-which is {results.softer:.1f} times as soft as the rubber that stands for them, and the outer cavities are open at the
-edge.
-{_forward_text(results.forward, n, coarse=results.coarse_forward)}"""
-
-
-STUDY = Study(name="fidelity", title="The fidelity levels", results=Results, compute=compute, render=render)
+STUDY = Study(name="fidelity", title="The fidelity levels", results=Results, compute=compute)

@@ -20,7 +20,7 @@ from footsense.lab.fem.film import FilmDesign, film_response, upright_closure_um
 from footsense.lab.fem.mesh import COARSE, SHIPPED
 from footsense.lab.geometry import Material
 from footsense.lab.monte_carlo.statistics import MeanStd
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
     NOISE_PF,
@@ -151,8 +151,8 @@ def with_gaps(context: StudyContext) -> Sensor:
 
 def with_film(context: StudyContext, film: FilmDesign) -> Sensor:
     """Return the design with the film, solved."""
-    response = film_response(context.sole, QUICK_FILM_SIZE if context.quick else FILM_SIZE, film)
-    capacitor = film.capacitor(context.sole)
+    response = film_response(context.foot_design, QUICK_FILM_SIZE if context.quick else FILM_SIZE, film)
+    capacitor = film.capacitor(context.foot_design)
 
     def closure_um(normal: Vector, force_n: Vector) -> Vector:
         distance_um = capacitor.gap_um - response.free_closure_um(normal, force_n)
@@ -210,18 +210,18 @@ def measured(context: StudyContext, sensor: Sensor) -> Measured:
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Solve the foot with the film, and measure both designs."""
-    sole = context.sole
-    film = FilmDesign(film_mm=sole.spacer_mm)
+    foot_design = context.foot_design
+    film = FilmDesign(film_mm=foot_design.spacer_mm)
     gaps, gel = sensors = with_gaps(context), with_film(context, film)
     context.say("film: the foot with the film is solved")
     poissons = QUICK_POISSONS if context.quick else POISSONS
     films = [replace(film, gel=Material(film.gel.youngs_mpa, poisson)) for poisson in poissons]
-    closures = upright_closure_um(sole, QUICK_FILM_SIZE, films)
+    closures = upright_closure_um(foot_design, QUICK_FILM_SIZE, films)
     results = Results(
         film=film,
-        pdms_mpa=sole.pdms.youngs_mpa,
-        sheet_mm=sole.sheet_mm,
-        electrode_mm=sole.electrode_mm,
+        pdms_mpa=foot_design.pdms.youngs_mpa,
+        sheet_mm=foot_design.sheet_mm,
+        electrode_mm=foot_design.electrode_mm,
         gaps=measured(context, gaps),
         gel=measured(context, gel),
         by_poisson={
@@ -252,68 +252,10 @@ def _figure(sensors: Sequence[Sensor]) -> Figure:
     return figure
 
 
-def render(results: Results) -> str:
-    """Return the page's text."""
-    film, gaps, gel = results.film, results.gaps, results.gel
-    pairs = (
-        ("capacitance at rest [pF]", gaps.unloaded_pf, gel.unloaded_pf, ".2f"),
-        ("mean closure, upright [um/N]", gaps.closure_um_per_n, gel.closure_um_per_n, ".2f"),
-        ("sensitivity, upright [pF/N]", gaps.sensitivity_pf_per_n, gel.sensitivity_pf_per_n, ".3f"),
-        ("range, upright [N]", gaps.range_n, gel.range_n, ".2f"),
-        ("range, elevation 45 deg [N]", gaps.low_range_n, gel.low_range_n, ".2f"),
-        ("linear read-out [deg]", gaps.linear.direction_deg, gel.linear.direction_deg, ".2f"),
-        ("linear read-out [gf]", gaps.linear.magnitude_gf, gel.linear.magnitude_gf, ".2f"),
-        ("network [deg]", gaps.direction_deg, gel.direction_deg, ""),
-        ("network [gf]", gaps.magnitude_gf, gel.magnitude_gf, ""),
-    )
-    rows = [[name, *(format(one, form) if form else str(one) for one in both)] for name, *both, form in pairs]
-    confined = [
-        [nu, f"{1e3 * one.confined_mpa:.0f}", f"{one.relief_mm:.3f}", f"{one.closure_um:.3f}"]
-        for nu, one in results.by_poisson.items()
-    ]
-    (first, wide), *_, (last, narrow) = results.by_poisson.items()
-    slide_um = 1e3 * film.film_mm / (film.gel.shear_mpa * results.sheet_mm**2)
-    film_pf, soft_kpa, thick_um = gel.unloaded_pf, 1e3 * film.gel.youngs_mpa, 1e3 * film.film_mm
-    return f"""
-The paper's outlook (section VI): a film of gelled polyurethane, E = {soft_kpa:g} kPa, without gaps, in place of the
-spacer, for more sensitivity and so that nothing sticks. Here it covers the whole sheet, {thick_um:g} um thick like the
-spacer, between the same plates of PDMS, as an elastic layer. Our choices: Poisson's ratio {film.gel.poisson:g},
-relative permittivity {film.eps_r:g} (capacitance and sensitivity are proportional to it). Both designs have the
-converter's {1e3 * NOISE_PF:g} fF of noise. The range of the gaps ends at {FULL_SCALE_PF:.0f} pF, the range of the film
-where any part of it closes or opens by {STRAIN_LIMIT_REL:.0%}; at rest the film has {film_pf:.1f} pF, for which the
-converter needs its offset. Errors: the paper's 362 cases for training, its 180 for the test, {DRAWS} times with new
-noise; networks on closures 9-{HIDDEN[0]}-{HIDDEN[1]}-3, mean ± standard deviation of {gaps.direction_deg.n} start
-weights.
-
-{table(["", "gaps in PDMS", "film"], rows)}
-
-![]({_FIGURE})
-
-- The film has {gel.sensitivity_pf_per_n / gaps.sensitivity_pf_per_n:.2f} times the sensitivity of the gaps; it is
-  softer than PDMS by a factor of {results.pdms_mpa / film.gel.youngs_mpa:.0f}. It is confined: a layer of
-  {thick_um:g} um between plates of {results.sheet_mm:g} mm cannot spread, and has a modulus of
-  M = {1e3 * film.gel.confined_mpa:.0f} kPa instead of {soft_kpa:g}. The gaps close by bending of the plates, which
-  nothing resists.
-- Its range ends at {gel.range_n:.1f} N upright, the range of the gaps at {gaps.range_n:.1f} N.
-- A linear read-out of elastance has {gel.linear.direction_deg:.2f} deg and {gel.linear.magnitude_gf:.2f} gf with the
-  film, {gaps.linear.direction_deg:.2f} deg and {gaps.linear.magnitude_gf:.2f} gf with the gaps, some of which close
-  under the 150 gf of the training.
-- In shear it is soft: a lateral newton slides the plates by {slide_um:.0f} um,
-  {slide_um / 1e3 / results.electrode_mm:.1%} of an electrode, where the closure of an upright one is
-  {gel.closure_um_per_n / thick_um:.1%} of the thickness. Its effect on the overlap of the electrodes is not in these
-  figures; electrodes of different sizes would remove it.
-
-### The effect of confinement
-
-An upright newton, spread over the ball; a coarse mesh suffices.
-
-{table(["Poisson's ratio", "M [kPa]", "relief at the rim [mm]", "mean closure [um/N]"], confined)}
-
-- From {first} to {last} the closure falls by a factor of {wide.closure_um / narrow.closure_um:.0f}: compressibility,
-  not E, sets the sensitivity of a continuous film, and a gel's data sheet does not state it. Only where the relief
-  length comes near the size of the sheet would the film yield sideways, and the layer model err; to gain from a soft
-  gel, it needs room to spread: pores, pillars or gaps.
-"""
-
-
-STUDY = Study(name="film", title="A soft film without gaps", results=Results, compute=compute, render=render)
+STUDY = Study(
+    name="film",
+    title="A soft film without gaps",
+    results=Results,
+    compute=compute,
+    names={"HIDDEN": HIDDEN, "NOISE_PF": NOISE_PF},
+)

@@ -11,7 +11,7 @@ from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.lab.contact.full_solve import FullFoot, FullSolution
 from footsense.lab.contact.mesh import Fineness
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels, table
+from footsense.lab.studies.page import Figures, Study, StudyContext, panels
 
 Vector = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ _FINENESS, _QUICK_FINENESS = (
     Fineness(ball_mm=5.0, plate_mm=3.5, bar_mm=4.0, patch_rel=0.8),
 )
 #: Options of the full solve with a part left out.
-_WITHOUT: dict[str, dict[str, Any]] = {
+WITHOUT: dict[str, dict[str, Any]] = {
     "Hertz patch": {"floor": "hertz"},
     "small strain": {"finite_strain": False},
     "both": {"floor": "hertz", "finite_strain": False},
@@ -104,10 +104,10 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     fineness = _QUICK_FINENESS if context.quick else _FINENESS
     solved = []
     for load in _LOADS[:1] if context.quick else _LOADS:
-        full = load.solve(FullFoot(context.sole, fineness=fineness))
+        full = load.solve(FullFoot(context.foot_design, fineness=fineness))
         others = {
-            name: load.solve(FullFoot(context.sole, fineness=fineness, **options))
-            for name, options in _WITHOUT.items()
+            name: load.solve(FullFoot(context.foot_design, fineness=fineness, **options))
+            for name, options in WITHOUT.items()
         }
         one = Solved(
             load=load.label,
@@ -125,9 +125,9 @@ def _figure(loads: list[Solved]) -> Figure:
     """Draw the differences as bars."""
     figure, (axes,) = panels(1, 8.0, 3.4)
     axes.grid(visible=False, axis="x")
-    width = 0.8 / len(_WITHOUT)
-    for number, name in enumerate(_WITHOUT):
-        place = np.arange(len(loads)) + (number - (len(_WITHOUT) - 1) / 2.0) * width
+    width = 0.8 / len(WITHOUT)
+    for number, name in enumerate(WITHOUT):
+        place = np.arange(len(loads)) + (number - (len(WITHOUT) - 1) / 2.0) * width
         axes.bar(place, [100.0 * load.difference_rel[name] for load in loads], width, label=name)
     axes.axhline(1.0, color="k", ls=":", lw=1, label="accuracy of the table")
     axes.set_xticks(np.arange(len(loads)), [load.load.replace(", normal", ",\nnormal") for load in loads])
@@ -136,37 +136,9 @@ def _figure(loads: list[Solved]) -> Figure:
     return figure
 
 
-def render(results: Results) -> str:
-    """Return the page's text."""
-    rows = [
-        [
-            one.load,
-            *(f"{100.0 * one.difference_rel[name]:.2f}" for name in _WITHOUT),
-            f"{one.patch_mm:.3f} / {one.hertz_mm:.3f}",
-            f"{one.newton_steps}",
-        ]
-        for one in results.loads
-    ]
-    worst = {name: 100.0 * max(one.difference_rel[name] for one in results.loads) for name in _WITHOUT}
-    header = ["load", *(f"{name} [%]" for name in _WITHOUT), "patch, solved / Hertz [mm]", "Newton steps"]
-    return f"""
-The response table puts Hertz's pressure on the ball, along the force, and assumes small strain. How large is the error?
-The full solve has neo-Hookean solids, gaps in contact, and a rigid floor with Coulomb friction (0.7) that comes from
-below until it exerts the force; here it is solved once with everything and once with each part left out, on one mesh,
-so that the mesh does not count. Largest difference of a mean closure over the largest:
-
-{table(header, rows)}
-
-![]({_FIGURE})
-
-At worst the patch costs {worst["Hertz patch"]:.2f} % and small strain {worst["small strain"]:.2f} %.
-"""
-
-
 STUDY = Study(
     name="floor",
     title="The error of Hertz's patch and of small strain",
     results=Results,
     compute=compute,
-    render=render,
 )
