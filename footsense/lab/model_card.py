@@ -6,11 +6,11 @@ from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import Errors
 from footsense.lab.evaluation.evaluate_models import HELD_OUT_CASES, as_markdown
 from footsense.lab.foot_file import FOOT_FILE
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 
 
 def readme(
-    sole: SoleDesign,
+    foot_design: FootDesign,
     response: FootResponse,
     card: dict[str, Any],
     table: dict[str, Errors],
@@ -19,9 +19,9 @@ def readme(
     quick: bool,
 ) -> str:
     """Return the model card for people."""
-    where, loads, weights = response.provenance, sole.loads, card["training"]["weights"]
+    where, loads, weights = response.provenance, foot_design.loads, card["training"]["weights"]
     span, lean = f"{loads.judged_from_n:g} to {loads.max_n:g} N", f"{loads.typical_lean_deg:g} deg"
-    radius = f"{sole.ball_radius_mm:g} mm radius"
+    radius = f"{foot_design.ball_radius_mm:g} mm radius"
     noise = f"{1000 * card['training']['wide']['noise_pf']:g} fF"
     asymmetry, residual, cut_off = (
         f"{100 * where[key]:.4f} %" for key in ("mesh_asymmetry_rel", "fit_residual_rel", "interpolation_rel")
@@ -29,15 +29,15 @@ def readme(
     warning = "**A quick build: coarse mesh, short training. Not a release.**\n\n"
     return f"""# {response.foot_type}
 
-{warning if quick else ""}{sole.about}: nine capacitors between two rubber hemispheres of {radius}.
+{warning if quick else ""}{foot_design.about}: nine capacitors between two rubber hemispheres of {radius}.
 `{FOOT_FILE}` describes it; everything else is made from that by one command, in the folder above this one, and nothing
 is edited by hand:
 
-    footsense lab build --foot {sole.foot_type}/{FOOT_FILE} --out .{" --quick" if quick else ""}
+    footsense lab build --foot {foot_design.foot_type}/{FOOT_FILE} --out .{" --quick" if quick else ""}
 
 | file | what |
 |---|---|
-| `{FOOT_FILE}` | the foot: an element has {sole.capacitor.unloaded_pf:.2f} pF at rest |
+| `{FOOT_FILE}` | the foot: an element has {foot_design.capacitor.unloaded_pf:.2f} pF at rest |
 | `network.onnx` | `closure_rel`, `missing` [n, 9] to `force_n`, `sigma_n` [n, 3]; {weights} weights; card inside |
 | `response.npz` | the simulator's foot: contact normals above {response.min_elevation_deg:g} deg |
 

@@ -38,7 +38,7 @@ def experiment(
     as_json: bool,
     output: Path | None,
 ) -> None:
-    """Make feet as badly as the paper's, press, record and calibrate them, and evaluate all estimators.
+    """Simulate feet with the paper's fabrication tolerances, calibrate them, and compare all estimators.
 
     Every foot is read by the daemon through the bytes of its chips, and pressed at the paper's 362 and 180 loads beside
     a simulated reference sensor.
