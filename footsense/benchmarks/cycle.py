@@ -34,17 +34,6 @@ from footsense.telemetry.journal import Journal
 from footsense.telemetry.metrics import MetricsObserver
 from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
 
-__all__ = [
-    "PRIORITY",
-    "WARM_UP",
-    "Loopback",
-    "OurCycle",
-    "cycle_figures",
-    "our_cycle",
-    "recorded_scans",
-    "sent_ns",
-    "tared_floor",
-]
 
 #: Priority of SCHED_FIFO, the default of the service; without it the figures include other processes.
 PRIORITY = Realtime().priority

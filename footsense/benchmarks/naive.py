@@ -25,8 +25,6 @@ from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.frames import CapFrame, ContactFrame, Flag, State
 from footsense.ports import Clock, I2cBus, Transaction
 
-__all__ = ["NaiveCycle", "naive_cycle", "sequential_scan"]
-
 
 def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
     """Scan every element of every leg of the first bus in sequence."""

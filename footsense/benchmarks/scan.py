@@ -18,7 +18,6 @@ from footsense.daemon.simulation import simulated_robot
 from footsense.frames import USABLE, Flag
 from footsense.sim.scene import Scene, load_scene
 
-__all__ = ["conversion_limit_ms", "publish_age_ms", "scan_figures"]
 
 _SCANS = 40
 _HOST_COSTS_US = (0, 40, 100)

@@ -16,7 +16,6 @@ from footsense.recording.machine import this_machine
 from footsense.recording.replay import Replay
 from footsense.sim.scene import Scene
 
-__all__ = ["model_difference", "recorded_config", "recorded_flags", "recording_header"]
 
 _CALIBRATIONS = "calibrations"
 

@@ -16,7 +16,6 @@ from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Scene
 from footsense.sim.scene_loads import Tripod
 
-__all__ = ["CanFigures", "can_trial"]
 
 WALK = Scene(
     description="Six legs walk with a fault of CAN.",

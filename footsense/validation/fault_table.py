@@ -22,7 +22,6 @@ from footsense.validation.fault_trial import (
     walk,
 )
 
-__all__ = ["CAN_TRIALS", "TRIALS", "FaultTrial", "can_rows", "rows"]
 
 #: Length of a walk with a fault of CAN [s]: the kernel checks a carrier once a second, and the daemon opens the
 #: interface again as often.

@@ -24,8 +24,6 @@ from footsense.sim.scene_loads import CalibrationLoads, Unloaded
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 from footsense.sim.test_stand.reference_sensor import RATED_GF, TRANSMISSION_NS
 
-__all__ = ["FootBatch", "FootTrial", "foot_name", "run_trial"]
-
 
 #: Twenty feet of this seed have errors near the mean of 160.
 _TYPICAL_SEED = 8

@@ -10,8 +10,6 @@ from footsense.acquisition.probe.bus_scan import BusScan, ChannelScan
 from footsense.acquisition.probe.foot_check import FootFault, FootScans
 from footsense.config import Bus
 
-__all__ = ["Diagnosis", "ProbeResult", "ProbedAdapter", "ProbedBus", "ProbedLeg"]
-
 
 class Diagnosis(NamedTuple):
     """One fault on a bus or leg.
