@@ -20,7 +20,8 @@ import firmware_interface
 from firmware_interface import crc8
 from firmware_interface.chips import tca9548a
 from footsense.acquisition.scan_plan import scan_plan
-from footsense.config import Bus, Config
+from footsense.config import Config
+from footsense.config.sections import Bus
 from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.frames import CapFrame, ContactFrame, Flag, State
 from footsense.ports import Clock, I2cBus, Transaction

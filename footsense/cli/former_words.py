@@ -4,7 +4,6 @@ import re
 
 import click
 
-
 _RENAMED = {
     "bench": "benchmark",
     "ladder": "fidelity",

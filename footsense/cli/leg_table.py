@@ -9,7 +9,6 @@ from rich.text import Text
 
 from firmware_interface.can_codes import Phase, State, phase_of
 
-
 _PHASE_STYLES = {
     Phase.ABSENT: "bold red",
     Phase.STARTING: "yellow",

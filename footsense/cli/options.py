@@ -11,7 +11,6 @@ from typing import Any
 import click
 import msgspec
 
-
 FILE = click.Path(path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
 

@@ -10,7 +10,6 @@ from footsense.daemon.foot_types import released_path
 from footsense.errors import ConfigError
 from footsense.estimation.network import Network
 
-
 recordings_argument = click.argument("recordings", nargs=-1, required=True, type=FILE)
 foot_option = click.option("--foot", required=True, help="The foot on the test stand, such as foot-0007.")
 foot_type_option = click.option(

@@ -11,7 +11,6 @@ from footsense.client import LINK_IDS, REPORT_IDS, LegForce, LegReport, Link, Li
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 
-
 #: Period of reading the channel [ns].
 _POLL_NS = 5_000_000
 

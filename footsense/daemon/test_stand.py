@@ -23,7 +23,6 @@ from footsense.reference.sensor_mounting import SensorMounting
 from footsense.reference.serial_sensor import SerialReference
 from footsense.sim.test_stand import reference_sensor as simulated
 
-
 StandSensor = SerialReference | NetFtReference | FileReference
 
 

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import yaml
 
-
 #: Longest text that is read [bytes]; a hand-written file has a few thousand.
 MAX_BYTES = 262_144
 

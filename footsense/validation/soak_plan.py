@@ -8,7 +8,6 @@ from footsense.sim.faults.scene_faults import CanTraffic
 from footsense.sim.scene import Effects, Scene, Warming
 from footsense.sim.scene_loads import Stand, Tripod
 
-
 #: Hours of a day at the full rate.
 _FAST_HOURS = 4.0
 #: Stretches with a stand, and begin and end of the stand [s].

@@ -15,7 +15,6 @@ from footsense.cli.leg_table import leg_table, words
 from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
 from footsense.frames import Cause, Reading
 
-
 _CHIPS = {
     fdc1004.ADDRESS: "FDC1004",
     ad7746.ADDRESS: "AD7746",

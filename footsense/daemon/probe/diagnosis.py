@@ -11,7 +11,6 @@ from footsense.daemon.acquisition import SLOW_REL
 from footsense.daemon.probe.report import Diagnosis, ProbedBus, ProbedLeg
 from footsense.frames import Reading
 
-
 _MUXES = range(0x70, 0x78)
 
 _CHECKS = {
