@@ -9,7 +9,7 @@ timeout.
 import logging
 from collections.abc import Iterable
 
-from firmware_interface import tca9548a
+from firmware_interface.chips import tca9548a
 from footsense.acquisition.boards.board import Board
 from footsense.errors import BusTimeoutError, HardwareError, WrongChipError
 from footsense.frames import Codes, Reading

@@ -16,7 +16,7 @@ from footsense.daemon.foot_types import released_path
 from footsense.errors import FootsenseError
 from footsense.estimation.faults.consistency import RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
-from footsense.foot.network_card import TrainedInputs
+from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import ELEMENTS, CapFrame
 
 __all__ = ["CFloor", "codes_of", "compiler", "has_c_floor", "round_ns"]

@@ -17,7 +17,8 @@ import msgspec
 import numpy as np
 
 import firmware_interface
-from firmware_interface import crc8, tca9548a
+from firmware_interface import crc8
+from firmware_interface.chips import tca9548a
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.config import Bus, Config
 from footsense.daemon.estimation import load_network, pipeline_for

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from footsense.foot.calibration_format import Manifest, Parameters
+from footsense.foot.files.calibration_format import Manifest, Parameters
 from footsense.foot.force_errors import Errors
 
 __all__ = ["card_text"]

@@ -14,7 +14,7 @@ import msgspec
 
 from footsense.calibration.card import card_text
 from footsense.errors import CalibrationError
-from footsense.foot.calibration_format import (
+from footsense.foot.files.calibration_format import (
     CARD,
     FORMAT,
     MANIFEST,
@@ -24,8 +24,8 @@ from footsense.foot.calibration_format import (
     Manifest,
     Parameters,
 )
-from footsense.foot.calibration_reader import FootCalibration, read_calibration
-from footsense.foot.checksum_trailer import verified_sha256
+from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
+from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.parameters import FootParameters
 
 __all__ = ["check_calibration_target", "file_sha256", "write_calibration"]

@@ -19,8 +19,8 @@ from footsense.cli.test_stand_options import (
     recordings_argument,
 )
 from footsense.clock import stopwatch_ns, wall_time_iso
-from footsense.foot.calibration_format import Manifest
-from footsense.foot.calibration_reader import FootCalibration
+from footsense.foot.files.calibration_format import Manifest
+from footsense.foot.files.calibration_reader import FootCalibration
 
 
 @click.command()

@@ -13,7 +13,7 @@ from footsense.config.contradictions import warnings
 from footsense.daemon.calibrations import load_calibrations
 from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.estimation.network import Network
-from footsense.foot.calibration_reader import FootCalibration
+from footsense.foot.files.calibration_reader import FootCalibration
 
 
 @click.command("check-config")

@@ -3,6 +3,7 @@
 import math
 import signal
 from collections.abc import Callable
+from operator import methodcaller
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -39,8 +40,8 @@ pace_option = click.option(
 
 
 def echo_json(values: object, indent: int = 2) -> None:
-    """Print values as JSON, NaN as null; on one line if `indent` is negative."""
-    click.echo(msgspec.json.format(msgspec.json.encode(values), indent=indent))
+    """Print values as JSON, NaN as null and numpy's numbers as numbers; on one line if `indent` is 0."""
+    click.echo(msgspec.json.format(msgspec.json.encode(values, enc_hook=methodcaller("item")), indent=indent))
 
 
 def config_option(default: str) -> Decorator:

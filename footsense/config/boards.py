@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from firmware_interface import ad7746, adg715, fdc1004
+from firmware_interface.chips import ad7746, adg715, fdc1004
 
 __all__ = ["BOARDS", "BoardFacts"]
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from firmware_interface import ad7746, fdc1004
+from firmware_interface.chips import ad7746, fdc1004
 from footsense.config.boards import BOARDS
 from footsense.config.sections import (
     Baseline,

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from firmware_interface import tca9548a
+from firmware_interface.chips import tca9548a
 from footsense.frames import ELEMENTS, LEGS
 
 Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr"]

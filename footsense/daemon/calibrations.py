@@ -6,7 +6,7 @@ from pathlib import Path
 from footsense.config import Config
 from footsense.daemon.foot_types import foot_type_of
 from footsense.errors import ModelError
-from footsense.foot.calibration_reader import FootCalibration, read_calibration
+from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
 
 __all__ = ["load_calibrations"]
 

@@ -19,8 +19,8 @@ from footsense.estimation.faults.status import RANGE_END_PF
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Alignment, Pipeline
 from footsense.estimation.sensitivity import sensitivity
-from footsense.foot.calibration_reader import FootCalibration
-from footsense.foot.network_card import TrainedInputs
+from footsense.foot.files.calibration_reader import FootCalibration
+from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import ELEMENTS, Vector
 from footsense.ports import Estimator
 

@@ -10,7 +10,7 @@ from footsense.config import Can, Config
 from footsense.config.former_keys import with_present_keys
 from footsense.errors import RecordingError
 from footsense.estimation.network import Network
-from footsense.foot.calibration_reader import FootCalibration
+from footsense.foot.files.calibration_reader import FootCalibration
 from footsense.frames import Flag
 from footsense.recording.machine import this_machine
 from footsense.recording.replay import Replay

@@ -11,8 +11,8 @@ import numpy as np
 import onnxruntime as ort
 
 from footsense.errors import ModelError
-from footsense.foot.checksum_trailer import verified_sha256
-from footsense.foot.network_card import METADATA_KEY, Signal, read_card
+from footsense.foot.files.checksum_trailer import verified_sha256
+from footsense.foot.files.network_card import METADATA_KEY, Signal, read_card
 from footsense.frames import ELEMENTS, Mask, Vector
 
 _AXES = 3

@@ -26,7 +26,7 @@ from footsense.estimation.faults.status import (
     LegStatus,
 )
 from footsense.estimation.sensitivity import Sensitivity
-from footsense.foot.network_card import TrainedInputs
+from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import (
     CapFrame,
     Cause,

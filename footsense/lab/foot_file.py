@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from firmware_interface import fdc1004
+from firmware_interface.chips import fdc1004
 from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, SoleDesign
 from footsense.strict_yaml import Problem, load
 

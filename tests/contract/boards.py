@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface import adg715
+from firmware_interface.chips import adg715
 from footsense.acquisition.boards.board import CONVERTED
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.robot_scanner import RobotScanner

@@ -15,8 +15,8 @@ from onnx import ModelProto, TensorProto, helper
 from footsense.daemon.foot_types import released_path
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
-from footsense.foot.checksum_trailer import add_checksum
-from footsense.foot.network_card import read_card
+from footsense.foot.files.checksum_trailer import add_checksum
+from footsense.foot.files.network_card import read_card
 from tests.fuzz.outcome import TRIED, refusal
 
 WHOLE = released_path("network.onnx").read_bytes()

@@ -17,8 +17,8 @@ from footsense.acquisition.mcu_source import McuSource
 from footsense.calibration.writer import write_calibration
 from footsense.config.test_stand import load_test_stand
 from footsense.daemon.foot_types import FOOT_TYPE
-from footsense.foot.calibration_format import MANIFEST, PARAMETERS, Manifest
-from footsense.foot.calibration_reader import read_calibration
+from footsense.foot.files.calibration_format import MANIFEST, PARAMETERS, Manifest
+from footsense.foot.files.calibration_reader import read_calibration
 from footsense.frames import Reading, Reference
 from footsense.reference.net_ft import NetFtReference
 from footsense.reference.record_decoder import BinaryDecoder, LineDecoder, RecordDecoder

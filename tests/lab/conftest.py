@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from footsense.lab.fem.adjoint import ClassField
     from footsense.lab.fem.quarter import Parity, Quarter
 
-collect_ignore_glob = [] if importlib.util.find_spec("ngsolve") else ["test_*.py"]
+collect_ignore_glob = [] if importlib.util.find_spec("ngsolve") else ["test_*.py", "*/test_*.py"]
 
 
 @pytest.fixture(scope="session")

@@ -18,7 +18,7 @@ from footsense.benchmarks.latency_vs_error.chain import (
 )
 from footsense.benchmarks.latency_vs_error.errors import Truth, latency_and_errors, settling_ms
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.foot.network_card import TrainedInputs
+from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.sim.loads.ground_load import Ramp

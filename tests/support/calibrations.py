@@ -8,8 +8,8 @@ import numpy as np
 import footsense
 from footsense.calibration.writer import write_calibration
 from footsense.daemon.foot_types import FOOT_TYPE, released_path
-from footsense.foot.calibration_format import HeldOut, Manifest
-from footsense.foot.calibration_reader import FootCalibration
+from footsense.foot.files.calibration_format import HeldOut, Manifest
+from footsense.foot.files.calibration_reader import FootCalibration
 from footsense.foot.force_errors import Errors
 from footsense.foot.parameters import FEATURES, FootParameters
 

@@ -9,7 +9,7 @@ from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.foot.network_card import TrainedInputs
+from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import CapFrame, ContactFrame, Flag, Result
 
 DESIGN = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)

@@ -15,7 +15,7 @@ from footsense.daemon.calibrations import load_calibrations
 from footsense.daemon.foot_types import released_path
 from footsense.daemon.service import open_service
 from footsense.errors import ModelError
-from footsense.foot.checksum_trailer import add_checksum
+from footsense.foot.files.checksum_trailer import add_checksum
 from footsense.frames import Cycle, State
 from footsense.sim.scene import Scene
 from footsense.sim.scene_loads import Constant

@@ -5,12 +5,13 @@ change meanwhile; a status without new data marks a result that was read before.
 
 An unloaded element has more than the +-4.1 pF of the range, so the CAPDAC always subtracts 40 steps. The size of a step
 differs by a fifth between chips; `configure` measures it with no line selected, as the difference that 20 steps make.
-Register layout: `firmware_interface/ad7746.py`, with the tables of data sheet rev. 0.
+Register layout: `firmware_interface/chips/ad7746.py`, with the tables of data sheet rev. 0.
 """
 
-from firmware_interface import ad7746 as chip
-from firmware_interface import adg715, schedule
-from firmware_interface.ad7746 import Register
+from firmware_interface import schedule
+from firmware_interface.chips import ad7746 as chip
+from firmware_interface.chips import adg715
+from firmware_interface.chips.ad7746 import Register
 from footsense.acquisition.boards.board import Board, Check, Step, Thermometer, require_identity
 from footsense.errors import HardwareError, NackError
 from footsense.frames import Reading
@@ -73,7 +74,7 @@ def step(element: int, rate_sps: int) -> Step:
 
     Args:
         element: Flat index.
-        rate_sps: Conversions per second, a key of `firmware_interface.ad7746.RATES`.
+        rate_sps: Conversions per second, a key of `firmware_interface.chips.ad7746.RATES`.
     """
     row, column = divmod(element, adg715.LINES)
     return Step(

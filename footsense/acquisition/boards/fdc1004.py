@@ -1,13 +1,14 @@
 """The FDC1004 board: its transactions, and the decoding of their answers.
 
 Ids are checked before anything else, because a missing chip often "answers": pull-ups read as ones, a stuck line as
-zeros. Register layout: `firmware_interface/fdc1004.py`, with the sections of data sheet SNOSCY5.
+zeros. Register layout: `firmware_interface/chips/fdc1004.py`, with the sections of data sheet SNOSCY5.
 """
 
 from functools import partial
 
-from firmware_interface import adg715, schedule
-from firmware_interface import fdc1004 as chip
+from firmware_interface import schedule
+from firmware_interface.chips import adg715
+from firmware_interface.chips import fdc1004 as chip
 from footsense.acquisition.boards.board import Board, Check, Done, Step, require_identity
 from footsense.errors import HardwareError, NackError
 from footsense.frames import Reading

@@ -8,7 +8,7 @@ import logging
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
-from firmware_interface import tca9548a
+from firmware_interface.chips import tca9548a
 from footsense.acquisition.bus_timing import Timing, measure, timing
 from footsense.acquisition.probe.address_scan import AddressScan, scan_addresses
 from footsense.acquisition.scan_plan import ScanPlan

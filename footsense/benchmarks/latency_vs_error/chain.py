@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface import fdc1004
 from firmware_interface.can_frames import NODE_IDS
+from firmware_interface.chips import fdc1004
 from firmware_interface.schedule import scan_limits
 from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
-from footsense.foot.network_card import TrainedInputs
+from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS
 from footsense.ports import Estimator

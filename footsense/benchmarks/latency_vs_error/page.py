@@ -30,7 +30,7 @@ from footsense.benchmarks.latency_vs_error.errors import (
 )
 from footsense.benchmarks.latency_vs_error.grid import FRAME_BITS, OperatingPoint, WalkAndStand, grid_figure
 from footsense.benchmarks.latency_vs_error.loads import LoadCase, load_cases, measured_truth
-from footsense.foot.network_card import TrainedInputs, read_card
+from footsense.foot.files.network_card import TrainedInputs, read_card
 from footsense.foot.specimen import Foot
 from footsense.lab.studies.networks.network_size import train_sizes
 from footsense.lab.studies.page import Figures, Study, StudyContext

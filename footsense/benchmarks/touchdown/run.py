@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from firmware_interface import fdc1004
+from firmware_interface.chips import fdc1004
 from footsense.benchmarks.latency_vs_error.chain import ORDERS, Stamps, converted_pf, latest, pace
 from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, Mask, Steps, Vector
 from footsense.estimation.alignment.element_by_element import ElementByElement
@@ -14,8 +14,8 @@ from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import sensitivity
+from footsense.foot.files.network_card import read_card
 from footsense.foot.gap_contact import capacitance_pf
-from footsense.foot.network_card import read_card
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, Flag, Reading
 from footsense.lab.studies.page import StudyContext

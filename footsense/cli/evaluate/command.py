@@ -16,7 +16,7 @@ from footsense.cli.options import FOLDER, json_option
 from footsense.cli.test_stand_options import design_models, foot_option, foot_type_option, recordings_argument
 from footsense.errors import ConfigError
 from footsense.estimation.network import Network
-from footsense.foot.calibration_reader import FootCalibration, read_calibration
+from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
 from footsense.foot.force_errors import GRAM_FORCE_N, Errors
 
 __all__ = ["evaluate", "headline", "table"]

@@ -1,12 +1,12 @@
 """`footsense lab experiment`: the paper's experiment on simulated feet."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from footsense.cli.lab.options import require_writable, stopwatch_report
+from footsense.cli.lab.options import output_option, report_folder, stopwatch_report
+from footsense.cli.options import echo_json, json_option
 from footsense.daemon.foot_types import models_folder
 from footsense.validation.test_stand_trial import FootBatch
 
@@ -26,12 +26,8 @@ if TYPE_CHECKING:
 @click.option("--jobs", type=click.IntRange(min=1), help="Feet at a time; without it one for each processor.")
 @click.option("--foot-type", help="A foot type, or its folder as `lab build --foot` makes it.")
 @click.option("--quick", is_flag=True, help="Two feet and a seventh of the presses, in a minute.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, and nothing else.")
-@click.option(
-    "--output",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for the page; without it ./docs/report, a quick one ./docs/report-quick.",
-)
+@json_option
+@output_option
 def experiment(
     *,
     n_feet: int | None,
@@ -42,13 +38,12 @@ def experiment(
     as_json: bool,
     output: Path | None,
 ) -> None:
-    """Make feet as badly as the paper's, press, record and calibrate them, and evaluate all estimators.
+    """Simulate feet with the paper's fabrication tolerances, calibrate them, and compare all estimators.
 
     Every foot is read by the daemon through the bytes of its chips, and pressed at the paper's 362 and 180 loads beside
     a simulated reference sensor.
     """
-    folder = output or Path("docs") / ("report-quick" if quick else "report")
-    require_writable(folder)
+    folder = report_folder(output, quick=quick)
     from footsense.cli.lab.experiment_page import study_of
     from footsense.lab.report import bind
     from footsense.lab.studies.page import StudyContext
@@ -60,5 +55,8 @@ def experiment(
     page.write(folder)
     if foot_type is None:
         bind(folder, context)
-    click.echo(json.dumps(page.values, indent=2) if as_json else page.markdown)
+    if as_json:
+        echo_json(page.values)
+    else:
+        click.echo(page.markdown)
     say(f"wrote {folder / page.name}.md")

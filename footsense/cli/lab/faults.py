@@ -5,23 +5,18 @@ from typing import TYPE_CHECKING
 
 import click
 
-from footsense.cli.lab.options import released_folder, require_writable, stopwatch_report
+from footsense.cli.lab.options import output_option, released_folder, report_folder, stopwatch_report
 
 if TYPE_CHECKING:
     from footsense.lab.studies.page import Page, StudyContext
 
 
 @click.command()
-@click.option(
-    "--output",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for the page; without it ./docs/report, a quick one ./docs/report-quick.",
-)
+@output_option
 @click.option("--quick", is_flag=True, help="A few faults, in seconds.")
 def faults(*, output: Path | None, quick: bool) -> None:
     """Walk with every fault that a scene can have, and print detection, recovery and effect on the other legs."""
-    folder = output or Path("docs") / ("report-quick" if quick else "report")
-    require_writable(folder)
+    folder = report_folder(output, quick=quick)
     from footsense.lab.report import bind
     from footsense.lab.studies.page import StudyContext
 

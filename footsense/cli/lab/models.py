@@ -1,6 +1,5 @@
 """`footsense lab build`, `evaluate`, `compare`: make the released models, and say how good they are."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,6 +7,7 @@ import click
 import msgspec
 
 from footsense.cli.lab.options import models_option, released_folder, require_writable, stopwatch_report
+from footsense.cli.options import FILE, FOLDER, echo_json, json_option
 from footsense.daemon.foot_types import released_path
 from footsense.errors import FootsenseError
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 @click.command()
 @click.option(
     "--foot",
-    type=click.Path(path_type=Path),
+    type=FILE,
     help="Description of the foot, a YAML file; without it the released one's.",
 )
 @click.option(
     "--out",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     help="Folder in which the foot type's own folder is made; without it ./models, quick ones ./models-quick.",
 )
 @click.option("--quick", is_flag=True, help="Coarse mesh, short training: every step, no release.")
@@ -71,16 +71,17 @@ def _require_no_other(known: Path, description: Path, sole: "SoleDesign") -> Non
     show_default=True,
     help="paper: also train the paper's own way anew and compare with the Cramer-Rao bound; a minute.",
 )
-@click.option("--json", "as_json_text", is_flag=True, help="Print JSON.")
-def evaluate(*, models: Path | None, protocol: str, as_json_text: bool) -> None:
+@json_option
+def evaluate(*, models: Path | None, protocol: str, as_json: bool) -> None:
     """Print the error table of the released network beside the paper and the linear read-outs."""
-    from footsense.lab.evaluation.evaluate_models import as_json, as_markdown, evaluate_models, paper_protocol
+    from footsense.lab.evaluation.evaluate_models import as_json as table_json
+    from footsense.lab.evaluation.evaluate_models import as_markdown, evaluate_models, paper_protocol
 
     folder = models or released_folder()
     table = evaluate_models(folder)
     beside = paper_protocol(folder) if protocol == "paper" else {}
-    if as_json_text:
-        click.echo(json.dumps(as_json(table, beside), indent=2))
+    if as_json:
+        echo_json(table_json(table, beside))
         return
     click.echo(as_markdown(table))
     for name, value in beside.items():
@@ -88,7 +89,7 @@ def evaluate(*, models: Path | None, protocol: str, as_json_text: bool) -> None:
 
 
 @click.command()
-@click.argument("other", type=click.Path(file_okay=False, path_type=Path))
+@click.argument("other", type=FOLDER)
 @models_option
 def compare(*, other: Path, models: Path | None) -> None:
     """Print how far a build in OTHER is from the released files, and by how much its network is worse.

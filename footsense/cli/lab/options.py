@@ -1,4 +1,4 @@
-"""What the commands of `footsense lab` share: where the models are, where the output goes, what time it is."""
+"""Options, folders and progress lines that the commands of `footsense lab` share."""
 
 import tempfile
 from collections.abc import Callable
@@ -6,15 +6,32 @@ from pathlib import Path
 
 import click
 
+from footsense.cli.options import FOLDER
 from footsense.clock import stopwatch_ns
 from footsense.daemon.foot_types import released_path
 from footsense.errors import FootsenseError
 
 models_option = click.option(
     "--models",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     help="Folder of a foot type, as `lab build` makes it; without it the released one's.",
 )
+output_option = click.option(
+    "--output",
+    type=FOLDER,
+    help="Folder for pages and figures; without it ./docs/report, quick ones ./docs/report-quick.",
+)
+
+
+def report_folder(output: Path | None, *, quick: bool) -> Path:
+    """Return the folder for pages: `output`, or the default one; it exists and can be written to.
+
+    Raises:
+        FootsenseError: It cannot be made, or not be written to.
+    """
+    folder = output or Path("docs") / ("report-quick" if quick else "report")
+    require_writable(folder)
+    return folder
 
 
 def released_folder() -> Path:
@@ -38,7 +55,7 @@ def require_writable(folder: Path) -> None:
 
 
 def stopwatch_report() -> Callable[[str], None]:
-    """Return what prints a line with the seconds since now."""
+    """Return a function that prints a line with the seconds since now."""
     started_ns = stopwatch_ns()
 
     def report(line: str) -> None:

@@ -1,6 +1,5 @@
 """`footsense lab response`, `study`, `fidelity`, `cramer-rao`, `tradeoff`, `tolerance`, `report`."""
 
-import json
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -8,7 +7,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from footsense.cli.lab.options import models_option, released_folder, require_writable, stopwatch_report
+from footsense.cli.lab.options import (
+    models_option,
+    output_option,
+    released_folder,
+    report_folder,
+    require_writable,
+    stopwatch_report,
+)
+from footsense.cli.options import FOLDER, echo_json, json_option
 from footsense.clock import stopwatch_ns
 from footsense.daemon.foot_types import FOOT_TYPE, released_path
 from footsense.errors import FootsenseError
@@ -32,11 +39,6 @@ OTHER_PAGES = {
 
 _quick_option = click.option(
     "--quick", is_flag=True, help="Every step in seconds; its figures are no results."
-)
-_output_option = click.option(
-    "--output",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for pages and figures; without it ./docs/report, quick ones ./docs/report-quick.",
 )
 
 
@@ -67,14 +69,14 @@ def _direction(_: click.Context, __: click.Parameter, text: str) -> tuple[float,
     "--rung", "rung_name", default="contact", show_default=True, help="half-space, linear, contact or full."
 )
 @models_option
-@click.option("--json", "as_json_text", is_flag=True, help="Print JSON.")
+@json_option
 def response(
     *,
     direction_deg: tuple[float, float],
     force_n: float,
     rung_name: str,
     models: Path | None,
-    as_json_text: bool,
+    as_json: bool,
 ) -> None:
     """Print what one centred load does to the nine elements."""  # noqa: DOC501 - click shows this text
     from footsense.lab.evaluation.evaluate_models import open_models
@@ -87,8 +89,8 @@ def response(
         found = response_to(table, load_foot(folder / FOOT_FILE), direction_deg, force_n, rung_name)
     except ValueError as error:
         raise FootsenseError(str(error)) from error
-    if as_json_text:
-        click.echo(json.dumps(found, indent=2))
+    if as_json:
+        echo_json(found)
         return
     click.echo(
         f"{rung_name}: {force_n:g} N at {direction_deg[0]:g}, {direction_deg[1]:g} deg; row 0 forward, column 0 left"
@@ -105,36 +107,29 @@ def _study(
     output: Path | None,
     *,
     quick: bool,
-    as_json_text: bool = False,
+    as_json: bool = False,
 ) -> None:
     """Run a study by name or function, write its page, bind it, and print it, or its numbers alone as JSON."""
-    folder = _report_folder(output, quick=quick)
+    folder = report_folder(output, quick=quick)
     from footsense.lab.report import STUDIES, bind, make_page
     from footsense.lab.studies.page import StudyContext
 
-    say = (lambda _: None) if as_json_text else stopwatch_report()
+    say = (lambda _: None) if as_json else stopwatch_report()
     context = StudyContext(models=models or released_folder(), quick=quick, say=say)
     page = make_page(study, context, STUDIES | DAEMON_STUDIES) if isinstance(study, str) else study(context)
     page.write(folder)
     bind(folder, context)
-    if as_json_text:
-        click.echo(json.dumps(page.values, indent=2))
+    if as_json:
+        echo_json(page.values)
         return
     click.echo(page.markdown)
     click.echo(f"wrote {folder / page.name}.md, and bound it into {folder / 'README.md'}")
 
 
-def _report_folder(output: Path | None, *, quick: bool) -> Path:
-    """Return where pages go; quick ones do not overwrite others."""
-    folder = output or Path("docs") / ("report-quick" if quick else "report")
-    require_writable(folder)
-    return folder
-
-
 @click.command()
 @click.argument("name")
 @models_option
-@_output_option
+@output_option
 @_quick_option
 def study(*, name: str, models: Path | None, output: Path | None, quick: bool) -> None:
     """Run the study NAME: its page with tables and figures goes into the report. An unknown name lists all."""
@@ -144,12 +139,11 @@ def study(*, name: str, models: Path | None, output: Path | None, quick: bool) -
 def _named(name: str, words: str) -> click.Command:
     """Return the command of a study that has one of its own."""
 
-    def run(*, models: Path | None, output: Path | None, quick: bool, as_json_text: bool) -> None:
-        _study(name, models, output, quick=quick, as_json_text=as_json_text)
+    def run(*, models: Path | None, output: Path | None, quick: bool, as_json: bool) -> None:
+        _study(name, models, output, quick=quick, as_json=as_json)
 
     run.__doc__ = words
-    json_option = click.option("--json", "as_json_text", is_flag=True, help="Print JSON instead of the page.")
-    return click.command(name)(models_option(_output_option(_quick_option(json_option(run)))))
+    return click.command(name)(models_option(output_option(_quick_option(json_option(run)))))
 
 
 fidelity = _named(
@@ -187,7 +181,7 @@ def _renamed_file(_: click.Context, __: click.Parameter, given: str | None) -> N
     help="File of the finished feet; an interrupted run continues with the others.",
 )
 @models_option
-@_output_option
+@output_option
 @_quick_option
 def tolerance(
     *, scheduler: str | None, file: Path | None, models: Path | None, output: Path | None, quick: bool
@@ -203,10 +197,10 @@ def tolerance(
 @click.command()
 @click.option(
     "--models",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     help=f"Folder that the models are built into; without it ./models/{FOOT_TYPE}.",
 )
-@_output_option
+@output_option
 @_quick_option
 @click.option("--resume", is_flag=True, help="Keep models, and pages that are not stale.")
 @click.option("--stale", is_flag=True, help="Make nothing: list the pages that are stale, and why.")
@@ -217,7 +211,7 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
         return
     folder = models or Path("models") / (f"{FOOT_TYPE}-quick" if quick else FOOT_TYPE)
     require_writable(folder)
-    pages = _report_folder(output, quick=quick)
+    pages = report_folder(output, quick=quick)
     from footsense.cli.lab.faults import write_page_of_faults
     from footsense.lab.build import FULL, QUICK, build
     from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE

@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface import fdc1004
+from firmware_interface.chips import fdc1004
 from footsense.estimation.alignment.scan_by_scan import AlignedSample
 from footsense.estimation.faults.causes import ElementFaults, causes, converter_states, fault_mask
 from footsense.estimation.faults.consistency import ConsistencyResult
 from footsense.estimation.faults.open_elements import OPEN_REL, floating_pf, missing_elements
-from footsense.foot.network_card import TrainedInputs
+from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import USABLE, CapFrame, Codes, Mask, Reading, Stamps, State, Vector
 
 #: Least capacitance of an element over the range of an FDC1004 [pF].

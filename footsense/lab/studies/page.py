@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from footsense.foot.checksum_trailer import verified_sha256
+from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.response_table import FootResponse
 from footsense.lab.code_hash import module_sha256
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, open_models

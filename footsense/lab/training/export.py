@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from footsense.errors import ModelError
-from footsense.foot.network_card import METADATA_KEY
+from footsense.foot.files.network_card import METADATA_KEY
 from footsense.lab.response import SYMMETRIES
 from footsense.lab.training.network import (
     N_SYMMETRIES,
@@ -31,14 +31,14 @@ from footsense.lab.training.network import (
 
 Vector = NDArray[np.float64]
 
-#: What onnxruntime 1.18 reads: newer files gain nothing for ten matrix products.
+#: The format of onnxruntime 1.18; newer ones gain nothing for ten matrix products.
 IR_VERSION, OPSET = 8, 17
 
 _node = helper.make_node
 
 
 def _constants(weights: Weights) -> dict[str, NDArray[Any]]:
-    """Return the weights, each once, and where they go; floats are float32 in the file, indices int64."""
+    """Return the weights, each once, and their places; floats are float32 in the file, indices int64."""
     c = weights.channels
     turns = np.stack(SYMMETRIES).transpose(0, 2, 1)  # a row vector times this is the turned vector
     named = {name: np.asarray(part, np.float64) for name, part in weights._asdict().items()}
@@ -139,7 +139,7 @@ def onnx_model(weights: Weights, card: dict[str, Any]) -> onnx.ModelProto:
 
 
 class OnnxNetwork:
-    """A released network as the lab judges it: through ONNX Runtime, from the file's bytes.
+    """A network file, run by ONNX Runtime.
 
     Attributes:
         card: The card inside.
@@ -169,7 +169,7 @@ class OnnxNetwork:
 
         Args:
             closure_rel: Closures over the gap, missing ones filled in [1], shape (n, 9).
-            missing: Which those are, shape (n, 9); none if None.
+            missing: Mask of the missing ones, shape (n, 9); none if None.
         """
         mask = np.zeros(closure_rel.shape) if missing is None else missing
         inputs = {"closure_rel": closure_rel.astype(np.float32), "missing": mask.astype(np.float32)}
@@ -186,5 +186,5 @@ class OnnxNetwork:
 
 
 def library_versions() -> dict[str, str]:
-    """Return the versions of the libraries that the network was made with."""
+    """Return the versions of the libraries behind the network."""
     return {"jax": jax.__version__, "numpy": np.__version__, "onnx": onnx.__version__}

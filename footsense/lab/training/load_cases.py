@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface import fdc1004
+from firmware_interface.chips import fdc1004
 from footsense.errors import ModelError
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.directions import normalized, paper_directions, random_directions

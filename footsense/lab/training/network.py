@@ -3,11 +3,11 @@
     s = |x|^2 / 9,   r = sqrt(s + e^2),   u = x / r           x: closure over gap, missing ones filled in
     f = L x + (s / r) V h2,      ln sigma = ln r + Q h2 + q,      h2 = tanh(W2 h1 + b2),   h1 = tanh(W1 [u, m, r] + b1)
 
-As long as no gap shuts, the foot's answer is homogeneous of degree one but for the growing contact patch: the same
-pattern u at any size r means the same direction. So the hidden layers see the pattern, and the size scales what they
-say; r is offered to them as well, for the patch and for gaps that shut. m has a one for each element that is missing.
-No load gives exactly no force (s = 0), and e, of the size of the converter's noise, keeps the pattern of a touch too
-light to have one from being noise alone.
+As long as no gap closes, the foot's response is homogeneous of degree one but for the growing contact patch: the same
+pattern u at any size r means the same direction. So the pattern is the input of the hidden layers, and the size scales
+their output; r is an input as well, for the patch and for gaps that close. m has a one for each missing element. No
+load gives exactly no force (s = 0), and e, of the size of the converter's noise, keeps the pattern of a very light
+touch from being noise alone.
 
 The foot has the eight symmetries of the square, and so has the network, by construction: a hidden channel is eight
 units, one for each symmetry g, which apply the same weights to the pattern mapped by the inverse of g. Units of the
@@ -28,14 +28,14 @@ from footsense.lab.response import SYMMETRIES, element_map
 
 #: Size e below which a pattern means little [1 of the gap]: 40 nm of 20 um.
 SOFT_REL = 2e-3
-#: What the first hidden layer sees: nine closures, nine masks, the size.
+#: Inputs of the first hidden layer: nine closures, nine masks, the size.
 SEEN = 19
 #: Symmetries of the square.
 N_SYMMETRIES = len(SYMMETRIES)
 
 
 class Weights(NamedTuple):
-    """Every number that training finds, `c` channels in each hidden layer.
+    """All trained weights, `c` channels in each hidden layer.
 
     Attributes:
         linear: Of the linear path [N]: fz from a corner, an edge, the middle; fx from a corner, an edge; shape (5,).

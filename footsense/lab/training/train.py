@@ -1,13 +1,13 @@
 """Find the network's weights: Muon on random batches, one-cycle schedule, everything from one seed.
 
 Muon orthogonalises the step of each matrix (the rest goes by Adam), so that weak patterns are learnt as fast as strong
-ones. Every batch draws its own noise and its own missing elements: no case is seen twice alike.
+ones. Every batch draws its own noise and its own missing elements.
 
-The loss is the likelihood of the error found under the sigma that the network states, so that a case which noise or a
-missing row makes hopeless does not spend the weights that a clear one needs; tempered, and with a share of the plain
-squared error over the squared force, so that it is not given up either. Inputs of the hidden layers are whitened while
-training, because the patterns that tell friction from inclination are a hundred times weaker than the ones that carry
-the force; the whitening is then folded into W1. The linear path starts at the least-squares read-out.
+The loss is the likelihood of the error under the network's sigma, so that cases which noise or a missing row makes
+ambiguous do not dominate it; tempered, and with a share of the plain squared error over the squared force, so that
+they still count. Inputs of the hidden layers are whitened while training, because the patterns that distinguish
+friction from inclination are a hundred times weaker than those of the force; the whitening is then folded into W1. The
+linear path starts at the least-squares read-out.
 
 Source:
     Seitzer et al., On the pitfalls of heteroscedastic uncertainty estimation with probabilistic neural networks, ICLR
@@ -31,7 +31,7 @@ from footsense.lab.training.network import SEEN, Weights, expand, hidden_input, 
 
 Vector = NDArray[np.float64]
 
-#: What may be missing: nothing, one element, a row, a column; shape (16, 9).
+#: Masks of missing elements: none, one element, a row, a column; shape (16, 9).
 MASKS: NDArray[np.bool_] = np.array(
     [np.zeros(9, bool)]
     + [np.arange(9) == e for e in range(9)]
@@ -40,9 +40,9 @@ MASKS: NDArray[np.bool_] = np.array(
 )
 #: Share of the training cases with something missing.
 _MASKED_SHARE = 0.15
-#: How far a case's own sigma forgives its error: 0 is the likelihood, which gives up on whatever is hard; 1 is the
-#: squared error, which spends itself on it (the beta of Seitzer et al.).
-_FORGIVING = 0.25
+#: Tempering of the likelihood by a case's own sigma, the beta of Seitzer et al.: 0 is the likelihood, which neglects
+#: hard cases; 1 is the squared error, which they dominate.
+_TEMPERING = 0.25
 #: Weight of the squared error over the squared force beside it.
 _SQUARED = 100.0
 #: Steps that are compiled into one call.
@@ -126,7 +126,7 @@ def _whitening(closure_rel: Vector) -> tuple[jax.Array, jax.Array]:
 
 
 class _Task(NamedTuple):
-    """What does not change while training."""
+    """Constants of the training."""
 
     closure_rel: jax.Array
     force_n: jax.Array
@@ -137,7 +137,7 @@ class _Task(NamedTuple):
 
 
 def _task(cases: Cases, design: CapacitorDesign, protocol: Protocol, imputation: Imputation) -> _Task:
-    """Return the cases and what happens to them, as JAX has them."""
+    """Return the cases, their noise and their masks as JAX arrays."""
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
     noise_pf = np.hypot(NOISE_PF, BASELINE_NOISE_PF) * protocol.noise_rel
     return _Task(
@@ -172,8 +172,8 @@ def train(
     Args:
         cases: Loads and exact closures; symmetric copies are not needed.
         design: The capacitors, for the noise.
-        protocol: How.
-        imputation: What fills in missing elements; from the cases if None.
+        protocol: Sizes, steps and seed.
+        imputation: Imputation of missing elements; from the cases if None.
 
     Returns:
         The weights, float32.
@@ -192,7 +192,7 @@ def train(
         force, sigma = run(expand(folded(free)), x, m)
         square = (force - f) ** 2
         scale = jnp.sqrt(jnp.sum(f**2, axis=-1, keepdims=True) + protocol.floor_n**2)
-        weight = jax.lax.stop_gradient(sigma / scale) ** (2.0 * _FORGIVING)
+        weight = jax.lax.stop_gradient(sigma / scale) ** (2.0 * _TEMPERING)
         likelihood = jnp.log(sigma) + 0.5 * square / sigma**2
         return jnp.mean(weight * likelihood) + _SQUARED * jnp.mean(square / scale**2)
 
@@ -226,7 +226,7 @@ def predict(
     Args:
         weights: The network.
         closure_rel: Closures over the gap, missing ones filled in, shape (n, 9).
-        missing: Which those are, shape (n, 9); none if None.
+        missing: Mask of the missing ones, shape (n, 9); none if None.
     """
     mask = jnp.zeros(closure_rel.shape) if missing is None else jnp.asarray(missing, jnp.float32)
     force, sigma = run(expand(weights), jnp.asarray(closure_rel, jnp.float32), mask)

@@ -11,7 +11,7 @@ Source:
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from firmware_interface import tca9548a
+from firmware_interface.chips import tca9548a
 from firmware_interface.i2c_timing import nack_bits, transaction_bits, wire_time_ns
 from footsense.errors import NackError
 from footsense.ports import Transaction

@@ -1,6 +1,6 @@
 """The adapter of a leg behind a mux that the kernel drives: it selects its channel where another one was used."""
 
-from firmware_interface import tca9548a
+from firmware_interface.chips import tca9548a
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.bus.i2c_bus import SimulatedMux
 from footsense.sim.clock import VirtualClock

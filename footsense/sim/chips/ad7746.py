@@ -13,15 +13,15 @@ Not simulated: continuous conversion, calibration modes, CIN2, the second CAPDAC
 temperature and voltage.
 
 Source:
-    Analog Devices AD7745/AD7746 data sheet rev. 0; `firmware_interface/ad7746.py` names the tables.
+    Analog Devices AD7745/AD7746 data sheet rev. 0; `firmware_interface/chips/ad7746.py` names the tables.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 
-from firmware_interface import ad7746 as chip
-from firmware_interface.ad7746 import Register
+from firmware_interface.chips import ad7746 as chip
+from firmware_interface.chips.ad7746 import Register
 from footsense.sim.chips.leg_chip import LegChip
 from footsense.sim.faults.schedule import Span, during
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from firmware_interface import adg715
+from firmware_interface.chips import adg715
 from footsense.sim.chips.ad7746 import (
     CAPDAC_GAIN_REL,
     TEMPERATURE_ERROR_K,

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from firmware_interface import fdc1004 as chip
+from firmware_interface.chips import fdc1004 as chip
 from footsense.sim.chips.leg_chip import LegChip
 from footsense.sim.faults.schedule import Span, during
 

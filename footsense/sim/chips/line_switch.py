@@ -7,7 +7,7 @@ Source:
 from collections import deque
 from typing import NamedTuple
 
-from firmware_interface import adg715
+from firmware_interface.chips import adg715
 from footsense.sim.chips.leg_chip import LegChip
 from footsense.sim.faults.schedule import Span, during
 

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from firmware_interface import fdc1004
 from firmware_interface.can_codes import NODE_IDS
+from firmware_interface.chips import fdc1004
 from firmware_interface.serial_frames import (
     ELEMENTS,
     NO_VALUE,

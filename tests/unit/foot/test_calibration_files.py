@@ -15,9 +15,9 @@ import pytest
 from footsense.calibration.writer import check_calibration_target, write_calibration
 from footsense.daemon.foot_types import FOOT_TYPE, released_path
 from footsense.errors import CalibrationError, FootsenseError, ModelError
-from footsense.foot.calibration_format import Manifest
-from footsense.foot.calibration_reader import read_calibration
-from footsense.foot.checksum_trailer import add_checksum
+from footsense.foot.files.calibration_format import Manifest
+from footsense.foot.files.calibration_reader import read_calibration
+from footsense.foot.files.checksum_trailer import add_checksum
 from footsense.foot.temperature import STIFFNESS_PER_K, CalibratedAt
 from tests.support.calibrations import calibration, content, parameters
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from firmware_interface.ad7746 import RATES
+from firmware_interface.chips.ad7746 import RATES
 from footsense.sim.chips.ad7746 import SimulatedAd7746
 
 MS_NS = 1_000_000

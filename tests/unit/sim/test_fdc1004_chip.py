@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from firmware_interface.fdc1004 import CODES_PER_PF, RATES
+from firmware_interface.chips.fdc1004 import CODES_PER_PF, RATES
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 
 TRIGGER_1_AT_400 = b"\x0c\x0c\x80"

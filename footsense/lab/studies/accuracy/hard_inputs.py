@@ -15,7 +15,7 @@ from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import sensitivity
-from footsense.foot.network_card import read_card
+from footsense.foot.files.network_card import read_card
 from footsense.foot.specimen import Foot
 from footsense.frames import CapFrame, ContactFrame, Reading, State
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE

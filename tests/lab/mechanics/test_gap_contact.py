@@ -19,7 +19,7 @@ pytestmark = pytest.mark.lab
 
 Vector = NDArray[np.float64]
 
-RELEASED = Path(__file__).parents[2] / "models" / "aoyagi-3x3" / "response.npz"
+RELEASED = Path(__file__).parents[3] / "models" / "aoyagi-3x3" / "response.npz"
 UP = np.array([[0.0, 0.0, 1.0]])
 
 seeds = st.integers(0, 2**32 - 1)

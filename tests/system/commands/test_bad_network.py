@@ -16,8 +16,8 @@ from onnx import TensorProto, helper
 from footsense.config import DEFAULT
 from footsense.daemon.estimation import load_network
 from footsense.errors import ModelError
-from footsense.foot.checksum_trailer import add_checksum
-from footsense.foot.network_card import INPUT_ORDER, OUTPUT_ORDER
+from footsense.foot.files.checksum_trailer import add_checksum
+from footsense.foot.files.network_card import INPUT_ORDER, OUTPUT_ORDER
 from tests.system.command import footsense, one_line_error, robot
 
 NINE_INPUTS, THREE_NEWTONS = {"unit": "1", "order": INPUT_ORDER}, {"unit": "N", "order": OUTPUT_ORDER}

@@ -20,8 +20,8 @@ from footsense.daemon.service import open_service
 from footsense.errors import FootsenseError, ModelError
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.network import Network
+from footsense.foot.files.network_card import METADATA_KEY, read_card
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.foot.network_card import METADATA_KEY, read_card
 from footsense.foot.response_table import FootResponse
 from footsense.lab.build import PARITY_REL, QUICK, Built, build
 from footsense.lab.evaluation.compare import compare
@@ -41,7 +41,7 @@ from tests.lab.released import SOLE as SHIPPED
 pytestmark = pytest.mark.lab
 
 #: The foot of the whole file's build: another ball, pitch, gap and electrode than the shipped one.
-FOOT = Path(__file__).parents[2] / "docs" / "examples" / "large-3x3.yaml"
+FOOT = Path(__file__).parents[3] / "docs" / "examples" / "large-3x3.yaml"
 SOLE = load_foot(FOOT)
 
 

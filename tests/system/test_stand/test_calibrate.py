@@ -15,7 +15,7 @@ from footsense.config.test_stand import Axes, Simulated, StandConfig
 from footsense.daemon.service import open_service
 from footsense.daemon.test_stand import StandSession
 from footsense.errors import CalibrationError
-from footsense.foot.calibration_reader import read_calibration
+from footsense.foot.files.calibration_reader import read_calibration
 from footsense.frames import Cycle
 from footsense.recording.cycle_records import NumberedCycle
 from footsense.recording.mcap_writer import McapFile

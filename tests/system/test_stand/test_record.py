@@ -16,7 +16,7 @@ import pytest
 
 from footsense.calibration.session.recorded_session import read_session
 from footsense.daemon.foot_types import FOOT_TYPE
-from footsense.foot.calibration_reader import read_calibration
+from footsense.foot.files.calibration_reader import read_calibration
 from footsense.recording.replay import Replay
 from footsense.sim.scene import load_scene
 from footsense.sim.test_stand.reference_sensor import SimulatedSensor

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from footsense.errors import ModelError
-from footsense.foot.calibration_format import (
+from footsense.foot.files.calibration_format import (
     FILES,
     FORMAT,
     MANIFEST,
@@ -19,7 +19,7 @@ from footsense.foot.calibration_format import (
     Manifest,
     Parameters,
 )
-from footsense.foot.checksum_trailer import verified_sha256
+from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.parameters import FootParameters
 from footsense.foot.temperature import STIFFNESS_PER_K, CalibratedAt
 

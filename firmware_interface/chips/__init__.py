@@ -1,0 +1,1 @@
+"""Registers of the chips, as their data sheets number them."""

@@ -1,0 +1,1 @@
+"""Files of a foot: network card, checksum, calibration."""
