@@ -6,12 +6,12 @@ from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import Errors
 from footsense.lab.evaluation.evaluate_models import HELD_OUT_CASES, as_markdown
 from footsense.lab.foot_file import FOOT_FILE
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 from footsense.lab.template import render
 
 
 def readme(
-    sole: SoleDesign,
+    foot_design: FootDesign,
     response: FootResponse,
     card: dict[str, Any],
     table: dict[str, Errors],
@@ -21,7 +21,7 @@ def readme(
 ) -> str:
     """Return the model card for people."""
     names = {
-        "sole": sole,
+        "foot_design": foot_design,
         "response": response,
         "card": card,
         "error_table": as_markdown(table),

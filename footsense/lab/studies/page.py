@@ -25,7 +25,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.lab.code_hash import module_sha256
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, open_models
 from footsense.lab.foot_file import FOOT_FILE, load_foot
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.template import render
 from footsense.lab.training.export import OnnxNetwork
@@ -54,7 +54,7 @@ class StudyContext:
         return open_models(self.models)
 
     @cached_property
-    def sole(self) -> SoleDesign:
+    def foot_design(self) -> FootDesign:
         """The foot's description."""
         return load_foot(self.models / FOOT_FILE)
 
