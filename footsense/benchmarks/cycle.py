@@ -22,9 +22,9 @@ from footsense.can.socketcan import SocketWire
 from footsense.clock import fifo_priority, gc_disabled, stopwatch_ns
 from footsense.config import DEFAULT, Realtime
 from footsense.daemon.acquisition import open_scan_source
+from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.daemon.loop import step
-from footsense.daemon.service import can_sink
 from footsense.errors import FootsenseError
 from footsense.frames import CanStatistics, CapFrame, Cycle, Flag, State
 from footsense.recording.cycle_pipe import CyclePipe

@@ -202,14 +202,14 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
         ArithmeticError: ONNX Runtime and JAX differ too much.
         ModelError: The foot cannot be meshed or solved, or its loads are beyond the converter.
     """
-    sole, description = load_foot(foot_file), foot_file.read_bytes()
-    made = make_response(sole, recipe.mesh, report)
+    foot_design, description = load_foot(foot_file), foot_file.read_bytes()
+    made = make_response(foot_design, recipe.mesh, report)
     report(f"response table: {made.provenance}")
     output.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=output) as temporary:
         made.save(Path(temporary) / RESPONSE_FILE)
         response = FootResponse.load(Path(temporary) / RESPONSE_FILE)
-        design, loads = response.design, sole.loads
+        design, loads = response.design, foot_design.loads
         recipe = replace(recipe, released=replace(recipe.released, floor_n=loads.floor_n))
         alone = _alone(response, recipe.only_362, report)
         report(f"trained on the paper's 362 cases: {', '.join(alone)}")
@@ -230,7 +230,7 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
             raise ArithmeticError(f"ONNX Runtime and JAX differ by {parity:.2e} N, more than {most_n:.0e} N")
         (Path(temporary) / FOOT_FILE).write_bytes(description)
         table = evaluate_models(Path(temporary))
-        text = readme(sole, made, card, table, parity, quick=recipe.quick)
+        text = readme(foot_design, made, card, table, parity, quick=recipe.quick)
         (Path(temporary) / "README.md").write_text(text, encoding="utf-8")
         for name in (FOOT_FILE, RESPONSE_FILE, NETWORK_FILE, "README.md"):
             (Path(temporary) / name).replace(output / name)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from firmware_interface.chips import fdc1004
-from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, SoleDesign
+from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, FootDesign
 from footsense.strict_yaml import Problem, load
 
 #: Name of the file in the folder of a foot type.
@@ -19,7 +19,7 @@ _UM_PER_MM = 1000.0
 _ROUNDING_MM = 1e-9
 
 
-def load_foot(source: Path | bytes) -> SoleDesign:
+def load_foot(source: Path | bytes) -> FootDesign:
     """Return the foot that a YAML file, or its content, describes.
 
     Args:
@@ -28,59 +28,59 @@ def load_foot(source: Path | bytes) -> SoleDesign:
     Raises:
         ConfigError: It is missing, is not such YAML, does not fit, or contradicts itself.
     """
-    return load(source, SoleDesign, check=first_contradiction)
+    return load(source, FootDesign, check=first_contradiction)
 
 
-def first_contradiction(sole: SoleDesign) -> Problem | None:
+def first_contradiction(design: FootDesign) -> Problem | None:
     """Return the first contradiction of a foot whose numbers are each right by themselves, None if there is none."""
-    return next(_contradictions(sole), None)
+    return next(_contradictions(design), None)
 
 
-def _contradictions(sole: SoleDesign) -> Iterator[Problem]:
-    yield from _on_the_sheet(sole)
-    yield from _between_the_electrodes(sole)
-    yield from _on_the_converter(sole)
-    loads, room_deg = sole.loads, MIN_ELEVATION_DEG - FIT_ELEVATION_DEG
-    if sole.patch_deg(loads.max_n) > room_deg:
+def _contradictions(design: FootDesign) -> Iterator[Problem]:
+    yield from _on_the_sheet(design)
+    yield from _between_the_electrodes(design)
+    yield from _on_the_converter(design)
+    loads, room_deg = design.loads, MIN_ELEVATION_DEG - FIT_ELEVATION_DEG
+    if design.patch_deg(loads.max_n) > room_deg:
         # The patch grows with the cube root of the force.
-        most_n = loads.max_n * (room_deg / sole.patch_deg(loads.max_n)) ** 3
+        most_n = loads.max_n * (room_deg / design.patch_deg(loads.max_n)) ** 3
         yield Problem(
             "loads.max_n",
-            f"{loads.max_n:g} N flatten {sole.patch_deg(loads.max_n):.0f} deg of this ball around the contact, the "
+            f"{loads.max_n:g} N flatten {design.patch_deg(loads.max_n):.0f} deg of this ball around the contact, the "
             f"response holds to {room_deg:g} deg; use at most {math.floor(most_n * 100.0) / 100.0:g}",
         )
 
 
-def _on_the_sheet(sole: SoleDesign) -> Iterator[Problem]:
-    if sole.electrode_mm >= sole.pitch_mm:
+def _on_the_sheet(design: FootDesign) -> Iterator[Problem]:
+    if design.electrode_mm >= design.pitch_mm:
         yield Problem(
             "electrode_mm",
-            f"electrodes of {sole.electrode_mm:g} mm overlap at a pitch of {sole.pitch_mm:g} mm; "
+            f"electrodes of {design.electrode_mm:g} mm overlap at a pitch of {design.pitch_mm:g} mm; "
             "use less than the pitch",
         )
-    array_mm = 2.0 * sole.pitch_mm + sole.electrode_mm
-    if array_mm > sole.sheet_mm + _ROUNDING_MM:
+    array_mm = 2.0 * design.pitch_mm + design.electrode_mm
+    if array_mm > design.sheet_mm + _ROUNDING_MM:
         yield Problem(
             "sheet_mm",
-            f"an array of {array_mm:g} mm does not fit on a sheet of {sole.sheet_mm:g} mm; "
+            f"an array of {array_mm:g} mm does not fit on a sheet of {design.sheet_mm:g} mm; "
             f"use at least {array_mm:g}",
         )
-    widest_mm = math.sqrt(2.0) * sole.ball_radius_mm
-    if sole.sheet_mm >= widest_mm:
+    widest_mm = math.sqrt(2.0) * design.ball_radius_mm
+    if design.sheet_mm >= widest_mm:
         yield Problem(
             "sheet_mm",
-            f"the corners of a sheet of {sole.sheet_mm:g} mm overhang a ball of {sole.ball_radius_mm:g} mm radius; "
+            f"the corners of a sheet of {design.sheet_mm:g} mm overhang a ball of {design.ball_radius_mm:g} mm radius; "
             f"use less than {widest_mm:.2f}",
         )
 
 
-def _between_the_electrodes(sole: SoleDesign) -> Iterator[Problem]:
-    spacer_um = _UM_PER_MM * sole.spacer_mm
-    filled_um = sole.gap_um + sole.film_um
-    if sole.gap_um > spacer_um + _UM_PER_MM * _ROUNDING_MM:
+def _between_the_electrodes(design: FootDesign) -> Iterator[Problem]:
+    spacer_um = _UM_PER_MM * design.spacer_mm
+    filled_um = design.gap_um + design.film_um
+    if design.gap_um > spacer_um + _UM_PER_MM * _ROUNDING_MM:
         yield Problem(
             "gap_um",
-            f"a gap of {sole.gap_um:g} um is thicker than the spacer of {spacer_um:g} um that holds it open; "
+            f"a gap of {design.gap_um:g} um is thicker than the spacer of {spacer_um:g} um that holds it open; "
             f"use at most {spacer_um:g}",
         )
     if spacer_um > filled_um + _UM_PER_MM * _ROUNDING_MM:
@@ -91,9 +91,9 @@ def _between_the_electrodes(sole: SoleDesign) -> Iterator[Problem]:
         )
 
 
-def _on_the_converter(sole: SoleDesign) -> Iterator[Problem]:
-    capacitor, most_pf = sole.capacitor, fdc1004.capacitance_pf(fdc1004.CODE_MAX)
-    half_pf = float(capacitor.capacitance_pf(np.array([0.5 * sole.gap_um]))[0])
+def _on_the_converter(design: FootDesign) -> Iterator[Problem]:
+    capacitor, most_pf = design.capacitor, fdc1004.capacitance_pf(fdc1004.CODE_MAX)
+    half_pf = float(capacitor.capacitance_pf(np.array([0.5 * design.gap_um]))[0])
     if capacitor.unloaded_pf < _LEAST_PF:
         yield Problem(
             "electrode_mm",

@@ -95,7 +95,7 @@ class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return 0.1 * self.max_n
 
 
-class SoleDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The foot: two hemispheres, two plates of PDMS, and a spacer with nine cavities between the plates.
 
     Attributes:

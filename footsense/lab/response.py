@@ -24,7 +24,7 @@ from footsense.foot.symmetry import HALF_SIDE, SIDE, product_powers
 from footsense.lab.fem.adjoint import ClassField, class_field
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
 from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
-from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, SoleDesign
+from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, FootDesign
 
 Vector = NDArray[np.float64]
 
@@ -73,10 +73,10 @@ def fit_class(field: ClassField, degree: int = DEGREE) -> Vector:
     return series
 
 
-def _as_grid(per_cell: Vector, sole: SoleDesign, axis: int) -> Vector:
+def _as_grid(per_cell: Vector, foot_design: FootDesign, axis: int) -> Vector:
     """Return values per cell of the quarter, in the order of `quarter_cells`, as a 9 x 9 grid in place of `axis`."""
     order = np.empty((HALF_SIDE, HALF_SIDE), np.intp)
-    for number, cell in enumerate(quarter_cells(sole)):
+    for number, cell in enumerate(quarter_cells(foot_design)):
         row, column = divmod(cell.element, 3)
         order[row * CELLS_PER_SIDE + cell.forward, column * CELLS_PER_SIDE + cell.leftward] = number
     return np.take(per_cell, order, axis=axis)
@@ -120,14 +120,14 @@ def add_compliance(classes: dict[Parity, Vector]) -> Vector:
     return whole
 
 
-def patch_mean(point_series: Vector, normal: Vector, radius_mm: float, sole: SoleDesign) -> Vector:
+def patch_mean(point_series: Vector, normal: Vector, radius_mm: float, foot_design: FootDesign) -> Vector:
     """Return the mean of the point response over a Hertz patch, p ~ sqrt(1 - r^2/a^2), on the sphere.
 
     Args:
         point_series: Coefficients of G0, shape (products, m).
         normal: Normals at the centre of the patch, shape (n, 3).
         radius_mm: Radius a of the patch [mm].
-        sole: The foot, for its radius.
+        foot_design: The foot, for its radius.
 
     Returns:
         Responses [um/N], shape (n, m).
@@ -136,7 +136,7 @@ def patch_mean(point_series: Vector, normal: Vector, radius_mm: float, sole: Sol
     gauss, weight = np.polynomial.legendre.leggauss(6)
     s, share = (gauss + 1.0) / 2.0, weight / 2.0 * 3.0 * ((gauss + 1.0) / 2.0) ** 2
     turn = 2.0 * np.pi * np.arange(12) / 12.0
-    radial = np.sqrt(1.0 - s**2) * radius_mm / sole.ball_radius_mm
+    radial = np.sqrt(1.0 - s**2) * radius_mm / foot_design.ball_radius_mm
     aside = np.where(np.abs(normal[:, :1]) < 0.5, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     first = np.cross(normal, aside)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -177,64 +177,66 @@ def _rounded(table: Any) -> Vector:
 
 
 def make_response(
-    sole: SoleDesign, size: MeshSize, report: Callable[[str], None] = lambda _: None
+    foot_design: FootDesign, size: MeshSize, report: Callable[[str], None] = lambda _: None
 ) -> FootResponse:
     """Return the response table of a foot, with its errors in the provenance.
 
     Args:
-        sole: The foot.
+        foot_design: The foot.
         size: Fineness of the mesh.
         report: Told what has just been done, one line each.
 
     Raises:
         ModelError: The foot cannot be meshed, or its stiffness is singular.
     """
-    mesh = build_mesh(sole, size)
+    mesh = build_mesh(foot_design, size)
     fields = {}
     for parity in SOLVED:
-        quarter = Quarter(sole, size, parity, mesh)
+        quarter = Quarter(foot_design, size, parity, mesh)
         fields[parity] = class_field(quarter)
         report(
             f"class {parity.x:+d} {parity.y:+d}: {mesh.ne} elements, {quarter.n_unknowns} unknowns, 81 solves"
         )
-    return tabulate(sole, size, fields, {"elements": int(mesh.ne), "unknowns": quarter.n_unknowns})
+    return tabulate(foot_design, size, fields, {"elements": int(mesh.ne), "unknowns": quarter.n_unknowns})
 
 
 def tabulate(
-    sole: SoleDesign, size: MeshSize, fields: dict[Parity, ClassField], counts: dict[str, int]
+    foot_design: FootDesign, size: MeshSize, fields: dict[Parity, ClassField], counts: dict[str, int]
 ) -> FootResponse:
     """Return the response table of sampled fields.
 
     Args:
-        sole: The foot.
+        foot_design: The foot.
         size: Fineness of the mesh that they were solved on.
         fields: The fields of the solved classes.
         counts: Elements and unknowns, for the provenance.
     """
 
     def single(degree: int) -> Vector:
-        return add_series({p: _as_grid(fit_class(f, degree), sole, 1) for p, f in fields.items()}, degree)
+        return add_series(
+            {p: _as_grid(fit_class(f, degree), foot_design, 1) for p, f in fields.items()}, degree
+        )
 
     raw = single(DEGREE)
     point = _rounded((raw + transposed_series(raw, DEGREE)) / 2.0)
     lower = single(DEGREE - 4)
     compliance = add_compliance(
-        {p: _as_grid(_as_grid(f.compliance, sole, 0), sole, 2) for p, f in fields.items()}
+        {p: _as_grid(_as_grid(f.compliance, foot_design, 0), foot_design, 2) for p, f in fields.items()}
     )
     compliance = (compliance + compliance.transpose(1, 0, 3, 2)) / 2.0
     normal = disc_normals(MIN_ELEVATION_DEG)
     basis = series_basis(normal, DEGREE, FIT_ELEVATION_DEG)
     flat = point.reshape(len(point), -1)
     on_disc = basis @ flat
-    patch_mm = PATCH_REL * sole.ball_radius_mm
-    growth = (patch_mean(flat, normal, patch_mm, sole) - on_disc) / patch_mm**2
+    patch_mm = PATCH_REL * foot_design.ball_radius_mm
+    growth = (patch_mean(flat, normal, patch_mm, foot_design) - on_disc) / patch_mm**2
     patch = np.linalg.lstsq(basis, growth, rcond=1e-10)[0].reshape(point.shape)
     shorter = series_basis(normal, DEGREE - 4, FIT_ELEVATION_DEG) @ lower.reshape(len(lower), -1)
     return FootResponse(
-        foot_type=sole.foot_type,
-        design=sole.capacitor,
-        ball_radius_mm=sole.ball_radius_mm,
-        hertz_modulus_mpa=sole.rubber.hertz_mpa,
+        foot_type=foot_design.foot_type,
+        design=foot_design.capacitor,
+        ball_radius_mm=foot_design.ball_radius_mm,
+        hertz_modulus_mpa=foot_design.rubber.hertz_mpa,
         min_elevation_deg=MIN_ELEVATION_DEG,
         fit_elevation_deg=FIT_ELEVATION_DEG,
         degree=DEGREE,

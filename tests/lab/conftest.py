@@ -19,10 +19,10 @@ def mesh() -> Any:
     import ngsolve
 
     from footsense.lab.fem.mesh import COARSE, build_mesh
-    from tests.lab.released import SOLE
+    from tests.lab.released import FOOT_DESIGN
 
     ngsolve.SetNumThreads(1)  # a second thread that waits for a busy processor costs more than it gains
-    return build_mesh(SOLE, COARSE)
+    return build_mesh(FOOT_DESIGN, COARSE)
 
 
 @pytest.fixture(scope="session")
@@ -30,9 +30,9 @@ def quarters(mesh: Any) -> "dict[Parity, Quarter]":
     """Return the factorised symmetry classes of the coarse foot."""
     from footsense.lab.fem.mesh import COARSE
     from footsense.lab.fem.quarter import SOLVED, Quarter
-    from tests.lab.released import SOLE
+    from tests.lab.released import FOOT_DESIGN
 
-    return {parity: Quarter(SOLE, COARSE, parity, mesh) for parity in SOLVED}
+    return {parity: Quarter(FOOT_DESIGN, COARSE, parity, mesh) for parity in SOLVED}
 
 
 @pytest.fixture(scope="session")
@@ -48,6 +48,6 @@ def response(fields: "dict[Parity, ClassField]") -> "FootResponse":
     """Return the coarse foot's response table."""
     from footsense.lab.fem.mesh import COARSE
     from footsense.lab.response import tabulate
-    from tests.lab.released import SOLE
+    from tests.lab.released import FOOT_DESIGN
 
-    return tabulate(SOLE, COARSE, fields, {})
+    return tabulate(FOOT_DESIGN, COARSE, fields, {})

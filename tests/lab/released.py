@@ -5,4 +5,4 @@ from pathlib import Path
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 
 RELEASED = Path(__file__).parents[2] / "models" / "aoyagi-3x3"
-SOLE = load_foot(RELEASED / FOOT_FILE)
+FOOT_DESIGN = load_foot(RELEASED / FOOT_FILE)

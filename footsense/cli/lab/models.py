@@ -12,7 +12,7 @@ from footsense.daemon.foot_types import released_path
 from footsense.errors import FootsenseError
 
 if TYPE_CHECKING:
-    from footsense.lab.geometry import SoleDesign
+    from footsense.lab.geometry import FootDesign
 
 
 @click.command()
@@ -32,10 +32,10 @@ def build(*, foot: Path | None, out: Path | None, quick: bool) -> None:
     from footsense.lab.foot_file import FOOT_FILE, load_foot
 
     description = foot or released_path(FOOT_FILE)
-    sole = load_foot(description)
-    folder = (out or Path("models-quick" if quick else "models")) / sole.foot_type
-    for known in (folder, released_path(FOOT_FILE, sole.foot_type).parent):
-        _require_no_other(known / FOOT_FILE, description, sole)
+    foot_design = load_foot(description)
+    folder = (out or Path("models-quick" if quick else "models")) / foot_design.foot_type
+    for known in (folder, released_path(FOOT_FILE, foot_design.foot_type).parent):
+        _require_no_other(known / FOOT_FILE, description, foot_design)
     require_writable(folder)
     from footsense.lab.build import FULL, QUICK
     from footsense.lab.build import build as build_models
@@ -47,7 +47,7 @@ def build(*, foot: Path | None, out: Path | None, quick: bool) -> None:
     click.echo(as_markdown(built.table))
 
 
-def _require_no_other(known: Path, description: Path, sole: "SoleDesign") -> None:
+def _require_no_other(known: Path, description: Path, foot_design: "FootDesign") -> None:
     """Check that no other foot has this foot type's name: their networks would be indistinguishable.
 
     Raises:
@@ -55,9 +55,9 @@ def _require_no_other(known: Path, description: Path, sole: "SoleDesign") -> Non
     """
     from footsense.lab.foot_file import load_foot
 
-    if known.exists() and msgspec.structs.replace(load_foot(known), about=sole.about) != sole:
+    if known.exists() and msgspec.structs.replace(load_foot(known), about=foot_design.about) != foot_design:
         raise FootsenseError(
-            f"{description}: foot_type: {known} describes another foot of the name {sole.foot_type}; "
+            f"{description}: foot_type: {known} describes another foot of the name {foot_design.foot_type}; "
             "give this one a name of its own, or remove that folder"
         )
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from footsense.lab.contact.floor import Floor
 from footsense.lab.fem.elasticity import energy, mixed_energy
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 
 #: Stiffness k of a shut gap to begin with [MPa/mm].
 GAP_STIFFNESS = 200.0
@@ -29,14 +29,14 @@ class Body:
     """Unknowns and weak form.
 
     Attributes:
-        sole: The foot.
+        design: The foot.
         mesh: Its mesh.
         space: Displacement of the ground side, of the leg side, and the pressure of the rubber.
         state: The present iterate, a grid function of `space`.
     """
 
-    def __init__(self, sole: SoleDesign, mesh: Any, order: int) -> None:
-        self.sole, self.mesh = sole, mesh
+    def __init__(self, design: FootDesign, mesh: Any, order: int) -> None:
+        self.design, self.mesh = design, mesh
         ground = ng.VectorH1(mesh, order=order, definedon="rubber_ground|pdms_ground", dirichlety="mirror")
         leg = ng.VectorH1(
             mesh, order=order, definedon="rubber_leg|pdms_leg", dirichlet="curved_leg", dirichlety="mirror"
@@ -64,7 +64,7 @@ class Body:
         """Return internal work minus that of the floor, as a form that is nonlinear in its trial function."""
         (u_ground, u_leg, p), (v_ground, v_leg, _) = self.space.TnT()
         form = ng.BilinearForm(self.space, symmetric=True)
-        rubber, pdms = self.sole.rubber, self.sole.pdms
+        rubber, pdms = self.design.rubber, self.design.pdms
         for side, u in (("ground", u_ground), ("leg", u_leg)):
             mixed = mixed_energy(rubber, u, p, finite_strain=finite_strain).Compile()
             plain = energy(pdms, u, finite_strain=finite_strain).Compile()
@@ -72,10 +72,10 @@ class Body:
             form += ng.Variation(plain * ng.dx(f"pdms_{side}"))
         jump, jump_v = u_ground - u_leg, v_ground - v_leg
         across = (pdms.shear_mpa, pdms.shear_mpa, pdms.confined_mpa)
-        layer = sum(across[k] / self.sole.spacer_mm * jump[k] * jump_v[k] for k in range(3))
+        layer = sum(across[k] / self.design.spacer_mm * jump[k] * jump_v[k] for k in range(3))
         form += layer * ng.ds("bars")
         if gaps_shut:
-            deep = jump[2] - self.sole.gap_um * 1e-3
+            deep = jump[2] - self.design.gap_um * 1e-3
             stress = self._gap_stiffness * ng.IfPos(deep, deep, 0.0)
             form += stress * jump_v[2] * ng.ds("cavity", intrules=self._points.GetIntegrationRules())
         form += floor.work(u_ground, -v_ground)
@@ -97,7 +97,7 @@ class Body:
 
     def penetration_rel(self) -> float:
         """Return how deep the electrode planes are in each other at worst, over the gap [1]; below 0 while open."""
-        gap_mm = self.sole.gap_um * 1e-3
+        gap_mm = self.design.gap_um * 1e-3
         deep = ng.GridFunction(self._points)
         deep.Interpolate(self.ground[2] - self.leg[2] - gap_mm, definedon=self.mesh.Boundaries("cavity"))
         return float(np.max(deep.vec.FV().NumPy())) / gap_mm

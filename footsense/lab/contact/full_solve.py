@@ -14,7 +14,7 @@ from footsense.lab.contact.load_case import LoadCase
 from footsense.lab.contact.mesh import Fineness, build_mesh
 from footsense.lab.contact.plane_floor import PlaneFloor
 from footsense.lab.contact.readout import capacitance_pf, cell_means, sampled_closure_um
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 
 #: Residual of the result, over the force [1].
 TOLERANCE_REL = 1e-6
@@ -61,7 +61,7 @@ class FullFoot:
     """The foot with everything that the cheaper models leave out, or with parts of it.
 
     Args:
-        sole: The foot.
+        design: The foot.
         fineness: How fine the mesh is.
         friction: Coulomb's coefficient of the floor [1].
         finite_strain: Neo-Hookean solids, else Hooke's.
@@ -73,7 +73,7 @@ class FullFoot:
 
     def __init__(
         self,
-        sole: SoleDesign,
+        design: FootDesign,
         *,
         fineness: Fineness | None = None,
         friction: float = 0.7,
@@ -82,7 +82,7 @@ class FullFoot:
         gaps: Literal["contact", "open"] = "contact",
         load_steps: int = 1,
     ) -> None:
-        self._sole, self._fineness, self._friction = sole, fineness or Fineness(), friction
+        self._design, self._fineness, self._friction = design, fineness or Fineness(), friction
         self._finite_strain, self._floor, self._gaps = finite_strain, floor, gaps
         self._load_steps = load_steps
 
@@ -100,9 +100,9 @@ class FullFoot:
             ValueError: The normal is no unit vector, or the floor cannot exert the force.
             ConvergenceError: No equilibrium was found.
         """
-        case = LoadCase(self._sole, normal, force_n, self._friction)
-        mesh = build_mesh(self._sole, self._fineness, normal, case.hertz_mm, half=case.half)
-        body = Body(self._sole, mesh, self._fineness.order)
+        case = LoadCase(self._design, normal, force_n, self._friction)
+        mesh = build_mesh(self._design, self._fineness, normal, case.hertz_mm, half=case.half)
+        body = Body(self._design, mesh, self._fineness.order)
         floor: Floor = HertzFloor(case, body.ground)
         if self._floor == "solved":
             floor = PlaneFloor(case, body.ground, self._fineness.patch_rel * case.hertz_mm)
@@ -118,11 +118,11 @@ class FullFoot:
             newton_steps += equations.solve(WAYPOINT_REL).steps
             stiffenings += 1
         balance = equations.solve(TOLERANCE_REL)
-        samples_um = sampled_closure_um(self._sole, mesh, body.ground, body.leg, half=case.half)
+        samples_um = sampled_closure_um(self._design, mesh, body.ground, body.leg, half=case.half)
         cells_um, patch = cell_means(samples_um), floor.patch()
         return FullSolution(
             closure_um=cells_um.mean(axis=1),
-            capacitance_pf=capacitance_pf(self._sole, samples_um),
+            capacitance_pf=capacitance_pf(self._design, samples_um),
             cells_um=cells_um,
             penetration_rel=body.penetration_rel(),
             patch_mm=patch.radius_mm,

@@ -57,6 +57,6 @@ class HertzFloor:
         radius_mm = self._case.hertz_mm
         return Patch(
             radius_mm=radius_mm,
-            approach_mm=mean_mm / self._case.share + radius_mm**2 / (5.0 * self._case.sole.ball_radius_mm),
+            approach_mm=mean_mm / self._case.share + radius_mm**2 / (5.0 * self._case.design.ball_radius_mm),
             peak_mpa=1.5 * self._case.pressing_n / (math.pi * radius_mm**2),
         )

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.hertz import contact_radius_mm
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 
 #: A unit vector may be this far from length one.
 UNIT_TOLERANCE = 1e-6
@@ -19,13 +19,13 @@ class LoadCase:
     """One contact.
 
     Attributes:
-        sole: The foot.
+        design: The foot.
         normal: Unit normal of the ball at the contact, pointing into the ball [1, foot frame], shape (3,).
         force_n: Ground reaction on the foot [N, foot frame], shape (3,).
         friction: Coulomb's coefficient mu [1].
     """
 
-    sole: SoleDesign
+    design: FootDesign
     normal: NDArray[np.float64]
     force_n: NDArray[np.float64]
     friction: float
@@ -70,11 +70,13 @@ class LoadCase:
     @property
     def touch_mm(self) -> NDArray[np.float64]:
         """Where the floor touches the unloaded ball [mm], shape (3,)."""
-        centre = np.array([0.0, 0.0, -self.sole.plate_mm])
-        touch: NDArray[np.float64] = centre - self.sole.ball_radius_mm * self.normal
+        centre = np.array([0.0, 0.0, -self.design.plate_mm])
+        touch: NDArray[np.float64] = centre - self.design.ball_radius_mm * self.normal
         return touch
 
     @property
     def hertz_mm(self) -> float:
         """Radius of the Hertz patch on a rigid plane [mm]: a^3 = 3 f.n R / (4 E*)."""
-        return float(contact_radius_mm(self.pressing_n, self.sole.ball_radius_mm, self.sole.rubber.hertz_mpa))
+        return float(
+            contact_radius_mm(self.pressing_n, self.design.ball_radius_mm, self.design.rubber.hertz_mpa)
+        )

@@ -15,7 +15,7 @@ from netgen.meshing import MeshingParameters
 from numpy.typing import NDArray
 
 from footsense.foot.directions import tangent_frame
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 
 #: The mesh is fine out to this many radii of the expected contact patch: finite strain and friction shift it.
 PATCH_MARGIN = 1.3
@@ -44,14 +44,14 @@ class Fineness:
     order: int = 2
 
 
-def _bodies(sole: SoleDesign, fineness: Fineness) -> list[Any]:
+def _bodies(design: FootDesign, fineness: Fineness) -> list[Any]:
     """Return the two hemispheres and the two plates, their materials named."""
     bodies = []
-    half = sole.sheet_mm / 2.0
+    half = design.sheet_mm / 2.0
     for side, up in (("ground", -1.0), ("leg", 1.0)):
-        flat = up * sole.plate_mm
+        flat = up * design.plate_mm
         flat_cut = occ.HalfSpace(occ.Pnt(0, 0, flat), occ.Vec(0, 0, -up))
-        ball = occ.Sphere(occ.Pnt(0, 0, flat), sole.ball_radius_mm) * flat_cut
+        ball = occ.Sphere(occ.Pnt(0, 0, flat), design.ball_radius_mm) * flat_cut
         plate = occ.Box(occ.Pnt(-half, -half, min(0.0, flat)), occ.Pnt(half, half, max(0.0, flat)))
         ball.mat(f"rubber_{side}")
         plate.mat(f"pdms_{side}")
@@ -60,14 +60,14 @@ def _bodies(sole: SoleDesign, fineness: Fineness) -> list[Any]:
     return bodies
 
 
-def _cavities(sole: SoleDesign) -> list[Any]:
+def _cavities(design: FootDesign) -> list[Any]:
     """Return the nine squares over which nothing joins the plates."""
-    side = sole.electrode_mm
+    side = design.electrode_mm
     return [
         occ.WorkPlane(occ.Axes(occ.Pnt(x_mm - side / 2.0, y_mm - side / 2.0, 0.0), n=occ.Z, h=occ.X))
         .Rectangle(side, side)
         .Face()
-        for x_mm, y_mm in sole.centres_mm
+        for x_mm, y_mm in design.centres_mm
     ]
 
 
@@ -80,34 +80,34 @@ def _halved(shape: Any) -> list[Any]:
     return [shape] if low.y > -SAME_MM else [shape * occ.HalfSpace(occ.Pnt(0, 0, 0), occ.Vec(0, -1, 0))]
 
 
-def _in_cavity(sole: SoleDesign, low: Any, high: Any) -> bool:
+def _in_cavity(design: FootDesign, low: Any, high: Any) -> bool:
     """Return whether a box of the plane z = 0 lies in one of the cavities."""
-    reach = sole.electrode_mm / 2.0 + SAME_MM
+    reach = design.electrode_mm / 2.0 + SAME_MM
     return any(
         max(x_mm - low.x, high.x - x_mm, y_mm - low.y, high.y - y_mm) < reach
-        for x_mm, y_mm in sole.centres_mm
+        for x_mm, y_mm in design.centres_mm
     )
 
 
-def _name_faces(shape: Any, sole: SoleDesign) -> None:
+def _name_faces(shape: Any, design: FootDesign) -> None:
     """Name what the weak form integrates over or holds: `cavity`, `bars`, `mirror`, `curved_*`; the rest is free."""
     for face in shape.faces:
         low, high = face.bounding_box
         if max(-low.z, high.z) < SAME_MM:
-            face.name = "cavity" if _in_cavity(sole, low, high) else "bars"
+            face.name = "cavity" if _in_cavity(design, low, high) else "bars"
         elif max(-low.y, high.y) < SAME_MM:
             face.name = "mirror"
-        elif high.z > sole.ball_radius_mm / 2.0:
+        elif high.z > design.ball_radius_mm / 2.0:
             face.name = "curved_leg"
-        elif low.z < -sole.ball_radius_mm / 2.0:
+        elif low.z < -design.ball_radius_mm / 2.0:
             face.name = "curved_ground"
         else:
             face.name = "free"
 
 
-def _mark_bar_edges(shape: Any, sole: SoleDesign, fineness: Fineness) -> None:
+def _mark_bar_edges(shape: Any, design: FootDesign, fineness: Fineness) -> None:
     """Mark the edges between cavities and bars for hp refinement: in the plane z = 0, not on the sheet's border."""
-    inside = sole.sheet_mm / 2.0 - SAME_MM
+    inside = design.sheet_mm / 2.0 - SAME_MM
     for edge in shape.edges:
         low, high = edge.bounding_box
         if max(-low.z, high.z) > SAME_MM:
@@ -120,30 +120,30 @@ def _mark_bar_edges(shape: Any, sole: SoleDesign, fineness: Fineness) -> None:
 
 def _refine_patch(
     parameters: MeshingParameters,
-    sole: SoleDesign,
+    design: FootDesign,
     normal: NDArray[np.float64],
     size_mm: float,
     reach_mm: float,
 ) -> None:
     """Ask for edges of `size_mm` on the cap of radius `reach_mm` around the contact."""
     first, second = tangent_frame(normal)
-    centre = np.array([0.0, 0.0, -sole.plate_mm])
+    centre = np.array([0.0, 0.0, -design.plate_mm])
     steps = np.arange(-np.ceil(reach_mm / size_mm), np.ceil(reach_mm / size_mm) + 1.0) * size_mm
     for along in steps:
         for across in steps:
-            depth_squared = sole.ball_radius_mm**2 - along**2 - across**2
+            depth_squared = design.ball_radius_mm**2 - along**2 - across**2
             if along**2 + across**2 <= reach_mm**2:
                 point = centre - np.sqrt(depth_squared) * normal + along * first + across * second
                 parameters.RestrictH(*map(float, point), size_mm)
 
 
 def build_mesh(
-    sole: SoleDesign, fineness: Fineness, normal: NDArray[np.float64], patch_mm: float, *, half: bool
+    design: FootDesign, fineness: Fineness, normal: NDArray[np.float64], patch_mm: float, *, half: bool
 ) -> Any:
     """Return the curved mesh [mm, foot frame, origin in the middle of the spacer].
 
     Args:
-        sole: The foot.
+        design: The foot.
         fineness: How fine.
         normal: Inward unit normal at the contact [1], shape (3,).
         patch_mm: Expected radius of the contact patch [mm].
@@ -152,14 +152,14 @@ def build_mesh(
     Returns:
         An NGSolve mesh of the materials `rubber_ground`, `pdms_ground`, `rubber_leg`, `pdms_leg`.
     """
-    shapes = [*_bodies(sole, fineness), *_cavities(sole)]
+    shapes = [*_bodies(design, fineness), *_cavities(design)]
     if half:
         shapes = [part for shape in shapes for part in _halved(shape)]
     shape = occ.Glue(shapes)
-    _name_faces(shape, sole)
-    _mark_bar_edges(shape, sole, fineness)
+    _name_faces(shape, design)
+    _mark_bar_edges(shape, design, fineness)
     parameters = MeshingParameters(maxh=fineness.ball_mm, grading=0.4)
-    _refine_patch(parameters, sole, normal, fineness.patch_rel * patch_mm, PATCH_MARGIN * patch_mm)
+    _refine_patch(parameters, design, normal, fineness.patch_rel * patch_mm, PATCH_MARGIN * patch_mm)
     mesh = ng.Mesh(occ.OCCGeometry(shape).GenerateMesh(parameters))
     mesh.RefineHP(1, fineness.bar_factor)
     mesh.Curve(fineness.order)

@@ -55,7 +55,7 @@ class PlaneFloor:
         self._settled_mm = np.zeros(3)
         self._fraction = self._settled_fraction = 0.0
         self._q = [ng.Parameter(0.0) for _ in range(3)]
-        self._stiffness = STIFFNESS * case.sole.rubber.hertz_mpa / element_mm
+        self._stiffness = STIFFNESS * case.design.rubber.hertz_mpa / element_mm
         region = self._mesh.Boundaries(FACE)
         points = ngsolve.comp.IntegrationRuleSpaceSurface(
             self._mesh, order=2 * moved.space.globalorder + 3, definedon=region
@@ -113,7 +113,7 @@ class PlaneFloor:
         """
         self._fraction = fraction
         self.target_n = fraction * self._case.share * self._case.force_n[list(self.axes)]
-        start, low, high = self.place_mm, 0.0, self._case.hertz_mm**2 / self._case.sole.ball_radius_mm
+        start, low, high = self.place_mm, 0.0, self._case.hertz_mm**2 / self._case.design.ball_radius_mm
         grown = self._case.hertz_mm * math.cbrt(fraction)
         if self._settled_fraction > 0.0:
             grown = self._radius_mm() * math.cbrt(fraction / self._settled_fraction)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 
 #: Cells along the side of an electrode.
 CELLS = 6
@@ -24,15 +24,15 @@ INSIDE_MM = 2e-4
 UM_PER_MM = 1000.0
 
 
-def sample_places_mm(sole: SoleDesign) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def sample_places_mm(design: FootDesign) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return x and y [mm] of the samples, each of shape (9, 6, 3, 6, 3): element, x cell, point, y cell, point.
 
     Both grow against their axis, as rows and columns of the array do.
     """
     inside, _ = np.polynomial.legendre.leggauss(POINTS)
     along = (np.arange(CELLS)[:, None] + 0.5 * (inside + 1.0)) / CELLS
-    offset = sole.electrode_mm * (0.5 - along)
-    centres = np.array(sole.centres_mm)
+    offset = design.electrode_mm * (0.5 - along)
+    centres = np.array(design.centres_mm)
     x_mm = centres[:, 0, None, None, None, None] + offset[:, :, None, None]
     y_mm = centres[:, 1, None, None, None, None] + offset
     shape = (9, CELLS, POINTS, CELLS, POINTS)
@@ -40,18 +40,18 @@ def sample_places_mm(sole: SoleDesign) -> tuple[NDArray[np.float64], NDArray[np.
 
 
 def sampled_closure_um(
-    sole: SoleDesign, mesh: Any, ground: Any, leg: Any, *, half: bool
+    design: FootDesign, mesh: Any, ground: Any, leg: Any, *, half: bool
 ) -> NDArray[np.float64]:
     """Return the closure [um] at the samples, shape (9, 6, 3, 6, 3).
 
     Args:
-        sole: The foot.
+        design: The foot.
         mesh: Its mesh.
         ground: Displacement of the ground side [mm].
         leg: Displacement of the leg side [mm].
         half: The mesh has y > 0 only, and y < 0 is its mirror image.
     """
-    x_mm, y_mm = (places.ravel() for places in sample_places_mm(sole))
+    x_mm, y_mm = (places.ravel() for places in sample_places_mm(design))
     if half:
         y_mm = np.abs(y_mm)
 
@@ -75,10 +75,10 @@ def cell_means(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     return means.reshape(9, CELLS**2)
 
 
-def capacitance_pf(sole: SoleDesign, samples_um: NDArray[np.float64]) -> NDArray[np.float64]:
+def capacitance_pf(design: FootDesign, samples_um: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the capacitances without stray [pF], shape (9,), of sampled closures [um]."""
-    film_um = sole.capacitor.film_equivalent_um
-    distance_um = sole.gap_um - np.minimum(samples_um, sole.gap_um) + film_um
+    film_um = design.capacitor.film_equivalent_um
+    distance_um = design.gap_um - np.minimum(samples_um, design.gap_um) + film_um
     density = EPS0_PF_UM_PER_MM2 / distance_um
-    capacitance: NDArray[np.float64] = cell_means(density).mean(axis=1) * sole.electrode_mm**2
+    capacitance: NDArray[np.float64] = cell_means(density).mean(axis=1) * design.electrode_mm**2
     return capacitance

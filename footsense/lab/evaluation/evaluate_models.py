@@ -19,7 +19,7 @@ from footsense.lab.evaluation.evaluate import (
     errors,
 )
 from footsense.lab.foot_file import FOOT_FILE, load_foot
-from footsense.lab.geometry import LoadRange, SoleDesign
+from footsense.lab.geometry import FootDesign, LoadRange
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.load_cases import (
     Cases,
@@ -91,22 +91,24 @@ def open_models(folder: Path) -> tuple[FootResponse, OnnxNetwork]:
     return response, network
 
 
-def require_same_foot(sole: SoleDesign, response: FootResponse, card: dict[str, Any], folder: Path) -> None:
+def require_same_foot(
+    foot_design: FootDesign, response: FootResponse, card: dict[str, Any], folder: Path
+) -> None:
     """Check that table and network are of the foot that is described beside them.
 
     Raises:
         ModelError: They are of another.
     """
     described = {
-        "foot_type": sole.foot_type,
-        **asdict(sole.capacitor),
-        "ball_radius_mm": sole.ball_radius_mm,
-        "hertz_modulus_mpa": sole.rubber.hertz_mpa,
+        "foot_type": foot_design.foot_type,
+        **asdict(foot_design.capacitor),
+        "ball_radius_mm": foot_design.ball_radius_mm,
+        "hertz_modulus_mpa": foot_design.rubber.hertz_mpa,
     }
     tabled = {"foot_type": response.foot_type, **asdict(response.design)}
     tabled |= {name: getattr(response, name) for name in ("ball_radius_mm", "hertz_modulus_mpa")}
     trained = card["training"]["wide"]
-    described |= (loads := msgspec.structs.asdict(sole.loads))
+    described |= (loads := msgspec.structs.asdict(foot_design.loads))
     tabled |= {name: trained.get(name) for name in loads}
     for name, value in described.items():
         if tabled[name] != value:

@@ -85,8 +85,8 @@ def class_field(quarter: Quarter, sample_order: int = SAMPLE_ORDER) -> ClassFiel
     Returns:
         The sampled fields and the compliance.
     """
-    area_mm2 = (quarter.sole.electrode_mm / CELLS_PER_SIDE) ** 2
-    names = [cell.name for cell in quarter_cells(quarter.sole)]
+    area_mm2 = (quarter.design.electrode_mm / CELLS_PER_SIDE) ** 2
+    names = [cell.name for cell in quarter_cells(quarter.design)]
     return sampled_field(quarter, [(name, area_mm2) for name in names], sample_order)
 
 
@@ -100,7 +100,7 @@ def sampled_field(
         faces: Names of cells joined by `|`, and their area together [mm2].
         sample_order: Order of the quadrature rule whose points are the samples.
     """
-    points, normal, weight_mm2 = surface_samples(quarter.mesh, quarter.sole.plate_mm, sample_order)
+    points, normal, weight_mm2 = surface_samples(quarter.mesh, quarter.design.plate_mm, sample_order)
     loads = [quarter.closure_functional(face, area_mm2) for face, area_mm2 in faces]
     closures = np.stack([load.vec.FV().NumPy() for load in loads])
     influence, compliance = [], []

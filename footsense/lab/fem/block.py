@@ -27,7 +27,7 @@ from footsense.lab.fem.adjoint import ClassField, surface_samples
 from footsense.lab.fem.elasticity import energy, mixed_energy
 from footsense.lab.fem.mesh import MeshSize
 from footsense.lab.fem.quarter import SOLVED, Parity
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 
 #: Fineness of the study, the block being what `plate_mm` sizes.
 BLOCK_SIZE = MeshSize(ball_mm=4.0, plate_mm=0.7, surface_mm=2.5, grading=0.7, layers=0, order=3)
@@ -64,19 +64,23 @@ class Column:
         return indicator
 
 
-def half_thickness_mm(sole: SoleDesign) -> float:
+def half_thickness_mm(design: FootDesign) -> float:
     """Return half the thickness of the block, which is that of the sheet [mm]."""
-    return sole.plate_mm + sole.spacer_mm / 2.0
+    return design.plate_mm + design.spacer_mm / 2.0
 
 
-def _solids(sole: SoleDesign, size: MeshSize) -> list[Any]:
+def _solids(design: FootDesign, size: MeshSize) -> list[Any]:
     """Return the quarters of hemispheres and block, named for the weak form."""
-    level, wide, half = half_thickness_mm(sole), 3.0 * sole.ball_radius_mm, sole.sheet_mm / 2.0
+    level, wide, half = (
+        half_thickness_mm(design),
+        3.0 * design.ball_radius_mm,
+        design.sheet_mm / 2.0,
+    )
     quarter = occ.Box(occ.Pnt(0, 0, -wide), occ.Pnt(wide, wide, wide))
     solids = []
     for side, up in (("ground", -1.0), ("leg", 1.0)):
         centre = occ.Pnt(0, 0, up * level)
-        ball = occ.Sphere(centre, sole.ball_radius_mm) * occ.HalfSpace(centre, occ.Vec(0, 0, -up))
+        ball = occ.Sphere(centre, design.ball_radius_mm) * occ.HalfSpace(centre, occ.Vec(0, 0, -up))
         for face in ball.faces:
             face.name = f"curved_{side}" if abs(face.center.z - up * level) > _NEAR_MM else "flat"
         ball *= quarter
@@ -89,17 +93,17 @@ def _solids(sole: SoleDesign, size: MeshSize) -> list[Any]:
     return solids
 
 
-def build_block_mesh(sole: SoleDesign, size: MeshSize = BLOCK_SIZE) -> Any:
+def build_block_mesh(design: FootDesign, size: MeshSize = BLOCK_SIZE) -> Any:
     """Return the curved mesh of the quarter, in mm, origin in the middle of the block.
 
     Args:
-        sole: The foot; of the sheet only its outside is used.
+        design: The foot; of the sheet only its outside is used.
         size: How fine; bars have no part in it.
 
     Raises:
         ModelError: The mesher gives up.
     """
-    shape = occ.Glue(_solids(sole, size))
+    shape = occ.Glue(_solids(design, size))
     for face in shape.faces:
         low, high = face.bounding_box
         for axis in ("x", "y"):
@@ -119,15 +123,15 @@ class Block:
     """One symmetry class of the foot with the plain block, factorised.
 
     Attributes:
-        sole: The foot.
+        design: The foot.
         mesh: Mesh of the quarter.
         parity: The class.
         space: Displacement, and the pressure in both rubbers.
     """
 
-    def __init__(self, sole: SoleDesign, size: MeshSize, parity: Parity, mesh: Any) -> None:
+    def __init__(self, design: FootDesign, size: MeshSize, parity: Parity, mesh: Any) -> None:
         """Assemble and factorise; the stiffness is symmetric and, with the leg's surface held, regular."""
-        self.sole, self.mesh, self.parity = sole, mesh, parity
+        self.design, self.mesh, self.parity = design, mesh, parity
         clamped = {
             f"dirichlet{axis}": "|".join(filter(None, ("curved_leg", parity.clamped(component))))
             for component, axis in enumerate("xyz")
@@ -139,17 +143,17 @@ class Block:
         u, *pressures_of = self.space.TrialFunction()
         form = ng.BilinearForm(self.space, symmetric=True)
         for side, p in zip(sides, pressures_of, strict=True):
-            form += ng.Variation(mixed_energy(sole.rubber, u, p) * ng.dx(side))
-        form += ng.Variation(energy(sole.pdms, u) * ng.dx("pdms"))
+            form += ng.Variation(mixed_energy(design.rubber, u, p) * ng.dx(side))
+        form += ng.Variation(energy(design.pdms, u) * ng.dx("pdms"))
         with ng.TaskManager():
             form.Assemble()
             self._inverse = form.mat.Inverse(self.space.FreeDofs(), "sparsecholesky")
 
     def stress_functional(self, column: Column) -> Any:
         """Return the mean of sigma_z [MPa] over a column as a linear form of the displacement."""
-        v, pdms = self.space.TestFunction()[0], self.sole.pdms
+        v, pdms = self.space.TestFunction()[0], self.design.pdms
         stress_mpa = pdms.lame_mpa * ng.div(v) + 2.0 * pdms.shear_mpa * ng.Grad(v)[2, 2]
-        volume_mm3 = column.area_mm2 * 2.0 * half_thickness_mm(self.sole)
+        volume_mm3 = column.area_mm2 * 2.0 * half_thickness_mm(self.design)
         form = ng.LinearForm(self.space)
         form += column.inside() * stress_mpa / volume_mm3 * ng.dx("pdms", bonus_intorder=_BORDER_ORDER)
         with ng.TaskManager():
@@ -161,7 +165,7 @@ class Block:
         Returns:
             Influence in MPa/N, and no compliance.
         """
-        points, normal, weight_mm2 = surface_samples(self.mesh, half_thickness_mm(self.sole))
+        points, normal, weight_mm2 = surface_samples(self.mesh, half_thickness_mm(self.design))
         influence = []
         solution = ng.GridFunction(self.space)
         with ng.TaskManager():
@@ -178,8 +182,8 @@ class Block:
 
 
 def block_fields(
-    sole: SoleDesign, columns: Sequence[Column], size: MeshSize = BLOCK_SIZE
+    design: FootDesign, columns: Sequence[Column], size: MeshSize = BLOCK_SIZE
 ) -> dict[Parity, ClassField]:
     """Return the sampled fields of columns in the solved symmetry classes."""
-    mesh = build_block_mesh(sole, size)
-    return {parity: Block(sole, size, parity, mesh).field(columns) for parity in SOLVED}
+    mesh = build_block_mesh(design, size)
+    return {parity: Block(design, size, parity, mesh).field(columns) for parity in SOLVED}

@@ -13,7 +13,7 @@ from footsense.foot.hertz import contact_radius_mm
 from footsense.lab.fem.adjoint import sampled_field
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
 from footsense.lab.fem.quarter import Parity, Quarter
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 from footsense.lab.response import fit_class, patch_mean
 
 #: Elements of which a part lies in the quarter: corner, the one on the x axis, the one on the y axis, middle.
@@ -40,12 +40,12 @@ class Centred:
 
 
 def centred_closures(
-    sole: SoleDesign, size: MeshSize, elevation_deg: tuple[float, ...], patch_mm: float | None = None
+    design: FootDesign, size: MeshSize, elevation_deg: tuple[float, ...], patch_mm: float | None = None
 ) -> Centred:
     """Solve for centred loads of 1 N at azimuth 0.
 
     Args:
-        sole: The foot.
+        design: The foot.
         size: Fineness of the mesh.
         elevation_deg: Elevation of each load [deg]; if all are 90, one class is solved, else two.
         patch_mm: Radius of the contact patch [mm]; Hertz's against a rigid floor if None.
@@ -53,18 +53,18 @@ def centred_closures(
     Raises:
         ModelError: The foot cannot be meshed, or its stiffness is singular.
     """
-    mesh = build_mesh(sole, size)
+    mesh = build_mesh(design, size)
     if patch_mm is None:
-        patch_mm = float(contact_radius_mm(1.0, sole.ball_radius_mm, sole.rubber.hertz_mpa))
+        patch_mm = float(contact_radius_mm(1.0, design.ball_radius_mm, design.rubber.hertz_mpa))
     angle = np.radians(elevation_deg)
     force = np.column_stack([np.cos(angle), np.zeros(len(angle)), np.sin(angle)])
     upright = min(elevation_deg) >= 90.0
     total = np.zeros((len(angle), 9))
     for parity in (Parity(1, 1),) if upright else (Parity(1, 1), Parity(-1, 1)):
-        quarter = Quarter(sole, size, parity, mesh)
-        field = sampled_field(quarter, _faces(sole))
+        quarter = Quarter(design, size, parity, mesh)
+        field = sampled_field(quarter, _faces(design))
         series = fit_class(field)
-        per_newton = patch_mean(series.reshape(len(series), -1), force, patch_mm, sole)
+        per_newton = patch_mean(series.reshape(len(series), -1), force, patch_mm, design)
         part = (per_newton.reshape(len(angle), len(_PARTLY), 3) * force[:, None]).sum(axis=2)
         sign = np.ones(9) if parity.x > 0 else _ODD_IN_X
         # The quarter's form is a quarter of the foot's, so its field is four times the foot's.
@@ -72,9 +72,9 @@ def centred_closures(
     return Centred(total, int(mesh.ne), quarter.n_unknowns)
 
 
-def _faces(sole: SoleDesign) -> list[tuple[str, float]]:
+def _faces(design: FootDesign) -> list[tuple[str, float]]:
     """Return what lies in the quarter of each element: its cells, joined, and their area together [mm2]."""
-    cells = quarter_cells(sole)
-    per_cell = (sole.electrode_mm / CELLS_PER_SIDE) ** 2
+    cells = quarter_cells(design)
+    per_cell = (design.electrode_mm / CELLS_PER_SIDE) ** 2
     names = [[cell.name for cell in cells if cell.element == element] for element in _PARTLY]
     return [("|".join(part), per_cell * len(part)) for part in names]

@@ -26,7 +26,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.lab.fem.adjoint import UM_PER_MM, class_field
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
 from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
-from footsense.lab.geometry import Material, SoleDesign
+from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.response import tabulate
 
 
@@ -49,13 +49,13 @@ class FilmDesign:
         """Distance from the rim over which the film is not confined [mm]."""
         return self.film_mm * float(np.sqrt(self.gel.confined_mpa / (12.0 * self.gel.shear_mpa)))
 
-    def capacitor(self, sole: SoleDesign) -> CapacitorDesign:
+    def capacitor(self, design: FootDesign) -> CapacitorDesign:
         """Return the capacitor: one of eps_r times the area, with the film's thickness as a gap of air."""
         return CapacitorDesign(
             gap_um=UM_PER_MM * self.film_mm,
             film_um=0.0,
             film_eps_r=1.0,
-            electrode_area_mm2=self.eps_r * sole.electrode_mm**2,
+            electrode_area_mm2=self.eps_r * design.electrode_mm**2,
         )
 
 
@@ -66,15 +66,17 @@ class FilmQuarter(Quarter):
         film: The film.
     """
 
-    def __init__(self, sole: SoleDesign, size: MeshSize, parity: Parity, mesh: Any, film: FilmDesign) -> None:
+    def __init__(
+        self, design: FootDesign, size: MeshSize, parity: Parity, mesh: Any, film: FilmDesign
+    ) -> None:
         """Assemble and factorise."""
         self.film = film
-        super().__init__(sole, size, parity, mesh)
+        super().__init__(design, size, parity, mesh)
 
     @property
     def faces(self) -> str:
         """Faces of the film in the mesh, joined by `|`."""
-        return "|".join(["bars", *(cell.name for cell in quarter_cells(self.sole))])
+        return "|".join(["bars", *(cell.name for cell in quarter_cells(self.design))])
 
     def _form(self) -> Any:
         """Return the bilinear form: that of the bars, and the film over the electrodes."""
@@ -91,29 +93,29 @@ class FilmQuarter(Quarter):
         return ng.CF(tuple(across[k] / self.film.film_mm * jump[k] for k in range(3)))
 
 
-def film_response(sole: SoleDesign, size: MeshSize, film: FilmDesign) -> FootResponse:
+def film_response(design: FootDesign, size: MeshSize, film: FilmDesign) -> FootResponse:
     """Return the response table of the foot with the film; its free closures are those of the film.
 
     Its `design` is still that of the gaps: take `FilmDesign.capacitor`.
     """
-    mesh = build_mesh(sole, size)
+    mesh = build_mesh(design, size)
     fields, unknowns = {}, 0
     for parity in SOLVED:
-        quarter = FilmQuarter(sole, size, parity, mesh, film)
+        quarter = FilmQuarter(design, size, parity, mesh, film)
         fields[parity] = class_field(quarter)
         unknowns = quarter.n_unknowns
-    return tabulate(sole, size, fields, {"elements": int(mesh.ne), "unknowns": unknowns})
+    return tabulate(design, size, fields, {"elements": int(mesh.ne), "unknowns": unknowns})
 
 
-def upright_closure_um(sole: SoleDesign, size: MeshSize, films: Sequence[FilmDesign]) -> list[float]:
+def upright_closure_um(design: FootDesign, size: MeshSize, films: Sequence[FilmDesign]) -> list[float]:
     """Return for each film the mean closure over the electrodes [um/N] under an upright force, spread over the ball."""
-    mesh = build_mesh(sole, size)
-    electrodes = ng.ds("|".join(cell.name for cell in quarter_cells(sole)))
+    mesh = build_mesh(design, size)
+    electrodes = ng.ds("|".join(cell.name for cell in quarter_cells(design)))
     electrodes_mm2 = ng.Integrate(ng.CF(1.0) * electrodes, mesh)
     ball_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("curved_ground"), mesh)
     closures = []
     for film in films:
-        quarter = FilmQuarter(sole, size, Parity(1, 1), mesh, film)
+        quarter = FilmQuarter(design, size, Parity(1, 1), mesh, film)
         moved = quarter.solve(quarter.traction_load(ng.CF((0.0, 0.0, 0.25 / ball_mm2))))
         ground, leg, *_ = moved.components
         closures.append(UM_PER_MM * ng.Integrate((ground[2] - leg[2]) * electrodes, mesh) / electrodes_mm2)

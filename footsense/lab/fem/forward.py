@@ -23,7 +23,7 @@ from footsense.foot.symmetry import HALF_SIDE, flat_of_grid
 from footsense.lab.fem.adjoint import UM_PER_MM
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
 from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 
 Vector = NDArray[np.float64]
 
@@ -69,8 +69,8 @@ class _Class:
 
     def __init__(self, quarter: Quarter) -> None:
         self.quarter = quarter
-        area_mm2 = (quarter.sole.electrode_mm / CELLS_PER_SIDE) ** 2
-        cells = quarter_cells(quarter.sole)
+        area_mm2 = (quarter.design.electrode_mm / CELLS_PER_SIDE) ** 2
+        cells = quarter_cells(quarter.design)
         rows = np.stack([quarter.closure_functional(cell.name, area_mm2).vec.FV().NumPy() for cell in cells])
         self._used = np.flatnonzero(rows.any(axis=0))
         self._rows = rows[:, self._used]
@@ -104,17 +104,17 @@ class ForwardFoot:
     """The foot, solved anew for every load.
 
     Args:
-        sole: The foot.
+        design: The foot.
         size: Fineness of the mesh.
 
     Raises:
         ModelError: The foot cannot be meshed, or its stiffness is singular.
     """
 
-    def __init__(self, sole: SoleDesign, size: MeshSize) -> None:
-        self._sole = sole
-        mesh = build_mesh(sole, size)
-        self._classes = {parity: _Class(Quarter(sole, size, parity, mesh)) for parity in SOLVED}
+    def __init__(self, design: FootDesign, size: MeshSize) -> None:
+        self._design = design
+        mesh = build_mesh(design, size)
+        self._classes = {parity: _Class(Quarter(design, size, parity, mesh)) for parity in SOLVED}
 
     @property
     def quarters(self) -> list[Quarter]:
@@ -128,12 +128,12 @@ class ForwardFoot:
             normal: Inward unit normal of the ball at the contact, shape (3,).
             force_n: Ground reaction on the foot [N], shape (3,).
         """
-        sole = self._sole
+        design = self._design
         pressing_n = abs(float(normal @ force_n))
         load = _Load(
-            centre_mm=-sole.ball_radius_mm * normal - np.array([0.0, 0.0, sole.plate_mm]),
+            centre_mm=-design.ball_radius_mm * normal - np.array([0.0, 0.0, design.plate_mm]),
             force_n=force_n,
-            radius_mm=float(contact_radius_mm(pressing_n, sole.ball_radius_mm, sole.rubber.hertz_mpa)),
+            radius_mm=float(contact_radius_mm(pressing_n, design.ball_radius_mm, design.rubber.hertz_mpa)),
         )
         parts = {parity: solved.cells_um(load) for parity, solved in self._classes.items()}
         swapped = load.mapped(np.eye(3)[[1, 0, 2]])

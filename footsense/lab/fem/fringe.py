@@ -10,16 +10,16 @@ import ngsolve as ng
 from netgen import occ
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 
 #: Where the field is cut off, beside and above the electrodes [mm]; doubling it moves the capacitance by 1e-3.
 _AROUND_MM = 6.0
 _ORDER = 4
 
 
-def _mesh(sole: SoleDesign, gap_mm: float, film_mm: float) -> Any:
+def _mesh(design: FootDesign, gap_mm: float, film_mm: float) -> Any:
     """Return the half-space x > 0 with electrodes from 0 to half their width, the lower one at z = 0."""
-    edge, wide = sole.electrode_mm / 2.0, sole.electrode_mm / 2.0 + _AROUND_MM
+    edge, wide = design.electrode_mm / 2.0, design.electrode_mm / 2.0 + _AROUND_MM
     top = film_mm + gap_mm
     bands = [(-_AROUND_MM, 0.0), (0.0, film_mm), (film_mm, top), (top, top + _AROUND_MM)]
     parts = []
@@ -43,20 +43,20 @@ def _mesh(sole: SoleDesign, gap_mm: float, film_mm: float) -> Any:
     return mesh
 
 
-def element_pf(sole: SoleDesign, closure_um: float = 0.0) -> tuple[float, float]:
+def element_pf(design: FootDesign, closure_um: float = 0.0) -> tuple[float, float]:
     """Return the capacitance of one flat element with its edges and by the plate formula [pF].
 
     The four edges of the square each add what an edge of the cross-section adds per length.
 
     Args:
-        sole: The foot.
+        design: The foot.
         closure_um: How far the electrodes have come together [um], spacer and all.
     """
-    gap_mm, film_mm = 1e-3 * (sole.gap_um - closure_um), 1e-3 * sole.film_um
-    mesh = _mesh(sole, gap_mm, film_mm)
+    gap_mm, film_mm = 1e-3 * (design.gap_um - closure_um), 1e-3 * design.film_um
+    mesh = _mesh(design, gap_mm, film_mm)
     space = ng.H1(mesh, order=_ORDER, dirichlet="lower|upper")
     u, v = space.TnT()
-    permittivity = mesh.MaterialCF({"air": 1.0, "pdms": sole.film_eps_r})
+    permittivity = mesh.MaterialCF({"air": 1.0, "pdms": design.film_eps_r})
     form = ng.BilinearForm(permittivity * ng.grad(u) * ng.grad(v) * ng.dx, symmetric=True).Assemble()
     potential = ng.GridFunction(space)
     potential.Set(mesh.BoundaryCF({"upper": 1.0}, default=0.0), definedon=mesh.Boundaries("lower|upper"))
@@ -66,6 +66,6 @@ def element_pf(sole: SoleDesign, closure_um: float = 0.0) -> tuple[float, float]
     field = ng.grad(potential)
     eps0_pf_per_mm = 1e-3 * EPS0_PF_UM_PER_MM2
     per_length = 2.0 * eps0_pf_per_mm * float(ng.Integrate(permittivity * field * field * ng.dx, mesh))
-    plate = eps0_pf_per_mm * sole.electrode_mm / (gap_mm + film_mm / sole.film_eps_r)
+    plate = eps0_pf_per_mm * design.electrode_mm / (gap_mm + film_mm / design.film_eps_r)
     edges = 2.0 * (per_length - plate)
-    return (plate + edges) * sole.electrode_mm, plate * sole.electrode_mm
+    return (plate + edges) * design.electrode_mm, plate * design.electrode_mm

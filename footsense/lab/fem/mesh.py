@@ -16,7 +16,7 @@ from netgen.meshing import NgException
 
 from footsense.errors import ModelError
 from footsense.foot.gap_contact import CELLS_PER_SIDE
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 
 #: Coordinates closer than this are equal [mm].
 _NEAR_MM = 1e-3
@@ -52,15 +52,15 @@ class MeshSize:
     layer_rel: float = 0.08
     order: int = 3
 
-    def in_foot(self, sole: SoleDesign) -> "MeshSize":
+    def in_foot(self, design: FootDesign) -> "MeshSize":
         """Return the lengths in a foot: by the radius of its ball and the width of its bars."""
-        ball_rel = sole.ball_radius_mm / _BALL_MM
+        ball_rel = design.ball_radius_mm / _BALL_MM
         return replace(
             self,
             ball_mm=self.ball_mm * ball_rel,
             plate_mm=self.plate_mm * ball_rel,
             surface_mm=self.surface_mm * ball_rel,
-            bar_mm=self.bar_mm * (sole.pitch_mm - sole.electrode_mm) / _BAR_MM,
+            bar_mm=self.bar_mm * (design.pitch_mm - design.electrode_mm) / _BAR_MM,
         )
 
 
@@ -100,32 +100,32 @@ class Cell:
         return (self.element * CELLS_PER_SIDE + self.forward) * CELLS_PER_SIDE + self.leftward
 
 
-def quarter_cells(sole: SoleDesign) -> list[Cell]:
+def quarter_cells(design: FootDesign) -> list[Cell]:
     """Return the cells of the quarter x > 0, y > 0: a quarter of the middle element, halves of two, a corner."""
-    step = sole.electrode_mm / CELLS_PER_SIDE
+    step = design.electrode_mm / CELLS_PER_SIDE
     cells: list[Cell] = []
-    for element, (x_mm, y_mm) in enumerate(sole.centres_mm):
+    for element, (x_mm, y_mm) in enumerate(design.centres_mm):
         for i in range(CELLS_PER_SIDE):
             for j in range(CELLS_PER_SIDE):
-                x = x_mm + sole.electrode_mm / 2.0 - (i + 0.5) * step
-                y = y_mm + sole.electrode_mm / 2.0 - (j + 0.5) * step
+                x = x_mm + design.electrode_mm / 2.0 - (i + 0.5) * step
+                y = y_mm + design.electrode_mm / 2.0 - (j + 0.5) * step
                 if x > 0.0 and y > 0.0:
                     cells.append(Cell(f"cell{len(cells)}", element, i, j, x, y))
     return cells
 
 
-def _half(sole: SoleDesign, side: str, up: float, size: MeshSize) -> Iterator[Any]:
+def _half(design: FootDesign, side: str, up: float, size: MeshSize) -> Iterator[Any]:
     """Yield hemisphere and plate of the `ground` (up = -1) or `leg` (up = +1) side, named for the weak form."""
-    flat, wide = up * sole.plate_mm, 3.0 * sole.ball_radius_mm
-    ball = occ.Sphere(occ.Pnt(0, 0, flat), sole.ball_radius_mm) * occ.HalfSpace(
+    flat, wide = up * design.plate_mm, 3.0 * design.ball_radius_mm
+    ball = occ.Sphere(occ.Pnt(0, 0, flat), design.ball_radius_mm) * occ.HalfSpace(
         occ.Pnt(0, 0, flat), occ.Vec(0, 0, -up)
     )
     for face in ball.faces:
-        face.name = f"curved_{side}" if abs(face.center.z - flat) > 0.1 * sole.ball_radius_mm else "flat"
+        face.name = f"curved_{side}" if abs(face.center.z - flat) > 0.1 * design.ball_radius_mm else "flat"
     ball *= occ.Box(occ.Pnt(0, 0, -wide), occ.Pnt(wide, wide, wide))
     ball.mat(f"rubber_{side}")
     yield ball
-    half = sole.sheet_mm / 2.0
+    half = design.sheet_mm / 2.0
     plate = occ.Box(occ.Pnt(0, 0, min(0.0, flat)), occ.Pnt(half, half, max(0.0, flat)))
     plate.mat(f"pdms_{side}")
     plate.maxh = size.plate_mm
@@ -153,10 +153,10 @@ def _name_faces(shape: Any, size: MeshSize) -> None:
             face.maxh = size.surface_mm
 
 
-def _is_bar_edge(sole: SoleDesign, edge: Any) -> bool:
+def _is_bar_edge(design: FootDesign, edge: Any) -> bool:
     """Tell whether an edge is the border of a bar against a cavity, and not inside the crossing of two bars."""
     low, high = edge.bounding_box
-    borders = (sole.electrode_mm / 2.0, sole.pitch_mm - sole.electrode_mm / 2.0)
+    borders = (design.electrode_mm / 2.0, design.pitch_mm - design.electrode_mm / 2.0)
     for axis, along in (("x", "y"), ("y", "x")):
         across = (getattr(low, axis), getattr(high, axis))
         on_border = any(abs(value - border) < _NEAR_MM for border in borders for value in across)
@@ -167,21 +167,21 @@ def _is_bar_edge(sole: SoleDesign, edge: Any) -> bool:
     return False
 
 
-def _is_rim(sole: SoleDesign, edge: Any) -> bool:
+def _is_rim(design: FootDesign, edge: Any) -> bool:
     """Tell whether an edge is the sheet's outer border against a hemisphere."""
     low, high = edge.bounding_box
-    level = all(abs(abs(end.z) - sole.plate_mm) < _NEAR_MM for end in (low, high))
-    at_border = max(abs(edge.center.x), abs(edge.center.y)) > sole.sheet_mm / 2.0 - _NEAR_MM
+    level = all(abs(abs(end.z) - design.plate_mm) < _NEAR_MM for end in (low, high))
+    at_border = max(abs(edge.center.x), abs(edge.center.y)) > design.sheet_mm / 2.0 - _NEAR_MM
     return (
-        level and at_border and max(abs(edge.center.x), abs(edge.center.y)) < sole.sheet_mm / 2.0 + _NEAR_MM
+        level and at_border and max(abs(edge.center.x), abs(edge.center.y)) < design.sheet_mm / 2.0 + _NEAR_MM
     )
 
 
-def build_mesh(sole: SoleDesign, size: MeshSize) -> Any:
+def build_mesh(design: FootDesign, size: MeshSize) -> Any:
     """Return the curved mesh of the quarter.
 
     Args:
-        sole: The foot.
+        design: The foot.
         size: How fine.
 
     Returns:
@@ -191,18 +191,18 @@ def build_mesh(sole: SoleDesign, size: MeshSize) -> Any:
     Raises:
         ModelError: A part is thinner than a micrometre, or the mesher gives up on this geometry.
     """
-    thinnest_mm = min(sole.plate_mm, sole.spacer_mm, sole.electrode_mm, sole.ball_radius_mm)
+    thinnest_mm = min(design.plate_mm, design.spacer_mm, design.electrode_mm, design.ball_radius_mm)
     if not thinnest_mm > _THINNEST_MM:  # NaN is refused too
-        raise ModelError(f"no part of a foot is thinner than {_THINNEST_MM:g} mm, got {sole}")
-    size, step = size.in_foot(sole), sole.electrode_mm / CELLS_PER_SIDE
-    solids = [*_half(sole, "ground", -1.0, size), *_half(sole, "leg", 1.0, size)]
-    shape = occ.Glue([*solids, *(_cell_face(cell, step) for cell in quarter_cells(sole))])
+        raise ModelError(f"no part of a foot is thinner than {_THINNEST_MM:g} mm, got {design}")
+    size, step = size.in_foot(design), design.electrode_mm / CELLS_PER_SIDE
+    solids = [*_half(design, "ground", -1.0, size), *_half(design, "leg", 1.0, size)]
+    shape = occ.Glue([*solids, *(_cell_face(cell, step) for cell in quarter_cells(design))])
     _name_faces(shape, size)
     for edge in shape.edges:
-        if _is_bar_edge(sole, edge):
+        if _is_bar_edge(design, edge):
             edge.maxh = size.bar_mm
             edge.hpref = 1
-        elif _is_rim(sole, edge):
+        elif _is_rim(design, edge):
             edge.hpref = 1
     try:
         mesh = ng.Mesh(occ.OCCGeometry(shape).GenerateMesh(maxh=size.ball_mm, grading=size.grading))
@@ -211,6 +211,6 @@ def build_mesh(sole: SoleDesign, size: MeshSize) -> Any:
         mesh.Curve(size.order)
     except (NgException, RuntimeError) as error:
         raise ModelError(
-            f"the foot cannot be meshed with {size}: {error}; check the sizes of {sole}"
+            f"the foot cannot be meshed with {size}: {error}; check the sizes of {design}"
         ) from error
     return mesh

@@ -26,7 +26,7 @@ import ngsolve as ng
 from footsense.errors import ModelError
 from footsense.lab.fem.elasticity import energy, mixed_energy
 from footsense.lab.fem.mesh import MeshSize, build_mesh
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,13 +62,13 @@ SOLVED = (Parity(1, 1), Parity(1, -1), Parity(-1, -1))
 _WORST_RESIDUAL = 1e-5
 
 
-def _check(sole: SoleDesign) -> None:
+def _check(design: FootDesign) -> None:
     """Check that the materials are elastic solids that the mixed form can hold.
 
     Raises:
         ModelError: A modulus is not positive, or Poisson's ratio outside (0, 0.5).
     """
-    for name, material in (("rubber", sole.rubber), ("pdms", sole.pdms)):
+    for name, material in (("rubber", design.rubber), ("pdms", design.pdms)):
         if not (material.youngs_mpa > 0.0 and 0.0 < material.poisson < 0.5):
             raise ModelError(
                 f"{name} needs E > 0 MPa and 0 < nu < 0.5 (0.4999 for incompressible rubber), got {material}"
@@ -79,17 +79,17 @@ class Quarter:
     """One symmetry class of the foot, factorised: any number of loads after that.
 
     Attributes:
-        sole: The foot.
+        design: The foot.
         mesh: The mesh of the quarter.
         parity: The class.
         space: Displacement on the ground side, on the leg side, and the two pressures in the rubber.
     """
 
-    def __init__(self, sole: SoleDesign, size: MeshSize, parity: Parity, mesh: Any = None) -> None:
+    def __init__(self, design: FootDesign, size: MeshSize, parity: Parity, mesh: Any = None) -> None:
         """Assemble and factorise.
 
         Args:
-            sole: The foot.
+            design: The foot.
             size: Fineness of the mesh.
             parity: The symmetry class.
             mesh: A mesh of `build_mesh` to share between classes; made if None.
@@ -97,9 +97,9 @@ class Quarter:
         Raises:
             ModelError: The foot cannot be meshed, or its stiffness is singular.
         """
-        _check(sole)
-        self.sole, self.parity = sole, parity
-        self.mesh = build_mesh(sole, size) if mesh is None else mesh
+        _check(design)
+        self.design, self.parity = design, parity
+        self.mesh = build_mesh(design, size) if mesh is None else mesh
         bodies = []
         for side, held in (("ground", ""), ("leg", "curved_leg")):
             clamped = {
@@ -124,16 +124,16 @@ class Quarter:
         # A pivot that is zero but for rounding raises nothing above; what it solves does not fit.
         lifted = self.traction_load(ng.CF((0.0, 0.0, 1.0)), extra_order=0)
         if not self.residual_rel(lifted, self.solve(lifted)) < _WORST_RESIDUAL:  # NaN fails too
-            raise ModelError(f"the stiffness of the foot is singular: nothing holds a part of {sole}")
+            raise ModelError(f"the stiffness of the foot is singular: nothing holds a part of {design}")
 
     def _form(self) -> Any:
         """Return the bilinear form, not assembled."""
-        sole = self.sole
+        design = self.design
         (u_ground, u_leg, p_ground, p_leg), (v_ground, v_leg, *_) = self.space.TnT()
         form = ng.BilinearForm(self.space, symmetric=True)
         for side, u, p in (("ground", u_ground, p_ground), ("leg", u_leg, p_leg)):
-            form += ng.Variation(mixed_energy(sole.rubber, u, p) * ng.dx(f"rubber_{side}"))
-            form += ng.Variation(energy(sole.pdms, u) * ng.dx(f"pdms_{side}"))
+            form += ng.Variation(mixed_energy(design.rubber, u, p) * ng.dx(f"rubber_{side}"))
+            form += ng.Variation(energy(design.pdms, u) * ng.dx(f"pdms_{side}"))
         form += self.bar_traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds("bars")
         return form
 
@@ -144,9 +144,9 @@ class Quarter:
 
     def bar_traction(self, jump: Any) -> Any:
         """Return the traction [MPa] that the spacer's bars put against a jump u_ground - u_leg [mm]."""
-        pdms = self.sole.pdms
+        pdms = self.design.pdms
         across = (pdms.shear_mpa, pdms.shear_mpa, pdms.confined_mpa)
-        return ng.CF(tuple(across[k] / self.sole.spacer_mm * jump[k] for k in range(3)))
+        return ng.CF(tuple(across[k] / self.design.spacer_mm * jump[k] for k in range(3)))
 
     def closure_functional(self, face: str, area_mm2: float) -> Any:
         """Return the mean closure of a face of given area as a linear form of the displacement."""

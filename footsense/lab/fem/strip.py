@@ -11,7 +11,7 @@ import ngsolve as ng
 from netgen import occ
 
 from footsense.lab.fem.elasticity import energy
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 
 #: Layers of thin elements around the corner of the bar, thickness of each over the next, order of the displacement.
 _LAYERS, _LAYER_REL, _ORDER = 4, 0.15, 5
@@ -24,12 +24,12 @@ def _rectangle(x_mm: tuple[float, float], z_mm: tuple[float, float], name: str) 
     return face
 
 
-def _mesh(sole: SoleDesign, *, solid: bool) -> Any:
+def _mesh(design: FootDesign, *, solid: bool) -> Any:
     """Return half a pitch: x from mid-cavity to mid-bar, z up from the plate's lower face."""
-    border, end = sole.electrode_mm / 2.0, sole.pitch_mm / 2.0
+    border, end = design.electrode_mm / 2.0, design.pitch_mm / 2.0
     # One pitch of rubber above the plate: beyond it a row of bars presses like a plane.
-    plate, top = sole.plate_mm, sole.plate_mm + sole.pitch_mm
-    half = sole.spacer_mm / 2.0
+    plate, top = design.plate_mm, design.plate_mm + design.pitch_mm
+    half = design.spacer_mm / 2.0
     parts = [
         _rectangle((0.0, border), (0.0, plate), "pdms"),
         _rectangle((border, end), (0.0, plate), "pdms"),
@@ -60,24 +60,24 @@ def _mesh(sole: SoleDesign, *, solid: bool) -> Any:
     return mesh
 
 
-def strip_closure_um(sole: SoleDesign, *, solid: bool, pressure_mpa: float = 0.01) -> float:
+def strip_closure_um(design: FootDesign, *, solid: bool, pressure_mpa: float = 0.01) -> float:
     """Return the mean closure of the cavity under a uniform pressure [um].
 
     Args:
-        sole: The foot, for thicknesses, widths and materials.
+        design: The foot, for thicknesses, widths and materials.
         solid: Whether the spacer is meshed as PDMS; else it is the law.
         pressure_mpa: On top of the rubber [MPa].
     """
-    mesh = _mesh(sole, solid=solid)
+    mesh = _mesh(design, solid=solid)
     space = ng.VectorH1(mesh, order=_ORDER, dirichletx="mirror", dirichlety="middle")
     u, v = space.TnT()
     form = ng.BilinearForm(space, symmetric=True)
-    form += ng.Variation(energy(sole.pdms, u) * ng.dx("pdms") + energy(sole.rubber, u) * ng.dx("rubber"))
+    form += ng.Variation(energy(design.pdms, u) * ng.dx("pdms") + energy(design.rubber, u) * ng.dx("rubber"))
     if not solid:  # the jump is twice the displacement of one side
-        form += 2.0 * sole.pdms.confined_mpa / sole.spacer_mm * u[1] * v[1] * ng.ds("bar")
+        form += 2.0 * design.pdms.confined_mpa / design.spacer_mm * u[1] * v[1] * ng.ds("bar")
     load = ng.LinearForm(-pressure_mpa * v[1] * ng.ds("pressed")).Assemble()
     form.Assemble()
     moved = ng.GridFunction(space)
     moved.vec.data = form.mat.Inverse(space.FreeDofs(), "sparsecholesky") * load.vec
-    width_mm = sole.electrode_mm / 2.0
+    width_mm = design.electrode_mm / 2.0
     return float(-2.0e3 * ng.Integrate(moved[1] * ng.ds("cavity"), mesh) / width_mm)

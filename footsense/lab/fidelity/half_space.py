@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.lab.fidelity.answer import Answer
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 
 Vector = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ class HalfSpace:
     """Closures by formula.
 
     Args:
-        sole: The foot.
+        design: The foot.
         balanced: Whether statics is obeyed (step 3), else the formula stands alone.
 
     Attributes:
@@ -77,13 +77,13 @@ class HalfSpace:
 
     name = "half-space"
 
-    def __init__(self, sole: SoleDesign, *, balanced: bool = True) -> None:
-        self._sole, self._balanced = sole, balanced
+    def __init__(self, design: FootDesign, *, balanced: bool = True) -> None:
+        self._design, self._balanced = design, balanced
         place, share = np.polynomial.legendre.leggauss(_POINTS)
-        half_mm = sole.sheet_mm / 2.0
-        centres = np.array(sole.centres_mm)
-        low = np.maximum(centres - sole.pitch_mm / 2.0, -half_mm)
-        high = np.minimum(centres + sole.pitch_mm / 2.0, half_mm)
+        half_mm = design.sheet_mm / 2.0
+        centres = np.array(design.centres_mm)
+        low = np.maximum(centres - design.pitch_mm / 2.0, -half_mm)
+        high = np.minimum(centres + design.pitch_mm / 2.0, half_mm)
         along = (low + high)[:, None] / 2.0 + place[:, None] * (high - low)[:, None] / 2.0
         weight = share[:, None] * (high - low)[:, None] / 2.0
         shape = (len(centres), _POINTS, _POINTS)
@@ -91,8 +91,8 @@ class HalfSpace:
         y_mm = np.broadcast_to(along[:, None, :, 1], shape).reshape(len(centres), -1)
         self._point_mm = np.stack([x_mm, y_mm, np.zeros_like(x_mm)], axis=-1)
         self._area_mm2 = (weight[:, :, None, 0] * weight[:, None, :, 1]).reshape(len(centres), -1)
-        opening_mm = lattice_opening_mm(sole.pitch_mm, sole.pitch_mm - sole.electrode_mm)
-        self._um_per_mpa = _UM_PER_MM * opening_mm / sole.rubber.hertz_mpa
+        opening_mm = lattice_opening_mm(design.pitch_mm, design.pitch_mm - design.electrode_mm)
+        self._um_per_mpa = _UM_PER_MM * opening_mm / design.rubber.hertz_mpa
 
     def pressure_mpa(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the mean pressure that each element has to carry [MPa], shape (n, 9).
@@ -101,7 +101,7 @@ class HalfSpace:
             normal: Inward unit normals of the ball at the contacts, shape (n, 3).
             force_n: Ground reactions on the foot [N], shape (n, 3).
         """
-        touch_mm = -self._sole.ball_radius_mm * normal - np.array([0.0, 0.0, self._sole.plate_mm])
+        touch_mm = -self._design.ball_radius_mm * normal - np.array([0.0, 0.0, self._design.plate_mm])
         ray_mm = self._point_mm - touch_mm[:, None, None]
         squared_mm2 = (ray_mm**2).sum(axis=-1)
         along_n_mm = np.einsum("nepk,nk->nep", ray_mm, force_n)
@@ -130,5 +130,5 @@ class HalfSpace:
                 f"the ground presses from below, got a contact normal with z = {normal[:, 2].min():.4f}"
             )
         closure_um = self.pressure_mpa(normal, force_n) * self._um_per_mpa
-        design = self._sole.capacitor
-        return Answer(closure_um, design.capacitance_pf(np.minimum(closure_um, design.gap_um)))
+        capacitor = self._design.capacitor
+        return Answer(closure_um, capacitor.capacitance_pf(np.minimum(closure_um, capacitor.gap_um)))

@@ -14,7 +14,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.fidelity.answer import Answer, Rung
 from footsense.lab.fidelity.half_space import HalfSpace
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 
 Vector = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ class Full:
     """The foot at finite strain on a floor with friction, one nonlinear solve per load.
 
     Args:
-        sole: The foot.
+        foot_design: The foot.
         reduced: Whether to leave out what the rungs below leave out (small strain, Hertz's patch instead of the floor):
             what then remains to the rung `contact` is the difference of two meshes.
 
@@ -82,14 +82,14 @@ class Full:
 
     name = "full"
 
-    def __init__(self, sole: SoleDesign, *, reduced: bool = False) -> None:
+    def __init__(self, foot_design: FootDesign, *, reduced: bool = False) -> None:
         # Here, and not above: the finite element library takes a second to load.
         from footsense.lab.contact.full_solve import FullFoot
 
         if reduced:
-            self._foot = FullFoot(sole, finite_strain=False, floor="hertz", load_steps=1)
+            self._foot = FullFoot(foot_design, finite_strain=False, floor="hertz", load_steps=1)
         else:
-            self._foot = FullFoot(sole)
+            self._foot = FullFoot(foot_design)
 
     def answer(self, normal: Vector, force_n: Vector) -> Answer:
         """Return one solve per load.
@@ -104,25 +104,25 @@ class Full:
         )
 
 
-def rung(name: str, response: FootResponse, sole: SoleDesign) -> Rung:
+def rung(name: str, response: FootResponse, foot_design: FootDesign) -> Rung:
     """Return a rung.
 
     Args:
         name: One of `NAMES`.
         response: The foot's response table.
-        sole: The foot that the table is of.
+        foot_design: The foot that the table is of.
 
     Raises:
         ValueError: There is no such rung.
     """
     match name:
         case "half-space":
-            return HalfSpace(sole)
+            return HalfSpace(foot_design)
         case "linear":
             return Linear(response)
         case "contact":
             return GapContact(response)
         case "full":
-            return Full(sole)
+            return Full(foot_design)
         case _:
             raise ValueError(f"no rung {name!r}; there are {', '.join(NAMES)}")

@@ -7,7 +7,7 @@ import numpy as np
 from footsense.foot.directions import directions
 from footsense.foot.response_table import FootResponse
 from footsense.lab.fidelity.levels import rung
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 
 #: Largest contact patch that is answered, over the ball's radius [1]: Hertz takes it as small.
 MOST_PATCH_REL = 0.3
@@ -15,7 +15,7 @@ MOST_PATCH_REL = 0.3
 
 def response_to(
     response: FootResponse,
-    sole: SoleDesign,
+    foot_design: FootDesign,
     direction_deg: tuple[float, float],
     force_n: float,
     name: str = "contact",
@@ -24,7 +24,7 @@ def response_to(
 
     Args:
         response: The foot's response table.
-        sole: The foot that the table is of.
+        foot_design: The foot that the table is of.
         direction_deg: Azimuth and elevation (theta1, theta2) of the force [deg].
         force_n: Its magnitude [N].
         name: The rung.
@@ -51,7 +51,7 @@ def response_to(
             f"{force_n:g} N would flatten the ball over {patch_mm:.1f} mm; the models hold up to "
             f"{MOST_PATCH_REL * response.ball_radius_mm:g} mm"
         )
-    found = rung(name, response, sole).answer(normal, force_n * normal)
+    found = rung(name, response, foot_design).answer(normal, force_n * normal)
     return {
         "rung": name,
         "direction_deg": list(direction_deg),

@@ -11,8 +11,8 @@ from footsense.errors import ModelError
 from footsense.lab.fem.analytic_benchmarks import HalfSpace, block_errors
 from footsense.lab.fem.mesh import COARSE, build_mesh
 from footsense.lab.fem.quarter import Parity, Quarter
-from footsense.lab.geometry import Material, SoleDesign
-from tests.lab.released import SOLE
+from footsense.lab.geometry import FootDesign, Material
+from tests.lab.released import FOOT_DESIGN
 
 pytestmark = pytest.mark.lab
 
@@ -71,19 +71,19 @@ def test_far_below_the_patch_is_a_point(half_space: HalfSpace) -> None:
 
 
 @pytest.mark.parametrize(
-    "sole",
+    "foot_design",
     [
-        replace(SOLE, plate_mm=1e-5),
-        replace(SOLE, plate_mm=-0.5),
-        replace(SOLE, electrode_mm=0.0),
-        replace(SOLE, spacer_mm=0.0),
+        replace(FOOT_DESIGN, plate_mm=1e-5),
+        replace(FOOT_DESIGN, plate_mm=-0.5),
+        replace(FOOT_DESIGN, electrode_mm=0.0),
+        replace(FOOT_DESIGN, spacer_mm=0.0),
     ],
     ids=["thin", "inside-out", "no-electrode", "no-spacer"],
 )
-def test_a_foot_that_cannot_be_meshed_says_so(sole: SoleDesign) -> None:
+def test_a_foot_that_cannot_be_meshed_says_so(foot_design: FootDesign) -> None:
     """Too thin, inside out or nothing: a ModelError that names the sizes."""
-    with pytest.raises(ModelError, match="SoleDesign"):
-        build_mesh(sole, COARSE)
+    with pytest.raises(ModelError, match="FootDesign"):
+        build_mesh(foot_design, COARSE)
 
 
 @pytest.mark.parametrize(
@@ -99,10 +99,10 @@ def test_a_foot_that_cannot_be_meshed_says_so(sole: SoleDesign) -> None:
 def test_a_material_that_is_none_is_refused(rubber: Material) -> None:
     """No stiffness, a negative one, none at all, or a volume that cannot change: a ModelError before any work."""
     with pytest.raises(ModelError, match="rubber needs"):
-        Quarter(replace(SOLE, rubber=rubber), COARSE, Parity(1, 1))
+        Quarter(replace(FOOT_DESIGN, rubber=rubber), COARSE, Parity(1, 1))
 
 
 def test_a_foot_that_nothing_holds_is_singular(mesh: Any) -> None:
     """A spacer without stiffness leaves the lower half afloat: a ModelError, not a displacement of 1e15 mm."""
     with pytest.raises(ModelError, match="singular"):
-        Quarter(replace(SOLE, spacer_mm=1e30), COARSE, Parity(1, 1), mesh)
+        Quarter(replace(FOOT_DESIGN, spacer_mm=1e30), COARSE, Parity(1, 1), mesh)

@@ -11,7 +11,7 @@ from footsense.cli.lab.group import lab
 from footsense.errors import ConfigError, FootsenseError
 from footsense.lab.fem.mesh import COARSE, SHIPPED
 from footsense.lab.foot_file import FOOT_FILE, load_foot
-from tests.lab.released import RELEASED, SOLE
+from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab
 
@@ -78,15 +78,15 @@ def test_what_cannot_be_is_refused(old: str, new: str, line: str) -> None:
 def test_electrodes_that_the_converter_cannot_read_are_refused(sizes: tuple[float, ...], said: str) -> None:
     """Too little to be told from an open line, and too much to be pressed: ball, sheet, pitch, electrode [mm]."""
     names = ("ball_radius_mm", "sheet_mm", "pitch_mm", "electrode_mm")
-    sole = replace(SOLE, **dict(zip(names, sizes, strict=True)))
+    foot_design = replace(FOOT_DESIGN, **dict(zip(names, sizes, strict=True)))
     with pytest.raises(ConfigError, match=f"electrode_mm: {said}"):
-        load_foot(msgspec.json.encode(sole))
+        load_foot(msgspec.json.encode(foot_design))
 
 
 def test_the_shipped_foot_is_meshed_by_the_stated_lengths() -> None:
     """Lengths of a mesh are those in the shipped foot, to the bit: its table must not change."""
     for size in (COARSE, SHIPPED):
-        assert size.in_foot(SOLE) == size
+        assert size.in_foot(FOOT_DESIGN) == size
 
 
 def test_another_foot_of_a_known_name_is_refused(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from footsense.lab.contact.plane_floor import PlaneFloor
 from footsense.lab.contact.readout import cell_means, sampled_closure_um
 from footsense.lab.fem.elasticity import energy, mixed_energy
 from footsense.lab.geometry import Material
-from tests.lab.released import SOLE
+from tests.lab.released import FOOT_DESIGN
 
 pytestmark = pytest.mark.lab
 
@@ -38,12 +38,14 @@ def test_a_light_load_is_hertz_on_the_linear_foot() -> None:
     """
     force = 5.0 * GRAM_FORCE_N * UP
     fine = dataclasses.replace(COARSE, patch_rel=0.3)
-    solved = FullFoot(SOLE, fineness=fine).solve(UP, force)
-    linear = FullFoot(SOLE, fineness=fine, finite_strain=False, floor="hertz", gaps="open").solve(UP, force)
-    a_mm = np.cbrt(0.75 * force[2] * SOLE.ball_radius_mm / SOLE.rubber.hertz_mpa)
+    solved = FullFoot(FOOT_DESIGN, fineness=fine).solve(UP, force)
+    linear = FullFoot(FOOT_DESIGN, fineness=fine, finite_strain=False, floor="hertz", gaps="open").solve(
+        UP, force
+    )
+    a_mm = np.cbrt(0.75 * force[2] * FOOT_DESIGN.ball_radius_mm / FOOT_DESIGN.rubber.hertz_mpa)
     assert solved.patch_mm == pytest.approx(a_mm, rel=0.04)
     assert solved.peak_mpa == pytest.approx(1.5 * force[2] / (np.pi * a_mm**2), rel=0.05)
-    assert 1.0 < solved.approach_mm / (a_mm**2 / SOLE.ball_radius_mm) < 1.1
+    assert 1.0 < solved.approach_mm / (a_mm**2 / FOOT_DESIGN.ball_radius_mm) < 1.1
     assert solved.approach_mm == pytest.approx(linear.approach_mm, rel=0.02)
     np.testing.assert_allclose(solved.closure_um, linear.closure_um, atol=0.005 * linear.closure_um.max())
 
@@ -51,20 +53,22 @@ def test_a_light_load_is_hertz_on_the_linear_foot() -> None:
 def test_the_spacer_carries_the_force_that_was_asked_for() -> None:
     """Statics of the ground side: with open gaps all of a leaning force goes through the bars, to 1e-5."""
     force = 0.5 * UP
-    case = LoadCase(SOLE, LEANING, force, 0.7)
-    mesh = build_mesh(SOLE, COARSE, LEANING, case.hertz_mm, half=case.half)
-    body = Body(SOLE, mesh, COARSE.order)
+    case = LoadCase(FOOT_DESIGN, LEANING, force, 0.7)
+    mesh = build_mesh(FOOT_DESIGN, COARSE, LEANING, case.hertz_mm, half=case.half)
+    body = Body(FOOT_DESIGN, mesh, COARSE.order)
     floor = PlaneFloor(case, body.ground, COARSE.patch_rel * case.hertz_mm)
     form = body.form(floor, finite_strain=True, gaps_shut=False)
     floor.aim(1.0)
     Equilibrium(body, form, floor, 0.5).solve(1e-6)
     jump = body.ground - body.leg
-    pdms = SOLE.pdms
-    across = np.array([pdms.shear_mpa, pdms.shear_mpa, pdms.confined_mpa]) / SOLE.spacer_mm
+    pdms = FOOT_DESIGN.pdms
+    across = np.array([pdms.shear_mpa, pdms.shear_mpa, pdms.confined_mpa]) / FOOT_DESIGN.spacer_mm
     carried = [across[k] * ng.Integrate(jump[k] * ng.ds("bars"), mesh) / case.share for k in (0, 2)]
     np.testing.assert_allclose(carried, force[[0, 2]], atol=1e-5 * 0.5)
-    samples_um = sampled_closure_um(SOLE, mesh, body.ground, body.leg, half=True)
-    integral = 1000.0 * ng.Integrate(jump[2] * ng.ds("cavity"), mesh) / case.share / SOLE.electrode_mm**2
+    samples_um = sampled_closure_um(FOOT_DESIGN, mesh, body.ground, body.leg, half=True)
+    integral = (
+        1000.0 * ng.Integrate(jump[2] * ng.ds("cavity"), mesh) / case.share / FOOT_DESIGN.electrode_mm**2
+    )
     # The Gauss points of the cells do not see the closure fall to zero at the bars as exactly as the mesh does.
     assert cell_means(samples_um).mean(axis=1).sum() == pytest.approx(integral, rel=0.01)
 
@@ -105,32 +109,32 @@ def test_a_homogeneous_stretch_is_exact(material: Material) -> None:
 
 def test_a_shut_gap_is_entered_by_less_than_a_hundredth() -> None:
     """200 gf on a contact far behind: rear gaps shut, no point is deeper than 20 um and 1 %."""
-    shut = FullFoot(SOLE, fineness=COARSE, finite_strain=False, floor="hertz").solve(
+    shut = FullFoot(FOOT_DESIGN, fineness=COARSE, finite_strain=False, floor="hertz").solve(
         LEANING, 200.0 * GRAM_FORCE_N * UP
     )
     assert 0.0 < shut.penetration_rel <= 0.01
-    assert SOLE.gap_um < shut.cells_um.max() <= 1.01 * SOLE.gap_um
+    assert FOOT_DESIGN.gap_um < shut.cells_um.max() <= 1.01 * FOOT_DESIGN.gap_um
     assert shut.closure_um.argmax() in {6, 8}
     film_pf = 8.8541878128 * 16.0 / (17.0 / 2.7)
-    assert SOLE.capacitor.unloaded_pf < shut.capacitance_pf.max() < film_pf
+    assert FOOT_DESIGN.capacitor.unloaded_pf < shut.capacitance_pf.max() < film_pf
 
 
 def test_a_force_outside_the_cone_of_friction_is_refused() -> None:
     """The tangent of 20 deg is more than 0.3, and no floor pulls."""
     with pytest.raises(ValueError, match=r"friction 0\.3 .* holds less than"):
-        FullFoot(SOLE, fineness=COARSE, friction=0.3).solve(LEANING, UP)
+        FullFoot(FOOT_DESIGN, fineness=COARSE, friction=0.3).solve(LEANING, UP)
     with pytest.raises(ValueError, match="pressed with -1 N"):
-        FullFoot(SOLE, fineness=COARSE).solve(UP, -UP)
+        FullFoot(FOOT_DESIGN, fineness=COARSE).solve(UP, -UP)
     with pytest.raises(ValueError, match="length 1"):
-        FullFoot(SOLE, fineness=COARSE).solve(2.0 * UP, UP)
+        FullFoot(FOOT_DESIGN, fineness=COARSE).solve(2.0 * UP, UP)
 
 
 def test_rubber_near_incompressible_does_not_lock() -> None:
     """From nu = 0.49 to 0.4999 closures change by what elasticity asks: 2 % more volume stiffness, no more."""
     sums = []
     for poisson in (0.49, 0.4999):
-        sole = replace(SOLE, rubber=replace(SOLE.rubber, poisson=poisson))
-        solved = FullFoot(sole, fineness=COARSE, floor="hertz", gaps="open").solve(UP, 0.2 * UP)
+        foot_design = replace(FOOT_DESIGN, rubber=replace(FOOT_DESIGN.rubber, poisson=poisson))
+        solved = FullFoot(foot_design, fineness=COARSE, floor="hertz", gaps="open").solve(UP, 0.2 * UP)
         sums.append(solved.closure_um.sum())
     assert abs(sums[1] / sums[0] - 1.0) < 0.05
 
@@ -138,7 +142,7 @@ def test_rubber_near_incompressible_does_not_lock() -> None:
 def test_half_and_whole_foot_agree() -> None:
     """A load turned by 90 deg, meshed half and whole: rows become columns, within a rough mesh's noise of 10 %."""
     rough = Fineness(ball_mm=5.0, plate_mm=3.5, bar_mm=4.0, patch_rel=0.8)
-    leaning = FullFoot(SOLE, fineness=rough, finite_strain=False, floor="hertz", gaps="open")
+    leaning = FullFoot(FOOT_DESIGN, fineness=rough, finite_strain=False, floor="hertz", gaps="open")
     forward = leaning.solve(LEANING, UP).closure_um.reshape(3, 3)
     sideways = leaning.solve(LEANING[[1, 0, 2]], UP).closure_um.reshape(3, 3)
     np.testing.assert_allclose(sideways, forward.T, atol=0.1 * forward.max())
@@ -149,4 +153,4 @@ def test_a_load_that_does_not_converge_is_no_number(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(equilibrium, "MOST_STEPS", 0)
     monkeypatch.setattr(full_solve, "MOST_HALVINGS", 0)
     with pytest.raises(ConvergenceError, match=r"at 100% of the load: residual .* after 0 Newton steps"):
-        FullFoot(SOLE, fineness=COARSE).solve(UP, UP)
+        FullFoot(FOOT_DESIGN, fineness=COARSE).solve(UP, UP)

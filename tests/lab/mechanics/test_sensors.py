@@ -16,7 +16,7 @@ from footsense.lab.geometry import FIT_ELEVATION_DEG, Material
 from footsense.lab.response import DEGREE
 from footsense.lab.studies.accuracy.sensors import SENSORS, Sensor, patterns, sensor_series
 from footsense.lab.studies.mechanics.beyond import normal_to
-from tests.lab.released import SOLE
+from tests.lab.released import FOOT_DESIGN
 
 pytestmark = pytest.mark.lab
 
@@ -25,12 +25,14 @@ FILM_SIZE = replace(COARSE, layers=0)
 
 def test_a_cut_through_the_block_carries_the_whole_load() -> None:
     """Elements that cover all of the block feel -f_z together, and a pattern turns with its load."""
-    tiles = Sensor("tiles", 3, SOLE.sheet_mm / 3.0, SOLE.sheet_mm / 3.0)
-    series = sensor_series(SOLE, [tiles], COARSE_BLOCK)["tiles"]
+    tiles = Sensor("tiles", 3, FOOT_DESIGN.sheet_mm / 3.0, FOOT_DESIGN.sheet_mm / 3.0)
+    series = sensor_series(FOOT_DESIGN, [tiles], COARSE_BLOCK)["tiles"]
     normal = np.array([[0.3, 0.2, np.sqrt(0.87)], [0.0, 0.0, 1.0]])
     per_force = np.tensordot(series_basis(normal, DEGREE, FIT_ELEVATION_DEG), series, 1).sum(axis=(1, 2))
     np.testing.assert_allclose(per_force * tiles.side_mm**2, [[0.0, 0.0, -1.0]] * 2, atol=1e-3)
-    there, turned = patterns(SOLE, series, np.array([[0.3, 0.2, np.sqrt(0.87)], [-0.2, 0.3, np.sqrt(0.87)]]))
+    there, turned = patterns(
+        FOOT_DESIGN, series, np.array([[0.3, 0.2, np.sqrt(0.87)], [-0.2, 0.3, np.sqrt(0.87)]])
+    )
     quarter_turn = np.rot90(there.reshape(3, 3))
     np.testing.assert_allclose(turned.reshape(3, 3), quarter_turn, atol=1e-9)
 
@@ -39,15 +41,15 @@ def test_elements_lie_on_the_block() -> None:
     """No element reaches over the edge, or over its neighbour."""
     for sensor in SENSORS:
         halves = sensor.halves_mm()
-        assert halves[0][1] <= SOLE.sheet_mm / 2.0 + 1e-12
+        assert halves[0][1] <= FOOT_DESIGN.sheet_mm / 2.0 + 1e-12
         assert all(inner[1] < outer[0] for outer, inner in pairwise(halves))
 
 
 @pytest.mark.parametrize("poisson", [0.49, 0.4999])
 def test_a_film_150_times_softer_than_its_plates_solves(poisson: float) -> None:
     """Finite, symmetric, in balance: what the film carries is a quarter's share of a load of one newton."""
-    film = FilmDesign(film_mm=SOLE.spacer_mm, gel=Material(0.020, poisson))
-    quarter = FilmQuarter(SOLE, FILM_SIZE, Parity(1, 1), build_mesh(SOLE, FILM_SIZE), film)
+    film = FilmDesign(film_mm=FOOT_DESIGN.spacer_mm, gel=Material(0.020, poisson))
+    quarter = FilmQuarter(FOOT_DESIGN, FILM_SIZE, Parity(1, 1), build_mesh(FOOT_DESIGN, FILM_SIZE), film)
     area_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("curved_ground"), quarter.mesh)
     load = quarter.traction_load(ng.CF((0.0, 0.0, 0.25 / area_mm2)))
     moved = quarter.solve(load)
@@ -64,9 +66,9 @@ def test_a_film_150_times_softer_than_its_plates_solves(poisson: float) -> None:
 
 def test_the_film_does_not_lock() -> None:
     """A confined layer under rigid plates closes by t f / (M A); that the plates bend may change it by a tenth."""
-    film = FilmDesign(film_mm=SOLE.spacer_mm, gel=Material(0.020, 0.49))
-    rigid_um = 1000.0 * film.film_mm / (film.gel.confined_mpa * SOLE.sheet_mm**2)
-    assert upright_closure_um(SOLE, FILM_SIZE, [film])[0] == pytest.approx(rigid_um, rel=0.1)
+    film = FilmDesign(film_mm=FOOT_DESIGN.spacer_mm, gel=Material(0.020, 0.49))
+    rigid_um = 1000.0 * film.film_mm / (film.gel.confined_mpa * FOOT_DESIGN.sheet_mm**2)
+    assert upright_closure_um(FOOT_DESIGN, FILM_SIZE, [film])[0] == pytest.approx(rigid_um, rel=0.1)
 
 
 def test_a_lean_is_the_angle_that_was_asked_for() -> None:

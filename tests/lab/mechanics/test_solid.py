@@ -18,7 +18,7 @@ from footsense.lab.fem.mesh import MeshSize, quarter_cells
 from footsense.lab.fem.quarter import Parity, Quarter
 from footsense.lab.geometry import Material
 from footsense.lab.response import SYMMETRIES, element_map, patch_mean
-from tests.lab.released import SOLE
+from tests.lab.released import FOOT_DESIGN
 
 pytestmark = pytest.mark.lab
 
@@ -33,7 +33,7 @@ def hertz_load(
     quarter: Quarter, normal: NDArray[np.float64], radius_mm: float, force_n: NDArray[np.float64]
 ) -> ng.CF:
     """Return the traction [MPa] of a Hertz patch, whose part in the quarter carries the force."""
-    centre = -quarter.sole.ball_radius_mm * normal - [0.0, 0.0, quarter.sole.plate_mm]
+    centre = -quarter.design.ball_radius_mm * normal - [0.0, 0.0, quarter.design.plate_mm]
     away = ng.CF((ng.x - centre[0], ng.y - centre[1], ng.z - centre[2]))
     inside = 1.0 - away * away / radius_mm**2
     pressure = ng.IfPos(inside, ng.sqrt(ng.IfPos(inside, inside, 0.0)), 0.0)
@@ -45,8 +45,8 @@ def element_closures(quarter: Quarter, moved: Any) -> NDArray[np.float64]:
     """Return the mean closure [um] over what lies in the quarter of each element, shape (9,), NaN elsewhere."""
     ground, leg, *_ = moved.components
     found: NDArray[np.float64] = np.full(9, np.nan)
-    for element in {cell.element for cell in quarter_cells(quarter.sole)}:
-        names = "|".join(cell.name for cell in quarter_cells(quarter.sole) if cell.element == element)
+    for element in {cell.element for cell in quarter_cells(quarter.design)}:
+        names = "|".join(cell.name for cell in quarter_cells(quarter.design) if cell.element == element)
         area = ng.Integrate(ng.CF(1.0) * ng.ds(names), quarter.mesh)
         found[element] = UM_PER_MM * ng.Integrate((ground[2] - leg[2]) * ng.ds(names), quarter.mesh) / area
     return found
@@ -86,7 +86,7 @@ def test_the_work_of_the_load_is_twice_the_energy(quarters: Quarters) -> None:
     quarter = quarters[Parity(1, 1)]
     load = quarter.traction_load(ng.CF((0.1 * ng.x, 0.0, 1.0)))
     moved = quarter.solve(load)
-    rubber, pdms, twice = quarter.sole.rubber, quarter.sole.pdms, 0.0
+    rubber, pdms, twice = quarter.design.rubber, quarter.design.pdms, 0.0
     ground, leg, p_ground, p_leg = moved.components
     for side, u, p in (("ground", ground, p_ground), ("leg", leg, p_leg)):
         strain = 0.5 * (ng.Grad(u) + ng.Grad(u).trans)
@@ -184,7 +184,7 @@ def test_one_patch_gives_all_patches(response: FootResponse) -> None:
     force = 2.0 * normal[0]
     radius_mm = float(response.patch_radius_mm(normal[0], force))
     flat = response.series[0].reshape(len(response.series[0]), -1)
-    whole = force @ patch_mean(flat, normal, radius_mm, SOLE)[0].reshape(3, -1)
+    whole = force @ patch_mean(flat, normal, radius_mm, FOOT_DESIGN)[0].reshape(3, -1)
     tabled = response.free_closure_um(normal[0], force)
     np.testing.assert_allclose(tabled, whole, rtol=0.0, atol=2e-4 * np.abs(whole).max())
 
@@ -193,10 +193,10 @@ def test_rubber_near_incompressible_does_not_lock() -> None:
     """What a mesh loses does not depend on nu: quadratic against cubic elements at 0.45 and at 0.4999."""
     lost = []
     for poisson in (0.45, 0.4999):
-        sole = replace(SOLE, rubber=replace(SOLE.rubber, poisson=poisson))
+        foot_design = replace(FOOT_DESIGN, rubber=replace(FOOT_DESIGN.rubber, poisson=poisson))
         low, high = (
             centred_closures(
-                sole, dataclasses.replace(PLAIN, order=order), (90.0,), patch_mm=1.0
+                foot_design, dataclasses.replace(PLAIN, order=order), (90.0,), patch_mm=1.0
             ).closure_um.sum()
             for order in (2, 3)
         )
@@ -208,12 +208,12 @@ def test_rubber_near_incompressible_does_not_lock() -> None:
 @pytest.mark.parametrize("softer", [150.0, 1.0 / 150.0], ids=["soft", "stiff"])
 def test_a_sheet_of_another_stiffness_is_solved_as_exactly(softer: float) -> None:
     """PDMS 1/150 and 150 times as stiff as it is, around 37 um in 20 mm: rounding stays at 1e-8."""
-    sheet = Material(SOLE.pdms.youngs_mpa / softer, SOLE.pdms.poisson)
-    quarter = Quarter(replace(SOLE, pdms=sheet), PLAIN, Parity(1, 1))
+    sheet = Material(FOOT_DESIGN.pdms.youngs_mpa / softer, FOOT_DESIGN.pdms.poisson)
+    quarter = Quarter(replace(FOOT_DESIGN, pdms=sheet), PLAIN, Parity(1, 1))
     load = quarter.traction_load(ng.CF((0.0, 0.0, 1.0 / 50.0 / np.pi)))
     moved = quarter.solve(load)
     assert quarter.residual_rel(load, moved) < 1e-8
-    usual = Quarter(SOLE, PLAIN, Parity(1, 1), quarter.mesh)
+    usual = Quarter(FOOT_DESIGN, PLAIN, Parity(1, 1), quarter.mesh)
     closures = [
         element_closures(q, q.solve(q.traction_load(ng.CF((0, 0, 0.0064)))))[0] for q in (quarter, usual)
     ]
@@ -223,9 +223,9 @@ def test_a_sheet_of_another_stiffness_is_solved_as_exactly(softer: float) -> Non
 def test_a_foot_twice_as_large_is_twice_as_stiff() -> None:
     """Similar solids under one force close by 1 / size, whatever the mesh: it is in proportion too."""
     lengths = ("ball_radius_mm", "sheet_mm", "plate_mm", "spacer_mm", "pitch_mm", "electrode_mm")
-    twice = replace(SOLE, **{name: 2.0 * getattr(SOLE, name) for name in lengths})
+    twice = replace(FOOT_DESIGN, **{name: 2.0 * getattr(FOOT_DESIGN, name) for name in lengths})
     one, two = (
-        centred_closures(sole, PLAIN, (50.0,), patch_mm=0.1 * sole.ball_radius_mm).closure_um
-        for sole in (SOLE, twice)
+        centred_closures(foot_design, PLAIN, (50.0,), patch_mm=0.1 * foot_design.ball_radius_mm).closure_um
+        for foot_design in (FOOT_DESIGN, twice)
     )
     np.testing.assert_allclose(2.0 * two, one, rtol=1e-6)

@@ -35,20 +35,20 @@ from footsense.lab.training.network import N_SYMMETRIES, SEEN, Weights
 from footsense.lab.training.train import MASKS, predict
 from footsense.sim.scene import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
+from tests.lab.released import FOOT_DESIGN as SHIPPED
 from tests.lab.released import RELEASED
-from tests.lab.released import SOLE as SHIPPED
 
 pytestmark = pytest.mark.lab
 
 #: The foot of the whole file's build: another ball, pitch, gap and electrode than the shipped one.
 FOOT = Path(__file__).parents[3] / "docs" / "examples" / "large-3x3.yaml"
-SOLE = load_foot(FOOT)
+FOOT_DESIGN = load_foot(FOOT)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return where the quick build goes: a folder of the foot type's name."""
-    return tmp_path_factory.mktemp("models") / SOLE.foot_type
+    return tmp_path_factory.mktemp("models") / FOOT_DESIGN.foot_type
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +162,7 @@ def test_the_chain_beats_the_paper_even_when_quick(built: Built) -> None:
     row = built.table["paper_network"]
     assert row.direction_deg < 2.4
     assert row.magnitude_gf < 5.3
-    assert built.parity_n < PARITY_REL * SOLE.loads.max_n
+    assert built.parity_n < PARITY_REL * FOOT_DESIGN.loads.max_n
 
 
 def test_the_card_says_what_the_daemon_needs(built: Built, folder: Path) -> None:
@@ -203,7 +203,7 @@ def test_sigma_is_honest_with_and_without_all_elements(built: Built, folder: Pat
     """Loads and noise that training never saw: errors within two sigma in most cases, and more of it with less seen."""
     del built
     response, network = open_models(folder)
-    cases = load_cases.random_loads(response, SOLE.loads, 4000, 9)
+    cases = load_cases.random_loads(response, FOOT_DESIGN.loads, 4000, 9)
     measured = load_cases.measured_closure_rel(response.design, cases.closure_um, np.random.default_rng(9))
     imputation = Imputation(np.array(network.card["moments"]))
     means = []
@@ -227,7 +227,7 @@ def test_the_card_for_people_says_how_to_build_it(built: Built, folder: Path) ->
     """The command names the description beside the card, and that a quick build is no release."""
     del built
     text = (folder / "README.md").read_text()
-    assert f"footsense lab build --foot {SOLE.foot_type}/foot.yaml --out . --quick" in text
+    assert f"footsense lab build --foot {FOOT_DESIGN.foot_type}/foot.yaml --out . --quick" in text
     assert "A larger soft foot: nine capacitors between two rubber hemispheres of 14 mm radius.\n" in text
     assert (folder / "foot.yaml").read_bytes() == FOOT.read_bytes()
 
@@ -292,7 +292,7 @@ def test_files_of_another_foot_type_are_refused(
 ) -> None:
     """A network or a table of the shipped foot among those of another: refused by file and by type."""
     del built
-    mixed = shutil.copytree(folder, tmp_path / SOLE.foot_type)
+    mixed = shutil.copytree(folder, tmp_path / FOOT_DESIGN.foot_type)
     shutil.copy(RELEASED / name, mixed)
     config = msgspec.structs.replace(DEFAULT, foot_type=str(mixed))
     refused = f"{name}: made for foot type 'aoyagi-3x3', these feet are 'large-3x3'"

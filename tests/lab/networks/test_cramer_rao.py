@@ -12,7 +12,7 @@ from footsense.lab.evaluation.bound_ratio import crb_ratio, leaning_contacts
 from footsense.lab.evaluation.cramer_rao import Bound, Unknowns, force_bound
 from footsense.lab.evaluation.maximum_likelihood import maximum_likelihood
 from footsense.lab.training.load_cases import measured_closure_rel, sensed_closure_um
-from tests.lab.released import RELEASED, SOLE
+from tests.lab.released import FOOT_DESIGN, RELEASED
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def foot() -> Foot:
 
 
 def test_the_step_of_the_differences_does_not_matter(foot: Foot) -> None:
-    normal, direction = leaning_contacts(SOLE.loads, np.random.default_rng(3), 60)
+    normal, direction = leaning_contacts(FOOT_DESIGN.loads, np.random.default_rng(3), 60)
     # Below the force at which gaps shut: a cell that shuts within a step is a kink, not an error of the difference.
     force = 30.0 * GRAM_FORCE_N * direction
     fine, middle, coarse = (
@@ -89,7 +89,7 @@ def test_a_read_out_of_known_scatter_has_the_ratio_of_its_scatter(foot: Foot) ->
         turned: np.ndarray = np.cos(np.radians(1.0)) * force + np.sin(np.radians(1.0)) * sideways
         return np.resize(turned, (len(closure_rel), 3))
 
-    ratio = crb_ratio(foot.response, SOLE.loads, never_sure, draws=2, magnitudes_gf=(100.0,))
+    ratio = crb_ratio(foot.response, FOOT_DESIGN.loads, never_sure, draws=2, magnitudes_gf=(100.0,))
     (only,) = ratio.centred
     assert only.network.direction_rms_deg == pytest.approx(1.0)
     assert ratio.worst == pytest.approx(1.0 / only.leaning.direction_rms_deg)

@@ -12,7 +12,7 @@ from footsense.lab.evaluation.maximum_likelihood import ambiguous_loads
 from footsense.lab.model_card import readme
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
 from footsense.lab.training.train import MASKS
-from tests.lab.released import RELEASED, SOLE
+from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab
 
@@ -40,7 +40,7 @@ def test_the_release_is_ten_times_better_than_the_paper() -> None:
 def test_sigma_is_honest_whatever_is_missing(mask: NDArray[np.bool_]) -> None:
     """Held-out loads with the converter's noise: nine errors in ten are within two sigma, and sigma is not idle."""
     response, network = open_models(RELEASED)
-    cases = random_loads(response, SOLE.loads, 3000, 11)
+    cases = random_loads(response, FOOT_DESIGN.loads, 3000, 11)
     measured = measured_closure_rel(response.design, cases.closure_um, np.random.default_rng(11))
     missing = np.broadcast_to(mask, measured.shape)
     imputation = Imputation(np.array(network.card["moments"]))
@@ -68,4 +68,4 @@ def test_the_model_card_is_what_a_build_writes() -> None:
     parity_mn = float(text.partition("ONNX Runtime: ")[2].partition(" ")[0])
     response, network = open_models(RELEASED)
     table = evaluate_models(RELEASED)
-    assert text == readme(SOLE, response, network.card, table, parity_mn / 1000.0, quick=False)
+    assert text == readme(FOOT_DESIGN, response, network.card, table, parity_mn / 1000.0, quick=False)

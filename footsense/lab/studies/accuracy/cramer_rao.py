@@ -134,7 +134,7 @@ def _noiseless_deg(context: StudyContext, magnitude_gf: float) -> float:
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Compare the network, and fits that start at its estimate, with the bound."""
-    quick, foot, loads = context.quick, Foot(context.response), context.sole.loads
+    quick, foot, loads = context.quick, Foot(context.response), context.foot_design.loads
     magnitudes, draws = ((20.0, 50.0, 100.0), 8) if quick else (MAGNITUDES_GF, 64)
     ratio = crb_ratio(context.response, loads, context.network.force_n, draws=draws, magnitudes_gf=magnitudes)
     context.say(f"cramer-rao: the network is at {ratio.worst:.2f} of the bound in its worst bin")

@@ -211,7 +211,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         maps[name][computed] = _read(context, cases, n).direction_deg.mean(axis=0)
         readings[name] = _read(context, verification, n)
         context.say(f"error-map: {computed.sum()} directions {name}")
-    lowest_deg = context.sole.loads.min_elevation_deg
+    lowest_deg = context.foot_design.loads.min_elevation_deg
     exact = np.where(normal[..., 2] >= np.sin(np.radians(lowest_deg)), maps["without noise"], np.nan)
     worst = normal.reshape(-1, 3)[np.nanargmax(exact)]
     results = Results(

@@ -22,7 +22,7 @@ from footsense.lab.fem.centred import centred_closures
 from footsense.lab.fem.mesh import COARSE, MeshSize, build_mesh
 from footsense.lab.fem.quarter import Parity, Quarter
 from footsense.lab.foot_file import load_foot
-from footsense.lab.geometry import Material, SoleDesign
+from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.studies.accuracy.hard_inputs import Case, network_cases, pipeline_cases
 from footsense.lab.studies.page import Figures, Study, StudyContext
 
@@ -105,23 +105,25 @@ def _rim(response: FootResponse) -> Iterator[Case]:
     yield Case("NaN in a force", "no number", str(silent[0, 0]), bool(np.isnan(silent).all()))
 
 
-def _designs(sole: SoleDesign) -> Iterator[Case]:
+def _designs(foot_design: FootDesign) -> Iterator[Case]:
     """Yield cases of impossible feet, which take no solve."""
-    yield _refused("plate of 10 nm", ModelError, lambda: build_mesh(replace(sole, plate_mm=1e-5), COARSE))
-    wide = msgspec.json.encode(replace(sole, sheet_mm=1.5 * sole.ball_radius_mm))
+    yield _refused(
+        "plate of 10 nm", ModelError, lambda: build_mesh(replace(foot_design, plate_mm=1e-5), COARSE)
+    )
+    wide = msgspec.json.encode(replace(foot_design, sheet_mm=1.5 * foot_design.ball_radius_mm))
     yield _refused("sheet wider than the ball", ConfigError, lambda: load_foot(wide))
     for poisson in (0.5, 0.0):
-        other = replace(sole, rubber=replace(sole.rubber, poisson=poisson))
+        other = replace(foot_design, rubber=replace(foot_design.rubber, poisson=poisson))
         yield _refused(
             f"rubber of nu = {poisson:g}", ModelError, partial(Quarter, other, _PLAIN, Parity(1, 1))
         )
 
 
-def _solids(sole: SoleDesign) -> Iterator[Case]:
+def _solids(foot_design: FootDesign) -> Iterator[Case]:
     """Yield cases of hard materials, each solved."""
     lost = []
     for poisson in (0.49, 0.499, 0.4999):
-        rubber = replace(sole, rubber=replace(sole.rubber, poisson=poisson))
+        rubber = replace(foot_design, rubber=replace(foot_design.rubber, poisson=poisson))
         low, high = (
             centred_closures(rubber, dataclasses.replace(_PLAIN, order=order), (90.0,)).closure_um.sum()
             for order in (2, 3)
@@ -133,16 +135,21 @@ def _solids(sole: SoleDesign) -> Iterator[Case]:
         ", ".join(f"{value:.2f} %" for value in lost),
         max(lost) - min(lost) < 2.0,
     )
-    soft = replace(sole, pdms=Material(sole.rubber.youngs_mpa / 150.0, sole.pdms.poisson))
+    soft = replace(
+        foot_design, pdms=Material(foot_design.rubber.youngs_mpa / 150.0, foot_design.pdms.poisson)
+    )
     for name, foot in (
-        (f"{1000.0 * sole.spacer_mm:g} um spacer in a ball of {2.0 * sole.ball_radius_mm:g} mm", sole),
+        (
+            f"{1000.0 * foot_design.spacer_mm:g} um spacer in a ball of {2.0 * foot_design.ball_radius_mm:g} mm",
+            foot_design,
+        ),
         ("sheet 1/150 as stiff as the rubber", soft),
     ):
         quarter = Quarter(foot, _PLAIN, Parity(1, 1))
         load = quarter.traction_load(ng.CF((0.0, 0.0, 1.0)))
         rest = quarter.residual_rel(load, quarter.solve(load))
         yield Case(name, "residual below 1e-8", f"{rest:.1e}", rest < 1e-8)
-    loose = replace(sole, spacer_mm=1e30)
+    loose = replace(foot_design, spacer_mm=1e30)
     yield _refused("a half that nothing holds", ModelError, lambda: Quarter(loose, _PLAIN, Parity(1, 1)))
 
 
@@ -161,13 +168,13 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
             *_light(response),
             *_closing(response),
             *_rim(response),
-            *_designs(context.sole),
+            *_designs(context.foot_design),
         ],
         "The network": network_cases(context),
         "The daemon": pipeline_cases(context),
     }
     if not context.quick:
-        groups["The solid"] = _solids(context.sole)
+        groups["The solid"] = _solids(context.foot_design)
     tried = {heading: list(cases) for heading, cases in groups.items()}
     for heading, cases in tried.items():
         context.say(f"{heading}: {sum(case.held for case in cases)} of {len(cases)} as expected")

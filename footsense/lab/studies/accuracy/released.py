@@ -85,7 +85,7 @@ def _on_other_feet(context: StudyContext, tolerances: Tolerances, n_feet: int) -
     parts = []
     for number in range(n_feet):
         own = fabricate(response, tolerances, _FEET_SEED, number)
-        cases = random_loads(response, context.sole.loads, n_loads, 1000 + number, own)
+        cases = random_loads(response, context.foot_design.loads, n_loads, 1000 + number, own)
         rng = np.random.default_rng((number, _FEET_SEED))
         closure_rel = measured_closure_rel(response.design, cases.closure_um, rng)
         parts.append((cases.force_n, *context.network.estimate(closure_rel)))
@@ -95,7 +95,7 @@ def _on_other_feet(context: StudyContext, tolerances: Tolerances, n_feet: int) -
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Read held-out loads on the designed foot, with missing elements, and on other feet."""
-    network, loads = context.network, context.sole.loads
+    network, loads = context.network, context.foot_design.loads
     cases = random_loads(context.response, loads, 2000 if context.quick else HELD_OUT_CASES, HELD_OUT_SEED)
     rng = np.random.default_rng(HELD_OUT_SEED)
     closure_rel = measured_closure_rel(context.response.design, cases.closure_um, rng)

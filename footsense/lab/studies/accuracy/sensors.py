@@ -18,7 +18,7 @@ from footsense.foot.symmetry import mirrored_series
 from footsense.lab.evaluation.evaluate import errors
 from footsense.lab.fem.block import BLOCK_SIZE, COARSE_BLOCK, Column, block_fields
 from footsense.lab.fem.mesh import MeshSize
-from footsense.lab.geometry import SoleDesign
+from footsense.lab.geometry import FootDesign
 from footsense.lab.monte_carlo.statistics import SIGNIFICANT, Difference, MeanStd
 from footsense.lab.response import DEGREE, add_series, fit_class, patch_mean, transposed_series
 from footsense.lab.studies.page import Figures, Study, StudyContext, panels
@@ -103,9 +103,9 @@ def _whole(quarter: Vector, per_side: int) -> Vector:
     return parts
 
 
-def sensor_series(sole: SoleDesign, sensors: Sequence[Sensor], size: MeshSize) -> dict[str, Vector]:
+def sensor_series(foot_design: FootDesign, sensors: Sequence[Sensor], size: MeshSize) -> dict[str, Vector]:
     """Return the mean stress of each sensor's elements as series [MPa/N], shapes (products, n, n, 3)."""
-    fields = block_fields(sole, [column for sensor in sensors for column in sensor.columns()], size)
+    fields = block_fields(foot_design, [column for sensor in sensors for column in sensor.columns()], size)
     fitted = {parity: fit_class(field) for parity, field in fields.items()}
     series, first = {}, 0
     for sensor in sensors:
@@ -117,11 +117,11 @@ def sensor_series(sole: SoleDesign, sensors: Sequence[Sensor], size: MeshSize) -
     return series
 
 
-def patterns(sole: SoleDesign, series: Vector, direction: Vector) -> Vector:
+def patterns(foot_design: FootDesign, series: Vector, direction: Vector) -> Vector:
     """Return pressures [MPa], shape (n, elements), under centred contacts with a Hertz patch."""
     force_n = FORCE_GF * GRAM_FORCE_N
-    radius_mm = float(contact_radius_mm(force_n, sole.ball_radius_mm, sole.rubber.hertz_mpa))
-    unit = patch_mean(series.reshape(len(series), -1), direction, radius_mm, sole)
+    radius_mm = float(contact_radius_mm(force_n, foot_design.ball_radius_mm, foot_design.rubber.hertz_mpa))
+    unit = patch_mean(series.reshape(len(series), -1), direction, radius_mm, foot_design)
     stress_mpa = (unit.reshape(len(direction), -1, 3) * direction[:, None, :]).sum(axis=2)
     pressure_mpa: Vector = -force_n * stress_mpa
     return pressure_mpa
@@ -175,20 +175,20 @@ class Results:
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Solve the block under every sensor, and train networks on its patterns."""
-    sole, quick = context.sole, context.quick
+    foot_design, quick = context.foot_design, context.quick
     sensors = [sensor for sensor in SENSORS if not quick or sensor.name in QUICK_NAMES]
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)
-    series = sensor_series(sole, sensors, COARSE_BLOCK if quick else BLOCK_SIZE)
+    series = sensor_series(foot_design, sensors, COARSE_BLOCK if quick else BLOCK_SIZE)
     context.say(f"sensors: stresses of {len(sensors)} sensors solved")
     clean, noisy = {}, {}
     for name in series:
-        training, test = (patterns(sole, series[name], direction) for direction in (_TRAINING, _TEST))
+        training, test = (patterns(foot_design, series[name], direction) for direction in (_TRAINING, _TEST))
         clean[name] = direction_errors(training, test, 0.0, seeds, epochs)
         noisy[name] = direction_errors(training, test, NOISE_REL, seeds, epochs)
         context.say(f"sensors: {name} trained")
     results = Results(
-        sheet_mm=sole.sheet_mm,
-        thick_mm=2.0 * sole.plate_mm + sole.spacer_mm,
+        sheet_mm=foot_design.sheet_mm,
+        thick_mm=2.0 * foot_design.plate_mm + foot_design.spacer_mm,
         epochs=epochs,
         seeds=seeds,
         clean_deg=clean,

@@ -106,7 +106,9 @@ class _Judge:
         self._readouts: dict[str, Readout] = {
             NETWORK: lambda closure_um: network.force_n(closure_um / gap_um),
             CENTRED: elastance_readout(paper_training(self.response)),
-            LEANING: elastance_readout(random_loads(self.response, context.sole.loads, n_random, SEED)),
+            LEANING: elastance_readout(
+                random_loads(self.response, context.foot_design.loads, n_random, SEED)
+            ),
         }
 
     def measured_um(self, free_um: Vector) -> tuple[Vector, NDArray[np.bool_]]:
@@ -213,7 +215,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         shared.append(judge.errors(measured_um[inside], truth_n[inside]))
     results = Results(
         arm_mm=context.response.ball_radius_mm * float(np.sin(np.radians(LEANS_DEG[1]))),
-        friction_deg=context.sole.loads.friction_angle_deg,
+        friction_deg=context.foot_design.loads.friction_angle_deg,
         lean=lean,
         in_range_rel=within,
         second=shared,

@@ -91,7 +91,7 @@ def _answers(
     """Return the answers of models, and the time of a load [s]."""
     answers, seconds = {}, {}
     for name in names:
-        level = rung(name, context.response, context.sole)
+        level = rung(name, context.response, context.foot_design)
         answers[name], taken_s = timed(level, loads, repeats=1 if name == "full" else 3)
         seconds[name] = taken_s / len(loads)
         context.say(f"fidelity: {name}, {len(loads)} loads in {taken_s:.2g} s")
@@ -108,7 +108,7 @@ def _forward(context: StudyContext, loads: Loads) -> ForwardAgainstTable:
     """Solve some loads one by one, on the table's mesh; on a coarse one in the quick form."""
     size = COARSE if context.quick else MeshSize(**context.response.provenance["mesh"])
     start = default_timer()
-    foot = ForwardFoot(context.sole, size)
+    foot = ForwardFoot(context.foot_design, size)
     factorise_s = default_timer() - start
     context.say(f"fidelity: three classes factorised in {factorise_s:.1f} s")
     n = _FORWARD_LOADS_QUICK if context.quick else _FORWARD_LOADS
@@ -117,16 +117,16 @@ def _forward(context: StudyContext, loads: Loads) -> ForwardAgainstTable:
 
 def _formula(context: StudyContext, loads: Loads, contact: Answer) -> tuple[Distances, tuple[float, float]]:
     """Return the differences of the formula's variants from contact, and the share of the force on the sheet [1]."""
-    sole = context.sole
-    alone = HalfSpace(sole, balanced=False)
+    foot_design = context.foot_design
+    alone = HalfSpace(foot_design, balanced=False)
     variants = {
-        "half-space": HalfSpace(sole),
+        "half-space": HalfSpace(foot_design),
         "without statics": alone,
-        "with PDMS for the rubber": HalfSpace(replace(sole, rubber=sole.pdms)),
+        "with PDMS for the rubber": HalfSpace(replace(foot_design, rubber=foot_design.pdms)),
     }
     answers = {name: one.answer(loads.normal, loads.force_n) for name, one in variants.items()}
-    edge_mm = (sole.sheet_mm - sole.pitch_mm) / 2.0
-    side_mm = [edge_mm, sole.pitch_mm, edge_mm]
+    edge_mm = (foot_design.sheet_mm - foot_design.pitch_mm) / 2.0
+    side_mm = [edge_mm, foot_design.pitch_mm, edge_mm]
     area_mm2 = np.outer(side_mm, side_mm).ravel()
     carried = (alone.pressure_mpa(loads.normal, loads.force_n) @ area_mm2) / loads.force_n[:, 2]
     return _distances(context, answers, contact), (carried.min(), carried.max())
@@ -134,7 +134,7 @@ def _formula(context: StudyContext, loads: Loads, contact: Answer) -> tuple[Dist
 
 def _against_full(context: StudyContext, answers: dict[str, Answer]) -> AgainstFull:
     """Compare the cheap models with the full solve, and take its parts apart at the first load."""
-    reduced, taken_s = timed(Full(context.sole, reduced=True), mirrored_loads(FULL_CASES[:1]))
+    reduced, taken_s = timed(Full(context.foot_design, reduced=True), mirrored_loads(FULL_CASES[:1]))
     context.say(f"fidelity: full without finite strain and floor, in {taken_s:.1f} s")
     first, contact = (
         Answer(answers[name].closure_um[:1], answers[name].capacitance_pf[:1]) for name in ("full", "contact")
@@ -151,7 +151,7 @@ def _against_full(context: StudyContext, answers: dict[str, Answer]) -> AgainstF
 def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Time and compare the models; the quick form leaves out the full solve."""
     ng.ngsglobals.msg_level = 0
-    loads, sole = paper_loads(context.response), context.sole
+    loads, foot_design = paper_loads(context.response), context.foot_design
     cheap, seconds = _answers(context, NAMES[:3], loads)
     forward = _forward(context, loads)
     apart = _distances(context, {name: cheap[name] for name in NAMES[:2]}, cheap["contact"])
@@ -172,7 +172,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         against_contact=apart,
         formula=formula,
         carried_rel=carried_rel,
-        softer=sole.rubber.hertz_mpa / sole.pdms.hertz_mpa,
+        softer=foot_design.rubber.hertz_mpa / foot_design.pdms.hertz_mpa,
         forward=forward,
         coarse_forward=context.quick,
         full=full,

@@ -151,8 +151,8 @@ def with_gaps(context: StudyContext) -> Sensor:
 
 def with_film(context: StudyContext, film: FilmDesign) -> Sensor:
     """Return the design with the film, solved."""
-    response = film_response(context.sole, QUICK_FILM_SIZE if context.quick else FILM_SIZE, film)
-    capacitor = film.capacitor(context.sole)
+    response = film_response(context.foot_design, QUICK_FILM_SIZE if context.quick else FILM_SIZE, film)
+    capacitor = film.capacitor(context.foot_design)
 
     def closure_um(normal: Vector, force_n: Vector) -> Vector:
         distance_um = capacitor.gap_um - response.free_closure_um(normal, force_n)
@@ -210,18 +210,18 @@ def measured(context: StudyContext, sensor: Sensor) -> Measured:
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Solve the foot with the film, and measure both designs."""
-    sole = context.sole
-    film = FilmDesign(film_mm=sole.spacer_mm)
+    foot_design = context.foot_design
+    film = FilmDesign(film_mm=foot_design.spacer_mm)
     gaps, gel = sensors = with_gaps(context), with_film(context, film)
     context.say("film: the foot with the film is solved")
     poissons = QUICK_POISSONS if context.quick else POISSONS
     films = [replace(film, gel=Material(film.gel.youngs_mpa, poisson)) for poisson in poissons]
-    closures = upright_closure_um(sole, QUICK_FILM_SIZE, films)
+    closures = upright_closure_um(foot_design, QUICK_FILM_SIZE, films)
     results = Results(
         film=film,
-        pdms_mpa=sole.pdms.youngs_mpa,
-        sheet_mm=sole.sheet_mm,
-        electrode_mm=sole.electrode_mm,
+        pdms_mpa=foot_design.pdms.youngs_mpa,
+        sheet_mm=foot_design.sheet_mm,
+        electrode_mm=foot_design.electrode_mm,
         gaps=measured(context, gaps),
         gel=measured(context, gel),
         by_poisson={

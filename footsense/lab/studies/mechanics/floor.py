@@ -104,9 +104,9 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     fineness = _QUICK_FINENESS if context.quick else _FINENESS
     solved = []
     for load in _LOADS[:1] if context.quick else _LOADS:
-        full = load.solve(FullFoot(context.sole, fineness=fineness))
+        full = load.solve(FullFoot(context.foot_design, fineness=fineness))
         others = {
-            name: load.solve(FullFoot(context.sole, fineness=fineness, **options))
+            name: load.solve(FullFoot(context.foot_design, fineness=fineness, **options))
             for name, options in WITHOUT.items()
         }
         one = Solved(

@@ -37,7 +37,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     normal = directions(*np.array(DIRECTION_DEG)[:, None])
     unloaded_pf, change_pf = context.response.design.unloaded_pf, {}
     for name in NAMES[:3]:
-        answer = rung(name, context.response, context.sole).answer(
+        answer = rung(name, context.response, context.foot_design).answer(
             normal, MAGNITUDE_GF * GRAM_FORCE_N * normal
         )
         change_pf[name] = (answer.capacitance_pf[0] - unloaded_pf).reshape(3, 3)

@@ -17,7 +17,7 @@ from footsense.lab.fem.centred import centred_closures
 from footsense.lab.fem.fringe import element_pf
 from footsense.lab.fem.mesh import COARSE, FINEST, SHIPPED, MeshSize
 from footsense.lab.fem.strip import strip_closure_um
-from footsense.lab.geometry import Material, SoleDesign
+from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.response import make_response
 from footsense.lab.studies.page import Figures, Study, StudyContext, panels
 from footsense.lab.training.load_cases import paper_training, paper_verification
@@ -169,7 +169,7 @@ def _meshes(context: StudyContext) -> list[Mesh]:
         sizes["FINEST"] = (FINEST, (90.0,))
     solved = []
     for name, (size, elevation_deg) in sizes.items():
-        found, taken = _timed(partial(centred_closures, context.sole, size, elevation_deg))
+        found, taken = _timed(partial(centred_closures, context.foot_design, size, elevation_deg))
         solved.append((name, size, found, taken))
         context.say(f"solid: {name}, {found.unknowns} unknowns, {taken.processor_s:.1f} s")
     best = [solved[-1][2].closure_um[0], solved[-1 if context.quick else -2][2].closure_um[-1]]
@@ -187,9 +187,9 @@ def _meshes(context: StudyContext) -> list[Mesh]:
     ]
 
 
-def _floors(sole: SoleDesign, response: FootResponse) -> tuple[dict[str, Floor], float]:
+def _floors(foot_design: FootDesign, response: FootResponse) -> tuple[dict[str, Floor], float]:
     """Return a rigid floor and one of cement at 1 N, and the largest relative change of a closure between them [1]."""
-    rubber = sole.rubber
+    rubber = foot_design.rubber
     both_mpa = 1.0 / (1.0 / rubber.hertz_mpa + 1.0 / CEMENT.hertz_mpa)
     up = np.array([0.0, 0.0, 1.0])
     floors, closures = {}, []
@@ -200,14 +200,18 @@ def _floors(sole: SoleDesign, response: FootResponse) -> tuple[dict[str, Floor],
     return floors, float(np.abs(closures[1] / closures[0] - 1.0).max())
 
 
-def _edges(sole: SoleDesign) -> list[Edged]:
+def _edges(foot_design: FootDesign) -> list[Edged]:
     """Return elements with edges at three closures."""
-    unloaded_pf, plate_pf = element_pf(sole)
+    unloaded_pf, plate_pf = element_pf(foot_design)
     edges = []
     for closed_um in (0.0, 5.0, 10.0):
-        edged_pf, plates_pf = element_pf(sole, closed_um)
+        edged_pf, plates_pf = element_pf(foot_design, closed_um)
         read, corrected = (
-            float(sole.capacitor.closure_um(np.array([edged_pf - stray]), np.array([unloaded_pf - stray]))[0])
+            float(
+                foot_design.capacitor.closure_um(
+                    np.array([edged_pf - stray]), np.array([unloaded_pf - stray])
+                )[0]
+            )
             for stray in (0.0, unloaded_pf - plate_pf)
         )
         edges.append(
@@ -240,12 +244,12 @@ def _cells(response: FootResponse) -> tuple[float, float]:
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Measure everything; the quick form leaves out the fine meshes and the complete response."""
-    sole, response = context.sole, context.response
+    foot_design, response = context.foot_design, context.response
     meshes, taken = _meshes(context), None
     if not context.quick:
-        _, taken = _timed(partial(make_response, sole, SHIPPED, context.say))
+        _, taken = _timed(partial(make_response, foot_design, SHIPPED, context.say))
     cases, cases_taken = _timed(lambda: (paper_training(response), paper_verification(response)))
-    floors, floor_rel = _floors(sole, response)
+    floors, floor_rel = _floors(foot_design, response)
     cell_um, cell_rel = _cells(response)
     stated = response.provenance
     results = Results(
@@ -255,10 +259,10 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         n_cases=sum(len(one.force_n) for one in cases),
         floors=floors,
         floor_rel=floor_rel,
-        spacer_mm=sole.spacer_mm,
-        law_um=strip_closure_um(sole, solid=False),
-        solid_um=strip_closure_um(sole, solid=True),
-        edges=_edges(sole),
+        spacer_mm=foot_design.spacer_mm,
+        law_um=strip_closure_um(foot_design, solid=False),
+        solid_um=strip_closure_um(foot_design, solid=True),
+        edges=_edges(foot_design),
         table_rel={
             "foot against its transpose": stated["mesh_asymmetry_rel"],
             "samples against series": stated["fit_residual_rel"],

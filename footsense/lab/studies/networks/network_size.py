@@ -83,7 +83,7 @@ def run_us(models: list[bytes]) -> list[float]:
 
 def train_sizes(context: StudyContext, channels: tuple[int, ...], cases: int, steps: int) -> list[Weights]:
     """Return networks with so many channels each, trained in the same steps on the same random loads."""
-    training = random_loads(context.response, context.sole.loads, cases, TRAINING_SEED)
+    training = random_loads(context.response, context.foot_design.loads, cases, TRAINING_SEED)
     trained = []
     for c in channels:
         trained.append(
@@ -95,7 +95,7 @@ def train_sizes(context: StudyContext, channels: tuple[int, ...], cases: int, st
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Train, test and time a network of every size."""
-    response, loads = context.response, context.sole.loads
+    response, loads = context.response, context.foot_design.loads
     channels, steps, n = (
         (QUICK_CHANNELS, QUICK_STEPS, QUICK_CASES) if context.quick else (CHANNELS, STEPS, CASES)
     )
