@@ -13,8 +13,6 @@ from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Scene
 
-__all__ = ["can_sink", "closing_at_end", "simulated_can"]
-
 
 @contextmanager
 def can_sink(

@@ -12,7 +12,8 @@ import msgspec
 from footsense.can.frame_log import check_log_target
 from footsense.can.sink import CanSink
 from footsense.clock import MonotonicClock, WakeupLatency, gc_disabled, request_realtime
-from footsense.config import Can, Config
+from footsense.config import Config
+from footsense.config.sections import Can
 from footsense.daemon import loop
 from footsense.daemon.acquisition import ScanSource, open_scan_source
 from footsense.daemon.calibrations import load_calibrations
