@@ -141,6 +141,27 @@ def test_one_failed_transaction_never_makes_a_wrong_number(board: Board, order: 
 
 
 @both
+@pytest.mark.parametrize(
+    ("error", "reading"),
+    [(NackError("none"), Reading.NO_ANSWER), (BusError("arbitration lost"), Reading.DELAYED)],
+)
+def test_a_conversion_that_cannot_be_started_says_why(
+    board: Board, error: BusError, reading: Reading
+) -> None:
+    """No acknowledge is a miss, for which legs are left out; arbitration that is lost is none."""
+    robot = Robot(distinct, board)
+    robot.read(2)
+    steps = scan_plan("lo_shu", board.rates_sps[0], board.name).steps
+    triggers = {step.trigger for step in steps}
+    robot.saboteurs[0].arm(lambda transaction, n: error if transaction in triggers else None)
+    frame = robot.read()
+    assert (frame.reading[:, steps[0].element] == Reading.OK).all()  # it was running before
+    assert (np.delete(frame.reading, steps[0].element, axis=1) == reading).all()
+    robot.read(3)
+    assert [leg.in_scan for leg in robot.buses[0].legs] == [reading is Reading.DELAYED] * 6
+
+
+@both
 @pytest.mark.parametrize("after_rel", np.linspace(0.0, 1.1, 26))
 def test_a_converter_that_was_reset_is_noticed_and_set_up_again(board: Board, after_rel: float) -> None:
     """After a dip of its supply it would read something else than it was told, and acknowledge everything."""

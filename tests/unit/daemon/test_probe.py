@@ -9,7 +9,8 @@ import msgspec
 import pytest
 from rich.console import Console
 
-from footsense.acquisition.probe.bus_scan import scan_bus
+from footsense.acquisition.probe.address_scan import AddressScan
+from footsense.acquisition.probe.bus_scan import ChannelScan, scan_adapters, scan_bus
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.cli.probe.figure import draw
@@ -20,9 +21,11 @@ from footsense.config.sections import Bus, Mux, OtherDevice, Serial
 from footsense.daemon.probe.bus_probe import probe
 from footsense.daemon.probe.diagnosis import bus_diagnoses
 from footsense.daemon.probe.report import ProbedBus, ProbeResult
-from footsense.errors import FootsenseError, NackError
+from footsense.errors import BusError, BusTimeoutError, FootsenseError, NackError
+from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
+from footsense.sim.bus.kernel_mux import SimulatedKernelMuxLeg
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.clock import VirtualClock
@@ -165,6 +168,60 @@ class WithOthers:
 
     def close(self) -> None:
         """Nothing is held."""
+
+
+class LosingArbitration(SimulatedBus):
+    """A bus on which another master talks each time that the mux is asked for its selection."""
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        if transaction == Transaction(0x71, b"", n_read=1):
+            raise BusError("arbitration lost")
+        return super().transfer(transaction)
+
+
+def test_a_mux_whose_selection_cannot_be_read_is_not_switched() -> None:
+    """What answers on the upstream bus is told all the same."""
+    clock, mux = VirtualClock(), SimulatedMux(0x71)
+    wires = LosingArbitration(clock, 400_000, 0, mux, {0: (SimulatedFdc1004(lambda *_: 5.0, None),)})
+    scan = scan_bus(UpstreamBus(wires, 0x71), clock, scan_plan("lo_shu", 400), CHANNELS)
+    assert scan.upstream is not None
+    assert (scan.mux_answers, scan.channels, scan.timing) == (False, {}, None)
+
+
+def test_adapters_of_a_kernel_mux_are_told_leg_by_leg() -> None:
+    """What answers behind all of them is on the upstream bus; a leg without its line switch is named."""
+    clock, mux = VirtualClock(), SimulatedMux(0x71)
+    chips = {
+        n: (SimulatedFdc1004(lambda *_: 5.0, None), SimulatedLineSwitch())[: 1 + (n > 0)] for n in range(3)
+    }
+    upstream = WithOthers(SimulatedBus(clock, 400_000, 0, mux, chips), 0x40)
+    legs = [SimulatedKernelMuxLeg(upstream, clock, mux, channel, 0) for channel in range(3)]
+    scan = scan_adapters(legs, clock, scan_plan("lo_shu", 400), claimed=(0x71,))
+    assert (scan.upstream, scan.mux_answers) == (AddressScan((0x40,)), True)
+    why = "no line switch answers at 0x49, though a converter does at 0x50"
+    sound = ChannelScan((0x49, 0x50), Reading.OK)
+    assert scan.channels == {0: ChannelScan((0x50,), Reading.NO_ANSWER, why), 1: sound, 2: sound}
+    assert scan.timing is not None
+    assert scan.timing.costs.rate_hz == pytest.approx(400_000, rel=1e-3)
+
+
+class HeldLow(SimulatedKernelMuxLeg):
+    """An adapter whose leg holds a line."""
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        raise BusTimeoutError(f"held low at {transaction.address:#04x}")
+
+
+def test_an_adapter_that_times_out_says_so_and_the_others_are_scanned() -> None:
+    """The text of the error is in the answer."""
+    clock, mux = VirtualClock(), SimulatedMux(0x71)
+    chips = {n: (SimulatedFdc1004(lambda *_: 5.0, None), SimulatedLineSwitch()) for n in range(2)}
+    upstream = SimulatedBus(clock, 400_000, 0, mux, chips)
+    legs = [kind(upstream, clock, mux, n, 0) for n, kind in enumerate((HeldLow, SimulatedKernelMuxLeg))]
+    scan = scan_adapters(legs, clock, scan_plan("lo_shu", 400), claimed=(0x71,))
+    assert scan.channels[0].outcome is Reading.BUS_STUCK
+    assert scan.channels[0].why.startswith("held low at 0x")
+    assert scan.channels[1] == ChannelScan((0x49, 0x50), Reading.OK)
 
 
 def told_of_bus(
