@@ -6,7 +6,7 @@ The same names in CamelCase are the value tables of `footsense.dbc`. No code eve
 from enum import IntEnum, IntFlag
 
 __all__ = [
-    "EXPECTED",
+    "FAULT_FREE",
     "NODE_IDS",
     "USABLE",
     "BaselineStatus",
@@ -45,7 +45,7 @@ class State(IntEnum):
 USABLE = frozenset({State.VALID, State.DEGRADED})
 
 #: States of a leg without a fault.
-EXPECTED = frozenset({State.VALID, State.STARTING, State.TARING, State.STOPPED})
+FAULT_FREE = frozenset({State.VALID, State.STARTING, State.TARING, State.STOPPED})
 
 
 class Phase(IntEnum):

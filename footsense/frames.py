@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface.can_codes import EXPECTED, USABLE, BaselineStatus, Cause
+from firmware_interface.can_codes import FAULT_FREE, USABLE, BaselineStatus, Cause
 from firmware_interface.can_frames import NODE_IDS, CommandKind, Flag, Result, State
 
 __all__ = [
     "ELEMENTS",
-    "EXPECTED",
+    "FAULT_FREE",
     "LEGS",
     "USABLE",
     "BaselineDrift",

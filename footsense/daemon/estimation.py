@@ -10,7 +10,7 @@ from footsense.acquisition.scan_plan import BOARDS, ORDERS
 from footsense.config import Config
 from footsense.daemon.calibrations import load_calibrations
 from footsense.daemon.contact_limits import closure_rel_per_pf, contact_limits
-from footsense.daemon.foot_types import artefact_path, require_foot_type
+from footsense.daemon.foot_types import artefact_path, check_foot_type
 from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.estimation.baseline.tare import TareLimits
@@ -46,7 +46,7 @@ def load_network(config: Config, calibrations: Calibrations | None = None) -> Ne
     path = Path(config.model) if config.model else artefact_path(config, "network.onnx")
     path = next((calibration.network for calibration in calibrations.values()), path)
     network = Network(path, n_rows=_n_rows(config))
-    require_foot_type(path, network.card.foot_type, config)
+    check_foot_type(path, network.card.foot_type, config)
     return network
 
 

@@ -12,7 +12,7 @@ from footsense.errors import RecordingError
 from footsense.estimation.network import Network
 from footsense.foot.files.calibration_reader import FootCalibration
 from footsense.frames import Flag
-from footsense.recording.machine import this_machine
+from footsense.recording.machine import platform_versions
 from footsense.recording.replay import Replay
 from footsense.sim.scene import Scene
 
@@ -40,7 +40,7 @@ def recording_header(
         "foot_type": network.card.foot_type,
         "feet": ",".join(f"{leg}={foot}" for leg, foot in config.feet.items()),
         _CALIBRATIONS: ",".join(hashes),
-        **this_machine(),
+        **platform_versions(),
     }
 
 

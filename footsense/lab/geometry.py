@@ -85,12 +85,12 @@ class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return 0.005 * self.max_n
 
     @property
-    def floor_n(self) -> float:
+    def min_force_n(self) -> float:
         """Force below which training counts errors absolutely [N]."""
         return 0.15 * self.max_n
 
     @property
-    def judged_from_n(self) -> float:
+    def min_judged_n(self) -> float:
         """Force from which errors are tabled [N]: the converter's noise alone hides the direction of less."""
         return 0.1 * self.max_n
 

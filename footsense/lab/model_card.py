@@ -20,7 +20,7 @@ def readme(
 ) -> str:
     """Return the model card for people."""
     where, loads, weights = response.provenance, foot_design.loads, card["training"]["weights"]
-    span, lean = f"{loads.judged_from_n:g} to {loads.max_n:g} N", f"{loads.typical_lean_deg:g} deg"
+    span, lean = f"{loads.min_judged_n:g} to {loads.max_n:g} N", f"{loads.typical_lean_deg:g} deg"
     radius = f"{foot_design.ball_radius_mm:g} mm radius"
     noise = f"{1000 * card['training']['wide']['noise_pf']:g} fF"
     asymmetry, residual, cut_off = (

@@ -17,7 +17,7 @@ from timeit import default_timer
 from typing import Any
 
 from footsense.errors import FootsenseError
-from footsense.lab.code_hash import module_sha256
+from footsense.lab.code_hash import compute_sha256
 from footsense.lab.studies.page import Page, Study, StudyContext
 from footsense.lab.targets import targets
 
@@ -104,7 +104,7 @@ def why_stale(name: str, folder: Path, context: StudyContext, studies: Mapping[s
     """Return why a page has to be made again; empty if it is of this network and of today's code of its study."""
     if not is_made(name, folder, context):
         return "missing, or made about another network"
-    if page_values(name, folder).get("code_sha256", "") != module_sha256(studies[name]):
+    if page_values(name, folder).get("code_sha256", "") != compute_sha256(studies[name]):
         return f"the code that measures its numbers has changed ({studies[name]})"
     return ""
 

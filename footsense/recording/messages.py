@@ -241,7 +241,7 @@ def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> CommandResu
     """Return the result of an outcome event.
 
     Raises:
-        TypeError: Its reason is no text.
+        TypeError: The reason is not a string.
     """
     reason = event["reason"]
     if not isinstance(reason, str):

@@ -15,7 +15,7 @@ from msgspec import Meta
 from footsense import strict_yaml
 from footsense.errors import ConfigError
 from footsense.sim.faults.scene_faults import FORMER_FAULTS, Fault, Leg
-from footsense.sim.foot.fabrication import AS_BADLY_MADE, REMOUNT_DEG, FootTolerances
+from footsense.sim.foot.fabrication import PAPER_TOLERANCES, REMOUNT_DEG, FootTolerances
 from footsense.sim.scene_loads import (
     FORMER_LOADS,
     CalibrationLoads,
@@ -61,9 +61,9 @@ class Fabrication(_Part, frozen=True):
     mounting: Annotated[int, Meta(ge=0)] = 0
 
     @classmethod
-    def as_badly_made(cls, *, seed: int, first: int, mounting: int) -> "Fabrication":
-        """Return feet of the paper's quality, mounted once more."""
-        rms = dataclasses.asdict(AS_BADLY_MADE)
+    def with_paper_tolerances(cls, *, seed: int, first: int, mounting: int) -> "Fabrication":
+        """Return feet with the paper's fabrication tolerances, in one of their mountings."""
+        rms = dataclasses.asdict(PAPER_TOLERANCES)
         return cls(seed=seed, first=first, mounting=mounting, remount_deg=REMOUNT_DEG, **rms)
 
     @property

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from footsense.frames import EXPECTED, USABLE, Cycle, State, Vector
+from footsense.frames import FAULT_FREE, USABLE, Cycle, State, Vector
 
 #: Smallest true force of a loaded frame, whose direction is defined [N].
 LOADED_N = 0.1
@@ -117,7 +117,7 @@ class RunStatistics:
                 leg: {State(s).name.lower(): int(n) for s, n in enumerate(counts) if n}
                 for leg, counts in zip(self._legs, self._states, strict=True)
             },
-            "faults": int(self._states.sum() - self._states[:, sorted(EXPECTED)].sum()),
+            "faults": int(self._states.sum() - self._states[:, sorted(FAULT_FREE)].sum()),
         }
         if self._true_force_n is not None:
             rmse_n = np.sqrt(self._squared_n2 / self._valid).tolist() if self._valid else [None] * 3

@@ -1,6 +1,6 @@
 """Look at a bus before its first scan: which addresses answer where, whether the chips are the right ones, its timing.
 
-Only transactions that no chip minds go to unknown addresses (`address_scan.py`). The mux is switched, and a leg's
+Only transactions that are harmless to the chips go to unknown addresses (`address_scan.py`). The mux is switched, and a leg's
 converter is asked for its identity; nothing else is written.
 """
 
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from firmware_interface.chips import tca9548a
 from footsense.acquisition.bus_timing import Timing, measure, timing
-from footsense.acquisition.probe.address_scan import AddressScan, scan_addresses
+from footsense.acquisition.probe.address_scan import AddressProbe, probe_addresses
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError, WrongChipError
@@ -46,7 +46,7 @@ class BusScan(NamedTuple):
         timing: Cost of transactions and limits of the scan; None if no chip answered that could be timed.
     """
 
-    upstream: AddressScan | None
+    upstream: AddressProbe | None
     mux_answers: bool
     channels: dict[int, ChannelScan]
     timing: Timing | None
@@ -73,14 +73,14 @@ def scan_bus(
     upstream, has_mux = None, False
     try:
         bus.free()
-        upstream = scan_addresses(bus.bus, claimed)  # a stuck line times out
+        upstream = probe_addresses(bus.bus, claimed)  # a stuck line times out
         has_mux = _holds_selection(bus, 0)
     except BusError as error:
         _log.info("the upstream bus: %s", error)
     if upstream is None or not has_mux:
         return BusScan(upstream, mux_answers=False, channels={}, timing=None)
     limits = timing(measure(bus.bus, clock, bus.mux_address), plan, max(len(legs), 1), kernel_mux=False)
-    known = {*claimed, *upstream.answering, *upstream.unasked}
+    known = {*claimed, *upstream.answering, *upstream.not_probed}
     channels = {}
     for channel in range(tca9548a.CHANNELS):
         try:
@@ -118,7 +118,7 @@ def scan_adapters(
         number: scan._replace(answering=tuple(address for address in scan.answering if address not in common))
         for number, scan in channels.items()
     }
-    return BusScan(AddressScan(tuple(sorted(common))), mux_answers=True, channels=channels, timing=limits)
+    return BusScan(AddressProbe(tuple(sorted(common))), mux_answers=True, channels=channels, timing=limits)
 
 
 def _holds_selection(bus: UpstreamBus, selection: int) -> bool:
@@ -137,14 +137,14 @@ def _holds_selection(bus: UpstreamBus, selection: int) -> bool:
 
 
 def _scan_channel(
-    bus: I2cBus, clock: Clock, plan: ScanPlan, leave_alone: Collection[int], *, is_leg: bool
+    bus: I2cBus, clock: Clock, plan: ScanPlan, skipped: Collection[int], *, is_leg: bool
 ) -> ChannelScan:
     """Return the chips behind the channel that is connected.
 
     Raises:
         BusTimeoutError: A line is stuck.
     """
-    answering = scan_addresses(bus, leave_alone).answering
+    answering = probe_addresses(bus, skipped).answering
     if not is_leg:
         return ChannelScan(answering, Reading.OK)
     converter, *switches = leg_addresses(plan)
@@ -159,7 +159,7 @@ def _scan_channel(
     except HardwareError as error:
         return ChannelScan(answering, Reading.NO_ANSWER, str(error))
     for address in switches:
-        if address not in answering and address not in leave_alone:
+        if address not in answering and address not in skipped:
             why = f"no line switch answers at {address:#04x}, though a converter does at {converter:#04x}"
             return ChannelScan(answering, Reading.NO_ANSWER, why)
     return ChannelScan(answering, Reading.OK)

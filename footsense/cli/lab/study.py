@@ -17,7 +17,7 @@ from footsense.cli.lab.options import (
 )
 from footsense.cli.options import FOLDER, echo_json, json_option
 from footsense.clock import stopwatch_ns
-from footsense.daemon.foot_types import FOOT_TYPE, released_path
+from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE, released_path
 from footsense.errors import FootsenseError
 
 if TYPE_CHECKING:
@@ -198,7 +198,7 @@ def tolerance(
 @click.option(
     "--models",
     type=FOLDER,
-    help=f"Folder that the models are built into; without it ./models/{FOOT_TYPE}.",
+    help=f"Folder that the models are built into; without it ./models/{DEFAULT_FOOT_TYPE}.",
 )
 @output_option
 @_quick_option
@@ -209,7 +209,7 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
     if stale:
         _print_stale(models or released_folder(), output or Path("docs") / "report", quick=quick)
         return
-    folder = models or Path("models") / (f"{FOOT_TYPE}-quick" if quick else FOOT_TYPE)
+    folder = models or Path("models") / (f"{DEFAULT_FOOT_TYPE}-quick" if quick else DEFAULT_FOOT_TYPE)
     require_writable(folder)
     pages = report_folder(output, quick=quick)
     from footsense.cli.lab.faults import write_page_of_faults

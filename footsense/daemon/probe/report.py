@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.acquisition.probe.address_scan import AddressScan
+from footsense.acquisition.probe.address_scan import AddressProbe
 from footsense.acquisition.probe.bus_scan import BusScan, ChannelScan
 from footsense.acquisition.probe.foot_check import FootFault, FootScans
 from footsense.config import Bus
@@ -76,13 +76,13 @@ class ProbeResult(NamedTuple):
         buses: Every bus.
         legs: Every leg, in the order of the configuration.
         diagnoses: Faults, those of the buses first.
-        floor_ns: Nine bare conversions [ns]; 0 without a bus.
+        conversions_ns: Time of nine conversions without any transaction [ns]; 0 without a bus.
     """
 
     buses: tuple[ProbedBus, ...]
     legs: tuple[ProbedLeg, ...]
     diagnoses: tuple[Diagnosis, ...]
-    floor_ns: int
+    conversions_ns: int
 
     @property
     def scan_ns(self) -> int | None:
@@ -103,6 +103,6 @@ class ProbedAdapter(NamedTuple):
     """
 
     device: str
-    addresses: AddressScan | None
+    addresses: AddressProbe | None
     kernel_drivers: Mapping[int, str]
     error: str = ""

@@ -55,7 +55,7 @@ def error_table(
     training, verification = paper_training(response), paper_verification(response)
     rng = np.random.default_rng(HELD_OUT_SEED)
     held_out = random_loads(response, loads, HELD_OUT_CASES, HELD_OUT_SEED)
-    counted = np.linalg.norm(held_out.force_n, axis=1) >= loads.judged_from_n
+    counted = np.linalg.norm(held_out.force_n, axis=1) >= loads.min_judged_n
     noisy_um = measured_closure_rel(response.design, held_out.closure_um, rng) * response.design.gap_um
     test = Cases(held_out.force_n[counted], noisy_um[counted])
     readouts: dict[str, tuple[Readout, Cases]] = {

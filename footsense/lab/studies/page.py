@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 
 from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.response_table import FootResponse
-from footsense.lab.code_hash import module_sha256
+from footsense.lab.code_hash import compute_sha256
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, open_models
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import FootDesign
@@ -142,7 +142,7 @@ class Study(Generic[Results]):
             "seconds": round(default_timer() - started, 1),
             "quick": context.quick,
             "network_sha256": context.network_sha256,
-            "code_sha256": module_sha256(self._module),
+            "code_sha256": compute_sha256(self._module),
             **msgspec.to_builtins(results, str_keys=True, enc_hook=_plain),
         }
         return self.rendered(json.loads(json.dumps(values)), figures)
@@ -170,7 +170,7 @@ class Study(Generic[Results]):
 
 
 def render(module: str, names: Mapping[str, Any]) -> str:
-    """Return the text of the template `<module>.md.j2` beside a module of footsense.
+    """Return the rendered text of the template `<module>.md.j2`, which lies beside the module.
 
     Args:
         module: The module's dotted name.
