@@ -245,7 +245,7 @@ def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> CommandResu
     """
     reason = event["reason"]
     if not isinstance(reason, str):
-        raise TypeError("a reason is a text")
+        raise TypeError("the reason is not a string")
     return CommandResult(decode_command(event, legs), Result[event["result"]], reason)
 
 

@@ -18,6 +18,7 @@ from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE
 from footsense.daemon.service import open_service
 from footsense.daemon.test_stand import StandSession
 from footsense.frames import Vector
+from footsense.sim.loads.ground_load import ContactSource
 from footsense.sim.scene import Effects, Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads, Unloaded
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
