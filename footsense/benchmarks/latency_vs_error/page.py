@@ -17,6 +17,7 @@ from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     latency_and_errors,
     settling_ms,
 )
+from footsense.benchmarks.latency_vs_error.grid import FRAME_BITS, OperatingPoint, WalkAndStand, grid_figure
 from footsense.benchmarks.latency_vs_error.loads import LoadCase, load_cases, measured_truth
 from footsense.benchmarks.latency_vs_error.publishing import (
     PublishedForces,
