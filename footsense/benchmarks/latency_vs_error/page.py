@@ -11,13 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.benchmarks.latency_vs_error.chain import BUS_HZ, HOST_COST_NS, ORDERS, convert, pace
+from footsense.benchmarks.latency_vs_error.grid import FRAME_BITS, OperatingPoint, WalkAndStand, grid_figure
 from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     SIGMA_MULTIPLES,
     LatencyAndErrors,
     latency_and_errors,
     settling_ms,
 )
-from footsense.benchmarks.latency_vs_error.grid import FRAME_BITS, OperatingPoint, WalkAndStand, grid_figure
 from footsense.benchmarks.latency_vs_error.loads import LoadCase, load_cases, measured_truth
 from footsense.benchmarks.latency_vs_error.publishing import (
     PublishedForces,

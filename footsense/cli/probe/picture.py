@@ -53,8 +53,8 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
     if result.scan_ns is not None:
         parts.append(
             Text(
-                f"Shortest scan {result.scan_ns * 1e-6:.1f} ms, {result.scan_ns / result.conversions_ns:.2f} x its nine "
-                f"conversions: at most {1e9 / result.scan_ns:.1f} frames/s."
+                f"Shortest scan {result.scan_ns * 1e-6:.1f} ms, {result.scan_ns / result.conversions_ns:.2f} x its "
+                f"nine conversions: at most {1e9 / result.scan_ns:.1f} frames/s."
             )
         )
     parts.append(Text())
