@@ -57,11 +57,10 @@ def calls_per_scan(n_scans: int = _COUNTED) -> tuple[Calls, Calls]:
         if event == "call":
             (simulator_calls if _is_simulated(frame) else service_calls)[frame.f_code] += 1
 
+    scene = load_scene("measured_walk")
     with (
         TemporaryDirectory() as folder,
-        open_service(
-            DEFAULT, load_scene("measured_walk"), real_time=False, record=Path(folder) / "walk.mcap"
-        ) as service,
+        open_service(DEFAULT, scene, real_time=False, record=Path(folder) / "walk.mcap") as service,
     ):
         service.observers.append(RunStatistics(service.legs, service.scan_source.true_force_n))
         service.run(_after(_WARM_UP))
@@ -75,11 +74,9 @@ def calls_per_scan(n_scans: int = _COUNTED) -> tuple[Calls, Calls]:
 
 def _is_simulated(frame: FrameType | None) -> bool:
     """Tell whether a frame belongs to the simulator, or was called by it."""
-    while frame is not None:
-        if frame.f_code.co_filename.startswith(_SIMULATOR):
-            return True
+    while frame is not None and not frame.f_code.co_filename.startswith(_SIMULATOR):
         frame = frame.f_back
-    return False
+    return frame is not None
 
 
 def _by_function(calls: Counter[CodeType], n_scans: int) -> Calls:

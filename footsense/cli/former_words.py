@@ -4,8 +4,6 @@ import re
 
 import click
 
-__all__ = ["with_present_word"]
-
 _RENAMED = {
     "bench": "benchmark",
     "ladder": "fidelity",

@@ -10,10 +10,10 @@ from footsense.can.frame_log import check_log_target
 from footsense.cli.options import FILE, FOLDER, can_log_option
 from footsense.clock import MonotonicClock
 from footsense.daemon.calibrations import load_calibrations
+from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.daemon.loop import Paced, step
 from footsense.daemon.recording_header import model_difference, recorded_config, recorded_flags
-from footsense.daemon.service import can_sink
 from footsense.errors import FootsenseError, ModelError, RecordingError
 from footsense.frames import ContactFrame
 from footsense.recording.compare import compare, same_machine

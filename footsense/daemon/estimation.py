@@ -1,6 +1,7 @@
 """From configuration to pipeline: the network, its card, and the calibrations of the feet."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -9,16 +10,19 @@ import numpy as np
 from footsense.acquisition.scan_plan import BOARDS, ORDERS
 from footsense.config import Config
 from footsense.daemon.calibrations import load_calibrations
-from footsense.daemon.contact_limits import closure_rel_per_pf, contact_limits
 from footsense.daemon.foot_types import artefact_path, require_foot_type
+from footsense.errors import ConfigError
 from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
+from footsense.estimation.baseline.contact import ContactLimits
+from footsense.estimation.baseline.drift import FASTEST_PF_PER_S
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.faults.status import RANGE_END_PF
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Alignment, Pipeline
-from footsense.estimation.sensitivity import sensitivity
+from footsense.estimation.sensitivity import Sensitivity, sensitivity
+from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.files.calibration_reader import FootCalibration
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import ELEMENTS, Vector
@@ -28,6 +32,10 @@ from footsense.ports import Estimator
 Calibrations = Mapping[str, FootCalibration]
 PerElement = Sequence[float] | Vector
 
+#: Least rise of a load over the fastest drift [1].
+_OVER_DRIFT_REL = 5.0
+#: Least contact threshold over the standard deviation of an element's noise [1].
+_OVER_NOISE_REL = 5.0
 #: Scans after which a step of the load has passed through all elements and the alignment.
 _SETTLED_SCANS = 4
 
@@ -90,7 +98,7 @@ def pipeline_for(
             noise_limit_ff=config.tare.noise_limit_ff,
             unloaded_limit_rel=config.tare.unloaded_limit_rel,
         ),
-        contact=contact_limits(config, trained_inputs.design, force_sensitivity),
+        contact=_contact_limits(config, trained_inputs.design, force_sensitivity),
         track_baseline=config.baseline.track,
         max_age_ns=round(config.stale_after_ms * 1e6),
         settled_ns=round(_SETTLED_SCANS * config.shortest_scan_ms * 1e6),
@@ -120,7 +128,7 @@ def _alignment(config: Config, trained_inputs: TrainedInputs, estimator: Estimat
     """Return the alignment of whole scans, or of single elements."""
     if config.publish == "frame":
         return ScanByScan(estimator, len(config.legs), trained_inputs.moments, config.average_scans)
-    noise_rel = config.rate.noise_ff * 1e-3 * closure_rel_per_pf(trained_inputs.design)
+    noise_rel = config.rate.noise_ff * 1e-3 * _closure_rel_per_pf(trained_inputs.design)
     order = ORDERS[config.order]
     return ElementByElement(
         estimator, len(config.legs), trained_inputs.moments, order, _step_ns(config), noise_rel
@@ -149,3 +157,33 @@ def _estimator(
 
 def _per_leg(config: Config, values: Mapping[str, PerElement], default: float) -> Vector:
     return np.array([values.get(leg, (default,) * ELEMENTS) for leg in config.legs])
+
+
+def _closure_rel_per_pf(design: CapacitorDesign) -> float:
+    """Return the change of closure over gap per picofarad on an unloaded element [1/pF]."""
+    # dC / C = -d(distance) / distance.
+    distance_um = float(design.plate_distance_um(np.array([design.unloaded_pf]))[0])
+    return distance_um / design.unloaded_pf / design.gap_um
+
+
+def _contact_limits(config: Config, design: CapacitorDesign, force_sensitivity: Sensitivity) -> ContactLimits:
+    """Return the limits for one foot type: the stiffer the foot, the more force its drift and noise amount to.
+
+    Args:
+        config: The robot.
+        design: Capacitors of its feet.
+        force_sensitivity: Forces per closure.
+
+    Raises:
+        ConfigError: The configured threshold is within the noise of these feet.
+    """
+    n_per_pf = force_sensitivity.load_n * _closure_rel_per_pf(design)
+    least_n = _OVER_NOISE_REL * config.rate.noise_ff * 1e-3 * n_per_pf
+    if config.contact.threshold_n < least_n:
+        raise ConfigError(
+            f"contact.threshold_n: {config.contact.threshold_n:g} N are lost in the noise of these feet; "
+            f"use at least {least_n:.2g}"
+        )
+    drift_n_per_s = _OVER_DRIFT_REL * FASTEST_PF_PER_S * n_per_pf
+    limits = ContactLimits(threshold_n=config.contact.threshold_n)
+    return replace(limits, floor_n_per_s=max(limits.floor_n_per_s, drift_n_per_s))

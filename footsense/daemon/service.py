@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,21 +12,22 @@ import msgspec
 from footsense.can.frame_log import check_log_target
 from footsense.can.sink import CanSink
 from footsense.clock import MonotonicClock, WakeupLatency, gc_disabled, request_realtime
-from footsense.config import Can, Config
+from footsense.config import Config
+from footsense.config.sections import Can
 from footsense.daemon import loop
 from footsense.daemon.acquisition import ScanSource, open_scan_source
 from footsense.daemon.calibrations import load_calibrations
+from footsense.daemon.can_output import can_sink, closing_at_end, simulated_can
 from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.daemon.recording_header import recording_header
 from footsense.daemon.simulation import is_simulated
-from footsense.errors import ConfigError, FootsenseError, RecordingError
+from footsense.errors import ConfigError, FootsenseError
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Pipeline
 from footsense.frames import CanStatistics, Flag
-from footsense.ports import CanWire, Clock, FrameSource, Observer
+from footsense.ports import FrameSource, Observer
 from footsense.recording.recorder import Recorder, check_target
 from footsense.sim.can.interface import SimulatedCan
-from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Scene
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.log_lines import n_lost_lines
@@ -37,53 +38,6 @@ if TYPE_CHECKING:
     from footsense.daemon.test_stand import StandSensor, StandSession
 
 _log = logging.getLogger(__name__)
-
-
-@contextmanager
-def can_sink(
-    config: Config,
-    clock: Clock,
-    log_file: Path | None,
-    stats: CanStatistics | None = None,
-    *,
-    real_time: bool = False,
-    connect: Callable[[], CanWire] | None = None,
-) -> Iterator[CanSink]:
-    """Open the CAN channel, and end with every leg's heartbeat `stopped`.
-
-    Yields:
-        The sink.
-
-    Raises:
-        CanError: The channel is missing or down.
-        ConfigError: The log's suffix is unknown.
-        RecordingError: The log cannot be made, or is not whole at the end.
-    """
-    sink = CanSink(
-        interface=config.can.interface,
-        channel=config.can.channel,
-        legs=config.legs,
-        clock=clock,
-        log_file=log_file,
-        bitrate=config.can.bitrate,
-        stats=stats,
-        log_waits=not real_time,
-        connect=connect,
-    )
-    with _ending(sink.close):
-        yield sink
-
-
-@contextmanager
-def _ending(close: Callable[[], None]) -> Iterator[None]:
-    """Close at the end; an incomplete log or recording must not hide the error that ended the run."""
-    try:
-        yield
-    except BaseException:
-        with suppress(RecordingError):
-            close()
-        raise
-    close()
 
 
 @dataclass(slots=True)
@@ -191,7 +145,7 @@ def open_service(
         if scene is not None and real_time:
             pace = MonotonicClock()
             source, wakeups = loop.Paced(source, scan.clock, pace), (pace.wakeups,)
-        can = _breaking_can(config, scene, scan.clock)
+        can = simulated_can(config, scene, scan.clock)
         connect = can.connect if can is not None else None
         sink = stack.enter_context(
             can_sink(config, scan.clock, can_log, stats, real_time=real_time, connect=connect)
@@ -208,7 +162,7 @@ def open_service(
             observers.append(recorder)
         observers += _metrics(config, stats, scan, wakeups, recorder)
         for observer in observers:
-            stack.enter_context(_ending(observer.close))
+            stack.enter_context(closing_at_end(observer.close))
         yield Service(
             legs=legs,
             scan_source=scan,
@@ -247,12 +201,6 @@ def _metrics(
         _log.warning("%s; the forces go on without metrics", error)
         return []
     return [metrics]
-
-
-def _breaking_can(config: Config, scene: Scene | None, clock: Clock) -> SimulatedCan | None:
-    """Return the simulated CAN interface of a scene with CAN faults; others use the virtual channel."""
-    faults = [fault for fault in scene.faults if isinstance(fault, CanFault)] if scene is not None else []
-    return SimulatedCan(clock, config.can.bitrate, faults) if faults else None
 
 
 def _flags(config: Config, *, simulated: bool) -> Flag:

@@ -23,8 +23,6 @@ from footsense.reference.sensor_mounting import SensorMounting
 from footsense.reference.serial_sensor import SerialReference
 from footsense.sim.test_stand import reference_sensor as simulated
 
-__all__ = ["StandSensor", "StandSession", "is_live", "open_sensor"]
-
 StandSensor = SerialReference | NetFtReference | FileReference
 
 

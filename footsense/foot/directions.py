@@ -20,6 +20,7 @@ __all__ = [
     "normalized",
     "paper_directions",
     "random_directions",
+    "rotation",
     "spiral_directions",
     "tangent_frame",
 ]
@@ -116,3 +117,19 @@ def tangent_frame(normals: Vector) -> tuple[Vector, Vector]:
     along_x = np.abs(normals[..., :1]) >= 0.5
     first = normalized(np.cross(normals, np.where(along_x, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])))
     return first, np.cross(normals, first)
+
+
+def rotation(turn_rad: Vector) -> Vector:
+    """Return the rotation about an axis by its length, shape (3, 3), of a vector [rad], shape (3,) (Rodrigues).
+
+    Example:
+        >>> rotation(np.array([0.0, 0.0, np.pi / 2])).round(12).tolist()
+        [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    angle = float(np.linalg.norm(turn_rad))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = turn_rad / angle
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turned: Vector = np.eye(3) + np.sin(angle) * across + (1.0 - np.cos(angle)) * across @ across
+    return turned

@@ -20,6 +20,7 @@ from footsense.errors import FootsenseError
 from footsense.lab.code_hash import module_sha256
 from footsense.lab.studies.page import Page, Study, StudyContext
 from footsense.lab.targets import targets
+from footsense.lab.template import render
 
 _LAB_STUDIES = {
     "released": "accuracy.released",
@@ -182,34 +183,22 @@ def bind(folder: Path, context: StudyContext) -> Path:
     values = {name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in made}
     pages = [(folder / f"{name}.md").read_text(encoding="utf-8").strip() for name in made]
     titles = [page.partition("\n")[0].removeprefix("## ") for page in pages]
-    contents = "\n".join(f"- [{title}](#{_anchor(title)})" for title in titles)
     studies_s = sum(value["seconds"] for value in values.values())
     build_s = _build_s(folder, context)
-    taken = f"the studies took {studies_s / 60.0:.0f} min"
-    if build_s is not None:
-        taken = f"the models took {build_s / 60.0:.0f} min and " + taken
-        if not left_out:
-            values["report"] = {"minutes": (build_s + studies_s) / 60.0}
-    notes = ""
-    if context.quick:
-        notes += "\n\n**A quick form: few steps, seeds and cases. Its figures are no results.**"
-    for name, reason in noted_stale(folder).items():
-        notes += f"\n\nNot made again since its code has changed: `{name}`. {reason}"
-    if left_out:
-        notes += f"\n\nNot made about this network yet: {', '.join(left_out)}."
-    text = f"""# The lab's report
-
-From rubber to network: every result of Aoyagi et al. with its command, its figure and its number beside the paper's,
-and what the paper left open. `footsense lab report` makes all of it; {taken}.
-Nothing here is edited by hand.{notes}
-
-{targets(values)}
-
-{contents}
-
-"""
+    if build_s is not None and not left_out:
+        values["report"] = {"minutes": (build_s + studies_s) / 60.0}
+    names = {
+        "anchors": {title: _anchor(title) for title in titles},
+        "build_s": build_s,
+        "left_out": left_out,
+        "pages": pages,
+        "quick": context.quick,
+        "stale": noted_stale(folder),
+        "studies_s": studies_s,
+        "targets": targets(values),
+    }
     path = folder / README
-    path.write_text(text + "\n\n".join(pages) + "\n", encoding="utf-8")
+    path.write_text(render(__name__, names) + "\n", encoding="utf-8")
     return path
 
 

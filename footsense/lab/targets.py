@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from footsense.lab.evaluation.compare import DIRECTION_DEG, MAGNITUDE_GF
-from footsense.lab.studies.page import table
+from footsense.lab.template import render
 
 #: The JSON of the pages, by study.
 Values = Mapping[str, Mapping[str, Any]]
@@ -114,30 +114,4 @@ def targets(values: Values) -> str:
     Args:
         values: The JSON of the pages, by study.
     """
-    rows = []
-    for target in TARGETS:
-        found = target.measured(values)
-        if found is None:
-            verdict, shown = "not measured", "-"
-        else:
-            met = found >= target.wanted if target.at_least else found <= target.wanted
-            factor = target.wanted / found if target.at_least else found / target.wanted
-            verdict, shown = "met" if met else f"missed by a factor of {factor:.3g}", f"{found:.3g}"
-        limit = f"{'at least' if target.at_least else 'at most'} {target.wanted:g}"
-        rows.append([target.what, target.paper, limit, shown, verdict, f"`{target.study}`"])
-    reached = table(["figure", "the paper", "target", "ours", "", "study"], rows)
-    return f"{reached}\n\n{_why(values['cramer-rao'])}" if "cramer-rao" in values else reached
-
-
-def _why(cramer_rao: Mapping[str, Any]) -> str:
-    """Return why the network misses the bound, from the numbers of the study `cramer-rao`."""
-    heaviest = cramer_rao["ratio"]["centred"][-1]
-    own = cramer_rao["noiseless_direction_rms_deg"][-1] / heaviest["network"]["direction_rms_deg"]
-    rounds = ", ".join(f"{what}: {row[0]['ratio']:.2f}" for what, row in cramer_rao["gauss_newton"].items())
-    return (
-        f"The Cramer-Rao bound falls with the load faster than the network's own error: at "
-        f"{heaviest['magnitude_gf']:g} gf that makes {own**2:.0%} of its squared error, noise the rest. More "
-        f"weights reduce it (study `network-size`); one round of Gauss-Newton on the response table, started at its "
-        f"estimate, brings these multiples of the bound where it explains the scan ({rounds}). Nothing released does "
-        f"that yet."
-    )
+    return render(__name__, {"TARGETS": TARGETS, "values": values})

@@ -16,8 +16,6 @@ from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Scene
 from footsense.sim.scene_loads import Tripod
 
-__all__ = ["CanFigures", "can_trial"]
-
 WALK = Scene(
     description="Six legs walk with a fault of CAN.",
     load=Tripod(period_s=1.0, duty_rel=0.6, peak_force_n=1.0),

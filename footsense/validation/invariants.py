@@ -18,8 +18,6 @@ from footsense.sim.can.interface import AS_DEPLOYED
 from footsense.sim.faults.scene_faults import CanFault, Fault
 from footsense.validation.tolerances import Rules, Spans, tolerated_delays_s, tolerated_spans_s
 
-__all__ = ["Invariants", "Violation"]
-
 _NS_PER_S = 1_000_000_000
 #: Name of each leg by its node id.
 _LEG_OF_NODE = {node: leg for leg, node in NODE_IDS.items()}

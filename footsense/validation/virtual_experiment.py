@@ -27,9 +27,6 @@ from footsense.foot.force_errors import errors
 from footsense.frames import Vector
 from footsense.validation.test_stand_trial import FootBatch, foot_name, run_trial
 
-__all__ = ["ALL_LOADS", "LOAD_COUNTS", "FootErrors", "FootResult", "run_experiment"]
-
-
 #: Numbers of loads that a calibration uses; the last is all there are.
 LOAD_COUNTS = (5, 10, 20, 50, 100)
 ALL_LOADS = 362

@@ -7,16 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.benchmarks.latency_vs_error.chain import (
-    ORDERS,
-    PublishedForces,
-    Readings,
-    convert,
-    extrapolated,
-    pace,
-    true_loads,
-)
+from footsense.benchmarks.latency_vs_error.chain import ORDERS, Readings, convert, pace, true_loads
 from footsense.benchmarks.latency_vs_error.errors import Truth, latency_and_errors, settling_ms
+from footsense.benchmarks.latency_vs_error.publishing import PublishedForces, extrapolated
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.specimen import Foot

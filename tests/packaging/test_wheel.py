@@ -52,6 +52,14 @@ def test_the_robot_carries_no_workshop(robot: Path, tmp_path: Path) -> None:
     assert packages & NOT_ON_A_ROBOT == set()
 
 
+def test_the_wheel_holds_every_template(robot: Path) -> None:
+    """The texts of the report's pages are no Python, and are packaged all the same."""
+    (package,) = robot.parent.glob("lib/python*/site-packages/footsense")
+    installed = {path.relative_to(package) for path in package.rglob("*.j2")}
+    assert installed
+    assert installed == {path.relative_to(ROOT / "footsense") for path in (ROOT / "footsense").rglob("*.j2")}
+
+
 def test_the_installed_daemon_walks(robot: Path, tmp_path: Path) -> None:
     """From an empty directory the built-in robot walks, and the summary counts its scans."""
     walked = run(robot / "footsense", "run", "--duration", "1", "--summary", "json", cwd=tmp_path)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.benchmarks.latency_vs_error.chain import FootLoad, PublishedForces, Stamps, true_loads
+from footsense.benchmarks.latency_vs_error.chain import FootLoad, Stamps, true_loads
+from footsense.benchmarks.latency_vs_error.publishing import PublishedForces
 from footsense.foot.directions import angles_between_deg
 
 Vector = NDArray[np.float64]

@@ -10,18 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.benchmarks.latency_vs_error.chain import (
-    BUS_HZ,
-    HOST_COST_NS,
-    ORDERS,
-    PublishedForces,
-    by_element,
-    by_frame,
-    convert,
-    extrapolated,
-    pace,
-    without_alignment,
-)
+from footsense.benchmarks.latency_vs_error.chain import BUS_HZ, HOST_COST_NS, ORDERS, convert, pace
 from footsense.benchmarks.latency_vs_error.errors import (
     SIGMAS,
     LatencyAndErrors,
@@ -30,6 +19,13 @@ from footsense.benchmarks.latency_vs_error.errors import (
 )
 from footsense.benchmarks.latency_vs_error.grid import FRAME_BITS, OperatingPoint, WalkAndStand, grid_figure
 from footsense.benchmarks.latency_vs_error.loads import LoadCase, load_cases, measured_truth
+from footsense.benchmarks.latency_vs_error.publishing import (
+    PublishedForces,
+    by_element,
+    by_frame,
+    extrapolated,
+    without_alignment,
+)
 from footsense.foot.files.network_card import TrainedInputs, read_card
 from footsense.foot.specimen import Foot
 from footsense.lab.studies.networks.network_size import train_sizes

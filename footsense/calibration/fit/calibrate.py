@@ -24,11 +24,11 @@ from footsense.calibration.loads.calibration_load import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.calibration.session.reference_checks import require_consistent_reference
 from footsense.errors import CalibrationError
+from footsense.foot.directions import rotation
 from footsense.foot.files.calibration_format import HeldOut
 from footsense.foot.force_errors import errors
 from footsense.foot.parameters import FootParameters
 from footsense.frames import Mask
-from footsense.sim.foot.fabrication import rotation
 
 __all__ = ["MIN_LOADS", "CalibrationResult", "calibrate", "calibrate_sessions"]
 

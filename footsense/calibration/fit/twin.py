@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.foot import gap_contact
+from footsense.foot.directions import rotation
 from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Vector
-from footsense.sim.foot.fabrication import rotation
 
 __all__ = ["GAIN", "GAP", "KINDS", "MOUNT", "N_PARAMETERS", "STIFFNESS", "STRAY", "ContactLoads", "FootTwin"]
 

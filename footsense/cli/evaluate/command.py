@@ -19,8 +19,6 @@ from footsense.estimation.network import Network
 from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
 from footsense.foot.force_errors import GRAM_FORCE_N, Errors
 
-__all__ = ["evaluate", "headline", "table"]
-
 
 @click.command()
 @recordings_argument
@@ -34,7 +32,7 @@ __all__ = ["evaluate", "headline", "table"]
 @click.option(
     "--out",
     type=FOLDER,
-    help="Folder for a page with figures: error map, patterns, histograms (needs matplotlib).",
+    help="Folder for a page with figures: error map, patterns, histograms (needs footsense[lab]).",
 )
 @foot_type_option
 @json_option
@@ -175,14 +173,14 @@ def _fitted_on(sessions: Sequence[RecordedSession], calibration: FootCalibration
 
 
 def _require_figures(out: Path) -> None:
-    """Check, before the work, that figures can be drawn and written.
+    """Check, before the work, that the page can be drawn and written.
 
     Raises:
-        ConfigError: matplotlib is missing, or the folder cannot be written.
+        ConfigError: A library is missing, or the folder cannot be written.
     """
-    if importlib.util.find_spec("matplotlib") is None:
+    if missing := [name for name in ("jinja2", "matplotlib") if importlib.util.find_spec(name) is None]:
         raise ConfigError(
-            "--out draws with matplotlib: pip install 'footsense[lab]'; without --out the table alone"
+            f"--out needs {', '.join(missing)}: pip install 'footsense[lab]'; without --out the table alone"
         )
     from footsense.cli.lab.options import require_writable
 

@@ -16,7 +16,7 @@ from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import Vector
-from footsense.lab.studies.page import table as markdown_table
+from footsense.lab.template import render
 
 _MAP, _HISTOGRAMS, _PATTERNS = "error-map.png", "errors.png", "patterns.png"
 
@@ -54,38 +54,10 @@ def write_page(
         figure.savefig(folder / name, dpi=110, bbox_inches="tight", metadata={"Software": None})
     stem = figures["foot"]
     (folder / f"{stem}.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    header, *lines = table(figures)
-    notes = "\n".join(f"- {line}" for line in warnings)
+    header, *rows = table(figures)
+    names = {"headline": headline(figures), "header": header, "rows": rows, "warnings": warnings}
     page = folder / f"{stem}.md"
-    page.write_text(
-        f"""# {headline(figures)}
-
-Mean and 95th percentile of the angle to the reference's force, and of the difference of the magnitudes, over the loads
-that have a force with and without the calibration.
-
-{markdown_table(header, lines)}
-
-{notes}
-
-## Error by direction
-
-Each dot is a load, where it touches the ball, seen from below; heavier loads are larger. The red circle is the mean
-error around a contact as in the paper's Fig. 19, the dashed one the paper's own.
-
-![]({_MAP})
-
-## Distribution of the errors
-
-![]({_HISTOGRAMS})
-
-## Closures of the elements
-
-Measured closures, and those of the simulated foot under the reference's force; the paper's Fig. 17.
-
-![]({_PATTERNS})
-""",
-        encoding="utf-8",
-    )
+    page.write_text(render(__name__, names) + "\n", encoding="utf-8")
     return page
 
 

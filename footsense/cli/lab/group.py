@@ -8,7 +8,7 @@ from footsense.cli.lab import experiment, faults, models, study
 from footsense.errors import FootsenseError
 
 #: Libraries of the extra.
-_EXTRA = ("ngsolve", "jax", "joblib", "optax", "onnx", "scipy")
+_EXTRA = ("ngsolve", "jax", "jinja2", "joblib", "optax", "onnx", "scipy")
 
 
 def _require_extra() -> None:

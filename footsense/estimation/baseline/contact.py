@@ -72,6 +72,7 @@ def trimmed_means(closure_rel: Vector) -> list[float]:
         Mean of each leg [1]; NaN for a leg with fewer than three closures.
 
     Example:
+        >>> import numpy as np
         >>> trimmed_means(np.array([[0.0, 1.0, 2.0, 9.0, np.nan]]))
         [1.5]
     """

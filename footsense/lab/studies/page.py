@@ -7,9 +7,9 @@ again from its JSON without computing anything; a test compares it with the comm
 """
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
-from functools import cache, cached_property
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from timeit import default_timer
@@ -17,7 +17,6 @@ from typing import Any, Generic, TypeVar
 
 import msgspec
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -28,6 +27,7 @@ from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, open_models
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import FootDesign
 from footsense.lab.monte_carlo.statistics import MeanStd
+from footsense.lab.template import render
 from footsense.lab.training.export import OnnxNetwork
 
 Results = TypeVar("Results")
@@ -169,51 +169,12 @@ class Study(Generic[Results]):
         )
 
 
-def render(module: str, names: Mapping[str, Any]) -> str:
-    """Return the text of the template `<module>.md.j2` beside a module of footsense.
-
-    Args:
-        module: The module's dotted name.
-        names: Values of the template's variables; the template fails on any other variable.
-    """
-    path = module.removeprefix("footsense.").replace(".", "/")
-    return _environment().get_template(f"{path}.md.j2").render(names).strip()
-
-
-@cache
-def _environment() -> Environment:
-    """Return the templates' environment, with the filter `fmt`: `{{ 0.5|fmt(".0%") }}` is `50%`."""
-    environment = Environment(
-        loader=PackageLoader("footsense", ""),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        autoescape=select_autoescape(),
-    )
-    environment.filters["fmt"] = format
-    return environment
-
-
 _QUICK = "**Quick run: coarse steps, few cases and seeds. Its figures are no results.**"
 
 
 def _plain(value: Any) -> Any:
     """Return a numpy value as Python's own."""
     return value.tolist()
-
-
-def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a Markdown table, the first column to the left and the others to the right.
-
-    Example:
-        >>> print(table(["read-out", "deg"], [["ours", "0.2"]]))
-        | read-out | deg |
-        |---|---:|
-        | ours | 0.2 |
-    """
-    rule = "|" + "|".join(["---", *["---:"] * (len(header) - 1)]) + "|"
-    lines = ["| " + " | ".join(row) + " |" for row in [header, *rows]]
-    return "\n".join([lines[0], rule, *lines[1:]])
 
 
 def panels(n: int, width: float, height: float, **options: Any) -> tuple[Figure, list[Axes]]:

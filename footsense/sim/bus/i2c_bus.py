@@ -9,6 +9,7 @@ Source:
 """
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Protocol
 
 from firmware_interface.chips import tca9548a
@@ -74,6 +75,12 @@ class SimulatedMux:
         return bytes((self.control,)) * n
 
 
+@cache
+def _wire_time_ns(n_written: int, n_read: int, rate_hz: int) -> int:
+    """Return the duration of a transaction on the wire [ns]."""
+    return wire_time_ns(transaction_bits(n_written, n_read), rate_hz)
+
+
 class SimulatedBus:
     """The adapter of a simulated upstream bus.
 
@@ -98,9 +105,8 @@ class SimulatedBus:
         self._host_cost_ns = host_cost_ns
         self._mux = mux
         self._legs = {channel: tuple(chips) for channel, chips in legs.items()}
-        # Looked up in every transaction.
+        # Chips by control register and address, looked up in every transaction.
         self._connected: dict[tuple[int, int], tuple[SimulatedChip, ...]] = {}
-        self._lasts_ns: dict[tuple[int, int], int] = {}
 
     def transfer(self, transaction: Transaction) -> bytes:
         """Do one transaction, and move the clock by its duration.
@@ -117,9 +123,7 @@ class SimulatedBus:
         if not chips:
             self._clock.sleep_until_ns(t_start_ns + wire_time_ns(nack_bits(), self._rate_hz))
             raise NackError(f"no acknowledge from {address:#04x}")
-        lasts_ns = self._lasts_ns.get((len(data), n_read))
-        if lasts_ns is None:
-            lasts_ns = self._wire_time_ns(len(data), n_read)
+        lasts_ns = _wire_time_ns(len(data), n_read, self._rate_hz)
         t_end_ns = t_start_ns + lasts_ns
         self._clock.advance_ns(self._host_cost_ns + lasts_ns)
         if data:
@@ -135,11 +139,6 @@ class SimulatedBus:
 
     def close(self) -> None:
         """Nothing is held."""
-
-    def _wire_time_ns(self, n_written: int, n_read: int) -> int:
-        """Return the duration of a transaction on the wire [ns], and keep it."""
-        lasts_ns = wire_time_ns(transaction_bits(n_written, n_read), self._rate_hz)
-        return self._lasts_ns.setdefault((n_written, n_read), lasts_ns)
 
     def _connect(self, address: int) -> tuple[SimulatedChip, ...]:
         """Return the connected chips at `address`, and keep them for this selection."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from footsense.foot.directions import rotation
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations
 from footsense.frames import ELEMENTS, Vector
@@ -80,22 +81,6 @@ def mounted(own: Deviations, remount_deg: float, seed: int, foot: int, mounting:
     """
     random = np.random.default_rng((seed, foot, mounting, 7))
     return replace(own, mount=_turned(random, remount_deg) @ own.mount)
-
-
-def rotation(turn_rad: Vector) -> Vector:
-    """Return the rotation about an axis by its length, shape (3, 3), of a vector [rad], shape (3,) (Rodrigues).
-
-    Example:
-        >>> rotation(np.array([0.0, 0.0, np.pi / 2])).round(12).tolist()
-        [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
-    """
-    angle = float(np.linalg.norm(turn_rad))
-    if angle == 0.0:
-        return np.eye(3)
-    x, y, z = turn_rad / angle
-    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turned: Vector = np.eye(3) + np.sin(angle) * across + (1.0 - np.cos(angle)) * across @ across
-    return turned
 
 
 def _drawn(rng: np.random.Generator, rms: float, n: int, least: float) -> Vector:

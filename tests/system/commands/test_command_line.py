@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from footsense.cli import main
 from footsense.config import DEFAULT
-from footsense.daemon.service import can_sink
+from footsense.daemon.can_output import can_sink
 from footsense.errors import HardwareError
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
 from footsense.recording.mcap_writer import McapFile

@@ -13,10 +13,10 @@ from footsense.calibration.fit.twin import GAP, MOUNT, N_PARAMETERS, STIFFNESS, 
 from footsense.calibration.loads.calibration_load import LoadSet
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
+from footsense.foot.directions import rotation
 from footsense.foot.force_errors import errors
 from footsense.foot.parameters import FootParameters, features
 from footsense.foot.specimen import Deviations, Foot
-from footsense.sim.foot.fabrication import rotation
 from footsense.sim.test_stand.press_sequence import paper_presses
 from tests.support.test_stand_loads import design, load_set, made
 

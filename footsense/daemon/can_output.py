@@ -1,0 +1,67 @@
+"""From configuration to CAN: the sink of the forces, and the simulated interface of a scene with CAN faults."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from footsense.can.sink import CanSink
+from footsense.config import Config
+from footsense.errors import RecordingError
+from footsense.frames import CanStatistics
+from footsense.ports import CanWire, Clock
+from footsense.sim.can.interface import SimulatedCan
+from footsense.sim.faults.scene_faults import CanFault
+from footsense.sim.scene import Scene
+
+
+@contextmanager
+def can_sink(
+    config: Config,
+    clock: Clock,
+    log_file: Path | None,
+    stats: CanStatistics | None = None,
+    *,
+    real_time: bool = False,
+    connect: Callable[[], CanWire] | None = None,
+) -> Iterator[CanSink]:
+    """Open the CAN channel, and end with every leg's heartbeat `stopped`.
+
+    Yields:
+        The sink.
+
+    Raises:
+        CanError: The channel is missing or down.
+        ConfigError: The log's suffix is unknown.
+        RecordingError: The log cannot be made, or is not whole at the end.
+    """
+    sink = CanSink(
+        interface=config.can.interface,
+        channel=config.can.channel,
+        legs=config.legs,
+        clock=clock,
+        log_file=log_file,
+        bitrate=config.can.bitrate,
+        stats=stats,
+        log_waits=not real_time,
+        connect=connect,
+    )
+    with closing_at_end(sink.close):
+        yield sink
+
+
+@contextmanager
+def closing_at_end(close: Callable[[], None]) -> Iterator[None]:
+    """Close at the end; an incomplete log or recording must not hide the error that ended the run."""
+    try:
+        yield
+    except BaseException:
+        with suppress(RecordingError):
+            close()
+        raise
+    close()
+
+
+def simulated_can(config: Config, scene: Scene | None, clock: Clock) -> SimulatedCan | None:
+    """Return the simulated CAN interface of a scene with CAN faults; others use the virtual channel."""
+    faults = [fault for fault in scene.faults if isinstance(fault, CanFault)] if scene is not None else []
+    return SimulatedCan(clock, config.can.bitrate, faults) if faults else None
