@@ -28,6 +28,7 @@ from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.daemon.loop import step
 from footsense.errors import FootsenseError
 from footsense.frames import CanStatistics, CapFrame, Cycle, Flag, State
+from footsense.ports import Observer
 from footsense.recording.cycle_pipe import CyclePipe
 from footsense.sim.clock import VirtualClock
 from footsense.sim.scene import load_scene
@@ -74,7 +75,7 @@ class Loopback:
         os.close(self.pipe)
 
 
-class _Recording:
+class _Recording(Observer):
     """An observer that copies every cycle into a pipe, as the recorder does."""
 
     def __init__(self, pipe: int, legs: tuple[str, ...]) -> None:
@@ -83,9 +84,6 @@ class _Recording:
     def observe(self, cycle: Cycle) -> None:
         """Copy one cycle."""
         self._pipe.send(cycle)
-
-    def close(self) -> None:
-        """Nothing waits."""
 
 
 class OurCycle(NamedTuple):
