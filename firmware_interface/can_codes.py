@@ -91,7 +91,7 @@ class Flag(IntFlag):
 
 
 class Cause(IntEnum):
-    """Cause of a state, as far as it is known; part of the fault report."""
+    """Cause of a leg's state, sent in the fault report."""
 
     NONE = 0  #: nothing is wrong, or nothing is known
     NO_ANSWER = 1  #: the leg's chips do not acknowledge: cable, power, or mux channel

@@ -1,4 +1,4 @@
-"""How fast a scan can be: what chips, bus and host allow, whatever program drives them.
+"""Lower bounds of the scan period, set by chips, bus and host and independent of the program.
 
 `README.md` in this folder derives it in words. The scanner plans with these figures, and `footsense benchmark`
 compares the measured scan with them.

@@ -41,7 +41,7 @@ _SETTLED_SCANS = 4
 
 
 def load_network(config: Config, calibrations: Calibrations | None = None) -> Network:
-    """Return the network of the calibrations, the configured one, or that of the foot type.
+    """Return the network of the calibrations, of the configuration, or of the foot type.
 
     Args:
         config: The robot.
@@ -138,7 +138,7 @@ def _alignment(config: Config, trained_inputs: TrainedInputs, estimator: Estimat
 def _estimator(
     config: Config, network: Network, calibrations: Calibrations
 ) -> tuple[Estimator, Callable[[Vector], None] | None]:
-    """Return the estimator of these feet, and what takes their temperature: None for feet without calibrations."""
+    """Return the estimator of these feet and the receiver of their temperature, None without calibrations."""
     if not calibrations:
         return network, None
     mounted = [calibrations.get(leg) for leg in config.legs]

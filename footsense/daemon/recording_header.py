@@ -77,7 +77,7 @@ def recorded_config(recording: Replay) -> Config:
 def model_difference(
     header: Mapping[str, str], network: Network, calibrations: Mapping[str, FootCalibration]
 ) -> str | None:
-    """Return why the forces cannot be those of a recording, in words; None if network and calibrations are the same.
+    """Return why a replay cannot reproduce the recorded forces; None if network and calibrations match.
 
     Args:
         header: Header of the recording; without calibrations in it, it was made without.

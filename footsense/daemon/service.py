@@ -42,7 +42,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(slots=True)
 class Service:
-    """The open daemon.
+    """Open daemon: loop, outputs and child processes.
 
     Attributes:
         legs: Names of the legs in the order of the rows of every frame.

@@ -189,7 +189,7 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
     """Make all files of a foot type.
 
     Args:
-        foot_file: Its description.
+        foot_file: Description of the foot.
         output: Folder for response.npz, network.onnx, README.md and a copy of the description; made if missing.
         recipe: How fine and how long.
         report: Receives a line after each step.

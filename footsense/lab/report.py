@@ -58,7 +58,7 @@ STALE = "stale.json"
 
 
 def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STUDIES) -> Page:
-    """Run one study.
+    """Run one study and return its page.
 
     Args:
         name: Key of `studies`.
@@ -131,7 +131,7 @@ def make_report(
         folder: Where the pages go.
         context: The models.
         studies: Module of each study.
-        build_s: What building the models took [s]; None if they were there.
+        build_s: Build time of the models [s]; None if they existed.
         resume: Whether pages that are not stale are kept.
         report: Receives a line after each page.
 
@@ -159,7 +159,7 @@ def make_report(
 
 
 def _write_page(name: str, studies: Mapping[str, str], models: Path, folder: Path, *, quick: bool) -> float:
-    """Run one study in this process, write its page, and return what it took [s]."""
+    """Run one study in this process, write its page, and return the elapsed time [s]."""
     page = make_page(name, StudyContext(models=models, quick=quick, say=_say), studies)
     page.write(folder)
     return page.seconds
@@ -203,7 +203,7 @@ def bind(folder: Path, context: StudyContext) -> Path:
 
 
 def _build_s(folder: Path, context: StudyContext) -> float | None:
-    """Return what building this very network took [s], None if nobody knows."""
+    """Return the build time of this network [s]; None if unknown."""
     try:
         built = json.loads((folder / BUILD).read_text(encoding="utf-8"))
     except (OSError, json.JSONDecodeError):

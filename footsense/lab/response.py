@@ -95,7 +95,7 @@ def transposed_series(series: Vector, degree: int) -> Vector:
 
 
 def add_series(classes: dict[Parity, Vector], degree: int) -> Vector:
-    """Return the series of single cells from those of the solved classes, shapes (products, 9, 9, 3).
+    """Return the series of single cells from the solved symmetry classes, shapes (products, 9, 9, 3).
 
     A single cell is a quarter of the sum of the four loads that put it and its mirror images together with the signs
     of each class.

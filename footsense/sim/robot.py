@@ -29,10 +29,10 @@ from footsense.sim.scene import Scene
 
 
 class Wiring(NamedTuple):
-    """One simulated bus.
+    """Wiring of one simulated bus: clock, mux, channels, board.
 
     Attributes:
-        rate_hz: Its clock [Hz].
+        rate_hz: Clock of the bus [Hz].
         mux_address: Address of its mux.
         channels: Mux channel of each leg.
         kernel_mux: Whether the kernel drives the mux, and each leg is an adapter of its own.

@@ -41,10 +41,10 @@ class Fabrication(_Part, frozen=True):
     Attributes:
         seed: Seed of the deviations.
         first: Number of the foot on the first leg; the other legs have the next ones.
-        gap_um: Of the gap of each element [um].
-        film_um: Of the film of each element [um].
-        stray_pf: Of the stray of each element [pF].
-        stiffness_rel: Of the stiffness of the whole foot [1].
+        gap_um: Rms deviation of the gap of each element [um].
+        film_um: Rms deviation of the film of each element [um].
+        stray_pf: Rms stray of each element [pF].
+        stiffness_rel: Rms deviation of the stiffness of the whole foot [1].
         mount_deg: Rotation of a foot on its leg [deg].
         remount_deg: Rotation added at each mounting [deg].
         mounting: Number of the mounting.
@@ -77,7 +77,7 @@ class _Gradual(_Part, frozen=True):
     """A linear change over time.
 
     Attributes:
-        from_s: Begin [s].
+        from_s: Start [s].
         over_s: Duration [s].
     """
 

@@ -85,7 +85,7 @@ class Stand(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     """A stand: from the middle of each leg's next stance on, for whole gait periods.
 
     Attributes:
-        from_s: Begin [s].
+        from_s: Start [s].
         until_s: End [s].
     """
 

@@ -39,7 +39,7 @@ class Histogram:
 
     @property
     def total(self) -> int:
-        """Number of values."""
+        """Number of counted values."""
         return int(self._counts.sum())
 
     @property

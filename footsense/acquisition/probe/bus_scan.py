@@ -1,7 +1,7 @@
-"""Look at a bus before its first scan: which addresses answer where, whether the chips are the right ones, its timing.
+"""Scan of a bus before the first scan of the feet: answering addresses, identity of the chips, timing.
 
-Only transactions that are harmless to the chips go to unknown addresses (`address_scan.py`). The mux is switched, and a leg's
-converter is asked for its identity; nothing else is written.
+Unknown addresses receive only transactions that are harmless to the chips (`address_scan.py`). The mux is switched, and
+the identity of each leg's converter is read; nothing else is written.
 """
 
 import logging
@@ -53,7 +53,7 @@ class BusScan(NamedTuple):
 
 
 def leg_addresses(plan: ScanPlan) -> tuple[int, ...]:
-    """Return the addresses of a leg's chips: the converter's first, then those of its switches."""
+    """Return the addresses of a leg's chips: first the converter, then the line switches."""
     step = plan.steps[0]
     return (step.trigger.address, *(select.address for select in step.select))
 
@@ -61,11 +61,11 @@ def leg_addresses(plan: ScanPlan) -> tuple[int, ...]:
 def scan_bus(
     bus: UpstreamBus, clock: Clock, plan: ScanPlan, legs: Mapping[str, int], claimed: Collection[int] = ()
 ) -> BusScan:
-    """Look at a bus whose mux footsense drives.
+    """Scan a bus whose mux footsense drives.
 
     Args:
         bus: The bus.
-        clock: The time that it lives in.
+        clock: Clock of the bus.
         plan: The scan to come.
         legs: Mux channel of each leg.
         claimed: Addresses that drivers of the kernel hold.
@@ -100,7 +100,7 @@ def scan_bus(
 def scan_adapters(
     adapters: Sequence[I2cBus], clock: Clock, plan: ScanPlan, claimed: Collection[int] = ()
 ) -> BusScan:
-    """Look at a bus whose mux the kernel drives, through the adapter of each leg; arguments as of `scan_bus`."""
+    """Scan a bus whose mux the kernel drives, through the adapter of each leg; arguments as of `scan_bus`."""
     channels: dict[int, ChannelScan] = {}
     limits = None
     for number, bus in enumerate(adapters):

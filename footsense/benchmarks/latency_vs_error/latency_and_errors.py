@@ -34,7 +34,8 @@ class LatencyAndErrors:
         direction_deg: Angle to the true force at the time of sending, mean and 95th percentile, loaded feet [deg].
         held_error_norm_mn: Length of the error of the held force, rms [mN].
         held_direction_deg: Angle of the held force to the true one, mean [deg].
-        share_within_sigma: Share of components, feet in contact, with an error at the time of sending within `SIGMA_MULTIPLES` [1].
+        share_within_sigma: Share of force components, feet in contact, with an error within each of `SIGMA_MULTIPLES` at
+            the time of sending [1].
         share_within_sigma_at_stamp: The same for the error at the time that the force is valid for.
         lag_ms: Shift of the truth that fits the held force best [ms].
     """
@@ -57,7 +58,7 @@ class TrueLoads:
 
     Attributes:
         feet: Load of each foot.
-        begin_ns: Begin of the time in which errors count [ns].
+        begin_ns: Start of the time in which errors count [ns].
         end_ns: End of it [ns].
         sampled_n: Forces at every `SAMPLE_PERIOD_NS` from time 0 to 30 ms after the end [N], shape (times, feet, 3).
     """
@@ -139,12 +140,12 @@ def _lag_ms(held_n: Vector, sampled_n: Vector, first: int) -> float:
 
 
 def settling_ms(published: PublishedForces, truth: TrueLoads, starts_ns: Sequence[int]) -> Vector:
-    """Return the time from the begin of each load until the held force stays within a tenth of it [ms], shape (feet,).
+    """Return the time from the start of each load until the held force stays within a tenth of it [ms], shape (feet,).
 
     Args:
         published: Forces.
         truth: True loads, at the end of which each foot carries its full load.
-        starts_ns: Begin of each load [ns].
+        starts_ns: Start of each load [ns].
     """
     read_ms, held_n, _ = _held_forces(published, truth)
     full_n = truth.sampled_n[round(read_ms[-1])]

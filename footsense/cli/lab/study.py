@@ -76,7 +76,7 @@ def response(
     models: Path | None,
     as_json: bool,
 ) -> None:
-    """Print what one centred load does to the nine elements."""  # noqa: DOC501 - click shows this text
+    """Print closures and capacitances of the nine elements under one centred load."""  # noqa: DOC501 - click shows this text
     from footsense.lab.evaluation.evaluate_models import open_models
     from footsense.lab.fidelity.levels import response_to
     from footsense.lab.foot_file import FOOT_FILE, load_foot
@@ -135,7 +135,7 @@ def study(*, name: str, models: Path | None, output: Path | None, quick: bool) -
 
 
 def _named(name: str, words: str) -> click.Command:
-    """Return the command of a study that has one of its own."""
+    """Return the dedicated command of a study."""
 
     def run(*, models: Path | None, output: Path | None, quick: bool, as_json: bool) -> None:
         _study(name, models, output, quick=quick, as_json=as_json)

@@ -135,7 +135,7 @@ def _bus(report: ProbedBus) -> Iterator[Text]:
 def _addresses(
     addresses: AddressProbe, drivers: Mapping[int, str], names: Mapping[int, str]
 ) -> Iterator[str]:
-    """Yield one line for the addresses that answer, those of the kernel, and those not scanned."""
+    """Yield one line each: answering addresses, addresses of kernel drivers, number of addresses not probed."""
     answering = [f"{address:#04x} {names.get(address, '')}".rstrip() for address in addresses.answering]
     yield ", ".join(answering) or "nobody answers"
     if drivers:

@@ -1,4 +1,4 @@
-"""Result of a probe as values; `bus_probe` makes it, `diagnosis` names faults and what to check."""
+"""Result of a probe as values, made by `bus_probe` and explained by `diagnosis`."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -26,7 +26,7 @@ class Diagnosis(NamedTuple):
 
 
 class ProbedBus(NamedTuple):
-    """One bus.
+    """Probe result of one bus.
 
     Attributes:
         bus: Its configuration.
@@ -40,7 +40,7 @@ class ProbedBus(NamedTuple):
 
 
 class ProbedLeg(NamedTuple):
-    """One leg.
+    """Probe result of one leg.
 
     Attributes:
         leg: Name of the leg.

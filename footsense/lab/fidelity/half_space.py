@@ -64,7 +64,7 @@ def lattice_opening_mm(pitch_mm: float, bar_mm: float, *, crossing: bool = True)
 
 
 class HalfSpace:
-    """Closures by formula.
+    """Closures by the closed formula of a loaded half-space.
 
     Args:
         design: The foot.

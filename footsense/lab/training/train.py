@@ -61,7 +61,7 @@ class Protocol:
         min_force_n: Force below which errors count absolutely [N].
         noise_rel: Noise of the training inputs over the converter's [1].
         masked: Whether elements may be missing.
-        seed: Of start weights, batches, noise and masks.
+        seed: Seed of start weights, batches, noise and masks.
     """
 
     channels: int = 14
@@ -167,7 +167,7 @@ def _drawn(task: _Task, protocol: Protocol, key: jax.Array) -> tuple[jax.Array, 
 def train(
     cases: Cases, design: CapacitorDesign, protocol: Protocol, imputation: Imputation | None = None
 ) -> Weights:
-    """Train a network.
+    """Train the equivariant network on random loads.
 
     Args:
         cases: Loads and exact closures; symmetric copies are not needed.

@@ -23,10 +23,10 @@ class FootTolerances:
     """Deviations of fabricated feet from the design: rms values, zero for exact.
 
     Attributes:
-        gap_um: Of the gap of each element [um].
-        film_um: Of the film of each element [um].
-        stray_pf: Of the stray of each element that the daemon does not know of [pF].
-        stiffness_rel: Of the stiffness of the whole foot [1].
+        gap_um: Rms deviation of the gap of each element [um].
+        film_um: Rms deviation of the film of each element [um].
+        stray_pf: Rms stray of each element that the daemon does not know of [pF].
+        stiffness_rel: Rms deviation of the stiffness of the whole foot [1].
         mount_deg: Rotation of the foot on its leg, about any axis [deg].
     """
 

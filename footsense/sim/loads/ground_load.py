@@ -59,7 +59,7 @@ class Ramp:
 
     Args:
         force_n: Force in the end [N], foot frame, not zero.
-        from_ns: Begin of the rise [ns].
+        from_ns: Start of the rise [ns].
         rise_ns: Duration of the rise [ns]; 0 for a step.
     """
 
@@ -94,8 +94,8 @@ class Walk:
         period_ns: Duration of a gait cycle [ns].
         duty_rel: Share of the cycle in stance [1].
         pitch_deg: Lean of the leg at touchdown; it changes linearly to the opposite at lift-off [deg].
-        from_ns: Begin of the walk; before that, all feet are in the air [ns].
-        standstills_ns: Begin and end of each stand, in the order of time [ns].
+        from_ns: Start of the walk; before that, all feet are in the air [ns].
+        standstills_ns: Start and end of each stand, in the order of time [ns].
 
     Attributes:
         period_ns: As given.

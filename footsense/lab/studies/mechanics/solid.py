@@ -231,7 +231,7 @@ def _edges(foot_design: FootDesign) -> list[Edged]:
 
 
 def _cells(response: FootResponse) -> tuple[float, float]:
-    """Return the largest spread of closure inside a cell [um], and what leaving it out costs a capacitance [1].
+    """Return the largest rms variation of closure inside a cell [um], and the capacitance error without it [1].
 
     Upright and inclined loads of 1 N. A closure that varies by a standard deviation s inside a cell raises the mean of
     1/D by s^2/D^2; s^2 = (slope x step)^2 / 12 per direction, the slope by differences of neighbouring cells.

@@ -151,7 +151,7 @@ _LEFT_OUT_QUICK = ("last 2 scans", "last 4 scans")
 
 
 class ForceErrors(NamedTuple):
-    """Errors of forces.
+    """Rms and direction errors of forces, loaded and in swing.
 
     Attributes:
         loaded_n: rms under load [N].
@@ -188,7 +188,7 @@ class Results:
     """All ways to read forces.
 
     Attributes:
-        steps: Of training.
+        steps: Training steps.
         training_walks: Walks of the training.
         test_walks: Walks of the test.
         without_creep: Errors of one scan where no foot creeps.

@@ -31,7 +31,7 @@ _FIGURE = "network-size.png"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Size:
-    """One network.
+    """Size, errors and run time of one network.
 
     Attributes:
         channels: Channels of each hidden layer.
@@ -50,10 +50,10 @@ class Size:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """All sizes.
+    """Errors of networks of all sizes.
 
     Attributes:
-        steps: Of training.
+        steps: Training steps.
         cases: Random loads for training.
         from_n: Smallest force of the test loads [N].
         sizes: The networks, the smallest first.
