@@ -7,7 +7,7 @@ from firmware_interface.can_codes import Result
 from firmware_interface.crc8 import FrameError, next_counter
 from firmware_interface.socketcan import pack_frame
 from footsense.can.channel import CanChannel
-from footsense.frames import CanStatistics, Command, CommandKind, CommandResult
+from footsense.frames import Command, CommandKind, CommandResult
 from footsense.ports import Clock
 
 __all__ = ["CanCommands"]
@@ -34,19 +34,16 @@ class CanCommands:
 
     Args:
         channel: The channel.
-        nodes: CAN node id of each leg.
         clock: Times the repetitions.
-        stats: Statistics; counts rejected commands.
 
     Attributes:
         unsolicited: Results without a command of a consumer that were not sent yet, by row: the tare after a start.
     """
 
-    def __init__(self, channel: CanChannel, nodes: Sequence[int], clock: Clock, stats: CanStatistics) -> None:
+    def __init__(self, channel: CanChannel, clock: Clock) -> None:
         self._channel = channel
         self._clock = clock
-        self._stats = stats
-        self._legs = [_LegCommands(row, node) for row, node in enumerate(nodes)]
+        self._legs = [_LegCommands(row, node) for row, node in enumerate(channel.nodes)]
         self._of_id = {can_events.COMMAND_ID + leg.node: leg for leg in self._legs}
         self.unsolicited: dict[int, tuple[Result, CommandKind]] = {}
 
@@ -65,20 +62,18 @@ class CanCommands:
             try:
                 _, counter, kind = can_events.decode_command(can_id, data)
             except can_events.UnknownCommandError as error:
-                self._stats.rejected += 1
                 self._answer(leg, Result.UNKNOWN, error.kind, error.counter)
                 continue
             except FrameError:
-                self._stats.rejected += 1
                 continue
             now_ns = self._clock.now_ns()
             if (kind, counter) == leg.last and now_ns - leg.last_ns < _REPEAT_NS:
-                self._stats.rejected += 1
                 continue
             leg.last, leg.last_ns = (kind, counter), now_ns
             if counter not in leg.pending[kind]:  # so the list cannot outgrow the counter's range
                 leg.pending[kind].append(counter)
             commands.append(Command(kind, leg.row))
+        self._channel.stats.rejected += len(frames) - len(commands)
         return commands
 
     def answer(self, outcome: CommandResult) -> None:

@@ -61,7 +61,7 @@ def _leg_difference(recorded: ContactFrame, recomputed: ContactFrame, row: int, 
 
     def moved(field: str, names: Sequence[str], tolerance: float) -> Iterator[str]:
         then, now = (np.atleast_1d(attrgetter(field)(frame)[row]) for frame in (recorded, recomputed))
-        for k in np.flatnonzero(~_equal(then, now, None if exact else tolerance)):
+        for k in np.flatnonzero(~_equal(then, now, None if exact else tolerance)).tolist():
             yield f"{names[k]} was {then[k]!s}, is now {now[k]!s}"
 
     def differences() -> Iterator[str]:
