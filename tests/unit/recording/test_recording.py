@@ -26,7 +26,6 @@ from footsense.recording.machine import platform_versions
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
-from footsense.recording.writer import UnbufferedFile
 from tests.support.cycles import LEGS, TARE, cycle, read_until_damage, same, write
 
 
@@ -184,7 +183,7 @@ def test_replay_gives_scan_commands_and_time(walk: tuple[bytes, list[Cycle]], sc
 def test_replay_counts_what_was_lost(scratch: Path) -> None:
     """The source gives the scans on both sides of a gap, and tells the gap with the scan after it."""
     with scratch.open("wb") as file:
-        recording = McapFile(UnbufferedFile(file.fileno()), {"legs": ",".join(LEGS)})
+        recording = McapFile(file.fileno(), {"legs": ",".join(LEGS)})
         recording.add_cycle(NumberedCycle(0, cycle(0)))
         recording.add_loss(LostCycles(4, 0, 3))
         recording.add_cycle(NumberedCycle(4, cycle(4)))
