@@ -34,8 +34,8 @@ class LatencyAndErrors:
         direction_deg: Angle to the true force at the time of sending, mean and 95th percentile, loaded feet [deg].
         held_error_norm_mn: Length of the error of the held force, rms [mN].
         held_direction_deg: Angle of the held force to the true one, mean [deg].
-        share_within_sigma: Share of force components, feet in contact, with an error within each of `SIGMA_MULTIPLES` at
-            the time of sending [1].
+        share_within_sigma: Share of force components, feet in contact, with an error within each of `SIGMA_MULTIPLES`
+            at the time of sending [1].
         share_within_sigma_at_stamp: The same for the error at the time that the force is valid for.
         lag_ms: Shift of the truth that fits the held force best [ms].
     """
