@@ -90,9 +90,7 @@ def test_commands_and_options_of_a_page_exist(page: Path) -> None:
 def test_keys_and_metrics_of_a_page_exist(page: Path) -> None:
     """`section.key` is one of the configuration, and `footsense_...` a metric or a name of the C header files."""
     text = (ROOT / page).read_text(encoding="utf-8")
-    structs = [
-        cls for cls in vars(sections).values() if isinstance(cls, type) and issubclass(cls, msgspec.Struct)
-    ]
+    structs = [value for value in vars(sections).values() if isinstance(value, msgspec.StructMeta)]
     keys = {key for cls in (Config, *structs) for key in cls.__struct_fields__}
     dotted = [
         name.replace("[]", "").split(".") for name in re.findall(r"`([a-z_]+(?:\[\])?(?:\.[a-z_]+)+)`", text)
