@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.benchmarks.latency_vs_error.chain import ORDERS, Readings, convert, pace, true_loads
+from footsense.acquisition.scan_plan import ORDERS
+from footsense.benchmarks.latency_vs_error.chain import Readings, convert, pace, true_loads
 from footsense.benchmarks.latency_vs_error.errors import Truth, latency_and_errors, settling_ms
 from footsense.benchmarks.latency_vs_error.publishing import PublishedForces, extrapolated
 from footsense.foot.capacitor import CapacitorDesign

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.benchmarks.latency_vs_error.chain import BUS_HZ, HOST_COST_NS, ORDERS, convert, pace
+from footsense.acquisition.scan_plan import ORDERS
+from footsense.benchmarks.latency_vs_error.chain import BUS_HZ, HOST_COST_NS, convert, pace
 from footsense.benchmarks.latency_vs_error.errors import (
     SIGMAS,
     LatencyAndErrors,
