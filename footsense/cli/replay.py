@@ -16,7 +16,7 @@ from footsense.daemon.loop import Paced, step
 from footsense.daemon.recording_header import model_difference, recorded_config, recorded_flags
 from footsense.errors import FootsenseError, ModelError, RecordingError
 from footsense.recording.compare import compare, same_machine
-from footsense.recording.machine import this_machine
+from footsense.recording.machine import platform_versions
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 
 
@@ -57,7 +57,7 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
     if difference:
         click.echo(f"warning: {file}: {difference}", err=True)
     pipeline = pipeline_for(config, network, recorded_flags(recording), calibrations)
-    exact = same_machine(recording.header, this_machine())
+    exact = same_machine(recording.header, platform_versions())
     n_frames = n_equal = 0
     with ExitStack() as stack:
         sink = stack.enter_context(can_sink(config, clock, can_log, real_time=realtime))

@@ -7,7 +7,7 @@ import click
 from footsense.cli.lab.options import output_option
 from footsense.cli.lab.study import write_study
 from footsense.cli.options import json_option
-from footsense.daemon.foot_types import models_folder
+from footsense.daemon.foot_types import foot_type_folder
 from footsense.validation.test_stand_trial import FootBatch
 
 
@@ -44,5 +44,5 @@ def experiment(
 
     batch = FootBatch(seed=seed, foot_type=foot_type or FootBatch().foot_type)
     page = study_of(batch, n_feet, jobs).page
-    models, bound = models_folder(batch.foot_type), foot_type is None
+    models, bound = foot_type_folder(batch.foot_type), foot_type is None
     write_study(page, models, output, quick=quick, as_json=as_json, bound=bound)
