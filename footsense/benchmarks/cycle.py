@@ -28,6 +28,7 @@ from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.daemon.loop import step
 from footsense.errors import FootsenseError
 from footsense.frames import CanStatistics, CapFrame, Cycle, Flag, State
+from footsense.ports import Observer
 from footsense.recording.cycle_pipe import CyclePipe
 from footsense.sim.clock import VirtualClock
 from footsense.sim.scene import load_scene
@@ -67,25 +68,22 @@ class Loopback:
             os.read(self._drain, 1 << 16)
 
     def close(self) -> None:
-        """Close all ends."""
+        """Close sockets and pipes."""
         self.socket.close()
         self._sink.close()
         os.close(self._drain)
         os.close(self.pipe)
 
 
-class _Recording:
+class _Recording(Observer):
     """An observer that copies every cycle into a pipe, as the recorder does."""
 
     def __init__(self, pipe: int, legs: tuple[str, ...]) -> None:
         self._pipe = CyclePipe(pipe, legs, {}, blocking=False)
 
     def observe(self, cycle: Cycle) -> None:
-        """Copy one cycle."""
+        """Copy the forces of one cycle."""
         self._pipe.send(cycle)
-
-    def close(self) -> None:
-        """Nothing waits."""
 
 
 class OurCycle(NamedTuple):
@@ -93,7 +91,7 @@ class OurCycle(NamedTuple):
 
     Attributes:
         run: Processes a scan at a time [ns].
-        baseline_pf: Returns the baselines at the begin of the next cycle [pF], shape (legs, 9).
+        baseline_pf: Returns the baselines at the start of the next cycle [pF], shape (legs, 9).
         counters: File of its metrics.
         loopback: Receiver of its frames and records.
     """

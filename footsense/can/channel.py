@@ -1,4 +1,4 @@
-"""One CAN channel and the log of what was sent on it.
+"""One CAN channel, and the log of the frames sent on it.
 
 A frame that the channel does not accept at once is dropped and counted, never sent later: by then there is a newer one.
 An interface that goes down or disappears is opened again, at growing intervals, without end. Nothing here waits, and
@@ -10,6 +10,7 @@ How long a frame may stay between the kernel's queue and the wire depends on the
 
 import logging
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -30,19 +31,35 @@ _BACK_OFF_NS = 50_000_000
 _LONGEST_BACK_OFF_NS = 250_000_000
 
 
-class CanChannel:
-    """An open CAN channel.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelSettings:
+    """Settings of a CAN channel.
 
-    Args:
+    Attributes:
         interface: Kind of channel, as python-can calls it: `virtual` or `socketcan`.
         channel: Its name, such as `can0`.
         bitrate: Bit rate of the bus [bit/s], for error messages: Linux sets it when the interface comes up.
+        log_file: File for every frame sent, its format by suffix: candump `.log`, `.asc` or `.blf`; None for none.
+        log_waits: Whether the log may make the loop wait, as in virtual time.
+        connect: Opens another interface than the named one, such as a simulated one; None for python-can's way.
+    """
+
+    interface: str
+    channel: str
+    bitrate: int = 500_000
+    log_file: Path | None = None
+    log_waits: bool = False
+    connect: Callable[[], CanWire] | None = None
+
+
+class CanChannel:
+    """An open CAN channel; its log is created last.
+
+    Args:
+        settings: Its settings.
         accept: CAN ids that `receive` returns.
         greeting: First frames, by CAN id; sending them also tests whether the channel is up.
-        log_file: File for every frame sent, its format by suffix; None for none. Created last.
         stats: Statistics of the channel.
-        log_waits: Whether the log may make the loop wait, as in virtual time.
-        connect: Opens the interface; None for python-can's way to `interface` and `channel`.
 
     Raises:
         ConfigError: The log's suffix is unknown.
@@ -52,27 +69,20 @@ class CanChannel:
 
     def __init__(
         self,
-        *,
-        interface: str,
-        channel: str,
-        bitrate: int,
+        settings: ChannelSettings,
         accept: Collection[int],
         greeting: Mapping[int, bytes],
-        log_file: Path | None,
         stats: CanStatistics,
-        log_waits: bool = False,
-        connect: Callable[[], CanWire] | None = None,
     ) -> None:
+        log_file, place = settings.log_file, (settings.interface, settings.channel, settings.bitrate)
         if log_file is not None:
             check_log_suffix(log_file)
         self.stats = stats
         self._accept = frozenset(accept)
-        self._explained = partial(error_text, interface, channel, bitrate)
-        self._connect: Callable[[], CanWire] = connect or partial(
-            open_wire, interface, channel, bitrate, self._accept
-        )
-        self._name = f"CAN channel {channel} ({interface})"
-        self._health = BusHealth(channel, stats)
+        self._explained = partial(error_text, *place)
+        self._connect: Callable[[], CanWire] = settings.connect or partial(open_wire, *place, self._accept)
+        self._name = f"CAN channel {settings.channel} ({settings.interface})"
+        self._health = BusHealth(settings.channel, stats)
         self._t_ns = 0
         self._back_off_ns = 0  # 0: the interface is open
         self._due_ns = 0
@@ -83,7 +93,7 @@ class CanChannel:
             # Sent before the log is open, and before the first force defines the time.
             self._unlogged = self._greet(b"".join(pack_frame(*frame) for frame in greeting.items()))
             if log_file is not None:
-                self._log = CanFrameLog(log_file, channel, stats, waits=log_waits)
+                self._log = CanFrameLog(log_file, settings.channel, stats, waits=settings.log_waits)
         except BaseException:
             self._release()
             raise

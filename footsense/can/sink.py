@@ -12,20 +12,18 @@ The loop drives all of this, the heartbeats too. It turns even if no leg answers
 which is their purpose.
 """
 
-from collections.abc import Callable
 from heapq import heapify, heapreplace
-from pathlib import Path
 
 from firmware_interface import can_events
 from firmware_interface.can_codes import NODE_IDS, Flag, NmtState
 from firmware_interface.can_frames import ForceQualityEncoder
 from firmware_interface.crc8 import COUNTER_PERIOD
 from firmware_interface.socketcan import FRAME_BYTES
-from footsense.can.channel import CanChannel
+from footsense.can.channel import CanChannel, ChannelSettings
 from footsense.can.commands import CanCommands
 from footsense.can.leg_frames import CanLeg, heartbeat_frame, heartbeat_of_state
 from footsense.frames import CanStatistics, Command, CommandResult, ContactFrame
-from footsense.ports import CanWire, Clock
+from footsense.ports import Clock
 
 __all__ = ["CanSink"]
 
@@ -47,15 +45,10 @@ class CanSink:
     """A CAN channel as the sink of forces and the source of commands.
 
     Args:
-        interface: Kind of channel, as python-can calls it: `virtual` or `socketcan`.
-        channel: Its name, such as `can0`.
+        settings: Settings of the channel.
         legs: Name of the leg in each row of the frames.
         clock: The time of the frames.
-        log_file: File for every frame sent: candump `.log`, `.asc` or `.blf`; None for none.
-        bitrate: Bit rate of the bus [bit/s], for error messages: Linux sets it when the interface comes up.
         stats: Statistics to continue; None for new ones.
-        log_waits: Whether the log may make the loop wait, as in virtual time.
-        connect: Opens another interface than the named one, such as a simulated one.
 
     Attributes:
         stats: Statistics of the channel.
@@ -71,30 +64,19 @@ class CanSink:
 
     def __init__(
         self,
-        *,
-        interface: str,
-        channel: str,
+        settings: ChannelSettings,
         legs: tuple[str, ...],
         clock: Clock,
-        log_file: Path | None = None,
-        bitrate: int = 500_000,
         stats: CanStatistics | None = None,
-        log_waits: bool = False,
-        connect: Callable[[], CanWire] | None = None,
     ) -> None:
         self.stats = stats or CanStatistics()
         nodes = [NODE_IDS[leg] for leg in legs]
         boot = can_events.encode_heartbeat(NmtState.BOOT)
         self._channel = CanChannel(
-            interface=interface,
-            channel=channel,
-            bitrate=bitrate,
+            settings,
             accept=[can_events.COMMAND_ID + node for node in nodes],
             greeting={can_events.HEARTBEAT_ID + node: boot for node in nodes},
-            log_file=log_file,
             stats=self.stats,
-            log_waits=log_waits,
-            connect=connect,
         )
         self._clock = clock
         self._legs = [CanLeg(row, node) for row, node in enumerate(nodes)]

@@ -15,6 +15,7 @@ _RENAMED = {
     "--pack": "--calibration",
     "--pokes": "--loads",
     "--feet": "--calibrations",
+    "--rung": "--level",
 }
 
 #: How click's messages begin: "No such command 'bench'", "No such option: --packs", "'quiet' is not one of".

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
 from footsense.config import Config
 from footsense.errors import RecordingError
@@ -34,17 +35,15 @@ def can_sink(
         ConfigError: The log's suffix is unknown.
         RecordingError: The log cannot be made, or is not whole at the end.
     """
-    sink = CanSink(
+    settings = ChannelSettings(
         interface=config.can.interface,
         channel=config.can.channel,
-        legs=config.legs,
-        clock=clock,
-        log_file=log_file,
         bitrate=config.can.bitrate,
-        stats=stats,
+        log_file=log_file,
         log_waits=not real_time,
         connect=connect,
     )
+    sink = CanSink(settings, config.legs, clock, stats)
     with closing_at_end(sink.close):
         yield sink
 

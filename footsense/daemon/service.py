@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -42,7 +42,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(slots=True)
 class Service:
-    """The open daemon.
+    """Open daemon: loop, outputs and child processes.
 
     Attributes:
         legs: Names of the legs in the order of the rows of every frame.
@@ -154,7 +154,8 @@ def open_service(
         if test_stand is not None:
             from footsense.daemon.test_stand import open_sensor  # a robot needs no serial port
 
-            reference = stack.enter_context(open_sensor(test_stand, legs.index(test_stand.leg), scan))
+            row = legs.index(test_stand.leg)
+            reference = stack.enter_context(closing(open_sensor(test_stand.test_stand, row, scan)))
         if record is not None:
             header = recording_header(config, scene, network, flags, calibrations)
             header |= test_stand.header() if test_stand is not None else {}
@@ -194,8 +195,8 @@ def _metrics(
             Path(config.metrics.counters),
             wakeups=wakeups,
             missed_deadlines=lambda: scan.source.missed_deadlines,
-            recorder_lost=lambda: recorder.lost if recorder else 0,
-            log_lost=n_lost_lines,
+            n_lost_scans=lambda: recorder.lost if recorder else 0,
+            n_lost_lines=n_lost_lines,
         )
     except FootsenseError as error:
         _log.warning("%s; the forces go on without metrics", error)

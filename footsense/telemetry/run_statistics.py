@@ -8,7 +8,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from footsense.frames import EXPECTED, USABLE, Cycle, State, Vector
+from footsense.frames import FAULT_FREE, USABLE, Cycle, State, Vector
+from footsense.ports import Observer
 
 #: Smallest true force of a loaded frame, whose direction is defined [N].
 LOADED_N = 0.1
@@ -38,7 +39,7 @@ class Histogram:
 
     @property
     def total(self) -> int:
-        """Number of values."""
+        """Number of counted values."""
         return int(self._counts.sum())
 
     @property
@@ -61,7 +62,7 @@ class Histogram:
         return float((rank + 1) * self._width)
 
 
-class RunStatistics:
+class RunStatistics(Observer):
     """An observer that keeps the statistics of a run.
 
     Args:
@@ -95,9 +96,6 @@ class RunStatistics:
         if self._true_force_n is not None:
             self._compare(forces.force_n[valid], self._true_force_n(forces.t_sent_ns)[valid])
 
-    def close(self) -> None:
-        """Nothing is held."""
-
     def _compare(self, estimate_n: Vector, true_n: Vector) -> None:
         self._squared_n2 += np.square(estimate_n - true_n).sum(axis=0)
         self._valid += len(estimate_n)
@@ -117,7 +115,7 @@ class RunStatistics:
                 leg: {State(s).name.lower(): int(n) for s, n in enumerate(counts) if n}
                 for leg, counts in zip(self._legs, self._states, strict=True)
             },
-            "faults": int(self._states.sum() - self._states[:, sorted(EXPECTED)].sum()),
+            "faults": int(self._states.sum() - self._states[:, sorted(FAULT_FREE)].sum()),
         }
         if self._true_force_n is not None:
             rmse_n = np.sqrt(self._squared_n2 / self._valid).tolist() if self._valid else [None] * 3

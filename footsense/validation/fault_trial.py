@@ -1,4 +1,4 @@
-"""One fault in a walk: what was shown and how soon, recovery, and the effect on the other legs.
+"""Trial of one fault in a walk: detection time, recovery time, effect on the other legs.
 
 Everything runs in virtual time: the same trial gives the same figures every time. The host costs nothing, so that the
 number of transactions moves no conversion: an unaffected leg gives the same forces to the bit.
@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from footsense.config import DEFAULT, Config
 from footsense.daemon.service import open_service
 from footsense.frames import USABLE, Cause, Codes, ContactFrame, Cycle, Stamps, State, Vector
+from footsense.ports import Observer
 from footsense.sim.faults.scene_faults import Fault, Leg
 from footsense.sim.scene import Effects, Scene
 from footsense.sim.scene_loads import Tripod
 
 #: The leg with the fault.
 LEG: Leg = "rm"
-#: Begin of the fault, in the middle of the leg's stance, and end, in its next swing [s].
+#: Start of the fault, in the middle of the leg's stance, and end, in its next swing [s].
 BREAKS_AT_S, PASSES_AT_S = 0.7, 1.2
 DURATION_S = 2.6
 
@@ -90,7 +91,7 @@ class FaultFigures(NamedTuple):
     others_error_n: float
 
 
-class _Observer:
+class _Observer(Observer):
     """Keeps every frame of a walk."""
 
     def __init__(self) -> None:
@@ -98,9 +99,6 @@ class _Observer:
 
     def observe(self, cycle: Cycle) -> None:
         self.frames.append(cycle.forces)
-
-    def close(self) -> None:
-        pass
 
 
 def walk(*faults: Fault, config: Config = DEFAULT, effects: Effects = WALK.effects) -> PublishedWalk:
@@ -132,8 +130,8 @@ def figures(
     Args:
         broken: The walk with the fault.
         whole: The same walk without it.
-        begin_s: Begin of the fault [s].
-        end_s: Its end [s]; None if it stays.
+        begin_s: Start of the fault [s].
+        end_s: End of the fault [s]; None if it stays.
         leg: The leg with the fault.
     """
     row = broken.legs.index(leg)

@@ -1,15 +1,11 @@
-"""A day of walking with a fault every half minute: stretches of it, each in a process of its own.
+"""Soak test: a day of walking with a fault every half minute, in stretches of one process each.
 
 Everything runs in virtual time and follows from the seed, so that a stretch with a violation can be repeated alone.
 Every stretch begins with a walk without faults, which measures the share of errors beyond 5 sigma.
 """
 
-import logging
 import math
 from collections import Counter
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
 
 import msgspec
 import numpy as np
@@ -78,31 +74,8 @@ class StretchResult(msgspec.Struct, frozen=True, kw_only=True):
     growth_mib_per_h: float
 
 
-def _quiet() -> None:
-    """Log no warnings: the faults are on purpose."""
-    logging.disable(logging.WARNING)
-
-
-def walk_day(stretches: list[Stretch], jobs: int) -> Iterator[StretchResult]:
-    """Walk stretches in processes of their own.
-
-    Args:
-        stretches: The stretches.
-        jobs: Processes at a time.
-
-    Yields:
-        Each result as it is complete.
-    """
-    with ProcessPoolExecutor(
-        jobs, mp_context=get_context("spawn"), initializer=_quiet, max_tasks_per_child=1
-    ) as processes:
-        running = [processes.submit(walk_stretch, stretch) for stretch in stretches]
-        for walked in as_completed(running):
-            yield walked.result()
-
-
 def walk_stretch(stretch: Stretch) -> StretchResult:
-    """Walk one stretch.
+    """Simulate one stretch of the walk with its faults.
 
     Raises:
         ModelError: The released network or the response table is missing.

@@ -5,12 +5,9 @@ stand, as in the paper, and against the simulator's true force. Loads for which 
 for all, and counted.
 """
 
-import logging
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 
 import msgspec
@@ -21,10 +18,11 @@ from footsense.calibration.fit.calibrate import calibrate
 from footsense.calibration.loads.calibration_load import LoadSet
 from footsense.calibration.session.recorded_session import read_session
 from footsense.clock import stopwatch_ns
-from footsense.daemon.foot_types import models_folder
+from footsense.daemon.foot_types import foot_type_folder
 from footsense.errors import CalibrationError
 from footsense.foot.force_errors import errors
 from footsense.frames import Vector
+from footsense.validation.processes import in_processes
 from footsense.validation.test_stand_trial import FootBatch, foot_name, run_trial
 
 #: Numbers of loads that a calibration uses; the last is all there are.
@@ -90,20 +88,18 @@ def run_experiment(
         jobs: Number of processes.
         every: Use one of so many presses.
 
-    Yields:
+    Returns:
         Each result as it is done.
     """
     work = partial(evaluate_foot, batch, per_foot_network=per_foot_network, every=every)
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_mute) as processes:
-        for done in as_completed([processes.submit(work, number) for number in numbers]):
-            yield done.result()
+    return in_processes(work, numbers, jobs)
 
 
 def evaluate_foot(
     batch: FootBatch, number: int, *, per_foot_network: PerFootNetwork | None, every: int = 1
 ) -> FootResult:
     """Press, calibrate and evaluate one foot; arguments as of `run_experiment`."""
-    models = DesignModels.load(models_folder(batch.foot_type))
+    models = DesignModels.load(foot_type_folder(batch.foot_type))
     with tempfile.TemporaryDirectory(prefix="footsense-test-stand-") as folder:
         trial = run_trial(batch, number, Path(folder), every=every)
         began_ns = stopwatch_ns()
@@ -157,8 +153,3 @@ def _errors(reference_n: Vector, true_force_n: Vector, force_n: Vector) -> FootE
     return FootErrors(
         by_reference.direction_deg, by_reference.magnitude_gf, by_truth.direction_deg, by_truth.magnitude_gf
     )
-
-
-def _mute() -> None:
-    """Drop the daemon's warnings about an uncalibrated foot."""
-    logging.disable(logging.WARNING)

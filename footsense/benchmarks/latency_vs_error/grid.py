@@ -9,15 +9,20 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
-from numpy.typing import NDArray
 
 from firmware_interface.can_frames import NODE_IDS
-from footsense.benchmarks.latency_vs_error.chain import ORDERS, Readings, convert, pace
-from footsense.benchmarks.latency_vs_error.errors import LatencyAndErrors, Truth, latency_and_errors, rms_mn
+from footsense.acquisition.scan_plan import ORDERS
+from footsense.benchmarks.latency_vs_error.chain import Readings, convert, pace
+from footsense.benchmarks.latency_vs_error.latency_and_errors import (
+    LatencyAndErrors,
+    TrueLoads,
+    latency_and_errors,
+    rms_mn,
+)
 from footsense.benchmarks.latency_vs_error.publishing import by_element, by_frame
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, Vector
 from footsense.ports import Estimator
 from footsense.sim.loads.ground_load import Ramp
 
@@ -64,12 +69,12 @@ class WalkAndStand(NamedTuple):
     """
 
     rate_sps: int
-    truth: Truth
+    truth: TrueLoads
     walk: Readings
     standing: Readings
 
     @classmethod
-    def at(cls, rate_sps: int, foot: Foot, truth: Truth) -> "WalkAndStand":
+    def at(cls, rate_sps: int, foot: Foot, truth: TrueLoads) -> "WalkAndStand":
         """Convert feet of one make."""
         standing = [partial(Ramp(STANDING_N, 0).contact, leg) for leg in NODE_IDS]
         order, end_ns = ORDERS["lo_shu"], truth.end_ns
@@ -104,10 +109,12 @@ class WalkAndStand(NamedTuple):
         )
 
 
-def _xy(points: Sequence[OperatingPoint], panel: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _xy(points: Sequence[OperatingPoint], panel: str) -> tuple[Vector, Vector]:
     """Return latencies [ms], and errors or noises [mN]."""
     latency_ms = np.array([p.walk.age_held_ms[0] for p in points])
-    return latency_ms, np.array([p.walk.held_total_mn if panel == "error" else p.noise_mn for p in points])
+    return latency_ms, np.array(
+        [p.walk.held_error_norm_mn if panel == "error" else p.noise_mn for p in points]
+    )
 
 
 def _annotate(

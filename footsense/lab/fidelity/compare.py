@@ -1,4 +1,4 @@
-"""What each rung costs, and how far it is from the finest one on the same loads."""
+"""Time of each fidelity level, and its difference from the finest one on the same loads."""
 
 import functools
 import timeit
@@ -14,7 +14,7 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import Readout, errors
 from footsense.lab.fem.forward import ForwardFoot
-from footsense.lab.fidelity.answer import Answer, Rung
+from footsense.lab.fidelity.levels import Answer, FidelityLevel
 from footsense.lab.training.load_cases import paper_training, paper_verification
 
 Vector = NDArray[np.float64]
@@ -22,7 +22,7 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loads:
-    """Contacts to ask every rung about.
+    """Contacts of a comparison.
 
     Attributes:
         normal: Inward unit normals, shape (n, 3).
@@ -58,12 +58,12 @@ def mirrored_loads(cases: Sequence[tuple[float, float, float]]) -> Loads:
     return Loads(up(of_normal), up(of_force) * magnitude_gf[:, None] * GRAM_FORCE_N)
 
 
-def timed(rung: Rung, loads: Loads, repeats: int = 1) -> tuple[Answer, float]:
-    """Return a rung's answer and what it took [s], the shortest of a few runs."""
+def timed(level: FidelityLevel, loads: Loads, repeats: int = 1) -> tuple[Answer, float]:
+    """Return a level's answer and its time [s], the shortest of some runs."""
     taken_s = []
     for _ in range(repeats):
         start = default_timer()
-        answer = rung.answer(loads.normal, loads.force_n)
+        answer = level(loads.normal, loads.force_n)
         taken_s.append(default_timer() - start)
     return answer, min(taken_s)
 
@@ -74,7 +74,7 @@ def sensed_force_n(network: Readout, design: CapacitorDesign, answer: Answer) ->
     Args:
         network: Makes forces [N] of closures over the gap [1].
         design: Dimensions of the capacitors.
-        answer: What the elements do.
+        answer: Closures and capacitances of the elements.
     """
     closure_um = design.closure_um(answer.capacitance_pf, np.full(9, design.unloaded_pf))
     return network(closure_um / design.gap_um)
@@ -85,9 +85,9 @@ class Distance:
     """How far one answer is from another one to the same loads.
 
     Attributes:
-        closure_rel: Of the closures, rms over rms of the other's [1].
+        closure_rel: Difference of the closures, rms over rms of the reference [1].
         closure_max_um: The largest difference of a closure [um].
-        capacitance_rel: Of the capacitance changes, rms over rms of the other's [1].
+        capacitance_rel: Difference of the capacitance changes, rms over rms of the reference [1].
         capacitance_max_pf: The largest difference of a capacitance [pF].
         direction_deg: Mean angle between the forces that the network reads from both [deg].
         magnitude_gf: Mean difference of their magnitudes [gf].
@@ -162,9 +162,9 @@ def forward_against_table(
 
     Args:
         foot: Factorised.
-        factorise_s: What that took [s].
+        factorise_s: Time of the factorisation [s].
         response: The table.
-        loads: What the table is timed on.
+        loads: Loads on which the table is timed.
         n: How many of them, evenly spread, are solved.
     """
     once = functools.partial(response.free_closure_um, loads.normal, loads.force_n)
