@@ -213,6 +213,17 @@ def test_without_a_leg_in_the_scan_frames_keep_their_pace(error: BusError, *, el
     assert robot.clock.now_ns() - start_ns >= 20 * 9 * FDC1004.conversion_ns
 
 
+def test_the_bus_is_measured_at_the_next_leg_if_the_first_one_is_missing() -> None:
+    """No read of the first leg is acknowledged; the scan starts with the limits all the same."""
+    robot = Robot(distinct)
+    leg = robot.legs["0"]
+    robot.bus.timing = None
+    leg.failing = dict.fromkeys(range(leg.n, leg.n + 1000), NackError("gone"))
+    robot.bus.start()
+    assert robot.bus.timing is not None
+    assert (robot.read(2).reading[1:] == Reading.OK).all()
+
+
 @pytest.mark.parametrize("n_lost", [1, 3])
 def test_acknowledges_that_are_lost_while_the_bus_is_measured_do_not_end_the_start(n_lost: int) -> None:
     """The bus is measured from the answers that came, and every leg is in the scan."""

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from firmware_interface import schedule
@@ -102,7 +103,7 @@ def test_legs_that_are_missing_are_tried_one_a_scan() -> None:
         for chip in robot.chips(leg):
             chip.absent_ns = [(0, math.inf)]
     robot.read(4)
-    tries = []
+    tries: list[int] = []
 
     def count(transaction: Transaction, n: int) -> None:
         tries[-1] += transaction == read_register(Register.MANUFACTURER_ID)
@@ -131,6 +132,40 @@ def test_a_leg_that_cannot_be_connected_is_tried_again() -> None:
         assert (frame.reading[[0, 2, 3, 4, 5]] == Reading.OK).all()
     robot.saboteurs[0].arm(lambda transaction, n: None)
     assert (robot.read(200).reading == Reading.OK).all()
+
+
+def test_a_leg_that_failed_is_connected_no_more_in_that_scan() -> None:
+    """A converter that does not finish is asked alone once; the other five go on without it until the scan ends."""
+    robot = Robot(distinct)
+    robot.read(2)
+    robot.converters[3].stuck_ns = [(robot.clock.now_ns(), math.inf)]
+    selections: list[int] = []
+
+    def note(transaction: Transaction, n: int) -> None:
+        if transaction.address == 0x71:
+            selections.append(transaction.write[0])
+
+    robot.saboteurs[0].arm(note)
+    robot.read()
+    alone = [n for n, selection in enumerate(selections) if selection == 0b001000]
+    between = selections[alone[0] + 1 : alone[1]]
+    assert between.count(0b110111) >= 7
+    assert not any(selection & 0b001000 for selection in between)
+
+
+@pytest.mark.parametrize("element_wise", [False, True])
+def test_a_bus_that_times_out_twice_costs_what_was_being_read(*, element_wise: bool) -> None:
+    """Triggers time out, and no leg holds a line when it is asked: all legs stay, and lose that element or all."""
+    robot = Robot(distinct, element_wise=element_wise)
+    robot.read(1 + 4 if element_wise else 2)
+    steps = scan_plan("lo_shu", 400).steps
+    triggers = {step.trigger for step in steps}
+    robot.saboteurs[0].arm(lambda sent, n: BusTimeoutError("held low") if sent in triggers else None)
+    delayed = robot.read().reading == Reading.DELAYED
+    elements = [steps[4].element] if element_wise else list(range(9))
+    assert (delayed == np.isin(np.arange(9), elements)).all()
+    robot.saboteurs[0].arm(lambda transaction, n: None)
+    assert (robot.read(9).reading == Reading.OK).all()
 
 
 @pytest.mark.parametrize(("host_cost_us", "limit_ms"), [(0, 102.5), (40, 103.4), (100, 104.9)])

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 from rich.console import Console
 
-from footsense.acquisition.probe.address_scan import AddressScan
+from footsense.acquisition.probe.address_scan import AddressProbe
 from footsense.acquisition.probe.bus_scan import ChannelScan, scan_adapters, scan_bus
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
@@ -197,7 +197,7 @@ def test_adapters_of_a_kernel_mux_are_told_leg_by_leg() -> None:
     upstream = WithOthers(SimulatedBus(clock, 400_000, 0, mux, chips), 0x40)
     legs = [SimulatedKernelMuxLeg(upstream, clock, mux, channel, 0) for channel in range(3)]
     scan = scan_adapters(legs, clock, scan_plan("lo_shu", 400), claimed=(0x71,))
-    assert (scan.upstream, scan.mux_answers) == (AddressScan((0x40,)), True)
+    assert (scan.upstream, scan.mux_answers) == (AddressProbe((0x40,)), True)
     why = "no line switch answers at 0x49, though a converter does at 0x50"
     sound = ChannelScan((0x49, 0x50), Reading.OK)
     assert scan.channels == {0: ChannelScan((0x50,), Reading.NO_ANSWER, why), 1: sound, 2: sound}
