@@ -69,7 +69,7 @@ class CyclePipe:
             self.lost += 1
 
     def _write(self, record: bytes) -> bool:
-        """Write a record; a rest without room goes first next time.
+        """Write a record; send the unsent rest of the previous one first.
 
         Returns:
             Whether the record was accepted; if not, none of it was written.

@@ -59,7 +59,7 @@ class _UnbufferedFile:
 
 
 def header_crc(header: Mapping[str, str]) -> str:
-    """Return the checksum of a header without its own entry."""
+    """Return the checksum of a header, without the checksum entry."""
     entries = sorted((key, value) for key, value in header.items() if key != HEADER_CRC)
     return f"{zlib.crc32(json.dumps(entries).encode()):08x}"
 
@@ -124,7 +124,7 @@ class McapFile:
         )
 
     def flush(self) -> None:
-        """Close the chunk and hand everything to the kernel."""
+        """Close the chunk, and write all buffered data to the file."""
         self._writer.flush()
 
     def finish(self) -> None:

@@ -81,7 +81,7 @@ class RecordDecoder:
         return SensorRecords(t_ns, sequence, values[:, self._forces], saturated)
 
     def reset(self) -> None:
-        """Drop an incomplete record: the line has been opened anew."""
+        """Drop an incomplete record after the line was reopened."""
         self._synchronised = False
 
     def _parse(self, data: bytes) -> list[list[float]]:
@@ -97,7 +97,7 @@ class RecordDecoder:
         self.last_bad = data[:60]
 
     def _unwrap(self, counts: Vector, index: int) -> Vector:
-        """Return counts without wraps; one that goes back by less than half its range has gone back."""
+        """Return unwrapped counts; a decrease by less than half the range is a decrease, not a wrap."""
         wrap = self._wraps[index]
         if wrap is None or not len(counts):
             return counts
@@ -124,7 +124,7 @@ class LineDecoder(RecordDecoder):
         self._rest = b""
 
     def reset(self) -> None:
-        """Drop an incomplete line: the port has been opened anew."""
+        """Drop an incomplete line after the port was reopened."""
         super().reset()
         self._rest = b""
 
@@ -180,7 +180,7 @@ class BinaryDecoder(RecordDecoder):
         self._skipped = b""
 
     def reset(self) -> None:
-        """Drop an incomplete record: the port has been opened anew."""
+        """Drop an incomplete record after the port was reopened."""
         super().reset()
         self._buffer.clear()
         self._skipped = b""

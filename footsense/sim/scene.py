@@ -104,7 +104,7 @@ class Warming(_Gradual, frozen=True, kw_only=True):
 
 
 class Softening(_Gradual, frozen=True, kw_only=True):
-    """One foot that becomes softer than the others: rubber that ages, or a sheet that comes off.
+    """One foot becomes softer than the others, as by ageing rubber or a detached sheet.
 
     Attributes:
         leg: Leg of the foot.

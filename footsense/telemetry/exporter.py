@@ -1,4 +1,4 @@
-"""The service's counters as Prometheus metrics over HTTP: the only file that knows prometheus_client.
+"""HTTP export of the counters as Prometheus metrics; the only module that imports prometheus_client.
 
 It runs in `footsense exporter`, a process with a systemd unit of its own. Each scrape opens the counters' file anew,
 so a restarted service is picked up, and one that has ended or not started yet shows as `footsense_up 0`.

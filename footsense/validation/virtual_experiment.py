@@ -79,7 +79,7 @@ def run_experiment(
     jobs: int,
     every: int = 1,
 ) -> Iterator[FootResult]:
-    """Press, calibrate and evaluate feet, in processes of their own.
+    """Press, calibrate and evaluate feet, each in a child process.
 
     Args:
         batch: Batch of the feet.

@@ -193,7 +193,7 @@ class LoadDetector:
         return total_n, n
 
     def _end_press(self, since_ns: int) -> None:
-        """Wait for the next press; drop what is older than the release."""
+        """Wait for the next press; drop the samples before the release."""
         self._phase = _Phase.UNLOADED
         self._baseline_pf = None
         self._forget_until(since_ns)

@@ -88,7 +88,7 @@ def _rejections(
 
 
 def _means(press: Press, dwell_ns: tuple[int, int], before: _Unloaded) -> CalibrationLoad:
-    """Return the means over a dwell minus those of the unloaded spans around it."""
+    """Return the means over a dwell minus the means of the unloaded spans before and after it."""
     scans, samples = _within(press.t_ns, dwell_ns), _within(press.sample_ns, dwell_ns)
     middle_ns = (dwell_ns[0] + dwell_ns[1]) // 2
     baseline_pf, offset_sum_n, offset_samples = (

@@ -58,7 +58,7 @@ class FullSolution:
 
 
 class FullFoot:
-    """The foot with everything that the cheaper models leave out, or with parts of it.
+    """Finite-strain contact model of the foot; each of its effects can be switched off.
 
     Args:
         design: The foot.

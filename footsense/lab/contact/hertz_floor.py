@@ -48,7 +48,7 @@ class HertzFloor:
         """Do nothing: a pressure without friction has no state."""
 
     def withdraw(self) -> None:
-        """Go nowhere: the next aim sets the force anew."""
+        """Do nothing: the next `aim` sets the force."""
 
     def patch(self) -> Patch:
         """Return the patch; a parabolic floor would have come a^2/(5R) further than loaded points on average."""

@@ -85,7 +85,7 @@ class TransmitQueue:
         self._frames.clear()
 
     def stop(self) -> None:
-        """Empty the queue of an interface that goes down; it has a carrier when it comes up again."""
+        """Discard the queue of an interface that goes down, and restore its carrier."""
         self.purge()
         self.regain_carrier()
         self.look_ns = math.inf

@@ -34,7 +34,7 @@ class GroundContact(NamedTuple):
 
 
 class ContactSource(Protocol):
-    """The contacts of all legs over time."""
+    """Contact of each leg as a function of time."""
 
     def contact(self, leg: str, t_ns: int) -> GroundContact:
         """Return the contact of a leg at a time [ns]."""
@@ -86,8 +86,8 @@ Reaction = Callable[[float], Vector]
 class Walk:
     """A tripod gait on flat ground.
 
-    A stand begins for each leg in the middle of its next stance and lasts whole gait cycles, so that all six are on
-    the ground and then walk on as if they had never stood.
+    A standstill starts for each leg in the middle of its next stance and lasts whole gait cycles: all six feet are on the
+    ground, and then continue the gait at the same phase.
 
     Args:
         reaction: Ground reaction of each leg over its phase.
@@ -95,7 +95,7 @@ class Walk:
         duty_rel: Share of the cycle in stance [1].
         pitch_deg: Lean of the leg at touchdown; it changes linearly to the opposite at lift-off [deg].
         from_ns: Start of the walk; before that, all feet are in the air [ns].
-        standstills_ns: Start and end of each stand, in the order of time [ns].
+        standstills_ns: Start and end of each standstill, in the order of time [ns].
 
     Attributes:
         period_ns: As given.

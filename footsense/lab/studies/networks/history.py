@@ -1,4 +1,4 @@
-"""Study `history`: does a network that also sees earlier scans know the force better, once the rubber creeps?"""
+"""Study `history`: errors of networks with earlier scans as inputs, on rubber that creeps."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
