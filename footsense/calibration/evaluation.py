@@ -44,7 +44,7 @@ _MIN_LOADS = 20
 
 
 class DesignModels(NamedTuple):
-    """Models of a foot type: response table, network and design.
+    """Models of a foot type: response table and network.
 
     Attributes:
         response: Response table of the type.

@@ -86,8 +86,8 @@ Reaction = Callable[[float], Vector]
 class Walk:
     """A tripod gait on flat ground.
 
-    A standstill starts for each leg in the middle of its next stance and lasts whole gait cycles: all six feet are on the
-    ground, and then continue the gait at the same phase.
+    A standstill starts for each leg in the middle of its next stance and lasts whole gait cycles: all six feet are on
+    the ground, and then continue the gait at the same phase.
 
     Args:
         reaction: Ground reaction of each leg over its phase.
