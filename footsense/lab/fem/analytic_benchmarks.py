@@ -1,4 +1,4 @@
-"""Problems whose solution is known, solved by the same forms as the foot: what the elements are judged by.
+"""Problems whose solution is known, solved by the same forms as the foot: the check of the elements.
 
 A block with any smooth displacement prescribed on its surface and the body force that belongs to it, and a half-space
 under a Hertz pressure, whose stress on the axis and dent are simple formulas.
@@ -33,8 +33,7 @@ def _solved(material: Material, space: Any, given: Any, where: str, load: Any) -
     form.Assemble()
     solution = ng.GridFunction(space)
     solution.components[0].Set(given, definedon=space.mesh.Boundaries(where))
-    rest = load.vec.CreateVector()
-    rest.data = load.vec - form.mat * solution.vec
+    rest = (load.vec - form.mat * solution.vec).Evaluate()
     solution.vec.data += form.mat.Inverse(space.FreeDofs(), "sparsecholesky") * rest
     return solution
 
