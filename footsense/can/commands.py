@@ -65,20 +65,18 @@ class CanCommands:
             try:
                 _, counter, kind = can_events.decode_command(can_id, data)
             except can_events.UnknownCommandError as error:
-                self._stats.rejected += 1
                 self._answer(leg, Result.UNKNOWN, error.kind, error.counter)
                 continue
             except FrameError:
-                self._stats.rejected += 1
                 continue
             now_ns = self._clock.now_ns()
             if (kind, counter) == leg.last and now_ns - leg.last_ns < _REPEAT_NS:
-                self._stats.rejected += 1
                 continue
             leg.last, leg.last_ns = (kind, counter), now_ns
             if counter not in leg.pending[kind]:  # so the list cannot outgrow the counter's range
                 leg.pending[kind].append(counter)
             commands.append(Command(kind, leg.row))
+        self._stats.rejected += len(frames) - len(commands)
         return commands
 
     def answer(self, outcome: CommandResult) -> None:

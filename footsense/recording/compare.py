@@ -1,10 +1,12 @@
 """Comparison of recomputed forces with recorded ones."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from enum import IntEnum
+from operator import attrgetter
 
 import numpy as np
 
-from footsense.frames import BaselineDrift, BaselineStatus, Cause, ContactFrame, Mask, State, Vector
+from footsense.frames import BaselineStatus, Cause, ContactFrame, Mask, State, Vector
 from footsense.recording.messages import NOT_RECORDED
 
 __all__ = ["TOLERANCE_N", "compare", "same_machine"]
@@ -17,8 +19,6 @@ TOLERANCE_PF = 1e-6
 
 #: Entries of the header that have to be equal for bits to be equal.
 MACHINE_KEYS = ("processor", "python", "numpy", "onnxruntime")
-
-_AXES = "xyz"
 
 
 def same_machine(header: Mapping[str, str], here: Mapping[str, str]) -> bool:
@@ -53,45 +53,35 @@ def compare(
 
 
 def _leg_difference(recorded: ContactFrame, recomputed: ContactFrame, row: int, *, exact: bool) -> str | None:
-    then, now = int(recorded.state[row]), int(recomputed.state[row])
-    if then != now:
-        return f"state was {State(then).name}, is now {State(now).name}"
-    for field in ("t_ns", "fault_mask", "flags"):
-        then, now = int(getattr(recorded, field)[row]), int(getattr(recomputed, field)[row])
+    def found(field: str, name: str, codes: type[IntEnum] | None = None) -> Iterator[str]:
+        then, now = (int(attrgetter(field)(frame)[row]) for frame in (recorded, recomputed))
         if then != now:
-            return f"{field} was {then}, is now {now}"
-    for field, name in (("force_n", "f"), ("sigma_n", "sigma_")):
-        a, b = getattr(recorded, field)[row], getattr(recomputed, field)[row]
-        differs = ~_equal(a, b, None if exact else TOLERANCE_N)
-        if differs.any():
-            k = int(differs.argmax())
-            return f"{name}{_AXES[k]}_n was {a[k]!s}, is now {b[k]!s}"
-    if recorded.cause[row] == NOT_RECORDED:
-        return None
-    then, now = int(recorded.cause[row]), int(recomputed.cause[row])
-    if then != now:
-        return f"cause was {Cause(then).name}, is now {Cause(now).name}"
-    return _baseline_difference(recorded.baseline, recomputed.baseline, row, exact=exact)
+            words = (then, now) if codes is None else (codes(then).name, codes(now).name)
+            yield f"{name} was {words[0]}, is now {words[1]}"
 
+    def moved(field: str, names: Sequence[str], tolerance: float) -> Iterator[str]:
+        then, now = (np.atleast_1d(attrgetter(field)(frame)[row]) for frame in (recorded, recomputed))
+        for k in np.flatnonzero(~_equal(then, now, None if exact else tolerance)).tolist():
+            yield f"{names[k]} was {then[k]!s}, is now {now[k]!s}"
 
-def _baseline_difference(
-    recorded: BaselineDrift, recomputed: BaselineDrift, row: int, *, exact: bool
-) -> str | None:
-    then, now = int(recorded.status[row]), int(recomputed.status[row])
-    if then != now:
-        return f"baseline_status was {BaselineStatus(then).name}, is now {BaselineStatus(now).name}"
-    then, now = int(recorded.moved_ns[row]), int(recomputed.moved_ns[row])
-    if then != now:
-        return f"baseline_moved_ns was {then}, is now {now}"
-    for field in ("mean_pf", "worst_pf"):
-        a, b = getattr(recorded, field)[row], getattr(recomputed, field)[row]
-        if not _equal(a, b, None if exact else TOLERANCE_PF).all():
-            return f"baseline_{field} was {a!s}, is now {b!s}"
-    return None
+    def differences() -> Iterator[str]:
+        yield from found("state", "state", State)
+        for field in ("t_ns", "fault_mask", "flags"):
+            yield from found(field, field)
+        yield from moved("force_n", ("fx_n", "fy_n", "fz_n"), TOLERANCE_N)
+        yield from moved("sigma_n", ("sigma_x_n", "sigma_y_n", "sigma_z_n"), TOLERANCE_N)
+        if recorded.cause[row] != NOT_RECORDED:
+            yield from found("cause", "cause", Cause)
+            yield from found("baseline.status", "baseline_status", BaselineStatus)
+            yield from found("baseline.moved_ns", "baseline_moved_ns")
+            yield from moved("baseline.mean_pf", ("baseline_mean_pf",), TOLERANCE_PF)
+            yield from moved("baseline.worst_pf", ("baseline_worst_pf",), TOLERANCE_PF)
+
+    return next(differences(), None)
 
 
 def _equal(a: Vector, b: Vector, tolerance: float | None) -> Mask:
     if tolerance is not None:
         return np.isclose(a, b, rtol=0.0, atol=tolerance, equal_nan=True)
-    same_bits = np.atleast_1d(a).view(np.uint64) == np.atleast_1d(b).view(np.uint64)
+    same_bits = a.view(np.uint64) == b.view(np.uint64)
     return np.asarray(same_bits | (np.isnan(a) & np.isnan(b)))

@@ -1,12 +1,13 @@
 """Cycles as msgpack records on the pipe between the loop and the writer.
 
 Each record is its length (u32, little-endian) and one msgpack array: the header first, then cycles, and a loss before
-the cycle that follows a gap. The arrays of a cycle's frames stand in one binary field, in the order of `_arrays`, so
+the cycle that follows a gap. The arrays of a cycle's frames stand in one binary field, in the order of `_ARRAYS`, so
 that packing is copying. The reader checks every field: a damaged record ends the recording in one line.
 """
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, NamedTuple
+from operator import attrgetter
+from typing import Annotated, Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -27,7 +28,7 @@ from footsense.frames import (
     State,
 )
 
-__all__ = ["LostCycles", "NumberedCycle", "pack_cycle", "pack_header", "pack_loss", "unpack"]
+__all__ = ["LostCycles", "NumberedCycle", "pack_cycle", "pack_header", "pack_loss", "require", "unpack"]
 
 _LENGTH_BYTES = 4
 #: Longest record [bytes], far above any cycle.
@@ -85,36 +86,33 @@ class _Cycle(msgspec.Struct, array_like=True, tag="cycle"):
 _encode = msgspec.msgpack.Encoder(enc_hook=np.generic.item).encode
 _decode = msgspec.msgpack.Decoder(_Header | _Cycle | LostCycles).decode
 
-#: Largest code of each field.
-_CODES = {
-    "state": max(State),
-    "cause": max(Cause),
-    "baseline_status": max(BaselineStatus),
-    "reading": max(Reading),
-    "fault_mask": (1 << ELEMENTS) - 1,
+#: A cycle's arrays by their place in it, wide entries first so that all are aligned: type, and shape of a leg's part.
+_ARRAYS = {
+    "scan.t_ns": ("<i8", (ELEMENTS,)),
+    "scan.capacitance_pf": ("<f8", (ELEMENTS,)),
+    "forces.t_ns": ("<i8", ()),
+    "forces.force_n": ("<f8", (3,)),
+    "forces.sigma_n": ("<f8", (3,)),
+    "forces.baseline.mean_pf": ("<f8", ()),
+    "forces.baseline.worst_pf": ("<f8", ()),
+    "forces.baseline.moved_ns": ("<i8", ()),
+    "forces.fault_mask": ("<u2", ()),
+    "scan.reading": ("u1", (ELEMENTS,)),
+    "forces.state": ("u1", ()),
+    "forces.flags": ("u1", ()),
+    "forces.cause": ("u1", ()),
+    "forces.baseline.status": ("u1", ()),
 }
+_arrays_of = attrgetter(*_ARRAYS)
 
-
-def _arrays(n_legs: int) -> np.dtype[np.void]:
-    """Return the layout of a cycle's arrays, wide entries first so that all are aligned."""
-    return np.dtype(
-        [
-            ("scan_t_ns", "<i8", (n_legs, ELEMENTS)),
-            ("capacitance_pf", "<f8", (n_legs, ELEMENTS)),
-            ("force_t_ns", "<i8", (n_legs,)),
-            ("force_n", "<f8", (n_legs, 3)),
-            ("sigma_n", "<f8", (n_legs, 3)),
-            ("baseline_mean_pf", "<f8", (n_legs,)),
-            ("baseline_worst_pf", "<f8", (n_legs,)),
-            ("baseline_moved_ns", "<i8", (n_legs,)),
-            ("fault_mask", "<u2", (n_legs,)),
-            ("reading", "u1", (n_legs, ELEMENTS)),
-            ("state", "u1", (n_legs,)),
-            ("flags", "u1", (n_legs,)),
-            ("cause", "u1", (n_legs,)),
-            ("baseline_status", "u1", (n_legs,)),
-        ]
-    )
+#: Largest code of each array of codes.
+_CODES = {
+    "forces.state": max(State),
+    "forces.cause": max(Cause),
+    "forces.baseline.status": max(BaselineStatus),
+    "scan.reading": max(Reading),
+    "forces.fault_mask": (1 << ELEMENTS) - 1,
+}
 
 
 def pack_header(header: Mapping[str, str]) -> bytes:
@@ -138,25 +136,18 @@ def pack_cycle(counter: int, cycle: Cycle) -> bytes:
         2 us for six legs.
     """
     scan, commands, forces, outcomes, reference, temperature_c = cycle
-    baseline = forces.baseline
-    arrays = (
-        *(scan.t_ns, scan.capacitance_pf),
-        *(forces.t_ns, forces.force_n, forces.sigma_n),
-        *(baseline.mean_pf, baseline.worst_pf, baseline.moved_ns),
-        *(forces.fault_mask, scan.reading, forces.state, forces.flags, forces.cause, baseline.status),
-    )
     if outcomes:
         outcomes = tuple(outcome._replace(reason=_text(outcome.reason)) for outcome in outcomes)
     record = _encode(
         (
             *("cycle", counter, scan.sequence, forces.sequence, forces.t_sent_ns),
-            b"".join([array.tobytes() for array in arrays]),
+            b"".join([array.tobytes() for array in _arrays_of(cycle)]),
             *(commands, outcomes),
             None if reference is None else tuple(column.tobytes() for column in reference),
             None if temperature_c is None else temperature_c.tobytes(),
         )
     )
-    return len(record).to_bytes(_LENGTH_BYTES, "little") + record
+    return _framed(record)
 
 
 def _framed(record: bytes) -> bytes:
@@ -164,7 +155,7 @@ def _framed(record: bytes) -> bytes:
 
 
 def _text(reason: str) -> str:
-    """Return a text that can be encoded, whatever it contains."""
+    """Return a text with unencodable characters (lone surrogates) replaced."""
     return reason[:_MAX_REASON].encode(errors="backslashreplace").decode()
 
 
@@ -184,7 +175,7 @@ def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | N
     try:
         while len(buffer) >= _LENGTH_BYTES:
             end = _LENGTH_BYTES + int.from_bytes(buffer[:_LENGTH_BYTES], "little")
-            _require(end <= _MAX_RECORD, f"a record of {end} bytes")
+            require(end <= _MAX_RECORD, f"a record of {end} bytes")
             if len(buffer) < end:
                 return
             record = _decode(bytes(buffer[_LENGTH_BYTES:end]))
@@ -195,13 +186,13 @@ def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | N
             elif isinstance(record, LostCycles):
                 yield record
             else:
-                _require(n_legs is not None, "no header before the first cycle")
+                require(n_legs is not None, "no header before the first cycle")
                 yield _numbered(record, n_legs or 0)
     except (msgspec.MsgspecError, ValueError, LookupError) as error:
         raise RecordingError(f"the cycles of the loop arrive damaged ({error})") from None
 
 
-def _require(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the sentence it checks
+def require(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the sentence it checks
     """Refuse a field without a meaning.
 
     Raises:
@@ -212,34 +203,23 @@ def _require(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the 
 
 
 def _numbered(record: _Cycle, n_legs: int) -> NumberedCycle:
-    layout = _arrays(n_legs)
-    _require(len(record.arrays) == layout.itemsize, f"arrays of {len(record.arrays)} bytes")
+    layout = np.dtype([(name, kind, (n_legs, *shape)) for name, (kind, shape) in _ARRAYS.items()])
+    require(len(record.arrays) == layout.itemsize, f"arrays of {len(record.arrays)} bytes")
     entry = np.frombuffer(record.arrays, dtype=layout)[0]
     for name, most in _CODES.items():
-        _require(entry[name].max() <= most, f"{name} {entry[name].max()}, at most {most} has a meaning")
+        require(entry[name].max() <= most, f"{name} {entry[name].max()}, at most {most} has a meaning")
     commands = (*record.commands, *(outcome.command for outcome in record.outcomes))
-    _require(all(0 <= command.leg < n_legs for command in commands), f"a command for none of {n_legs} legs")
-    scan = CapFrame(record.scan_sequence, entry["scan_t_ns"], entry["capacitance_pf"], entry["reading"])
-    forces = ContactFrame(
-        record.force_sequence,
-        record.t_sent_ns,
-        entry["force_t_ns"],
-        entry["force_n"],
-        entry["sigma_n"],
-        entry["state"],
-        entry["fault_mask"],
-        entry["flags"],
-        entry["cause"],
-        BaselineDrift(
-            entry["baseline_status"],
-            entry["baseline_mean_pf"],
-            entry["baseline_worst_pf"],
-            entry["baseline_moved_ns"],
-        ),
-    )
+    require(all(0 <= command.leg < n_legs for command in commands), f"a command for none of {n_legs} legs")
+    arrays: dict[str, dict[str, Any]] = {"scan": {}, "forces": {}, "forces.baseline": {}}
+    for name in _ARRAYS:
+        place, _, field = name.rpartition(".")
+        arrays[place][field] = entry[name]
+    scan = CapFrame(record.scan_sequence, **arrays["scan"])
+    baseline = BaselineDrift(**arrays["forces.baseline"])
+    forces = ContactFrame(record.force_sequence, record.t_sent_ns, **arrays["forces"], baseline=baseline)
     reference = None if record.reference is None else _reference(*record.reference)
     temperature_c = None if record.temperature_c is None else np.frombuffer(record.temperature_c, "<f8")
-    _require(temperature_c is None or len(temperature_c) == n_legs, "temperatures of other legs")
+    require(temperature_c is None or len(temperature_c) == n_legs, "temperatures of other legs")
     cycle = Cycle(scan, record.commands, forces, record.outcomes, reference, temperature_c)
     return NumberedCycle(record.counter, cycle)
 
@@ -249,5 +229,5 @@ def _reference(times: bytes, forces: bytes, saturations: bytes) -> Reference:
     t_ns, saturated = np.frombuffer(times, "<i8"), np.frombuffer(saturations, "u1")
     force_n = np.frombuffer(forces, "<f8").reshape(len(t_ns), 3)
     meant = len(saturated) == len(t_ns) and t_ns.min(initial=0) >= 0 and saturated.max(initial=0) <= 1
-    _require(meant, "a sample of the reference has no such time or mark")
+    require(meant, "a sample of the reference has no such time or mark")
     return Reference(t_ns, force_n, saturated.astype(np.bool_))

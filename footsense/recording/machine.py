@@ -5,7 +5,7 @@ import zlib
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-__all__ = ["this_machine"]
+__all__ = ["platform_versions"]
 
 #: Lines of /proc/cpuinfo that name a processor, on x86 and on ARM.
 _NAMES = ("model name", "CPU implementer", "CPU part", "CPU variant", "CPU revision")
@@ -14,7 +14,7 @@ _NAMES = ("model name", "CPU implementer", "CPU part", "CPU variant", "CPU revis
 _FEATURES = ("flags", "Features")
 
 
-def this_machine(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, str]:
+def platform_versions(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, str]:
     """Return the header entries `processor`, `python`, `numpy` and `onnxruntime` for this process."""
     return {
         "processor": _processor(cpuinfo),

@@ -21,7 +21,7 @@ from zstandard import ZstdError, frame_content_size
 from footsense.errors import RecordingError
 from footsense.frames import LEGS, CapFrame, Command, CommandResult, Cycle
 from footsense.recording import messages
-from footsense.recording.cycle_records import LostCycles, NumberedCycle
+from footsense.recording.cycle_records import LostCycles, NumberedCycle, require
 from footsense.recording.mcap_writer import HEADER_CRC, METADATA, PROFILE, header_crc
 from footsense.recording.reference_messages import decode_reference
 
@@ -122,7 +122,7 @@ def read_entries(path: Path, legs: tuple[str, ...]) -> Iterator[NumberedCycle | 
                 if isinstance(record, Chunk):
                     yield from assembly.take(_contents(record))
                 elif isinstance(record, DataEnd):
-                    _require(record.data_section_crc != 0, "the checksum of the file is missing")
+                    require(record.data_section_crc != 0, "the checksum of the file is missing")
                     return
                 good = file.tell()
         except _DAMAGE as error:
@@ -130,21 +130,11 @@ def read_entries(path: Path, legs: tuple[str, ...]) -> Iterator[NumberedCycle | 
         raise RecordingError(f"{path}: {assembly.damage_text(good, bounded.size, ValueError('no end mark'))}")
 
 
-def _require(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the sentence it checks
-    """Treat a false condition as damage.
-
-    Raises:
-        ValueError: The condition is false.
-    """
-    if not holds:
-        raise ValueError(words)
-
-
 def _contents(chunk: _Record) -> list[_Record]:
-    _require(chunk.uncompressed_crc != 0, "a chunk has no checksum")
-    _require(chunk.uncompressed_size <= MAX_CHUNK_BYTES, "a chunk is larger than any that is written")
+    require(chunk.uncompressed_crc != 0, "a chunk has no checksum")
+    require(chunk.uncompressed_size <= MAX_CHUNK_BYTES, "a chunk is larger than any that is written")
     # The library would allocate the size that the compressed data claim.
-    _require(
+    require(
         chunk.compression == "zstd" and frame_content_size(chunk.data) == chunk.uncompressed_size,
         "a chunk is not packed as it says",
     )
@@ -182,7 +172,7 @@ class _CycleAssembly:
         event = json.loads(message.data) if topic == messages.EVENT else {}
         if event.get("event") == "loss":
             self._expected += messages.whole(event["n_cycles"])
-        _require(message.sequence == self._expected & 0xFFFF_FFFF, "cycles are missing")
+        require(message.sequence == self._expected & 0xFFFF_FFFF, "cycles are missing")
         match topic, event.get("event"):
             case messages.EVENT, "loss":
                 return LostCycles(self._expected, message.log_time, event["n_cycles"])
@@ -195,7 +185,7 @@ class _CycleAssembly:
             case messages.REFERENCE, None:
                 self._samples.append(message.data)
             case messages.SCAN, None:
-                _require(self._scan is None, "forces are missing")
+                require(self._scan is None, "forces are missing")
                 self._scan = messages.decode_scan(message.data, self._legs)
             case messages.FORCE, None:
                 return self._cycle(message.data)

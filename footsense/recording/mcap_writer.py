@@ -9,18 +9,17 @@ Source:
 """
 
 import json
+import os
 import zlib
 from collections.abc import Mapping
-from typing import Protocol
 
 from mcap.writer import CompressionType, Writer
 
-from footsense.frames import Reference
 from footsense.recording import messages
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
 from footsense.recording.reference_messages import encode_reference, reference_schema
 
-__all__ = ["HEADER_CRC", "METADATA", "PROFILE", "McapFile", "Stream", "header_crc"]
+__all__ = ["HEADER_CRC", "METADATA", "PROFILE", "McapFile", "header_crc"]
 
 #: Profile of the container, which identifies footsense's files.
 PROFILE = "footsense"
@@ -35,20 +34,28 @@ HEADER_CRC = "crc32"
 CHUNK_BYTES = 65_536
 
 
-class Stream(Protocol):
-    """A file, as the container needs it."""
+class _UnbufferedFile:
+    """A file without a buffer, so that a full disk is an error of the write."""
+
+    def __init__(self, fd: int) -> None:
+        self._fd = fd
+        self.n_written = 0
 
     def write(self, data: bytes) -> int:
-        """Write all of `data`."""
-        ...
+        """Write all of `data` and return its length."""
+        rest = memoryview(data)
+        while rest:
+            n = os.write(self._fd, rest)
+            self.n_written += n
+            rest = rest[n:]
+        return len(data)
 
     def tell(self) -> int:
         """Return the number of written bytes."""
-        ...
+        return self.n_written
 
     def flush(self) -> None:
-        """Hand everything to the kernel."""
-        ...
+        """Do nothing: there is no buffer."""
 
 
 def header_crc(header: Mapping[str, str]) -> str:
@@ -61,14 +68,15 @@ class McapFile:
     """One recording while it is written.
 
     Args:
-        stream: The empty file.
+        fd: Descriptor of the empty file.
         header: Entries of the recording's header; `legs` names the rows of the frames.
     """
 
-    def __init__(self, stream: Stream, header: Mapping[str, str]) -> None:
+    def __init__(self, fd: int, header: Mapping[str, str]) -> None:
         self._legs = header["legs"].split(",")
+        self._stream = _UnbufferedFile(fd)
         self._writer = Writer(
-            stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True
+            self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True
         )
         self._writer.start(profile=PROFILE)
         self._writer.add_metadata(METADATA, {**header, HEADER_CRC: header_crc(header)})
@@ -77,8 +85,13 @@ class McapFile:
             self._register(topic, schema)
         self.flush()
 
+    @property
+    def n_written(self) -> int:
+        """Number of bytes handed to the kernel."""
+        return self._stream.n_written
+
     def add_cycle(self, numbered: NumberedCycle) -> None:
-        """Write one cycle."""
+        """Write the messages of one cycle."""
         counter, (scan, commands, forces, outcomes, reference, temperature_c) = numbered
         t_ns = forces.t_sent_ns
         for command in commands:
@@ -88,16 +101,13 @@ class McapFile:
         if temperature_c is not None:
             self._add(messages.EVENT, counter, t_ns, messages.temperature_event(temperature_c, self._legs))
         if reference is not None:
-            self._add_reference(counter, reference)
+            # The topic identifies recordings of a test stand, so it is registered with the first reference.
+            if messages.REFERENCE not in self._channels:
+                self._register(messages.REFERENCE, reference_schema())
+            for sample_ns, sample in encode_reference(reference):
+                self._add(messages.REFERENCE, counter, sample_ns, sample)
         self._add(messages.SCAN, counter, t_ns, messages.encode_scan(scan, self._legs))
         self._add(messages.FORCE, counter, t_ns, messages.encode_force(forces, self._legs))
-
-    def _add_reference(self, counter: int, reference: Reference) -> None:
-        # The topic identifies recordings of a test stand, so it is registered with the first reference.
-        if messages.REFERENCE not in self._channels:
-            self._register(messages.REFERENCE, reference_schema())
-        for t_ns, sample in encode_reference(reference):
-            self._add(messages.REFERENCE, counter, t_ns, sample)
 
     def add_loss(self, loss: LostCycles) -> None:
         """Write that cycles are missing at this place."""
@@ -118,6 +128,6 @@ class McapFile:
         self._writer.flush()
 
     def finish(self) -> None:
-        """Write the index."""
+        """Write the index of the file."""
         self._writer.finish()
         self._writer.flush()

@@ -9,7 +9,6 @@ from footsense.recording.cycle_records import NumberedCycle
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recorder import check_not_being_written, check_target, partial_path
 from footsense.recording.replay import Replay
-from footsense.recording.writer import UnbufferedFile
 
 __all__ = ["Recovered", "recover", "recovered_path"]
 
@@ -60,7 +59,7 @@ def recover(path: Path, target: Path) -> Recovered:
     try:
         fd = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
         try:
-            file = McapFile(UnbufferedFile(fd), replay.header)
+            file = McapFile(fd, replay.header)
             try:
                 for entry in replay.entries():
                     if isinstance(entry, NumberedCycle):

@@ -19,41 +19,13 @@ from footsense.errors import RecordingError
 from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack
 from footsense.recording.mcap_writer import McapFile
 
-__all__ = ["PipeWriter", "UnbufferedFile", "main"]
+__all__ = ["PipeWriter", "main"]
 
 #: Longest time that cycles stay in an unfinished chunk [ns].
 FLUSH_PERIOD_NS = 400_000_000
 
 #: Pieces of the pipe that are kept while the disk hangs: 20 s at any rate of cycles.
 _WAITING_PIECES = 100
-
-
-class UnbufferedFile:
-    """A file without a buffer, so that a full disk is an error of the write.
-
-    Args:
-        fd: The descriptor, at the start of an empty file.
-    """
-
-    def __init__(self, fd: int) -> None:
-        self._fd = fd
-        self._n_written = 0
-
-    def write(self, data: bytes) -> int:
-        """Write all of `data` and return its length."""
-        rest = memoryview(data)
-        while rest:
-            n = os.write(self._fd, rest)
-            self._n_written += n
-            rest = rest[n:]
-        return len(data)
-
-    def tell(self) -> int:
-        """Return the number of written bytes."""
-        return self._n_written
-
-    def flush(self) -> None:
-        """Do nothing: there is no buffer."""
 
 
 class PipeWriter:
@@ -67,7 +39,7 @@ class PipeWriter:
     """
 
     def __init__(self, fd: int) -> None:
-        self._stream = UnbufferedFile(fd)
+        self._fd = fd
         self._buffer = bytearray()
         self._file: McapFile | None = None
         self._n_legs: int | None = None
@@ -84,25 +56,23 @@ class PipeWriter:
         self._buffer += data
         for entry in unpack(self._buffer, self._n_legs):
             if isinstance(entry, dict):
-                self._file = McapFile(self._stream, entry)
+                self._file = McapFile(self._fd, entry)
                 self._n_legs = len(entry["legs"].split(","))
             elif self._file is not None and isinstance(entry, NumberedCycle):
-                n_written = self._stream.tell()
+                n_written = self._file.n_written
                 self._file.add_cycle(entry)
                 # A chunk was full and is written; the force of this cycle may be in the next one.
-                if self._stream.tell() > n_written:
+                if self._file.n_written > n_written:
                     self.n_cycles = self._n_added
                 self._n_added += 1
-                self._pace(entry.cycle.forces.t_sent_ns)
+                t_ns = entry.cycle.forces.t_sent_ns
+                if self._t_flushed_ns is None:
+                    self._t_flushed_ns = t_ns
+                elif t_ns - self._t_flushed_ns >= FLUSH_PERIOD_NS:
+                    self._t_flushed_ns = t_ns
+                    self.flush()
             elif self._file is not None and isinstance(entry, LostCycles):
                 self._file.add_loss(entry)
-
-    def _pace(self, t_ns: int) -> None:
-        if self._t_flushed_ns is None:
-            self._t_flushed_ns = t_ns
-        elif t_ns - self._t_flushed_ns >= FLUSH_PERIOD_NS:
-            self._t_flushed_ns = t_ns
-            self.flush()
 
     def flush(self) -> None:
         """Hand every complete cycle to the kernel."""

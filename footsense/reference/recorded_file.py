@@ -15,7 +15,7 @@ __all__ = ["FileReference", "read_csv"]
 
 
 class FileReference:
-    """Plays samples at their own rate; the first one is that of the first call.
+    """Plays recorded samples at their recorded rate, starting with the first call.
 
     Args:
         reference: All samples in their order.

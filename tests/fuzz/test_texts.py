@@ -14,7 +14,6 @@ from footsense.config import DEFAULT, load_config
 from footsense.daemon.recording_header import recorded_config, recorded_flags
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
-from footsense.recording.writer import UnbufferedFile
 from footsense.sim.scene import load_scene
 from footsense.telemetry.shared_counters import MetricFamily, SharedCounters, read_counters
 from tests.fuzz.outcome import TRIED, refusal
@@ -150,7 +149,7 @@ def test_any_recorded_configuration(tmp_path: Path, key: str, value: object, tex
     for config in (json.dumps({**CONFIG, key: value}), text, "[" * 50_000):
         path = tmp_path / "walk.mcap"
         with path.open("wb") as file:
-            McapFile(UnbufferedFile(file.fileno()), {"legs": "lf", "config": config, "flags": flags}).finish()
+            McapFile(file.fileno(), {"legs": "lf", "config": config, "flags": flags}).finish()
         refusal(lambda path=path: recorded_config(Replay(path)))  # type: ignore[misc]
         refusal(lambda path=path: recorded_flags(Replay(path)))  # type: ignore[misc]
     path.unlink()

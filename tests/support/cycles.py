@@ -25,7 +25,6 @@ from footsense.recording.compare import compare
 from footsense.recording.cycle_records import NumberedCycle
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
-from footsense.recording.writer import UnbufferedFile
 
 LEGS = ("lf", "lm", "lr", "rf", "rm", "rr")
 PERIOD_NS = 25_000_000
@@ -118,7 +117,7 @@ def _same_reference(a: Reference | None, b: Reference | None) -> bool:
 def write(path: Path, cycles: list[Cycle], every: int = 20) -> Path:
     """Write a finished recording in this process, a chunk for every so many cycles."""
     with path.open("wb") as file:
-        recording = McapFile(UnbufferedFile(file.fileno()), {"legs": ",".join(LEGS), "scene": "test"})
+        recording = McapFile(file.fileno(), {"legs": ",".join(LEGS), "scene": "test"})
         for number, one in enumerate(cycles):
             recording.add_cycle(NumberedCycle(number, one))
             if number % every == every - 1:

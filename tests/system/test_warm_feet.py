@@ -14,7 +14,6 @@ from footsense.frames import Cycle, State
 from footsense.recording.cycle_records import NumberedCycle
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
-from footsense.recording.writer import UnbufferedFile
 from footsense.sim.scene import Effects, Scene, Warming
 from footsense.sim.scene_loads import Constant
 from tests.support.calibrations import calibration
@@ -104,7 +103,7 @@ def test_a_replay_is_as_warm_as_the_walk_was(tmp_path: Path) -> None:
     assert "scans equal bit for bit" in result.output, result.exception
     old = tmp_path / "old.mcap"
     with old.open("wb") as file:
-        recording = McapFile(UnbufferedFile(file.fileno()), Replay(walk).header)
+        recording = McapFile(file.fileno(), Replay(walk).header)
         for number, cycle in enumerate(Replay(walk)):
             recording.add_cycle(NumberedCycle(number, cycle._replace(temperature_c=None)))
         recording.finish()

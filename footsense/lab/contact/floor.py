@@ -1,4 +1,4 @@
-"""The interface of a floor: its traction, and its position as an unknown of the equilibrium."""
+"""Protocol of a ground model: traction, load steps, contact patch."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -26,7 +26,7 @@ class Patch:
 
 
 class Floor(Protocol):
-    """A floor.
+    """Ground model that the equilibrium solver uses.
 
     Attributes:
         axes: Directions in which the floor is free and its force is prescribed.

@@ -71,7 +71,7 @@ def centred_closures(
 
 
 def _faces(design: FootDesign) -> list[tuple[str, float]]:
-    """Return the part of each element in the quarter: its cells, joined, and their area together [mm2]."""
+    """Return for each element the quarter's part: merged cells, and their total area [mm2]."""
     cells = quarter_cells(design)
     names = [[cell.name for cell in cells if cell.element == element] for element in _PARTLY]
     return [("|".join(part), design.cell_mm2 * len(part)) for part in names]

@@ -101,7 +101,7 @@ class Quarter:
         mesh: Any = None,
         layer: Layer | None = None,
     ) -> None:
-        """Assemble and factorise.
+        """Assemble and factorise the stiffness matrix.
 
         Args:
             design: The foot.

@@ -18,7 +18,6 @@ from footsense.errors import HardwareError
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
-from footsense.recording.writer import UnbufferedFile
 from footsense.sim.clock import VirtualClock
 from tests.system.command import TIMEOUT_S, footsense, one_line_error
 
@@ -40,7 +39,7 @@ def gapped(walk: Path, tmp_path: Path) -> Path:
     replay = Replay(walk)
     path = tmp_path / "gapped.mcap"
     with path.open("wb") as file:
-        recording = McapFile(UnbufferedFile(file.fileno()), replay.header)
+        recording = McapFile(file.fileno(), replay.header)
         for entry in replay.entries():
             assert isinstance(entry, NumberedCycle)
             if entry.counter == N_BEFORE + N_LOST:

@@ -21,7 +21,6 @@ from footsense.frames import Cycle
 from footsense.recording.cycle_records import NumberedCycle
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
-from footsense.recording.writer import UnbufferedFile
 from footsense.reference.sensor_mounting import NEWTON_PER
 from footsense.sim.scene import Scene
 from footsense.sim.scene_loads import CalibrationLoads
@@ -68,7 +67,7 @@ def rewritten(
     with path.open("wb") as file:
         described = msgspec.json.encode(stand).decode()
         header = {**recording.header, "reference": described, "session": path.stem}
-        copy = McapFile(UnbufferedFile(file.fileno()), header)
+        copy = McapFile(file.fileno(), header)
         for number, cycle in enumerate(recording):
             copy.add_cycle(NumberedCycle(number, change(cycle)))
         copy.finish()

@@ -22,11 +22,10 @@ from footsense.recording.cycle_records import (
     pack_loss,
     unpack,
 )
-from footsense.recording.machine import this_machine
+from footsense.recording.machine import platform_versions
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
-from footsense.recording.writer import UnbufferedFile
 from tests.support.cycles import LEGS, TARE, cycle, read_until_damage, same, write
 
 
@@ -184,7 +183,7 @@ def test_replay_gives_scan_commands_and_time(walk: tuple[bytes, list[Cycle]], sc
 def test_replay_counts_what_was_lost(scratch: Path) -> None:
     """The source gives the scans on both sides of a gap, and tells the gap with the scan after it."""
     with scratch.open("wb") as file:
-        recording = McapFile(UnbufferedFile(file.fileno()), {"legs": ",".join(LEGS)})
+        recording = McapFile(file.fileno(), {"legs": ",".join(LEGS)})
         recording.add_cycle(NumberedCycle(0, cycle(0)))
         recording.add_loss(LostCycles(4, 0, 3))
         recording.add_cycle(NumberedCycle(4, cycle(4)))
@@ -253,7 +252,7 @@ def test_a_recording_with_the_older_names_is_the_same() -> None:
 
 def test_the_same_machine_has_the_same_processor_and_libraries() -> None:
     """Bits are compared only where the header names this processor and these versions."""
-    here = this_machine()
+    here = platform_versions()
     assert same_machine({**here, "scene": "x"}, here)
     assert not same_machine({**here, "numpy": "0"}, here)
     assert not same_machine({}, here)
