@@ -1,4 +1,4 @@
-"""A rigid plane with Coulomb friction, placed by the force on it.
+"""A rigid plane with Coulomb friction, where the force wants it.
 
 The plane has the inward normal n and is moved by q from where it just touches the ball at X_c. A point X of the
 surface that has moved by u lies d = -n.(X + u - X_c - q) behind it and feels, per undeformed area,
@@ -32,7 +32,7 @@ BISECTIONS = 30
 
 
 class PlaneFloor:
-    """A rigid plane, placed by the force on it.
+    """A rigid plane, where the force wants it.
 
     Attributes:
         axes: Directions in which it is free.

@@ -100,7 +100,7 @@ class Results:
 
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
-    """Solve every load with all effects, and with each effect left out."""
+    """Solve every load with everything, and with each part left out."""
     fineness = _QUICK_FINENESS if context.quick else _FINENESS
     solved = []
     for load in _LOADS[:1] if context.quick else _LOADS:
