@@ -14,18 +14,9 @@ from msgspec import Meta
 
 from footsense import strict_yaml
 from footsense.errors import ConfigError
+from footsense.sim import scene_loads
 from footsense.sim.faults.scene_faults import FORMER_FAULTS, Fault, Leg
 from footsense.sim.foot.fabrication import AS_BADLY_MADE, REMOUNT_DEG, FootTolerances
-from footsense.sim.scene_loads import (
-    FORMER_LOADS,
-    CalibrationLoads,
-    Constant,
-    MeasuredWalk,
-    Pressing,
-    Ramp,
-    Tripod,
-    Unloaded,
-)
 
 #: Lowest elevation of a contact [deg].
 LOWEST_ELEVATION_DEG = 30
@@ -160,7 +151,7 @@ class Scene(_Part, frozen=True):
     """
 
     description: str
-    load: Unloaded | Constant | Ramp | Tripod | MeasuredWalk | CalibrationLoads
+    load: scene_loads.Load
     lead_in_s: Annotated[float, Meta(ge=0.0)] = 1.0
     host_cost_us: Annotated[float, Meta(ge=0.0, le=10_000.0)] = 0.0
     seed: Annotated[int, Meta(ge=0)] = 1
@@ -193,7 +184,9 @@ def load_scene(name_or_path: str) -> Scene:
         raise ConfigError(
             f"no scene {name_or_path!r}: there are {', '.join(scene_names())}, or give the path of a YAML file"
         )
-    return strict_yaml.load(source, Scene, where, check=_contradiction, former=FORMER_FAULTS | FORMER_LOADS)
+    return strict_yaml.load(
+        source, Scene, where, check=_contradiction, former=FORMER_FAULTS | scene_loads.FORMER_LOADS
+    )
 
 
 def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
@@ -204,9 +197,9 @@ def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
         return strict_yaml.Problem(
             "effects.rubber", "depends on the past, and a gait_table does not: choose one"
         )
-    if scene.gait_table and not isinstance(scene.load, Tripod | MeasuredWalk):
+    if scene.gait_table and not isinstance(scene.load, scene_loads.Tripod | scene_loads.MeasuredWalk):
         return strict_yaml.Problem("gait_table", "is for walks: tripod or measured_walk")
-    for n, stand in enumerate(scene.load.stands if isinstance(scene.load, Tripod) else ()):
+    for n, stand in enumerate(scene.load.stands if isinstance(scene.load, scene_loads.Tripod) else ()):
         if stand.until_s <= stand.from_s:
             return strict_yaml.Problem(f"load.stands[{n}].until_s", "must be later than from_s")
     for n, fault in enumerate(scene.faults):
@@ -218,10 +211,10 @@ def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
 
 def _too_low(scene: Scene) -> strict_yaml.Problem | None:
     """Return the first force that leans more than the response table covers."""
-    forces: dict[str, Pressing] = {}
-    if isinstance(scene.load, Constant | Ramp):
+    forces: dict[str, scene_loads.Pressing] = {}
+    if isinstance(scene.load, scene_loads.Constant | scene_loads.Ramp):
         forces = {"load.force_n": scene.load.force_n}
-    elif isinstance(scene.load, CalibrationLoads) and not isinstance(scene.load.presses, str):
+    elif isinstance(scene.load, scene_loads.CalibrationLoads) and not isinstance(scene.load.presses, str):
         forces = {f"load.presses[{n}]": force_n for n, force_n in enumerate(scene.load.presses)}
     for path, (x, y, z) in forces.items():
         elevation_deg = math.degrees(math.atan2(z, math.hypot(x, y)))
