@@ -23,19 +23,6 @@ from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Mask, Vector
 from footsense.ports import Estimator
 
-__all__ = [
-    "BANDS",
-    "CALIBRATED",
-    "DESIGN_ONLY",
-    "DesignModels",
-    "Estimates",
-    "Evaluation",
-    "MagnitudeBand",
-    "estimate_loads",
-    "evaluate",
-]
-
-
 #: Sources of estimates: the network of the design alone, and with the foot's calibration.
 DESIGN_ONLY, CALIBRATED = "network alone", "with calibration"
 

@@ -19,8 +19,6 @@ from footsense.foot.files.calibration_reader import FootCalibration, read_calibr
 from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.parameters import FootParameters
 
-__all__ = ["check_calibration_target", "file_sha256", "write_calibration"]
-
 
 def file_sha256(path: Path) -> str:
     """Return the hash of a file of any length.

@@ -10,8 +10,6 @@ from footsense.can.channel import CanChannel
 from footsense.frames import Command, CommandKind, CommandResult
 from footsense.ports import Clock
 
-__all__ = ["CanCommands"]
-
 #: The same command with the same counter within this time is a repetition; later, it comes from a restarted consumer.
 _REPEAT_NS = 1_000_000_000
 

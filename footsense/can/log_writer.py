@@ -17,8 +17,6 @@ from footsense.child_process import drop_realtime, read_batches
 if TYPE_CHECKING:
     from can.io.generic import FileIOMessageWriter
 
-__all__ = ["main"]
-
 
 def _records(pipe: int) -> Iterator[list[tuple[int, bytes]]]:
     """Yield the time [ns] and the frames of the records received so far, up to the end of the pipe."""

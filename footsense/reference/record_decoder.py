@@ -13,8 +13,6 @@ import numpy as np
 from footsense.frames import Mask, Stamps, Vector
 from footsense.reference.record_columns import MAX_RECORD_BYTES, TIMES, integer_bits, largest_plausible
 
-__all__ = ["CHECKSUMS", "BinaryDecoder", "LineDecoder", "RecordDecoder", "SensorRecords"]
-
 #: Checksums of a binary record: length [bytes], and function of the bytes between sync bytes and checksum; sent
 #: little-endian.
 CHECKSUMS: dict[str, tuple[int, Callable[[bytes], int]]] = {

@@ -9,18 +9,6 @@ from footsense.frames import LEGS
 from footsense.sim.loads import ground_load
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 
-__all__ = [
-    "FORMER_LOADS",
-    "CalibrationLoads",
-    "Constant",
-    "MeasuredWalk",
-    "Pressing",
-    "Ramp",
-    "Stand",
-    "Tripod",
-    "Unloaded",
-]
-
 Force = Annotated[float, Meta(ge=0.0, le=2.0)]
 Pitch = Annotated[float, Meta(ge=-30.0, le=30.0)]
 #: A force with a part along the leg [N].

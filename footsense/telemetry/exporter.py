@@ -17,8 +17,6 @@ from prometheus_client.registry import Collector
 from footsense.errors import ConfigError, FootsenseError
 from footsense.telemetry.shared_counters import MetricFamily, read_counters
 
-__all__ = ["CountersCollector", "serve"]
-
 _log = logging.getLogger(__name__)
 
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
-from firmware_interface.can_frames import NODE_IDS
+from firmware_interface.can_codes import NODE_IDS
 from footsense.benchmarks.latency_vs_error.chain import ORDERS, Readings, convert, pace
 from footsense.benchmarks.latency_vs_error.errors import LatencyAndErrors, Truth, latency_and_errors, rms_mn
 from footsense.benchmarks.latency_vs_error.publishing import by_element, by_frame

@@ -30,9 +30,6 @@ from footsense.foot.force_errors import errors
 from footsense.foot.parameters import FootParameters
 from footsense.frames import Mask
 
-__all__ = ["MIN_LOADS", "CalibrationResult", "calibrate", "calibrate_sessions"]
-
-
 #: Fewest loads of a calibration: with fewer, not even the strays are identified.
 MIN_LOADS = 5
 #: Median Mahalanobis distance of nine readings above which the loads are of no foot of the type.

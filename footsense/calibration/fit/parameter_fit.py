@@ -31,9 +31,6 @@ from footsense.calibration.fit.twin import (
 from footsense.calibration.loads.calibration_load import LoadSet
 from footsense.frames import ELEMENTS, Mask, Vector
 
-__all__ = ["PRIOR", "ParameterFit", "fit_parameters"]
-
-
 #: Prior standard deviation of each parameter: stray of the wiring [pF], electrodes by shadow mask [1], spun spacers
 #: [um], rubber of uncertain cure [1], a foot mounted by hand [rad].
 PRIOR = np.repeat([0.5, 0.02, 3.0, 0.4, np.radians(5.0)], [ELEMENTS, ELEMENTS, ELEMENTS, 1, 3])

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from footsense.foot.directions import normalized
 from footsense.frames import Codes, Mask, Stamps, Vector
 
-__all__ = ["CalibrationLoad", "LoadSet", "Press", "Rejection", "column_means"]
-
 
 class Rejection(StrEnum):
     """Why a press gives no calibration load."""

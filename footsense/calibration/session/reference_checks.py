@@ -19,9 +19,6 @@ from footsense.foot.directions import angles_between_deg
 from footsense.frames import Vector
 from footsense.reference.sensor_mounting import NEWTON_PER, rotation_matrix
 
-__all__ = ["ReferenceCheck", "reference_check", "require_consistent_reference"]
-
-
 #: Returns findings, one line each, of the reference's forces and the foot's own estimates [N], shapes (n, 3).
 ReferenceCheck = Callable[[Vector, Vector], list[str]]
 

@@ -16,8 +16,6 @@ from typing import NamedTuple
 from firmware_interface.socketcan import CONTROLLER_ACTIVE, ErrorClass, error_frame, split_frames
 from footsense.sim.can.transmit_queue import Queued, TransmitQueue
 
-__all__ = ["CanController", "CanSettings", "OtherNode", "frame_bits"]
-
 _NS_PER_S = 1_000_000_000
 
 #: Bits of an error flag, its delimiter and the pause behind it; more for a controller that is error passive.

@@ -8,8 +8,6 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-__all__ = ["Queued", "TransmitQueue"]
-
 #: Least time between two looks of the kernel at interfaces without carrier [ns].
 _LINK_WATCH_NS = 1_000_000_000
 
