@@ -191,5 +191,5 @@ class Observer(Protocol):
         ...
 
     def close(self) -> None:
-        """Flush and release what is held."""
-        ...
+        """Flush and release what is held; by default nothing."""
+        return

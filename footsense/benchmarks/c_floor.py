@@ -19,8 +19,6 @@ from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import ELEMENTS, CapFrame
 
-__all__ = ["CFloor", "codes_of", "compiler", "has_c_floor", "round_ns"]
-
 _SOURCE = Path(__file__).with_name("c_floor.c")
 _LEGS = 6
 

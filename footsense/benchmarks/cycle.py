@@ -20,31 +20,21 @@ from footsense.benchmarks.c_floor import CFloor, codes_of, has_c_floor
 from footsense.benchmarks.naive import NaiveCycle, naive_cycle
 from footsense.can.socketcan import SocketWire
 from footsense.clock import fifo_priority, gc_disabled, stopwatch_ns
-from footsense.config import DEFAULT, Realtime
+from footsense.config import DEFAULT
+from footsense.config.sections import Realtime
 from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.daemon.loop import step
 from footsense.errors import FootsenseError
 from footsense.frames import CanStatistics, CapFrame, Cycle, Flag, State
+from footsense.ports import Observer
 from footsense.recording.cycle_pipe import CyclePipe
 from footsense.sim.clock import VirtualClock
 from footsense.sim.scene import load_scene
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.metrics import MetricsObserver
 from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
-
-__all__ = [
-    "PRIORITY",
-    "WARM_UP",
-    "Loopback",
-    "OurCycle",
-    "cycle_figures",
-    "our_cycle",
-    "recorded_scans",
-    "sent_ns",
-    "tared_floor",
-]
 
 #: Priority of SCHED_FIFO, the default of the service; without it the figures include other processes.
 PRIORITY = Realtime().priority
@@ -85,7 +75,7 @@ class Loopback:
         os.close(self.pipe)
 
 
-class _Recording:
+class _Recording(Observer):
     """An observer that copies every cycle into a pipe, as the recorder does."""
 
     def __init__(self, pipe: int, legs: tuple[str, ...]) -> None:
@@ -94,9 +84,6 @@ class _Recording:
     def observe(self, cycle: Cycle) -> None:
         """Copy one cycle."""
         self._pipe.send(cycle)
-
-    def close(self) -> None:
-        """Nothing waits."""
 
 
 class OurCycle(NamedTuple):

@@ -20,12 +20,11 @@ import firmware_interface
 from firmware_interface import crc8
 from firmware_interface.chips import tca9548a
 from footsense.acquisition.scan_plan import scan_plan
-from footsense.config import Bus, Config
+from footsense.config import Config
+from footsense.config.sections import Bus
 from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.frames import CapFrame, ContactFrame, Flag, State
 from footsense.ports import Clock, I2cBus, Transaction
-
-__all__ = ["NaiveCycle", "naive_cycle", "sequential_scan"]
 
 
 def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:

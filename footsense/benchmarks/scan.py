@@ -11,14 +11,13 @@ from msgspec.structs import replace
 from firmware_interface import schedule
 from firmware_interface.schedule import scan_limits
 from footsense.benchmarks.naive import sequential_scan
-from footsense.config import DEFAULT, Bus, Config
+from footsense.config import DEFAULT, Config
+from footsense.config.sections import Bus
 from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.daemon.simulation import simulated_robot
 from footsense.frames import USABLE, Flag
 from footsense.sim.scene import Scene, load_scene
-
-__all__ = ["conversion_limit_ms", "publish_age_ms", "scan_figures"]
 
 _SCANS = 40
 _HOST_COSTS_US = (0, 40, 100)

@@ -27,8 +27,6 @@ from footsense.clock import MonotonicClock, gc_disabled, request_realtime
 from footsense.errors import FootsenseError
 from footsense.frames import CapFrame
 
-__all__ = ["wakeup_latency_figures"]
-
 _PERIOD_NS = 2_000_000
 _BLOCKS = 4
 _SCRAPE_PERIOD_S = 0.2

@@ -9,16 +9,14 @@ How long a frame may stay between the kernel's queue and the wire depends on the
 """
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from firmware_interface.can_codes import NODE_IDS, NmtState
-from firmware_interface.can_events import COMMAND_ID
-from firmware_interface.socketcan import FRAME_BYTES, is_data, is_error, split_frames
+from firmware_interface.socketcan import FRAME_BYTES, is_data, is_error, pack_frame, split_frames
 from footsense.can.bus_health import BusHealth
 from footsense.can.frame_log import CanFrameLog, check_log_suffix
-from footsense.can.leg_frames import heartbeat_frame
 from footsense.can.python_can import error_text, open_wire
 from footsense.errors import CanError
 from footsense.frames import CanStatistics
@@ -31,21 +29,34 @@ _BACK_OFF_NS = 50_000_000
 _LONGEST_BACK_OFF_NS = 250_000_000
 
 
-class CanChannel:
-    """An open CAN channel.
-
-    Args:
-        interface: Kind of channel, as python-can calls it: `virtual` or `socketcan`.
-        channel: Its name, such as `can0`.
-        legs: Names of the legs. Sending their first heartbeats, `boot`, also tests whether the channel is up.
-        bitrate: Bit rate of the bus [bit/s], for error messages: Linux sets it when the interface comes up.
-        stats: Statistics to continue; None for new ones.
-        log_file: File for every frame sent: candump `.log`, `.asc` or `.blf`; None for none. Created last.
-        log_waits: Whether the log may make the loop wait, as in virtual time.
-        connect: Opens another interface than the named one, such as a simulated one.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelSettings:
+    """Settings of a CAN channel.
 
     Attributes:
-        nodes: CAN node id of each leg; `receive` returns the commands to them.
+        interface: Kind of channel, as python-can calls it: `virtual` or `socketcan`.
+        channel: Its name, such as `can0`.
+        bitrate: Bit rate of the bus [bit/s], for error messages: Linux sets it when the interface comes up.
+        log_file: File for every frame sent, its format by suffix: candump `.log`, `.asc` or `.blf`; None for none.
+        log_waits: Whether the log may make the loop wait, as in virtual time.
+        connect: Opens another interface than the named one, such as a simulated one; None for python-can's way.
+    """
+
+    interface: str
+    channel: str
+    bitrate: int = 500_000
+    log_file: Path | None = None
+    log_waits: bool = False
+    connect: Callable[[], CanWire] | None = None
+
+
+class CanChannel:
+    """An open CAN channel; its log is created last.
+
+    Args:
+        settings: Its settings.
+        accept: CAN ids that `receive` returns.
+        greeting: First frames, by CAN id; sending them also tests whether the channel is up.
         stats: Statistics of the channel.
 
     Raises:
@@ -56,27 +67,20 @@ class CanChannel:
 
     def __init__(
         self,
-        interface: str,
-        channel: str,
-        legs: Sequence[str],
-        *,
-        bitrate: int = 500_000,
-        stats: CanStatistics | None = None,
-        log_file: Path | None = None,
-        log_waits: bool = False,
-        connect: Callable[[], CanWire] | None = None,
+        settings: ChannelSettings,
+        accept: Collection[int],
+        greeting: Mapping[int, bytes],
+        stats: CanStatistics,
     ) -> None:
+        log_file, place = settings.log_file, (settings.interface, settings.channel, settings.bitrate)
         if log_file is not None:
             check_log_suffix(log_file)
-        self.stats = stats or CanStatistics()
-        self.nodes = [NODE_IDS[leg] for leg in legs]
-        self._accept = frozenset(COMMAND_ID + node for node in self.nodes)
-        self._explained = partial(error_text, interface, channel, bitrate)
-        self._connect: Callable[[], CanWire] = connect or partial(
-            open_wire, interface, channel, bitrate, self._accept
-        )
-        self._name = f"CAN channel {channel} ({interface})"
-        self._health = BusHealth(channel, self.stats)
+        self.stats = stats
+        self._accept = frozenset(accept)
+        self._explained = partial(error_text, *place)
+        self._connect: Callable[[], CanWire] = settings.connect or partial(open_wire, *place, self._accept)
+        self._name = f"CAN channel {settings.channel} ({settings.interface})"
+        self._health = BusHealth(settings.channel, stats)
         self._t_ns = 0
         self._back_off_ns = 0  # 0: the interface is open
         self._due_ns = 0
@@ -85,11 +89,9 @@ class CanChannel:
         self._wire: CanWire | None = self._connect()
         try:
             # Sent before the log is open, and before the first force defines the time.
-            self._unlogged = self._greet(
-                b"".join(heartbeat_frame(node, NmtState.BOOT) for node in self.nodes)
-            )
+            self._unlogged = self._greet(b"".join(pack_frame(*frame) for frame in greeting.items()))
             if log_file is not None:
-                self._log = CanFrameLog(log_file, channel, self.stats, waits=log_waits)
+                self._log = CanFrameLog(log_file, settings.channel, stats, waits=settings.log_waits)
         except BaseException:
             self._release()
             raise
@@ -165,7 +167,7 @@ class CanChannel:
         """
         assert self._wire is not None
         try:
-            taken = self._wire.send(frames, 0)
+            taken = self._wire.send(frames, 0) if frames else 0
         except OSError as error:
             raise CanError(self._explained(error)) from error
         self.stats.sent += taken

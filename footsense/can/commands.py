@@ -7,7 +7,7 @@ from firmware_interface.can_codes import Result
 from firmware_interface.crc8 import FrameError, next_counter
 from firmware_interface.socketcan import pack_frame
 from footsense.can.channel import CanChannel
-from footsense.frames import Command, CommandKind, CommandResult
+from footsense.frames import CanStatistics, Command, CommandKind, CommandResult
 from footsense.ports import Clock
 
 #: The same command with the same counter within this time is a repetition; later, it comes from a restarted consumer.
@@ -32,16 +32,19 @@ class CanCommands:
 
     Args:
         channel: The channel.
+        nodes: CAN node id of each leg.
         clock: Times the repetitions.
+        stats: Statistics; counts rejected commands.
 
     Attributes:
         unsolicited: Results without a command of a consumer that were not sent yet, by row: the tare after a start.
     """
 
-    def __init__(self, channel: CanChannel, clock: Clock) -> None:
+    def __init__(self, channel: CanChannel, nodes: Sequence[int], clock: Clock, stats: CanStatistics) -> None:
         self._channel = channel
         self._clock = clock
-        self._legs = [_LegCommands(row, node) for row, node in enumerate(channel.nodes)]
+        self._stats = stats
+        self._legs = [_LegCommands(row, node) for row, node in enumerate(nodes)]
         self._of_id = {can_events.COMMAND_ID + leg.node: leg for leg in self._legs}
         self.unsolicited: dict[int, tuple[Result, CommandKind]] = {}
 
@@ -71,7 +74,7 @@ class CanCommands:
             if counter not in leg.pending[kind]:  # so the list cannot outgrow the counter's range
                 leg.pending[kind].append(counter)
             commands.append(Command(kind, leg.row))
-        self._channel.stats.rejected += len(frames) - len(commands)
+        self._stats.rejected += len(frames) - len(commands)
         return commands
 
     def answer(self, outcome: CommandResult) -> None:

@@ -14,14 +14,15 @@ which is their purpose.
 
 from heapq import heapify, heapreplace
 
-from firmware_interface.can_codes import Flag, NmtState
+from firmware_interface import can_events
+from firmware_interface.can_codes import NODE_IDS, Flag, NmtState
 from firmware_interface.can_frames import ForceQualityEncoder
 from firmware_interface.crc8 import COUNTER_PERIOD
 from firmware_interface.socketcan import FRAME_BYTES
-from footsense.can.channel import CanChannel
+from footsense.can.channel import CanChannel, ChannelSettings
 from footsense.can.commands import CanCommands
 from footsense.can.leg_frames import CanLeg, heartbeat_frame, heartbeat_of_state
-from footsense.frames import Command, CommandResult, ContactFrame
+from footsense.frames import CanStatistics, Command, CommandResult, ContactFrame
 from footsense.ports import Clock
 
 #: Most frames beside Force and Quality in one scan; the others wait for the next. The interface's queue has room for
@@ -42,23 +43,43 @@ class CanSink:
     """A CAN channel as the sink of forces and the source of commands.
 
     Args:
-        channel: The channel.
+        settings: Settings of the channel.
+        legs: Name of the leg in each row of the frames.
         clock: The time of the frames.
+        stats: Statistics to continue; None for new ones.
 
     Attributes:
         stats: Statistics of the channel.
+
+    Raises:
+        ConfigError: The log's suffix is unknown.
+        RecordingError: The log cannot be opened.
+        CanError: The channel is missing or down.
 
     Timing:
         Never waits. Six legs: 12 frames a scan, 30 heartbeats and 6 baselines a second; one system call a scan.
     """
 
-    def __init__(self, channel: CanChannel, clock: Clock) -> None:
-        self._channel = channel
-        self.stats, nodes = channel.stats, channel.nodes
+    def __init__(
+        self,
+        settings: ChannelSettings,
+        legs: tuple[str, ...],
+        clock: Clock,
+        stats: CanStatistics | None = None,
+    ) -> None:
+        self.stats = stats or CanStatistics()
+        nodes = [NODE_IDS[leg] for leg in legs]
+        boot = can_events.encode_heartbeat(NmtState.BOOT)
+        self._channel = CanChannel(
+            settings,
+            accept=[can_events.COMMAND_ID + node for node in nodes],
+            greeting={can_events.HEARTBEAT_ID + node: boot for node in nodes},
+            stats=self.stats,
+        )
         self._clock = clock
         self._legs = [CanLeg(row, node) for row, node in enumerate(nodes)]
         self._encoder = ForceQualityEncoder(nodes)
-        self._commands = CanCommands(channel, clock)
+        self._commands = CanCommands(self._channel, nodes, clock, self.stats)
         self._counter = 0  # of every Force and Quality of a scan
         self._first = 0  # start of the frames that are sent first [bytes]
         self._reported: list[list[int]] = []  # states, masks and causes without an outstanding report

@@ -1,6 +1,5 @@
 """`footsense calibrate`: from recordings of a foot on the test stand to its calibration."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import footsense
 from footsense.calibration.fit.calibrate import CalibrationResult, calibrate_sessions
 from footsense.calibration.session.recorded_session import read_sessions
 from footsense.calibration.writer import check_calibration_target, write_calibration
-from footsense.cli.options import FOLDER, json_option
+from footsense.cli.options import FOLDER, echo_json, json_option
 from footsense.cli.test_stand_options import (
     design_models,
     foot_option,
@@ -78,11 +77,10 @@ def calibrate(
         replace=replace,
     )
     took_s = (stopwatch_ns() - began_ns) * 1e-9
-    click.echo(
-        json.dumps(_figures(calibration, result, took_s), indent=2)
-        if as_json
-        else _text(calibration, result, took_s)
-    )
+    if as_json:
+        echo_json(_figures(calibration, result, took_s))
+    else:
+        click.echo(_text(calibration, result, took_s))
 
 
 def _figures(calibration: FootCalibration, result: CalibrationResult, took_s: float) -> dict[str, Any]:

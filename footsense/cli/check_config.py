@@ -8,8 +8,9 @@ import click
 
 from footsense.cli.options import FILE
 from footsense.clock import wall_time_iso
-from footsense.config import Bus, Config, load_config
+from footsense.config import Config, load_config
 from footsense.config.contradictions import warnings
+from footsense.config.sections import Bus
 from footsense.daemon.calibrations import load_calibrations
 from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.estimation.network import Network

@@ -6,7 +6,8 @@ from pathlib import Path
 import click
 
 from footsense.cli.options import FILE, config_option
-from footsense.config import Metrics, load_config
+from footsense.config import load_config
+from footsense.config.sections import Metrics
 from footsense.errors import ConfigError
 from footsense.telemetry.exporter import serve
 

@@ -4,8 +4,6 @@ import re
 
 import click
 
-__all__ = ["with_present_word"]
-
 _RENAMED = {
     "bench": "benchmark",
     "ladder": "fidelity",
@@ -17,6 +15,7 @@ _RENAMED = {
     "--pack": "--calibration",
     "--pokes": "--loads",
     "--feet": "--calibrations",
+    "--rung": "--level",
 }
 
 #: How click's messages begin: "No such command 'bench'", "No such option: --packs", "'quiet' is not one of".

@@ -9,8 +9,6 @@ from rich.text import Text
 
 from firmware_interface.can_codes import Phase, State, phase_of
 
-__all__ = ["EMPTY", "FORCE_COLUMNS", "force_cells", "leg_table", "number", "state_text", "words"]
-
 _PHASE_STYLES = {
     Phase.ABSENT: "bold red",
     Phase.STARTING: "yellow",

@@ -9,8 +9,6 @@ from rich.logging import RichHandler
 
 from footsense.frames import Cycle
 
-__all__ = ["LiveView", "can_show"]
-
 
 class LiveView(ABC):
     """An observer that redraws a picture at most every `period_ns` of the frames' own time.

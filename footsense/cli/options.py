@@ -11,18 +11,6 @@ from typing import Any
 import click
 import msgspec
 
-__all__ = [
-    "FILE",
-    "FOLDER",
-    "StopRequest",
-    "can_log_option",
-    "config_option",
-    "duration_option",
-    "echo_json",
-    "json_option",
-    "pace_option",
-]
-
 FILE = click.Path(path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
 

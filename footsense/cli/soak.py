@@ -10,7 +10,8 @@ import click
 import msgspec
 
 from footsense.clock import stopwatch_ns
-from footsense.validation.soak import StretchResult, walk_day, walk_stretch
+from footsense.validation.processes import in_processes
+from footsense.validation.soak import StretchResult, walk_stretch
 from footsense.validation.soak_plan import day
 
 
@@ -40,7 +41,9 @@ def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json
     _refuse(only, len(stretches), as_json)
     began_ns = stopwatch_ns()
     walks = (
-        walk_day(stretches, jobs or os.cpu_count() or 1) if only is None else [walk_stretch(stretches[only])]
+        [walk_stretch(stretches[only])]
+        if only is not None
+        else in_processes(walk_stretch, stretches, jobs or os.cpu_count() or 1, parts_per_process=1)
     )
     results: list[StretchResult] = []
     for result in walks:

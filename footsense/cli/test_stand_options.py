@@ -10,8 +10,6 @@ from footsense.daemon.foot_types import released_path
 from footsense.errors import ConfigError
 from footsense.estimation.network import Network
 
-__all__ = ["design_models", "foot_option", "foot_type_option", "recordings_argument"]
-
 recordings_argument = click.argument("recordings", nargs=-1, required=True, type=FILE)
 foot_option = click.option("--foot", required=True, help="The foot on the test stand, such as foot-0007.")
 foot_type_option = click.option(

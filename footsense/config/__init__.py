@@ -10,35 +10,10 @@ from msgspec.structs import replace
 from footsense.config.contradictions import first_contradiction
 from footsense.config.former_keys import FORMER_KEYS
 from footsense.config.schema import Config
-from footsense.config.sections import (
-    Bus,
-    Can,
-    Metrics,
-    Mux,
-    OtherDevice,
-    Realtime,
-    ResetLine,
-    Scan,
-    Serial,
-    Tare,
-)
+from footsense.config.sections import Bus, Can, Mux, ResetLine
 from footsense.strict_yaml import load
 
-__all__ = [
-    "DEFAULT",
-    "Bus",
-    "Can",
-    "Config",
-    "Metrics",
-    "Mux",
-    "OtherDevice",
-    "Realtime",
-    "ResetLine",
-    "Scan",
-    "Serial",
-    "Tare",
-    "load_config",
-]
+__all__ = ["DEFAULT", "Config", "load_config"]
 
 #: Simulation that runs without a file: six legs behind one multiplexer, CAN within the process.
 DEFAULT = Config(

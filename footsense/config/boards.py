@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 from firmware_interface.chips import ad7746, adg715, fdc1004
 
-__all__ = ["BOARDS", "BoardFacts"]
-
 
 class BoardFacts(NamedTuple):
     """Conversion rates and addresses of one board.

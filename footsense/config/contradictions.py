@@ -9,8 +9,6 @@ from footsense.config.schema import Config
 from footsense.config.sections import PCA9685_ALLCALL, Bus, Leg, Scan
 from footsense.strict_yaml import Problem
 
-__all__ = ["first_contradiction", "warnings"]
-
 T = TypeVar("T", bound=Hashable)
 
 #: `Force` and `Quality`.

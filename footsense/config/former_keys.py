@@ -1,7 +1,5 @@
 """Keys of earlier versions: refused in a YAML file with the present name, read in a recording."""
 
-__all__ = ["FORMER_KEYS", "with_present_keys"]
-
 _RENAMED = {
     "zero": "baseline",
     "packs": "calibrations",

@@ -12,8 +12,6 @@ from footsense.config.contradictions import first_contradiction
 from footsense.config.schema import Config
 from footsense.errors import ConfigError
 
-__all__ = ["OPERATING_POINTS", "OperatingPoint", "at_operating_point"]
-
 
 class OperatingPoint(NamedTuple):
     """Settings of a robot, and the latency, error and noise that they give.

@@ -24,8 +24,6 @@ from footsense.config.sections import (
 )
 from footsense.frames import ELEMENTS
 
-__all__ = ["Config"]
-
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Configuration of the daemon.

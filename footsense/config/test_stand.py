@@ -10,18 +10,6 @@ from msgspec import Meta, Struct
 from footsense import strict_yaml
 from footsense.reference.record_columns import TIMES, integer_bits
 
-__all__ = [
-    "Axes",
-    "Binary",
-    "FileSensor",
-    "Lines",
-    "NetFt",
-    "Serial",
-    "Simulated",
-    "StandConfig",
-    "load_test_stand",
-]
-
 Column = Literal["time_s", "time_ms", "time_us", "sequence", "fx", "fy", "fz", "saturated", "-"]
 Columns = Annotated[tuple[Column, ...], Meta(min_length=3, max_length=40)]
 Axis = Annotated[str, Meta(pattern=r"^[+-]?[xyz]$", description="an axis of the sensor, such as -z")]

@@ -16,7 +16,8 @@ from footsense.acquisition.scan_plan import ScanPlan, scan_plan
 from footsense.acquisition.serial_port import SerialLink
 from footsense.acquisition.transports import KernelMux, Transport, UpstreamBus
 from footsense.clock import MonotonicClock, WakeupLatency
-from footsense.config import Bus, Config, Serial
+from footsense.config import Config
+from footsense.config.sections import Bus, Serial
 from footsense.daemon.simulation import simulated_robot
 from footsense.frames import Vector
 from footsense.ports import Clock, SerialPort

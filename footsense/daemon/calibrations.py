@@ -8,8 +8,6 @@ from footsense.daemon.foot_types import foot_type_of
 from footsense.errors import ModelError
 from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
 
-__all__ = ["load_calibrations"]
-
 _log = logging.getLogger(__name__)
 
 

@@ -11,8 +11,6 @@ from footsense.client import LINK_IDS, REPORT_IDS, LegForce, LegReport, Link, Li
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 
-__all__ = ["LegSnapshot", "Listener", "open_listener"]
-
 #: Period of reading the channel [ns].
 _POLL_NS = 5_000_000
 

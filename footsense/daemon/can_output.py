@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from footsense.can.channel import CanChannel
+from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
 from footsense.config import Config
 from footsense.errors import RecordingError
@@ -13,8 +13,6 @@ from footsense.ports import CanWire, Clock
 from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Scene
-
-__all__ = ["can_sink", "closing_at_end", "simulated_can"]
 
 
 @contextmanager
@@ -37,17 +35,15 @@ def can_sink(
         ConfigError: The log's suffix is unknown.
         RecordingError: The log cannot be made, or is not whole at the end.
     """
-    channel = CanChannel(
-        config.can.interface,
-        config.can.channel,
-        config.legs,
+    settings = ChannelSettings(
+        interface=config.can.interface,
+        channel=config.can.channel,
         bitrate=config.can.bitrate,
-        stats=stats,
         log_file=log_file,
         log_waits=not real_time,
         connect=connect,
     )
-    sink = CanSink(channel, clock)
+    sink = CanSink(settings, config.legs, clock, stats)
     with closing_at_end(sink.close):
         yield sink
 

@@ -6,8 +6,9 @@ import msgspec
 
 from footsense import __version__
 from footsense.clock import wall_time_iso
-from footsense.config import Can, Config
+from footsense.config import Config
 from footsense.config.former_keys import with_present_keys
+from footsense.config.sections import Can
 from footsense.errors import RecordingError
 from footsense.estimation.network import Network
 from footsense.foot.files.calibration_reader import FootCalibration
@@ -15,8 +16,6 @@ from footsense.frames import Flag
 from footsense.recording.machine import this_machine
 from footsense.recording.replay import Replay
 from footsense.sim.scene import Scene
-
-__all__ = ["model_difference", "recorded_config", "recorded_flags", "recording_header"]
 
 _CALIBRATIONS = "calibrations"
 

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +12,8 @@ import msgspec
 from footsense.can.frame_log import check_log_target
 from footsense.can.sink import CanSink
 from footsense.clock import MonotonicClock, WakeupLatency, gc_disabled, request_realtime
-from footsense.config import Can, Config
+from footsense.config import Config
+from footsense.config.sections import Can
 from footsense.daemon import loop
 from footsense.daemon.acquisition import ScanSource, open_scan_source
 from footsense.daemon.calibrations import load_calibrations
@@ -153,7 +154,8 @@ def open_service(
         if test_stand is not None:
             from footsense.daemon.test_stand import open_sensor  # a robot needs no serial port
 
-            reference = stack.enter_context(open_sensor(test_stand, legs.index(test_stand.leg), scan))
+            row = legs.index(test_stand.leg)
+            reference = stack.enter_context(closing(open_sensor(test_stand.test_stand, row, scan)))
         if record is not None:
             header = recording_header(config, scene, network, flags, calibrations)
             header |= test_stand.header() if test_stand is not None else {}

@@ -16,8 +16,6 @@ from footsense.sim.scene import Effects, Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads
 from footsense.sim.test_stand.press_sequence import paper_presses
 
-__all__ = ["practice_scene", "session_guide"]
-
 
 def session_guide(
     test_stand: StandConfig, row: int, wanted: int, network: Network, report: Callable[[str], None]

@@ -10,8 +10,6 @@ from footsense.sim.faults.scene_faults import OnChips, OnWires
 from footsense.sim.robot import SimulatedRobot, Wiring
 from footsense.sim.scene import Scene
 
-__all__ = ["is_simulated", "simulated_robot"]
-
 
 def is_simulated(config: Config) -> bool:
     """Tell whether the configuration names simulated buses, or a simulated serial line."""

@@ -1,7 +1,5 @@
 """Open the force sensor of a test stand: the place that chooses its backend."""
 
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,8 +20,6 @@ from footsense.reference.sample_times import SampleTimes
 from footsense.reference.sensor_mounting import SensorMounting
 from footsense.reference.serial_sensor import SerialReference
 from footsense.sim.test_stand import reference_sensor as simulated
-
-__all__ = ["StandSensor", "StandSession", "is_live", "open_sensor"]
 
 StandSensor = SerialReference | NetFtReference | FileReference
 
@@ -59,28 +55,19 @@ def is_live(test_stand: StandConfig) -> bool:
     return isinstance(test_stand.sensor, Serial | NetFt)
 
 
-@contextmanager
-def open_sensor(run: StandSession, row: int, scan_source: ScanSource) -> Iterator[StandSensor]:
-    """Open the force sensor of a session, and close it at the end.
+def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> StandSensor:
+    """Open the force sensor of a test stand.
 
     Args:
-        run: The session.
-        row: Row of its leg in the frames.
+        test_stand: Its file.
+        row: Row of the pressed leg in the frames.
         scan_source: Clock that stamps the samples; for a simulated sensor, the true forces on the simulated feet.
-
-    Yields:
-        The sensor.
 
     Raises:
         HardwareError: It is not connected.
         ConfigError: It is simulated, and the robot is not.
         RecordingError: The recording to play has no reference.
     """
-    with closing(_opened(run.test_stand, row, scan_source)) as sensor:
-        yield sensor
-
-
-def _opened(test_stand: StandConfig, row: int, scan_source: ScanSource) -> StandSensor:
     match test_stand.sensor:
         case Serial() as sensor:
             link = SerialLink(sensor.device, sensor.baud, scan_source.clock)

@@ -10,8 +10,6 @@ from msgspec import inspect
 
 from footsense.strict_yaml.plain_data import item_path
 
-__all__ = ["Problem", "locate_error"]
-
 _PLACE = re.compile(r" - at (?P<key>`key` in )?`\$(?P<path>[^`]*)`$")
 _STEP = re.compile(r"\.(?P<field>[^.\[]+)|\[(?P<index>\d+|\.\.\.)\]")
 _UNKNOWN = re.compile(r"(?P<fault>.*unknown field) `(?P<name>.*)`", re.DOTALL)

@@ -7,8 +7,6 @@ from typing import Any, NamedTuple
 
 import yaml
 
-__all__ = ["MAX_BYTES", "PlainData", "YamlError", "item_path", "read_yaml"]
-
 #: Longest text that is read [bytes]; a hand-written file has a few thousand.
 MAX_BYTES = 262_144
 

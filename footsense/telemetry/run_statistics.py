@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from footsense.frames import EXPECTED, USABLE, Cycle, State, Vector
+from footsense.ports import Observer
 
 #: Smallest true force of a loaded frame, whose direction is defined [N].
 LOADED_N = 0.1
@@ -61,7 +62,7 @@ class Histogram:
         return float((rank + 1) * self._width)
 
 
-class RunStatistics:
+class RunStatistics(Observer):
     """An observer that keeps the statistics of a run.
 
     Args:
@@ -94,9 +95,6 @@ class RunStatistics:
         self._age_ms.add(np.asarray(forces.age_ns[valid] * 1e-6, np.float64))
         if self._true_force_n is not None:
             self._compare(forces.force_n[valid], self._true_force_n(forces.t_sent_ns)[valid])
-
-    def close(self) -> None:
-        """Nothing is held."""
 
     def _compare(self, estimate_n: Vector, true_n: Vector) -> None:
         self._squared_n2 += np.square(estimate_n - true_n).sum(axis=0)

@@ -12,11 +12,10 @@ from firmware_interface.socketcan import split_frames
 from footsense.config import DEFAULT, Config
 from footsense.daemon.service import open_service
 from footsense.frames import Cycle
+from footsense.ports import Observer
 from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Scene
 from footsense.sim.scene_loads import Tripod
-
-__all__ = ["CanFigures", "can_trial"]
 
 WALK = Scene(
     description="Six legs walk with a fault of CAN.",
@@ -48,7 +47,7 @@ class CanFigures(NamedTuple):
     n_bus_off: int
 
 
-class _Consumer:
+class _Consumer(Observer):
     """Keeps the times at which forces were published and received."""
 
     def __init__(self, legs: tuple[str, ...]) -> None:
@@ -63,9 +62,6 @@ class _Consumer:
         forces = cycle.forces
         self.n_published += len(self._nodes)
         self._measured_ns[forces.t_sent_ns] = dict(zip(self._nodes, forces.t_ns.tolist(), strict=True))
-
-    def close(self) -> None:
-        pass
 
     def on_delivered(self, t_ns: int, handed_ns: int, frame: bytes) -> None:
         can_id, _ = next(split_frames(frame))

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from footsense.config import DEFAULT, Config, Mux
+from footsense.config import DEFAULT, Config
+from footsense.config.sections import Mux
 from footsense.sim.faults import scene_faults as faults
 from footsense.sim.faults.scene_faults import CanFault, Fault
 from footsense.validation.can_trial import CanFigures, can_trial
@@ -21,8 +22,6 @@ from footsense.validation.fault_trial import (
     figures,
     walk,
 )
-
-__all__ = ["CAN_TRIALS", "TRIALS", "FaultTrial", "can_rows", "rows"]
 
 #: Length of a walk with a fault of CAN [s]: the kernel checks a carrier once a second, and the daemon opens the
 #: interface again as often.

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from footsense.config import DEFAULT, Config
 from footsense.daemon.service import open_service
 from footsense.frames import USABLE, Cause, Codes, ContactFrame, Cycle, Stamps, State, Vector
+from footsense.ports import Observer
 from footsense.sim.faults.scene_faults import Fault, Leg
 from footsense.sim.scene import Effects, Scene
 from footsense.sim.scene_loads import Tripod
@@ -90,7 +91,7 @@ class FaultFigures(NamedTuple):
     others_error_n: float
 
 
-class _Observer:
+class _Observer(Observer):
     """Keeps every frame of a walk."""
 
     def __init__(self) -> None:
@@ -98,9 +99,6 @@ class _Observer:
 
     def observe(self, cycle: Cycle) -> None:
         self.frames.append(cycle.forces)
-
-    def close(self) -> None:
-        pass
 
 
 def walk(*faults: Fault, config: Config = DEFAULT, effects: Effects = WALK.effects) -> PublishedWalk:

@@ -15,11 +15,10 @@ from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, decode_quality
 from firmware_interface.socketcan import split_frames
 from footsense.frames import USABLE, ContactFrame, Cycle, State, Vector
+from footsense.ports import Observer
 from footsense.sim.can.interface import AS_DEPLOYED
 from footsense.sim.faults.scene_faults import CanFault, Fault
 from footsense.validation.tolerances import Rules, Spans, tolerated_delays_s, tolerated_spans_s
-
-__all__ = ["Invariants", "Violation"]
 
 _NS_PER_S = 1_000_000_000
 #: Name of each leg by its node id.
@@ -60,7 +59,7 @@ class Violation(NamedTuple):
     detail: str
 
 
-class Invariants:
+class Invariants(Observer):
     """Checks a walk, as an observer of its cycles and as a listener on its CAN bus.
 
     Args:
@@ -162,9 +161,6 @@ class Invariants:
         self.n_missed += missed
         if before is not None and missed and not self._can_was_broken(before[1] / _NS_PER_S, t_s):
             self._violate("every frame reaches CAN", t_s, _LEG_OF_NODE[node], f"{missed} missing")
-
-    def close(self) -> None:
-        """Nothing is held."""
 
     def _check_pace(self, sequence: int, t_sent_ns: int, t_s: float) -> None:
         last, self._last = self._last, (sequence, t_sent_ns)

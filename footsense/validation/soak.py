@@ -4,12 +4,8 @@ Everything runs in virtual time and follows from the seed, so that a stretch wit
 Every stretch begins with a walk without faults, which measures the share of errors beyond 5 sigma.
 """
 
-import logging
 import math
 from collections import Counter
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
 
 import msgspec
 import numpy as np
@@ -76,29 +72,6 @@ class StretchResult(msgspec.Struct, frozen=True, kw_only=True):
     n_missed: int
     resident_mib: tuple[float, float]
     growth_mib_per_h: float
-
-
-def _quiet() -> None:
-    """Log no warnings: the faults are on purpose."""
-    logging.disable(logging.WARNING)
-
-
-def walk_day(stretches: list[Stretch], jobs: int) -> Iterator[StretchResult]:
-    """Walk stretches in processes of their own.
-
-    Args:
-        stretches: The stretches.
-        jobs: Processes at a time.
-
-    Yields:
-        Each result as it is complete.
-    """
-    with ProcessPoolExecutor(
-        jobs, mp_context=get_context("spawn"), initializer=_quiet, max_tasks_per_child=1
-    ) as processes:
-        running = [processes.submit(walk_stretch, stretch) for stretch in stretches]
-        for walked in as_completed(running):
-            yield walked.result()
 
 
 def walk_stretch(stretch: Stretch) -> StretchResult:

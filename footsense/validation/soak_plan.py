@@ -8,8 +8,6 @@ from footsense.sim.faults.scene_faults import CanTraffic
 from footsense.sim.scene import Effects, Scene, Warming
 from footsense.sim.scene_loads import Stand, Tripod
 
-__all__ = ["IDLE_TRAFFIC", "LEAD_IN_S", "Stretch", "day", "robot_and_scene"]
-
 #: Hours of a day at the full rate.
 _FAST_HOURS = 4.0
 #: Stretches with a stand, and begin and end of the stand [s].

@@ -11,7 +11,8 @@ import msgspec
 import numpy as np
 
 from footsense.calibration.session.recorded_session import RecordedSession, read_session
-from footsense.config import Bus, Can, Config
+from footsense.config import Config
+from footsense.config.sections import Bus, Can
 from footsense.config.test_stand import Axes, Simulated, StandConfig
 from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.foot_types import FOOT_TYPE
@@ -23,9 +24,6 @@ from footsense.sim.scene import Effects, Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads, Unloaded
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 from footsense.sim.test_stand.reference_sensor import RATED_GF, TRANSMISSION_NS
-
-__all__ = ["FootBatch", "FootTrial", "foot_name", "run_trial"]
-
 
 #: Twenty feet of this seed have errors near the mean of 160.
 _TYPICAL_SEED = 8

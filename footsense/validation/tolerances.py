@@ -8,8 +8,6 @@ import numpy as np
 
 from footsense.sim.faults.scene_faults import ArbitrationLost, CanFault, Fault, StuckSda, StuckUpstreamBus
 
-__all__ = ["Rules", "Spans", "tolerated_delays_s", "tolerated_spans_s"]
-
 #: Longest pause until a leg is tried again [s], and after it held a line of the bus [s]; duration of the try [s]; gait
 #: periods until it is tared after that.
 _PAUSE_S, _STUCK_PAUSE_S, _TRY_S, _TARE_PERIODS = 4.0, 16.0, 1.0, 3.0

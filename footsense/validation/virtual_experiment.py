@@ -5,12 +5,9 @@ stand, as in the paper, and against the simulator's true force. Loads for which 
 for all, and counted.
 """
 
-import logging
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 
 import msgspec
@@ -25,10 +22,8 @@ from footsense.daemon.foot_types import models_folder
 from footsense.errors import CalibrationError
 from footsense.foot.force_errors import errors
 from footsense.frames import Vector
+from footsense.validation.processes import in_processes
 from footsense.validation.test_stand_trial import FootBatch, foot_name, run_trial
-
-__all__ = ["ALL_LOADS", "LOAD_COUNTS", "FootErrors", "FootResult", "run_experiment"]
-
 
 #: Numbers of loads that a calibration uses; the last is all there are.
 LOAD_COUNTS = (5, 10, 20, 50, 100)
@@ -93,13 +88,11 @@ def run_experiment(
         jobs: Number of processes.
         every: Use one of so many presses.
 
-    Yields:
+    Returns:
         Each result as it is done.
     """
     work = partial(evaluate_foot, batch, per_foot_network=per_foot_network, every=every)
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_mute) as processes:
-        for done in as_completed([processes.submit(work, number) for number in numbers]):
-            yield done.result()
+    return in_processes(work, numbers, jobs)
 
 
 def evaluate_foot(
@@ -160,8 +153,3 @@ def _errors(reference_n: Vector, true_force_n: Vector, force_n: Vector) -> FootE
     return FootErrors(
         by_reference.direction_deg, by_reference.magnitude_gf, by_truth.direction_deg, by_truth.magnitude_gf
     )
-
-
-def _mute() -> None:
-    """Drop the daemon's warnings about an uncalibrated foot."""
-    logging.disable(logging.WARNING)

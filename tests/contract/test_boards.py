@@ -202,10 +202,17 @@ def test_a_temperature_costs_no_reading_and_is_no_stall(rate_sps: int, element_w
     assert [bus.missed_deadlines for bus in robot.buses] == [0]
 
 
-@pytest.mark.parametrize("n_after_start", [0, 1, 3])
-def test_a_mux_that_is_reset_while_temperatures_are_read_costs_no_reading(n_after_start: int) -> None:
-    """The selection is written again, so that every converter gets back the settings of its elements."""
-    robot = Robot(distinct, AD7746)
+@pytest.mark.parametrize(
+    ("n_buses", "n_after_start"), [(1, 0), (1, 1), (1, 3), (6, 0), (6, 1), (6, 2), (6, 3)]
+)
+def test_a_mux_that_is_reset_while_temperatures_are_read_costs_no_reading(
+    n_buses: int, n_after_start: int
+) -> None:
+    """The selection is written again, so that every converter gets back the settings of its elements.
+
+    A leg alone on its bus has the same selection before and after.
+    """
+    robot = Robot(distinct, AD7746, n_buses=n_buses)
     robot.read(2)
     thermometer = scan_plan("lo_shu", 91, "ad7746").board.thermometer
     assert thermometer is not None

@@ -9,7 +9,7 @@ import numpy as np
 
 from firmware_interface.can_codes import NODE_IDS, USABLE, Cause, State
 from firmware_interface.socketcan import split_frames
-from footsense.can.channel import CanChannel
+from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
 from footsense.errors import CanError
 from footsense.frames import BaselineDrift, ContactFrame
@@ -75,10 +75,13 @@ class Robot:
     ) -> None:
         self.clock = FakeClock()
         self.consumer = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True)
-        connect = None if wire is None else lambda: wire.open(self.clock.t_ns)
-        self.sink = CanSink(
-            CanChannel("virtual", channel, legs, log_file=log_file, connect=connect), self.clock
+        settings = ChannelSettings(
+            interface="virtual",
+            channel=channel,
+            log_file=log_file,
+            connect=None if wire is None else lambda: wire.open(self.clock.t_ns),
         )
+        self.sink = CanSink(settings, legs, self.clock)
         self.legs = legs
         self.heard()
 

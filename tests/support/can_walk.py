@@ -7,7 +7,7 @@ import numpy as np
 
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.socketcan import split_frames
-from footsense.can.channel import CanChannel
+from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
 from footsense.frames import BaselineDrift, ContactFrame
 from footsense.sim.can.interface import AS_DEPLOYED, CanSettings, SimulatedCan
@@ -54,8 +54,8 @@ class CanWalk:
         self.period_ns = period_ns
         self.heard: list[Heard] = []
         self.n_scans = 0
-        channel = CanChannel("simulated", "can0", legs, connect=self.can.connect)
-        self.sink = CanSink(channel, self.clock)
+        channel_settings = ChannelSettings(interface="simulated", channel="can0", connect=self.can.connect)
+        self.sink = CanSink(channel_settings, legs, self.clock)
         n = len(legs)
         self._force_n = np.full((n, 3), 0.5)
         self._n = n

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.config import Bus, Can, Config
+from footsense.config import Config
+from footsense.config.sections import Bus, Can
 from footsense.daemon import loop
 from footsense.daemon.foot_types import released_path
 from footsense.daemon.service import open_service

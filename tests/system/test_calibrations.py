@@ -9,8 +9,8 @@ from click.testing import CliRunner
 
 from footsense.cli.check_config import check_config
 from footsense.cli.replay import replay
-from footsense.config import Bus, Can, Config
-from footsense.config.sections import Leg
+from footsense.config import Config
+from footsense.config.sections import Bus, Can, Leg
 from footsense.daemon.calibrations import load_calibrations
 from footsense.daemon.foot_types import released_path
 from footsense.daemon.service import open_service

@@ -12,7 +12,8 @@ import pytest
 from firmware_interface.can_codes import USABLE
 from footsense.acquisition.mcu_source import McuSource
 from footsense.acquisition.serial_port import SerialLink
-from footsense.config import Can, Config, Serial
+from footsense.config import Config
+from footsense.config.sections import Can, Serial
 from footsense.daemon.estimation import load_network, pipeline_for
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import ConfigError

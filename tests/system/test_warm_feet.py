@@ -6,7 +6,8 @@ import numpy as np
 from click.testing import CliRunner
 
 from footsense.cli.replay import replay
-from footsense.config import Bus, Can, Config
+from footsense.config import Config
+from footsense.config.sections import Bus, Can
 from footsense.daemon.service import open_service
 from footsense.foot.temperature import unknown_temperature_rel
 from footsense.frames import Cycle, State

@@ -10,7 +10,7 @@ slip, count less: Huber loss of the Mahalanobis distance of all nine readings to
 with reweighting.
 
 Source:
-    Huber, Annals of Mathematical Statistics 35, 1964, for the loss; docs/adr/0016-the-fit-of-a-foot-stays-numpy.md,
+    Huber, Annals of Mathematical Statistics 35, 1964, for the loss; docs/adr/0016-parameter-fit-in-numpy.md,
     for why this is not scipy.
 """
 

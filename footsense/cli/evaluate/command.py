@@ -19,8 +19,6 @@ from footsense.estimation.network import Network
 from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
 from footsense.foot.force_errors import GRAM_FORCE_N, Errors
 
-__all__ = ["evaluate", "headline", "table"]
-
 
 @click.command()
 @recordings_argument

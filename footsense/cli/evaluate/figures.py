@@ -11,9 +11,6 @@ from footsense.foot.force_errors import magnitude_errors_gf
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.ball import circle, rim, touch
 
-__all__ = ["PAPER_DEG", "PAPER_GF", "error_map", "histograms", "patterns"]
-
-
 #: The paper's mean errors in the experiment, section V C [deg, gf].
 PAPER_DEG, PAPER_GF = 15.9, 18.7
 

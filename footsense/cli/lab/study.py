@@ -65,35 +65,33 @@ def _direction(_: click.Context, __: click.Parameter, text: str) -> tuple[float,
     help="Azimuth and elevation of the force [deg].",
 )
 @click.option("--force-n", type=float, required=True, help="Its magnitude [N].")
-@click.option(
-    "--rung", "rung_name", default="contact", show_default=True, help="half-space, linear, contact or full."
-)
+@click.option("--level", default="contact", show_default=True, help="half-space, linear, contact or full.")
 @models_option
 @json_option
 def response(
     *,
     direction_deg: tuple[float, float],
     force_n: float,
-    rung_name: str,
+    level: str,
     models: Path | None,
     as_json: bool,
 ) -> None:
     """Print what one centred load does to the nine elements."""  # noqa: DOC501 - click shows this text
     from footsense.lab.evaluation.evaluate_models import open_models
-    from footsense.lab.fidelity.query import response_to
+    from footsense.lab.fidelity.levels import response_to
     from footsense.lab.foot_file import FOOT_FILE, load_foot
 
     folder = models or released_folder()
     table, _ = open_models(folder)
     try:
-        found = response_to(table, load_foot(folder / FOOT_FILE), direction_deg, force_n, rung_name)
+        found = response_to(table, load_foot(folder / FOOT_FILE), direction_deg, force_n, level)
     except ValueError as error:
         raise FootsenseError(str(error)) from error
     if as_json:
         echo_json(found)
         return
     click.echo(
-        f"{rung_name}: {force_n:g} N at {direction_deg[0]:g}, {direction_deg[1]:g} deg; row 0 forward, column 0 left"
+        f"{level}: {force_n:g} N at {direction_deg[0]:g}, {direction_deg[1]:g} deg; row 0 forward, column 0 left"
     )
     for what, unit in (("closure_um", "um"), ("capacitance_pf", "pF")):
         click.echo(f"{what.partition('_')[0]} [{unit}]")

@@ -11,8 +11,6 @@ from footsense.cli.leg_table import EMPTY, FORCE_COLUMNS, force_cells, leg_table
 from footsense.client import LinkStatus
 from footsense.daemon.can_listener import LegSnapshot
 
-__all__ = ["cause_text", "monitor_table"]
-
 _LINK_STYLES = {LinkStatus.OK: "green", LinkStatus.LOST: "yellow", LinkStatus.REPEATED: "yellow"}
 
 #: State of the node in a heartbeat, in words short enough for the last column.

@@ -8,8 +8,6 @@ from footsense.cli.probe.picture import element_marks
 from footsense.daemon.probe.report import ProbeResult
 from footsense.errors import FootsenseError
 
-__all__ = ["draw"]
-
 _PER_ROW = 3
 
 

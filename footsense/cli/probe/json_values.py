@@ -7,8 +7,6 @@ from footsense.acquisition.probe.address_scan import AddressScan
 from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
 from footsense.frames import Reading
 
-__all__ = ["adapters_json", "probe_json"]
-
 
 def probe_json(result: ProbeResult) -> dict[str, Any]:
     """Return buses, legs, the shortest scan and the diagnoses."""

@@ -15,8 +15,6 @@ from footsense.cli.leg_table import leg_table, words
 from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
 from footsense.frames import Cause, Reading
 
-__all__ = ["adapters_picture", "element_marks", "probe_picture", "unloaded_yaml"]
-
 _CHIPS = {
     fdc1004.ADDRESS: "FDC1004",
     ad7746.ADDRESS: "AD7746",

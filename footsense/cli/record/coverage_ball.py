@@ -22,9 +22,6 @@ from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Vector
 
-__all__ = ["COLUMNS", "GLYPHS", "PLAIN_GLYPHS", "Glyphs", "discs"]
-
-
 _ROWS = 11
 COLUMNS = 2 * _ROWS - 1
 _MIDDLE = (_ROWS - 1) / 2

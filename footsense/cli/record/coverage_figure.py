@@ -10,8 +10,6 @@ from footsense.foot.directions import azimuth_elevation_deg
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Vector
 
-__all__ = ["draw_coverage"]
-
 _RINGS_DEG = (40.0, 50.0, 60.0, 70.0, 80.0)
 
 

@@ -13,8 +13,6 @@ from footsense.cli.record.coverage_ball import GLYPHS, PLAIN_GLYPHS, discs
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import USABLE, Cycle, State, Vector
 
-__all__ = ["MESSAGES", "RecordTable"]
-
 _PERIOD_NS = 100_000_000
 #: Messages that the picture shows.
 MESSAGES = 4

@@ -24,6 +24,7 @@ from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import ConfigError
 from footsense.frames import Cycle
+from footsense.ports import Observer
 from footsense.sim.scene import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 
@@ -31,7 +32,7 @@ _DEFAULT_SCENE = "tripod"
 _NS_PER_S = 1_000_000_000
 
 
-class FirstFrame:
+class FirstFrame(Observer):
     """An observer that notes the age of the process when the first frame was out."""
 
     after_s: float | None = None
@@ -41,9 +42,6 @@ class FirstFrame:
         del cycle
         if self.after_s is None:
             self.after_s = process_age_ns() * 1e-9
-
-    def close(self) -> None:
-        """Do nothing: no resource is held."""
 
 
 @click.command()

@@ -22,8 +22,6 @@ from footsense.errors import HardwareError
 from footsense.frames import ELEMENTS, Reading
 from footsense.sim.scene import Scene
 
-__all__ = ["probe", "scan_adapters"]
-
 #: Scans for the noise: they give its standard deviation to a sixth.
 _N_SCANS = 20
 #: Scans before them: converters that were just set up may still settle, and legs that fail are left out.

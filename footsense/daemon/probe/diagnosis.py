@@ -11,8 +11,6 @@ from footsense.daemon.acquisition import SLOW_REL
 from footsense.daemon.probe.report import Diagnosis, ProbedBus, ProbedLeg
 from footsense.frames import Reading
 
-__all__ = ["bus_diagnoses", "leg_diagnoses"]
-
 _MUXES = range(0x70, 0x78)
 
 _CHECKS = {

@@ -8,9 +8,7 @@ import numpy as np
 from footsense.acquisition.probe.address_scan import AddressScan
 from footsense.acquisition.probe.bus_scan import BusScan, ChannelScan
 from footsense.acquisition.probe.foot_check import FootFault, FootScans
-from footsense.config import Bus
-
-__all__ = ["Diagnosis", "ProbeResult", "ProbedAdapter", "ProbedBus", "ProbedLeg"]
+from footsense.config.sections import Bus
 
 
 class Diagnosis(NamedTuple):

@@ -1,11 +1,7 @@
-"""One question, four answers: what a load does to the gaps, from a formula on paper to finite strain.
+"""Four models of the foot, from a formula on paper to finite strain: closures and capacitances of a load.
 
-    answer       the interface that all share
-    half_space   a formula: point force on a half-space, a lattice of bars, statics
-    rungs        by name; the ones that stand on the response table or the full solve
-    compare      what each costs and how far it is from the finest
-    drawing      that as a figure
-    query        one load, one rung, as the command line shows it
-
-Cheap rungs are there to be doubted: each says by the next one how wrong it is.
+half_space   a formula: point force on a half-space, a lattice of bars, statics
+levels       the models by name, as functions of contact normal and force, and the command `response`
+compare      time of each level, and its difference from the finest
+drawing      figures of both
 """

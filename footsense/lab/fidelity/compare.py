@@ -1,4 +1,4 @@
-"""What each rung costs, and how far it is from the finest one on the same loads."""
+"""Time of each fidelity level, and its difference from the finest one on the same loads."""
 
 import functools
 import timeit
@@ -14,7 +14,7 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import Readout, errors
 from footsense.lab.fem.forward import ForwardFoot
-from footsense.lab.fidelity.answer import Answer, Rung
+from footsense.lab.fidelity.levels import Answer, FidelityLevel
 from footsense.lab.training.load_cases import paper_training, paper_verification
 
 Vector = NDArray[np.float64]
@@ -22,7 +22,7 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loads:
-    """Contacts to ask every rung about.
+    """Contacts of a comparison.
 
     Attributes:
         normal: Inward unit normals, shape (n, 3).
@@ -58,12 +58,12 @@ def mirrored_loads(cases: Sequence[tuple[float, float, float]]) -> Loads:
     return Loads(up(of_normal), up(of_force) * magnitude_gf[:, None] * GRAM_FORCE_N)
 
 
-def timed(rung: Rung, loads: Loads, repeats: int = 1) -> tuple[Answer, float]:
-    """Return a rung's answer and what it took [s], the shortest of a few runs."""
+def timed(level: FidelityLevel, loads: Loads, repeats: int = 1) -> tuple[Answer, float]:
+    """Return a level's answer and its time [s], the shortest of some runs."""
     taken_s = []
     for _ in range(repeats):
         start = default_timer()
-        answer = rung.answer(loads.normal, loads.force_n)
+        answer = level(loads.normal, loads.force_n)
         taken_s.append(default_timer() - start)
     return answer, min(taken_s)
 

@@ -1,4 +1,4 @@
-"""The ladder as figures."""
+"""Figures of the fidelity levels: error against time, and patterns of capacitance."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,14 +15,14 @@ def error_against_time(
     forward: ForwardAgainstTable,
     n: int,
 ) -> Figure:
-    """Return error against time; the finest rung is where the errors are counted from, so a line.
+    """Return error against time; the finest level, the reference of the errors, as a line.
 
     Args:
-        seconds: What each rung takes for a load [s].
-        distances: How far each is from the finest.
+        seconds: Time of a load [s], by level.
+        distances: Differences from the finest, by level.
         finest: Name of the finest.
-        forward: What solving every load takes, at the error of `linear`.
-        n: Loads that the time is shown for.
+        forward: One solve per load, drawn at the error of `linear`.
+        n: Loads of the time axis.
     """
     figure = Figure(figsize=(8.2, 4.4), layout="constrained")
     axes = figure.subplots()

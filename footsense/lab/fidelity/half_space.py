@@ -1,4 +1,4 @@
-"""The lowest rung: closures by formula, as on the back of an envelope. No mesh, no table, no fitted constant.
+"""The cheapest fidelity level: closures by formula. No mesh, no table, no fitted constant.
 
 1. Stress. A point force F on the surface of an incompressible half-space stresses it along rays alone,
 
@@ -27,7 +27,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.lab.fidelity.answer import Answer
 from footsense.lab.geometry import FootDesign
 
 Vector = NDArray[np.float64]
@@ -69,16 +68,14 @@ class HalfSpace:
 
     Args:
         design: The foot.
-        balanced: Whether statics is obeyed (step 3), else the formula stands alone.
+        balanced: Whether step 3 is taken, else the stress formula stands alone.
 
     Attributes:
-        name: Of the rung.
+        design: The foot.
     """
 
-    name = "half-space"
-
     def __init__(self, design: FootDesign, *, balanced: bool = True) -> None:
-        self._design, self._balanced = design, balanced
+        self.design, self._balanced = design, balanced
         place, share = np.polynomial.legendre.leggauss(_POINTS)
         half_mm = design.sheet_mm / 2.0
         centres = np.array(design.centres_mm)
@@ -101,7 +98,7 @@ class HalfSpace:
             normal: Inward unit normals of the ball at the contacts, shape (n, 3).
             force_n: Ground reactions on the foot [N], shape (n, 3).
         """
-        touch_mm = -self._design.ball_radius_mm * normal - np.array([0.0, 0.0, self._design.plate_mm])
+        touch_mm = -self.design.ball_radius_mm * normal - np.array([0.0, 0.0, self.design.plate_mm])
         ray_mm = self._point_mm - touch_mm[:, None, None]
         squared_mm2 = (ray_mm**2).sum(axis=-1)
         along_n_mm = np.einsum("nepk,nk->nep", ray_mm, force_n)
@@ -119,8 +116,8 @@ class HalfSpace:
         mean: Vector = (pressure * self._area_mm2).sum(axis=-1) / self._area_mm2.sum(axis=-1)
         return mean
 
-    def answer(self, normal: Vector, force_n: Vector) -> Answer:
-        """Return the closures under loads as in `pressure_mpa`; the capacitance is that of flat electrodes.
+    def closure_um(self, normal: Vector, force_n: Vector) -> Vector:
+        """Return the mean closures [um], shape (n, 9), under loads as in `pressure_mpa`.
 
         Raises:
             ValueError: A contact is not on the ground-side hemisphere.
@@ -129,6 +126,4 @@ class HalfSpace:
             raise ValueError(
                 f"the ground presses from below, got a contact normal with z = {normal[:, 2].min():.4f}"
             )
-        closure_um = self.pressure_mpa(normal, force_n) * self._um_per_mpa
-        capacitor = self._design.capacitor
-        return Answer(closure_um, capacitor.capacitance_pf(np.minimum(closure_um, capacitor.gap_um)))
+        return self.pressure_mpa(normal, force_n) * self._um_per_mpa

@@ -1,18 +1,26 @@
-"""The rungs by name, cheapest first; those that stand on the response table or on the full solve are here.
+"""The fidelity levels by name, cheapest first, and the response of one of them to one load.
 
-- `half-space`: a formula.
-- `linear`: the table. Gaps cannot shut: closures may exceed the gap, only the capacitance knows the limit.
-- `contact`: the table, and gaps that shut carry load. What simulator and training use.
-- `full`: finite strain, a floor with friction, gaps that shut; half a minute and more per load.
+- `half-space`: a formula, see there.
+- `linear`: the response table. Closures may exceed the gap; the capacitance is held at that of a closed gap.
+- `contact`: the table, and closed gaps that carry load. Simulator and training use it.
+- `full`: finite strain, a floor with friction, closed gaps that carry load; half a minute and more per load.
+
+A level is a function of contact normals and forces, which raises ValueError for a load beyond its range.
 """
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.directions import directions
 from footsense.foot.gap_contact import capacitance_pf, element_means
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.lab.fidelity.answer import Answer, Rung
 from footsense.lab.fidelity.half_space import HalfSpace
 from footsense.lab.geometry import FootDesign
 
@@ -20,109 +28,141 @@ Vector = NDArray[np.float64]
 
 #: Cheapest first.
 NAMES = ("half-space", "linear", "contact", "full")
+#: Largest contact patch, over the ball's radius [1]: Hertz assumes a small one.
+MOST_PATCH_REL = 0.3
 
 
-class Linear:
-    """The response table alone.
-
-    Args:
-        response: The table.
-
-    Attributes:
-        name: Of the rung.
-    """
-
-    name = "linear"
-
-    def __init__(self, response: FootResponse) -> None:
-        self._response = response
-
-    def answer(self, normal: Vector, force_n: Vector) -> Answer:
-        """Return closures, which may exceed the gap, and the capacitance of cells that are held at it."""
-        design = self._response.design
-        cells_um = self._response.free_closure_um(normal, force_n)
-        distance_um = np.maximum(design.gap_um - cells_um, 0.0) + design.film_equivalent_um
-        return Answer(element_means(cells_um), capacitance_pf(design, distance_um))
-
-
-class GapContact:
-    """The response table with gaps that carry load once they shut.
-
-    Args:
-        response: The table.
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """Closures and capacitances of the elements under some loads.
 
     Attributes:
-        name: Of the rung.
+        closure_um: Mean closure of each gap [um], shape (n, 9).
+        capacitance_pf: Capacitance of each element without stray [pF], shape (n, 9).
     """
 
-    name = "contact"
-
-    def __init__(self, response: FootResponse) -> None:
-        self._foot = Foot(response)
-
-    def answer(self, normal: Vector, force_n: Vector) -> Answer:
-        """Return what the simulated foot does."""
-        design = self._foot.response.design
-        cells_um = self._foot.cells_um(normal, force_n)
-        distance_um = design.gap_um - cells_um + design.film_equivalent_um
-        return Answer(element_means(cells_um), capacitance_pf(design, distance_um))
+    closure_um: Vector
+    capacitance_pf: Vector
 
 
-class Full:
-    """The foot at finite strain on a floor with friction, one nonlinear solve per load.
+#: Of inward unit normals of the ball at the contacts [1] and ground reactions on the foot [N], both in the foot frame,
+#: shape (n, 3).
+FidelityLevel = Callable[[Vector, Vector], Answer]
+
+
+def half_space(model: HalfSpace, normal: Vector, force_n: Vector) -> Answer:
+    """Return the closures of the formula, and the capacitances of flat electrodes."""
+    closure_um, capacitor = model.closure_um(normal, force_n), model.design.capacitor
+    return Answer(closure_um, capacitor.capacitance_pf(np.minimum(closure_um, capacitor.gap_um)))
+
+
+def _of_cells(capacitor: CapacitorDesign, cells_um: Vector) -> Answer:
+    """Return the elements' answer of the closures of their cells [um], shape (n, 324)."""
+    distance_um = np.maximum(capacitor.gap_um - cells_um, 0.0) + capacitor.film_equivalent_um
+    return Answer(element_means(cells_um), capacitance_pf(capacitor, distance_um))
+
+
+def linear(response: FootResponse, normal: Vector, force_n: Vector) -> Answer:
+    """Return the answer of the response table alone."""
+    return _of_cells(response.design, response.free_closure_um(normal, force_n))
+
+
+def gap_contact(foot: Foot, normal: Vector, force_n: Vector) -> Answer:
+    """Return the answer of the simulated foot."""
+    return _of_cells(foot.response.design, foot.cells_um(normal, force_n))
+
+
+def full(foot_design: FootDesign, *, reduced: bool = False) -> FidelityLevel:
+    """Return the level with one nonlinear solve per load.
 
     Args:
         foot_design: The foot.
-        reduced: Whether to leave out what the rungs below leave out (small strain, Hertz's patch instead of the floor):
-            what then remains to the rung `contact` is the difference of two meshes.
-
-    Attributes:
-        name: Of the rung.
+        reduced: Whether to leave out finite strain and floor, as `contact` does: small strain under Hertz's patch.
+            The remaining difference from `contact` is the difference of two meshes.
     """
+    # Here, and not above: the finite element library takes a second to load.
+    from footsense.lab.contact.full_solve import FullFoot
 
-    name = "full"
+    foot = FullFoot(foot_design, finite_strain=False, floor="hertz") if reduced else FullFoot(foot_design)
 
-    def __init__(self, foot_design: FootDesign, *, reduced: bool = False) -> None:
-        # Here, and not above: the finite element library takes a second to load.
-        from footsense.lab.contact.full_solve import FullFoot
-
-        if reduced:
-            self._foot = FullFoot(foot_design, finite_strain=False, floor="hertz", load_steps=1)
-        else:
-            self._foot = FullFoot(foot_design)
-
-    def answer(self, normal: Vector, force_n: Vector) -> Answer:
-        """Return one solve per load.
-
-        Raises:
-            ValueError: A force is outside the cone of friction around its normal.
-        """
-        solutions = [self._foot.solve(*load) for load in zip(normal, force_n, strict=True)]
+    def answer(normal: Vector, force_n: Vector) -> Answer:
+        solutions = [foot.solve(*load) for load in zip(normal, force_n, strict=True)]
         return Answer(
             np.stack([solution.closure_um for solution in solutions]),
             np.stack([solution.capacitance_pf for solution in solutions]),
         )
 
+    return answer
 
-def rung(name: str, response: FootResponse, foot_design: FootDesign) -> Rung:
-    """Return a rung.
+
+def fidelity_level(name: str, response: FootResponse, foot_design: FootDesign) -> FidelityLevel:
+    """Return a level.
 
     Args:
         name: One of `NAMES`.
         response: The foot's response table.
-        foot_design: The foot that the table is of.
+        foot_design: The foot of the table.
 
     Raises:
-        ValueError: There is no such rung.
+        ValueError: There is no such level.
     """
     match name:
         case "half-space":
-            return HalfSpace(foot_design)
+            return partial(half_space, HalfSpace(foot_design))
         case "linear":
-            return Linear(response)
+            return partial(linear, response)
         case "contact":
-            return GapContact(response)
+            return partial(gap_contact, Foot(response))
         case "full":
-            return Full(foot_design)
+            return full(foot_design)
         case _:
-            raise ValueError(f"no rung {name!r}; there are {', '.join(NAMES)}")
+            raise ValueError(f"no fidelity level {name!r}; there are {', '.join(NAMES)}")
+
+
+def response_to(
+    response: FootResponse,
+    foot_design: FootDesign,
+    direction_deg: tuple[float, float],
+    force_n: float,
+    name: str = "contact",
+) -> dict[str, Any]:
+    """Return the response to a centred load as JSON values, as `footsense lab response` prints it.
+
+    Args:
+        response: The foot's response table.
+        foot_design: The foot of the table.
+        direction_deg: Azimuth and elevation (theta1, theta2) of the force [deg].
+        force_n: Its magnitude [N].
+        name: The fidelity level.
+
+    Returns:
+        `level`, `direction_deg`, `force_n`; `closure_um`, `capacitance_pf` (without stray) and `unloaded_pf`;
+        the two as 3 x 3 lists, row 0 the most forward, column 0 the leftmost.
+
+    Raises:
+        ValueError: There is no such level, the load is beyond its range, or the force is not above 0.
+    """
+    if not (np.isfinite(force_n) and force_n > 0.0):
+        raise ValueError(f"a contact presses with more than 0 N, got {force_n:g}")
+    if not np.isfinite(direction_deg).all():
+        raise ValueError(
+            f"a direction is two finite angles, got {direction_deg[0]:g}, {direction_deg[1]:g} deg"
+        )
+    if not 0.0 <= direction_deg[1] <= 90.0:
+        raise ValueError(f"an elevation is between 0 and 90 deg, got {direction_deg[1]:g}")
+    normal = directions(*np.array(direction_deg)[:, None])
+    patch_mm = float(response.patch_radius_mm(normal, force_n * normal)[0])
+    if patch_mm > MOST_PATCH_REL * response.ball_radius_mm:
+        raise ValueError(
+            f"{force_n:g} N would flatten the ball over {patch_mm:.1f} mm; the models hold up to "
+            f"{MOST_PATCH_REL * response.ball_radius_mm:g} mm"
+        )
+    answer = fidelity_level(name, response, foot_design)(normal, force_n * normal)
+    return {
+        "level": name,
+        "direction_deg": list(direction_deg),
+        "force_n": force_n,
+        "closure_um": answer.closure_um.reshape(3, 3).round(4).tolist(),
+        "capacitance_pf": answer.capacitance_pf.reshape(3, 3).round(5).tolist(),
+        "unloaded_pf": round(response.design.unloaded_pf, 5),
+    }

@@ -1,4 +1,4 @@
-"""The rungs against each other, against statics, and the table against a solve per load."""
+"""The fidelity levels against each other and against statics, and the table against a solve per load."""
 
 import math
 
@@ -10,8 +10,7 @@ from footsense.foot.specimen import Foot
 from footsense.lab.fem.forward import ForwardFoot
 from footsense.lab.fem.mesh import COARSE
 from footsense.lab.fidelity.half_space import HalfSpace, lattice_opening_mm
-from footsense.lab.fidelity.levels import NAMES, GapContact, Linear, rung
-from footsense.lab.fidelity.query import response_to
+from footsense.lab.fidelity.levels import NAMES, fidelity_level, response_to
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab
@@ -27,8 +26,8 @@ def released() -> FootResponse:
     return FootResponse.load(RELEASED / "response.npz")
 
 
-def test_a_solve_per_load_finds_what_the_table_says(released: FootResponse) -> None:
-    """Reciprocity, classes, transposed class, patch: every cell, but for what the coarse mesh of this test loses."""
+def test_one_solve_per_load_equals_the_table(released: FootResponse) -> None:
+    """Reciprocity, classes, transposed class, patch: every cell, within the error of the coarse mesh."""
     solved = ForwardFoot(FOOT_DESIGN, COARSE).cells_um(NORMAL[0], FORCE[0])
     tabled = released.free_closure_um(NORMAL, FORCE)[0]
     assert np.abs(solved - tabled).max() < 0.06 * np.abs(tabled).max()
@@ -48,44 +47,42 @@ def test_the_sheet_carries_force_and_moment() -> None:
     assert HalfSpace(FOOT_DESIGN, balanced=False).pressure_mpa(NORMAL, FORCE)[0] @ areas < 0.8 * FORCE[0, 2]
 
 
-def test_a_mirrored_load_is_answered_mirrored() -> None:
+def test_a_mirrored_load_has_mirrored_closures() -> None:
     """The formula has the square's symmetry."""
     flip = np.array([1.0, -1.0, 1.0])
     half_space = HalfSpace(FOOT_DESIGN)
-    answered = half_space.answer(NORMAL, FORCE).closure_um.reshape(3, 3)
-    mirrored = half_space.answer(NORMAL * flip, FORCE * flip).closure_um.reshape(3, 3)
-    np.testing.assert_allclose(mirrored, answered[:, ::-1], rtol=1e-9)
+    plain = half_space.closure_um(NORMAL, FORCE).reshape(3, 3)
+    mirrored = half_space.closure_um(NORMAL * flip, FORCE * flip).reshape(3, 3)
+    np.testing.assert_allclose(mirrored, plain[:, ::-1], rtol=1e-9)
 
 
-def test_rungs_part_where_a_gap_shuts(released: FootResponse) -> None:
+def test_levels_differ_once_a_gap_closes(released: FootResponse) -> None:
     """Linear and contact are one while all gaps are open; then only contact keeps its closures within the gap."""
-    linear, contact = Linear(released), GapContact(released)
+    linear, contact = (fidelity_level(name, released, FOOT_DESIGN) for name in ("linear", "contact"))
     light, firm = 0.05 * FORCE, 5.0 * FORCE
     np.testing.assert_allclose(
-        linear.answer(NORMAL, light).capacitance_pf, contact.answer(NORMAL, light).capacitance_pf, rtol=1e-12
+        linear(NORMAL, light).capacitance_pf, contact(NORMAL, light).capacitance_pf, rtol=1e-12
     )
     assert (
-        linear.answer(NORMAL, firm).closure_um.max()
-        > FOOT_DESIGN.gap_um
-        >= contact.answer(NORMAL, firm).closure_um.max()
+        linear(NORMAL, firm).closure_um.max() > FOOT_DESIGN.gap_um >= contact(NORMAL, firm).closure_um.max()
     )
     np.testing.assert_allclose(
-        contact.answer(NORMAL, firm).capacitance_pf, Foot(released).capacitance_pf(NORMAL, firm), rtol=1e-12
+        contact(NORMAL, firm).capacitance_pf, Foot(released).capacitance_pf(NORMAL, firm), rtol=1e-12
     )
 
 
-def test_a_question_is_answered_in_full(released: FootResponse) -> None:
-    """A load straight up closes all gaps, corners most, and is reported with everything that it takes to read it."""
-    said = response_to(released, FOOT_DESIGN, (0.0, 90.0), 0.5)
-    assert said["rung"] == "contact"
-    assert said["closure_um"][0][0] > said["closure_um"][1][1] > 0.0
-    assert np.min(said["capacitance_pf"]) > said["unloaded_pf"]
+def test_the_response_to_a_load_straight_up(released: FootResponse) -> None:
+    """All gaps close, corners most; level and unloaded capacitance are reported beside."""
+    found = response_to(released, FOOT_DESIGN, (0.0, 90.0), 0.5)
+    assert found["level"] == "contact"
+    assert found["closure_um"][0][0] > found["closure_um"][1][1] > 0.0
+    assert np.min(found["capacitance_pf"]) > found["unloaded_pf"]
 
 
-def test_what_cannot_be_asked(released: FootResponse) -> None:
+def test_loads_beyond_the_models_are_refused(released: FootResponse) -> None:
     """One line each."""
-    with pytest.raises(ValueError, match=f"no rung 'exact'; there are {', '.join(NAMES)}"):
-        rung("exact", released, FOOT_DESIGN)
+    with pytest.raises(ValueError, match=f"no fidelity level 'exact'; there are {', '.join(NAMES)}"):
+        fidelity_level("exact", released, FOOT_DESIGN)
     with pytest.raises(ValueError, match="more than 0 N"):
         response_to(released, FOOT_DESIGN, (0.0, 90.0), 0.0)
     with pytest.raises(ValueError, match="25 deg"):

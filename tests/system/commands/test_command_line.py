@@ -98,6 +98,7 @@ def test_a_number_out_of_range_is_a_usage_error(tmp_path: Path, arguments: tuple
         (("record", "a.mcap", "--pokes", "50"), "--loads"),
         (("calibrate", "a.mcap", "--feet", "feet"), "--calibrations"),
         (("evaluate", "a.mcap", "--pack", "feet/foot-0007"), "--calibration"),
+        (("lab", "response", "--rung", "full"), "--level"),
     ],
     ids=str,
 )

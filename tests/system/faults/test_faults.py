@@ -15,7 +15,8 @@ import pytest
 from prometheus_client import CollectorRegistry
 
 import firmware_interface
-from footsense.config import DEFAULT, Mux
+from footsense.config import DEFAULT
+from footsense.config.sections import Mux
 from footsense.daemon.service import open_service
 from footsense.frames import USABLE, Cause, State
 from footsense.sim.faults import scene_faults

@@ -10,7 +10,8 @@ from click.testing import CliRunner, Result
 from numpy.typing import NDArray
 
 from footsense.cli.calibrate import calibrate
-from footsense.config import Bus, Can, Config, Tare
+from footsense.config import Config
+from footsense.config.sections import Bus, Can, Tare
 from footsense.config.test_stand import Axes, Simulated, StandConfig
 from footsense.daemon.service import open_service
 from footsense.daemon.test_stand import StandSession

@@ -14,7 +14,7 @@ import pytest
 from firmware_interface.can_codes import NmtState
 from firmware_interface.can_events import decode_heartbeat
 from firmware_interface.socketcan import pack_frame
-from footsense.can.channel import CanChannel
+from footsense.can.channel import ChannelSettings
 from footsense.can.frame_log import CanFrameLog, check_log_target
 from footsense.can.sink import CanSink
 from footsense.errors import CanError, ConfigError, RecordingError
@@ -24,7 +24,8 @@ from tests.support.can_robot import MS, FakeClock, Robot
 
 def open_sink(interface: str, channel: str, log_file: Path | None = None) -> CanSink:
     """Open a sink of one leg."""
-    return CanSink(CanChannel(interface, channel, ("lf",), log_file=log_file), FakeClock())
+    settings = ChannelSettings(interface=interface, channel=channel, log_file=log_file)
+    return CanSink(settings, ("lf",), FakeClock())
 
 
 def test_an_unknown_log_suffix_is_refused_with_those_known(tmp_path: Path) -> None:

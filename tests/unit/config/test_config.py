@@ -6,9 +6,10 @@ import pytest
 from click.testing import CliRunner
 
 from footsense.cli.check_config import check_config
-from footsense.config import DEFAULT, Metrics, load_config
+from footsense.config import DEFAULT, load_config
 from footsense.config.contradictions import warnings
 from footsense.config.former_keys import with_present_keys
+from footsense.config.sections import Metrics
 from footsense.errors import ConfigError
 from footsense.frames import LEGS
 

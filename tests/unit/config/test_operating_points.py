@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from footsense.config import DEFAULT, Can
+from footsense.config import DEFAULT
 from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
-from footsense.config.sections import Scan
+from footsense.config.sections import Can, Scan
 from footsense.errors import ConfigError
 from tests.system.command import footsense, run_json
 

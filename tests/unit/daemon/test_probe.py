@@ -15,7 +15,8 @@ from footsense.acquisition.transports import UpstreamBus
 from footsense.cli.probe.figure import draw
 from footsense.cli.probe.json_values import probe_json
 from footsense.cli.probe.picture import probe_picture, unloaded_yaml
-from footsense.config import DEFAULT, Bus, Config, Mux, OtherDevice, Serial
+from footsense.config import DEFAULT, Config
+from footsense.config.sections import Bus, Mux, OtherDevice, Serial
 from footsense.daemon.probe.bus_probe import probe
 from footsense.daemon.probe.diagnosis import bus_diagnoses
 from footsense.daemon.probe.report import ProbedBus, ProbeResult

@@ -9,7 +9,6 @@ from msgspec.structs import replace
 
 from footsense.lab.fem.forward import ForwardFoot
 from footsense.lab.fem.mesh import COARSE, MeshSize
-from footsense.lab.fidelity.answer import Answer
 from footsense.lab.fidelity.compare import (
     Distance,
     ForwardAgainstTable,
@@ -22,7 +21,7 @@ from footsense.lab.fidelity.compare import (
 )
 from footsense.lab.fidelity.drawing import error_against_time, pattern_tiles
 from footsense.lab.fidelity.half_space import HalfSpace
-from footsense.lab.fidelity.levels import NAMES, Full, rung
+from footsense.lab.fidelity.levels import NAMES, Answer, fidelity_level, full, half_space
 from footsense.lab.studies.page import Figures, Study, StudyContext
 
 _FIGURE, _PATTERN = "fidelity.png", "fidelity-pattern.png"
@@ -91,7 +90,7 @@ def _answers(
     """Return the answers of models, and the time of a load [s]."""
     answers, seconds = {}, {}
     for name in names:
-        level = rung(name, context.response, context.foot_design)
+        level = fidelity_level(name, context.response, context.foot_design)
         answers[name], taken_s = timed(level, loads, repeats=1 if name == "full" else 3)
         seconds[name] = taken_s / len(loads)
         context.say(f"fidelity: {name}, {len(loads)} loads in {taken_s:.2g} s")
@@ -124,7 +123,7 @@ def _formula(context: StudyContext, loads: Loads, contact: Answer) -> tuple[Dist
         "without statics": alone,
         "with PDMS for the rubber": HalfSpace(replace(foot_design, rubber=foot_design.pdms)),
     }
-    answers = {name: one.answer(loads.normal, loads.force_n) for name, one in variants.items()}
+    answers = {name: half_space(one, loads.normal, loads.force_n) for name, one in variants.items()}
     edge_mm = (foot_design.sheet_mm - foot_design.pitch_mm) / 2.0
     side_mm = [edge_mm, foot_design.pitch_mm, edge_mm]
     area_mm2 = np.outer(side_mm, side_mm).ravel()
@@ -134,7 +133,7 @@ def _formula(context: StudyContext, loads: Loads, contact: Answer) -> tuple[Dist
 
 def _against_full(context: StudyContext, answers: dict[str, Answer]) -> AgainstFull:
     """Compare the cheap models with the full solve, and take its parts apart at the first load."""
-    reduced, taken_s = timed(Full(context.foot_design, reduced=True), mirrored_loads(FULL_CASES[:1]))
+    reduced, taken_s = timed(full(context.foot_design, reduced=True), mirrored_loads(FULL_CASES[:1]))
     context.say(f"fidelity: full without finite strain and floor, in {taken_s:.1f} s")
     first, contact = (
         Answer(answers[name].closure_um[:1], answers[name].capacitance_pf[:1]) for name in ("full", "contact")

@@ -11,7 +11,7 @@ import numpy as np
 from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.lab.fidelity.drawing import pattern_tiles
-from footsense.lab.fidelity.levels import NAMES, rung
+from footsense.lab.fidelity.levels import NAMES, fidelity_level
 from footsense.lab.studies.page import Figures, Study, StudyContext
 
 _FIGURE = "pattern.png"
@@ -37,9 +37,8 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     normal = directions(*np.array(DIRECTION_DEG)[:, None])
     unloaded_pf, change_pf = context.response.design.unloaded_pf, {}
     for name in NAMES[:3]:
-        answer = rung(name, context.response, context.foot_design).answer(
-            normal, MAGNITUDE_GF * GRAM_FORCE_N * normal
-        )
+        level = fidelity_level(name, context.response, context.foot_design)
+        answer = level(normal, MAGNITUDE_GF * GRAM_FORCE_N * normal)
         change_pf[name] = (answer.capacitance_pf[0] - unloaded_pf).reshape(3, 3)
     results = Results(
         unloaded_pf=unloaded_pf, change_pf={name: change.tolist() for name, change in change_pf.items()}

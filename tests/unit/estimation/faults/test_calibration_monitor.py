@@ -32,10 +32,20 @@ class Walking:
         self.monitor = CalibrationMonitor(6, body_weight_n)
         self._t_ns = 1_000_000_000
 
-    def stride(self, reads_rel: Vector | float = 1.0, residual_rel: Vector | float = 0.06) -> list[int]:
+    def stride(
+        self,
+        reads_rel: Vector | float = 1.0,
+        residual_rel: Vector | float = 0.06,
+        stays: bool | None = None,  # noqa: FBT001
+    ) -> list[int]:
         """Walk one stride with forces scaled from the first ones; return the legs with an alarm.
 
         A stride is tested at the touchdown after it: the result is that of the strides before.
+
+        Args:
+            reads_rel: Forces over the first ones [1].
+            residual_rel: Residuals over the closures [1].
+            stays: Whether the last leg is in contact for the whole stride; None: it steps as the others do.
         """
         loads_n = np.broadcast_to(USUAL_N * reads_rel, 6)
         residual2 = np.broadcast_to(np.square(residual_rel), 6)
@@ -44,6 +54,7 @@ class Walking:
             down = phase < 0.6
             load_n = np.where(down, loads_n / 0.6, 0.0)
             squares = np.where(down, (residual2, np.ones(6)), 0.0).T
+            down[-1] = down[-1] if stays is None else stays
             self.monitor.observe(load_n, down, squares, self._t_ns)
             self._t_ns += SAMPLE_NS
         return np.flatnonzero(self.monitor.stale).tolist()
@@ -139,6 +150,14 @@ def test_strides_without_every_force_are_not_judged() -> None:
     wrong = one_leg(0, 1.5)
     wrong[3] = math.nan
     assert all(walking.stride(wrong) == [] for _ in range(30))
+
+
+@pytest.mark.parametrize("stays", [True, False])
+def test_a_leg_that_never_lifts_or_never_touches_does_not_walk(stays: bool) -> None:  # noqa: FBT001
+    """Half more than the weight is an alarm of a walk, and of no stride in which one leg stands or hangs."""
+    walking = Walking(body_weight_n=USUAL_N.sum() / 1.5)
+    assert all(walking.stride(stays=stays) == [] for _ in range(20))
+    assert walking.until_found() <= 5
 
 
 def test_a_test_stand_is_no_walk() -> None:
