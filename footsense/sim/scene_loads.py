@@ -159,3 +159,6 @@ class CalibrationLoads(_Load, frozen=True, kw_only=True, tag="calibration_loads"
             lean_deg=self.lean_deg,
             seed=self.seed,
         )
+
+
+Load = Unloaded | Constant | Ramp | Tripod | MeasuredWalk | CalibrationLoads

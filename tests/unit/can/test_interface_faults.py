@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from footsense.sim.can.interface import AS_DEPLOYED, CanSettings
+from footsense.sim.can.controller import CanSettings
+from footsense.sim.can.interface import AS_DEPLOYED
 from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanQueueFull, CanTraffic
 from tests.support.can_robot import MS
 from tests.support.can_walk import LEGS, MAX_AGE_NS, CanWalk
