@@ -30,7 +30,7 @@ class State(IntEnum):
 USABLE = frozenset({State.VALID, State.DEGRADED})
 
 #: States of a leg without a fault.
-EXPECTED = frozenset({State.VALID, State.STARTING, State.TARING, State.STOPPED})
+FAULT_FREE = frozenset({State.VALID, State.STARTING, State.TARING, State.STOPPED})
 
 
 class Phase(IntEnum):
@@ -76,7 +76,7 @@ class Flag(IntFlag):
 
 
 class Cause(IntEnum):
-    """Cause of a state, as far as it is known; part of the fault report."""
+    """Cause of a leg's state, sent in the fault report."""
 
     NONE = 0  #: nothing is wrong, or nothing is known
     NO_ANSWER = 1  #: the leg's chips do not acknowledge: cable, power, or mux channel

@@ -1,4 +1,4 @@
-"""How fast a scan can be: what chips, bus and host allow, whatever program drives them.
+"""Lower bounds of the scan period, set by chips, bus and host and independent of the program.
 
 `README.md` in this folder derives it in words. The scanner plans with these figures, and `footsense benchmark`
 compares the measured scan with them.
@@ -53,7 +53,7 @@ class ScanLimits(NamedTuple):
         return max(self)
 
     @property
-    def holds(self) -> str:
+    def limiting_factor(self) -> str:
         """Return which limit holds: `conversion` or `read-out`."""
         return "conversion" if self.conversion_ns >= self.readout_ns else "read-out"
 
@@ -82,17 +82,17 @@ def scan_limits(
 
     Example:
         >>> limits = scan_limits(n_legs=6, conversion_ns=2_500_000, rate_hz=400_000, host_cost_ns=40_000)
-        >>> limits.holds, round(limits.scan_ns / 22.5e6, 3)
+        >>> limits.limiting_factor, round(limits.scan_ns / 22.5e6, 3)
         ('conversion', 1.087)
         >>> limits = scan_limits(
         ...     n_legs=6, conversion_ns=2_500_000, rate_hz=400_000, host_cost_ns=40_000, kernel_mux=True
         ... )
-        >>> limits.holds, round(limits.scan_ns / 22.5e6, 3)
+        >>> limits.limiting_factor, round(limits.scan_ns / 22.5e6, 3)
         ('read-out', 1.298)
         >>> limits = scan_limits(
         ...     n_legs=6, conversion_ns=11_000_000, rate_hz=400_000, host_cost_ns=40_000, traffic=AD7746
         ... )
-        >>> limits.holds, round(limits.scan_ns * 1e-6, 1)
+        >>> limits.limiting_factor, round(limits.scan_ns * 1e-6, 1)
         ('conversion', 102.8)
     """
 

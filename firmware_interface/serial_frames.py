@@ -48,8 +48,8 @@ _HEADER = struct.Struct("<BBBBHHI")
 _VALUES = struct.Struct(f"<{ELEMENTS}i")
 _CRC = struct.Struct("<H")
 _CRC_START = 0xFFFF
-_CRC_AT = _HEADER.size + _VALUES.size
-_RECORD_BYTES = _CRC_AT + _CRC.size
+_CRC_OFFSET = _HEADER.size + _VALUES.size
+_RECORD_BYTES = _CRC_OFFSET + _CRC.size
 #: A record on the line without the zero that ends it, and with it.
 STUFFED_BYTES = _RECORD_BYTES + 1
 FRAME_BYTES = STUFFED_BYTES + 1
@@ -175,4 +175,4 @@ def decode_record(data: bytes) -> Record | None:
         raise ValueError(
             f"a record of {len(data)} bytes and {n} elements, not {_RECORD_BYTES} and {ELEMENTS}"
         )
-    return Record(leg, seq, flags, step_us, t_us, data[_HEADER.size : _CRC_AT])
+    return Record(leg, seq, flags, step_us, t_us, data[_HEADER.size : _CRC_OFFSET])

@@ -19,7 +19,7 @@ Only `footsense.cli` turns an error into an exit code.
 
 
 class FootsenseError(Exception):
-    """An error that one line to the user explains."""
+    """Base of all expected errors; the message is one line for the user."""
 
     exit_code = 1
 

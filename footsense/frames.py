@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface.can_codes import (
-    EXPECTED,
+    FAULT_FREE,
     NODE_IDS,
     USABLE,
     BaselineStatus,
@@ -26,7 +26,7 @@ from firmware_interface.can_codes import (
 
 __all__ = [
     "ELEMENTS",
-    "EXPECTED",
+    "FAULT_FREE",
     "LEGS",
     "USABLE",
     "BaselineDrift",
@@ -95,7 +95,7 @@ class CapFrame:
     reading: Codes
 
     def __post_init__(self) -> None:
-        """Check the shapes.
+        """Check that the three arrays have the same shape (legs, 9).
 
         Raises:
             ValueError: The three arrays are not all of one shape (legs, 9).
@@ -235,10 +235,10 @@ class CanStatistics:
         sent: Handed to the channel.
         dropped: Refused by the channel, for a full queue or a dead interface, and never sent again.
         received: Arrived under a command id of ours, good or bad.
-        rejected: Of those, the ones that were not executed: wrong crc, repeated counter, unknown command.
+        rejected: Received frames that were not executed: wrong crc, repeated counter, unknown command.
         bus_errors: Error frames that the controller reported.
-        bus_off: Of those, the ones that said that the controller has left the bus.
-        error_passive: Of those, the ones that said that the controller is error passive: errors, or no acknowledgement.
+        bus_off: Error frames that report bus-off: the controller has left the bus.
+        error_passive: Error frames that report error passive: errors, or no acknowledgement.
         reopened: Number of times that the interface was opened again after it had gone.
         unlogged: Frames that were sent and are not in the log, because its writer was too slow or has ended.
     """

@@ -25,7 +25,7 @@ class Transaction(NamedTuple):
 
 
 class I2cBus(Protocol):
-    """One I2C adapter."""
+    """Port of one I2C adapter."""
 
     def transfer(self, transaction: Transaction) -> bytes:
         """Do one transaction, from START to STOP, and return the bytes read (empty for a plain write).

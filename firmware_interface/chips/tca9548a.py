@@ -15,7 +15,7 @@ CHANNELS = 8
 
 
 def select(channel: int) -> int:
-    """Return the control byte that connects one channel; those of several channels are its bits together.
+    """Return the control byte that connects one channel; combine several channels by bitwise OR.
 
     Raises:
         ValueError: There is no such channel.

@@ -110,7 +110,7 @@ class BusScanner:
         return BusReadings(t_ns.copy(), capacitance_pf.copy(), reading.copy())
 
     def stop(self) -> None:
-        """Disconnect every leg."""
+        """Disconnect all legs from the bus."""
         self._transport.close()
 
     def _start_missing(self) -> None:

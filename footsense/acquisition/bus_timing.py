@@ -31,28 +31,28 @@ class BusCosts(NamedTuple):
     rate_hz: float
     host_cost_ns: float
 
-    def lasts_ns(self, n_write: int, n_read: int = 0) -> float:
-        """Return the time of a transaction of so many bytes [ns]."""
+    def transaction_ns(self, n_write: int, n_read: int = 0) -> float:
+        """Return the time of a transaction that writes and reads so many bytes [ns]."""
         return transaction_bits(n_write, n_read) * 1e9 / self.rate_hz + BUS_FREE_NS + self.host_cost_ns
 
-    def of_ns(self, transactions: Iterable[Transaction]) -> float:
+    def total_ns(self, transactions: Iterable[Transaction]) -> float:
         """Return the time of several transactions [ns]."""
-        return sum(self.lasts_ns(len(each.write), each.n_read) for each in transactions)
+        return sum(self.transaction_ns(len(each.write), each.n_read) for each in transactions)
 
 
 def measure(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
-    """Measure the cost of transactions with reads of a chip that repeats its single byte for as long as it is read.
+    """Measure clock and host cost of a bus by short and long reads of a chip that repeats its one byte.
 
     Args:
         bus: The adapter.
         clock: The time that it lives in.
-        address: Of a TCA9548A, or of an ADG715.
+        address: Address of a TCA9548A or an ADG715.
 
     Raises:
         BusError: The chip does not answer.
     """
 
-    def lasts_ns(n_read: int) -> float:
+    def transaction_ns(n_read: int) -> float:
         transaction = Transaction(address, b"", n_read)
         durations_ns = []
         lost = None
@@ -68,7 +68,7 @@ def measure(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
             raise lost
         return median(durations_ns)
 
-    short_ns, long_ns = lasts_ns(_SHORT), lasts_ns(_LONG)
+    short_ns, long_ns = transaction_ns(_SHORT), transaction_ns(_LONG)
     bits = transaction_bits(0, _LONG) - transaction_bits(0, _SHORT)
     bit_ns = max(long_ns - short_ns, 1.0) / bits
     host_cost_ns = short_ns - BUS_FREE_NS - transaction_bits(0, _SHORT) * bit_ns
@@ -81,12 +81,12 @@ class Timing(NamedTuple):
     Attributes:
         costs: Cost of its transactions.
         limits: The shortest scans that they allow.
-        floor_ns: Nine bare conversions [ns].
+        conversions_ns: Time of nine conversions without any transaction [ns].
     """
 
     costs: BusCosts
     limits: ScanLimits
-    floor_ns: int
+    conversions_ns: int
 
     @property
     def late_ns(self) -> int:
@@ -98,8 +98,8 @@ class Timing(NamedTuple):
         rate_hz, host_cost_ns = self.costs
         return (
             f"{rate_hz * 1e-3:.0f} kHz and {host_cost_ns * 1e-3:.0f} us of host per transaction; the best scan takes "
-            f"{self.limits.scan_ns * 1e-6:.1f} ms, {self.limits.scan_ns / self.floor_ns:.2f} x its conversions; "
-            f"the limit is the {self.limits.holds}"
+            f"{self.limits.scan_ns * 1e-6:.1f} ms, {self.limits.scan_ns / self.conversions_ns:.2f} x its conversions; "
+            f"the limit is the {self.limits.limiting_factor}"
         )
 
 
@@ -126,8 +126,8 @@ def timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool) ->
 
 def has_time_for_checks(costs: BusCosts, plan: ScanPlan, n_legs: int) -> bool:
     """Return whether a conversion, after the read-out of all legs, leaves time to ask for lines and settings."""
-    step, select_ns = plan.steps[0], costs.lasts_ns(1)
+    step, select_ns = plan.steps[0], costs.transaction_ns(1)
     checks = (*step.select_checks, plan.board.setting_check)
-    ask_ns = costs.of_ns([step.done.read] if step.done else [])
-    spare_ns = plan.wait_ns - ask_ns - select_ns - n_legs * (select_ns + costs.of_ns(step.read))
-    return spare_ns >= costs.of_ns(check.read for check in checks)
+    ask_ns = costs.total_ns([step.done.read] if step.done else [])
+    spare_ns = plan.wait_ns - ask_ns - select_ns - n_legs * (select_ns + costs.total_ns(step.read))
+    return spare_ns >= costs.total_ns(check.read for check in checks)

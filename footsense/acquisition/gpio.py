@@ -20,7 +20,7 @@ class Request(Protocol):
     """The methods that are used of `gpiod.LineRequest`."""
 
     def set_value(self, line: int, value: Value) -> None:
-        """Set a line."""
+        """Drive an output line high or low."""
         ...
 
     def release(self) -> None:
@@ -44,7 +44,7 @@ class LinuxResetLine:
 
     @classmethod
     def open(cls, device: str, line: int) -> "LinuxResetLine":
-        """Request a line.
+        """Request a GPIO line that drives the mux's RESET pin.
 
         Args:
             device: The GPIO chip, such as /dev/gpiochip0.

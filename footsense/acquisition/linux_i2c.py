@@ -53,7 +53,7 @@ class Adapter(Protocol):
 
 
 class LinuxI2cBus:
-    """One adapter.
+    """I2C adapter of Linux (i2c-dev), one ioctl per transaction.
 
     Args:
         adapter: The open adapter.

@@ -145,7 +145,7 @@ class McuSource:
 
     @property
     def losses(self) -> dict[str, int]:
-        """Losses since the start, by kind: those of the decoder, records unused, jumps of the controller's clock."""
+        """Losses since the start, by kind: decoding errors, unused records, jumps of the controller's clock."""
         return {**self._decoder.losses, "unused": self.n_unused, "clock jumps": self._map.restarts}
 
     def _take(self, data: bytes, now_ns: int) -> None:

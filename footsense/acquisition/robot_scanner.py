@@ -65,7 +65,7 @@ class RobotScanner:
         return frame
 
     def close(self) -> None:
-        """Release the buses."""
+        """Stop the scans and release all buses."""
         if self._pool is not None:
             self._pool.shutdown()
         for bus in self._buses:

@@ -122,7 +122,7 @@ class UpstreamBus:
 
 
 class KernelMux:
-    """A mux that the kernel switches (i2c-mux-pca954x): every leg is an adapter of its own.
+    """A mux that the kernel switches (i2c-mux-pca954x): each leg has its own adapter.
 
     Args:
         adapters: Adapter of each leg, by channel.

@@ -108,7 +108,7 @@ class CFloor:
     def run(
         self, scan: CapFrame, codes: NDArray[np.int32], now_ns: int, socket: int, pipe: int
     ) -> _Doubles | None:
-        """Do one cycle.
+        """Run one cycle of the C implementation.
 
         Args:
             scan: The scan.

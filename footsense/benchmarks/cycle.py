@@ -68,7 +68,7 @@ class Loopback:
             os.read(self._drain, 1 << 16)
 
     def close(self) -> None:
-        """Close all ends."""
+        """Close sockets and pipes."""
         self.socket.close()
         self._sink.close()
         os.close(self._drain)
@@ -82,7 +82,7 @@ class _Recording(Observer):
         self._pipe = CyclePipe(pipe, legs, {}, blocking=False)
 
     def observe(self, cycle: Cycle) -> None:
-        """Copy one cycle."""
+        """Copy the forces of one cycle."""
         self._pipe.send(cycle)
 
 
@@ -91,7 +91,7 @@ class OurCycle(NamedTuple):
 
     Attributes:
         run: Processes a scan at a time [ns].
-        baseline_pf: Returns the baselines at the begin of the next cycle [pF], shape (legs, 9).
+        baseline_pf: Returns the baselines at the start of the next cycle [pF], shape (legs, 9).
         counters: File of its metrics.
         loopback: Receiver of its frames and records.
     """

@@ -63,7 +63,7 @@ def scan_figures() -> dict[str, dict[str, float | None]]:
 
 
 def _scan(config: Config, host_cost_us: int) -> dict[str, float | None]:
-    """Return the scan period of six legs at 400 kHz, over the limits of its board, and that of the naive loop."""
+    """Return scan periods of six legs at 400 kHz, ours and the naive loop's, with their ratios to the limits."""
     scene = replace(load_scene("hanging"), host_cost_us=float(host_cost_us))
     with open_scan_source(config, scene) as scan_source:
         scan_source.source.read()
@@ -90,7 +90,7 @@ def _naive_ns(config: Config, scene: Scene) -> int:
 
 
 def _best_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
-    """Return the shortest scan that this bus allows, whatever program drives it."""
+    """Return the lower bound of the scan period on this bus, independent of the program [ns]."""
     return scan_limits(
         n_legs=len(bus.legs),
         conversion_ns=config.rate.conversion_ns,

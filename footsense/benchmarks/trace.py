@@ -1,4 +1,4 @@
-"""Count what one scan runs through: `python -m footsense.benchmarks.trace [--list]`.
+"""Count the modules, functions and calls of one scan: `python -m footsense.benchmarks.trace [--list]`.
 
 A simulated robot walks, with the CAN sink and the observers of `footsense run --record`: journal, supervision, metrics,
 recorder, run statistics. While the loop runs, the interpreter's profiler hook counts every Python call of `footsense`

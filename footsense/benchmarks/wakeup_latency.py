@@ -79,7 +79,7 @@ def _figures(late_ns: dict[str, list[int]]) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def _process(target: _Serve, scans: list[CapFrame]) -> Iterator[Connection]:
-    """Run a loop in a process of its own until its connection is closed.
+    """Run a loop in a child process until its connection is closed.
 
     Yields:
         The connection.

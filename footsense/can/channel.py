@@ -1,4 +1,4 @@
-"""One CAN channel and the log of what was sent on it.
+"""One CAN channel, and the log of the frames sent on it.
 
 A frame that the channel does not accept at once is dropped and counted, never sent later: by then there is a newer one.
 An interface that goes down or disappears is opened again, at growing intervals, without end. Nothing here waits, and

@@ -26,7 +26,7 @@ NO_CHANNEL = frozenset({errno.ENETDOWN, errno.ENXIO, errno.ENODEV, errno.EAFNOSU
 
 
 def open_wire(interface: str, channel: str, bitrate: int, accept: Collection[int]) -> CanWire:
-    """Open an interface.
+    """Open a CAN interface by python-can.
 
     Args:
         interface: Kind of channel, as python-can calls it: `virtual` or `socketcan`.
@@ -151,7 +151,7 @@ def _options(interface: str, accept: Collection[int]) -> dict[str, Any]:
 
 
 def errno_of(error: BaseException) -> int | None:
-    """Return the system's error number, which python-can keeps in a field of its own."""
+    """Return the errno of an error; python-can keeps it in `error_code`."""
     number = getattr(error, "error_code", None) or getattr(error, "errno", None)
     return number if isinstance(number, int) else None
 

@@ -1,4 +1,4 @@
-"""`footsense exporter`: the service's metrics for Prometheus, served by a process of its own."""
+"""`footsense exporter`: serve the service's metrics for Prometheus from a separate process."""
 
 import signal
 from pathlib import Path

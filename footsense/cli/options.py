@@ -33,7 +33,7 @@ def echo_json(values: object, indent: int = 2) -> None:
 
 
 def config_option(default: str) -> Decorator:
-    """Return the option `--config`; `default` says in the help what applies without it."""
+    """Return the option `--config`; the help names `default` as the value without it."""
     return click.option(
         "--config", "config_file", type=FILE, help=f"YAML file of a robot. Default: {default}."
     )
@@ -52,7 +52,7 @@ def duration_option(text: str) -> Decorator:
 
 
 def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
-    """Check a duration.
+    """Reject a duration that is not finite.
 
     Raises:
         BadParameter: It is infinite or not a number.

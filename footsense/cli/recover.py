@@ -13,7 +13,7 @@ from footsense.recording.recover import recovered_path
 @click.argument("file", type=FILE)
 @click.option("-o", "--output", type=FILE, help="New file; FILE is left as it is.")
 def recover(file: Path, output: Path | None) -> None:
-    """Rewrite the recording FILE with its index, as far as it is whole."""
+    """Rewrite the intact part of the recording FILE, with an index."""
     target = output or recovered_path(file)
     recovered = rewrite(file, target)
     click.echo(f"{target}: {recovered.n_cycles} cycles")

@@ -17,7 +17,7 @@ from footsense.daemon.recording_header import model_difference, recorded_config,
 from footsense.errors import FootsenseError, ModelError, RecordingError
 from footsense.frames import ContactFrame
 from footsense.recording.compare import compare, same_machine
-from footsense.recording.machine import this_machine
+from footsense.recording.machine import platform_versions
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 
 
@@ -36,7 +36,7 @@ class Comparison:
     def __init__(self, file: Path, recording: Replay) -> None:
         self._file = file
         self._legs = recording.legs
-        self._exact = same_machine(recording.header, this_machine())
+        self._exact = same_machine(recording.header, platform_versions())
         self.n_equal = 0
 
     def compare_frame(self, recorded: ContactFrame, forces: ContactFrame) -> None:

@@ -30,7 +30,7 @@ from footsense.validation.soak_plan import day
     "--json", "as_json", type=click.Path(dir_okay=False, path_type=Path), help="Write all figures here."
 )
 def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json: Path | None) -> None:
-    """Walk for hours with random faults of wires, chips, feet and CAN, and check what must always hold.
+    """Walk for hours with random faults of wires, chips, feet and CAN, and check the invariants.
 
     Stretches of an hour or two have a process each: at 400 and at 100 conversions a second, with a force after each
     scan and after each conversion, warmer and colder by 20 K, with two stands of half an hour. Ends with 1 after a

@@ -34,7 +34,7 @@ class LinkStatus(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class LinkLimits:
-    """LinkLimits for using a force; the defaults suit forces every 25 ms.
+    """Limits for using a force; the defaults suit forces every 25 ms.
 
     Attributes:
         max_age_ns: A force older than this is stale [ns].
@@ -79,7 +79,7 @@ class Link:
     """The forces of a robot's legs as a CAN consumer may use them; times are the caller's.
 
     Args:
-        limits: LinkLimits for using a force; None for the defaults.
+        limits: Limits for using a force; None for the defaults.
 
     Example:
         >>> link = Link()

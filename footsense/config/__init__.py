@@ -1,4 +1,4 @@
-"""Configuration of the daemon: the objects of `--config FILE`, and those of the built-in simulation.
+"""Configuration of the daemon: objects parsed from `--config FILE`, and the built-in simulation.
 
 `footsense.daemon` passes plain values on: no package below it imports this one.
 """

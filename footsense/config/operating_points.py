@@ -47,7 +47,7 @@ OPERATING_POINTS = {
 
 
 def at_operating_point(config: Config, name: str) -> Config:
-    """Return a configuration with the settings of an operating point instead of its own.
+    """Return a configuration with its rate, averaging and publishing replaced by an operating point.
 
     Args:
         config: The robot.

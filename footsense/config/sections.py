@@ -160,7 +160,7 @@ class Baseline(Section, frozen=True, kw_only=True):
 
 
 class Contact(Section, frozen=True, kw_only=True):
-    """Contact detection.
+    """Thresholds of contact detection.
 
     Attributes:
         threshold_n: Load along the leg, above the reading in swing, from which a foot is in contact [N]; contact ends

@@ -22,7 +22,7 @@ class _Part(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Lines(_Part, frozen=True, tag="lines", tag_field="kind"):
-    """Lines of text.
+    """Records of a force sensor as lines of text.
 
     Attributes:
         columns: Meaning of each number of a line; "-" for an unused one.
@@ -39,7 +39,7 @@ class Binary(_Part, frozen=True, tag="binary", tag_field="kind"):
     Attributes:
         columns: Meaning of each value of a record; "-" for an unused one.
         layout: Format of the values as of Python's `struct`, such as "<Ihhh".
-        sync: Bytes at the begin of every record, in hexadecimal.
+        sync: Bytes at the start of every record, in hexadecimal.
         checksum: Of the values: `sum8`, `xor8`, or `crc16` (CCITT-FALSE, little-endian).
     """
 

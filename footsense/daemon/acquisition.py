@@ -60,7 +60,7 @@ def scan_plan_for(config: Config) -> ScanPlan:
 
 
 class OpenBus(NamedTuple):
-    """One open bus.
+    """One open bus with its configuration and clock.
 
     Attributes:
         bus: Its configuration.

@@ -12,7 +12,7 @@ _log = logging.getLogger(__name__)
 
 
 def load_calibrations(config: Config) -> dict[str, FootCalibration]:
-    """Return the calibration of every leg whose foot is named; empty if the configuration names no folder of them.
+    """Return the calibration of every leg whose foot is named; empty without a configured folder.
 
     Raises:
         ModelError: A calibration is missing, damaged, or for another foot or foot type; or two were fitted on different

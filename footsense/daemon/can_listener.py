@@ -22,19 +22,19 @@ class LegSnapshot(NamedTuple):
         leg: Its name.
         force: Its force and whether it may be used.
         report: Its last reports.
-        n_forces: `Force` frames received so far.
+        n_force_frames: `Force` frames received so far.
     """
 
     leg: str
     force: LegForce
     report: LegReport
-    n_forces: int
+    n_force_frames: int
 
     @property
-    def is_known(self) -> bool:
-        """Whether frames of the leg have come lately; else its state is only the last one reported."""
+    def is_current(self) -> bool:
+        """Whether frames arrived recently; otherwise the state is the last one reported."""
         silent = self.force.status is LinkStatus.STALE and self.report.node_state is None
-        return self.n_forces > 0 and not silent
+        return self.n_force_frames > 0 and not silent
 
 
 class Listener:
@@ -43,7 +43,7 @@ class Listener:
     Args:
         wire: The open channel.
         clock: The time of arrival.
-        limits: LinkLimits for using a force.
+        limits: Limits for using a force.
     """
 
     def __init__(self, wire: CanWire, clock: Clock, limits: LinkLimits) -> None:
@@ -51,8 +51,8 @@ class Listener:
         self._clock = clock
         self._link = Link(limits)
         self._reports = Reports()
-        self._read_ns = clock.now_ns()
-        self._n_forces = dict.fromkeys(NODE_IDS.values(), 0)
+        self._last_poll_ns = clock.now_ns()
+        self._n_force_frames = dict.fromkeys(NODE_IDS.values(), 0)
 
     def listen(self, until_ns: int) -> None:
         """Receive frames until a time [ns].
@@ -68,12 +68,12 @@ class Listener:
             except OSError as error:
                 raise CanError(f"the CAN channel is gone: {error.strerror or error}") from error
             for can_id, data in split_frames(b"".join(frames)):
-                if self._link.feed(can_id, data, self._read_ns):
+                if self._link.feed(can_id, data, self._last_poll_ns):
                     if can_id & ~0xF == LINK_IDS[0] & ~0xF:
-                        self._n_forces[can_id & 0xF] += 1
+                        self._n_force_frames[can_id & 0xF] += 1
                 else:
-                    self._reports.feed(can_id, data, self._read_ns)
-            self._read_ns = now_ns
+                    self._reports.feed(can_id, data, self._last_poll_ns)
+            self._last_poll_ns = now_ns
             self._clock.sleep_until_ns(min(until_ns, now_ns + _POLL_NS))
 
     def snapshot(self) -> list[LegSnapshot]:
@@ -81,7 +81,7 @@ class Listener:
         now_ns = self._clock.now_ns()
         return [
             LegSnapshot(
-                leg, self._link.leg(node, now_ns), self._reports.leg(node, now_ns), self._n_forces[node]
+                leg, self._link.leg(node, now_ns), self._reports.leg(node, now_ns), self._n_force_frames[node]
             )
             for leg, node in NODE_IDS.items()
         ]

@@ -10,7 +10,7 @@ import numpy as np
 from footsense.acquisition.scan_plan import BOARDS, ORDERS
 from footsense.config import Config
 from footsense.daemon.calibrations import load_calibrations
-from footsense.daemon.foot_types import artefact_path, require_foot_type
+from footsense.daemon.foot_types import artefact_path, check_foot_type
 from footsense.errors import ConfigError
 from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
@@ -41,7 +41,7 @@ _SETTLED_SCANS = 4
 
 
 def load_network(config: Config, calibrations: Calibrations | None = None) -> Network:
-    """Return the network of the calibrations, the configured one, or that of the foot type.
+    """Return the network of the calibrations, of the configuration, or of the foot type.
 
     Args:
         config: The robot.
@@ -54,7 +54,7 @@ def load_network(config: Config, calibrations: Calibrations | None = None) -> Ne
     path = Path(config.model) if config.model else artefact_path(config, "network.onnx")
     path = next((calibration.network for calibration in calibrations.values()), path)
     network = Network(path, n_rows=_n_rows(config))
-    require_foot_type(path, network.card.foot_type, config)
+    check_foot_type(path, network.card.foot_type, config)
     return network
 
 
@@ -138,7 +138,7 @@ def _alignment(config: Config, trained_inputs: TrainedInputs, estimator: Estimat
 def _estimator(
     config: Config, network: Network, calibrations: Calibrations
 ) -> tuple[Estimator, Callable[[Vector], None] | None]:
-    """Return the estimator of these feet, and what takes their temperature: None for feet without calibrations."""
+    """Return the estimator of these feet and the receiver of their temperature, None without calibrations."""
     if not calibrations:
         return network, None
     mounted = [calibrations.get(leg) for leg in config.legs]

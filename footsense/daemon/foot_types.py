@@ -7,10 +7,10 @@ from footsense.config import DEFAULT, Config
 from footsense.errors import ModelError
 
 #: Foot type where none is configured.
-FOOT_TYPE = DEFAULT.foot_type
+DEFAULT_FOOT_TYPE = DEFAULT.foot_type
 
 
-def released_path(name: str, foot_type: str = FOOT_TYPE) -> Path:
+def released_path(name: str, foot_type: str = DEFAULT_FOOT_TYPE) -> Path:
     """Return the path of a released artefact: inside the installed package, or beside it in a checkout."""
     package = Path(footsense.__file__).parent
     installed = package / "models" / foot_type / name
@@ -18,7 +18,7 @@ def released_path(name: str, foot_type: str = FOOT_TYPE) -> Path:
 
 
 def foot_type_of(config: Config) -> str:
-    """Return the name of the configured foot type, which is also that of its folder."""
+    """Return the name of the configured foot type and of its folder."""
     return Path(config.foot_type).name
 
 
@@ -28,11 +28,11 @@ def artefact_path(config: Config, name: str) -> Path:
     Raises:
         ModelError: There is no such foot type.
     """
-    return models_folder(config.foot_type) / name
+    return foot_type_folder(config.foot_type) / name
 
 
-def models_folder(foot_type: str) -> Path:
-    """Return the folder of a foot type, a released one or, with a slash, a folder of its own.
+def foot_type_folder(foot_type: str) -> Path:
+    """Return the folder of a foot type: released, or any folder if the name contains a slash.
 
     Raises:
         ModelError: There is no such foot type.
@@ -43,11 +43,11 @@ def models_folder(foot_type: str) -> Path:
     else:
         folder, remedy = Path(foot_type), "`footsense lab build --foot` makes one"
     if not folder.is_dir():
-        raise ModelError(f"foot_type: no foot type {foot_type}: {folder} is no folder; {remedy}")
+        raise ModelError(f"foot_type: no foot type {foot_type}: {folder} is not a folder; {remedy}")
     return folder
 
 
-def require_foot_type(path: Path, found: str, config: Config) -> None:
+def check_foot_type(path: Path, found: str, config: Config) -> None:
     """Check that a network or response table is of the configured foot type.
 
     Args:

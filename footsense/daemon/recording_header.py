@@ -13,7 +13,7 @@ from footsense.errors import RecordingError
 from footsense.estimation.network import Network
 from footsense.foot.files.calibration_reader import FootCalibration
 from footsense.frames import Flag
-from footsense.recording.machine import this_machine
+from footsense.recording.machine import platform_versions
 from footsense.recording.replay import Replay
 from footsense.sim.scene import Scene
 
@@ -39,7 +39,7 @@ def recording_header(
         "foot_type": network.card.foot_type,
         "feet": ",".join(f"{leg}={foot}" for leg, foot in config.feet.items()),
         _CALIBRATIONS: ",".join(hashes),
-        **this_machine(),
+        **platform_versions(),
     }
 
 
@@ -77,7 +77,7 @@ def recorded_config(recording: Replay) -> Config:
 def model_difference(
     header: Mapping[str, str], network: Network, calibrations: Mapping[str, FootCalibration]
 ) -> str | None:
-    """Return why the forces cannot be those of a recording, in words; None if network and calibrations are the same.
+    """Return why a replay cannot reproduce the recorded forces; None if network and calibrations match.
 
     Args:
         header: Header of the recording; without calibrations in it, it was made without.

@@ -42,7 +42,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(slots=True)
 class Service:
-    """The open daemon.
+    """Open daemon: loop, outputs and child processes.
 
     Attributes:
         legs: Names of the legs in the order of the rows of every frame.
@@ -195,8 +195,8 @@ def _metrics(
             Path(config.metrics.counters),
             wakeups=wakeups,
             missed_deadlines=lambda: scan.source.missed_deadlines,
-            recorder_lost=lambda: recorder.lost if recorder else 0,
-            log_lost=n_lost_lines,
+            n_lost_scans=lambda: recorder.lost if recorder else 0,
+            n_lost_lines=n_lost_lines,
         )
     except FootsenseError as error:
         _log.warning("%s; the forces go on without metrics", error)

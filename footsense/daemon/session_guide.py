@@ -71,5 +71,5 @@ def practice_scene(foot: str, row: int, session: str) -> Scene:
         seed=mounting,
         host_cost_us=40.0,
         effects=Effects(converter_noise=True, converter_clock_rel=0.02, gap_contact=True, rubber=True),
-        fabrication=Fabrication.as_badly_made(seed=1, first=max(number - row, 0), mounting=mounting),
+        fabrication=Fabrication.with_paper_tolerances(seed=1, first=max(number - row, 0), mounting=mounting),
     )

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from footsense.config import Config
-from footsense.daemon.foot_types import artefact_path, require_foot_type
+from footsense.daemon.foot_types import artefact_path, check_foot_type
 from footsense.errors import ConfigError
 from footsense.foot.response_table import FootResponse
 from footsense.sim.faults.scene_faults import OnChips, OnWires
@@ -12,7 +12,7 @@ from footsense.sim.scene import Scene
 
 
 def is_simulated(config: Config) -> bool:
-    """Tell whether the configuration names simulated buses, or a simulated serial line."""
+    """Tell whether all configured buses, or the serial line, are simulated."""
     if config.serial is not None:
         return config.serial.device == "sim"
     return all(bus.device.startswith("sim") for bus in config.buses)
@@ -41,7 +41,7 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
         wiring = [Wiring(400_000, 0x71, {leg: channel for channel, leg in enumerate(config.legs)})]
     table = artefact_path(config, "response.npz")
     response = FootResponse.load(table)
-    require_foot_type(table, response.foot_type, config)
+    check_foot_type(table, response.foot_type, config)
     return SimulatedRobot(scene, response, wiring)
 
 

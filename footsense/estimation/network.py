@@ -56,7 +56,7 @@ class Network:
             text = self._session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
             inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
         except Exception as error:  # the library raises a dozen types without a common base
-            raise ModelError(f"{path}: not a readable ONNX network ({_one_line(error)})") from error
+            raise ModelError(f"{path}: not a readable ONNX network ({_error_line(error)})") from error
         # Shapes first: read_card would only say that a card of another shape does not fit.
         if text is not None:
             _check_shapes(path, "input", inputs, ELEMENTS)
@@ -100,7 +100,7 @@ class Network:
             try:
                 force_n, sigma_n = self.estimate(np.tile(closure_rel, (n_rows, 1)), none_missing)
             except Exception as error:  # as above
-                raise ModelError(f"{path}: cannot be run for {n_rows} legs ({_one_line(error)})") from error
+                raise ModelError(f"{path}: cannot be run for {n_rows} legs ({_error_line(error)})") from error
             if not (np.isfinite(force_n).all() and np.isfinite(sigma_n).all()):
                 raise ModelError(
                     f"{path}: gives {force_n[0].tolist()} N, sigma {sigma_n[0].tolist()} N inside its trained range; "
@@ -154,6 +154,6 @@ def _check_names(path: Path, values: list[Any], signals: list[Signal]) -> None:
         raise ModelError(f"{path}: the card names {named}, which the network does not have; it has {found}")
 
 
-def _one_line(error: Exception) -> str:
+def _error_line(error: Exception) -> str:
     """Return the first line of the library's message, or the name of its type."""
     return str(error).strip().partition("\n")[0] or type(error).__name__

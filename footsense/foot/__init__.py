@@ -1,1 +1,1 @@
-"""The physical foot, in numpy alone: response, contact of its gaps, capacitors, and what calibration found of it."""
+"""The physical foot, in numpy alone: response, gap contact, capacitors, calibrated parameters."""

@@ -1,4 +1,4 @@
-"""The electrical design of a foot's capacitors: what turns a gap closure into a capacitance and back.
+"""Electrical design of a foot's capacitors: conversion between gap closure and capacitance.
 
 One element is two square electrodes with an air gap and a polymer film between them, the gap closing under load:
 

@@ -1,4 +1,4 @@
-"""Parameters in which one foot differs from its design: everything that the daemon needs to read it right.
+"""Parameters in which one foot differs from its design, and the correction of a force by them.
 
 Stray, unloaded reading, gap and gain belong to the electrodes and act before the network, the rest behind it. With p
 the force that the network of the design estimates from the foot's own closures,
@@ -23,7 +23,7 @@ _AXES = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FootParameters:
-    """Parameters of one foot.
+    """Measured parameters in which one foot differs from its design; the daemon reads it with them.
 
     Attributes:
         stray_pf: Capacitance of the wiring in parallel with each element [pF], shape (9,).

@@ -53,7 +53,7 @@ def mirrored_series(series: Vector, degree: int, axis: int) -> Vector:
 
 
 def whole_series(quarter: Vector, degree: int) -> Vector:
-    """Return the series of all cells in flat order, shape (products, 324, 3), from those of a quarter.
+    """Return the series of all cells in flat order, shape (products, 324, 3), from one quarter of the foot.
 
     Args:
         quarter: Coefficients of the cells of the quarter x > 0, y > 0, shape (products, 9, 9, 3).

@@ -189,7 +189,7 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
     """Make all files of a foot type.
 
     Args:
-        foot_file: Its description.
+        foot_file: Description of the foot.
         output: Folder for response.npz, network.onnx, README.md and a copy of the description; made if missing.
         recipe: How fine and how long.
         report: Receives a line after each step.
@@ -210,7 +210,7 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
         made.save(Path(temporary) / RESPONSE_FILE)
         response = FootResponse.load(Path(temporary) / RESPONSE_FILE)
         design, loads = response.design, foot_design.loads
-        recipe = replace(recipe, released=replace(recipe.released, floor_n=loads.floor_n))
+        recipe = replace(recipe, released=replace(recipe.released, min_force_n=loads.min_force_n))
         alone = _alone(response, recipe.only_362, report)
         report(f"trained on the paper's 362 cases: {', '.join(alone)}")
         cases = random_loads(response, loads, recipe.random_loads, TRAINING_SEED)

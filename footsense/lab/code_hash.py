@@ -1,7 +1,8 @@
 """A hash of the code that measures a study's numbers, unchanged by comments, prose and renamed identifiers.
 
-It covers the function `compute` and whatever of the same module that uses. Names that only the template uses are left
-out: its text is compared byte by byte. A change in an imported module shows only once the numbers are computed again.
+The hash covers the function `compute` and all definitions of its module that it uses, directly or indirectly.
+Definitions that only the template uses are left out: its text is compared byte by byte. Changes in imported modules are
+not detected.
 """
 
 import ast
@@ -38,18 +39,18 @@ def _defined(statement: ast.stmt) -> set[str]:
     return set()
 
 
-def code_sha256(source: str, entry: str = "compute") -> str:
-    r"""Return the hash of a function and of the definitions of its module that it uses, directly or not.
+def function_sha256(source: str, entry: str = "compute") -> str:
+    r"""Return the SHA-256 of a function with all definitions of its module that it uses, in normalised form.
 
     Args:
-        source: The module.
-        entry: The function's name.
+        source: Source text of the module.
+        entry: Name of the function.
 
     Example:
         >>> code = "N = 2\ndef compute(x):\n    'Multiply.'\n    return N * x\ndef render(y): return '3'"
-        >>> code_sha256(code) == code_sha256("K = 2\ndef compute(a): return K * a")
+        >>> function_sha256(code) == function_sha256("K = 2\ndef compute(a): return K * a")
         True
-        >>> code_sha256(code) == code_sha256(code.replace("N = 2", "N = 3"))
+        >>> function_sha256(code) == function_sha256(code.replace("N = 2", "N = 3"))
         False
     """
     statements = ast.parse(source).body
@@ -65,8 +66,8 @@ def code_sha256(source: str, entry: str = "compute") -> str:
     return hashlib.sha256(ast.dump(_Normalise().visit(kept)).encode()).hexdigest()
 
 
-def module_sha256(module: str) -> str:
-    """Return the hash of `compute` in a module, which is not imported; empty if the module has no such function."""
+def compute_sha256(module: str) -> str:
+    """Return the SHA-256 of `compute` of a module, without importing it; empty if it has no `compute`."""
     spec = find_spec(module)
     source = Path(spec.origin).read_text(encoding="utf-8") if spec and spec.origin else ""
-    return code_sha256(source) if "def compute(" in source else ""
+    return function_sha256(source) if "def compute(" in source else ""

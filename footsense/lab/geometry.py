@@ -61,7 +61,7 @@ class Material(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What a foot's network is trained for: the loads of the wide set.
+    """Range of the random loads that a foot's network is trained for.
 
     Attributes:
         max_n: Largest force [N].
@@ -85,12 +85,12 @@ class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return 0.005 * self.max_n
 
     @property
-    def floor_n(self) -> float:
+    def min_force_n(self) -> float:
         """Force below which training counts errors absolutely [N]."""
         return 0.15 * self.max_n
 
     @property
-    def judged_from_n(self) -> float:
+    def min_judged_n(self) -> float:
         """Force from which errors are tabled [N]: the converter's noise alone hides the direction of less."""
         return 0.1 * self.max_n
 
@@ -100,7 +100,7 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     Attributes:
         foot_type: Name under which table and network are built, and of their folder.
-        about: What foot that is, as its model card begins.
+        about: Short description of the foot, with which its model card begins.
         ball_radius_mm: Radius of both hemispheres [mm].
         sheet_mm: Side of the square sheet [mm].
         plate_mm: Thickness of each of the two plates that carry the electrodes [mm].
@@ -110,9 +110,9 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         gap_um: Air gap at rest [um].
         film_um: Film below the gap [um].
         film_eps_r: Relative permittivity of the film [1].
-        rubber: Of the ball.
-        pdms: Of the sheet.
-        loads: What the network is trained for.
+        rubber: Material of the ball.
+        pdms: Material of the sheet.
+        loads: Range of the training loads.
     """
 
     foot_type: Annotated[

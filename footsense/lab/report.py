@@ -17,7 +17,7 @@ from timeit import default_timer
 from typing import Any
 
 from footsense.errors import FootsenseError
-from footsense.lab.code_hash import module_sha256
+from footsense.lab.code_hash import compute_sha256
 from footsense.lab.studies.page import Page, Study, StudyContext
 from footsense.lab.targets import targets
 from footsense.lab.template import render
@@ -58,7 +58,7 @@ STALE = "stale.json"
 
 
 def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STUDIES) -> Page:
-    """Run one study.
+    """Run one study and return its page.
 
     Args:
         name: Key of `studies`.
@@ -105,7 +105,7 @@ def why_stale(name: str, folder: Path, context: StudyContext, studies: Mapping[s
     """Return why a page has to be made again; empty if it is of this network and of today's code of its study."""
     if not is_made(name, folder, context):
         return "missing, or made about another network"
-    if page_values(name, folder).get("code_sha256", "") != module_sha256(studies[name]):
+    if page_values(name, folder).get("code_sha256", "") != compute_sha256(studies[name]):
         return f"the code that measures its numbers has changed ({studies[name]})"
     return ""
 
@@ -131,7 +131,7 @@ def make_report(
         folder: Where the pages go.
         context: The models.
         studies: Module of each study.
-        build_s: What building the models took [s]; None if they were there.
+        build_s: Build time of the models [s]; None if they existed.
         resume: Whether pages that are not stale are kept.
         report: Receives a line after each page.
 
@@ -159,7 +159,7 @@ def make_report(
 
 
 def _write_page(name: str, studies: Mapping[str, str], models: Path, folder: Path, *, quick: bool) -> float:
-    """Run one study in this process, write its page, and return what it took [s]."""
+    """Run one study in this process, write its page, and return the elapsed time [s]."""
     page = make_page(name, StudyContext(models=models, quick=quick, say=_say), studies)
     page.write(folder)
     return page.seconds
@@ -203,7 +203,7 @@ def bind(folder: Path, context: StudyContext) -> Path:
 
 
 def _build_s(folder: Path, context: StudyContext) -> float | None:
-    """Return what building this very network took [s], None if nobody knows."""
+    """Return the build time of this network [s]; None if unknown."""
     try:
         built = json.loads((folder / BUILD).read_text(encoding="utf-8"))
     except (OSError, json.JSONDecodeError):

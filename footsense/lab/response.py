@@ -95,7 +95,7 @@ def transposed_series(series: Vector, degree: int) -> Vector:
 
 
 def add_series(classes: dict[Parity, Vector], degree: int) -> Vector:
-    """Return the series of single cells from those of the solved classes, shapes (products, 9, 9, 3).
+    """Return the series of single cells from the solved symmetry classes, shapes (products, 9, 9, 3).
 
     A single cell is a quarter of the sum of the four loads that put it and its mirror images together with the signs
     of each class.
@@ -165,8 +165,8 @@ def disc_normals(lowest_deg: float, rings: int = 40, spokes: int = 96) -> NDArra
     return np.column_stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
 
 
-def _rms_rel(difference: Vector, reference: Vector) -> float:
-    """Return the rms of a difference over the rms of what it differs from, to six digits after the point."""
+def _relative_rms(difference: Vector, reference: Vector) -> float:
+    """Return rms(difference) / rms(reference), rounded to six decimals."""
     return round(float(np.sqrt(np.mean(difference**2) / np.mean(reference**2))), 6)
 
 
@@ -245,9 +245,9 @@ def tabulate(
         provenance={
             "mesh": asdict(size),
             **counts,
-            "mesh_asymmetry_rel": _rms_rel(basis @ raw.reshape(len(raw), -1) - on_disc, on_disc),
+            "mesh_asymmetry_rel": _relative_rms(basis @ raw.reshape(len(raw), -1) - on_disc, on_disc),
             "fit_residual_rel": max(_residual(field) for field in fields.values()),
-            "interpolation_rel": _rms_rel(shorter - on_disc, on_disc),
+            "interpolation_rel": _relative_rms(shorter - on_disc, on_disc),
         },
     )
 
@@ -258,4 +258,4 @@ def _residual(field: ClassField) -> float:
     series = fit_class(field)
     basis = series_basis(field.normal[seen], DEGREE, FIT_ELEVATION_DEG)
     sampled = field.influence[seen]
-    return _rms_rel(np.tensordot(basis, series, 1) - sampled, sampled)
+    return _relative_rms(np.tensordot(basis, series, 1) - sampled, sampled)

@@ -11,7 +11,7 @@ Values = Mapping[str, Mapping[str, Any]]
 
 
 class Target(NamedTuple):
-    """One target.
+    """One target of the report, and where its measured figure is found.
 
     Attributes:
         what: In words, with its unit.
@@ -56,7 +56,7 @@ def _worst_ratio(values: Mapping[str, Any]) -> float:
 
 
 def _table_ratio(values: Mapping[str, Any]) -> float:
-    """Return the time of one forward solve over that of the response table."""
+    """Return the time ratio of one forward solve to the response table [1]."""
     return float(values["forward"]["forward_s"] / values["forward"]["table_s"])
 
 

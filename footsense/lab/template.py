@@ -8,7 +8,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 
 
 def render(module: str, names: Mapping[str, Any]) -> str:
-    """Return the text of the template `<module>.md.j2` beside a module of footsense.
+    """Return the rendered text of the template `<module>.md.j2`, which lies beside the module.
 
     Args:
         module: The module's dotted name.

@@ -153,7 +153,7 @@ def _framed(record: bytes) -> bytes:
 
 
 def _text(reason: str) -> str:
-    """Return a text that can be encoded, whatever it contains."""
+    """Return a text with unencodable characters (lone surrogates) replaced."""
     return reason[:_MAX_REASON].encode(errors="backslashreplace").decode()
 
 

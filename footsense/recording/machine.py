@@ -12,7 +12,7 @@ _NAMES = ("model name", "CPU implementer", "CPU part", "CPU variant", "CPU revis
 _FEATURES = ("flags", "Features")
 
 
-def this_machine(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, str]:
+def platform_versions(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, str]:
     """Return the header entries `processor`, `python`, `numpy` and `onnxruntime` for this process."""
     return {
         "processor": _processor(cpuinfo),

@@ -89,7 +89,7 @@ class McapFile:
         return self._stream.n_written
 
     def add_cycle(self, numbered: NumberedCycle) -> None:
-        """Write one cycle."""
+        """Write the messages of one cycle."""
         counter, (scan, commands, forces, outcomes, reference, temperature_c) = numbered
         t_ns = forces.t_sent_ns
         for command in commands:
@@ -126,6 +126,6 @@ class McapFile:
         self._writer.flush()
 
     def finish(self) -> None:
-        """Write the index."""
+        """Write the index of the file."""
         self._writer.finish()
         self._writer.flush()

@@ -217,11 +217,11 @@ def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> CommandResu
     """Return the result of an outcome event.
 
     Raises:
-        TypeError: Its reason is no text.
+        TypeError: The reason is not a string.
     """
     reason = event["reason"]
     if not isinstance(reason, str):
-        raise TypeError("a reason is a text")
+        raise TypeError("the reason is not a string")
     return CommandResult(decode_command(event, legs), Result[event["result"]], reason)
 
 

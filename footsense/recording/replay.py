@@ -10,7 +10,7 @@ from footsense.recording.mcap_reader import read_entries, read_header
 
 
 class Replay:
-    """A recording, read from its beginning as often as it is iterated.
+    """A recording; each iteration reads it from its beginning.
 
     Args:
         path: The recording, finished or not.
@@ -36,7 +36,7 @@ class Replay:
             An iterator that reads the file as it goes.
 
         Raises:
-            RecordingError: What follows is cut off or damaged.
+            RecordingError: The rest of the file is cut off or damaged.
         """
         return read_entries(self.path, self.legs)
 
@@ -47,7 +47,7 @@ class Replay:
             An iterator that reads the file as it goes.
 
         Raises:
-            RecordingError: What follows is cut off or damaged.
+            RecordingError: The rest of the file is cut off or damaged.
         """
         return (entry.cycle for entry in self.entries() if isinstance(entry, NumberedCycle))
 

@@ -51,7 +51,7 @@ class NetFtReference:
 
     Args:
         host: The sensor's address.
-        port: Its UDP port.
+        port: UDP port of the sensor.
         stream: Conversion of its counts to forces.
 
     Attributes:
@@ -82,7 +82,7 @@ class NetFtReference:
         """Return the samples that have arrived since the last call.
 
         Raises:
-            SensorError: What arrives are no records.
+            SensorError: The received data are not RDT records.
         """
         packets = self._packets()
         good = [packet for packet in packets if len(packet) % _RECORD.itemsize == 0]

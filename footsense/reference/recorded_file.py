@@ -13,7 +13,7 @@ from footsense.reference.sensor_mounting import SensorMounting
 
 
 class FileReference:
-    """Plays samples at their own rate; the first one is that of the first call.
+    """Plays recorded samples at their recorded rate, starting with the first call.
 
     Args:
         reference: All samples in their order.

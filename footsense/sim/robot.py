@@ -24,15 +24,15 @@ from footsense.sim.foot.fabrication import fabricate, mounted
 from footsense.sim.foot.viscoelastic import ViscoelasticElement
 from footsense.sim.foot.warming import WarmingFoot, softness_at
 from footsense.sim.loads.gait_table import GaitTable
-from footsense.sim.loads.ground_load import GroundContact, Load, Walk
+from footsense.sim.loads.ground_load import ContactSource, GroundContact, Walk
 from footsense.sim.scene import Scene
 
 
 class Wiring(NamedTuple):
-    """One simulated bus.
+    """Wiring of one simulated bus: clock, mux, channels, board.
 
     Attributes:
-        rate_hz: Its clock [Hz].
+        rate_hz: Clock of the bus [Hz].
         mux_address: Address of its mux.
         channels: Mux channel of each leg.
         kernel_mux: Whether the kernel drives the mux, and each leg is an adapter of its own.
@@ -68,7 +68,7 @@ class SimulatedLeg:
         leg: str,
         number: int,
         scene: Scene,
-        load: Load,
+        load: ContactSource,
         foot: Foot,
         table: GaitTable | None = None,
         board: str = "fdc1004",
@@ -102,7 +102,7 @@ class SimulatedLeg:
         if self._softening is not None:
             softness *= self._softening.softness(t_ns)
         if self._table is not None and isinstance(self._load, Walk):
-            element_pf = self._table.capacitance_pf(self._load.phase(self._leg, t_ns), softness)
+            element_pf = self._table.capacitance_pf(self._load.stance_phase(self._leg, t_ns), softness)
         else:
             contact = self._load.contact(self._leg, t_ns)
             if self._rubber is not None:
@@ -136,7 +136,7 @@ def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str
     return feet
 
 
-def _gait_tables(scene: Scene, load: Load, feet: dict[str, Foot]) -> dict[str, GaitTable]:
+def _gait_tables(scene: Scene, load: ContactSource, feet: dict[str, Foot]) -> dict[str, GaitTable]:
     """Return the gait table of each leg; legs with the same foot and load share one."""
     if not isinstance(load, Walk):
         return {}

@@ -16,7 +16,7 @@ from footsense import strict_yaml
 from footsense.errors import ConfigError
 from footsense.sim import scene_loads
 from footsense.sim.faults.scene_faults import FORMER_FAULTS, Fault, Leg
-from footsense.sim.foot.fabrication import AS_BADLY_MADE, REMOUNT_DEG, FootTolerances
+from footsense.sim.foot.fabrication import PAPER_TOLERANCES, REMOUNT_DEG, FootTolerances
 
 #: Lowest elevation of a contact [deg].
 LOWEST_ELEVATION_DEG = 30
@@ -32,10 +32,10 @@ class Fabrication(_Part, frozen=True):
     Attributes:
         seed: Seed of the deviations.
         first: Number of the foot on the first leg; the other legs have the next ones.
-        gap_um: Of the gap of each element [um].
-        film_um: Of the film of each element [um].
-        stray_pf: Of the stray of each element [pF].
-        stiffness_rel: Of the stiffness of the whole foot [1].
+        gap_um: Rms deviation of the gap of each element [um].
+        film_um: Rms deviation of the film of each element [um].
+        stray_pf: Rms stray of each element [pF].
+        stiffness_rel: Rms deviation of the stiffness of the whole foot [1].
         mount_deg: Rotation of a foot on its leg [deg].
         remount_deg: Rotation added at each mounting [deg].
         mounting: Number of the mounting.
@@ -52,9 +52,9 @@ class Fabrication(_Part, frozen=True):
     mounting: Annotated[int, Meta(ge=0)] = 0
 
     @classmethod
-    def as_badly_made(cls, *, seed: int, first: int, mounting: int) -> "Fabrication":
-        """Return feet of the paper's quality, mounted once more."""
-        rms = dataclasses.asdict(AS_BADLY_MADE)
+    def with_paper_tolerances(cls, *, seed: int, first: int, mounting: int) -> "Fabrication":
+        """Return feet with the paper's fabrication tolerances, in one of their mountings."""
+        rms = dataclasses.asdict(PAPER_TOLERANCES)
         return cls(seed=seed, first=first, mounting=mounting, remount_deg=REMOUNT_DEG, **rms)
 
     @property
@@ -68,7 +68,7 @@ class _Gradual(_Part, frozen=True):
     """A linear change over time.
 
     Attributes:
-        from_s: Begin [s].
+        from_s: Start [s].
         over_s: Duration [s].
     """
 

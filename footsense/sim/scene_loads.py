@@ -33,7 +33,7 @@ class _Load(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 class Unloaded(_Load, frozen=True, kw_only=True, tag="unloaded"):
     """All feet in the air."""
 
-    def build(self, from_ns: int) -> ground_load.Load:
+    def build(self, from_ns: int) -> ground_load.ContactSource:
         """Return the load from a time on [ns]."""
         del from_ns
         return ground_load.Unloaded()
@@ -48,7 +48,7 @@ class Constant(_Load, frozen=True, kw_only=True, tag="constant"):
 
     force_n: Pressing
 
-    def build(self, from_ns: int) -> ground_load.Load:
+    def build(self, from_ns: int) -> ground_load.ContactSource:
         """Return the load from a time on [ns]."""
         return ground_load.Ramp(self.force_n, from_ns)
 
@@ -64,7 +64,7 @@ class Ramp(_Load, frozen=True, kw_only=True, tag="ramp"):
     force_n: Pressing
     rise_s: Annotated[float, Meta(gt=0.0, le=60.0)]
 
-    def build(self, from_ns: int) -> ground_load.Load:
+    def build(self, from_ns: int) -> ground_load.ContactSource:
         """Return the load from a time on [ns]."""
         return ground_load.Ramp(self.force_n, from_ns, _ns(self.rise_s))
 
@@ -73,7 +73,7 @@ class Stand(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     """A stand: from the middle of each leg's next stance on, for whole gait periods.
 
     Attributes:
-        from_s: Begin [s].
+        from_s: Start [s].
         until_s: End [s].
     """
 
@@ -102,14 +102,14 @@ class Tripod(_Load, frozen=True, kw_only=True, tag="tripod"):
 
     def build(self, from_ns: int) -> ground_load.Walk:
         """Return the load from a time on [ns]."""
-        reaction = ground_load.smooth_step(self.duty_rel, self.peak_force_n, self.friction_rel)
+        reaction = ground_load.smooth_stance(self.duty_rel, self.peak_force_n, self.friction_rel)
         return ground_load.Walk(
             dict.fromkeys(LEGS, reaction),
             period_ns=_ns(self.period_s),
             duty_rel=self.duty_rel,
             pitch_deg=self.pitch_deg,
             from_ns=from_ns,
-            stands_ns=[(_ns(stand.from_s), _ns(stand.until_s)) for stand in self.stands],
+            standstills_ns=[(_ns(stand.from_s), _ns(stand.until_s)) for stand in self.stands],
         )
 
 
@@ -124,7 +124,7 @@ class MeasuredWalk(_Load, frozen=True, kw_only=True, tag="measured_walk"):
     peak_force_n: Force
     pitch_deg: Pitch = 0.0
 
-    def build(self, from_ns: int) -> ground_load.Load:
+    def build(self, from_ns: int) -> ground_load.ContactSource:
         """Return the load from a time on [ns]."""
         return ground_load.measured_walk(self.peak_force_n, self.pitch_deg, from_ns)
 

@@ -22,7 +22,7 @@ class Problem(NamedTuple):
 
     Attributes:
         path: Keys and indices from the top to the value, such as "buses[0].legs.lf"; empty for the text as a whole.
-        message: What is wrong and what would be right.
+        message: The fault, and the correct form.
     """
 
     path: str
@@ -70,7 +70,7 @@ def locate_error(data: Any, type_: type[object], error: str, former: Mapping[str
 
 
 def _hint(fault: str, value: object, info: inspect.Type, former: Mapping[str, str]) -> str:
-    """Return the value, if the fault does not show it, and what is allowed."""
+    """Return the value, unless the message shows it, and the allowed values."""
     if choices := _choices(info):
         return _remedy(value, choices, former)
     got = ""
@@ -92,7 +92,7 @@ def _expected(info: inspect.Type) -> str:
 
 
 def _remedy(word: object, allowed: Sequence[object], former: Mapping[str, str]) -> str:
-    """Return what to write instead of a word that is not allowed."""
+    """Return the replacement of a word that is not allowed."""
     if str(word) in former:
         return f"; {former[str(word)]}"
     near = get_close_matches(str(word), [choice for choice in allowed if isinstance(choice, str)], n=1)

@@ -41,7 +41,7 @@ class YamlError(Exception):
 
 
 class PlainData(NamedTuple):
-    """One parsed text.
+    """Plain data of one YAML text, with the line of each key.
 
     Attributes:
         data: Dicts with text keys, lists and scalars.

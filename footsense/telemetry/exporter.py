@@ -32,7 +32,7 @@ class CountersCollector(Collector):
         self._logged = ""
 
     def collect(self) -> Iterable[Metric]:
-        """Read the counters.
+        """Read the shared counters.
 
         Yields:
             `footsense_up`, and while the service runs, all its metrics.

@@ -6,7 +6,7 @@ counted; CAN and the metrics show every change.
 
 import logging
 
-from footsense.frames import EXPECTED, Cause, CommandKind, Cycle, Result, State
+from footsense.frames import FAULT_FREE, Cause, CommandKind, Cycle, Result, State
 
 _log = logging.getLogger(__name__)
 
@@ -61,7 +61,7 @@ class Journal:
                 before, now = State(state_before).name.lower(), State(state)
                 why = f" ({Cause(cause).name.lower()})" if cause else ""
                 # A valid leg may have a cause too, such as a stale calibration.
-                level = logging.WARNING if cause or now not in EXPECTED else logging.INFO
+                level = logging.WARNING if cause or now not in FAULT_FREE else logging.INFO
                 self._line(leg, level, f"{before} -> {now.name.lower()}{why}")
 
     def _line(self, leg: int, level: int, text: str) -> None:

@@ -43,10 +43,11 @@ class NonBlockingLogHandler(logging.Handler):
             line = self.format(record)
         except Exception:  # noqa: BLE001 - a record that does not fit its own format must not end the loop
             line = f"{record.levelname}: {record.msg}"
-        data = _one_line(line)
+        data = _encoded_line(line)
         if self._unreported:
             data = (
-                _one_line(f"WARNING: {self._unreported} lines of the log found no room and are lost") + data
+                _encoded_line(f"WARNING: {self._unreported} lines of the log found no room and are lost")
+                + data
             )
         if self._put(data):
             self._unreported = 0
@@ -76,7 +77,7 @@ def n_lost_lines() -> int:
     return sum(sink.lost for sink in logging.getLogger().handlers if isinstance(sink, NonBlockingLogHandler))
 
 
-def _one_line(text: str) -> bytes:
+def _encoded_line(text: str) -> bytes:
     data = " ".join(text.splitlines()).encode(errors="backslashreplace")
     return data[: _LINE_BYTES // 2 - 1] + b"\n"
 

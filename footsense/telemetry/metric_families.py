@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from typing import Literal
 
-from firmware_interface.can_codes import EXPECTED, BaselineStatus, Cause, Phase, Result, State
+from firmware_interface.can_codes import FAULT_FREE, BaselineStatus, Cause, Phase, Result, State
 from footsense.telemetry.shared_counters import MetricFamily
 
 #: Close together around one conversion of 2.5 ms, and around nine of 2.5 ms and of 11 ms.
@@ -15,7 +15,7 @@ PERIOD_BOUNDS_S = [
 AGE_BOUNDS_S = [0.001, 0.002, 0.005, 0.01, 0.012, 0.014, 0.016, 0.02, 0.025, 0.03, 0.04, 0.05, 0.1, 0.2, 0.5]
 
 #: States that are faults.
-FAULTS = [state for state in State if state not in EXPECTED]
+FAULTS = [state for state in State if state not in FAULT_FREE]
 
 #: Gauges of which exactly one series per leg is 1, as Prometheus enums are: label, codes, meaning.
 STATE_SETS: dict[str, tuple[str, type[IntEnum], str]] = {
@@ -42,11 +42,11 @@ CAN_COUNTERS = {
         "How often the controller became error passive, or nobody acknowledged.",
     ),
     "reopened": ("footsense_can_reopened_total", "How often the CAN interface went and came back."),
-    "unlogged": ("footsense_can_unlogged_frames_total", "Frames sent that the CAN log lacks."),
+    "unlogged": ("footsense_can_unlogged_frames_total", "Sent frames missing from the CAN log."),
 }
 
 
-def families(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | None) -> list[MetricFamily]:
+def service_metrics(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | None) -> list[MetricFamily]:
     """Return the metrics of a robot.
 
     Args:
@@ -57,7 +57,7 @@ def families(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | None) -> 
     states = {**leg, "state": _names(State)}
     offset = "baseline offset since the last tare; NaN without a baseline."
     return [
-        *(_wakeups(wakeup_bounds_s) if wakeup_bounds_s is not None else ()),
+        *(_wakeup_metrics(wakeup_bounds_s) if wakeup_bounds_s is not None else ()),
         _family("footsense_degraded_timing", "1 while the loop lacks the scheduling it asked for."),
         _family("footsense_scans_total", "Scans published."),
         _family(
@@ -78,12 +78,12 @@ def families(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | None) -> 
         _family("footsense_baseline_worst_offset_farads", f"Largest element's {offset}", leg),
         _family("footsense_baseline_age_seconds", "Time since the last tare or move; NaN if never.", leg),
         *(_family(name, meaning) for name, meaning in CAN_COUNTERS.values()),
-        _family("footsense_recorder_lost_frames_total", "Scans missing in the recording."),
+        _family("footsense_recorder_lost_scans_total", "Scans missing in the recording."),
         _family("footsense_log_lost_lines_total", "Log lines dropped because their reader was slow."),
     ]
 
 
-def _wakeups(bounds_s: Sequence[float]) -> list[MetricFamily]:
+def _wakeup_metrics(bounds_s: Sequence[float]) -> list[MetricFamily]:
     latency = "Time from the deadline of a sleeping thread to its wake-up."
     missed = "Scans given up because a wake-up came too late; never made up for."
     return [

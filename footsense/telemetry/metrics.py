@@ -20,7 +20,7 @@ from footsense.telemetry.metric_families import (
     FAULTS,
     PERIOD_BOUNDS_S,
     STATE_SETS,
-    families,
+    service_metrics,
 )
 from footsense.telemetry.shared_counters import SharedCounters
 
@@ -29,7 +29,7 @@ _FARADS_PER_PF = 1e-12
 
 
 class WakeupLatency(Protocol):
-    """What a clock counts of the deadlines of one thread.
+    """Wake-up statistics of one thread: latency histogram and overruns.
 
     Attributes:
         bounds_s: Bounds of the histogram [s].
@@ -54,8 +54,8 @@ class MetricsObserver:
         path: File of the counters, from which `footsense exporter` reads them.
         wakeups: Wake-up latency of each thread's clock; none in virtual time, and then no metrics of it.
         missed_deadlines: Returns how many scans were given up because a wake-up came too late, since start.
-        recorder_lost: Returns how many scans are missing in the recording, since start.
-        log_lost: Returns how many lines the log has dropped, since start.
+        n_lost_scans: Returns how many scans are missing in the recording, since start.
+        n_lost_lines: Returns how many lines the log has dropped, since start.
 
     Raises:
         FootsenseError: The file cannot be written, or belongs to another running service.
@@ -72,16 +72,16 @@ class MetricsObserver:
         *,
         wakeups: Sequence[WakeupLatency] = (),
         missed_deadlines: Callable[[], int] = int,
-        recorder_lost: Callable[[], int] = int,
-        log_lost: Callable[[], int] = int,
+        n_lost_scans: Callable[[], int] = int,
+        n_lost_lines: Callable[[], int] = int,
     ) -> None:
-        self._counters = SharedCounters(families(legs, wakeups[0].bounds_s if wakeups else None), path)
-        self._first = self._counters.first
+        self._counters = SharedCounters(service_metrics(legs, wakeups[0].bounds_s if wakeups else None), path)
+        self._first = self._counters.first_cell
         self._can = can
         self._wakeups = wakeups
         self._missed_deadlines = missed_deadlines
-        self._recorder_lost = recorder_lost
-        self._log_lost = log_lost
+        self._n_lost_scans = n_lost_scans
+        self._n_lost_lines = n_lost_lines
         self._t_sent_ns: int | None = None
         self._copy_due_ns: int | None = None
         self._last: tuple[bytes, bytes, bytes] | None = None
@@ -90,7 +90,7 @@ class MetricsObserver:
         self._period = self._first["footsense_scan_period_seconds"]
         width = len(AGE_BOUNDS_S) + 2
         self._ages = [self._first["footsense_frame_age_seconds"] + row * width for row in range(len(legs))]
-        self._scans: list[int] = []
+        self._scan_cells: list[int] = []
 
     def observe(self, cycle: Cycle) -> None:
         """Count one cycle."""
@@ -109,12 +109,12 @@ class MetricsObserver:
         present = (forces.state.tobytes(), forces.cause.tobytes(), forces.flags.tobytes())
         if present != self._last:
             self._last = present
-            self._change(forces)
-        for cell in self._scans:
+            self._update_states(forces)
+        for cell in self._scan_cells:
             cells[cell] += 1
         if self._copy_due_ns is None or sent_ns >= self._copy_due_ns:
             self._copy_due_ns = sent_ns + _COPY_PERIOD_NS
-            self._copy(forces)
+            self._copy_external_counts(forces)
         for outcome in cycle.outcomes:
             if outcome.command.kind == CommandKind.TARE:
                 column = outcome.command.leg * len(Result) + outcome.result
@@ -124,7 +124,7 @@ class MetricsObserver:
         """Remove the shared file."""
         self._counters.close()
 
-    def _change(self, forces: ContactFrame) -> None:
+    def _update_states(self, forces: ContactFrame) -> None:
         """Update states, causes and flags, and choose the counters of the scans to come."""
         states, flags = forces.state.tolist(), forces.flags.tolist()
         self._set_states("footsense_leg_state", states)
@@ -133,8 +133,8 @@ class MetricsObserver:
         self._set("footsense_leg_contact", [bool(flag & Flag.CONTACT) for flag in flags])
         self._set("footsense_degraded_timing", [any(flag & Flag.DEGRADED_TIMING for flag in flags)])
         by_state = self._first["footsense_leg_scans_total"]
-        self._scans = [self._first["footsense_scans_total"]]
-        self._scans += [by_state + row * len(State) + state for row, state in enumerate(states)]
+        self._scan_cells = [self._first["footsense_scans_total"]]
+        self._scan_cells += [by_state + row * len(State) + state for row, state in enumerate(states)]
         for row, (state, before) in enumerate(zip(states, self._states, strict=True)):
             column = self._fault_column.get(state)
             if state != before and column is not None:
@@ -142,13 +142,13 @@ class MetricsObserver:
                 self._counters.cells[cell] += 1
         self._states = states
 
-    def _copy(self, forces: ContactFrame) -> None:
+    def _copy_external_counts(self, forces: ContactFrame) -> None:
         """Copy the counts of others, and the baselines."""
         baseline = forces.baseline
         for field, (name, _) in CAN_COUNTERS.items():
             self._set(name, [getattr(self._can, field)])
-        self._set("footsense_recorder_lost_frames_total", [self._recorder_lost()])
-        self._set("footsense_log_lost_lines_total", [self._log_lost()])
+        self._set("footsense_recorder_lost_scans_total", [self._n_lost_scans()])
+        self._set("footsense_log_lost_lines_total", [self._n_lost_lines()])
         self._set_states("footsense_baseline_status", baseline.status.tolist())
         self._set("footsense_baseline_mean_offset_farads", (baseline.mean_pf * _FARADS_PER_PF).tolist())
         self._set("footsense_baseline_worst_offset_farads", (baseline.worst_pf * _FARADS_PER_PF).tolist())

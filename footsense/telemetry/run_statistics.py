@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from footsense.frames import EXPECTED, USABLE, Cycle, State, Vector
+from footsense.frames import FAULT_FREE, USABLE, Cycle, State, Vector
 from footsense.ports import Observer
 
 #: Smallest true force of a loaded frame, whose direction is defined [N].
@@ -39,7 +39,7 @@ class Histogram:
 
     @property
     def total(self) -> int:
-        """Number of values."""
+        """Number of counted values."""
         return int(self._counts.sum())
 
     @property
@@ -115,7 +115,7 @@ class RunStatistics(Observer):
                 leg: {State(s).name.lower(): int(n) for s, n in enumerate(counts) if n}
                 for leg, counts in zip(self._legs, self._states, strict=True)
             },
-            "faults": int(self._states.sum() - self._states[:, sorted(EXPECTED)].sum()),
+            "faults": int(self._states.sum() - self._states[:, sorted(FAULT_FREE)].sum()),
         }
         if self._true_force_n is not None:
             rmse_n = np.sqrt(self._squared_n2 / self._valid).tolist() if self._valid else [None] * 3

@@ -69,12 +69,12 @@ class SharedCounters:
     """The writer's side: creates the file and removes it at the end.
 
     Args:
-        families: What is counted, in the order of the cells.
+        families: Metrics in the order of their cells.
         path: The file. It should lie in memory (/dev/shm, /run): on a disk, write-back can block the writer.
 
     Attributes:
         cells: The counters, initially zero.
-        first: Index of each family's first cell, by name.
+        first_cell: Index of each family's first cell, by name.
 
     Raises:
         FootsenseError: Another running service writes this file, or it cannot be created.
@@ -83,10 +83,10 @@ class SharedCounters:
     def __init__(self, families: list[MetricFamily], path: Path) -> None:
         description = json.dumps([asdict(family) for family in families]).encode()
         description += b" " * (-len(description) % 8)
-        self.first: dict[str, int] = {}
+        self.first_cell: dict[str, int] = {}
         n_cells = 0
         for family in families:
-            self.first[family.name] = n_cells
+            self.first_cell[family.name] = n_cells
             n_cells += family.n_cells
         start = _HEAD.size + len(description)
         self._path = path

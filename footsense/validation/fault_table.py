@@ -1,4 +1,4 @@
-"""Table of all faults of a scene, each in a walk of its own: appearance on CAN, and effect on the other legs."""
+"""Table of all faults of a scene, one walk each: appearance on CAN, and effect on the other legs."""
 
 from collections.abc import Callable
 from itertools import islice

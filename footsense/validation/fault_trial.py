@@ -1,4 +1,4 @@
-"""One fault in a walk: what was shown and how soon, recovery, and the effect on the other legs.
+"""Trial of one fault in a walk: detection time, recovery time, effect on the other legs.
 
 Everything runs in virtual time: the same trial gives the same figures every time. The host costs nothing, so that the
 number of transactions moves no conversion: an unaffected leg gives the same forces to the bit.
@@ -21,7 +21,7 @@ from footsense.sim.scene_loads import Tripod
 
 #: The leg with the fault.
 LEG: Leg = "rm"
-#: Begin of the fault, in the middle of the leg's stance, and end, in its next swing [s].
+#: Start of the fault, in the middle of the leg's stance, and end, in its next swing [s].
 BREAKS_AT_S, PASSES_AT_S = 0.7, 1.2
 DURATION_S = 2.6
 
@@ -130,8 +130,8 @@ def figures(
     Args:
         broken: The walk with the fault.
         whole: The same walk without it.
-        begin_s: Begin of the fault [s].
-        end_s: Its end [s]; None if it stays.
+        begin_s: Start of the fault [s].
+        end_s: End of the fault [s]; None if it stays.
         leg: The leg with the fault.
     """
     row = broken.legs.index(leg)

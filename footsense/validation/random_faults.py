@@ -60,7 +60,7 @@ def random_fault(rng: np.random.Generator, leg: str, at_s: float, lasts_s: float
     Args:
         rng: Source of randomness.
         leg: The leg of a fault that is not of all legs.
-        at_s: Begin [s].
+        at_s: Start [s].
         lasts_s: Duration [s].
     """
     kinds = ON_CAN if rng.random() < _SHARE_OF_CAN else ON_ROBOT

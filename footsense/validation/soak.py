@@ -1,4 +1,4 @@
-"""A day of walking with a fault every half minute: stretches of it, each in a process of its own.
+"""Soak test: a day of walking with a fault every half minute, in stretches of one process each.
 
 Everything runs in virtual time and follows from the seed, so that a stretch with a violation can be repeated alone.
 Every stretch begins with a walk without faults, which measures the share of errors beyond 5 sigma.
@@ -75,7 +75,7 @@ class StretchResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def walk_stretch(stretch: Stretch) -> StretchResult:
-    """Walk one stretch.
+    """Simulate one stretch of the walk with its faults.
 
     Raises:
         ModelError: The released network or the response table is missing.

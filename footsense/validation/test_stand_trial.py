@@ -15,11 +15,11 @@ from footsense.config import Config
 from footsense.config.sections import Bus, Can
 from footsense.config.test_stand import Axes, Simulated, StandConfig
 from footsense.daemon.acquisition import open_scan_source
-from footsense.daemon.foot_types import FOOT_TYPE
+from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE
 from footsense.daemon.service import open_service
 from footsense.daemon.test_stand import StandSession
 from footsense.frames import Vector
-from footsense.sim.loads.ground_load import Load
+from footsense.sim.loads.ground_load import ContactSource
 from footsense.sim.scene import Effects, Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads, Unloaded
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
@@ -51,7 +51,7 @@ class FootBatch(NamedTuple):
     """
 
     seed: int = _TYPICAL_SEED
-    foot_type: str = FOOT_TYPE
+    foot_type: str = DEFAULT_FOOT_TYPE
 
 
 class FootTrial(NamedTuple):
@@ -99,7 +99,7 @@ def _session(
     protocol: Literal["training", "verification"],
     folder: Path,
     every: int,
-) -> tuple[RecordedSession, Load]:
+) -> tuple[RecordedSession, ContactSource]:
     """Record a session and read it; return the simulated presses with it."""
     foot, mounting = foot_name(number), 1 + (protocol == "verification")
     seed = _seed(batch, number)
@@ -116,7 +116,7 @@ def _session(
         lead_in_s=_LEAD_IN_S,
         seed=seed + mounting - 1,
         effects=_EFFECTS,
-        fabrication=Fabrication.as_badly_made(seed=batch.seed, first=number, mounting=mounting),
+        fabrication=Fabrication.with_paper_tolerances(seed=batch.seed, first=number, mounting=mounting),
     )
     x_gf, y_gf, z_gf = RATED_GF.tolist()
     test_stand = StandConfig(
@@ -149,7 +149,7 @@ def _config(batch: FootBatch, number: int) -> Config:
         load=Unloaded(),
         seed=_seed(batch, number),
         effects=_EFFECTS,
-        fabrication=Fabrication.as_badly_made(seed=batch.seed, first=number, mounting=0),
+        fabrication=Fabrication.with_paper_tolerances(seed=batch.seed, first=number, mounting=0),
     )
     with open_scan_source(config, hanging) as found:
         scans = [found.source.read() for _ in range(_UNLOADED_SCANS)]

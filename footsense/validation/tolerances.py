@@ -47,7 +47,7 @@ class Spans:
     """Disjoint spans of time in ascending order.
 
     Args:
-        spans_s: Begin and end of each [s].
+        spans_s: Start and end of each [s].
     """
 
     def __init__(self, spans_s: Sequence[tuple[float, float]]) -> None:

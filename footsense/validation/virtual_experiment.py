@@ -18,7 +18,7 @@ from footsense.calibration.fit.calibrate import calibrate
 from footsense.calibration.loads.calibration_load import LoadSet
 from footsense.calibration.session.recorded_session import read_session
 from footsense.clock import stopwatch_ns
-from footsense.daemon.foot_types import models_folder
+from footsense.daemon.foot_types import foot_type_folder
 from footsense.errors import CalibrationError
 from footsense.foot.force_errors import errors
 from footsense.frames import Vector
@@ -99,7 +99,7 @@ def evaluate_foot(
     batch: FootBatch, number: int, *, per_foot_network: PerFootNetwork | None, every: int = 1
 ) -> FootResult:
     """Press, calibrate and evaluate one foot; arguments as of `run_experiment`."""
-    models = DesignModels.load(models_folder(batch.foot_type))
+    models = DesignModels.load(foot_type_folder(batch.foot_type))
     with tempfile.TemporaryDirectory(prefix="footsense-test-stand-") as folder:
         trial = run_trial(batch, number, Path(folder), every=every)
         began_ns = stopwatch_ns()

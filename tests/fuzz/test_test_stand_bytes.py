@@ -16,7 +16,7 @@ from firmware_interface.serial_frames import FRAME_BYTES, Record, encode_record,
 from footsense.acquisition.mcu_source import McuSource
 from footsense.calibration.writer import write_calibration
 from footsense.config.test_stand import load_test_stand
-from footsense.daemon.foot_types import FOOT_TYPE
+from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE
 from footsense.foot.files.calibration_format import MANIFEST, PARAMETERS, Manifest
 from footsense.foot.files.calibration_reader import read_calibration
 from footsense.frames import Reading, Reference
@@ -213,7 +213,7 @@ def test_any_calibration(calibration: Path, data: st.DataObject, value: object, 
         forged(calibration, PARAMETERS, changed.encode(errors="surrogatepass"))
 
         def read() -> None:
-            found = read_calibration(calibration, FOOT_TYPE).parameters
+            found = read_calibration(calibration, DEFAULT_FOOT_TYPE).parameters
             assert np.isfinite(found.force_matrix).all()
             assert np.isfinite([found.error_rel, *found.gain_rel]).all()
 
@@ -223,5 +223,5 @@ def test_any_calibration(calibration: Path, data: st.DataObject, value: object, 
     key = data.draw(st.sampled_from(sorted(said)))
     for changed in (json.dumps({**said, key: value}), text):
         (calibration / MANIFEST).write_bytes(changed.encode(errors="surrogatepass"))
-        refusal(lambda: read_calibration(calibration, FOOT_TYPE))
+        refusal(lambda: read_calibration(calibration, DEFAULT_FOOT_TYPE))
     (calibration / MANIFEST).write_bytes(files[MANIFEST])

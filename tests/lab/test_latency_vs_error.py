@@ -8,7 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from footsense.benchmarks.latency_vs_error.chain import ORDERS, Readings, convert, pace, true_loads
-from footsense.benchmarks.latency_vs_error.errors import Truth, latency_and_errors, settling_ms
+from footsense.benchmarks.latency_vs_error.latency_and_errors import (
+    TrueLoads,
+    latency_and_errors,
+    settling_ms,
+)
 from footsense.benchmarks.latency_vs_error.publishing import PublishedForces, extrapolated
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.files.network_card import TrainedInputs
@@ -102,7 +106,7 @@ def test_a_converted_foot_reads_its_load() -> None:
     np.testing.assert_allclose(closure_rel[-1], wanted, atol=8 * said.noise_rel)
 
 
-def published_late(truth: Truth, late_ns: int, every_ns: int = MS) -> PublishedForces:
+def published_late(truth: TrueLoads, late_ns: int, every_ns: int = MS) -> PublishedForces:
     """Return true forces that are sent so much too late."""
     sent_ns = np.arange(0, truth.end_ns + MS, every_ns)
     force_n = true_loads(truth.feet, sent_ns - late_ns)[1]
@@ -114,29 +118,29 @@ def published_late(truth: Truth, late_ns: int, every_ns: int = MS) -> PublishedF
 def test_late_forces_are_found_to_be_late() -> None:
     """By how much; and a force that is right for its stamp is wrong when it is sent."""
     feet = [partial(Ramp((0.1, 0.0, 0.8), 700 * MS, 200 * MS).contact, "lf")]
-    truth = Truth.of(feet, 650 * MS, 1000 * MS)
+    truth = TrueLoads.sample(feet, 650 * MS, 1000 * MS)
     right, late = (
         latency_and_errors(published_late(truth, 0), truth),
         latency_and_errors(published_late(truth, 20 * MS), truth),
     )
-    assert right.error_total_mn == right.held_total_mn == 0.0
+    assert right.error_norm_mn == right.held_error_norm_mn == 0.0
     assert (
-        right.within_sigma
-        == right.within_sigma_at_stamp
-        == late.within_sigma_at_stamp
+        right.share_within_sigma
+        == right.share_within_sigma_at_stamp
+        == late.share_within_sigma_at_stamp
         == (1.0, 1.0, 1.0, 1.0)
     )
     assert right.lag_ms == pytest.approx(0.0, abs=0.1)
     assert late.lag_ms == pytest.approx(20.0, abs=0.1)
     assert late.age_ms == late.age_held_ms[0] == 20.0
-    assert late.error_total_mn > 30.0
-    assert late.within_sigma[-1] < 0.6
+    assert late.error_norm_mn > 30.0
+    assert late.share_within_sigma[-1] < 0.6
 
 
 def test_a_step_is_settled_when_the_last_wrong_force_is_replaced() -> None:
     """A force sent every 10 ms, 20 ms late, is right 20 to 30 ms after a step."""
-    begins_ns = (700 * MS, 704 * MS)
-    feet = [partial(Ramp((0.0, 0.0, 0.8), at_ns).contact, "lf") for at_ns in begins_ns]
-    truth = Truth.of(feet, 650 * MS, 1000 * MS)
-    found_ms = settling_ms(published_late(truth, 20 * MS, every_ns=10 * MS), truth, begins_ns)
+    starts_ns = (700 * MS, 704 * MS)
+    feet = [partial(Ramp((0.0, 0.0, 0.8), at_ns).contact, "lf") for at_ns in starts_ns]
+    truth = TrueLoads.sample(feet, 650 * MS, 1000 * MS)
+    found_ms = settling_ms(published_late(truth, 20 * MS, every_ns=10 * MS), truth, starts_ns)
     np.testing.assert_allclose(found_ms, [20.0, 26.0])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from footsense.acquisition.probe.address_scan import scan_addresses
+from footsense.acquisition.probe.address_scan import probe_addresses
 from footsense.errors import BusError, BusTimeoutError, NackError
 from footsense.ports import Transaction
 
@@ -28,7 +28,7 @@ class Bus:
 def test_every_address_is_asked_once_and_as_it_can_bear() -> None:
     """EEPROMs and memory modules are read, all others get an empty write; reserved and held addresses get nothing."""
     bus = Bus(0x40, 0x50)
-    assert scan_addresses(bus, leave_alone={0x68}).answering == (0x40, 0x50)
+    assert probe_addresses(bus, skipped={0x68}).answering == (0x40, 0x50)
     asked = {transaction.address: transaction for transaction in bus.asked}
     assert len(asked) == len(bus.asked)
     assert sorted(asked) == [address for address in range(0x08, 0x78) if address != 0x68]
@@ -39,14 +39,14 @@ def test_every_address_is_asked_once_and_as_it_can_bear() -> None:
 
 def test_an_adapter_without_empty_writes_says_so() -> None:
     """What was not answered is not taken for silence."""
-    addresses = scan_addresses(Bus(0x50, fails=BusError))
+    addresses = probe_addresses(Bus(0x50, fails=BusError))
     assert addresses.answering == (0x50,)
-    assert set(range(0x08, 0x78)) - {0x50} == set(addresses.unasked)
+    assert set(range(0x08, 0x78)) - {0x50} == set(addresses.not_probed)
 
 
 def test_a_held_line_ends_the_census() -> None:
     """It would cost a timeout for each address, and tell nothing."""
     bus = Bus(fails=BusTimeoutError)
     with pytest.raises(BusTimeoutError):
-        scan_addresses(bus)
+        probe_addresses(bus)
     assert len(bus.asked) == 1

@@ -7,7 +7,7 @@ import numpy as np
 
 import footsense
 from footsense.calibration.writer import write_calibration
-from footsense.daemon.foot_types import FOOT_TYPE, released_path
+from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE, released_path
 from footsense.foot.files.calibration_format import HeldOut, Manifest
 from footsense.foot.files.calibration_reader import FootCalibration
 from footsense.foot.force_errors import Errors
@@ -53,7 +53,7 @@ def content(foot: str = "foot-0007", **given: Any) -> dict[str, Any]:
     """Return the arguments of `write_calibration`; `given` replaces some, or fields of the manifest."""
     fields: dict[str, Any] = {
         "foot": foot,
-        "foot_type": FOOT_TYPE,
+        "foot_type": DEFAULT_FOOT_TYPE,
         "footsense": footsense.__version__,
         "made": "2026-03-01T12:00:00Z",
         "n_loads": 362,

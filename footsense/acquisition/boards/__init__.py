@@ -1,1 +1,1 @@
-"""The electronics of a foot: what is sent for an element, and what the answers mean."""
+"""Electronics boards of a foot: transactions of each element, and decoding of the answers."""

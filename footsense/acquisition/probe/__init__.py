@@ -1,1 +1,1 @@
-"""Who answers on a bus, and what the feet read, before anything is scanned."""
+"""Probe of the buses before the first scan: answering addresses, chip identities, readings of the feet."""

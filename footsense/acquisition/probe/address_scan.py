@@ -1,4 +1,4 @@
-"""Scan a bus for addresses that answer, with transactions that no chip minds.
+"""Probe a bus for addresses that answer, with transactions that are harmless to the chips.
 
 An empty write is the gentlest: START, address, acknowledge, STOP. But to the EEPROM AT24RF08 (0x54 to 0x57) it is the
 beginning of a write, and memory modules have write-protect registers at 0x30 to 0x37: there one byte is read instead,
@@ -15,43 +15,43 @@ from footsense.ports import I2cBus, Transaction
 #: Addresses that a chip may have.
 ADDRESSES = range(0x08, 0x78)
 
-_READ = {*range(0x30, 0x38), *range(0x50, 0x60)}
+_PROBED_BY_READ = {*range(0x30, 0x38), *range(0x50, 0x60)}
 
 
-class AddressScan(NamedTuple):
+class AddressProbe(NamedTuple):
     """Addresses on a bus.
 
     Attributes:
         answering: Addresses that acknowledged.
-        unasked: Addresses that this adapter cannot ask, most often because it does no empty writes.
+        not_probed: Addresses that this adapter cannot probe, most often because it does not support empty writes.
     """
 
     answering: tuple[int, ...]
-    unasked: tuple[int, ...] = ()
+    not_probed: tuple[int, ...] = ()
 
 
-def scan_addresses(bus: I2cBus, leave_alone: Collection[int] = ()) -> AddressScan:
-    """Ask every address once.
+def probe_addresses(bus: I2cBus, skipped: Collection[int] = ()) -> AddressProbe:
+    """Probe every address once.
 
     Args:
         bus: The bus, with the channels that are connected.
-        leave_alone: Addresses not to ask.
+        skipped: Addresses not to probe.
 
     Raises:
         BusTimeoutError: A line is stuck: no chip can answer.
     """
-    answering, unasked = [], []
+    answering, not_probed = [], []
     for address in ADDRESSES:
-        if address in leave_alone:
+        if address in skipped:
             continue
         try:
-            bus.transfer(Transaction(address, b"", int(address in _READ)))
+            bus.transfer(Transaction(address, b"", int(address in _PROBED_BY_READ)))
         except NackError:
             continue
         except BusTimeoutError:
             raise
         except BusError:
-            unasked.append(address)
+            not_probed.append(address)
         else:
             answering.append(address)
-    return AddressScan(tuple(answering), tuple(unasked))
+    return AddressProbe(tuple(answering), tuple(not_probed))

@@ -1,7 +1,7 @@
-"""Look at a bus before its first scan: which addresses answer where, whether the chips are the right ones, its timing.
+"""Scan of a bus before the first scan of the feet: answering addresses, identity of the chips, timing.
 
-Only transactions that no chip minds go to unknown addresses (`address_scan.py`). The mux is switched, and a leg's
-converter is asked for its identity; nothing else is written.
+Unknown addresses receive only transactions that are harmless to the chips (`address_scan.py`). The mux is switched, and
+the identity of each leg's converter is read; nothing else is written.
 """
 
 import logging
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from firmware_interface.chips import tca9548a
 from footsense.acquisition.bus_timing import Timing, measure, timing
-from footsense.acquisition.probe.address_scan import AddressScan, scan_addresses
+from footsense.acquisition.probe.address_scan import AddressProbe, probe_addresses
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError, WrongChipError
@@ -46,14 +46,14 @@ class BusScan(NamedTuple):
         timing: Cost of transactions and limits of the scan; None if no chip answered that could be timed.
     """
 
-    upstream: AddressScan | None
+    upstream: AddressProbe | None
     mux_answers: bool
     channels: dict[int, ChannelScan]
     timing: Timing | None
 
 
 def leg_addresses(plan: ScanPlan) -> tuple[int, ...]:
-    """Return the addresses of a leg's chips: the converter's first, then those of its switches."""
+    """Return the addresses of a leg's chips: first the converter, then the line switches."""
     step = plan.steps[0]
     return (step.trigger.address, *(select.address for select in step.select))
 
@@ -61,11 +61,11 @@ def leg_addresses(plan: ScanPlan) -> tuple[int, ...]:
 def scan_bus(
     bus: UpstreamBus, clock: Clock, plan: ScanPlan, legs: Mapping[str, int], claimed: Collection[int] = ()
 ) -> BusScan:
-    """Look at a bus whose mux footsense drives.
+    """Scan a bus whose mux footsense drives.
 
     Args:
         bus: The bus.
-        clock: The time that it lives in.
+        clock: Clock of the bus.
         plan: The scan to come.
         legs: Mux channel of each leg.
         claimed: Addresses that drivers of the kernel hold.
@@ -73,14 +73,14 @@ def scan_bus(
     upstream, has_mux = None, False
     try:
         bus.free()
-        upstream = scan_addresses(bus.bus, claimed)  # a stuck line times out
+        upstream = probe_addresses(bus.bus, claimed)  # a stuck line times out
         has_mux = _holds_selection(bus, 0)
     except BusError as error:
         _log.info("the upstream bus: %s", error)
     if upstream is None or not has_mux:
         return BusScan(upstream, mux_answers=False, channels={}, timing=None)
     limits = timing(measure(bus.bus, clock, bus.mux_address), plan, max(len(legs), 1), kernel_mux=False)
-    known = {*claimed, *upstream.answering, *upstream.unasked}
+    known = {*claimed, *upstream.answering, *upstream.not_probed}
     channels = {}
     for channel in range(tca9548a.CHANNELS):
         try:
@@ -100,7 +100,7 @@ def scan_bus(
 def scan_adapters(
     adapters: Sequence[I2cBus], clock: Clock, plan: ScanPlan, claimed: Collection[int] = ()
 ) -> BusScan:
-    """Look at a bus whose mux the kernel drives, through the adapter of each leg; arguments as of `scan_bus`."""
+    """Scan a bus whose mux the kernel drives, through the adapter of each leg; arguments as of `scan_bus`."""
     channels: dict[int, ChannelScan] = {}
     limits = None
     for number, bus in enumerate(adapters):
@@ -118,7 +118,7 @@ def scan_adapters(
         number: scan._replace(answering=tuple(address for address in scan.answering if address not in common))
         for number, scan in channels.items()
     }
-    return BusScan(AddressScan(tuple(sorted(common))), mux_answers=True, channels=channels, timing=limits)
+    return BusScan(AddressProbe(tuple(sorted(common))), mux_answers=True, channels=channels, timing=limits)
 
 
 def _holds_selection(bus: UpstreamBus, selection: int) -> bool:
@@ -137,14 +137,14 @@ def _holds_selection(bus: UpstreamBus, selection: int) -> bool:
 
 
 def _scan_channel(
-    bus: I2cBus, clock: Clock, plan: ScanPlan, leave_alone: Collection[int], *, is_leg: bool
+    bus: I2cBus, clock: Clock, plan: ScanPlan, skipped: Collection[int], *, is_leg: bool
 ) -> ChannelScan:
     """Return the chips behind the channel that is connected.
 
     Raises:
         BusTimeoutError: A line is stuck.
     """
-    answering = scan_addresses(bus, leave_alone).answering
+    answering = probe_addresses(bus, skipped).answering
     if not is_leg:
         return ChannelScan(answering, Reading.OK)
     converter, *switches = leg_addresses(plan)
@@ -159,7 +159,7 @@ def _scan_channel(
     except HardwareError as error:
         return ChannelScan(answering, Reading.NO_ANSWER, str(error))
     for address in switches:
-        if address not in answering and address not in leave_alone:
+        if address not in answering and address not in skipped:
             why = f"no line switch answers at {address:#04x}, though a converter does at {converter:#04x}"
             return ChannelScan(answering, Reading.NO_ANSWER, why)
     return ChannelScan(answering, Reading.OK)

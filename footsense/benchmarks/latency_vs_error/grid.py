@@ -13,7 +13,12 @@ from numpy.typing import NDArray
 
 from firmware_interface.can_codes import NODE_IDS
 from footsense.benchmarks.latency_vs_error.chain import ORDERS, Readings, convert, pace
-from footsense.benchmarks.latency_vs_error.errors import LatencyAndErrors, Truth, latency_and_errors, rms_mn
+from footsense.benchmarks.latency_vs_error.latency_and_errors import (
+    LatencyAndErrors,
+    TrueLoads,
+    latency_and_errors,
+    rms_mn,
+)
 from footsense.benchmarks.latency_vs_error.publishing import by_element, by_frame
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
@@ -64,12 +69,12 @@ class WalkAndStand(NamedTuple):
     """
 
     rate_sps: int
-    truth: Truth
+    truth: TrueLoads
     walk: Readings
     standing: Readings
 
     @classmethod
-    def at(cls, rate_sps: int, foot: Foot, truth: Truth) -> "WalkAndStand":
+    def at(cls, rate_sps: int, foot: Foot, truth: TrueLoads) -> "WalkAndStand":
         """Convert feet of one make."""
         standing = [partial(Ramp(STANDING_N, 0).contact, leg) for leg in NODE_IDS]
         order, end_ns = ORDERS["lo_shu"], truth.end_ns
@@ -107,7 +112,9 @@ class WalkAndStand(NamedTuple):
 def _xy(points: Sequence[OperatingPoint], panel: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return latencies [ms], and errors or noises [mN]."""
     latency_ms = np.array([p.walk.age_held_ms[0] for p in points])
-    return latency_ms, np.array([p.walk.held_total_mn if panel == "error" else p.noise_mn for p in points])
+    return latency_ms, np.array(
+        [p.walk.held_error_norm_mn if panel == "error" else p.noise_mn for p in points]
+    )
 
 
 def _annotate(

@@ -8,18 +8,18 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.benchmarks.latency_vs_error.chain import FootLoad, pace
-from footsense.benchmarks.latency_vs_error.errors import Truth
+from footsense.benchmarks.latency_vs_error.latency_and_errors import TrueLoads
 from footsense.frames import ELEMENTS, LEGS
-from footsense.sim.loads.ground_load import GroundContact, Ramp, Walk, measured_walk, smooth_step
+from footsense.sim.loads.ground_load import GroundContact, Ramp, Walk, measured_walk, smooth_stance
 
 #: Largest vertical force of a walk [N] and lean of its legs [deg].
 PEAK_N, PITCH_DEG = 1.0, 10.0
 #: Forces of steps and ramps [N], and their rise times [ns].
 PRESSES_N = ((0.0, 0.0, 0.8), (0.2, 0.1, 0.7), (-0.25, 0.1, 0.6), (0.1, -0.3, 0.7))
 STEP_NS, RAMP_NS = 5_000_000, 200_000_000
-#: Begin of the counted time of a walk: every filter has filled by then [ns].
+#: Start of the counted time of a walk: every filter has filled by then [ns].
 _WALK_FROM_NS = 1_100_000_000
-#: Begin of the counted time of steps and ramps, begin of the first load, end of the counted time [ns].
+#: Start of the counted time of steps and ramps, start of the first load, end of the counted time [ns].
 _COUNT_FROM_NS, _PRESS_NS, _COUNT_TO_NS = 200_000_000, 300_000_000, 800_000_000
 #: Strides of the measured walk and of the tripod gait [ns].
 _MEASURED_NS, _TRIPOD_NS = 1_145_000_000, 1_200_000_000
@@ -33,21 +33,23 @@ class LoadCase(NamedTuple):
     Attributes:
         title: Heading of its table.
         truth: True loads of the feet.
-        begins_ns: Begin of the load of each foot [ns]; None for a walk.
+        starts_ns: Start of the load of each foot [ns]; None for a walk.
     """
 
     title: str
-    truth: Truth
-    begins_ns: tuple[int, ...] | None = None
+    truth: TrueLoads
+    starts_ns: tuple[int, ...] | None = None
 
 
-def _walking(walk: Callable[[int], Walk], period_ns: int, strides: int, *, sideways: bool = False) -> Truth:
+def _walking(
+    walk: Callable[[int], Walk], period_ns: int, strides: int, *, sideways: bool = False
+) -> TrueLoads:
     """Return the six legs of a steady walk, each at another phase of its stride."""
     feet: list[FootLoad] = []
     for number, leg in enumerate(LEGS):
         contact = partial(walk(-4 * period_ns - number * period_ns // len(LEGS)).contact, leg)
         feet.append(partial(_turned_left, contact) if sideways else contact)
-    return Truth.of(feet, _WALK_FROM_NS, _WALK_FROM_NS + strides * period_ns)
+    return TrueLoads.sample(feet, _WALK_FROM_NS, _WALK_FROM_NS + strides * period_ns)
 
 
 def _turned_left(contact: FootLoad, t_ns: int) -> GroundContact:
@@ -64,11 +66,11 @@ def _pressed(title: str, rise_ns: int, n_phases: int) -> LoadCase:
     ]
     feet = [partial(Ramp(force_n, begin_ns, rise_ns).contact, LEGS[0]) for force_n, begin_ns in cases]
     return LoadCase(
-        title, Truth.of(feet, _COUNT_FROM_NS, _COUNT_TO_NS), tuple(begin_ns for _, begin_ns in cases)
+        title, TrueLoads.sample(feet, _COUNT_FROM_NS, _COUNT_TO_NS), tuple(begin_ns for _, begin_ns in cases)
     )
 
 
-def measured_truth(strides: int, *, sideways: bool = False) -> Truth:
+def measured_truth(strides: int, *, sideways: bool = False) -> TrueLoads:
     """Return the true loads of six feet on the measured walk over a number of strides."""
     return _walking(partial(measured_walk, PEAK_N, PITCH_DEG), _MEASURED_NS, strides, sideways=sideways)
 
@@ -80,7 +82,7 @@ def load_cases(strides: int, phases: int) -> dict[str, LoadCase]:
         strides: Strides that are counted.
         phases: Phases of a scan at which a foot is pressed.
     """
-    reactions = dict.fromkeys(LEGS, smooth_step(_DUTY_REL, PEAK_N, 0.15))
+    reactions = dict.fromkeys(LEGS, smooth_stance(_DUTY_REL, PEAK_N, 0.15))
     tripod = partial(Walk, reactions, _TRIPOD_NS, _DUTY_REL, PITCH_DEG)
     sideways = measured_truth(strides, sideways=True)
     return {

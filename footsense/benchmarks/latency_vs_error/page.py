@@ -11,13 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.benchmarks.latency_vs_error.chain import BUS_HZ, HOST_COST_NS, ORDERS, convert, pace
-from footsense.benchmarks.latency_vs_error.errors import (
-    SIGMAS,
+from footsense.benchmarks.latency_vs_error.grid import FRAME_BITS, OperatingPoint, WalkAndStand, grid_figure
+from footsense.benchmarks.latency_vs_error.latency_and_errors import (
+    SIGMA_MULTIPLES,
     LatencyAndErrors,
     latency_and_errors,
     settling_ms,
 )
-from footsense.benchmarks.latency_vs_error.grid import FRAME_BITS, OperatingPoint, WalkAndStand, grid_figure
 from footsense.benchmarks.latency_vs_error.loads import LoadCase, load_cases, measured_truth
 from footsense.benchmarks.latency_vs_error.publishing import (
     PublishedForces,
@@ -145,8 +145,8 @@ def _load_result(load: LoadCase, context: StudyContext, card: TrainedInputs) -> 
         for order in orders:
             published = publish(readings[order], context.network, card)
             settling = None
-            if load.begins_ns is not None:
-                each_ms = settling_ms(published, truth, load.begins_ns)
+            if load.starts_ns is not None:
+                each_ms = settling_ms(published, truth, load.starts_ns)
                 settling = (float(np.median(each_ms)), float(each_ms.max()))
             errors = latency_and_errors(published, truth)
             methods.append(MethodResult(method=method, order=order, errors=errors, settling_ms=settling))
@@ -210,6 +210,6 @@ STUDY = Study(
         "BUS_HZ": BUS_HZ,
         "FRAME_BITS": FRAME_BITS,
         "HOST_COST_NS": HOST_COST_NS,
-        "SIGMAS": " / ".join(map(str, SIGMAS)),
+        "SIGMA_MULTIPLES": " / ".join(map(str, SIGMA_MULTIPLES)),
     },
 )

@@ -18,15 +18,16 @@ class PublishedForces:
 
     Attributes:
         sent_ns: Time of sending [ns], shape (forces,).
-        t_ns: Time of the newest reading in each [ns], same shape.
-        of_ns: Time that each force is valid for [ns], same shape: `t_ns`, or `sent_ns` of a prediction.
+        newest_reading_ns: Time of the newest reading in each [ns], same shape.
+        valid_ns: Time that each force is valid for [ns], same shape: `newest_reading_ns`, or `sent_ns` of a
+            prediction.
         force_n: Forces [N], shape (forces, feet, 3).
         sigma_n: Their standard deviations [N], same shape.
     """
 
     sent_ns: Stamps
-    t_ns: Stamps
-    of_ns: Stamps
+    newest_reading_ns: Stamps
+    valid_ns: Stamps
     force_n: Vector
     sigma_n: Vector
 
@@ -65,8 +66,8 @@ def _aligned(
         force_n.append(force)
         sigma_n.append(sigma)
     newest_ns = np.array(t_ns)
-    of_ns = sent_ns if each == 1 else newest_ns
-    return PublishedForces(sent_ns, newest_ns, of_ns, np.array(force_n), np.array(sigma_n))
+    valid_ns = sent_ns if each == 1 else newest_ns
+    return PublishedForces(sent_ns, newest_ns, valid_ns, np.array(force_n), np.array(sigma_n))
 
 
 def without_alignment(readings: Readings, network: Estimator, card: TrainedInputs) -> PublishedForces:

@@ -43,7 +43,7 @@ _SAME_FOOT_REL = 0.03
 
 
 class CalibrationResult(NamedTuple):
-    """A calibrated foot.
+    """Fitted parameters of a foot, with predicted and held-out errors.
 
     Attributes:
         parameters: Parameters of the foot.
@@ -65,7 +65,7 @@ class CalibrationResult(NamedTuple):
 def calibrate_sessions(
     models: DesignModels, sessions: Sequence[RecordedSession], hold_out: str | None = None
 ) -> CalibrationResult:
-    """Calibrate a foot.
+    """Fit the parameters of a foot to its calibration sessions.
 
     Args:
         models: Models of its type.

@@ -28,7 +28,7 @@ _MIN_LOADS, _MIN_GROUPS = 40, 6
 
 
 class Correction(NamedTuple):
-    """A fitted correction.
+    """Fitted residual correction of the force.
 
     Attributes:
         matrix: C above, shape (3, FEATURES); zeros for none.
@@ -40,7 +40,7 @@ class Correction(NamedTuple):
 
 
 def fit_correction(designed_n: Vector, physical_n: Vector, force_n: Vector) -> Correction:
-    """Fit a correction.
+    """Fit the residual correction of the force by ridge regression.
 
     Args:
         designed_n: p above, the network's forces [N], shape (n, 3).

@@ -23,7 +23,7 @@ IDENTIFIED_CONTRACTION = 0.5
 
 
 class PredictedUncertainty(NamedTuple):
-    """Errors expected over loads from all sides, by what remains unknown of the parameters.
+    """Expected force errors over all load directions, from the posterior covariance of the parameters.
 
     Attributes:
         direction_deg: Median angle [deg].

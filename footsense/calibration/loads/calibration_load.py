@@ -84,9 +84,9 @@ class Press(NamedTuple):
         sample_ns: Time of each reference sample [ns], shape (samples,), int64.
         force_n: The samples [N], shape (samples, 3).
         saturated: Whether an axis was at the end of its range, shape (samples,).
-        before_ns: Begin and end of the unloaded span before it [ns].
-        pressed_ns: Begin and end of the press [ns].
-        after_ns: Begin and end of the unloaded span after it [ns]; None if there is none.
+        before_ns: Start and end of the unloaded span before it [ns].
+        pressed_ns: Start and end of the press [ns].
+        after_ns: Start and end of the unloaded span after it [ns]; None if there is none.
         offset_sum_n: Sum of the reference samples in the unloaded spans of the last seconds, `before_ns` included [N],
             shape (3,): the offset drifts less than one span's noise.
         offset_samples: Number of those samples.

@@ -1,4 +1,4 @@
-"""One press reduced to a calibration load: its dwell, the means over it, and what keeps it from counting.
+"""Reduction of one press to a calibration load: dwell, means over it, reasons for rejection.
 
 The dwell is the longest span in which neither the reference force nor the foot's capacitances moved.
 """

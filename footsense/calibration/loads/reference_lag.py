@@ -26,7 +26,7 @@ def lag_s(
 
     Args:
         press: The press.
-        dwell_ns: Begin and end of its dwell [ns].
+        dwell_ns: Start and end of its dwell [ns].
         baseline_pf: Unloaded reading of each element [pF], shape (9,).
         offset_n: Unloaded reading of the reference [N], shape (3,).
         force_n: Force in the dwell minus the offset [N], shape (3,).

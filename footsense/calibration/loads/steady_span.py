@@ -1,4 +1,4 @@
-"""The longest span of a press without motion: force and capacitances each within a range of its own.
+"""Search for the longest steady span of a press: force and each capacitance stay within a tolerance.
 
 The limit of a range is that of the span's last scan, and a range only grows with its span. So the first scan of the
 longest span that ends at a scan never moves back from one scan to the next: running extremes find it in one pass.

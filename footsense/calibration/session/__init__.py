@@ -1,1 +1,1 @@
-"""One session on a test stand: as it is recorded, and as it is read back."""
+"""Sessions on a test stand: guidance while recording, and reading of the recordings."""

@@ -70,7 +70,7 @@ class Coverage:
 
     @property
     def n_loads(self) -> int:
-        """Number of loads."""
+        """Number of accepted loads."""
         return sum(self.counts)
 
     def add(self, force_n: Vector) -> None:

@@ -74,7 +74,7 @@ class SessionGuide:
         return force_n
 
     def observe(self, cycle: Cycle) -> None:
-        """Process a cycle."""
+        """Detect presses in a cycle, and update coverage and guidance."""
         if cycle.reference is not None:
             self._shown.extend(zip(cycle.reference.t_ns.tolist(), cycle.reference.force_n, strict=True))
         while self._shown and self._shown[0][0] < cycle.forces.t_sent_ns - _SHOWN_NS:

@@ -51,7 +51,7 @@ class RecordedSession:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is missing of the session, one line each."""
+        """Parts missing from the session, one line each."""
         warnings = []
         if self.rejected:
             n, why = self.rejected.total(), ", ".join(f"{n} {why}" for why, n in self.rejected.most_common())
@@ -158,7 +158,7 @@ def read_session(path: Path, foot: str) -> RecordedSession:
 
 
 def _mounted(header: dict[str, str]) -> dict[str, str]:
-    """Return the leg of each foot in a recording: the one on the test stand, or those of a robot."""
+    """Return the leg of each foot in a recording: one on a test stand, up to six on a robot."""
     legs = header["legs"].split(",")
     if "foot" in header and header.get("leg") in legs:
         return {header["foot"]: header["leg"]}

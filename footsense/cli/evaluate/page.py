@@ -64,7 +64,7 @@ def write_page(
 def _patterns(
     evaluation: Evaluation, foot: FootParameters | None, response: FootResponse
 ) -> dict[str, dict[str, Vector]]:
-    """Return the measured closures under some of the loads, and those of the simulated foot under them."""
+    """Return measured and simulated closures under some of the loads."""
     reference_n = evaluation.reference_n
     direction = normalized(reference_n)
     specimen, normal = Foot(response), direction

@@ -7,7 +7,7 @@ import click
 
 from footsense.cli.lab.options import output_option, report_folder, stopwatch_report
 from footsense.cli.options import echo_json, json_option
-from footsense.daemon.foot_types import models_folder
+from footsense.daemon.foot_types import foot_type_folder
 from footsense.validation.test_stand_trial import FootBatch
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def experiment(
 
     batch = FootBatch(seed=seed, foot_type=foot_type or FootBatch().foot_type)
     say: Callable[[str], None] = (lambda _: None) if as_json else stopwatch_report()
-    context = StudyContext(models=models_folder(batch.foot_type), quick=quick, say=say)
+    context = StudyContext(models=foot_type_folder(batch.foot_type), quick=quick, say=say)
     page = study_of(batch, n_feet, jobs).page(context)
     page.write(folder)
     if foot_type is None:

@@ -17,7 +17,7 @@ from footsense.errors import FootsenseError
 from footsense.lab.studies.page import Figures, Study, StudyContext, panels
 from footsense.lab.training.paper_procedure import EPOCHS
 from footsense.lab.training.per_foot_network import per_foot_force_n
-from footsense.sim.foot.fabrication import AS_BADLY_MADE, FootTolerances
+from footsense.sim.foot.fabrication import PAPER_TOLERANCES, FootTolerances
 from footsense.validation.test_stand_trial import FootBatch
 from footsense.validation.virtual_experiment import ALL_LOADS, LOAD_COUNTS, FootResult, run_experiment
 
@@ -155,7 +155,7 @@ def _run(context: StudyContext, batch: FootBatch, n_feet: int | None, jobs: int)
     results = Results(
         seed=batch.seed,
         foot_type=batch.foot_type,
-        tolerances=AS_BADLY_MADE,
+        tolerances=PAPER_TOLERANCES,
         every=every,
         feet=len(feet),
         estimators=_estimators(feet),

@@ -17,7 +17,7 @@ from footsense.cli.lab.options import (
 )
 from footsense.cli.options import FOLDER, echo_json, json_option
 from footsense.clock import stopwatch_ns
-from footsense.daemon.foot_types import FOOT_TYPE, released_path
+from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE, released_path
 from footsense.errors import FootsenseError
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def response(
     models: Path | None,
     as_json: bool,
 ) -> None:
-    """Print what one centred load does to the nine elements."""  # noqa: DOC501 - click shows this text
+    """Print closures and capacitances of the nine elements under one centred load."""  # noqa: DOC501 - click shows this text
     from footsense.lab.evaluation.evaluate_models import open_models
     from footsense.lab.fidelity.levels import response_to
     from footsense.lab.foot_file import FOOT_FILE, load_foot
@@ -135,7 +135,7 @@ def study(*, name: str, models: Path | None, output: Path | None, quick: bool) -
 
 
 def _named(name: str, words: str) -> click.Command:
-    """Return the command of a study that has one of its own."""
+    """Return the dedicated command of a study."""
 
     def run(*, models: Path | None, output: Path | None, quick: bool, as_json: bool) -> None:
         _study(name, models, output, quick=quick, as_json=as_json)
@@ -196,7 +196,7 @@ def tolerance(
 @click.option(
     "--models",
     type=FOLDER,
-    help=f"Folder that the models are built into; without it ./models/{FOOT_TYPE}.",
+    help=f"Folder that the models are built into; without it ./models/{DEFAULT_FOOT_TYPE}.",
 )
 @output_option
 @_quick_option
@@ -207,7 +207,7 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
     if stale:
         _print_stale(models or released_folder(), output or Path("docs") / "report", quick=quick)
         return
-    folder = models or Path("models") / (f"{FOOT_TYPE}-quick" if quick else FOOT_TYPE)
+    folder = models or Path("models") / (f"{DEFAULT_FOOT_TYPE}-quick" if quick else DEFAULT_FOOT_TYPE)
     require_writable(folder)
     pages = report_folder(output, quick=quick)
     from footsense.cli.lab.faults import write_page_of_faults

@@ -106,12 +106,12 @@ def _is_multicast(name: str) -> bool:
 
 def snapshot_json(snapshot: LegSnapshot) -> dict[str, Any]:
     """Return a leg as plain values; None and NaN stand for unknown values."""
-    leg, force, report, n_forces = snapshot
-    known = snapshot.is_known
+    leg, force, report, n_force_frames = snapshot
+    known = snapshot.is_current
     return {
         "leg": leg,
         "link": force.status.name.lower(),
-        "forces": n_forces,
+        "forces": n_force_frames,
         "phase": phase_of(force.state).name.lower() if known else None,
         "state": force.state.name.lower() if known else None,
         "cause": cause_text(snapshot),

@@ -40,7 +40,7 @@ def monitor_table(legs: list[LegSnapshot], title: str) -> Group:
 def cause_text(snapshot: LegSnapshot) -> str | None:
     """Return the cause of a leg's state in words; None if none was reported lately, or for another state."""
     report = snapshot.report
-    if not snapshot.is_known or report.cause is None or report.cause_state is not snapshot.force.state:
+    if not snapshot.is_current or report.cause is None or report.cause_state is not snapshot.force.state:
         return None
     return words(report.cause.name)
 
@@ -51,7 +51,7 @@ def _forces(legs: list[LegSnapshot]) -> Table:
     )
     for snapshot in legs:
         force = snapshot.force
-        state = state_text(force.state) if snapshot.is_known else EMPTY
+        state = state_text(force.state) if snapshot.is_current else EMPTY
         link = Text(force.status.name.lower(), _LINK_STYLES.get(force.status, "bold red"))
         cells: list[str | Text] = [EMPTY] * 6
         if force.usable and force.age_ns is not None:
@@ -84,7 +84,7 @@ def _reports(legs: list[LegSnapshot]) -> Table:
         table.add_row(
             snapshot.leg,
             EMPTY if cause is None else Text(cause, "" if report.cause is Cause.NONE else "yellow"),
-            _grid(snapshot.force.fault_mask) if snapshot.is_known else EMPTY,
+            _grid(snapshot.force.fault_mask) if snapshot.is_current else EMPTY,
             EMPTY if report.baseline is None else words(report.baseline.name),
             number(report.mean_pf * 1e3, "+.1f"),
             number(report.worst_pf * 1e3, "+.1f"),

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from footsense.acquisition.probe.address_scan import AddressScan
+from footsense.acquisition.probe.address_scan import AddressProbe
 from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
 from footsense.frames import Reading
 
@@ -15,7 +15,7 @@ def probe_json(result: ProbeResult) -> dict[str, Any]:
         "buses": [_bus(report) for report in result.buses],
         "legs": {report.leg: _leg(report) for report in result.legs},
         "scan_ms": None if scan_ns is None else round(scan_ns * 1e-6, 3),
-        "scan_over_conversions": None if scan_ns is None else round(scan_ns / result.floor_ns, 3),
+        "scan_over_conversions": None if scan_ns is None else round(scan_ns / result.conversions_ns, 3),
         "frames_hz": None if scan_ns is None else round(1e9 / scan_ns, 2),
         "diagnoses": [diagnosis._asdict() for diagnosis in result.diagnoses],
     }
@@ -55,7 +55,7 @@ def _bus(report: ProbedBus) -> dict[str, Any]:
         "host_cost_us": round(timing.costs.host_cost_ns * 1e-3, 1),
         "conversion_limit_ms": round(timing.limits.conversion_ns * 1e-6, 3),
         "readout_limit_ms": round(timing.limits.readout_ns * 1e-6, 3),
-        "limit": timing.limits.holds,
+        "limit": timing.limits.limiting_factor,
     }
 
 
@@ -78,11 +78,11 @@ def _leg(report: ProbedLeg) -> dict[str, Any]:
     }
 
 
-def _address_scan(scan: AddressScan | None, name: str) -> dict[str, list[str] | None]:
+def _address_scan(scan: AddressProbe | None, name: str) -> dict[str, list[str] | None]:
     """Return the addresses that answer, under `name`, and those that could not be scanned."""
     return {
         name: None if scan is None else _addresses(scan.answering),
-        "not_scanned": None if scan is None else _addresses(scan.unasked),
+        "not_scanned": None if scan is None else _addresses(scan.not_probed),
     }
 
 

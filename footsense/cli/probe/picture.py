@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from firmware_interface.chips import ad7746, adg715, fdc1004
-from footsense.acquisition.probe.address_scan import AddressScan
+from footsense.acquisition.probe.address_scan import AddressProbe
 from footsense.cli.leg_table import leg_table, words
 from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
 from footsense.frames import Cause, Reading
@@ -53,8 +53,8 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
     if result.scan_ns is not None:
         parts.append(
             Text(
-                f"Shortest scan {result.scan_ns * 1e-6:.1f} ms, {result.scan_ns / result.floor_ns:.2f} x its nine "
-                f"conversions: at most {1e9 / result.scan_ns:.1f} frames/s."
+                f"Shortest scan {result.scan_ns * 1e-6:.1f} ms, {result.scan_ns / result.conversions_ns:.2f} x its "
+                f"nine conversions: at most {1e9 / result.scan_ns:.1f} frames/s."
             )
         )
     parts.append(Text())
@@ -122,7 +122,7 @@ def _bus(report: ProbedBus) -> Iterator[Text]:
         )
         yield Text(
             f"  limits: conversion {limits.conversion_ns / 1e6:.1f} ms, read-out {limits.readout_ns / 1e6:.1f} ms "
-            f"a scan; the {limits.holds} holds"
+            f"a scan; the {limits.limiting_factor} holds"
         )
     names = {device.address: device.name for device in bus.other_devices} | {bus.mux.address: "mux"}
     if scan.upstream is None:
@@ -132,15 +132,17 @@ def _bus(report: ProbedBus) -> Iterator[Text]:
         yield Text(f"  upstream: {line}")
 
 
-def _addresses(addresses: AddressScan, drivers: Mapping[int, str], names: Mapping[int, str]) -> Iterator[str]:
-    """Yield one line for the addresses that answer, those of the kernel, and those not scanned."""
+def _addresses(
+    addresses: AddressProbe, drivers: Mapping[int, str], names: Mapping[int, str]
+) -> Iterator[str]:
+    """Yield one line each: answering addresses, addresses of kernel drivers, number of addresses not probed."""
     answering = [f"{address:#04x} {names.get(address, '')}".rstrip() for address in addresses.answering]
     yield ", ".join(answering) or "nobody answers"
     if drivers:
         held = ", ".join(f"{address:#04x} {driver}" for address, driver in sorted(drivers.items()))
         yield f"{held}: held by the kernel, not scanned"
-    if addresses.unasked:
-        yield f"{len(addresses.unasked)} addresses could not be scanned: this adapter does no empty writes"
+    if addresses.not_probed:
+        yield f"{len(addresses.not_probed)} addresses could not be scanned: this adapter does not support empty writes"
 
 
 def _legs(legs: tuple[ProbedLeg, ...]) -> Table:

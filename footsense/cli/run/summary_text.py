@@ -5,7 +5,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from footsense.frames import EXPECTED, State
+from footsense.frames import FAULT_FREE, State
 
 
 def print_summary(console: Console, figures: dict[str, Any]) -> None:
@@ -40,7 +40,7 @@ def print_summary(console: Console, figures: dict[str, Any]) -> None:
     if figures["cycles_not_recorded"]:
         row("recording", f"{figures['cycles_not_recorded']} cycles lost")
     for leg, states in figures["states"].items():
-        others = {state: n for state, n in states.items() if State[state.upper()] not in EXPECTED}
+        others = {state: n for state, n in states.items() if State[state.upper()] not in FAULT_FREE}
         if others:
             row(f"leg {leg}", ", ".join(f"{n} x {state}" for state, n in others.items()))
     console.print(table)

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 import numpy as np
 
 from footsense.acquisition.linux_i2c import LinuxI2cBus, adapters, kernel_drivers
-from footsense.acquisition.probe.address_scan import scan_addresses
+from footsense.acquisition.probe.address_scan import probe_addresses
 from footsense.acquisition.probe.bus_scan import ChannelScan, scan_bus
 from footsense.acquisition.probe.bus_scan import scan_adapters as scan_leg_adapters
 from footsense.acquisition.probe.foot_check import FootFault, FootScans, foot_faults
@@ -51,7 +51,7 @@ def _scan_adapter(device: str) -> ProbedAdapter:
         try:
             bus = LinuxI2cBus.open(device)
             stack.callback(bus.close)
-            return ProbedAdapter(device, scan_addresses(bus, drivers), drivers)
+            return ProbedAdapter(device, probe_addresses(bus, drivers), drivers)
         except HardwareError as error:
             return ProbedAdapter(device, None, drivers, str(error))
 
@@ -69,12 +69,12 @@ def probe(config: Config, scene: Scene | None) -> ProbeResult:
     """
     buses: tuple[ProbedBus, ...] = ()
     diagnoses: list[Diagnosis] = []
-    floor_ns = 0
+    conversions_ns = 0
     if config.buses:  # a microcontroller has its own buses
         plan = scan_plan_for(config)
         buses = tuple(_probe_buses(config, scene, plan))
         diagnoses += [diagnosis for report in buses for diagnosis in bus_diagnoses(report, plan)]
-        floor_ns = ELEMENTS * plan.conversion_ns
+        conversions_ns = ELEMENTS * plan.conversion_ns
     feet = None
     if all(report.scan.mux_answers for report in buses):
         try:
@@ -83,7 +83,7 @@ def probe(config: Config, scene: Scene | None) -> ProbeResult:
             diagnoses.append(Diagnosis("scan", str(error), "this first: no foot was scanned"))
     legs = tuple(_probe_legs(config, buses, feet))
     diagnoses += [diagnosis for leg in legs for diagnosis in leg_diagnoses(leg)]
-    return ProbeResult(buses, legs, tuple(diagnoses), floor_ns)
+    return ProbeResult(buses, legs, tuple(diagnoses), conversions_ns)
 
 
 def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterator[ProbedBus]:

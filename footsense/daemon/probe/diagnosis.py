@@ -1,4 +1,4 @@
-"""Faults on a robot's buses in words: where, observed instead of expected, and what to check."""
+"""Diagnosis of bus faults in words: place, observed and expected behaviour, parts to check."""
 
 from collections.abc import Iterator
 
@@ -27,7 +27,7 @@ def bus_diagnoses(report: ProbedBus, plan: ScanPlan) -> Iterator[Diagnosis]:
 
 
 def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
-    """Yield observation and what to check."""
+    """Yield pairs of observation and advice for each fault of a bus."""
     bus, scan, drivers = report
     if scan.upstream is None:
         wire = "; only the mux's RESET pin frees a leg that holds it: wire one"
@@ -70,7 +70,7 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
 
 
 def _no_mux(report: ProbedBus) -> tuple[str, str]:
-    """Return why there is no mux, and what to check."""
+    """Return observation and advice where the mux does not answer."""
     bus, scan, drivers = report
     assert scan.upstream is not None
     address = bus.mux.address

@@ -1,11 +1,11 @@
-"""Result of a probe as values; `bus_probe` makes it, `diagnosis` names faults and what to check."""
+"""Result of a probe as values, made by `bus_probe` and explained by `diagnosis`."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
-from footsense.acquisition.probe.address_scan import AddressScan
+from footsense.acquisition.probe.address_scan import AddressProbe
 from footsense.acquisition.probe.bus_scan import BusScan, ChannelScan
 from footsense.acquisition.probe.foot_check import FootFault, FootScans
 from footsense.config.sections import Bus
@@ -26,7 +26,7 @@ class Diagnosis(NamedTuple):
 
 
 class ProbedBus(NamedTuple):
-    """One bus.
+    """Probe result of one bus.
 
     Attributes:
         bus: Its configuration.
@@ -40,7 +40,7 @@ class ProbedBus(NamedTuple):
 
 
 class ProbedLeg(NamedTuple):
-    """One leg.
+    """Probe result of one leg.
 
     Attributes:
         leg: Name of the leg.
@@ -74,13 +74,13 @@ class ProbeResult(NamedTuple):
         buses: Every bus.
         legs: Every leg, in the order of the configuration.
         diagnoses: Faults, those of the buses first.
-        floor_ns: Nine bare conversions [ns]; 0 without a bus.
+        conversions_ns: Time of nine conversions without any transaction [ns]; 0 without a bus.
     """
 
     buses: tuple[ProbedBus, ...]
     legs: tuple[ProbedLeg, ...]
     diagnoses: tuple[Diagnosis, ...]
-    floor_ns: int
+    conversions_ns: int
 
     @property
     def scan_ns(self) -> int | None:
@@ -101,6 +101,6 @@ class ProbedAdapter(NamedTuple):
     """
 
     device: str
-    addresses: AddressScan | None
+    addresses: AddressProbe | None
     kernel_drivers: Mapping[int, str]
     error: str = ""

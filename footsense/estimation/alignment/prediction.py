@@ -49,8 +49,8 @@ class Prediction:
 
     Args:
         n_legs: Legs.
-        moments: Second moments of the closures, shape (9, 9); their scale does not matter.
-        order: Flat index of the elements in the order of the scan.
+        closure_moments: Second moments of the closures, shape (9, 9); their scale does not matter.
+        scan_order: Flat index of the elements in the order of the scan.
         step_s: Time from one element to the next [s].
         lead_s: Usual time from the newest reading to sending the force [s].
         noise_rel: Standard deviation of one reading [unit of the values].
@@ -59,13 +59,15 @@ class Prediction:
     def __init__(
         self,
         n_legs: int,
-        moments: Vector,
-        order: tuple[int, ...],
+        closure_moments: Vector,
+        scan_order: tuple[int, ...],
         step_s: float,
         lead_s: float,
         noise_rel: float,
     ) -> None:
-        self._gains = _gains(moments / np.trace(moments), order, step_s, lead_s, noise_rel**2)
+        self._gains = _converged_kalman_gains(
+            closure_moments / np.trace(closure_moments), scan_order, step_s, lead_s, noise_rel**2
+        )
         self._state = np.zeros((n_legs, 2 * ELEMENTS))
         self._t_ns = np.zeros(n_legs, np.int64)
         self._newest = np.zeros(n_legs, np.intp)
@@ -146,11 +148,13 @@ class Prediction:
         state[:, _VELOCITIES] *= kept
 
 
-def _gains(moments: Vector, order: tuple[int, ...], step_s: float, lead_s: float, noise: float) -> _Gains:
+def _converged_kalman_gains(
+    closure_moments: Vector, scan_order: tuple[int, ...], step_s: float, lead_s: float, noise_variance: float
+) -> _Gains:
     """Return the converged gains: the Riccati recursion over some scans, for all sets at once."""
     n_sets, size = len(MISSING_SETS), 2 * ELEMENTS
     kept = ~MISSING_SETS
-    share = (moments + _OWN_REL * np.eye(ELEMENTS)) * (kept[:, :, None] & kept[:, None, :])
+    share = (closure_moments + _OWN_REL * np.eye(ELEMENTS)) * (kept[:, :, None] & kept[:, None, :])
     step, step_noise = _transition(share, step_s)
     lead, lead_noise = _transition(share, lead_s)
     gain = np.zeros((n_sets, ELEMENTS, size))
@@ -160,9 +164,9 @@ def _gains(moments: Vector, order: tuple[int, ...], step_s: float, lead_s: float
     covariance[:, _POSITIONS, _POSITIONS] = share
     covariance[:, _VELOCITIES, _VELOCITIES] = share / step_s
     for _ in range(_CYCLES):
-        for element in order:
+        for element in scan_order:
             covariance = step @ covariance @ step.T + step_noise
-            expected[:, element] = covariance[:, element, element] + noise
+            expected[:, element] = covariance[:, element, element] + noise_variance
             gain[:, element] = covariance[:, :, element] / expected[:, element, None]
             covariance = covariance - gain[:, element, :, None] * covariance[:, None, element, :]
             covariance = 0.5 * (covariance + covariance.swapaxes(1, 2))

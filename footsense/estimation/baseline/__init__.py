@@ -1,1 +1,1 @@
-"""What each element reads unloaded: tare, drift, and contact detection."""
+"""Baselines: unloaded reading of each element by tare and drift tracking, and contact detection."""

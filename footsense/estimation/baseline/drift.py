@@ -107,7 +107,7 @@ class LegBaseline:
         self.hold()
 
     def hold(self, reason: BaselineStatus = BaselineStatus.HELD) -> None:
-        """Stop following."""
+        """Stop drift tracking and keep the baseline."""
         self._before = None
         self.status = reason
 

@@ -237,7 +237,7 @@ class BaselineTracker:
         self.sigma_n = (sigma_pf * self._closure_per_pf)[:, None] * self._sensitivity.baseline_n
 
     def _gather(self) -> None:
-        """Gather what has moved in any leg's baseline into arrays of all legs."""
+        """Copy changed baselines of single legs into the arrays of all legs."""
         self._sigma_due_ns = 0
         legs = self._baselines
         baseline_pf = np.array([leg.baseline_pf for leg in legs])

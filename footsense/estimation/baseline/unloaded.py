@@ -9,7 +9,7 @@ from footsense.frames import Mask, Vector
 
 
 class UnloadedFeet(NamedTuple):
-    """Baselines of all legs, and what follows from them; replaced when one moves, never written to.
+    """Baselines of all legs with derived arrays; immutable, replaced when a baseline moves.
 
     Attributes:
         baseline_pf: Unloaded capacitances without stray [pF], shape (legs, 9), NaN where there is none.
@@ -27,7 +27,7 @@ class UnloadedFeet(NamedTuple):
 
 
 def unloaded_feet(baseline_pf: Vector, design: CapacitorDesign, gain_rel: Vector) -> UnloadedFeet:
-    """Return what follows from baselines.
+    """Return baselines with their derived arrays.
 
     Args:
         baseline_pf: Unloaded capacitances without stray [pF], shape (legs, 9), NaN where there is none.

@@ -11,7 +11,7 @@ from footsense.frames import Mask, Vector
 
 
 class Imputation:
-    """Imputes missing closures.
+    """Linear imputation of missing closures from the other elements of the foot.
 
     Args:
         moments: S, second moments of the closures of all nine elements over the gap [1], symmetric and positive

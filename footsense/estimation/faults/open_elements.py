@@ -1,4 +1,4 @@
-"""Open elements: what the network does without, and what a floating row adds to the others.
+"""Open elements: which inputs count as missing, and the crosstalk of a floating row.
 
 Pressing only adds capacitance, so an element that has lost half of its unloaded capacitance is an open line.
 """
@@ -37,7 +37,7 @@ def missing_elements(faulty: Mask) -> Mask:
 
 
 def floating_pf(capacitance_pf: Vector, opened: Mask) -> Vector:
-    """Return what rows that nothing drives add to the readings of the other rows [pF], shape (legs, 9).
+    """Return the crosstalk of undriven rows into the readings of the other rows [pF], shape (legs, 9).
 
     A row whose three elements are open has lost its line. Its electrodes float, and each column sees them in series
     with their small capacitance to ground whichever row is selected: as much as the open element itself reads. An open

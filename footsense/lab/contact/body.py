@@ -30,7 +30,7 @@ class Body:
 
     Attributes:
         design: The foot.
-        mesh: Its mesh.
+        mesh: Mesh of the quarter.
         space: Displacement of the ground side, of the leg side, and the pressure of the rubber.
         state: The present iterate, a grid function of `space`.
     """
@@ -61,7 +61,7 @@ class Body:
         return self.state.components[1]
 
     def form(self, floor: Floor, *, finite_strain: bool, gaps_shut: bool) -> Any:
-        """Return internal work minus that of the floor, as a form that is nonlinear in its trial function."""
+        """Return internal work minus work of the ground contact, as a nonlinear form."""
         (u_ground, u_leg, p), (v_ground, v_leg, _) = self.space.TnT()
         form = ng.BilinearForm(self.space, symmetric=True)
         rubber, pdms = self.design.rubber, self.design.pdms

@@ -30,7 +30,7 @@ class ConvergenceError(ArithmeticError):
 
 @dataclass(frozen=True, slots=True)
 class Balance:
-    """An equilibrium.
+    """Convergence of an equilibrium: Newton steps and residual.
 
     Attributes:
         steps: Newton steps, each one factorisation.
@@ -47,7 +47,7 @@ class Equilibrium:
 
     Args:
         body: The foot; its state is the unknown.
-        form: Its weak form with the floor.
+        form: Weak form of the foot with the ground contact.
         floor: The floor; its place is the other unknown.
         scale_n: Force that residuals are divided by [N].
     """
@@ -66,7 +66,7 @@ class Equilibrium:
         return int(self._free.NumSet())
 
     def _out_of_balance(self) -> tuple[Any, Any]:
-        """Return r, zero where the foot is held, and what is missing of the floor's force [N], shape (axes,)."""
+        """Return the residual r, zero at fixed nodes, and the missing ground force [N], shape (axes,)."""
         vector = self._body.state.vec
         residual, pushing = vector.CreateVector(), vector.CreateVector()
         self._form.Apply(vector, residual)

@@ -1,4 +1,4 @@
-"""What an equilibrium needs to know of a floor, whichever it is."""
+"""Protocol of a ground model: traction, load steps, contact patch."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -26,7 +26,7 @@ class Patch:
 
 
 class Floor(Protocol):
-    """What the equilibrium needs to know of a floor.
+    """Ground model that the equilibrium solver uses.
 
     Attributes:
         axes: Directions in which the floor is free, and in which its force is asked for.

@@ -29,7 +29,7 @@ STIFFER, MOST_STIFFENINGS = 9.0, 3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FullSolution:
-    """What the foot answers to one contact.
+    """Closures, capacitances and contact of the foot under one load.
 
     Attributes:
         closure_um: Mean closure of each gap [um], shape (9,).
@@ -87,7 +87,7 @@ class FullFoot:
         self._load_steps = load_steps
 
     def solve(self, normal: NDArray[np.float64], force_n: NDArray[np.float64]) -> FullSolution:
-        """Press the foot.
+        """Solve the finite-strain contact under one load.
 
         Args:
             normal: Unit normal of the ball at the contact, pointing into the ball [1, foot frame], shape (3,).

@@ -42,10 +42,10 @@ class HertzFloor:
         self._fraction.Set(fraction)
 
     def move(self, step_mm: NDArray[np.float64]) -> None:
-        """Stay."""
+        """Do nothing: the Hertz pressure does not move."""
 
     def settle(self) -> None:
-        """Remember nothing."""
+        """Do nothing: a pressure without friction has no state."""
 
     def withdraw(self) -> None:
         """Go nowhere: the next aim sets the force anew."""

@@ -1,4 +1,4 @@
-"""A load case: one foot, one contact normal, one force, and what follows from them without a solve."""
+"""Load case: foot, contact normal, force, and the quantities derived from them without a solve."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ IN_PLANE = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadCase:
-    """One contact.
+    """Contact of one foot: normal, ground reaction, friction.
 
     Attributes:
         design: The foot.

@@ -90,7 +90,7 @@ def _in_cavity(design: FootDesign, low: Any, high: Any) -> bool:
 
 
 def _name_faces(shape: Any, design: FootDesign) -> None:
-    """Name what the weak form integrates over or holds: `cavity`, `bars`, `mirror`, `curved_*`; the rest is free."""
+    """Name the faces of the weak form: `cavity`, `bars`, `mirror`, `curved_*`; all others are free."""
     for face in shape.faces:
         low, high = face.bounding_box
         if max(-low.z, high.z) < SAME_MM:

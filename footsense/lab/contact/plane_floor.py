@@ -77,7 +77,7 @@ class PlaneFloor:
         return relative - ng.InnerProduct(relative, n) * n
 
     def _friction(self, u: Any) -> Any:
-        """Return t [MPa] under a displacement; its cap is that of the present iterate."""
+        """Return the friction traction t [MPa] under a displacement, capped by the present iterate's pressure."""
         slid = self._along(u) - self._anchor
         distance = ng.sqrt(ng.InnerProduct(slid, slid) + ROOT_MM2)
         cap = self._case.friction * self._pressure(self._moved)
@@ -123,7 +123,7 @@ class PlaneFloor:
             low, high = (middle, high) if self._radius_mm() < grown else (low, middle)
 
     def settle(self) -> None:
-        """Let the anchors follow what slips: s is what the friction can hold, nothing in the air."""
+        """Move the anchors of slipping points: limit s to the Coulomb cap, zero without contact."""
         anchor = self._along(self._moved) + self._friction(self._moved) / self._stiffness
         moved = ng.GridFunction(self._anchor.space)
         moved.Interpolate(anchor, definedon=self._region)

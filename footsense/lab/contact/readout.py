@@ -1,4 +1,4 @@
-"""From the displacement to what an electronics board would see: closures and capacitances.
+"""Read-out of the displacement field: closures and capacitances of the elements.
 
 Every electrode is sampled at the Gauss points of 6 x 6 square cells. The capacitance is that of parallel plates
 point by point, C = int eps0 dA / (g - d + t_film / eps_r), which exceeds that of the mean closure: a gap that
@@ -46,7 +46,7 @@ def sampled_closure_um(
 
     Args:
         design: The foot.
-        mesh: Its mesh.
+        mesh: Mesh of the quarter.
         ground: Displacement of the ground side [mm].
         leg: Displacement of the leg side [mm].
         half: The mesh has y > 0 only, and y < 0 is its mirror image.

@@ -106,7 +106,7 @@ class CrbRatio:
 
 
 def leaning_contacts(loads: LoadRange, rng: np.random.Generator, n: int) -> tuple[Vector, Vector]:
-    """Return contact normals and directions of force, shapes (m, 3), m <= n: those of n whose contact is in reach.
+    """Return contact normals and force directions, shapes (m, 3): of n draws, the m within the table's range.
 
     Both are drawn like the random loads of the training.
     """
@@ -180,7 +180,7 @@ def crb_ratio(
         force_of: The read-out: forces [N], shape (n, 3), of noisy closures over the gap, shape (n, 9).
         draws: Draws of the noise per load.
         magnitudes_gf: Magnitudes [gf].
-        seed: Of the noise and of the leaning loads.
+        seed: Seed of the noise and of the leaning loads.
     """
     foot, rng = Foot(response), np.random.default_rng(seed)
     direction = paper_directions("verification")

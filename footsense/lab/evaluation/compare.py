@@ -24,7 +24,7 @@ WORSE_REL = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One compared figure.
+    """One figure compared between two builds, with its tolerance.
 
     Attributes:
         what: Name and unit.

@@ -34,7 +34,7 @@ def _least_squares(features: NDArray[np.float64], force_n: NDArray[np.float64]) 
 
 
 def capacitance_readout(design: CapacitorDesign, training: Cases) -> Readout:
-    """Return the linear read-out of the capacitance change: what the paper's network is fed with."""
+    """Return the least-squares read-out of capacitance changes, the inputs of the paper's network."""
 
     def change_pf(closure_um: NDArray[np.float64]) -> NDArray[np.float64]:
         return design.capacitance_pf(closure_um) - design.unloaded_pf
@@ -44,7 +44,7 @@ def capacitance_readout(design: CapacitorDesign, training: Cases) -> Readout:
 
 
 def elastance_readout(training: Cases) -> Readout:
-    """Return the linear read-out of the gap closure, which is what elastance measures."""
+    """Return the least-squares read-out of gap closures, which elastance (1/C) measures."""
     matrix = _least_squares(training.closure_um, training.force_n)
     return lambda closure_um: closure_um @ matrix
 

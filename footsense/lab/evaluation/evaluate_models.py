@@ -44,7 +44,7 @@ def error_table(
 
     Args:
         response: The foot.
-        loads: What the network was trained for.
+        loads: Range of the training loads.
         released: The network trained on random loads.
         alone: Networks trained on the paper's cases alone by the names of their rows, if at hand.
 
@@ -55,7 +55,7 @@ def error_table(
     training, verification = paper_training(response), paper_verification(response)
     rng = np.random.default_rng(HELD_OUT_SEED)
     held_out = random_loads(response, loads, HELD_OUT_CASES, HELD_OUT_SEED)
-    counted = np.linalg.norm(held_out.force_n, axis=1) >= loads.judged_from_n
+    counted = np.linalg.norm(held_out.force_n, axis=1) >= loads.min_judged_n
     noisy_um = measured_closure_rel(response.design, held_out.closure_um, rng) * response.design.gap_um
     test = Cases(held_out.force_n[counted], noisy_um[counted])
     readouts: dict[str, tuple[Readout, Cases]] = {
@@ -130,7 +130,7 @@ def evaluate_models(folder: Path) -> dict[str, Errors]:
 
 
 def paper_protocol(folder: Path) -> dict[str, float]:
-    """Return what of the paper's protocol has to be trained or drawn anew: the paper's own way, and the bound.
+    """Return the figures of the paper's protocol that need new training or draws: its procedure, the bound.
 
     Raises:
         ModelError: As `open_models`.
@@ -155,7 +155,7 @@ def as_json(table: dict[str, Errors], beside: dict[str, float] | None = None) ->
     """Return the table as JSON values, with the figures that the project lives by at the top.
 
     Args:
-        table: Of `evaluate_models`.
+        table: Result of `evaluate_models`.
         beside: Figures that are not of the table, such as `crb_ratio`.
     """
     released, alone = table["paper_network"], table.get(ALONE)

@@ -70,7 +70,7 @@ def lifted_normals(unit: Vector) -> Vector:
 
 
 def ambiguous_loads(foot: Foot, magnitude_gf: float, elevation_deg: Vector) -> tuple[Vector, Vector]:
-    """Return how far the closures of centred loads on the diagonal are from those of a quite different load.
+    """Find for centred loads on the diagonal a different load with nearly equal closures.
 
     Args:
         foot: The specimen.

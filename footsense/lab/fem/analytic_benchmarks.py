@@ -1,4 +1,4 @@
-"""Problems whose solution is known, solved by the same forms as the foot: what the elements are judged by.
+"""Analytic benchmarks: problems with known solutions, solved by the weak forms of the foot.
 
 A block with any smooth displacement prescribed on its surface and the body force that belongs to it, and a half-space
 under a Hertz pressure, whose stress on the axis and dent are simple formulas.
@@ -50,7 +50,7 @@ def block_errors(
     """Solve a cube of 1 mm for a displacement that is given by formulas.
 
     Args:
-        material: Of the cube.
+        material: Material of the cube.
         displacement: The three components [mm] as functions of ngsolve's x, y, z [mm].
         edge_mm: Largest edge of the mesh [mm].
         order: Order of the displacement.
@@ -83,7 +83,7 @@ class HalfSpace:
     Solved on a quarter of a half ball whose outer surface moves as Boussinesq's solution says.
 
     Attributes:
-        material: Of the half-space.
+        material: Material of the half-space.
         found: The displacement [mm] as a function on `mesh`.
         mesh: The mesh.
     """

@@ -43,8 +43,8 @@ class Column:
     """A rectangle of the quarter x >= 0, y >= 0, through the thickness of the block.
 
     Attributes:
-        x_mm: Its borders along x, the lower first [mm].
-        y_mm: Its borders along y, the lower first [mm].
+        x_mm: Borders of the column along x, the lower first [mm].
+        y_mm: Borders of the column along y, the lower first [mm].
     """
 
     x_mm: tuple[float, float]
@@ -65,7 +65,7 @@ class Column:
 
 
 def half_thickness_mm(design: FootDesign) -> float:
-    """Return half the thickness of the block, which is that of the sheet [mm]."""
+    """Return half the thickness of the block, equal to the thickness of the sheet [mm]."""
     return design.plate_mm + design.spacer_mm / 2.0
 
 

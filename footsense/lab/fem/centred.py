@@ -73,7 +73,7 @@ def centred_closures(
 
 
 def _faces(design: FootDesign) -> list[tuple[str, float]]:
-    """Return what lies in the quarter of each element: its cells, joined, and their area together [mm2]."""
+    """Return for each element the quarter's part: merged cells, and their total area [mm2]."""
     cells = quarter_cells(design)
     per_cell = (design.electrode_mm / CELLS_PER_SIDE) ** 2
     names = [[cell.name for cell in cells if cell.element == element] for element in _PARTLY]

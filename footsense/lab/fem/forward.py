@@ -34,12 +34,12 @@ PATCH_ORDER = 60
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Load:
-    """A Hertz patch.
+    """Pressure patch of a Hertz contact.
 
     Attributes:
-        centre_mm: Its middle on the sphere [mm], shape (3,).
-        force_n: Its resultant [N], shape (3,).
-        radius_mm: Its radius a [mm].
+        centre_mm: Centre of the patch on the sphere [mm], shape (3,).
+        force_n: Resultant force [N], shape (3,).
+        radius_mm: Radius a of the patch [mm].
     """
 
     centre_mm: Vector
@@ -118,7 +118,7 @@ class ForwardFoot:
 
     @property
     def quarters(self) -> list[Quarter]:
-        """The factorised classes."""
+        """Factorised systems of the three symmetry classes."""
         return [solved.quarter for solved in self._classes.values()]
 
     def cells_um(self, normal: Vector, force_n: Vector) -> Vector:

@@ -1,4 +1,4 @@
-"""What the plate formula leaves out: the field around the edge of an electrode, solved in two dimensions.
+"""Fringe field at the edge of an electrode, solved in two dimensions; the plate formula omits it.
 
 Half the width of two facing electrodes without thickness: film and air between them, the spacer beside the cavity and
 the plates above and below of PDMS. Rubber beyond the plates counts as PDMS; neighbours and wires are left out.

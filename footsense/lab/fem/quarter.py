@@ -86,7 +86,7 @@ class Quarter:
     """
 
     def __init__(self, design: FootDesign, size: MeshSize, parity: Parity, mesh: Any = None) -> None:
-        """Assemble and factorise.
+        """Assemble and factorise the stiffness matrix.
 
         Args:
             design: The foot.

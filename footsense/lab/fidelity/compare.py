@@ -74,7 +74,7 @@ def sensed_force_n(network: Readout, design: CapacitorDesign, answer: Answer) ->
     Args:
         network: Makes forces [N] of closures over the gap [1].
         design: Dimensions of the capacitors.
-        answer: What the elements do.
+        answer: Closures and capacitances of the elements.
     """
     closure_um = design.closure_um(answer.capacitance_pf, np.full(9, design.unloaded_pf))
     return network(closure_um / design.gap_um)
@@ -85,9 +85,9 @@ class Distance:
     """How far one answer is from another one to the same loads.
 
     Attributes:
-        closure_rel: Of the closures, rms over rms of the other's [1].
+        closure_rel: Difference of the closures, rms over rms of the reference [1].
         closure_max_um: The largest difference of a closure [um].
-        capacitance_rel: Of the capacitance changes, rms over rms of the other's [1].
+        capacitance_rel: Difference of the capacitance changes, rms over rms of the reference [1].
         capacitance_max_pf: The largest difference of a capacitance [pF].
         direction_deg: Mean angle between the forces that the network reads from both [deg].
         magnitude_gf: Mean difference of their magnitudes [gf].
@@ -162,9 +162,9 @@ def forward_against_table(
 
     Args:
         foot: Factorised.
-        factorise_s: What that took [s].
+        factorise_s: Time of the factorisation [s].
         response: The table.
-        loads: What the table is timed on.
+        loads: Loads on which the table is timed.
         n: How many of them, evenly spread, are solved.
     """
     once = functools.partial(response.free_closure_um, loads.normal, loads.force_n)

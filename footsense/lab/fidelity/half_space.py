@@ -36,7 +36,7 @@ _UM_PER_MM = 1000.0
 #: Gauss points along the side of what an element carries: rays are long, so more change a closure by 1e-4.
 _POINTS = 3
 #: Waves of the lattice along each axis, to each side: the sum is then within 1e-3 of its end.
-_WAVES = 100
+_N_HARMONICS = 100
 
 
 def lattice_opening_mm(pitch_mm: float, bar_mm: float, *, crossing: bool = True) -> float:
@@ -47,7 +47,7 @@ def lattice_opening_mm(pitch_mm: float, bar_mm: float, *, crossing: bool = True)
         bar_mm: Their width.
         crossing: Bars along both axes, else along one.
     """
-    order = np.arange(-_WAVES, _WAVES + 1.0)
+    order = np.arange(-_N_HARMONICS, _N_HARMONICS + 1.0)
     open_rel = 1.0 - bar_mm / pitch_mm
     cavity = open_rel * np.sinc(order * open_rel)
     if crossing:
@@ -64,7 +64,7 @@ def lattice_opening_mm(pitch_mm: float, bar_mm: float, *, crossing: bool = True)
 
 
 class HalfSpace:
-    """Closures by formula.
+    """Closures by the closed formula of a loaded half-space.
 
     Args:
         design: The foot.

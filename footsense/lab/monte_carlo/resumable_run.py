@@ -25,9 +25,9 @@ class Tolerances(FootTolerances):
     """Deviations of a fabricated foot and of the test stand that calibrates it: rms values, zero for exact.
 
     Attributes:
-        reading_pf: Of each reading of a capacitance [pF].
-        repeat_rel: Of each change of a capacitance, relative to it [1].
-        reference_rel: Of the reference sensor's force components, in its resolutions [1].
+        reading_pf: Noise of each capacitance reading [pF].
+        repeat_rel: Repeatability of each capacitance change, relative to it [1].
+        reference_rel: Error of the reference sensor's force components, in its resolutions [1].
         stick_deg: Angle between contact normal and force of a load that was meant to be centred [deg].
     """
 
@@ -53,7 +53,7 @@ class Job:
 
     Attributes:
         tolerances: The rms values of its distribution.
-        foot: Its number: the same number is the same foot, at other tolerances with deviations of the same pattern.
+        foot: Number of the foot: the same number is the same foot, at other tolerances with the same pattern.
         with_network: Whether to train a network on its own cases, which takes longer than all the rest.
     """
 

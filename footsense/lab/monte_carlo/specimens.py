@@ -36,7 +36,7 @@ class Measured:
     """Measurements of one foot under loads close to the paper's.
 
     Attributes:
-        force_n: Of the reference sensor [N], shape (n, 3).
+        force_n: Forces of the reference sensor [N], shape (n, 3).
         true_n: True forces [N], shape (n, 3).
         change_pf: Changes of the capacitances [pF], shape (n, 9).
         closure_um: Closures by the designed dimensions [um], shape (n, 9).
@@ -57,8 +57,8 @@ def measure(
         foot: The specimen.
         mount: Rotation on its leg, as in its deviations.
         true_n: Forces [N], shape (n, 3).
-        tolerances: Of the test stand.
-        rng: Of its noise.
+        tolerances: Rms errors of the test stand.
+        rng: Random generator of the noise.
     """
     response, direction = foot.response, normalized(true_n)
     noise = rng.normal(size=(4, len(true_n), 9))
@@ -126,8 +126,8 @@ def judge(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
     Args:
         job: The foot.
         models: Folder of the released models.
-        seed: Of the run.
-        epochs: Of training plain networks.
+        seed: Seed of the run.
+        epochs: Training epochs of plain networks.
 
     Returns:
         `<read-out>_deg` and `<read-out>_gf` for `network`, `plain` and `change` (trained on the design), `own_closure`

@@ -15,7 +15,7 @@ class Difference(NamedTuple):
 
     Attributes:
         mean: Difference.
-        error: Its standard error.
+        error: Standard error of the difference.
     """
 
     mean: float

@@ -28,7 +28,7 @@ class Sweep:
     """One kind of imperfection at several levels.
 
     Attributes:
-        what: Its name, with the unit of the levels.
+        what: Varied quantity, with the unit of the levels.
         step: Tolerances at level 1.
         levels: Levels, rising, without 0.
         base: Tolerances at every level besides.
@@ -68,7 +68,7 @@ class Plan:
     Attributes:
         feet: Feet at every level.
         with_network: Feet at every level of the test stand, each with a network of its own; at least 2.
-        epochs: Of training such a network.
+        epochs: Training epochs of such a network.
         thin: Every thin-th level is done.
     """
 

@@ -20,7 +20,7 @@ LOCAL_WORKERS = 2
 
 
 def parallel(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> Workers:
-    """Return workers.
+    """Return workers: local processes or a dask cluster.
 
     Args:
         scheduler: Address of a dask scheduler, such as `tcp://host:8786`; None for processes on this machine, which end

@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 
 from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.response_table import FootResponse
-from footsense.lab.code_hash import module_sha256
+from footsense.lab.code_hash import compute_sha256
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, open_models
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import FootDesign
@@ -55,7 +55,7 @@ class StudyContext:
 
     @cached_property
     def foot_design(self) -> FootDesign:
-        """The foot's description."""
+        """Geometry, materials and loads of the foot."""
         return load_foot(self.models / FOOT_FILE)
 
     @property
@@ -65,7 +65,7 @@ class StudyContext:
 
     @property
     def network(self) -> OnnxNetwork:
-        """The released network."""
+        """The released network, run by ONNX Runtime."""
         return self._released[1]
 
     @cached_property
@@ -86,7 +86,7 @@ class Page:
         figures: The drawings.
         values: The measured numbers and how they were made, as JSON values.
         seconds: Time that the study took [s].
-        command: Of `footsense lab` that makes it; empty for `study`.
+        command: Subcommand of `footsense lab` that makes the page; empty for `study`.
     """
 
     name: str
@@ -116,7 +116,7 @@ class Page:
 
 @dataclass(frozen=True, kw_only=True)
 class Study(Generic[Results]):
-    """One study.
+    """One study: computation, result type and page.
 
     Attributes:
         name: Names its command and its files.
@@ -124,7 +124,7 @@ class Study(Generic[Results]):
         results: Type of the measured numbers: a dataclass that msgspec converts to and from JSON.
         compute: Measures.
         names: Names that the template uses and that the module itself does not.
-        command: Of `footsense lab`; empty for `study <name>`.
+        command: Subcommand of `footsense lab`; empty for `study <name>`.
     """
 
     name: str
@@ -142,7 +142,7 @@ class Study(Generic[Results]):
             "seconds": round(default_timer() - started, 1),
             "quick": context.quick,
             "network_sha256": context.network_sha256,
-            "code_sha256": module_sha256(self._module),
+            "code_sha256": compute_sha256(self._module),
             **msgspec.to_builtins(results, str_keys=True, enc_hook=_plain),
         }
         return self.rendered(json.loads(json.dumps(values)), figures)
@@ -153,7 +153,7 @@ class Study(Generic[Results]):
         return str(getattr(self.compute, "func", self.compute).__module__)
 
     def rendered(self, values: dict[str, Any], figures: Figures | None = None) -> Page:
-        """Return the page of what a page's JSON holds; it computes nothing."""
+        """Render the page from the values of its JSON, without computing."""
         results: Any = msgspec.convert(values, self.results, str_keys=True)
         numbers = {one.name: getattr(results, one.name) for one in fields(results)}
         names = vars(import_module(self._module)) | numbers | self.names | {"results": results}
@@ -182,8 +182,8 @@ def panels(n: int, width: float, height: float, **options: Any) -> tuple[Figure,
 
     Args:
         n: How many.
-        width: Of the figure [inch].
-        height: Of the figure [inch].
+        width: Width of the figure [inch].
+        height: Height of the figure [inch].
         options: As for `Figure.subplots`.
     """
     figure = Figure(figsize=(width, height), layout="constrained")

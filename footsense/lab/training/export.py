@@ -146,7 +146,7 @@ class OnnxNetwork:
     """
 
     def __init__(self, path: Path) -> None:
-        """Open a network.
+        """Open an ONNX network and its card.
 
         Raises:
             ModelError: The file is missing, no ONNX, or without a card.

@@ -76,7 +76,7 @@ def loss(layers: Layers, inputs: Any, targets: Any) -> jax.Array:
 
 
 class Trained(NamedTuple):
-    """Networks after training.
+    """Weights and losses of trained networks.
 
     Attributes:
         layers: The networks, stacked.

@@ -38,14 +38,14 @@ class Weights(NamedTuple):
     """All trained weights, `c` channels in each hidden layer.
 
     Attributes:
-        linear: Of the linear path [N]: fz from a corner, an edge, the middle; fx from a corner, an edge; shape (5,).
+        linear: Linear path [N]: fz from a corner, an edge, the middle; fx from a corner, an edge; shape (5,).
         w1: First hidden layer, shape (c, 19).
-        b1: Its offsets, shape (c,).
+        b1: Offsets of the first layer, shape (c,).
         w2: Second hidden layer by relative symmetry, shape (c, 8 c), the symmetry slow.
-        b2: Its offsets, shape (c,).
+        b2: Offsets of the second layer, shape (c,).
         force: Output layer [N], shape (c, 3).
         sigma: The same of ln sigma, shape (c, 3).
-        sigma_offset: Of ln sigma, sideways and along z, shape (2,).
+        sigma_offset: Offsets of ln sigma, sideways and along z, shape (2,).
     """
 
     linear: Any
@@ -59,7 +59,7 @@ class Weights(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Number of weights."""
+        """Number of weights of the network."""
         return sum(int(part.size) for part in self)
 
     @property

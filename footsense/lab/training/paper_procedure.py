@@ -37,7 +37,7 @@ class PaperTraining:
     """Training cases, scaled for a plain network.
 
     Args:
-        design: Of the capacitors.
+        design: Electrical design of the capacitors.
         training: The cases.
         feed: Inputs of the networks.
 

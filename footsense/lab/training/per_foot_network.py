@@ -16,11 +16,11 @@ def per_foot_force_n(
     """Train a network on a foot's calibration loads, and return its forces for other loads [N], shape (m, 3).
 
     Args:
-        design: Of the capacitors; the network's inputs are changes of capacitance, so it plays no part in the result.
+        design: Electrical design of the capacitors, without effect: the inputs are changes of capacitance.
         training_pf: Changes of capacitance under the training loads [pF], shape (n, 9).
         force_n: Reference forces of the training loads [N], shape (n, 3).
         test_pf: Changes of capacitance under the other loads [pF], shape (m, 9).
-        epochs: Of training.
+        epochs: Training epochs.
     """
     training = PaperTraining(design, Cases(force_n, as_designed_um(design, training_pf)))
     _, start = starts_of(2)

@@ -58,17 +58,17 @@ class Protocol:
         steps: Steps, a multiple of 1000.
         batch: Cases in a step.
         rate: Highest learning rate.
-        floor_n: Force below which errors count absolutely [N].
+        min_force_n: Force below which errors count absolutely [N].
         noise_rel: Noise of the training inputs over the converter's [1].
         masked: Whether elements may be missing.
-        seed: Of start weights, batches, noise and masks.
+        seed: Seed of start weights, batches, noise and masks.
     """
 
     channels: int = 14
     steps: int = 120_000
     batch: int = 512
     rate: float = 1e-2
-    floor_n: float = 0.3
+    min_force_n: float = 0.3
     noise_rel: float = 1.0
     masked: bool = True
     seed: int = 20090304
@@ -87,9 +87,9 @@ def moments(closure_rel: Vector) -> Vector:
     return even
 
 
-def linear_start(closure_rel: Vector, force_n: Vector, floor_n: float) -> Vector:
+def linear_start(closure_rel: Vector, force_n: Vector, min_force_n: float) -> Vector:
     """Return the least-squares linear path [N], shape (5,), weighted like the loss."""
-    weight = 1.0 / np.sqrt((force_n**2).sum(axis=1, keepdims=True) + floor_n**2)
+    weight = 1.0 / np.sqrt((force_n**2).sum(axis=1, keepdims=True) + min_force_n**2)
     columns = np.einsum("ne,beo->nob", closure_rel * weight, linear_basis())
     solution: Vector = np.linalg.lstsq(columns.reshape(-1, 5), (force_n * weight).ravel(), rcond=None)[0]
     return solution
@@ -167,7 +167,7 @@ def _drawn(task: _Task, protocol: Protocol, key: jax.Array) -> tuple[jax.Array, 
 def train(
     cases: Cases, design: CapacitorDesign, protocol: Protocol, imputation: Imputation | None = None
 ) -> Weights:
-    """Train a network.
+    """Train the equivariant network on random loads.
 
     Args:
         cases: Loads and exact closures; symmetric copies are not needed.
@@ -182,7 +182,7 @@ def train(
     imputation = imputation or Imputation(moments(closure_rel))
     task = _task(cases, design, protocol, imputation)
     whiten, mean = _whitening(closure_rel)
-    linear = jnp.asarray(linear_start(closure_rel, cases.force_n, protocol.floor_n), jnp.float32)
+    linear = jnp.asarray(linear_start(closure_rel, cases.force_n, protocol.min_force_n), jnp.float32)
 
     def folded(free: Weights) -> Weights:
         w1 = free.w1 @ whiten
@@ -191,7 +191,7 @@ def train(
     def loss(free: Weights, x: jax.Array, m: jax.Array, f: jax.Array) -> jax.Array:
         force, sigma = run(expand(folded(free)), x, m)
         square = (force - f) ** 2
-        scale = jnp.sqrt(jnp.sum(f**2, axis=-1, keepdims=True) + protocol.floor_n**2)
+        scale = jnp.sqrt(jnp.sum(f**2, axis=-1, keepdims=True) + protocol.min_force_n**2)
         weight = jax.lax.stop_gradient(sigma / scale) ** (2.0 * _TEMPERING)
         likelihood = jnp.log(sigma) + 0.5 * square / sigma**2
         return jnp.mean(weight * likelihood) + _SQUARED * jnp.mean(square / scale**2)

@@ -20,7 +20,7 @@ from footsense.sim.clock import VirtualClock
 
 
 class SimulatedChip(Protocol):
-    """A chip on the bus; times are those of its last clock [ns]."""
+    """A chip on the bus; times are the end of the transaction's last clock [ns]."""
 
     address: int
 

@@ -7,7 +7,7 @@ from footsense.sim.clock import VirtualClock
 
 
 class SimulatedKernelMuxLeg:
-    """One channel of an upstream bus as an adapter of its own.
+    """One mux channel of an upstream bus, presented as a separate adapter.
 
     A selection costs bits on the wire and no system call: the upstream bus has no host cost here, and each transaction
     adds its own.

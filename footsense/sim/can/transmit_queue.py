@@ -57,7 +57,7 @@ class TransmitQueue:
         return len(self._frames)
 
     def put(self, frame: Queued) -> bool:
-        """Append a frame.
+        """Append a frame; a full queue refuses it or drops the oldest.
 
         Returns:
             False if it was refused: ENOBUFS.
@@ -78,7 +78,7 @@ class TransmitQueue:
         return self._frames.popleft()
 
     def purge(self) -> None:
-        """Empty the queue."""
+        """Discard all queued frames."""
         self.n_purged += len(self._frames)
         self._frames.clear()
 

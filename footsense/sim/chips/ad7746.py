@@ -39,7 +39,7 @@ MutualCapacitance = Callable[[int, int], tuple[float, bool]]
 
 
 class SimulatedAd7746(LegChip):
-    """One converter.
+    """Simulated AD7746: registers, conversions, noise.
 
     Args:
         mutual_capacitance: The foot between EXCA and CIN1.

@@ -40,7 +40,7 @@ class WiredFoot(NamedTuple):
 def electronics(
     board: str, foot: WiredFoot, effects: Effects, seed: tuple[int, int]
 ) -> tuple[SimulatedFdc1004 | SimulatedAd7746, tuple[SimulatedLineSwitch, ...]]:
-    """Return the chips of one leg without faults of their own: converter and line switches, that of the rows first.
+    """Return the chips of one leg without faults: converter, then line switches (rows first).
 
     Args:
         board: `fdc1004` or `ad7746`.

@@ -67,7 +67,7 @@ def _white(noise: np.random.Generator) -> Iterator[float]:
 
 
 class SimulatedFdc1004(LegChip):
-    """One converter.
+    """Simulated FDC1004: registers, conversions, noise.
 
     Args:
         cin_capacitance_pf: Capacitance at the pins.

@@ -41,7 +41,7 @@ class SimulatedLineSwitch(LegChip):
         self._history: deque[LineStates] = deque([LineStates(0, 0, 0)], maxlen=8)
 
     def power_up(self, t_ns: int) -> None:
-        """Open all switches."""
+        """Open all switches, as after power-on."""
         self._set(0, t_ns)
 
     def write(self, data: bytes, t_ns: int) -> None:

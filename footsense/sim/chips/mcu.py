@@ -49,7 +49,7 @@ Elements = Callable[[int], Vector]
 
 
 class SimulatedMcu:
-    """The controller.
+    """Simulated microcontroller that scans all legs and sends serial records.
 
     Args:
         legs: Capacitances of each leg, by its name.

@@ -47,7 +47,7 @@ class _Fault(
 
     @property
     def at_ns(self) -> int:
-        """Begin of the fault [ns]."""
+        """Start of the fault [ns]."""
         return round(self.at_s * _NS_PER_S)
 
 
@@ -148,11 +148,11 @@ class ElementShorted(_OnElement, frozen=True, kw_only=True):
 
 
 class ElementStuck(_OnElement, frozen=True, kw_only=True):
-    """An electrode has come off the rubber: its gap stays as it was, whatever the load."""
+    """An electrode has come off the rubber: the gap no longer follows the load."""
 
 
 class ElementDrifts(_OnElement, frozen=True, kw_only=True):
-    """The capacitance of an element drifts, as that of a film that takes up water; what has drifted stays."""
+    """The capacitance of an element drifts, as by moisture in the film; the drift remains at the end."""
 
     rate_ff_per_s: Annotated[float, Meta(ge=-1000.0, le=1000.0)]
 

@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 
 _T = TypeVar("_T")
 
-#: Begin and end [ns].
+#: Start and end [ns].
 Span = tuple[float, float]
 
 

@@ -23,10 +23,10 @@ class FootTolerances:
     """Deviations of fabricated feet from the design: rms values, zero for exact.
 
     Attributes:
-        gap_um: Of the gap of each element [um].
-        film_um: Of the film of each element [um].
-        stray_pf: Of the stray of each element that the daemon does not know of [pF].
-        stiffness_rel: Of the stiffness of the whole foot [1].
+        gap_um: Rms deviation of the gap of each element [um].
+        film_um: Rms deviation of the film of each element [um].
+        stray_pf: Rms stray of each element that the daemon does not know of [pF].
+        stiffness_rel: Rms deviation of the stiffness of the whole foot [1].
         mount_deg: Rotation of the foot on its leg, about any axis [deg].
     """
 
@@ -39,7 +39,7 @@ class FootTolerances:
 
 #: Feet of the paper's quality: a network trained on the design alone errs on them by 15.9 deg and 18.7 gf. The
 #: stray makes the one, the stiffness the other. Twenty feet differ from another twenty by 1.6 deg and 2.3 gf (rms).
-AS_BADLY_MADE = FootTolerances(gap_um=2.0, film_um=1.0, stray_pf=0.34, stiffness_rel=0.2, mount_deg=3.0)
+PAPER_TOLERANCES = FootTolerances(gap_um=2.0, film_um=1.0, stray_pf=0.34, stiffness_rel=0.2, mount_deg=3.0)
 #: Rms rotation by taking a foot off and mounting it again [deg].
 REMOUNT_DEG = 0.3
 

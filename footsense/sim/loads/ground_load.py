@@ -33,7 +33,7 @@ class GroundContact(NamedTuple):
     force_n: Vector
 
 
-class Load(Protocol):
+class ContactSource(Protocol):
     """The contacts of all legs over time."""
 
     def contact(self, leg: str, t_ns: int) -> GroundContact:
@@ -59,7 +59,7 @@ class Ramp:
 
     Args:
         force_n: Force in the end [N], foot frame, not zero.
-        from_ns: Begin of the rise [ns].
+        from_ns: Start of the rise [ns].
         rise_ns: Duration of the rise [ns]; 0 for a step.
     """
 
@@ -94,8 +94,8 @@ class Walk:
         period_ns: Duration of a gait cycle [ns].
         duty_rel: Share of the cycle in stance [1].
         pitch_deg: Lean of the leg at touchdown; it changes linearly to the opposite at lift-off [deg].
-        from_ns: Begin of the walk; before that, all feet are in the air [ns].
-        stands_ns: Begin and end of each stand, in the order of time [ns].
+        from_ns: Start of the walk; before that, all feet are in the air [ns].
+        standstills_ns: Start and end of each stand, in the order of time [ns].
 
     Attributes:
         period_ns: As given.
@@ -110,27 +110,29 @@ class Walk:
         duty_rel: float,
         pitch_deg: float,
         from_ns: int,
-        stands_ns: Sequence[tuple[int, int]] = (),
+        standstills_ns: Sequence[tuple[int, int]] = (),
     ) -> None:
         self.reaction = reaction
         self.period_ns = period_ns
         self.duty_rel = duty_rel
         self._pitch_rad = math.radians(pitch_deg)
         self._from_ns = from_ns
-        self._stands_ns = tuple(stands_ns)
-        self._touch: tuple[Reaction, float, GroundContact] | None = None  # three legs touch the ground alike
+        self._stands_ns = tuple(standstills_ns)
+        self._last_contact: tuple[Reaction, float, GroundContact] | None = (
+            None  # three legs touch the ground alike
+        )
 
     def contact(self, leg: str, t_ns: int) -> GroundContact:
         """Return the contact of a leg at a time [ns]; the second tripod steps half a cycle after the first."""
-        phase = self.phase(leg, t_ns)
+        phase = self.stance_phase(leg, t_ns)
         if phase is None:
             return IN_THE_AIR
         reaction = self.reaction[leg]
-        if self._touch is None or self._touch[:2] != (reaction, phase):
-            self._touch = reaction, phase, self.contact_at(leg, phase)
-        return self._touch[2]
+        if self._last_contact is None or self._last_contact[:2] != (reaction, phase):
+            self._last_contact = reaction, phase, self.contact_at(leg, phase)
+        return self._last_contact[2]
 
-    def phase(self, leg: str, t_ns: int) -> float | None:
+    def stance_phase(self, leg: str, t_ns: int) -> float | None:
         """Return the phase of a leg at a time [ns], 0 at touchdown, below `duty_rel`; None in the air."""
         from_ns = self._from_ns + (self.period_ns // 2 if leg in _SECOND_TRIPOD else 0)
         since_ns = t_ns - from_ns
@@ -158,7 +160,7 @@ class Walk:
         )
 
 
-def smooth_step(duty_rel: float, peak_force_n: float, friction_rel: float) -> Reaction:
+def smooth_stance(duty_rel: float, peak_force_n: float, friction_rel: float) -> Reaction:
     """Return a stance with rounded flanks: braking first, propulsion later, and a small force to the left.
 
     Args:

@@ -38,7 +38,7 @@ class PressSequence:
 
     Args:
         force_n: Force of each press [N], shape (n, 3), leg's frame, none of them zero.
-        from_ns: Begin of the first press [ns].
+        from_ns: Start of the first press [ns].
         rise_ns: Duration of the linear rise of the force, and of its fall [ns].
         dwell_ns: Duration of the constant force between [ns].
         pause_ns: Time without load before the next press [ns].

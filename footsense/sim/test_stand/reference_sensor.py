@@ -41,7 +41,7 @@ _BOW = 2.0 / (3.0 * math.sqrt(3.0))
 
 
 class SimulatedSensor:
-    """One specimen.
+    """One simulated specimen of a force sensor, with its errors.
 
     Args:
         true_force_n: Ground reaction on the foot at a time [N], shape (3,).

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from footsense.calibration.session.recorded_session import read_session
-from footsense.daemon.foot_types import FOOT_TYPE
+from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE
 from footsense.foot.files.calibration_reader import read_calibration
 from footsense.recording.replay import Replay
 from footsense.sim.scene import load_scene
@@ -208,4 +208,6 @@ def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
     calibrating = on_a_terminal("calibrate", out, "--foot", "foot-0007", "--calibrations", tmp_path / "feet")
     said = last_words(*calibrating).decode()
     assert calibrating[0].returncode == 0, said
-    assert read_calibration(tmp_path / "feet" / "foot-0007", FOOT_TYPE).manifest.n_loads == len(session.loads)
+    assert read_calibration(tmp_path / "feet" / "foot-0007", DEFAULT_FOOT_TYPE).manifest.n_loads == len(
+        session.loads
+    )

@@ -104,5 +104,5 @@ def test_the_scan_period_of_the_second_board_is_near_the_best(
     assert rate_sps != 91 or period_ns < limit_ms * 1e6
     timing = robot.buses[0].timing
     assert timing is not None
-    assert timing.limits.holds == "conversion"
+    assert timing.limits.limiting_factor == "conversion"
     assert math.isclose(timing.limits.scan_ns, best.scan_ns, rel_tol=1e-4)

@@ -59,5 +59,5 @@ def test_the_figures_are_those_of_the_report(name: str) -> None:
         if (p["rate_sps"], p["average_scans"], p["publish"]) == point[:3]
     )
     assert point.age_ms == pytest.approx(found["walk"]["age_held_ms"][0], abs=0.5)
-    assert point.walk_error_mn == pytest.approx(found["walk"]["held_total_mn"], abs=1.0)
+    assert point.walk_error_mn == pytest.approx(found["walk"]["held_error_norm_mn"], abs=1.0)
     assert point.noise_mn == pytest.approx(found["noise_mn"], rel=0.05)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from footsense.calibration.writer import check_calibration_target, write_calibration
-from footsense.daemon.foot_types import FOOT_TYPE, released_path
+from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE, released_path
 from footsense.errors import CalibrationError, FootsenseError, ModelError
 from footsense.foot.files.calibration_format import Manifest
 from footsense.foot.files.calibration_reader import read_calibration
@@ -55,7 +55,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     """Every parameter comes back bit for bit, and the manifest says of what the calibration was made."""
     feet = tmp_path / "feet"
     written = calibration(feet)
-    again = read_calibration(feet / "foot-0007", FOOT_TYPE)
+    again = read_calibration(feet / "foot-0007", DEFAULT_FOOT_TYPE)
     for field in dataclasses.fields(parameters()):
         assert np.array_equal(getattr(again.parameters, field.name), getattr(parameters(), field.name))
     assert again.manifest == written.manifest
@@ -130,7 +130,7 @@ def test_what_is_wrong_is_said(tmp_path: Path, harm: Callable[[Path], Any], said
     calibration(tmp_path)
     harm(tmp_path / "foot-0007")
     with pytest.raises(ModelError) as refusal:
-        read_calibration(tmp_path / "foot-0007", FOOT_TYPE)
+        read_calibration(tmp_path / "foot-0007", DEFAULT_FOOT_TYPE)
     assert said in str(refusal.value)
     assert str(tmp_path / "foot-0007") in str(refusal.value)
     assert "\n" not in str(refusal.value)
@@ -142,7 +142,7 @@ def test_a_network_cut_short(tmp_path: Path) -> None:
     (folder / "network.onnx").write_bytes(released_path("network.onnx").read_bytes()[:-100])
     reseal(folder)
     with pytest.raises(ModelError, match="no checksum at its end"):
-        read_calibration(folder, FOOT_TYPE)
+        read_calibration(folder, DEFAULT_FOOT_TYPE)
 
 
 def test_a_calibration_is_never_overwritten(tmp_path: Path) -> None:
@@ -150,11 +150,12 @@ def test_a_calibration_is_never_overwritten(tmp_path: Path) -> None:
     first = calibration(tmp_path)
     with pytest.raises(CalibrationError, match=r"with --replace the old one is kept as foot-0007\.1"):
         write_calibration(tmp_path, **content(n_loads=20))
-    assert read_calibration(first.folder, FOOT_TYPE).manifest == first.manifest
+    assert read_calibration(first.folder, DEFAULT_FOOT_TYPE).manifest == first.manifest
     for n_loads in (20, 50):
         write_calibration(tmp_path, **content(n_loads=n_loads), replace=True)
     kept = [
-        read_calibration(tmp_path / name, FOOT_TYPE) for name in ("foot-0007", "foot-0007.1", "foot-0007.2")
+        read_calibration(tmp_path / name, DEFAULT_FOOT_TYPE)
+        for name in ("foot-0007", "foot-0007.1", "foot-0007.2")
     ]
     assert [one.manifest.n_loads for one in kept] == [50, 362, 20]
 
@@ -175,5 +176,5 @@ def test_what_robots_would_refuse_is_not_written(tmp_path: Path, given: dict[str
     first = calibration(tmp_path)
     with pytest.raises(FootsenseError):
         write_calibration(tmp_path, **content(**given), replace=True)
-    assert read_calibration(first.folder, FOOT_TYPE).manifest == first.manifest
+    assert read_calibration(first.folder, DEFAULT_FOOT_TYPE).manifest == first.manifest
     assert [entry.name for entry in tmp_path.iterdir()] == ["foot-0007"]

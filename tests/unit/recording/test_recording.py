@@ -22,7 +22,7 @@ from footsense.recording.cycle_records import (
     pack_loss,
     unpack,
 )
-from footsense.recording.machine import this_machine
+from footsense.recording.machine import platform_versions
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
@@ -252,7 +252,7 @@ def test_a_recording_with_the_older_names_is_the_same() -> None:
 
 def test_the_same_machine_has_the_same_processor_and_libraries() -> None:
     """Bits are compared only where the header names this processor and these versions."""
-    here = this_machine()
+    here = platform_versions()
     assert same_machine({**here, "scene": "x"}, here)
     assert not same_machine({**here, "numpy": "0"}, here)
     assert not same_machine({}, here)

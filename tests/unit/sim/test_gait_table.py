@@ -37,6 +37,6 @@ def test_a_robot_that_stands_is_on_all_six_and_walks_on_as_if_it_had_not() -> No
         period_s=1.2, duty_rel=0.6, peak_force_n=0.9, stands=(Stand(from_s=4.0, until_s=9.0),)
     ).build(500 * MS)
     for t_ns in (*range(0, 4_000 * MS, 7 * MS), *range(11_500 * MS, 14_000 * MS, 7 * MS)):
-        assert all(stands.phase(leg, t_ns) == walk.phase(leg, t_ns) for leg in LEGS)
+        assert all(stands.stance_phase(leg, t_ns) == walk.stance_phase(leg, t_ns) for leg in LEGS)
     for t_ns in range(5_200 * MS, 9_000 * MS, 50 * MS):
-        assert {stands.phase(leg, t_ns) for leg in LEGS} == {0.3}
+        assert {stands.stance_phase(leg, t_ns) for leg in LEGS} == {0.3}

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from footsense.frames import LEGS
-from footsense.sim.loads.ground_load import Ramp, Walk, measured_strides, measured_walk, smooth_step
+from footsense.sim.loads.ground_load import Ramp, Walk, measured_strides, measured_walk, smooth_stance
 
 S = 1_000_000_000
 
 
 def tripod() -> Walk:
-    return Walk(dict.fromkeys(LEGS, smooth_step(0.6, 1.2, 0.15)), S, 0.6, 10.0, from_ns=S // 2)
+    return Walk(dict.fromkeys(LEGS, smooth_stance(0.6, 1.2, 0.15)), S, 0.6, 10.0, from_ns=S // 2)
 
 
 def test_three_legs_carry_at_any_time_and_change_with_the_others() -> None:

@@ -146,7 +146,9 @@ def test_can_recorder_and_tares_are_counted(tmp_path: Path, scraped: CollectorRe
         reopened=6,
         unlogged=8,
     )
-    metrics = MetricsObserver(LEGS, can, tmp_path / "counters", recorder_lost=lambda: 7, log_lost=lambda: 5)
+    metrics = MetricsObserver(
+        LEGS, can, tmp_path / "counters", n_lost_scans=lambda: 7, n_lost_lines=lambda: 5
+    )
     refused = CommandResult(Command(CommandKind.TARE, 1), Result.NOT_QUIET, "")
     stopped = CommandResult(Command(CommandKind.STOP, 1), Result.DONE, "")
     metrics.observe(cycle(0, (State.VALID, State.VALID), outcomes=(refused, stopped)))
@@ -158,7 +160,7 @@ def test_can_recorder_and_tares_are_counted(tmp_path: Path, scraped: CollectorRe
             *("bus_off", "error_passive", "reopened", "unlogged_frames"),
         )
     ] == [120, 3, 4, 1, 9, 2, 5, 6, 8]
-    assert get("footsense_recorder_lost_frames_total") == 7
+    assert get("footsense_recorder_lost_scans_total") == 7
     assert get("footsense_log_lost_lines_total") == 5
     assert get("footsense_tares_total", {"leg": "rr", "result": "not_quiet"}) == 1
     assert get("footsense_tares_total", {"leg": "rr", "result": "done"}) == 0
@@ -243,7 +245,7 @@ def test_the_file_describes_itself_and_is_gone_at_the_end(tmp_path: Path) -> Non
         MetricFamily("b", "histogram", "B.", {}, [1.0]),
     ]
     counters = SharedCounters(families, tmp_path / "counters")
-    counters.cells[counters.first["b"] + 2] = 2.5
+    counters.cells[counters.first_cell["b"] + 2] = 2.5
     read, cells = read_counters(tmp_path / "counters")
     assert read == families
     assert cells == [0, 0, 0, 0, 2.5]

@@ -107,7 +107,7 @@ class Results:
         map_mean_deg: Mean direction error over the map [deg].
         map_max_deg: Largest direction error on the map [deg].
         worst_azimuth_deg: Azimuth of the force of the largest error [deg].
-        worst_elevation_deg: Its elevation [deg].
+        worst_elevation_deg: Elevation of the worst direction [deg].
         verification: Direction errors [deg] and magnitude errors [gf], by reading.
     """
 
@@ -126,7 +126,7 @@ def _read(context: StudyContext, cases: Cases, draws: int) -> ReadingErrors:
     Args:
         context: The models.
         cases: The loads.
-        draws: Of the converter's noise; 0 for one reading without.
+        draws: Number of noise draws; 0 for one reading without noise.
     """
     design, rng = context.response.design, np.random.default_rng(_SEED)
     direction, magnitude = [], []
@@ -141,7 +141,7 @@ def _read(context: StudyContext, cases: Cases, draws: int) -> ReadingErrors:
 
 
 def _draw_map(axes: Axes, grid: tuple[Vector, Vector], error_deg: Vector, lowest_deg: float) -> ContourSet:
-    """Draw the error with its iso-lines and the paper's circles; return what the colour bar needs."""
+    """Draw the error with its iso-lines and the paper's circles; return the contours for the colour bar."""
     filled = axes.contourf(
         *grid, error_deg, levels=_LEVELS_DEG, norm=BoundaryNorm(_LEVELS_DEG, 256), extend="max"
     )

@@ -33,7 +33,7 @@ _SINGLE_N = 5e-5
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One hard case.
+    """One hard input with expected and measured result.
 
     Attributes:
         name: The input.
@@ -112,7 +112,7 @@ class _Leg:
             self.feed(unloaded_pf[0])
 
     def feed(self, capacitance_pf: Vector, reading: int = Reading.OK, age_ns: int = 0) -> ContactFrame:
-        """Return the frame of a scan; a reading that is not OK is that of the middle element."""
+        """Return the frame of a scan; a reading that is not OK applies to the middle element."""
         self._sequence += 1
         t_ns = self._sequence * _SCAN_NS
         readings, values = np.zeros((1, 9), np.uint8), capacitance_pf[None].copy()

@@ -24,7 +24,7 @@ from footsense.sim.foot.fabrication import fabricate
 Vector = NDArray[np.float64]
 
 #: Missing elements, as an index into `MASKS`.
-MISSING = {
+MISSING_PATTERNS = {
     "nothing": 0,
     "a corner": 1,
     "an edge": 2,
@@ -33,7 +33,7 @@ MISSING = {
     "the middle row": 11,
 }
 #: Feet other than the designed one: rms deviations of each batch.
-FEET = {
+FOOT_BATCHES = {
     "gaps off by 0.5 um": Tolerances(gap_um=0.5),
     "gaps off by 2 um": Tolerances(gap_um=2.0),
     "strays of 0.01 pF": Tolerances(stray_pf=0.01),
@@ -51,7 +51,7 @@ _FIGURE = "released-sigma.png"
 
 
 #: Shares of errors within one and two sigma, per axis.
-Coverage = dict[str, list[float]]
+SigmaCoverage = dict[str, list[float]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,31 +61,31 @@ class Results:
     Attributes:
         errors: The error table, by read-out and cases.
         weights: Weights of the network.
-        judged_from_n: Smallest held-out load that counts in errors [N].
+        min_judged_n: Smallest held-out load that counts in errors [N].
         n_feet: Feet of each batch.
         missing: Errors with missing elements.
         missing_coverage: Coverage with missing elements.
         coverage_by_force_n: Coverage on the designed foot, by ranges of the force [N].
-        coverage_on_held_out_feet: Coverage on feet that differ from the design, by batch.
+        coverage_on_deviating_feet: Coverage on feet that differ from the design, by batch.
     """
 
     errors: dict[str, Errors]
     weights: int
-    judged_from_n: float
+    min_judged_n: float
     n_feet: int
     missing: dict[str, Errors]
-    missing_coverage: dict[str, Coverage]
-    coverage_by_force_n: dict[str, Coverage]
-    coverage_on_held_out_feet: dict[str, Coverage]
+    missing_coverage: dict[str, SigmaCoverage]
+    coverage_by_force_n: dict[str, SigmaCoverage]
+    coverage_on_deviating_feet: dict[str, SigmaCoverage]
 
 
-def _on_other_feet(context: StudyContext, tolerances: Tolerances, n_feet: int) -> Coverage:
+def _on_other_feet(context: StudyContext, tolerances: Tolerances, n_feet: int) -> SigmaCoverage:
     """Return the coverage over a batch of feet that differ from the design."""
     response, n_loads = context.response, 100 if context.quick else N_LOADS
     parts = []
     for number in range(n_feet):
-        own = fabricate(response, tolerances, _FEET_SEED, number)
-        cases = random_loads(response, context.foot_design.loads, n_loads, 1000 + number, own)
+        deviations = fabricate(response, tolerances, _FEET_SEED, number)
+        cases = random_loads(response, context.foot_design.loads, n_loads, 1000 + number, deviations)
         rng = np.random.default_rng((number, _FEET_SEED))
         closure_rel = measured_closure_rel(response.design, cases.closure_um, rng)
         parts.append((cases.force_n, *context.network.estimate(closure_rel)))
@@ -101,10 +101,10 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     closure_rel = measured_closure_rel(context.response.design, cases.closure_um, rng)
     context.say("released: held-out loads drawn")
     size = np.linalg.norm(cases.force_n, axis=1)
-    counted = size >= loads.judged_from_n
+    counted = size >= loads.min_judged_n
     imputation = Imputation(np.array(network.card["moments"]))
     missing, missing_coverage = {}, {}
-    for name, index in MISSING.items():
+    for name, index in MISSING_PATTERNS.items():
         mask = np.tile(MASKS[index], (len(closure_rel), 1))
         force_n, sigma_n = network.estimate(imputation.impute(closure_rel, mask), mask)
         missing[name] = errors(cases.force_n[counted], force_n[counted])
@@ -118,12 +118,14 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     results = Results(
         errors=evaluate_models(context.models),
         weights=network.card["training"]["weights"],
-        judged_from_n=loads.judged_from_n,
+        min_judged_n=loads.min_judged_n,
         n_feet=n_feet,
         missing=missing,
         missing_coverage=missing_coverage,
         coverage_by_force_n=by_force,
-        coverage_on_held_out_feet={name: _on_other_feet(context, own, n_feet) for name, own in FEET.items()},
+        coverage_on_deviating_feet={
+            name: _on_other_feet(context, deviations, n_feet) for name, deviations in FOOT_BATCHES.items()
+        },
     )
     return results, {_FIGURE: _figure(cases.force_n, force_n, sigma_n)}
 

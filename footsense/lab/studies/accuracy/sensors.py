@@ -66,7 +66,7 @@ class Sensor:
         return [(max(0.0, c - self.side_mm / 2.0), c + self.side_mm / 2.0) for c in centres]
 
     def columns(self) -> list[Column]:
-        """Return the columns of the quarter, those of one x after the other."""
+        """Return the columns of the quarter, grouped by x."""
         halves = self.halves_mm()
         return [Column(x, y) for x in halves for y in halves]
 
@@ -89,7 +89,7 @@ PAIRS = (("A", "F"), ("B", "G"), ("C", "H"))
 
 
 def _whole(quarter: Vector, per_side: int) -> Vector:
-    """Return the series of all elements, shape (products, n, n, 3), from those of the quarter.
+    """Return the series of all elements, shape (products, n, n, 3), from the quarter.
 
     The two or four parts of an element that a mirror plane cuts are as large, so that it feels their mean.
     """
@@ -135,7 +135,7 @@ def direction_errors(training: Vector, test: Vector, noise_rel: float, seeds: in
         test: Pressures of the test directions, shape (180, elements).
         noise_rel: Random error of both [1].
         seeds: Networks.
-        epochs: Of training.
+        epochs: Training epochs.
     """
     rng = np.random.default_rng(NOISE_SEED)
 
@@ -159,7 +159,7 @@ class Results:
     Attributes:
         sheet_mm: Side of the block [mm].
         thick_mm: Thickness of the block [mm].
-        epochs: Of training.
+        epochs: Training epochs.
         seeds: Networks for each sensor.
         clean_deg: Without random error, by sensor.
         noisy_deg: With random error, by sensor.

@@ -47,7 +47,7 @@ class AgainstFull:
         mesh_rel: Difference of the closures at the first load by the mesh alone, rms over rms [1].
         physics_rel: The same by finite strain and the floor alone [1].
         closure_um: Closures of the full solve [um], by load.
-        capacitance_pf: Its capacitances [pF], by load.
+        capacitance_pf: Capacitances of the level [pF], by load.
     """
 
     distances: Distances

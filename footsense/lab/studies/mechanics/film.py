@@ -60,7 +60,7 @@ class Sensor:
 
     Attributes:
         name: Label in the figure.
-        capacitor: Its capacitors.
+        capacitor: Electrical design of the elements.
         closure_um: Makes closures as capacitance has them [um], shape (n, 9), of normals and forces [N], (n, 3) each.
         usable: Tells which loads (normals, forces) are within its range, shape (n,).
     """
@@ -113,7 +113,7 @@ class Confined:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Both designs.
+    """Figures of the designs with air gaps and with film.
 
     Attributes:
         film: The film.

@@ -45,12 +45,12 @@ class _Load(NamedTuple):
 
     @property
     def normal(self) -> Vector:
-        """The contact normal."""
+        """Inward unit normal at the contact, shape (3,)."""
         return directions(0.0, self.normal_deg)
 
     @property
     def force_n(self) -> Vector:
-        """The force [N]."""
+        """Ground reaction on the foot [N], shape (3,)."""
         return self.magnitude_gf * GRAM_FORCE_N * directions(0.0, self.force_deg)
 
     def solve(self, foot: FullFoot) -> FullSolution:
@@ -75,7 +75,7 @@ def _difference_rel(other: FullSolution, full: FullSolution) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Solved:
-    """One load.
+    """Solution under one load.
 
     Attributes:
         load: In words.
@@ -94,7 +94,7 @@ class Solved:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """All loads."""
+    """Solutions under all loads."""
 
     loads: list[Solved]
 

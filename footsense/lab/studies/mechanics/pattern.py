@@ -21,7 +21,7 @@ DIRECTION_DEG, MAGNITUDE_GF = (0.0, 45.0), 100.0
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Changes of capacitance.
+    """Capacitance changes of the nine elements under one load, by model.
 
     Attributes:
         unloaded_pf: Capacitance of an unloaded element [pF].

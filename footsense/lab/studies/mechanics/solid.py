@@ -47,11 +47,11 @@ FIGURE = "solid.png"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
-    """Time of a step.
+    """Wall and processor time of one step.
 
     Attributes:
-        wall_s: By the clock [s].
-        processor_s: Of the processors [s].
+        wall_s: Wall-clock time [s].
+        processor_s: Time of all processors [s].
     """
 
     wall_s: float
@@ -60,12 +60,12 @@ class Timing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mesh(Timing):
-    """One mesh.
+    """Size, time and errors of one mesh.
 
     Attributes:
-        name: Its name.
-        order: Of the elements.
-        unknowns: Of the equations.
+        name: Name of the mesh.
+        order: Polynomial order of the elements.
+        unknowns: Number of unknowns of the equations.
         corner_um: Closure of a corner under the upright load [um].
         worst_rel: Largest relative error of a closure [1], upright and inclined.
     """
@@ -78,8 +78,8 @@ class Mesh(Timing):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Floor:
-    """A floor at 1 N.
+class HertzContact:
+    """Contact with the ground at 1 N, ground of one material.
 
     Attributes:
         modulus_mpa: E* of the contact [MPa].
@@ -94,10 +94,10 @@ class Floor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edged:
-    """An element with edges.
+    """Capacitance of an element with its electrodes' edges, at one closure.
 
     Attributes:
-        closed_um: Its closure [um].
+        closed_um: Closure of the gap [um].
         plates_pf: Capacitance by the plate formula [pF].
         edged_pf: Capacitance with edges [pF].
         read_um: Closure by elastance [um].
@@ -120,8 +120,8 @@ class Results:
         response: Time of the complete response; None in the quick form.
         cases: Time of the paper's cases with contact.
         n_cases: Number of these cases.
-        floors: By the floor's material.
-        floor_rel: Largest relative change of a closure by the floor's material [1].
+        floors: Contact with the ground, by its material.
+        ground_change_rel: Largest relative change of a closure by the material of the ground [1].
         spacer_mm: Thickness of the spacer [mm].
         law_um: Closure of a strip with the spacer as a law [um].
         solid_um: The same with the spacer meshed [um].
@@ -134,8 +134,8 @@ class Results:
     response: Timing | None
     cases: Timing
     n_cases: int
-    floors: dict[str, Floor]
-    floor_rel: float
+    floors: dict[str, HertzContact]
+    ground_change_rel: float
     spacer_mm: float
     law_um: float
     solid_um: float
@@ -187,8 +187,10 @@ def _meshes(context: StudyContext) -> list[Mesh]:
     ]
 
 
-def _floors(foot_design: FootDesign, response: FootResponse) -> tuple[dict[str, Floor], float]:
-    """Return a rigid floor and one of cement at 1 N, and the largest relative change of a closure between them [1]."""
+def _compare_ground_materials(
+    foot_design: FootDesign, response: FootResponse
+) -> tuple[dict[str, HertzContact], float]:
+    """Return the contacts with rigid ground and with cement at 1 N, and the largest relative change of a closure."""
     rubber = foot_design.rubber
     both_mpa = 1.0 / (1.0 / rubber.hertz_mpa + 1.0 / CEMENT.hertz_mpa)
     up = np.array([0.0, 0.0, 1.0])
@@ -196,7 +198,9 @@ def _floors(foot_design: FootDesign, response: FootResponse) -> tuple[dict[str, 
     for name, modulus_mpa in (("rigid", rubber.hertz_mpa), ("cement", both_mpa)):
         radius_mm = float(contact_radius_mm(1.0, response.ball_radius_mm, modulus_mpa))
         closures.append(replace(response, hertz_modulus_mpa=modulus_mpa).closure_um(up, up))
-        floors[name] = Floor(modulus_mpa=modulus_mpa, radius_mm=radius_mm, corner_um=closures[-1].max())
+        floors[name] = HertzContact(
+            modulus_mpa=modulus_mpa, radius_mm=radius_mm, corner_um=closures[-1].max()
+        )
     return floors, float(np.abs(closures[1] / closures[0] - 1.0).max())
 
 
@@ -227,7 +231,7 @@ def _edges(foot_design: FootDesign) -> list[Edged]:
 
 
 def _cells(response: FootResponse) -> tuple[float, float]:
-    """Return the largest spread of closure inside a cell [um], and what leaving it out costs a capacitance [1].
+    """Return the largest rms variation of closure inside a cell [um], and the capacitance error without it [1].
 
     Upright and inclined loads of 1 N. A closure that varies by a standard deviation s inside a cell raises the mean of
     1/D by s^2/D^2; s^2 = (slope x step)^2 / 12 per direction, the slope by differences of neighbouring cells.
@@ -249,7 +253,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     if not context.quick:
         _, taken = _timed(partial(make_response, foot_design, SHIPPED, context.say))
     cases, cases_taken = _timed(lambda: (paper_training(response), paper_verification(response)))
-    floors, floor_rel = _floors(foot_design, response)
+    floors, ground_change_rel = _compare_ground_materials(foot_design, response)
     cell_um, cell_rel = _cells(response)
     stated = response.provenance
     results = Results(
@@ -258,7 +262,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         cases=cases_taken,
         n_cases=sum(len(one.force_n) for one in cases),
         floors=floors,
-        floor_rel=floor_rel,
+        ground_change_rel=ground_change_rel,
         spacer_mm=foot_design.spacer_mm,
         law_um=strip_closure_um(foot_design, solid=False),
         solid_um=strip_closure_um(foot_design, solid=True),

@@ -43,9 +43,9 @@ class Results:
     """Errors of all networks.
 
     Attributes:
-        epochs: Of training.
+        epochs: Training epochs.
         seeds: Networks of each size.
-        neurons: Of each hidden layer.
+        neurons: Neurons of each hidden layer.
         direction_deg: Direction errors at 100 gf [deg].
         magnitude_gf: Magnitude errors at 100 gf [gf].
         training_deg: Direction errors at the magnitudes of the training cases [deg].
@@ -71,7 +71,7 @@ def n_weights(depth: int, neurons: int) -> int:
 
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
-    """Train and test networks of every size; those of one depth in one program, padded to the largest."""
+    """Train and test networks of every size; networks of one depth run in one program, padded to the largest."""
     response = context.response
     neurons, seeds = (QUICK_NEURONS, QUICK_SEEDS) if context.quick else (NEURONS, SEEDS)
     epochs = QUICK_EPOCHS if context.quick else EPOCHS

@@ -17,7 +17,7 @@ from footsense.lab.evaluation.evaluate import errors
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.training.load_cases import measured_closure_rel, sensed_closure_um
 from footsense.lab.training.scan_network import HIDDEN, train_scans
-from footsense.sim.loads.ground_load import Walk, measured_walk, smooth_step
+from footsense.sim.loads.ground_load import Walk, measured_walk, smooth_stance
 
 Vector = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ class Walks:
 def _synthetic(rng: np.random.Generator) -> Walk:
     """Return a walk with rounded flanks, of random pace, weight, friction and lean."""
     duty = rng.uniform(0.5, 0.75)
-    reaction = smooth_step(duty, rng.uniform(*LARGEST_N), rng.uniform(-0.3, 0.3))
+    reaction = smooth_stance(duty, rng.uniform(*LARGEST_N), rng.uniform(-0.3, 0.3))
     return Walk({"lf": reaction}, int(rng.uniform(0.7, 1.6) * _NS), duty, rng.uniform(-15.0, 15.0), 0)
 
 
@@ -151,7 +151,7 @@ _LEFT_OUT_QUICK = ("last 2 scans", "last 4 scans")
 
 
 class ForceErrors(NamedTuple):
-    """Errors of forces.
+    """Rms and direction errors of forces, loaded and in swing.
 
     Attributes:
         loaded_n: rms under load [N].
@@ -188,7 +188,7 @@ class Results:
     """All ways to read forces.
 
     Attributes:
-        steps: Of training.
+        steps: Training steps.
         training_walks: Walks of the training.
         test_walks: Walks of the test.
         without_creep: Errors of one scan where no foot creeps.

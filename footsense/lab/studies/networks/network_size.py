@@ -31,7 +31,7 @@ _FIGURE = "network-size.png"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Size:
-    """One network.
+    """Size, errors and run time of one network.
 
     Attributes:
         channels: Channels of each hidden layer.
@@ -50,10 +50,10 @@ class Size:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """All sizes.
+    """Errors of networks of all sizes.
 
     Attributes:
-        steps: Of training.
+        steps: Training steps.
         cases: Random loads for training.
         from_n: Smallest force of the test loads [N].
         sizes: The networks, the smallest first.
@@ -100,7 +100,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         (QUICK_CHANNELS, QUICK_STEPS, QUICK_CASES) if context.quick else (CHANNELS, STEPS, CASES)
     )
     drawn = random_loads(response, loads, n // 4, TEST_SEED)
-    counted = np.linalg.norm(drawn.force_n, axis=1) >= loads.judged_from_n
+    counted = np.linalg.norm(drawn.force_n, axis=1) >= loads.min_judged_n
     tests = Cases(drawn.force_n[counted], drawn.closure_um[counted]), paper_verification(response)
     rng = np.random.default_rng(TEST_SEED)
     measured = [
@@ -114,7 +114,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
             errors(force_n, predict(weights, closure_rel)[0]) for force_n, closure_rel in measured
         )
         sizes.append(Size(channels=c, weights=weights.size, run_us=time_us, random=random, paper=paper))
-    return Results(steps=steps, cases=n, from_n=loads.judged_from_n, sizes=sizes), {_FIGURE: _figure(sizes)}
+    return Results(steps=steps, cases=n, from_n=loads.min_judged_n, sizes=sizes), {_FIGURE: _figure(sizes)}
 
 
 def _figure(sizes: list[Size]) -> Figure:

@@ -45,7 +45,7 @@ class FeedErrors:
         direction_deg: Direction errors of the networks at each magnitude [deg].
         magnitude_gf: Magnitude errors of the networks at each magnitude [gf].
         linear_deg: Direction error of the linear read-out at 100 gf [deg].
-        linear_gf: Its magnitude error [gf].
+        linear_gf: Magnitude error of the linear read-out [gf].
     """
 
     direction_deg: list[MeanStd]
@@ -59,7 +59,7 @@ class Results:
     """Errors by the inputs of the read-outs.
 
     Attributes:
-        epochs: Of training.
+        epochs: Training epochs.
         by_feed: For `capacitance` and `closure`.
     """
 

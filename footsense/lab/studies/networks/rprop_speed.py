@@ -1,4 +1,4 @@
-"""Study `rprop-speed`: epochs and time of RPROP beside those of back-propagation.
+"""Study `rprop-speed`: epochs and time of RPROP compared with back-propagation.
 
 Source:
     Aoyagi et al., section III D. Back-propagation: D. E. Rumelhart, G. E. Hinton and R. J. Williams, "Learning
@@ -63,10 +63,10 @@ class Race:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """The races, by what RPROP runs against.
+    """Comparisons of RPROP, by the other training rule.
 
     Attributes:
-        epochs: Of each rule.
+        epochs: Epochs of each rule.
         seeds: Networks.
         epoch_us: Processor time of an epoch of one network [us], by rule.
         races: By rule.

@@ -15,9 +15,9 @@ Vector = NDArray[np.float64]
 #: True force from which a direction is defined, and from which a foot is in contact [N].
 LOADED_N, CONTACT_N = 0.1, 0.02
 #: Multiples of sigma of which the coverage is counted.
-SIGMAS = (1, 2, 3, 5)
+SIGMA_MULTIPLES = (1, 2, 3, 5)
 #: Period at which a consumer reads the last force [ns].
-READ_NS = 1_000_000
+SAMPLE_PERIOD_NS = 1_000_000
 #: Shifts of the truth in the search for the lag [ms]: later, for a prediction that overshoots, and earlier.
 _AHEAD_MS, _BEHIND_MS = 30, 600
 
@@ -30,81 +30,82 @@ class LatencyAndErrors:
         age_ms: Age of the newest reading when its force is sent, median [ms].
         age_held_ms: Age of the newest reading in the held force, median and 99th percentile [ms].
         error_mn: Error of fx, fy, fz at the time of sending, rms [mN].
-        error_total_mn: Length of that error, rms [mN].
+        error_norm_mn: Length of that error, rms [mN].
         direction_deg: Angle to the true force at the time of sending, mean and 95th percentile, loaded feet [deg].
-        held_total_mn: Length of the error of the held force, rms [mN].
+        held_error_norm_mn: Length of the error of the held force, rms [mN].
         held_direction_deg: Angle of the held force to the true one, mean [deg].
-        within_sigma: Share of components, feet in contact, with an error at the time of sending within `SIGMAS` [1].
-        within_sigma_at_stamp: The same for the error at the time that the force is valid for.
+        share_within_sigma: Share of force components, feet in contact, with an error within each of `SIGMA_MULTIPLES`
+            at the time of sending [1].
+        share_within_sigma_at_stamp: The same for the error at the time that the force is valid for.
         lag_ms: Shift of the truth that fits the held force best [ms].
     """
 
     age_ms: float
     age_held_ms: tuple[float, float]
     error_mn: tuple[float, float, float]
-    error_total_mn: float
+    error_norm_mn: float
     direction_deg: tuple[float, float]
-    held_total_mn: float
+    held_error_norm_mn: float
     held_direction_deg: float
-    within_sigma: tuple[float, ...]
-    within_sigma_at_stamp: tuple[float, ...]
+    share_within_sigma: tuple[float, ...]
+    share_within_sigma_at_stamp: tuple[float, ...]
     lag_ms: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Truth:
+class TrueLoads:
     """True loads of some feet, sampled as a consumer reads them.
 
     Attributes:
         feet: Load of each foot.
-        begin_ns: Begin of the time in which errors count [ns].
+        begin_ns: Start of the time in which errors count [ns].
         end_ns: End of it [ns].
-        read_n: Forces at every `READ_NS` from time 0 to 30 ms after the end [N], shape (times, feet, 3).
+        sampled_n: Forces at every `SAMPLE_PERIOD_NS` from time 0 to 30 ms after the end [N], shape (times, feet, 3).
     """
 
     feet: Sequence[FootLoad]
     begin_ns: int
     end_ns: int
-    read_n: Vector
+    sampled_n: Vector
 
     @classmethod
-    def of(cls, feet: Sequence[FootLoad], begin_ns: int, end_ns: int) -> "Truth":
-        """Return the truth of some feet between two times [ns]."""
-        read_ns = np.arange(0, end_ns + _AHEAD_MS * 1_000_000, READ_NS)
+    def sample(cls, feet: Sequence[FootLoad], begin_ns: int, end_ns: int) -> "TrueLoads":
+        """Sample the true loads of some feet, to be compared between two times [ns]."""
+        read_ns = np.arange(0, end_ns + _AHEAD_MS * 1_000_000, SAMPLE_PERIOD_NS)
         return cls(feet, begin_ns, end_ns, true_loads(feet, read_ns)[1])
 
 
-def _held(published: PublishedForces, truth: Truth) -> tuple[Vector, Vector, Vector]:
+def _held_forces(published: PublishedForces, truth: TrueLoads) -> tuple[Vector, Vector, Vector]:
     """Return the forces that a consumer holds between the two times of a truth.
 
     Returns:
         Times [ms], shape (times,); held forces [N], shape (times, feet, 3); ages of their newest readings [ms].
     """
-    read_ns: Stamps = np.arange(truth.begin_ns, truth.end_ns, READ_NS)
+    read_ns: Stamps = np.arange(truth.begin_ns, truth.end_ns, SAMPLE_PERIOD_NS)
     last = np.searchsorted(published.sent_ns, read_ns, side="right") - 1
-    return read_ns / 1e6, published.force_n[last], (read_ns - published.t_ns[last]) / 1e6
+    return read_ns / 1e6, published.force_n[last], (read_ns - published.newest_reading_ns[last]) / 1e6
 
 
-def latency_and_errors(published: PublishedForces, truth: Truth) -> LatencyAndErrors:
+def latency_and_errors(published: PublishedForces, truth: TrueLoads) -> LatencyAndErrors:
     """Return latency and errors of published forces between the two times of a truth."""
     counts = (published.sent_ns >= truth.begin_ns) & (published.sent_ns < truth.end_ns)
-    true_n, stamp_n = (true_loads(truth.feet, t[counts])[1] for t in (published.sent_ns, published.of_ns))
+    true_n, stamp_n = (true_loads(truth.feet, t[counts])[1] for t in (published.sent_ns, published.valid_ns))
     force_n, sigma_n = published.force_n[counts], published.sigma_n[counts]
     angle_deg = _angles_deg(true_n, force_n)
-    read_ms, held_n, age_held_ms = _held(published, truth)
+    read_ms, held_n, age_held_ms = _held_forces(published, truth)
     first = round(read_ms[0])
-    true_read_n = truth.read_n[first : first + len(read_ms)]
+    true_read_n = truth.sampled_n[first : first + len(read_ms)]
     return LatencyAndErrors(
-        age_ms=float(np.median(published.sent_ns[counts] - published.t_ns[counts])) * 1e-6,
+        age_ms=float(np.median(published.sent_ns[counts] - published.newest_reading_ns[counts])) * 1e-6,
         age_held_ms=(float(np.median(age_held_ms)), float(np.percentile(age_held_ms, 99))),
         error_mn=tuple((1e3 * np.sqrt(((force_n - true_n) ** 2).mean(axis=(0, 1)))).tolist()),
-        error_total_mn=rms_mn(force_n - true_n),
+        error_norm_mn=rms_mn(force_n - true_n),
         direction_deg=(float(angle_deg.mean()), float(np.percentile(angle_deg, 95))),
-        held_total_mn=rms_mn(held_n - true_read_n),
+        held_error_norm_mn=rms_mn(held_n - true_read_n),
         held_direction_deg=float(_angles_deg(true_read_n, held_n).mean()),
-        within_sigma=_within(true_n, force_n, sigma_n),
-        within_sigma_at_stamp=_within(stamp_n, force_n, sigma_n),
-        lag_ms=_lag_ms(held_n, truth.read_n, first),
+        share_within_sigma=_within(true_n, force_n, sigma_n),
+        share_within_sigma_at_stamp=_within(stamp_n, force_n, sigma_n),
+        lag_ms=_lag_ms(held_n, truth.sampled_n, first),
     )
 
 
@@ -120,17 +121,17 @@ def _angles_deg(true_n: Vector, force_n: Vector) -> Vector:
 
 
 def _within(true_n: Vector, force_n: Vector, sigma_n: Vector) -> tuple[float, ...]:
-    """Return the share of components of feet in contact that are within each of `SIGMAS` [1]."""
+    """Return the share of components of feet in contact that are within each of `SIGMA_MULTIPLES` [1]."""
     in_contact = np.linalg.norm(true_n, axis=-1) >= CONTACT_N
     error_sigmas = np.abs(force_n - true_n)[in_contact] / sigma_n[in_contact]
-    return tuple(float((error_sigmas < k).mean()) for k in SIGMAS)
+    return tuple(float((error_sigmas < k).mean()) for k in SIGMA_MULTIPLES)
 
 
-def _lag_ms(held_n: Vector, read_n: Vector, first: int) -> float:
+def _lag_ms(held_n: Vector, sampled_n: Vector, first: int) -> float:
     """Return the shift of the truth that fits held forces best [ms], by a parabola through the best three shifts."""
     shifts = np.arange(-_AHEAD_MS, min(_BEHIND_MS, first) + 1)
     misfit = np.array(
-        [((held_n - read_n[first - k : first - k + len(held_n)]) ** 2).mean() for k in shifts.tolist()]
+        [((held_n - sampled_n[first - k : first - k + len(held_n)]) ** 2).mean() for k in shifts.tolist()]
     )
     best = int(np.clip(misfit.argmin(), 1, len(shifts) - 2))
     left, middle, right = misfit[best - 1 : best + 2].tolist()
@@ -138,17 +139,17 @@ def _lag_ms(held_n: Vector, read_n: Vector, first: int) -> float:
     return float(shifts[best]) + between
 
 
-def settling_ms(published: PublishedForces, truth: Truth, begins_ns: Sequence[int]) -> Vector:
-    """Return the time from the begin of each load until the held force stays within a tenth of it [ms], shape (feet,).
+def settling_ms(published: PublishedForces, truth: TrueLoads, starts_ns: Sequence[int]) -> Vector:
+    """Return the time from the start of each load until the held force stays within a tenth of it [ms], shape (feet,).
 
     Args:
         published: Forces.
         truth: True loads, at the end of which each foot carries its full load.
-        begins_ns: Begin of each load [ns].
+        starts_ns: Start of each load [ns].
     """
-    read_ms, held_n, _ = _held(published, truth)
-    full_n = truth.read_n[round(read_ms[-1])]
+    read_ms, held_n, _ = _held_forces(published, truth)
+    full_n = truth.sampled_n[round(read_ms[-1])]
     off = np.linalg.norm(held_n - full_n, axis=-1) > 0.1 * np.linalg.norm(full_n, axis=-1)
     last = len(off) - 1 - off[::-1].argmax(axis=0)
-    settled: Vector = read_ms[last] + 1.0 - np.array(begins_ns) * 1e-6
+    settled: Vector = read_ms[last] + 1.0 - np.array(starts_ns) * 1e-6
     return settled
