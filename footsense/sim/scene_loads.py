@@ -7,6 +7,8 @@ from msgspec import Meta
 
 from footsense.frames import LEGS
 from footsense.sim.loads import ground_load
+from footsense.sim.loads.measured_walk import measured_walk
+from footsense.sim.loads.walk import Walk, smooth_stance
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 
 Force = Annotated[float, Meta(ge=0.0, le=2.0)]
@@ -100,10 +102,10 @@ class Tripod(_Load, frozen=True, kw_only=True, tag="tripod"):
     pitch_deg: Pitch = 0.0
     stands: tuple[Stand, ...] = ()
 
-    def build(self, from_ns: int) -> ground_load.Walk:
+    def build(self, from_ns: int) -> Walk:
         """Return the load from a time on [ns]."""
-        reaction = ground_load.smooth_stance(self.duty_rel, self.peak_force_n, self.friction_rel)
-        return ground_load.Walk(
+        reaction = smooth_stance(self.duty_rel, self.peak_force_n, self.friction_rel)
+        return Walk(
             dict.fromkeys(LEGS, reaction),
             period_ns=_ns(self.period_s),
             duty_rel=self.duty_rel,
@@ -126,7 +128,7 @@ class MeasuredWalk(_Load, frozen=True, kw_only=True, tag="measured_walk"):
 
     def build(self, from_ns: int) -> ground_load.ContactSource:
         """Return the load from a time on [ns]."""
-        return ground_load.measured_walk(self.peak_force_n, self.pitch_deg, from_ns)
+        return measured_walk(self.peak_force_n, self.pitch_deg, from_ns)
 
 
 class CalibrationLoads(_Load, frozen=True, kw_only=True, tag="calibration_loads"):

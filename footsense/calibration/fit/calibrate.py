@@ -20,7 +20,7 @@ from footsense.calibration.fit.predicted_uncertainty import (
     require_identified,
 )
 from footsense.calibration.fit.twin import GAIN, MOUNT, STIFFNESS, STRAY, FootTwin
-from footsense.calibration.loads.calibration_load import LoadSet
+from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.calibration.session.reference_checks import require_consistent_reference
 from footsense.errors import CalibrationError

@@ -146,8 +146,8 @@ class CanController:
 
     def begin(self, t_ns: int) -> None:
         """Fill the mailboxes from the queue, and start a frame if the wire is free."""
-        while len(self._mailboxes) < self._settings.mailboxes and self.running and len(self._queue):
-            self._mailboxes.append(self._queue.take())
+        while len(self._mailboxes) < self._settings.mailboxes and self.running and self._queue.frames:
+            self._mailboxes.append(self._queue.frames.popleft())
         if self._passing is not None:
             return
         ours = None
