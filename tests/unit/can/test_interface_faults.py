@@ -153,6 +153,6 @@ def test_six_legs_leave_no_trace_of_a_day_in_memory() -> None:
     """Nothing that the interface keeps grows with time, also while nothing gets through."""
     walk = CanWalk([CanNoAck(at_s=0.1)], WITHOUT_ONE_SHOT)
     walk.walk(20.0)
-    assert len(walk.can.queue) == AS_DEPLOYED.queue_frames
+    assert len(walk.can.queue.frames) == AS_DEPLOYED.queue_frames
     assert [h for h in walk.heard if h.t_ns > 100 * MS] == []
     assert len(LEGS) == 6
