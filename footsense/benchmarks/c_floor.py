@@ -17,13 +17,10 @@ from footsense.errors import FootsenseError
 from footsense.estimation.faults.consistency import RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
 from footsense.foot.files.network_card import TrainedInputs
-from footsense.frames import ELEMENTS, CapFrame
+from footsense.frames import ELEMENTS, CapFrame, Stamps, Vector
 
 _SOURCE = Path(__file__).with_name("c_floor.c")
 _LEGS = 6
-
-_Doubles = NDArray[np.float64]
-_Stamps = NDArray[np.int64]
 
 
 def compiler() -> str | None:
@@ -100,14 +97,14 @@ class CFloor:
         self._library = library
         self._force_n = np.zeros((_LEGS, 3))
 
-    def tare(self, baseline_pf: _Doubles) -> None:
+    def tare(self, baseline_pf: Vector) -> None:
         """Set the baselines of all legs [pF], shape (legs, 9)."""
         baseline_pf = np.ascontiguousarray(baseline_pf, np.float64)
         self._library.floor_tare(_address(baseline_pf))
 
     def run(
         self, scan: CapFrame, codes: NDArray[np.int32], now_ns: int, socket: int, pipe: int
-    ) -> _Doubles | None:
+    ) -> Vector | None:
         """Run one cycle of the C implementation.
 
         Args:
@@ -127,7 +124,7 @@ class CFloor:
 
     def pace(
         self, period_ns: int, played: list[tuple[CapFrame, int]], n: int, fds: tuple[int, ...]
-    ) -> _Stamps:
+    ) -> Stamps:
         """Do `n` cycles, one per period, of scans in a loop.
 
         Args:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.benchmarks.latency_vs_error.chain import ORDERS, Readings, convert, pace, true_loads
+from footsense.acquisition.scan_plan import ORDERS
+from footsense.benchmarks.latency_vs_error.chain import Readings, convert, pace, true_loads
 from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     TrueLoads,
     latency_and_errors,

@@ -3,7 +3,12 @@
 import re
 from pathlib import Path
 
+import click
+import msgspec
 import pytest
+
+from footsense.cli import main
+from footsense.config import Config, sections
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(
@@ -16,6 +21,7 @@ _LINK = re.compile(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)")
 _PATH = re.compile(
     r"`((?:[\w.-]+/)+[\w.-]*\.(?:py|md|yaml|c|h|dbc|toml|csv|onnx|npz|network|service|rules))`"
 )
+_BLOCK = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
 #: Folders that a path in the text may start from, beside the page's own.
 _STARTS = (
     "",
@@ -50,3 +56,53 @@ def test_documents_that_code_refers_to_exist() -> None:
             if not made_by_a_command and not (ROOT / named).exists() and not list(ROOT.glob(f"{named}*")):
                 missing.append(f"{path.relative_to(ROOT)}: {named}")
     assert not missing
+
+
+def commands(text: str) -> list[list[str]]:
+    """Return the words behind `footsense` of every command line in a page, in blocks and within lines."""
+    lines = "\n".join(_BLOCK.findall(text)).replace("\\\n", " ").splitlines()
+    lines += [" ".join(span.split()) for span in re.findall(r"`([^`]+)`", _BLOCK.sub("", text))]
+    found = (re.match(r"(?:\S*/)?footsense (?=\S)([^#]*)", line) for line in lines)
+    return [match[1].split() for match in found if match]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=str)
+def test_commands_and_options_of_a_page_exist(page: Path) -> None:
+    """Each command of a page is one of the command line's, and so is each of its options."""
+    wrong = []
+    for words in commands((ROOT / page).read_text(encoding="utf-8")):
+        command: click.Command | None = main
+        rest = [word for word in words if word != "-v"]
+        while isinstance(command, click.Group) and rest:
+            command = command.get_command(click.Context(command), rest.pop(0))
+        known = (
+            {option for param in command.params for option in param.opts + param.secondary_opts}
+            if command
+            else set()
+        )
+        named = {word for word in rest if word.startswith("--")}
+        if command is None or named - known:
+            wrong.append(" ".join(words))
+    assert not wrong
+
+
+@pytest.mark.parametrize("page", PAGES, ids=str)
+def test_keys_and_metrics_of_a_page_exist(page: Path) -> None:
+    """`section.key` is one of the configuration, and `footsense_...` a metric or a name of the C header files."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    structs = [value for value in vars(sections).values() if isinstance(value, msgspec.StructMeta)]
+    keys = {key for cls in (Config, *structs) for key in cls.__struct_fields__}
+    dotted = [
+        name.replace("[]", "").split(".") for name in re.findall(r"`([a-z_]+(?:\[\])?(?:\.[a-z_]+)+)`", text)
+    ]
+    wrong = [
+        ".".join(parts) for parts in dotted if parts[0] in Config.__struct_fields__ and set(parts) - keys
+    ]
+    sources = (*ROOT.glob("footsense/telemetry/*.py"), *ROOT.glob("firmware_interface/c/*.h"))
+    names = {
+        name for path in sources for name in re.findall(r"footsense_\w+", path.read_text(encoding="utf-8"))
+    }
+    named = set(re.findall(r"\bfootsense_\w+", text)) - {
+        path.stem for path in ROOT.glob("firmware_interface/c/*")
+    }
+    assert wrong + sorted(named - names) == []

@@ -16,17 +16,11 @@ from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.chips import fdc1004
 from firmware_interface.schedule import scan_limits
 from footsense.foot.specimen import Foot
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, Stamps, Vector
 from footsense.sim.loads.ground_load import GroundContact
-
-Vector = NDArray[np.float64]
-Stamps = NDArray[np.int64]
 
 #: Load of one foot at a time [ns].
 FootLoad = Callable[[int], GroundContact]
-
-#: Orders of a scan by their names in the configuration.
-ORDERS = {"raster": tuple(range(ELEMENTS)), "lo_shu": (5, 0, 7, 6, 4, 2, 1, 8, 3)}
 
 #: Bus clock [Hz], and cost of a transaction on the host [ns]: planning value of a Raspberry Pi 4.
 BUS_HZ, HOST_COST_NS = 400_000, 40_000

@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
-from numpy.typing import NDArray
 
 from firmware_interface.can_codes import NODE_IDS
-from footsense.benchmarks.latency_vs_error.chain import ORDERS, Readings, convert, pace
+from footsense.acquisition.scan_plan import ORDERS
+from footsense.benchmarks.latency_vs_error.chain import Readings, convert, pace
 from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     LatencyAndErrors,
     TrueLoads,
@@ -22,7 +22,7 @@ from footsense.benchmarks.latency_vs_error.latency_and_errors import (
 from footsense.benchmarks.latency_vs_error.publishing import by_element, by_frame
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, Vector
 from footsense.ports import Estimator
 from footsense.sim.loads.ground_load import Ramp
 
@@ -109,7 +109,7 @@ class WalkAndStand(NamedTuple):
         )
 
 
-def _xy(points: Sequence[OperatingPoint], panel: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _xy(points: Sequence[OperatingPoint], panel: str) -> tuple[Vector, Vector]:
     """Return latencies [ms], and errors or noises [mN]."""
     latency_ms = np.array([p.walk.age_held_ms[0] for p in points])
     return latency_ms, np.array(

@@ -4,13 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from footsense.benchmarks.latency_vs_error.chain import FootLoad, Stamps, true_loads
+from footsense.benchmarks.latency_vs_error.chain import FootLoad, true_loads
 from footsense.benchmarks.latency_vs_error.publishing import PublishedForces
 from footsense.foot.directions import angles_between_deg
-
-Vector = NDArray[np.float64]
+from footsense.frames import Stamps, Vector
 
 #: True force from which a direction is defined, and from which a foot is in contact [N].
 LOADED_N, CONTACT_N = 0.1, 0.02

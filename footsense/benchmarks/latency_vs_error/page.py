@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.benchmarks.latency_vs_error.chain import BUS_HZ, HOST_COST_NS, ORDERS, convert, pace
+from footsense.acquisition.scan_plan import ORDERS
+from footsense.benchmarks.latency_vs_error.chain import BUS_HZ, HOST_COST_NS, convert, pace
 from footsense.benchmarks.latency_vs_error.grid import FRAME_BITS, OperatingPoint, WalkAndStand, grid_figure
 from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     SIGMA_MULTIPLES,

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footsense.benchmarks.latency_vs_error.chain import Readings, Stamps, Vector
+from footsense.benchmarks.latency_vs_error.chain import Readings
 from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.foot.files.network_card import TrainedInputs
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, Stamps, Vector
 from footsense.ports import Estimator
 
 

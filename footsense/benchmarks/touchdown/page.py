@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 
 from footsense.benchmarks.latency_vs_error.chain import pace
 from footsense.benchmarks.touchdown.run import ELEMENT, FRAME, METHODS, Run, run
-from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, TOUCHDOWNS, TREMOR_N, Mask, Steps, Vector
+from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, TOUCHDOWNS, TREMOR_N, Steps
+from footsense.frames import Mask, Vector
 from footsense.lab.studies.page import Figures, Study, StudyContext, panels
 
 #: Feet of each manner, and length of the run [s].

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from firmware_interface.chips import fdc1004
-from footsense.benchmarks.latency_vs_error.chain import ORDERS, Stamps, converted_pf, latest, pace
-from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, Mask, Steps, Vector
+from footsense.acquisition.scan_plan import ORDERS
+from footsense.benchmarks.latency_vs_error.chain import converted_pf, latest, pace
+from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, Steps
 from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.estimation.baseline.contact import ContactLimits
@@ -17,7 +18,7 @@ from footsense.estimation.sensitivity import sensitivity
 from footsense.foot.files.network_card import read_card
 from footsense.foot.gap_contact import capacitance_pf
 from footsense.foot.specimen import Foot
-from footsense.frames import ELEMENTS, CapFrame, Flag, Reading
+from footsense.frames import ELEMENTS, CapFrame, Flag, Mask, Reading, Stamps, Vector
 from footsense.lab.studies.page import StudyContext
 
 #: Ways to read a foot.

@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from footsense.frames import Mask, Vector
 
 #: Load from which a foot counts as in contact [N].
 CONTACT_N = 0.03

@@ -1,17 +1,14 @@
 """`footsense lab experiment`: the paper's experiment on simulated feet."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from footsense.cli.lab.options import output_option, report_folder, stopwatch_report
-from footsense.cli.options import echo_json, json_option
+from footsense.cli.lab.options import output_option
+from footsense.cli.lab.study import write_study
+from footsense.cli.options import json_option
 from footsense.daemon.foot_types import foot_type_folder
 from footsense.validation.test_stand_trial import FootBatch
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 
 @click.command()
@@ -43,20 +40,9 @@ def experiment(
     Every foot is read by the daemon through the bytes of its chips, and pressed at the paper's 362 and 180 loads beside
     a simulated reference sensor.
     """
-    folder = report_folder(output, quick=quick)
     from footsense.cli.lab.experiment_page import study_of
-    from footsense.lab.report import bind
-    from footsense.lab.studies.page import StudyContext
 
     batch = FootBatch(seed=seed, foot_type=foot_type or FootBatch().foot_type)
-    say: Callable[[str], None] = (lambda _: None) if as_json else stopwatch_report()
-    context = StudyContext(models=foot_type_folder(batch.foot_type), quick=quick, say=say)
-    page = study_of(batch, n_feet, jobs).page(context)
-    page.write(folder)
-    if foot_type is None:
-        bind(folder, context)
-    if as_json:
-        echo_json(page.values)
-    else:
-        click.echo(page.markdown)
-    say(f"wrote {folder / page.name}.md")
+    page = study_of(batch, n_feet, jobs).page
+    models, bound = foot_type_folder(batch.foot_type), foot_type is None
+    write_study(page, models, output, quick=quick, as_json=as_json, bound=bound)

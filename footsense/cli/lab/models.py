@@ -95,21 +95,12 @@ def compare(*, other: Path, models: Path | None) -> None:
     """Print how far a build in OTHER is from the released files, and by how much its network is worse.
 
     Ends with exit code 1 where one is beyond what is tolerated; a better network is none.
-    """
+    """  # noqa: DOC501 - click shows this text
     from footsense.lab.evaluation.compare import compare as compare_builds
 
     differences = compare_builds(models or released_folder(), other)
     for row in differences:
         verdict = "same" if row.same else "DIFFERS"
         click.echo(f"{row.what}: {row.measured:.3g}, tolerated {row.tolerated:.3g}: {verdict}")
-    _require_same(all(row.same for row in differences), other)
-
-
-def _require_same(same: bool, other: Path) -> None:  # noqa: FBT001 - one question, one answer
-    """Turn a verdict into an exit code.
-
-    Raises:
-        FootsenseError: The builds differ.
-    """
-    if not same:
+    if not all(row.same for row in differences):
         raise FootsenseError(f"{other} is not the same release")

@@ -99,15 +99,25 @@ def response(
             click.echo("  " + "  ".join(f"{value:8.3f}" for value in row))
 
 
-def _study(
+def write_study(
     study: "str | Callable[[StudyContext], Page]",
     models: Path | None,
     output: Path | None,
     *,
     quick: bool,
     as_json: bool = False,
+    bound: bool = True,
 ) -> None:
-    """Run a study by name or function, write its page, bind it, and print it, or its numbers alone as JSON."""
+    """Run a study by name or function, write its page, and print it, or its numbers alone as JSON.
+
+    Args:
+        study: Its name, or what makes its page.
+        models: Folder of a foot type; None for the released one.
+        output: Folder for the page; None for the default one.
+        quick: Whether it answers in seconds.
+        as_json: Whether to print JSON.
+        bound: Whether the page becomes part of the report.
+    """
     folder = report_folder(output, quick=quick)
     from footsense.lab.report import STUDIES, bind, make_page
     from footsense.lab.studies.page import StudyContext
@@ -116,12 +126,14 @@ def _study(
     context = StudyContext(models=models or released_folder(), quick=quick, say=say)
     page = make_page(study, context, STUDIES | DAEMON_STUDIES) if isinstance(study, str) else study(context)
     page.write(folder)
-    bind(folder, context)
+    if bound:
+        bind(folder, context)
     if as_json:
         echo_json(page.values)
         return
     click.echo(page.markdown)
-    click.echo(f"wrote {folder / page.name}.md, and bound it into {folder / 'README.md'}")
+    into = f", and bound it into {folder / 'README.md'}" if bound else ""
+    click.echo(f"wrote {folder / page.name}.md{into}")
 
 
 @click.command()
@@ -131,14 +143,14 @@ def _study(
 @_quick_option
 def study(*, name: str, models: Path | None, output: Path | None, quick: bool) -> None:
     """Run the study NAME: its page with tables and figures goes into the report. An unknown name lists all."""
-    _study(name, models, output, quick=quick)
+    write_study(name, models, output, quick=quick)
 
 
 def _named(name: str, words: str) -> click.Command:
     """Return the dedicated command of a study."""
 
     def run(*, models: Path | None, output: Path | None, quick: bool, as_json: bool) -> None:
-        _study(name, models, output, quick=quick, as_json=as_json)
+        write_study(name, models, output, quick=quick, as_json=as_json)
 
     run.__doc__ = words
     return click.command(name)(models_option(output_option(_quick_option(json_option(run)))))
@@ -189,7 +201,7 @@ def tolerance(
     from footsense.lab.studies.accuracy.tolerance import STUDY, run_study
 
     own = replace(STUDY, compute=partial(run_study, workers=parallel(scheduler), file=file))
-    _study(own.page, models, output, quick=quick)
+    write_study(own.page, models, output, quick=quick)
 
 
 @click.command()
@@ -210,7 +222,7 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
     folder = models or Path("models") / (f"{DEFAULT_FOOT_TYPE}-quick" if quick else DEFAULT_FOOT_TYPE)
     require_writable(folder)
     pages = report_folder(output, quick=quick)
-    from footsense.cli.lab.faults import write_page_of_faults
+    from footsense.cli.lab.faults_page import STUDY as FAULTS
     from footsense.lab.build import FULL, QUICK, build
     from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
     from footsense.lab.foot_file import FOOT_FILE
@@ -223,7 +235,9 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
         build_s = (stopwatch_ns() - started_ns) / 1e9
     context = StudyContext(models=folder, quick=quick, say=say)
     if not (resume and is_made("faults", pages, context)):
-        say(f"faults: {write_page_of_faults(pages, context).seconds:.0f} s")
+        page = FAULTS.page(context)
+        page.write(pages)
+        say(f"faults: {page.seconds:.0f} s")
     studies = STUDIES | DAEMON_STUDIES
     say(f"wrote {make_report(pages, context, studies, build_s=build_s, resume=resume, report=say)}")
 

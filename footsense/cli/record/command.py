@@ -76,7 +76,7 @@ def record(
     The set is complete when there are enough loads, and in two of the bands of 50, 100 and 150 gf 95 % of the
     directions from 40 deg of elevation up are within reach of one. Ctrl-C ends the session before; the recording is
     whole then, too. Without --config, a simulated foot is pressed.
-    """
+    """  # noqa: DOC501 - click shows this text
     test_stand = load_test_stand(test_stand_file)
     config = _mounted(load_config(config_file) if config_file else _simulated(leg), leg, foot)
     row = config.legs.index(leg)
@@ -112,7 +112,8 @@ def record(
         guide.close()
     _report(out, guide, service.reference)
     _draw(out, guide, f"{foot}, session {run.session}")
-    _require_consistent_reference(out, guide)
+    if guide.findings:
+        raise CalibrationError(f"{out} is kept, but do not calibrate with it: {'; '.join(guide.findings)}")
 
 
 def _simulated(leg: str) -> Config:
@@ -193,16 +194,6 @@ def _report(out: Path, guide: SessionGuide, sensor: StandSensor | None) -> None:
             f"{counts.n_saturated} saturated, clock jumped {counts.n_jumps} times, opened {counts.n_opened} times, "
             f"times to {counts.residual_ms:.1f} ms"
         )
-
-
-def _require_consistent_reference(out: Path, guide: SessionGuide) -> None:
-    """Check at the end that the foot does not contradict the reference.
-
-    Raises:
-        CalibrationError: It does.
-    """
-    if guide.findings:
-        raise CalibrationError(f"{out} is kept, but do not calibrate with it: {'; '.join(guide.findings)}")
 
 
 def _draw(out: Path, guide: SessionGuide, title: str) -> None:
