@@ -55,7 +55,7 @@ class Recipe:
     """Sizes and training protocols of a build.
 
     Attributes:
-        mesh: Fineness of the solid.
+        mesh: Resolution of the solid's mesh.
         random_loads: Number of random loads of the training.
         released: Training of the released network.
         only_362: Training on the paper's cases alone.
