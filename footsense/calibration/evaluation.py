@@ -11,7 +11,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from footsense.calibration.loads.calibration_load import LoadSet
+from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
@@ -22,19 +22,6 @@ from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Mask, Vector
 from footsense.ports import Estimator
-
-__all__ = [
-    "BANDS",
-    "CALIBRATED",
-    "DESIGN_ONLY",
-    "DesignModels",
-    "Estimates",
-    "Evaluation",
-    "MagnitudeBand",
-    "estimate_loads",
-    "evaluate",
-]
-
 
 #: Sources of estimates: the network of the design alone, and with the foot's calibration.
 DESIGN_ONLY, CALIBRATED = "network alone", "with calibration"

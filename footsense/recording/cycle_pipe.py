@@ -11,8 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from footsense.frames import Cycle
 from footsense.recording.cycle_records import LostCycles, pack_cycle, pack_header, pack_loss
 
-__all__ = ["CyclePipe"]
-
 
 class CyclePipe:
     """The writing end of a pipe of cycles.

@@ -19,8 +19,6 @@ from footsense.recording import messages
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
 from footsense.recording.reference_messages import encode_reference, reference_schema
 
-__all__ = ["HEADER_CRC", "METADATA", "PROFILE", "McapFile", "header_crc"]
-
 #: Profile of the container, which identifies footsense's files.
 PROFILE = "footsense"
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from footsense.calibration.evaluation import DesignModels, estimate_loads
 from footsense.calibration.fit.calibrate import calibrate
-from footsense.calibration.loads.calibration_load import LoadSet
+from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import read_session
 from footsense.clock import stopwatch_ns
 from footsense.daemon.foot_types import foot_type_folder

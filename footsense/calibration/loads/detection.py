@@ -14,9 +14,6 @@ from footsense.calibration.loads.calibration_load import CalibrationLoad, Press,
 from footsense.calibration.loads.dwell import reduce_press
 from footsense.frames import Codes, Cycle, Reading, Reference, Vector
 
-__all__ = ["LoadDetector", "join_references"]
-
-
 _NS_PER_MS = 1_000_000
 
 #: Mean change of the elements that begins a press [1]: 20 fF of 5 pF, that of some 10 mN.

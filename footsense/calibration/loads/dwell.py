@@ -13,9 +13,6 @@ from footsense.calibration.loads.reference_lag import lag_s
 from footsense.calibration.loads.steady_span import longest_steady
 from footsense.frames import ELEMENTS, Mask, Reading, Stamps, Vector
 
-__all__ = ["reduce_press"]
-
-
 _NS_PER_S = 1_000_000_000
 
 #: Shortest dwell of a load [s]: 60 samples of a slow sensor, 12 scans, 3 of the slowest converter.

@@ -14,8 +14,6 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Vector
 from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact
 
-__all__ = ["PressSequence", "paper_presses"]
-
 
 def paper_presses(protocol: Literal["training", "verification"]) -> Vector:
     """Return the forces of the paper's protocol [N], shape (n, 3).
