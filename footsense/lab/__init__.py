@@ -1,8 +1,10 @@
-"""The workshop: from rubber to the released network. Offline, needs the extra `footsense[lab]`.
+"""The lab: from rubber to the released network. Offline, needs the extra `footsense[lab]`.
 
-    geometry > solid > adjoint > response        the foot becomes a table (foot/response_table.py reads it)
-    dataset > train (network) > export           the table becomes load cases, those a network with a card
-    evaluate, evaluate_models, compare, build    how good, whether the same, and all of it in one go
-
-Not here yet: gaps that shut and carry load, finite strain, a solved contact with the floor.
+geometry, foot_file    a foot type as numbers, from its foot.yaml
+fem, response          adjoint solves of the elastic foot, and the response table of them (foot/response_table.py)
+contact, fidelity      the full solve, and all models of the foot side by side
+training, evaluation   load cases, networks and their export; errors, comparison, Cramer-Rao bound
+monte_carlo            specimens with fabrication tolerances
+build, model_card      all files of a foot type in one run
+studies, report        pages with tables and figures
 """

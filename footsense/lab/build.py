@@ -1,4 +1,4 @@
-"""The whole chain, from rubber to the files of a foot type: solve, tabulate, train, judge, export.
+"""Build of a foot type: solve, tabulate, train, evaluate, export.
 
 Nothing is written before everything is made, and a file appears whole or not at all.
 """
@@ -55,7 +55,7 @@ class Recipe:
     """Sizes and training protocols of a build.
 
     Attributes:
-        mesh: Fineness of the solid.
+        mesh: Resolution of the solid's mesh.
         random_loads: Number of random loads of the training.
         released: Training of the released network.
         only_362: Training on the paper's cases alone.

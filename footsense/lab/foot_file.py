@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from firmware_interface.chips import fdc1004
-from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, FootDesign
+from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, UM_PER_MM, FootDesign
 from footsense.strict_yaml import Problem, load
 
 #: Name of the file in the folder of a foot type.
 FOOT_FILE = "foot.yaml"
-#: What an element has at rest at least [pF]: beside it, a line that is open still reads a tenth of a picofarad.
+#: Least unloaded capacitance [pF]: an open line still reads a tenth of a picofarad.
 _LEAST_PF = 1.0
-_UM_PER_MM = 1000.0
 #: Sums of lengths may be off by this much [mm]: rounding, and nothing that can be made.
 _ROUNDING_MM = 1e-9
 
@@ -75,19 +74,19 @@ def _on_the_sheet(design: FootDesign) -> Iterator[Problem]:
 
 
 def _between_the_electrodes(design: FootDesign) -> Iterator[Problem]:
-    spacer_um = _UM_PER_MM * design.spacer_mm
+    spacer_um = UM_PER_MM * design.spacer_mm
     filled_um = design.gap_um + design.film_um
-    if design.gap_um > spacer_um + _UM_PER_MM * _ROUNDING_MM:
+    if design.gap_um > spacer_um + UM_PER_MM * _ROUNDING_MM:
         yield Problem(
             "gap_um",
             f"a gap of {design.gap_um:g} um is thicker than the spacer of {spacer_um:g} um that holds it open; "
             f"use at most {spacer_um:g}",
         )
-    if spacer_um > filled_um + _UM_PER_MM * _ROUNDING_MM:
+    if spacer_um > filled_um + UM_PER_MM * _ROUNDING_MM:
         yield Problem(
             "spacer_mm",
             f"a spacer of {spacer_um:g} um leaves room beside gap and film, which fill {filled_um:g} um; "
-            f"use at most {filled_um / _UM_PER_MM:g}",
+            f"use at most {filled_um / UM_PER_MM:g}",
         )
 
 
@@ -97,12 +96,12 @@ def _on_the_converter(design: FootDesign) -> Iterator[Problem]:
     if capacitor.unloaded_pf < _LEAST_PF:
         yield Problem(
             "electrode_mm",
-            f"an element has {capacitor.unloaded_pf:.2f} pF at rest, too little to be told from an open line; "
+            f"an element has {capacitor.unloaded_pf:.2f} pF unloaded, too little to differ from an open line; "
             f"use larger electrodes, or a thinner gap or film, for at least {_LEAST_PF:g} pF",
         )
     if half_pf > most_pf:
         yield Problem(
             "electrode_mm",
-            f"an element has {half_pf:.1f} pF with its gap half shut, the converter reads up to {most_pf:.1f} pF; "
+            f"an element has {half_pf:.1f} pF with its gap half closed, the converter reads up to {most_pf:.1f} pF; "
             "use smaller electrodes, or a thicker gap or film",
         )

@@ -13,10 +13,14 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
+from numpy.typing import NDArray
 
 from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.hertz import contact_radius_mm
 
+#: Micrometres in a millimetre.
+UM_PER_MM = 1000.0
 #: Lowest contact normal that a foot's response table answers for [deg].
 MIN_ELEVATION_DEG = 25.0
 #: Rim of the disc that the table is fitted on [deg]: below the lowest contact by more than the largest patch.
@@ -66,7 +70,7 @@ class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     Attributes:
         max_n: Largest force [N].
         friction_angle_deg: Largest angle between force and contact normal [deg].
-        typical_lean_deg: How far leaning loads lean, sideways and along [deg, rms each].
+        typical_lean_deg: Lean of the leaning loads, sideways and along [deg, rms each].
         min_elevation_deg: Lowest elevation of force and of contact normal [deg].
         centred_share: Share of the loads that do not lean [1].
     """
@@ -81,7 +85,7 @@ class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def lightest_n(self) -> float:
-        """Lightest touch that is taught on purpose [N]."""
+        """Lightest force of the training [N]."""
         return 0.005 * self.max_n
 
     @property
@@ -107,7 +111,7 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         spacer_mm: Thickness of the layer with the cavities [mm].
         pitch_mm: Distance of neighbouring elements [mm].
         electrode_mm: Side of an electrode and of its cavity [mm].
-        gap_um: Air gap at rest [um].
+        gap_um: Unloaded air gap [um].
         film_um: Film below the gap [um].
         film_eps_r: Relative permittivity of the film [1].
         rubber: Material of the ball.
@@ -147,7 +151,20 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """Centre (x, y) of each element [mm], flat index 3 i + j: row 0 most forward, column 0 leftmost."""
         return [((1 - i) * self.pitch_mm, (1 - j) * self.pitch_mm) for i in range(3) for j in range(3)]
 
+    @property
+    def cell_mm2(self) -> float:
+        """Area of one square cell of a cavity [mm2]."""
+        return (self.electrode_mm / CELLS_PER_SIDE) ** 2
+
+    def touch_mm(self, normal: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where a floor touches the unloaded ball [mm], shape (..., 3), of inward unit normals."""
+        touch: NDArray[np.float64] = -self.ball_radius_mm * normal - np.array([0.0, 0.0, self.plate_mm])
+        return touch
+
+    def patch_mm(self, force_n: float) -> float:
+        """Return the radius of a contact patch under a force along its normal [mm], by Hertz."""
+        return float(contact_radius_mm(force_n, self.ball_radius_mm, self.rubber.hertz_mpa))
+
     def patch_deg(self, force_n: float) -> float:
-        """Return how far a contact patch reaches around the ball under a force along its normal [deg], by Hertz."""
-        radius_mm = contact_radius_mm(force_n, self.ball_radius_mm, self.rubber.hertz_mpa)
-        return float(np.degrees(radius_mm / self.ball_radius_mm))
+        """Return the radius of a contact patch as an angle around the ball [deg]."""
+        return float(np.degrees(self.patch_mm(force_n) / self.ball_radius_mm))

@@ -18,11 +18,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.foot.gap_contact import CELLS_PER_SIDE
+from footsense.foot.directions import tangent_frame
 from footsense.foot.response_table import FootResponse, n_products, series_basis
-from footsense.foot.symmetry import HALF_SIDE, SIDE, product_powers
+from footsense.foot.symmetry import product_powers
 from footsense.lab.fem.adjoint import ClassField, class_field
-from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
+from footsense.lab.fem.elasticity import Layer
+from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_grid
 from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
 from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, FootDesign
 
@@ -73,15 +74,6 @@ def fit_class(field: ClassField, degree: int = DEGREE) -> Vector:
     return series
 
 
-def _as_grid(per_cell: Vector, foot_design: FootDesign, axis: int) -> Vector:
-    """Return values per cell of the quarter, in the order of `quarter_cells`, as a 9 x 9 grid in place of `axis`."""
-    order = np.empty((HALF_SIDE, HALF_SIDE), np.intp)
-    for number, cell in enumerate(quarter_cells(foot_design)):
-        row, column = divmod(cell.element, 3)
-        order[row * CELLS_PER_SIDE + cell.forward, column * CELLS_PER_SIDE + cell.leftward] = number
-    return np.take(per_cell, order, axis=axis)
-
-
 def _swapped(degree: int) -> NDArray[np.intp]:
     """Return where the product T_j T_i of each product T_i T_j stands in the series."""
     i, j = product_powers(degree)
@@ -112,11 +104,9 @@ def add_compliance(classes: dict[Parity, Vector]) -> Vector:
     Args:
         classes: Closure of one cell of the quarter under a force on another, shapes (9, 9, 9, 9).
     """
-    whole = np.zeros((HALF_SIDE, HALF_SIDE, SIDE, SIDE))
     transposed = classes[Parity(1, -1)].transpose(1, 0, 3, 2)
-    for parity, part in [*classes.items(), (Parity(-1, 1), transposed)]:
-        half = np.concatenate([part, parity.x * part[:, :, ::-1]], axis=2)
-        whole += np.concatenate([half, parity.y * half[:, :, :, ::-1]], axis=3) / 4.0
+    parts = [*classes.items(), (Parity(-1, 1), transposed)]
+    whole: Vector = np.sum([parity.unfold(part, 2) for parity, part in parts], axis=0) / 4.0
     return whole
 
 
@@ -137,10 +127,7 @@ def patch_mean(point_series: Vector, normal: Vector, radius_mm: float, foot_desi
     s, share = (gauss + 1.0) / 2.0, weight / 2.0 * 3.0 * ((gauss + 1.0) / 2.0) ** 2
     turn = 2.0 * np.pi * np.arange(12) / 12.0
     radial = np.sqrt(1.0 - s**2) * radius_mm / foot_design.ball_radius_mm
-    aside = np.where(np.abs(normal[:, :1]) < 0.5, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    first = np.cross(normal, aside)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    second = np.cross(normal, first)
+    first, second = tangent_frame(normal)
     degree = _degree_of(point_series)
     basis = np.zeros((len(normal), len(point_series)))
     for distance, part in zip(radial, share, strict=True):
@@ -177,14 +164,18 @@ def _rounded(table: Any) -> Vector:
 
 
 def make_response(
-    foot_design: FootDesign, size: MeshSize, report: Callable[[str], None] = lambda _: None
+    foot_design: FootDesign,
+    size: MeshSize,
+    report: Callable[[str], None] = lambda _: None,
+    layer: Layer | None = None,
 ) -> FootResponse:
     """Return the response table of a foot, with its errors in the provenance.
 
     Args:
         foot_design: The foot.
-        size: Fineness of the mesh.
-        report: Told what has just been done, one line each.
+        size: Resolution of the mesh.
+        report: Receives a line after each class.
+        layer: Joins the plates; the spacer's bars if None.
 
     Raises:
         ModelError: The foot cannot be meshed, or its stiffness is singular.
@@ -192,7 +183,7 @@ def make_response(
     mesh = build_mesh(foot_design, size)
     fields = {}
     for parity in SOLVED:
-        quarter = Quarter(foot_design, size, parity, mesh)
+        quarter = Quarter(foot_design, size, parity, mesh, layer)
         fields[parity] = class_field(quarter)
         report(
             f"class {parity.x:+d} {parity.y:+d}: {mesh.ne} elements, {quarter.n_unknowns} unknowns, 81 solves"
@@ -207,21 +198,24 @@ def tabulate(
 
     Args:
         foot_design: The foot.
-        size: Fineness of the mesh that they were solved on.
+        size: Mesh of the fields.
         fields: The fields of the solved classes.
         counts: Elements and unknowns, for the provenance.
     """
 
     def single(degree: int) -> Vector:
         return add_series(
-            {p: _as_grid(fit_class(f, degree), foot_design, 1) for p, f in fields.items()}, degree
+            {p: quarter_grid(fit_class(f, degree), foot_design, 1) for p, f in fields.items()}, degree
         )
 
     raw = single(DEGREE)
     point = _rounded((raw + transposed_series(raw, DEGREE)) / 2.0)
     lower = single(DEGREE - 4)
     compliance = add_compliance(
-        {p: _as_grid(_as_grid(f.compliance, foot_design, 0), foot_design, 2) for p, f in fields.items()}
+        {
+            p: quarter_grid(quarter_grid(f.compliance, foot_design, 0), foot_design, 2)
+            for p, f in fields.items()
+        }
     )
     compliance = (compliance + compliance.transpose(1, 0, 3, 2)) / 2.0
     normal = disc_normals(MIN_ELEVATION_DEG)

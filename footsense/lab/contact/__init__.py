@@ -1,13 +1,12 @@
-"""The full solve: the foot at finite strain, pressed by a rigid floor with friction, its gaps closing one by one.
+"""The full solve: the foot at finite strain, pressed by a rigid floor with friction, with contact in its gaps.
 
-    mesh       the two bodies, refined where they are touched and at the edges of the spacer's bars
-    material   neo-Hookean rubber with a pressure of its own, neo-Hookean PDMS, and both at small strain
-    case       one foot, one contact, one force, and what follows without a solve
-    floor      what presses: a rigid plane with Coulomb friction (plane), or the patch that others assume (hertz)
-    body       the weak form: solids, bars, cavities, floor
-    newton     one equilibrium: displacement, pressure and place of the floor together
-    readout    closures and capacitances from the displacement
-    foot       a load case from end to end
+    load_case    one foot, one contact, one force, and the quantities that need no solve
+    mesh         the two bodies, refined under the floor and at the edges of the spacer's bars
+    body         the weak form: solids, bars, cavities, floor
+    floor        the interface of plane_floor (a rigid plane with Coulomb friction) and hertz_floor (a given patch)
+    equilibrium  Newton's method for displacement, pressure and position of the floor together
+    readout      closures and capacitances from the displacement
+    full_solve   a load case from end to end
 
-The dear end of the ladder of models: it tells what the cheaper ones lose.
+The most expensive fidelity level: it measures the errors of the cheaper ones.
 """

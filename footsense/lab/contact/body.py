@@ -16,12 +16,12 @@ import ngsolve.comp
 import numpy as np
 
 from footsense.lab.contact.floor import Floor
-from footsense.lab.fem.elasticity import energy, mixed_energy
+from footsense.lab.fem.elasticity import Layer, energy, mixed_energy
 from footsense.lab.geometry import FootDesign
 
-#: Stiffness k of a shut gap to begin with [MPa/mm].
+#: Stiffness k of a closed gap to begin with [MPa/mm].
 GAP_STIFFNESS = 200.0
-#: Deepest penetration of a shut gap, over the gap [1].
+#: Deepest penetration of a closed gap, over the gap [1].
 PENETRATION_REL = 0.01
 
 
@@ -60,7 +60,7 @@ class Body:
         """Present displacement of the leg side [mm]."""
         return self.state.components[1]
 
-    def form(self, floor: Floor, *, finite_strain: bool, gaps_shut: bool) -> Any:
+    def form(self, floor: Floor, *, finite_strain: bool, gap_contact: bool) -> Any:
         """Return internal work minus work of the ground contact, as a nonlinear form."""
         (u_ground, u_leg, p), (v_ground, v_leg, _) = self.space.TnT()
         form = ng.BilinearForm(self.space, symmetric=True)
@@ -71,10 +71,9 @@ class Body:
             form += ng.Variation(mixed * ng.dx(f"rubber_{side}"))
             form += ng.Variation(plain * ng.dx(f"pdms_{side}"))
         jump, jump_v = u_ground - u_leg, v_ground - v_leg
-        across = (pdms.shear_mpa, pdms.shear_mpa, pdms.confined_mpa)
-        layer = sum(across[k] / self.design.spacer_mm * jump[k] * jump_v[k] for k in range(3))
-        form += layer * ng.ds("bars")
-        if gaps_shut:
+        bars = Layer(pdms, self.design.spacer_mm)
+        form += bars.traction(jump) * jump_v * ng.ds(bars.faces)
+        if gap_contact:
             deep = jump[2] - self.design.gap_um * 1e-3
             stress = self._gap_stiffness * ng.IfPos(deep, deep, 0.0)
             form += stress * jump_v[2] * ng.ds("cavity", intrules=self._points.GetIntegrationRules())
@@ -96,12 +95,12 @@ class Body:
         return moved.vec
 
     def penetration_rel(self) -> float:
-        """Return how deep the electrode planes are in each other at worst, over the gap [1]; below 0 while open."""
+        """Return the deepest penetration of the electrode planes, over the gap [1]; below 0 while open."""
         gap_mm = self.design.gap_um * 1e-3
         deep = ng.GridFunction(self._points)
         deep.Interpolate(self.ground[2] - self.leg[2] - gap_mm, definedon=self.mesh.Boundaries("cavity"))
         return float(np.max(deep.vec.FV().NumPy())) / gap_mm
 
     def stiffen_gaps(self, factor: float) -> None:
-        """Raise the stiffness of shut gaps by a factor."""
+        """Raise the stiffness of closed gaps by a factor."""
         self._gap_stiffness.Set(self._gap_stiffness.Get() * factor)

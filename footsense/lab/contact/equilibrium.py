@@ -1,4 +1,4 @@
-"""One equilibrium: displacement, pressure and place of the floor together.
+"""One equilibrium: displacement, pressure and position of the floor together, by Newton's method.
 
 With r(u, q) the nodal forces out of balance, and E_k the translation of the ground side along axis k, the floor
 exerts F_k = -E_k . c(u, q), where c is the floor's part of r. It depends on u - q alone, so with its tangent C
@@ -111,7 +111,7 @@ class Equilibrium:
             tolerance_rel: Largest residual over the scale [1].
 
         Returns:
-            What it took.
+            Steps and residual.
 
         Raises:
             ConvergenceError: The residual is no number, or too large after MOST_STEPS.

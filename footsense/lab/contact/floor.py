@@ -12,11 +12,11 @@ FACE = "curved_ground"
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """How the foot touches.
+    """The contact patch.
 
     Attributes:
         radius_mm: Radius of the circle with the area of the touching surface, undeformed [mm].
-        approach_mm: How far the floor has come along the normal since it touched [mm].
+        approach_mm: Travel of the floor along the normal since it touched [mm].
         peak_mpa: Largest pressure per undeformed area [MPa], of its projection on linear elements.
     """
 
@@ -29,7 +29,7 @@ class Floor(Protocol):
     """Ground model that the equilibrium solver uses.
 
     Attributes:
-        axes: Directions in which the floor is free, and in which its force is asked for.
+        axes: Directions in which the floor is free and its force is prescribed.
         target_n: That force on the meshed part [N], shape (len(axes),).
     """
 
@@ -40,7 +40,7 @@ class Floor(Protocol):
         """Return the work of the floor's traction under the displacement u along v, an integral."""
 
     def aim(self, fraction: float) -> None:
-        """Ask for this fraction of the force, and go to where the floor probably exerts it."""
+        """Prescribe this fraction of the force, and move to the position that probably exerts it."""
 
     def move(self, step_mm: NDArray[np.float64]) -> None:
         """Move by a step [mm], shape (len(axes),)."""
@@ -52,4 +52,4 @@ class Floor(Protocol):
         """Go back to the last settled state."""
 
     def patch(self) -> Patch:
-        """Return how the foot touches now."""
+        """Return the present contact patch."""

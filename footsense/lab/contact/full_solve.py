@@ -1,6 +1,6 @@
 """A load case from end to end: mesh, load steps, equilibrium, read-out."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ from footsense.lab.contact.equilibrium import ConvergenceError, Equilibrium
 from footsense.lab.contact.floor import Floor
 from footsense.lab.contact.hertz_floor import HertzFloor
 from footsense.lab.contact.load_case import LoadCase
-from footsense.lab.contact.mesh import Fineness, build_mesh
+from footsense.lab.contact.mesh import ContactMeshSize, build_mesh
 from footsense.lab.contact.plane_floor import PlaneFloor
 from footsense.lab.contact.readout import capacitance_pf, cell_means, sampled_closure_um
 from footsense.lab.geometry import FootDesign
@@ -36,13 +36,13 @@ class FullSolution:
         capacitance_pf: Capacitance of each element without stray [pF], shape (9,).
         cells_um: Mean closures of 6 x 6 square cells of each element [um], shape (9, 36): flat index 6 ix + iy, cell 0
             the most forward and leftmost.
-        penetration_rel: How deep a shut gap is entered at worst, over the gap [1]; below 0 while all are open.
+        penetration_rel: Deepest penetration of a closed gap, over the gap [1]; below 0 while all are open.
         patch_mm: Radius of the circle with the area that touches the floor [mm].
-        approach_mm: How far the floor has come along the normal since it touched [mm].
+        approach_mm: Travel of the floor along the normal since it touched [mm].
         peak_mpa: Largest contact pressure per undeformed area [MPa].
         newton_steps: Newton steps of all load steps, each one factorisation.
         residual_rel: Nodal forces out of balance at the end, over the force [1].
-        n_unknowns: Unknowns that were free.
+        n_unknowns: Free unknowns.
     """
 
     closure_um: NDArray[np.float64]
@@ -57,34 +57,29 @@ class FullSolution:
     n_unknowns: int
 
 
+@dataclass(frozen=True, slots=True)
 class FullFoot:
-    """The foot with everything that the cheaper models leave out, or with parts of it.
+    """Finite-strain contact model of the foot; each of its effects can be switched off.
 
-    Args:
+    Attributes:
         design: The foot.
-        fineness: How fine the mesh is.
+        size: Resolution of the mesh.
         friction: Coulomb's coefficient of the floor [1].
         finite_strain: Neo-Hookean solids, else Hooke's.
         floor: `solved` for a rigid plane, `hertz` for the Hertz patch's traction.
-        gaps: `contact` for gaps that shut, `open` for planes that pass through each other.
+        gaps: `contact` for gaps that close, `open` for planes that pass through each other.
         load_steps: Increments of the load, equal in patch area. Slip depends on them, closures hardly: one step or
             two differ by 0.05 % of the largest at 150 gf.
     """
 
-    def __init__(
-        self,
-        design: FootDesign,
-        *,
-        fineness: Fineness | None = None,
-        friction: float = 0.7,
-        finite_strain: bool = True,
-        floor: Literal["solved", "hertz"] = "solved",
-        gaps: Literal["contact", "open"] = "contact",
-        load_steps: int = 1,
-    ) -> None:
-        self._design, self._fineness, self._friction = design, fineness or Fineness(), friction
-        self._finite_strain, self._floor, self._gaps = finite_strain, floor, gaps
-        self._load_steps = load_steps
+    design: FootDesign
+    _: KW_ONLY
+    size: ContactMeshSize = field(default_factory=ContactMeshSize)
+    friction: float = 0.7
+    finite_strain: bool = True
+    floor: Literal["solved", "hertz"] = "solved"
+    gaps: Literal["contact", "open"] = "contact"
+    load_steps: int = 1
 
     def solve(self, normal: NDArray[np.float64], force_n: NDArray[np.float64]) -> FullSolution:
         """Solve the finite-strain contact under one load.
@@ -100,29 +95,29 @@ class FullFoot:
             ValueError: The normal is no unit vector, or the floor cannot exert the force.
             ConvergenceError: No equilibrium was found.
         """
-        case = LoadCase(self._design, normal, force_n, self._friction)
-        mesh = build_mesh(self._design, self._fineness, normal, case.hertz_mm, half=case.half)
-        body = Body(self._design, mesh, self._fineness.order)
+        case = LoadCase(self.design, normal, force_n, self.friction)
+        mesh = build_mesh(self.design, self.size, normal, case.hertz_mm, half=case.half)
+        body = Body(self.design, mesh, self.size.order)
         floor: Floor = HertzFloor(case, body.ground)
-        if self._floor == "solved":
-            floor = PlaneFloor(case, body.ground, self._fineness.patch_rel * case.hertz_mm)
-        shut = self._gaps == "contact"
-        form = body.form(floor, finite_strain=self._finite_strain, gaps_shut=shut)
+        if self.floor == "solved":
+            floor = PlaneFloor(case, body.ground, self.size.patch_rel * case.hertz_mm)
+        contact = self.gaps == "contact"
+        form = body.form(floor, finite_strain=self.finite_strain, gap_contact=contact)
         equations = Equilibrium(body, form, floor, float(np.linalg.norm(force_n)))
         newton_steps = self._press(body, floor, equations)
         stiffenings = 0
-        while shut and body.penetration_rel() > PENETRATION_REL:
+        while contact and body.penetration_rel() > PENETRATION_REL:
             if stiffenings == MOST_STIFFENINGS:
                 raise ConvergenceError(f"a gap is entered by {body.penetration_rel():.1%} of its height")
             body.stiffen_gaps(STIFFER)
             newton_steps += equations.solve(WAYPOINT_REL).steps
             stiffenings += 1
         balance = equations.solve(TOLERANCE_REL)
-        samples_um = sampled_closure_um(self._design, mesh, body.ground, body.leg, half=case.half)
+        samples_um = sampled_closure_um(self.design, mesh, body.ground, body.leg, half=case.half)
         cells_um, patch = cell_means(samples_um), floor.patch()
         return FullSolution(
             closure_um=cells_um.mean(axis=1),
-            capacitance_pf=capacitance_pf(self._design, samples_um),
+            capacitance_pf=capacitance_pf(self.design, samples_um),
             cells_um=cells_um,
             penetration_rel=body.penetration_rel(),
             patch_mm=patch.radius_mm,
@@ -142,7 +137,7 @@ class FullFoot:
         Raises:
             ConvergenceError: A step failed after MOST_HALVINGS.
         """
-        done, stride, halvings, newton_steps = 0.0, 1.0 / self._load_steps, 0, 0
+        done, stride, halvings, newton_steps = 0.0, 1.0 / self.load_steps, 0, 0
         start = body.state.vec.CreateVector()
         while done < 1.0:
             start.data = body.state.vec

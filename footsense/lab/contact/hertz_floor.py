@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from footsense.lab.contact.floor import FACE, Patch
 from footsense.lab.contact.load_case import LoadCase
+from footsense.lab.fem.elasticity import hertz_shape
 
 
 class HertzFloor:
@@ -16,7 +17,7 @@ class HertzFloor:
 
     Attributes:
         axes: None: there is no plane to move.
-        target_n: Nothing to ask for, shape (0,).
+        target_n: No prescribed force, shape (0,).
     """
 
     def __init__(self, case: LoadCase, moved: Any) -> None:
@@ -25,9 +26,7 @@ class HertzFloor:
         self.axes: tuple[int, ...] = ()
         self.target_n = np.zeros(0)
         self._fraction = ng.Parameter(0.0)
-        away = ng.CF((ng.x, ng.y, ng.z)) - ng.CF(tuple(case.touch_mm))
-        inside = 1.0 - ng.InnerProduct(away, away) / case.hertz_mm**2
-        shape = ng.IfPos(inside, ng.sqrt(ng.IfPos(inside, inside, 0.0)), 0.0)
+        shape = hertz_shape(case.touch_mm, case.hertz_mm)
         self._surface = ng.ds(FACE, bonus_intorder=20)
         self._weight = shape / (ng.Integrate(shape * self._surface, self._mesh) / case.share)
 
@@ -48,7 +47,7 @@ class HertzFloor:
         """Do nothing: a pressure without friction has no state."""
 
     def withdraw(self) -> None:
-        """Go nowhere: the next aim sets the force anew."""
+        """Do nothing: the next `aim` sets the force."""
 
     def patch(self) -> Patch:
         """Return the patch; a parabolic floor would have come a^2/(5R) further than loaded points on average."""

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.foot.hertz import contact_radius_mm
 from footsense.lab.geometry import FootDesign
 
 #: A unit vector may be this far from length one.
@@ -70,13 +69,9 @@ class LoadCase:
     @property
     def touch_mm(self) -> NDArray[np.float64]:
         """Where the floor touches the unloaded ball [mm], shape (3,)."""
-        centre = np.array([0.0, 0.0, -self.design.plate_mm])
-        touch: NDArray[np.float64] = centre - self.design.ball_radius_mm * self.normal
-        return touch
+        return self.design.touch_mm(self.normal)
 
     @property
     def hertz_mm(self) -> float:
         """Radius of the Hertz patch on a rigid plane [mm]: a^3 = 3 f.n R / (4 E*)."""
-        return float(
-            contact_radius_mm(self.pressing_n, self.design.ball_radius_mm, self.design.rubber.hertz_mpa)
-        )
+        return self.design.patch_mm(self.pressing_n)

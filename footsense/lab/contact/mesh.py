@@ -1,4 +1,4 @@
-"""The mesh of one load case: both bodies, fine where the floor touches and at the edges of the spacer's bars.
+"""The mesh of one load case: both bodies, refined under the floor and at the edges of the spacer's bars.
 
 The stress is singular along the edges of the bars. One level of hp refinement there (prisms that shrink towards
 the edge) resolves that for a few hundred elements. If load and foot are mirrored by the plane y = 0, the half
@@ -8,30 +8,28 @@ with y > 0 is meshed.
 from dataclasses import dataclass
 from typing import Any
 
-import ngsolve as ng
 import numpy as np
 from netgen import occ
 from netgen.meshing import MeshingParameters
 from numpy.typing import NDArray
 
 from footsense.foot.directions import tangent_frame
+from footsense.lab.fem.solids import NEAR_MM, SIDES, curved_mesh, hemisphere, lies_in, plate, square
 from footsense.lab.geometry import FootDesign
 
 #: The mesh is fine out to this many radii of the expected contact patch: finite strain and friction shift it.
 PATCH_MARGIN = 1.3
-#: Coordinates that are closer than this are the same [mm].
-SAME_MM = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fineness:
-    """How fine the mesh is.
+class ContactMeshSize:
+    """Resolution of the mesh.
 
     Attributes:
         ball_mm: Largest edge in the hemispheres [mm].
         plate_mm: Largest edge in the plates [mm].
         bar_mm: Largest edge along the edges of the bars [mm].
-        bar_factor: Where the hp refinement cuts the elements at a bar's edge, over their size [1].
+        layer_rel: Where the hp refinement cuts the elements at a bar's edge, over their size [1].
         patch_rel: Edge where the floor touches, over the Hertz radius [1].
         order: Polynomial order of displacement and geometry; the pressure has one less.
     """
@@ -39,50 +37,34 @@ class Fineness:
     ball_mm: float = 2.5
     plate_mm: float = 1.5
     bar_mm: float = 0.5
-    bar_factor: float = 0.15
+    layer_rel: float = 0.15
     patch_rel: float = 0.3
     order: int = 2
 
 
-def _bodies(design: FootDesign, fineness: Fineness) -> list[Any]:
+def _bodies(design: FootDesign, size: ContactMeshSize) -> list[Any]:
     """Return the two hemispheres and the two plates, their materials named."""
-    bodies = []
-    half = design.sheet_mm / 2.0
-    for side, up in (("ground", -1.0), ("leg", 1.0)):
+    bodies, half = [], design.sheet_mm / 2.0
+    for side, up in SIDES:
         flat = up * design.plate_mm
-        flat_cut = occ.HalfSpace(occ.Pnt(0, 0, flat), occ.Vec(0, 0, -up))
-        ball = occ.Sphere(occ.Pnt(0, 0, flat), design.ball_radius_mm) * flat_cut
-        plate = occ.Box(occ.Pnt(-half, -half, min(0.0, flat)), occ.Pnt(half, half, max(0.0, flat)))
-        ball.mat(f"rubber_{side}")
-        plate.mat(f"pdms_{side}")
-        plate.maxh = fineness.plate_mm
-        bodies += [ball, plate]
+        level_mm = (min(0.0, flat), max(0.0, flat))
+        bodies.append(hemisphere(design, side, flat, quarter=False))
+        bodies.append(plate(f"pdms_{side}", (-half, -half), half, level_mm, size.plate_mm))
     return bodies
-
-
-def _cavities(design: FootDesign) -> list[Any]:
-    """Return the nine squares over which nothing joins the plates."""
-    side = design.electrode_mm
-    return [
-        occ.WorkPlane(occ.Axes(occ.Pnt(x_mm - side / 2.0, y_mm - side / 2.0, 0.0), n=occ.Z, h=occ.X))
-        .Rectangle(side, side)
-        .Face()
-        for x_mm, y_mm in design.centres_mm
-    ]
 
 
 def _halved(shape: Any) -> list[Any]:
     """Return the part with y > 0 as a list of one, or nothing; a shape that is not cut stays itself."""
     low, high = shape.bounding_box
-    if high.y < SAME_MM:
+    if high.y < NEAR_MM:
         return []
     # Cutting a face that needs no cut would lose it.
-    return [shape] if low.y > -SAME_MM else [shape * occ.HalfSpace(occ.Pnt(0, 0, 0), occ.Vec(0, -1, 0))]
+    return [shape] if low.y > -NEAR_MM else [shape * occ.HalfSpace(occ.Pnt(0, 0, 0), occ.Vec(0, -1, 0))]
 
 
 def _in_cavity(design: FootDesign, low: Any, high: Any) -> bool:
     """Return whether a box of the plane z = 0 lies in one of the cavities."""
-    reach = design.electrode_mm / 2.0 + SAME_MM
+    reach = design.electrode_mm / 2.0 + NEAR_MM
     return any(
         max(x_mm - low.x, high.x - x_mm, y_mm - low.y, high.y - y_mm) < reach
         for x_mm, y_mm in design.centres_mm
@@ -93,9 +75,9 @@ def _name_faces(shape: Any, design: FootDesign) -> None:
     """Name the faces of the weak form: `cavity`, `bars`, `mirror`, `curved_*`; all others are free."""
     for face in shape.faces:
         low, high = face.bounding_box
-        if max(-low.z, high.z) < SAME_MM:
+        if lies_in(face, "z"):
             face.name = "cavity" if _in_cavity(design, low, high) else "bars"
-        elif max(-low.y, high.y) < SAME_MM:
+        elif lies_in(face, "y"):
             face.name = "mirror"
         elif high.z > design.ball_radius_mm / 2.0:
             face.name = "curved_leg"
@@ -105,17 +87,17 @@ def _name_faces(shape: Any, design: FootDesign) -> None:
             face.name = "free"
 
 
-def _mark_bar_edges(shape: Any, design: FootDesign, fineness: Fineness) -> None:
+def _mark_bar_edges(shape: Any, design: FootDesign, size: ContactMeshSize) -> None:
     """Mark the edges between cavities and bars for hp refinement: in the plane z = 0, not on the sheet's border."""
-    inside = design.sheet_mm / 2.0 - SAME_MM
+    inside = design.sheet_mm / 2.0 - NEAR_MM
     for edge in shape.edges:
         low, high = edge.bounding_box
-        if max(-low.z, high.z) > SAME_MM:
+        if not lies_in(edge, "z"):
             continue
         for start, end in ((low.x, high.x), (low.y, high.y)):
-            if abs(end - start) < SAME_MM < abs(start) < inside:
+            if abs(end - start) < NEAR_MM < abs(start) < inside:
                 edge.hpref = 1
-                edge.maxh = fineness.bar_mm
+                edge.maxh = size.bar_mm
 
 
 def _refine_patch(
@@ -138,13 +120,13 @@ def _refine_patch(
 
 
 def build_mesh(
-    design: FootDesign, fineness: Fineness, normal: NDArray[np.float64], patch_mm: float, *, half: bool
+    design: FootDesign, size: ContactMeshSize, normal: NDArray[np.float64], patch_mm: float, *, half: bool
 ) -> Any:
     """Return the curved mesh [mm, foot frame, origin in the middle of the spacer].
 
     Args:
         design: The foot.
-        fineness: How fine.
+        size: Largest edges.
         normal: Inward unit normal at the contact [1], shape (3,).
         patch_mm: Expected radius of the contact patch [mm].
         half: Mesh only y > 0, with the face `mirror` in y = 0.
@@ -152,15 +134,13 @@ def build_mesh(
     Returns:
         An NGSolve mesh of the materials `rubber_ground`, `pdms_ground`, `rubber_leg`, `pdms_leg`.
     """
-    shapes = [*_bodies(design, fineness), *_cavities(design)]
+    cavities = [square(*centre_mm, design.electrode_mm) for centre_mm in design.centres_mm]
+    shapes = [*_bodies(design, size), *cavities]
     if half:
         shapes = [part for shape in shapes for part in _halved(shape)]
     shape = occ.Glue(shapes)
     _name_faces(shape, design)
-    _mark_bar_edges(shape, design, fineness)
-    parameters = MeshingParameters(maxh=fineness.ball_mm, grading=0.4)
-    _refine_patch(parameters, design, normal, fineness.patch_rel * patch_mm, PATCH_MARGIN * patch_mm)
-    mesh = ng.Mesh(occ.OCCGeometry(shape).GenerateMesh(parameters))
-    mesh.RefineHP(1, fineness.bar_factor)
-    mesh.Curve(fineness.order)
-    return mesh
+    _mark_bar_edges(shape, design, size)
+    parameters = MeshingParameters(maxh=size.ball_mm, grading=0.4)
+    _refine_patch(parameters, design, normal, size.patch_rel * patch_mm, PATCH_MARGIN * patch_mm)
+    return curved_mesh(shape, parameters, size.order, layers=1, layer_rel=size.layer_rel)

@@ -1,7 +1,7 @@
-"""A rigid plane with Coulomb friction, where the force wants it.
+"""A rigid plane with Coulomb friction, its position an unknown.
 
 The plane has the inward normal n and is moved by q from where it just touches the ball at X_c. A point X of the
-surface that has moved by u lies d = -n.(X + u - X_c - q) behind it and feels, per undeformed area,
+surface that has moved by u lies d = -n.(X + u - X_c - q) behind it, and the traction per undeformed area is
 
     p = E_n <d>   along n,        t = -E_t s,  |t| <= mu p,        s = (1 - n n^T)(u - q) - anchor,
 
@@ -32,11 +32,11 @@ BISECTIONS = 30
 
 
 class PlaneFloor:
-    """A rigid plane, where the force wants it.
+    """A rigid plane.
 
     Attributes:
         axes: Directions in which it is free.
-        target_n: Asked force on the meshed part [N], shape (len(axes),).
+        target_n: Prescribed force on the meshed part [N], shape (len(axes),).
         place_mm: Translation q since it touched [mm], shape (3,).
     """
 
@@ -89,7 +89,7 @@ class PlaneFloor:
         return ng.InnerProduct(traction, v) * self._surface
 
     def _go(self, place_mm: NDArray[np.float64]) -> None:
-        """Be at a place [mm], shape (3,)."""
+        """Move to a position [mm], shape (3,)."""
         self.place_mm = place_mm
         for parameter, value in zip(self._q, place_mm, strict=True):
             parameter.Set(value)
@@ -107,7 +107,7 @@ class PlaneFloor:
         return math.sqrt(area / math.pi)
 
     def aim(self, fraction: float) -> None:
-        """Ask for this fraction of the force, and press until the patch is as large as Hertz expects it.
+        """Prescribe this fraction of the force, and press until the patch has the size that Hertz predicts.
 
         A Newton step depends on which points touch, not on how hard: with the right patch it nearly arrives.
         """
@@ -135,7 +135,7 @@ class PlaneFloor:
         self._go(self._settled_mm)
 
     def patch(self) -> Patch:
-        """Return how the foot touches now."""
+        """Return the present contact patch."""
         # Point by point a penalty's pressure wavers about the true one; its linear projection does not.
         pressure = ng.GridFunction(ng.H1(self._mesh, order=1, definedon=self._region))
         pressure.Set(self._pressure(self._moved), definedon=self._region, bonus_intorder=5)

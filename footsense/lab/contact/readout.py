@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
-from footsense.lab.geometry import FootDesign
+from footsense.lab.geometry import UM_PER_MM, FootDesign
 
 #: Cells along the side of an electrode.
 CELLS = 6
@@ -20,8 +20,6 @@ POINTS = 3
 #: Points are looked up this far inside the body [mm]: on the plane itself, and closer to it than half of this, the
 #: search may find the other body.
 INSIDE_MM = 2e-4
-#: Micrometres in a millimetre.
-UM_PER_MM = 1000.0
 
 
 def sample_places_mm(design: FootDesign) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -20,12 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.directions import normalized
-from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.lab.fem.mesh import quarter_cells
 from footsense.lab.fem.quarter import Parity, Quarter
+from footsense.lab.geometry import UM_PER_MM
 
-#: 1000 um in a mm: closures leave the solid here.
-UM_PER_MM = 1000.0
 #: Order of the quadrature rule whose points on the ground-side surface are the samples.
 SAMPLE_ORDER = 5
 
@@ -49,20 +47,17 @@ class ClassField:
     compliance: NDArray[np.float64]
 
 
-def surface_samples(
-    mesh: Any, depth_mm: float, order: int = SAMPLE_ORDER
-) -> tuple[Any, NDArray[np.float64], NDArray[np.float64]]:
+def surface_samples(mesh: Any, depth_mm: float) -> tuple[Any, NDArray[np.float64], NDArray[np.float64]]:
     """Return quadrature points of the ground-side surface, their inward normals and the areas they stand for.
 
     Args:
         mesh: A mesh with the face `curved_ground`.
         depth_mm: Depth of the ball's centre below the middle of the sheet [mm].
-        order: Order of the quadrature rule.
 
     Returns:
         Points as NGSolve takes them, unit normals of shape (n, 3), areas [mm2] of shape (n,).
     """
-    rule = ng.IntegrationRule(ng.TRIG, order)
+    rule = ng.IntegrationRule(ng.TRIG, SAMPLE_ORDER)
     points = mesh.MapToAllElements(rule, mesh.Boundaries("curved_ground"))
     radial = np.asarray((ng.CF((ng.x, ng.y, ng.z + depth_mm)))(points))
     # The area element of the curved map: norm of the cross product of its two columns.
@@ -75,43 +70,41 @@ def surface_samples(
     )
 
 
-def class_field(quarter: Quarter, sample_order: int = SAMPLE_ORDER) -> ClassField:
-    """Solve the adjoint problems of one class, one for each cell of the quarter, and sample them.
-
-    Args:
-        quarter: The factorised class.
-        sample_order: Order of the quadrature rule whose points are the samples.
-
-    Returns:
-        The sampled fields and the compliance.
-    """
-    area_mm2 = (quarter.design.electrode_mm / CELLS_PER_SIDE) ** 2
-    names = [cell.name for cell in quarter_cells(quarter.design)]
-    return sampled_field(quarter, [(name, area_mm2) for name in names], sample_order)
+def class_field(quarter: Quarter) -> ClassField:
+    """Solve the adjoint problems of one class, one for each cell of the quarter, and sample them."""
+    faces = [(cell.name, quarter.design.cell_mm2) for cell in quarter_cells(quarter.design)]
+    return closure_field(quarter, faces)
 
 
-def sampled_field(
-    quarter: Quarter, faces: Sequence[tuple[str, float]], sample_order: int = SAMPLE_ORDER
-) -> ClassField:
-    """Solve the adjoint problems of the mean closures of some faces, and sample them.
+def closure_field(quarter: Quarter, faces: Sequence[tuple[str, float]]) -> ClassField:
+    """Solve the adjoint problems of the mean closures [um] of faces, and sample them.
 
     Args:
         quarter: The factorised class.
         faces: Names of cells joined by `|`, and their area together [mm2].
-        sample_order: Order of the quadrature rule whose points are the samples.
     """
-    points, normal, weight_mm2 = surface_samples(quarter.mesh, quarter.design.plate_mm, sample_order)
-    loads = [quarter.closure_functional(face, area_mm2) for face, area_mm2 in faces]
-    closures = np.stack([load.vec.FV().NumPy() for load in loads])
+    return sampled_field(quarter, [quarter.closure_functional(*face) for face in faces], UM_PER_MM)
+
+
+def sampled_field(quarter: Quarter, functionals: Sequence[Any], scale: float = 1.0) -> ClassField:
+    """Solve the adjoint problems of linear functionals of the displacement, and sample them.
+
+    Args:
+        quarter: The factorised class.
+        functionals: Assembled linear forms.
+        scale: Factor on influence and compliance, for their units.
+    """
+    points, normal, weight_mm2 = surface_samples(quarter.mesh, quarter.depth_mm)
+    rows = np.stack([functional.vec.FV().NumPy() for functional in functionals])
     influence, compliance = [], []
-    for load in loads:
-        field = quarter.solve(load)
+    for functional in functionals:
+        field = quarter.solve(functional)
         influence.append(np.asarray(field.components[0](points)))
-        compliance.append(closures @ field.vec.FV().NumPy())
+        compliance.append(rows @ field.vec.FV().NumPy())
     return ClassField(
         parity=quarter.parity,
         normal=normal,
         weight_mm2=weight_mm2,
-        influence=np.stack(influence, axis=1) * UM_PER_MM,
-        compliance=np.stack(compliance) * UM_PER_MM,
+        influence=np.stack(influence, axis=1) * scale,
+        compliance=np.stack(compliance) * scale,
     )

@@ -33,8 +33,7 @@ def _solved(material: Material, space: Any, given: Any, where: str, load: Any) -
     form.Assemble()
     solution = ng.GridFunction(space)
     solution.components[0].Set(given, definedon=space.mesh.Boundaries(where))
-    rest = load.vec.CreateVector()
-    rest.data = load.vec - form.mat * solution.vec
+    rest = (load.vec - form.mat * solution.vec).Evaluate()
     solution.vec.data += form.mat.Inverse(space.FreeDofs(), "sparsecholesky") * rest
     return solution
 

@@ -1,8 +1,8 @@
 """A plain block of PDMS between the hemispheres, without cavities: the paper's first model (section III A, Fig. 4).
 
 The quarter x > 0, y > 0 is solved in its symmetry classes, as in `quarter`: displacement in all of it, and in the
-rubber a pressure of its own. What an element of a sensor is said to feel is the mean of sigma_z over a column, a
-rectangle times the thickness (Fig. 5). With m_c . u that mean over column c,
+rubber a pressure of its own. An element of a sensor measures the mean of sigma_z over a column, a rectangle times
+the thickness (Fig. 5). With m_c . u that mean over column c,
 
     sigma_c = m_c . K^-1 b(t) = w_c . b(t),        K w_c = m_c
 
@@ -18,24 +18,22 @@ from dataclasses import dataclass
 from typing import Any
 
 import ngsolve as ng
-import numpy as np
 from netgen import occ
-from netgen.meshing import NgException
+from netgen.meshing import MeshingParameters
 
-from footsense.errors import ModelError
-from footsense.lab.fem.adjoint import ClassField, surface_samples
+from footsense.lab.fem.adjoint import ClassField, sampled_field
 from footsense.lab.fem.elasticity import energy, mixed_energy
-from footsense.lab.fem.mesh import MeshSize
-from footsense.lab.fem.quarter import SOLVED, Parity
+from footsense.lab.fem.mesh import MeshSize, name_mirrors
+from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
+from footsense.lab.fem.solids import SIDES, curved_mesh, hemisphere, plate
 from footsense.lab.geometry import FootDesign
 
-#: Fineness of the study, the block being what `plate_mm` sizes.
+#: Mesh of the study; `plate_mm` is that of the block.
 BLOCK_SIZE = MeshSize(ball_mm=4.0, plate_mm=0.7, surface_mm=2.5, grading=0.7, layers=0, order=3)
-#: What the test and `--quick` use.
+#: Mesh of the tests and of `--quick`.
 COARSE_BLOCK = MeshSize(ball_mm=5.0, plate_mm=1.4, surface_mm=3.0, grading=0.8, layers=0, order=2)
 #: Order by which the quadrature in the block exceeds that of a whole element, for the borders of columns.
 _BORDER_ORDER = 8
-_NEAR_MM = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,85 +67,48 @@ def half_thickness_mm(design: FootDesign) -> float:
     return design.plate_mm + design.spacer_mm / 2.0
 
 
-def _solids(design: FootDesign, size: MeshSize) -> list[Any]:
-    """Return the quarters of hemispheres and block, named for the weak form."""
-    level, wide, half = (
-        half_thickness_mm(design),
-        3.0 * design.ball_radius_mm,
-        design.sheet_mm / 2.0,
-    )
-    quarter = occ.Box(occ.Pnt(0, 0, -wide), occ.Pnt(wide, wide, wide))
-    solids = []
-    for side, up in (("ground", -1.0), ("leg", 1.0)):
-        centre = occ.Pnt(0, 0, up * level)
-        ball = occ.Sphere(centre, design.ball_radius_mm) * occ.HalfSpace(centre, occ.Vec(0, 0, -up))
-        for face in ball.faces:
-            face.name = f"curved_{side}" if abs(face.center.z - up * level) > _NEAR_MM else "flat"
-        ball *= quarter
-        ball.mat(f"rubber_{side}")
-        solids.append(ball)
-    block = occ.Box(occ.Pnt(0, 0, -level), occ.Pnt(half, half, level))
-    block.mat("pdms")
-    block.maxh = size.plate_mm
-    solids.append(block)
-    return solids
-
-
 def build_block_mesh(design: FootDesign, size: MeshSize = BLOCK_SIZE) -> Any:
     """Return the curved mesh of the quarter, in mm, origin in the middle of the block.
 
     Args:
         design: The foot; of the sheet only its outside is used.
-        size: How fine; bars have no part in it.
+        size: Largest edges; bars have no part in it.
 
     Raises:
-        ModelError: The mesher gives up.
+        ModelError: The mesher fails.
     """
-    shape = occ.Glue(_solids(design, size))
-    for face in shape.faces:
-        low, high = face.bounding_box
-        for axis in ("x", "y"):
-            if max(abs(getattr(low, axis)), abs(getattr(high, axis))) < _NEAR_MM:
-                face.name = f"mirror_{axis}"
-        if face.name == "curved_ground":
-            face.maxh = size.surface_mm
-    try:
-        mesh = ng.Mesh(occ.OCCGeometry(shape).GenerateMesh(maxh=size.ball_mm, grading=size.grading))
-        mesh.Curve(size.order)
-    except (NgException, RuntimeError) as error:
-        raise ModelError(f"the block cannot be meshed with {size}: {error}") from error
-    return mesh
+    level = half_thickness_mm(design)
+    solids = [hemisphere(design, side, up * level, quarter=True) for side, up in SIDES]
+    block = plate("pdms", (0, 0), design.sheet_mm / 2.0, (-level, level), size.plate_mm)
+    shape = occ.Glue([*solids, block])
+    name_mirrors(shape, size)
+    return curved_mesh(shape, MeshingParameters(maxh=size.ball_mm, grading=size.grading), size.order)
 
 
-class Block:
+class Block(Quarter):
     """One symmetry class of the foot with the plain block, factorised.
 
     Attributes:
-        design: The foot.
-        mesh: Mesh of the quarter.
-        parity: The class.
         space: Displacement, and the pressure in both rubbers.
     """
 
-    def __init__(self, design: FootDesign, size: MeshSize, parity: Parity, mesh: Any) -> None:
-        """Assemble and factorise; the stiffness is symmetric and, with the leg's surface held, regular."""
-        self.design, self.mesh, self.parity = design, mesh, parity
-        clamped = {
-            f"dirichlet{axis}": "|".join(filter(None, ("curved_leg", parity.clamped(component))))
-            for component, axis in enumerate("xyz")
-        }
-        sides = [f"rubber_{side}" for side in ("ground", "leg")]
-        displacement = ng.VectorH1(mesh, order=size.order, **clamped)
-        pressures = [ng.H1(mesh, order=size.order - 1, definedon=side) for side in sides]
-        self.space = displacement * pressures[0] * pressures[1]
-        u, *pressures_of = self.space.TrialFunction()
+    @property
+    def depth_mm(self) -> float:
+        """Half the thickness of the block [mm]."""
+        return half_thickness_mm(self.design)
+
+    def _space(self, order: int) -> Any:
+        displacement = ng.VectorH1(self.mesh, order=order, **self._clamped("curved_leg"))
+        p_ground, p_leg = (ng.H1(self.mesh, order=order - 1, definedon=f"rubber_{side}") for side, _ in SIDES)
+        return displacement * p_ground * p_leg
+
+    def _form(self) -> Any:
+        u, *pressures = self.space.TrialFunction()
         form = ng.BilinearForm(self.space, symmetric=True)
-        for side, p in zip(sides, pressures_of, strict=True):
-            form += ng.Variation(mixed_energy(design.rubber, u, p) * ng.dx(side))
-        form += ng.Variation(energy(design.pdms, u) * ng.dx("pdms"))
-        with ng.TaskManager():
-            form.Assemble()
-            self._inverse = form.mat.Inverse(self.space.FreeDofs(), "sparsecholesky")
+        for (side, _), p in zip(SIDES, pressures, strict=True):
+            form += ng.Variation(mixed_energy(self.design.rubber, u, p) * ng.dx(f"rubber_{side}"))
+        form += ng.Variation(energy(self.design.pdms, u) * ng.dx("pdms"))
+        return form
 
     def stress_functional(self, column: Column) -> Any:
         """Return the mean of sigma_z [MPa] over a column as a linear form of the displacement."""
@@ -159,31 +120,14 @@ class Block:
         with ng.TaskManager():
             return form.Assemble()
 
-    def field(self, columns: Sequence[Column]) -> ClassField:
-        """Return the adjoint fields of columns, sampled on the ground-side surface.
-
-        Returns:
-            Influence in MPa/N, and no compliance.
-        """
-        points, normal, weight_mm2 = surface_samples(self.mesh, half_thickness_mm(self.design))
-        influence = []
-        solution = ng.GridFunction(self.space)
-        with ng.TaskManager():
-            for column in columns:
-                solution.vec.data = self._inverse * self.stress_functional(column).vec
-                influence.append(np.asarray(solution.components[0](points)))
-        return ClassField(
-            parity=self.parity,
-            normal=normal,
-            weight_mm2=weight_mm2,
-            influence=np.stack(influence, axis=1),
-            compliance=np.zeros((0, 0)),
-        )
-
 
 def block_fields(
     design: FootDesign, columns: Sequence[Column], size: MeshSize = BLOCK_SIZE
 ) -> dict[Parity, ClassField]:
-    """Return the sampled fields of columns in the solved symmetry classes."""
+    """Return the sampled fields of columns in the solved symmetry classes: influence in MPa/N."""
     mesh = build_block_mesh(design, size)
-    return {parity: Block(design, size, parity, mesh).field(columns) for parity in SOLVED}
+    classes = [Block(design, size, parity, mesh) for parity in SOLVED]
+    return {
+        block.parity: sampled_field(block, [block.stress_functional(column) for column in columns])
+        for block in classes
+    }

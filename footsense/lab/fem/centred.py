@@ -8,9 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.foot.gap_contact import CELLS_PER_SIDE
-from footsense.foot.hertz import contact_radius_mm
-from footsense.lab.fem.adjoint import sampled_field
+from footsense.lab.fem.adjoint import closure_field
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
 from footsense.lab.fem.quarter import Parity, Quarter
 from footsense.lab.geometry import FootDesign
@@ -46,7 +44,7 @@ def centred_closures(
 
     Args:
         design: The foot.
-        size: Fineness of the mesh.
+        size: Resolution of the mesh.
         elevation_deg: Elevation of each load [deg]; if all are 90, one class is solved, else two.
         patch_mm: Radius of the contact patch [mm]; Hertz's against a rigid floor if None.
 
@@ -55,14 +53,14 @@ def centred_closures(
     """
     mesh = build_mesh(design, size)
     if patch_mm is None:
-        patch_mm = float(contact_radius_mm(1.0, design.ball_radius_mm, design.rubber.hertz_mpa))
+        patch_mm = design.patch_mm(1.0)
     angle = np.radians(elevation_deg)
     force = np.column_stack([np.cos(angle), np.zeros(len(angle)), np.sin(angle)])
     upright = min(elevation_deg) >= 90.0
     total = np.zeros((len(angle), 9))
     for parity in (Parity(1, 1),) if upright else (Parity(1, 1), Parity(-1, 1)):
         quarter = Quarter(design, size, parity, mesh)
-        field = sampled_field(quarter, _faces(design))
+        field = closure_field(quarter, _faces(design))
         series = fit_class(field)
         per_newton = patch_mean(series.reshape(len(series), -1), force, patch_mm, design)
         part = (per_newton.reshape(len(angle), len(_PARTLY), 3) * force[:, None]).sum(axis=2)
@@ -75,6 +73,5 @@ def centred_closures(
 def _faces(design: FootDesign) -> list[tuple[str, float]]:
     """Return for each element the quarter's part: merged cells, and their total area [mm2]."""
     cells = quarter_cells(design)
-    per_cell = (design.electrode_mm / CELLS_PER_SIDE) ** 2
     names = [[cell.name for cell in cells if cell.element == element] for element in _PARTLY]
-    return [("|".join(part), per_cell * len(part)) for part in names]
+    return [("|".join(part), design.cell_mm2 * len(part)) for part in names]

@@ -14,9 +14,12 @@ Source:
     Bonet and Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, ch. 6 (compressible neo-Hookean).
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import ngsolve as ng
+import numpy as np
+from numpy.typing import NDArray
 
 from footsense.lab.geometry import Material
 
@@ -42,3 +45,31 @@ def mixed_energy(material: Material, u: Any, p: Any, *, finite_strain: bool = Fa
     """Return the energy of displacement u [mm] and pressure p [MPa] per volume [MPa]: a saddle point in p."""
     shear, growth = _shear_and_volume(material, u, finite_strain=finite_strain)
     return shear + p * growth - p**2 / (2.0 * material.lame_mpa)
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """A thin bonded layer between both bodies, as a law without elements: it cannot spread sideways.
+
+    Attributes:
+        material: Of the layer.
+        thickness_mm: Its thickness [mm].
+        faces: Faces of the mesh that it covers.
+    """
+
+    material: Material
+    thickness_mm: float
+    faces: str = "bars"
+
+    def traction(self, jump: Any) -> Any:
+        """Return the traction [MPa] of a jump u_ground - u_leg [mm]: shear modulus along, confined modulus across."""
+        shear, confined = self.material.shear_mpa, self.material.confined_mpa
+        across = (shear, shear, confined)
+        return ng.CF(tuple(across[k] / self.thickness_mm * jump[k] for k in range(3)))
+
+
+def hertz_shape(centre_mm: NDArray[np.float64], radius_mm: float) -> Any:
+    """Return the pressure of a Hertz patch over that in its middle [1], sqrt(1 - |x - x_c|^2 / a^2)."""
+    away = ng.CF((ng.x, ng.y, ng.z)) - ng.CF(tuple(centre_mm))
+    inside = 1.0 - ng.InnerProduct(away, away) / radius_mm**2
+    return ng.sqrt(ng.IfPos(inside, inside, 0.0))

@@ -16,18 +16,17 @@ from the rim, lateral flow being a parabola between the two plates.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import ngsolve as ng
 import numpy as np
 
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.response_table import FootResponse
-from footsense.lab.fem.adjoint import UM_PER_MM, class_field
-from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
-from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
-from footsense.lab.geometry import FootDesign, Material
-from footsense.lab.response import tabulate
+from footsense.lab.fem.elasticity import Layer
+from footsense.lab.fem.mesh import MeshSize, build_mesh
+from footsense.lab.fem.quarter import Parity, Quarter
+from footsense.lab.geometry import UM_PER_MM, FootDesign, Material
+from footsense.lab.response import make_response
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,6 +48,11 @@ class FilmDesign:
         """Distance from the rim over which the film is not confined [mm]."""
         return self.film_mm * float(np.sqrt(self.gel.confined_mpa / (12.0 * self.gel.shear_mpa)))
 
+    @property
+    def layer(self) -> Layer:
+        """The film in the weak form: over bars and electrodes alike."""
+        return Layer(self.gel, self.film_mm, "bars|cell.*")
+
     def capacitor(self, design: FootDesign) -> CapacitorDesign:
         """Return the capacitor: one of eps_r times the area, with the film's thickness as a gap of air."""
         return CapacitorDesign(
@@ -59,63 +63,22 @@ class FilmDesign:
         )
 
 
-class FilmQuarter(Quarter):
-    """One symmetry class of the foot with the film, factorised.
-
-    Attributes:
-        film: The film.
-    """
-
-    def __init__(
-        self, design: FootDesign, size: MeshSize, parity: Parity, mesh: Any, film: FilmDesign
-    ) -> None:
-        """Assemble and factorise."""
-        self.film = film
-        super().__init__(design, size, parity, mesh)
-
-    @property
-    def faces(self) -> str:
-        """Faces of the film in the mesh, joined by `|`."""
-        return "|".join(["bars", *(cell.name for cell in quarter_cells(self.design))])
-
-    def _form(self) -> Any:
-        """Return the bilinear form: that of the bars, and the film over the electrodes."""
-        form = super()._form()
-        (u_ground, u_leg, *_), (v_ground, v_leg, *_) = self.space.TnT()
-        over_electrodes = self.faces.removeprefix("bars|")
-        form += self.bar_traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(over_electrodes)
-        return form
-
-    def bar_traction(self, jump: Any) -> Any:
-        """Return the traction [MPa] that the film puts against a jump u_ground - u_leg [mm]."""
-        gel = self.film.gel
-        across = (gel.shear_mpa, gel.shear_mpa, gel.confined_mpa)
-        return ng.CF(tuple(across[k] / self.film.film_mm * jump[k] for k in range(3)))
-
-
 def film_response(design: FootDesign, size: MeshSize, film: FilmDesign) -> FootResponse:
     """Return the response table of the foot with the film; its free closures are those of the film.
 
     Its `design` is still that of the gaps: take `FilmDesign.capacitor`.
     """
-    mesh = build_mesh(design, size)
-    fields, unknowns = {}, 0
-    for parity in SOLVED:
-        quarter = FilmQuarter(design, size, parity, mesh, film)
-        fields[parity] = class_field(quarter)
-        unknowns = quarter.n_unknowns
-    return tabulate(design, size, fields, {"elements": int(mesh.ne), "unknowns": unknowns})
+    return make_response(design, size, layer=film.layer)
 
 
 def upright_closure_um(design: FootDesign, size: MeshSize, films: Sequence[FilmDesign]) -> list[float]:
     """Return for each film the mean closure over the electrodes [um/N] under an upright force, spread over the ball."""
-    mesh = build_mesh(design, size)
-    electrodes = ng.ds("|".join(cell.name for cell in quarter_cells(design)))
+    mesh, electrodes = build_mesh(design, size), ng.ds("cell.*")
     electrodes_mm2 = ng.Integrate(ng.CF(1.0) * electrodes, mesh)
     ball_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("curved_ground"), mesh)
     closures = []
     for film in films:
-        quarter = FilmQuarter(design, size, Parity(1, 1), mesh, film)
+        quarter = Quarter(design, size, Parity(1, 1), mesh, film.layer)
         moved = quarter.solve(quarter.traction_load(ng.CF((0.0, 0.0, 0.25 / ball_mm2))))
         ground, leg, *_ = moved.components
         closures.append(UM_PER_MM * ng.Integrate((ground[2] - leg[2]) * electrodes, mesh) / electrodes_mm2)

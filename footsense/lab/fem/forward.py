@@ -1,4 +1,4 @@
-"""One solve per load: the way that the adjoint table replaces, kept to check it and to be timed against.
+"""One solve per load: checks the adjoint table, and is timed against it.
 
 A Hertz patch of traction t is the sum of its parts in the four symmetry classes,
 
@@ -11,19 +11,17 @@ The patch is round on the sphere, p ~ sqrt(1 - |x - x_c|^2 / a^2), and its integ
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import ngsolve as ng
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.foot.gap_contact import ALL_CELLS, CELLS_PER_SIDE, element_means
-from footsense.foot.hertz import contact_radius_mm
-from footsense.foot.symmetry import HALF_SIDE, flat_of_grid
-from footsense.lab.fem.adjoint import UM_PER_MM
-from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
+from footsense.foot.gap_contact import ALL_CELLS
+from footsense.foot.symmetry import flat_of_grid
+from footsense.lab.fem.elasticity import hertz_shape
+from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells, quarter_grid
 from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
-from footsense.lab.geometry import FootDesign
+from footsense.lab.geometry import UM_PER_MM, FootDesign
 
 Vector = NDArray[np.float64]
 
@@ -50,15 +48,6 @@ class _Load:
         """Return the load as a mirror or a swap of axes maps it, shape (3, 3)."""
         return _Load(matrix @ self.centre_mm, matrix @ self.force_n, self.radius_mm)
 
-    @property
-    def shape(self) -> Any:
-        """Pressure over that in the middle [1], as a coefficient function."""
-        away = ng.CF(
-            tuple(axis - float(at) for axis, at in zip((ng.x, ng.y, ng.z), self.centre_mm, strict=True))
-        )
-        inside = 1.0 - away * away / self.radius_mm**2
-        return ng.sqrt(ng.IfPos(inside, inside, 0.0))
-
 
 class _Class:
     """One factorised class with the closures of its cells as functionals.
@@ -69,14 +58,10 @@ class _Class:
 
     def __init__(self, quarter: Quarter) -> None:
         self.quarter = quarter
-        area_mm2 = (quarter.design.electrode_mm / CELLS_PER_SIDE) ** 2
-        cells = quarter_cells(quarter.design)
+        cells, area_mm2 = quarter_cells(quarter.design), quarter.design.cell_mm2
         rows = np.stack([quarter.closure_functional(cell.name, area_mm2).vec.FV().NumPy() for cell in cells])
         self._used = np.flatnonzero(rows.any(axis=0))
         self._rows = rows[:, self._used]
-        self._place = [
-            (6 * (cell.element // 3) + cell.forward, 6 * (cell.element % 3) + cell.leftward) for cell in cells
-        ]
 
     def cells_um(self, load: _Load) -> Vector:
         """Return the closures [um] of the quarter's cells under the load's part in this class, shape (9, 9)."""
@@ -85,7 +70,7 @@ class _Class:
         for sign_x, sign_y in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
             image = load.mapped(np.diag([sign_x, sign_y, 1.0]))
             character = (1 if sign_x > 0 else parity.x) * (1 if sign_y > 0 else parity.y)
-            parts.append((image.shape, character * image.force_n))
+            parts.append((hertz_shape(image.centre_mm, image.radius_mm), character * image.force_n))
         surface = ng.ds("curved_ground", bonus_intorder=PATCH_ORDER)
         # The images in the quarter make up the whole patch, wherever the mirror planes cut it.
         total_mm2 = ng.Integrate(sum(shape for shape, _ in parts) * surface, quarter.mesh)
@@ -93,11 +78,8 @@ class _Class:
             sum(shape * float(force[k]) for shape, force in parts) / (4.0 * total_mm2) for k in range(3)
         ]
         solution = quarter.solve(quarter.traction_load(ng.CF(tuple(traction)), PATCH_ORDER))
-        grid = np.empty((HALF_SIDE, HALF_SIDE))
-        grid[tuple(np.transpose(self._place))] = (
-            self._rows @ solution.vec.FV().NumPy()[self._used] * UM_PER_MM
-        )
-        return grid
+        closure_um = self._rows @ solution.vec.FV().NumPy()[self._used] * UM_PER_MM
+        return quarter_grid(closure_um, quarter.design, 0)
 
 
 class ForwardFoot:
@@ -105,7 +87,7 @@ class ForwardFoot:
 
     Args:
         design: The foot.
-        size: Fineness of the mesh.
+        size: Resolution of the mesh.
 
     Raises:
         ModelError: The foot cannot be meshed, or its stiffness is singular.
@@ -122,7 +104,7 @@ class ForwardFoot:
         return [solved.quarter for solved in self._classes.values()]
 
     def cells_um(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the closure of each cell as if no gap could shut [um], shape (324,), by four solves.
+        """Return the closure of each cell as if no gap could close [um], shape (324,), by four solves.
 
         Args:
             normal: Inward unit normal of the ball at the contact, shape (3,).
@@ -131,21 +113,14 @@ class ForwardFoot:
         design = self._design
         pressing_n = abs(float(normal @ force_n))
         load = _Load(
-            centre_mm=-design.ball_radius_mm * normal - np.array([0.0, 0.0, design.plate_mm]),
+            centre_mm=design.touch_mm(normal),
             force_n=force_n,
-            radius_mm=float(contact_radius_mm(pressing_n, design.ball_radius_mm, design.rubber.hertz_mpa)),
+            radius_mm=design.patch_mm(pressing_n),
         )
         parts = {parity: solved.cells_um(load) for parity, solved in self._classes.items()}
         swapped = load.mapped(np.eye(3)[[1, 0, 2]])
         parts[Parity(-1, 1)] = self._classes[Parity(1, -1)].cells_um(swapped).T
-        whole = np.zeros((2 * HALF_SIDE, 2 * HALF_SIDE))
-        for parity, part in parts.items():
-            half = np.concatenate([part, parity.x * part[::-1]], axis=0)
-            whole += np.concatenate([half, parity.y * half[:, ::-1]], axis=1)
+        whole = np.sum([parity.unfold(part) for parity, part in parts.items()], axis=0)
         flat = np.empty(ALL_CELLS)
         flat[flat_of_grid()] = whole
         return flat
-
-    def closure_um(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the mean closure of each element [um], shape (9,), of a load as in `cells_um`."""
-        return element_means(self.cells_um(normal, force_n))

@@ -10,6 +10,7 @@ import ngsolve as ng
 from netgen import occ
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
+from footsense.lab.fem.solids import rectangle
 from footsense.lab.geometry import FootDesign
 
 #: Where the field is cut off, beside and above the electrodes [mm]; doubling it moves the capacitance by 1e-3.
@@ -22,12 +23,11 @@ def _mesh(design: FootDesign, gap_mm: float, film_mm: float) -> Any:
     edge, wide = design.electrode_mm / 2.0, design.electrode_mm / 2.0 + _AROUND_MM
     top = film_mm + gap_mm
     bands = [(-_AROUND_MM, 0.0), (0.0, film_mm), (film_mm, top), (top, top + _AROUND_MM)]
-    parts = []
-    for low, high in bands:
-        for left, right in ((0.0, edge), (edge, wide)):
-            face = occ.MoveTo(left, low).Rectangle(right - left, high - low).Face()
-            face.name = "air" if (low, left) == (film_mm, 0.0) else "pdms"
-            parts.append(face)
+    parts = [
+        rectangle(x_mm, z_mm, "air" if (z_mm[0], x_mm[0]) == (film_mm, 0.0) else "pdms")
+        for z_mm in bands
+        for x_mm in ((0.0, edge), (edge, wide))
+    ]
     shape = occ.Glue(parts)
     near = 1e-9
     for border in shape.edges:
@@ -60,9 +60,8 @@ def element_pf(design: FootDesign, closure_um: float = 0.0) -> tuple[float, floa
     form = ng.BilinearForm(permittivity * ng.grad(u) * ng.grad(v) * ng.dx, symmetric=True).Assemble()
     potential = ng.GridFunction(space)
     potential.Set(mesh.BoundaryCF({"upper": 1.0}, default=0.0), definedon=mesh.Boundaries("lower|upper"))
-    rest = potential.vec.CreateVector()
-    rest.data = -(form.mat * potential.vec)
-    potential.vec.data += form.mat.Inverse(space.FreeDofs(), "sparsecholesky") * rest
+    rest = (form.mat * potential.vec).Evaluate()
+    potential.vec.data -= form.mat.Inverse(space.FreeDofs(), "sparsecholesky") * rest
     field = ng.grad(potential)
     eps0_pf_per_mm = 1e-3 * EPS0_PF_UM_PER_MM2
     per_length = 2.0 * eps0_pf_per_mm * float(ng.Integrate(permittivity * field * field * ng.dx, mesh))

@@ -6,29 +6,29 @@ elements (hp refinement) under cubic displacements. The cavities are cut into sq
 and contact pressure live, and the mesh follows them.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-import ngsolve as ng
+import numpy as np
 from netgen import occ
-from netgen.meshing import NgException
+from netgen.meshing import MeshingParameters
+from numpy.typing import NDArray
 
 from footsense.errors import ModelError
 from footsense.foot.gap_contact import CELLS_PER_SIDE
+from footsense.foot.symmetry import HALF_SIDE
+from footsense.lab.fem.solids import NEAR_MM, SIDES, curved_mesh, hemisphere, lies_in, plate, square
 from footsense.lab.geometry import FootDesign
 
-#: Coordinates closer than this are equal [mm].
-_NEAR_MM = 1e-3
-#: Nothing of a foot may be thinner [mm]: faces closer than `_NEAR_MM` could not be told apart.
-_THINNEST_MM = _NEAR_MM
+#: Nothing of a foot may be thinner [mm]: faces closer than `NEAR_MM` could not be told apart.
+_THINNEST_MM = NEAR_MM
 #: Radius of the ball and width of the bars that a `MeshSize` is stated for [mm].
 _BALL_MM, _BAR_MM = 10.0, 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeshSize:
-    """How fine the mesh is: largest edge lengths [mm], layers, order.
+    """Resolution of the mesh: largest edge lengths [mm], layers, order.
 
     Lengths are those in a ball of 10 mm with bars of 1 mm; in another foot they are in proportion.
 
@@ -64,11 +64,11 @@ class MeshSize:
         )
 
 
-#: What the released table is made with.
+#: Mesh of the released table.
 SHIPPED = MeshSize()
-#: What the tests and `--quick` use: a second per class, and closures some 6 % too small.
+#: Mesh of the tests and of `--quick`: a second per class, and closures some 6 % too small.
 COARSE = MeshSize(layer_rel=0.15, bar_mm=0.67, order=2)
-#: What SHIPPED is judged by: elements half as large at the bars, smaller elsewhere, and one layer more.
+#: Reference of SHIPPED: elements half as large at the bars, smaller elsewhere, and one layer more.
 FINEST = MeshSize(
     ball_mm=4.0, plate_mm=1.5, surface_mm=2.5, bar_mm=0.25, grading=0.5, layers=2, layer_rel=0.12
 )
@@ -94,11 +94,6 @@ class Cell:
     x_mm: float
     y_mm: float
 
-    @property
-    def index(self) -> int:
-        """Flat index among the cells of the whole foot."""
-        return (self.element * CELLS_PER_SIDE + self.forward) * CELLS_PER_SIDE + self.leftward
-
 
 def quarter_cells(design: FootDesign) -> list[Cell]:
     """Return the cells of the quarter x > 0, y > 0: a quarter of the middle element, halves of two, a corner."""
@@ -114,43 +109,47 @@ def quarter_cells(design: FootDesign) -> list[Cell]:
     return cells
 
 
-def _half(design: FootDesign, side: str, up: float, size: MeshSize) -> Iterator[Any]:
-    """Yield hemisphere and plate of the `ground` (up = -1) or `leg` (up = +1) side, named for the weak form."""
-    flat, wide = up * design.plate_mm, 3.0 * design.ball_radius_mm
-    ball = occ.Sphere(occ.Pnt(0, 0, flat), design.ball_radius_mm) * occ.HalfSpace(
-        occ.Pnt(0, 0, flat), occ.Vec(0, 0, -up)
-    )
-    for face in ball.faces:
-        face.name = f"curved_{side}" if abs(face.center.z - flat) > 0.1 * design.ball_radius_mm else "flat"
-    ball *= occ.Box(occ.Pnt(0, 0, -wide), occ.Pnt(wide, wide, wide))
-    ball.mat(f"rubber_{side}")
-    yield ball
-    half = design.sheet_mm / 2.0
-    plate = occ.Box(occ.Pnt(0, 0, min(0.0, flat)), occ.Pnt(half, half, max(0.0, flat)))
-    plate.mat(f"pdms_{side}")
-    plate.maxh = size.plate_mm
-    yield plate
+def quarter_grid(per_cell: NDArray[np.float64], design: FootDesign, axis: int) -> NDArray[np.float64]:
+    """Return values per cell of the quarter, in the order of `quarter_cells`, as a 9 x 9 grid in place of `axis`."""
+    order = np.empty((HALF_SIDE, HALF_SIDE), np.intp)
+    for number, cell in enumerate(quarter_cells(design)):
+        row, column = divmod(cell.element, 3)
+        order[row * CELLS_PER_SIDE + cell.forward, column * CELLS_PER_SIDE + cell.leftward] = number
+    return np.take(per_cell, order, axis=axis)
+
+
+def _half(design: FootDesign, side: str, up: float, size: MeshSize) -> list[Any]:
+    """Return hemisphere and plate of the `ground` (up = -1) or `leg` (up = +1) side, named for the weak form."""
+    flat = up * design.plate_mm
+    level_mm = (min(0.0, flat), max(0.0, flat))
+    return [
+        hemisphere(design, side, flat, quarter=True),
+        plate(f"pdms_{side}", (0, 0), design.sheet_mm / 2.0, level_mm, size.plate_mm),
+    ]
 
 
 def _cell_face(cell: Cell, side_mm: float) -> Any:
     """Return a cell as a named face in the plane of the spacer."""
-    corner = occ.Pnt(cell.x_mm - side_mm / 2.0, cell.y_mm - side_mm / 2.0, 0.0)
-    face = occ.WorkPlane(occ.Axes(corner, n=occ.Z, h=occ.X)).Rectangle(side_mm, side_mm).Face()
+    face = square(cell.x_mm, cell.y_mm, side_mm)
     face.name = cell.name
     return face
 
 
-def _name_faces(shape: Any, size: MeshSize) -> None:
-    """Name bars and mirror planes, and set the size on the surface that touches the ground."""
+def name_mirrors(shape: Any, size: MeshSize) -> None:
+    """Name the mirror planes, and set the size on the surface that touches the ground."""
     for face in shape.faces:
-        low, high = face.bounding_box
-        if max(abs(low.z), abs(high.z)) < _NEAR_MM and not (face.name or "").startswith("cell"):
-            face.name = "bars"
         for axis in ("x", "y"):
-            if max(abs(getattr(low, axis)), abs(getattr(high, axis))) < _NEAR_MM:
+            if lies_in(face, axis):
                 face.name = f"mirror_{axis}"
         if face.name == "curved_ground":
             face.maxh = size.surface_mm
+
+
+def _name_bars(shape: Any) -> None:
+    """Name the faces that join the plates: those in the plane of the spacer that are no cells."""
+    for face in shape.faces:
+        if lies_in(face, "z") and not (face.name or "").startswith("cell"):
+            face.name = "bars"
 
 
 def _is_bar_edge(design: FootDesign, edge: Any) -> bool:
@@ -159,21 +158,21 @@ def _is_bar_edge(design: FootDesign, edge: Any) -> bool:
     borders = (design.electrode_mm / 2.0, design.pitch_mm - design.electrode_mm / 2.0)
     for axis, along in (("x", "y"), ("y", "x")):
         across = (getattr(low, axis), getattr(high, axis))
-        on_border = any(abs(value - border) < _NEAR_MM for border in borders for value in across)
+        on_border = any(abs(value - border) < NEAR_MM for border in borders for value in across)
         middle = getattr(edge.center, along)
         crossing = borders[0] < middle < borders[1]
-        if on_border and abs(across[0] - across[1]) < _NEAR_MM and not crossing:
-            return bool(max(abs(low.z), abs(high.z)) < _NEAR_MM)
+        if on_border and abs(across[0] - across[1]) < NEAR_MM and not crossing:
+            return lies_in(edge, "z")
     return False
 
 
 def _is_rim(design: FootDesign, edge: Any) -> bool:
     """Tell whether an edge is the sheet's outer border against a hemisphere."""
     low, high = edge.bounding_box
-    level = all(abs(abs(end.z) - design.plate_mm) < _NEAR_MM for end in (low, high))
-    at_border = max(abs(edge.center.x), abs(edge.center.y)) > design.sheet_mm / 2.0 - _NEAR_MM
+    level = all(abs(abs(end.z) - design.plate_mm) < NEAR_MM for end in (low, high))
+    at_border = max(abs(edge.center.x), abs(edge.center.y)) > design.sheet_mm / 2.0 - NEAR_MM
     return (
-        level and at_border and max(abs(edge.center.x), abs(edge.center.y)) < design.sheet_mm / 2.0 + _NEAR_MM
+        level and at_border and max(abs(edge.center.x), abs(edge.center.y)) < design.sheet_mm / 2.0 + NEAR_MM
     )
 
 
@@ -182,7 +181,7 @@ def build_mesh(design: FootDesign, size: MeshSize) -> Any:
 
     Args:
         design: The foot.
-        size: How fine.
+        size: Largest edges.
 
     Returns:
         The mesh, in mm, foot frame, origin in the middle of the spacer; faces `cell0`.., `bars`, `curved_ground`,
@@ -195,22 +194,18 @@ def build_mesh(design: FootDesign, size: MeshSize) -> Any:
     if not thinnest_mm > _THINNEST_MM:  # NaN is refused too
         raise ModelError(f"no part of a foot is thinner than {_THINNEST_MM:g} mm, got {design}")
     size, step = size.in_foot(design), design.electrode_mm / CELLS_PER_SIDE
-    solids = [*_half(design, "ground", -1.0, size), *_half(design, "leg", 1.0, size)]
+    solids = [solid for side, up in SIDES for solid in _half(design, side, up, size)]
     shape = occ.Glue([*solids, *(_cell_face(cell, step) for cell in quarter_cells(design))])
-    _name_faces(shape, size)
+    _name_bars(shape)
+    name_mirrors(shape, size)
     for edge in shape.edges:
         if _is_bar_edge(design, edge):
             edge.maxh = size.bar_mm
             edge.hpref = 1
         elif _is_rim(design, edge):
             edge.hpref = 1
+    parameters = MeshingParameters(maxh=size.ball_mm, grading=size.grading)
     try:
-        mesh = ng.Mesh(occ.OCCGeometry(shape).GenerateMesh(maxh=size.ball_mm, grading=size.grading))
-        if size.layers:
-            mesh.RefineHP(size.layers, size.layer_rel)
-        mesh.Curve(size.order)
-    except (NgException, RuntimeError) as error:
-        raise ModelError(
-            f"the foot cannot be meshed with {size}: {error}; check the sizes of {design}"
-        ) from error
-    return mesh
+        return curved_mesh(shape, parameters, size.order, layers=size.layers, layer_rel=size.layer_rel)
+    except ModelError as error:
+        raise ModelError(f"{error}; check {size} and the sizes of {design}") from error

@@ -22,9 +22,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import ngsolve as ng
+import numpy as np
+from numpy.typing import NDArray
 
 from footsense.errors import ModelError
-from footsense.lab.fem.elasticity import energy, mixed_energy
+from footsense.lab.fem.elasticity import Layer, energy, mixed_energy
 from footsense.lab.fem.mesh import MeshSize, build_mesh
 from footsense.lab.geometry import FootDesign
 
@@ -52,6 +54,11 @@ class Parity:
     def signs(self, component: int) -> tuple[int, int]:
         """Return the sign that a component takes in the images under x -> -x and under y -> -y."""
         return (-self.x if component == 0 else self.x), (-self.y if component == 1 else self.y)
+
+    def unfold(self, quarter: NDArray[np.float64], axis: int = 0) -> NDArray[np.float64]:
+        """Return the z components on the whole foot, x along `axis` and y along the next, of those of the quarter."""
+        half = np.concatenate([quarter, self.x * np.flip(quarter, axis)], axis)
+        return np.concatenate([half, self.y * np.flip(half, axis + 1)], axis + 1)
 
 
 #: The classes that are solved; (-1, 1) is the transpose of (1, -1).
@@ -82,17 +89,26 @@ class Quarter:
         design: The foot.
         mesh: The mesh of the quarter.
         parity: The class.
+        layer: Joins both bodies.
         space: Displacement on the ground side, on the leg side, and the two pressures in the rubber.
     """
 
-    def __init__(self, design: FootDesign, size: MeshSize, parity: Parity, mesh: Any = None) -> None:
+    def __init__(
+        self,
+        design: FootDesign,
+        size: MeshSize,
+        parity: Parity,
+        mesh: Any = None,
+        layer: Layer | None = None,
+    ) -> None:
         """Assemble and factorise the stiffness matrix.
 
         Args:
             design: The foot.
-            size: Fineness of the mesh.
+            size: Resolution of the mesh.
             parity: The symmetry class.
             mesh: A mesh of `build_mesh` to share between classes; made if None.
+            layer: Joins both bodies; the spacer's bars if None.
 
         Raises:
             ModelError: The foot cannot be meshed, or its stiffness is singular.
@@ -100,19 +116,8 @@ class Quarter:
         _check(design)
         self.design, self.parity = design, parity
         self.mesh = build_mesh(design, size) if mesh is None else mesh
-        bodies = []
-        for side, held in (("ground", ""), ("leg", "curved_leg")):
-            clamped = {
-                f"dirichlet{axis}": "|".join(filter(None, (held, parity.clamped(component))))
-                for component, axis in enumerate("xyz")
-            }
-            bodies.append(
-                ng.VectorH1(self.mesh, order=size.order, definedon=f"rubber_{side}|pdms_{side}", **clamped)
-            )
-        pressures = [
-            ng.H1(self.mesh, order=size.order - 1, definedon=f"rubber_{side}") for side in ("ground", "leg")
-        ]
-        self.space = bodies[0] * bodies[1] * pressures[0] * pressures[1]
+        self.layer = layer or Layer(design.pdms, design.spacer_mm)
+        self.space = self._space(size.order)
         form = self._form()
         with ng.TaskManager():
             form.Assemble()
@@ -126,27 +131,42 @@ class Quarter:
         if not self.residual_rel(lifted, self.solve(lifted)) < _WORST_RESIDUAL:  # NaN fails too
             raise ModelError(f"the stiffness of the foot is singular: nothing holds a part of {design}")
 
+    @property
+    def depth_mm(self) -> float:
+        """Depth of the ground-side ball's centre below the middle of the sheet [mm]."""
+        return self.design.plate_mm
+
+    def _clamped(self, held: str) -> dict[str, str]:
+        """Return the faces on which each component vanishes: those held, and mirror planes by parity."""
+        return {
+            f"dirichlet{axis}": "|".join(filter(None, (held, self.parity.clamped(component))))
+            for component, axis in enumerate("xyz")
+        }
+
+    def _space(self, order: int) -> Any:
+        ground, leg = (
+            ng.VectorH1(self.mesh, order=order, definedon=f"rubber_{side}|pdms_{side}", **self._clamped(held))
+            for side, held in (("ground", ""), ("leg", "curved_leg"))
+        )
+        p_ground, p_leg = (
+            ng.H1(self.mesh, order=order - 1, definedon=f"rubber_{side}") for side in ("ground", "leg")
+        )
+        return ground * leg * p_ground * p_leg
+
     def _form(self) -> Any:
         """Return the bilinear form, not assembled."""
-        design = self.design
         (u_ground, u_leg, p_ground, p_leg), (v_ground, v_leg, *_) = self.space.TnT()
         form = ng.BilinearForm(self.space, symmetric=True)
         for side, u, p in (("ground", u_ground, p_ground), ("leg", u_leg, p_leg)):
-            form += ng.Variation(mixed_energy(design.rubber, u, p) * ng.dx(f"rubber_{side}"))
-            form += ng.Variation(energy(design.pdms, u) * ng.dx(f"pdms_{side}"))
-        form += self.bar_traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds("bars")
+            form += ng.Variation(mixed_energy(self.design.rubber, u, p) * ng.dx(f"rubber_{side}"))
+            form += ng.Variation(energy(self.design.pdms, u) * ng.dx(f"pdms_{side}"))
+        form += self.layer.traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(self.layer.faces)
         return form
 
     @property
     def n_unknowns(self) -> int:
         """Unknown displacements and pressures."""
         return int(sum(self.space.FreeDofs()))
-
-    def bar_traction(self, jump: Any) -> Any:
-        """Return the traction [MPa] that the spacer's bars put against a jump u_ground - u_leg [mm]."""
-        pdms = self.design.pdms
-        across = (pdms.shear_mpa, pdms.shear_mpa, pdms.confined_mpa)
-        return ng.CF(tuple(across[k] / self.design.spacer_mm * jump[k] for k in range(3)))
 
     def closure_functional(self, face: str, area_mm2: float) -> Any:
         """Return the mean closure of a face of given area as a linear form of the displacement."""
@@ -171,7 +191,6 @@ class Quarter:
 
     def residual_rel(self, load: Any, solution: Any) -> float:
         """Return the norm of load minus stiffness times solution, over the norm of the load."""
-        rest = load.vec.CreateVector()
-        rest.data = load.vec - self._matrix * solution.vec
+        rest = (load.vec - self._matrix * solution.vec).Evaluate()
         ng.Projector(self.space.FreeDofs(), range=True).Project(rest)
         return float(rest.Norm() / load.vec.Norm())

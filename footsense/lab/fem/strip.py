@@ -11,17 +11,11 @@ import ngsolve as ng
 from netgen import occ
 
 from footsense.lab.fem.elasticity import energy
+from footsense.lab.fem.solids import rectangle
 from footsense.lab.geometry import FootDesign
 
 #: Layers of thin elements around the corner of the bar, thickness of each over the next, order of the displacement.
 _LAYERS, _LAYER_REL, _ORDER = 4, 0.15, 5
-
-
-def _rectangle(x_mm: tuple[float, float], z_mm: tuple[float, float], name: str) -> Any:
-    """Return a rectangle as a named face."""
-    face = occ.MoveTo(x_mm[0], z_mm[0]).Rectangle(x_mm[1] - x_mm[0], z_mm[1] - z_mm[0]).Face()
-    face.name = name
-    return face
 
 
 def _mesh(design: FootDesign, *, solid: bool) -> Any:
@@ -31,13 +25,13 @@ def _mesh(design: FootDesign, *, solid: bool) -> Any:
     plate, top = design.plate_mm, design.plate_mm + design.pitch_mm
     half = design.spacer_mm / 2.0
     parts = [
-        _rectangle((0.0, border), (0.0, plate), "pdms"),
-        _rectangle((border, end), (0.0, plate), "pdms"),
-        _rectangle((0.0, border), (plate, top), "rubber"),
-        _rectangle((border, end), (plate, top), "rubber"),
+        rectangle((0.0, border), (0.0, plate), "pdms"),
+        rectangle((border, end), (0.0, plate), "pdms"),
+        rectangle((0.0, border), (plate, top), "rubber"),
+        rectangle((border, end), (plate, top), "rubber"),
     ]
     if solid:
-        bar = _rectangle((border, end), (-half, 0.0), "pdms")
+        bar = rectangle((border, end), (-half, 0.0), "pdms")
         bar.faces.maxh = half
         parts.append(bar)
     shape = occ.Glue(parts)

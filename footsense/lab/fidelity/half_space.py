@@ -27,12 +27,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.lab.geometry import FootDesign
+from footsense.lab.geometry import UM_PER_MM, FootDesign
 
 Vector = NDArray[np.float64]
 
-#: Micrometres in a millimetre.
-_UM_PER_MM = 1000.0
 #: Gauss points along the side of what an element carries: rays are long, so more change a closure by 1e-4.
 _POINTS = 3
 #: Waves of the lattice along each axis, to each side: the sum is then within 1e-3 of its end.
@@ -89,7 +87,7 @@ class HalfSpace:
         self._point_mm = np.stack([x_mm, y_mm, np.zeros_like(x_mm)], axis=-1)
         self._area_mm2 = (weight[:, :, None, 0] * weight[:, None, :, 1]).reshape(len(centres), -1)
         opening_mm = lattice_opening_mm(design.pitch_mm, design.pitch_mm - design.electrode_mm)
-        self._um_per_mpa = _UM_PER_MM * opening_mm / design.rubber.hertz_mpa
+        self._um_per_mpa = UM_PER_MM * opening_mm / design.rubber.hertz_mpa
 
     def pressure_mpa(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the mean pressure that each element has to carry [MPa], shape (n, 9).
@@ -98,7 +96,7 @@ class HalfSpace:
             normal: Inward unit normals of the ball at the contacts, shape (n, 3).
             force_n: Ground reactions on the foot [N], shape (n, 3).
         """
-        touch_mm = -self.design.ball_radius_mm * normal - np.array([0.0, 0.0, self.design.plate_mm])
+        touch_mm = self.design.touch_mm(normal)
         ray_mm = self._point_mm - touch_mm[:, None, None]
         squared_mm2 = (ray_mm**2).sum(axis=-1)
         along_n_mm = np.einsum("nepk,nk->nep", ray_mm, force_n)

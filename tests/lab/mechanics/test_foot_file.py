@@ -1,4 +1,4 @@
-"""A foot's description: what cannot be is refused by its line and path, with what would be right."""
+"""A foot's description: an error names line, path and a right value."""
 
 from pathlib import Path
 
@@ -68,15 +68,15 @@ def test_what_cannot_be_is_refused(old: str, new: str, line: str) -> None:
 @pytest.mark.parametrize(
     ("sizes", "said"),
     [
-        ((10, 14, 5, 1.3), r"an element has 0\.57 pF at rest, too little to be told .* at least 1 pF"),
+        ((10, 14, 5, 1.3), r"an element has 0\.57 pF unloaded, too little to differ .* at least 1 pF"),
         (
             (30, 40, 10, 8),
-            r"an element has 34\.8 pF with its gap half shut, the converter reads up to 16\.0 pF",
+            r"an element has 34\.8 pF with its gap half closed, the converter reads up to 16\.0 pF",
         ),
     ],
 )
 def test_electrodes_that_the_converter_cannot_read_are_refused(sizes: tuple[float, ...], said: str) -> None:
-    """Too little to be told from an open line, and too much to be pressed: ball, sheet, pitch, electrode [mm]."""
+    """Too little beside an open line, and too much once pressed: ball, sheet, pitch, electrode [mm]."""
     names = ("ball_radius_mm", "sheet_mm", "pitch_mm", "electrode_mm")
     foot_design = replace(FOOT_DESIGN, **dict(zip(names, sizes, strict=True)))
     with pytest.raises(ConfigError, match=f"electrode_mm: {said}"):
@@ -90,7 +90,7 @@ def test_the_shipped_foot_is_meshed_by_the_stated_lengths() -> None:
 
 
 def test_another_foot_of_a_known_name_is_refused(tmp_path: Path) -> None:
-    """Two networks of one name could not be told apart: told before the solve."""
+    """Two networks of one name could not be told apart: refused before the solve."""
     path = tmp_path / "mine.yaml"
     path.write_text(TEXT.replace("pitch_mm: 5", "pitch_mm: 4.9"))
     result = CliRunner().invoke(lab, ["build", "--foot", str(path), "--out", str(tmp_path)])

@@ -13,7 +13,7 @@ from footsense.lab.contact.body import Body
 from footsense.lab.contact.equilibrium import ConvergenceError, Equilibrium
 from footsense.lab.contact.full_solve import FullFoot
 from footsense.lab.contact.load_case import LoadCase
-from footsense.lab.contact.mesh import Fineness, build_mesh
+from footsense.lab.contact.mesh import ContactMeshSize, build_mesh
 from footsense.lab.contact.plane_floor import PlaneFloor
 from footsense.lab.contact.readout import cell_means, sampled_closure_um
 from footsense.lab.fem.elasticity import energy, mixed_energy
@@ -22,7 +22,7 @@ from tests.lab.released import FOOT_DESIGN
 
 pytestmark = pytest.mark.lab
 
-COARSE = Fineness(ball_mm=4.5, plate_mm=2.5, bar_mm=2.0, patch_rel=0.5)
+COARSE = ContactMeshSize(ball_mm=4.5, plate_mm=2.5, bar_mm=2.0, patch_rel=0.5)
 UP = np.array([0.0, 0.0, 1.0])
 #: A contact behind the middle: the normal tilts forward, the force stays upright.
 LEANING = np.array([np.sin(0.35), 0.0, np.cos(0.35)])
@@ -38,8 +38,8 @@ def test_a_light_load_is_hertz_on_the_linear_foot() -> None:
     """
     force = 5.0 * GRAM_FORCE_N * UP
     fine = dataclasses.replace(COARSE, patch_rel=0.3)
-    solved = FullFoot(FOOT_DESIGN, fineness=fine).solve(UP, force)
-    linear = FullFoot(FOOT_DESIGN, fineness=fine, finite_strain=False, floor="hertz", gaps="open").solve(
+    solved = FullFoot(FOOT_DESIGN, size=fine).solve(UP, force)
+    linear = FullFoot(FOOT_DESIGN, size=fine, finite_strain=False, floor="hertz", gaps="open").solve(
         UP, force
     )
     a_mm = np.cbrt(0.75 * force[2] * FOOT_DESIGN.ball_radius_mm / FOOT_DESIGN.rubber.hertz_mpa)
@@ -50,14 +50,14 @@ def test_a_light_load_is_hertz_on_the_linear_foot() -> None:
     np.testing.assert_allclose(solved.closure_um, linear.closure_um, atol=0.005 * linear.closure_um.max())
 
 
-def test_the_spacer_carries_the_force_that_was_asked_for() -> None:
+def test_the_spacer_carries_the_prescribed_force() -> None:
     """Statics of the ground side: with open gaps all of a leaning force goes through the bars, to 1e-5."""
     force = 0.5 * UP
     case = LoadCase(FOOT_DESIGN, LEANING, force, 0.7)
     mesh = build_mesh(FOOT_DESIGN, COARSE, LEANING, case.hertz_mm, half=case.half)
     body = Body(FOOT_DESIGN, mesh, COARSE.order)
     floor = PlaneFloor(case, body.ground, COARSE.patch_rel * case.hertz_mm)
-    form = body.form(floor, finite_strain=True, gaps_shut=False)
+    form = body.form(floor, finite_strain=True, gap_contact=False)
     floor.aim(1.0)
     Equilibrium(body, form, floor, 0.5).solve(1e-6)
     jump = body.ground - body.leg
@@ -107,26 +107,26 @@ def test_a_homogeneous_stretch_is_exact(material: Material) -> None:
         assert ng.InnerProduct(residual, along.vec) == pytest.approx(slope, rel=1e-7)
 
 
-def test_a_shut_gap_is_entered_by_less_than_a_hundredth() -> None:
-    """200 gf on a contact far behind: rear gaps shut, no point is deeper than 20 um and 1 %."""
-    shut = FullFoot(FOOT_DESIGN, fineness=COARSE, finite_strain=False, floor="hertz").solve(
+def test_a_closed_gap_is_entered_by_less_than_a_hundredth() -> None:
+    """200 gf on a contact far behind: rear gaps close, no point is deeper than 20 um and 1 %."""
+    closed = FullFoot(FOOT_DESIGN, size=COARSE, finite_strain=False, floor="hertz").solve(
         LEANING, 200.0 * GRAM_FORCE_N * UP
     )
-    assert 0.0 < shut.penetration_rel <= 0.01
-    assert FOOT_DESIGN.gap_um < shut.cells_um.max() <= 1.01 * FOOT_DESIGN.gap_um
-    assert shut.closure_um.argmax() in {6, 8}
+    assert 0.0 < closed.penetration_rel <= 0.01
+    assert FOOT_DESIGN.gap_um < closed.cells_um.max() <= 1.01 * FOOT_DESIGN.gap_um
+    assert closed.closure_um.argmax() in {6, 8}
     film_pf = 8.8541878128 * 16.0 / (17.0 / 2.7)
-    assert FOOT_DESIGN.capacitor.unloaded_pf < shut.capacitance_pf.max() < film_pf
+    assert FOOT_DESIGN.capacitor.unloaded_pf < closed.capacitance_pf.max() < film_pf
 
 
 def test_a_force_outside_the_cone_of_friction_is_refused() -> None:
     """The tangent of 20 deg is more than 0.3, and no floor pulls."""
     with pytest.raises(ValueError, match=r"friction 0\.3 .* holds less than"):
-        FullFoot(FOOT_DESIGN, fineness=COARSE, friction=0.3).solve(LEANING, UP)
+        FullFoot(FOOT_DESIGN, size=COARSE, friction=0.3).solve(LEANING, UP)
     with pytest.raises(ValueError, match="pressed with -1 N"):
-        FullFoot(FOOT_DESIGN, fineness=COARSE).solve(UP, -UP)
+        FullFoot(FOOT_DESIGN, size=COARSE).solve(UP, -UP)
     with pytest.raises(ValueError, match="length 1"):
-        FullFoot(FOOT_DESIGN, fineness=COARSE).solve(2.0 * UP, UP)
+        FullFoot(FOOT_DESIGN, size=COARSE).solve(2.0 * UP, UP)
 
 
 def test_rubber_near_incompressible_does_not_lock() -> None:
@@ -134,15 +134,15 @@ def test_rubber_near_incompressible_does_not_lock() -> None:
     sums = []
     for poisson in (0.49, 0.4999):
         foot_design = replace(FOOT_DESIGN, rubber=replace(FOOT_DESIGN.rubber, poisson=poisson))
-        solved = FullFoot(foot_design, fineness=COARSE, floor="hertz", gaps="open").solve(UP, 0.2 * UP)
+        solved = FullFoot(foot_design, size=COARSE, floor="hertz", gaps="open").solve(UP, 0.2 * UP)
         sums.append(solved.closure_um.sum())
     assert abs(sums[1] / sums[0] - 1.0) < 0.05
 
 
 def test_half_and_whole_foot_agree() -> None:
     """A load turned by 90 deg, meshed half and whole: rows become columns, within a rough mesh's noise of 10 %."""
-    rough = Fineness(ball_mm=5.0, plate_mm=3.5, bar_mm=4.0, patch_rel=0.8)
-    leaning = FullFoot(FOOT_DESIGN, fineness=rough, finite_strain=False, floor="hertz", gaps="open")
+    rough = ContactMeshSize(ball_mm=5.0, plate_mm=3.5, bar_mm=4.0, patch_rel=0.8)
+    leaning = FullFoot(FOOT_DESIGN, size=rough, finite_strain=False, floor="hertz", gaps="open")
     forward = leaning.solve(LEANING, UP).closure_um.reshape(3, 3)
     sideways = leaning.solve(LEANING[[1, 0, 2]], UP).closure_um.reshape(3, 3)
     np.testing.assert_allclose(sideways, forward.T, atol=0.1 * forward.max())
@@ -153,4 +153,4 @@ def test_a_load_that_does_not_converge_is_no_number(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(equilibrium, "MOST_STEPS", 0)
     monkeypatch.setattr(full_solve, "MOST_HALVINGS", 0)
     with pytest.raises(ConvergenceError, match=r"at 100% of the load: residual .* after 0 Newton steps"):
-        FullFoot(FOOT_DESIGN, fineness=COARSE).solve(UP, UP)
+        FullFoot(FOOT_DESIGN, size=COARSE).solve(UP, UP)

@@ -122,7 +122,7 @@ def released() -> FootResponse:
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0.0, 360.0), st.floats(40.0, 90.0), st.floats(0.5, 20.0))
 def test_a_foot_under_load_keeps_all_conditions(azimuth: float, elevation: float, force_n: float) -> None:
-    """324 cells of the released foot, from nothing shut to most of them: residuals at rounding."""
+    """324 cells of the released foot, from all open to most closed: residuals at rounding."""
     released = FootResponse.load(RELEASED)
     normal = directions(np.array(azimuth), np.array(elevation))
     free_um = released.free_closure_um(normal, force_n * normal)

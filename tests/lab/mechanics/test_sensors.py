@@ -9,9 +9,9 @@ import pytest
 
 from footsense.foot.response_table import series_basis
 from footsense.lab.fem.block import COARSE_BLOCK
-from footsense.lab.fem.film import FilmDesign, FilmQuarter, upright_closure_um
+from footsense.lab.fem.film import FilmDesign, upright_closure_um
 from footsense.lab.fem.mesh import COARSE, build_mesh
-from footsense.lab.fem.quarter import Parity
+from footsense.lab.fem.quarter import Parity, Quarter
 from footsense.lab.geometry import FIT_ELEVATION_DEG, Material
 from footsense.lab.response import DEGREE
 from footsense.lab.studies.accuracy.sensors import SENSORS, Sensor, patterns, sensor_series
@@ -49,12 +49,13 @@ def test_elements_lie_on_the_block() -> None:
 def test_a_film_150_times_softer_than_its_plates_solves(poisson: float) -> None:
     """Finite, symmetric, in balance: what the film carries is a quarter's share of a load of one newton."""
     film = FilmDesign(film_mm=FOOT_DESIGN.spacer_mm, gel=Material(0.020, poisson))
-    quarter = FilmQuarter(FOOT_DESIGN, FILM_SIZE, Parity(1, 1), build_mesh(FOOT_DESIGN, FILM_SIZE), film)
+    mesh = build_mesh(FOOT_DESIGN, FILM_SIZE)
+    quarter = Quarter(FOOT_DESIGN, FILM_SIZE, Parity(1, 1), mesh, film.layer)
     area_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("curved_ground"), quarter.mesh)
     load = quarter.traction_load(ng.CF((0.0, 0.0, 0.25 / area_mm2)))
     moved = quarter.solve(load)
     ground, leg, *_ = moved.components
-    carried_n = ng.Integrate(quarter.bar_traction(ground - leg)[2] * ng.ds(quarter.faces), quarter.mesh)
+    carried_n = ng.Integrate(film.layer.traction(ground - leg)[2] * ng.ds(film.layer.faces), quarter.mesh)
     assert carried_n == pytest.approx(0.25, rel=1e-6)
     assert quarter.residual_rel(load, moved) < 1e-8
     functionals = [quarter.closure_functional(name, 1.0) for name in ("cell0", "cell40")]

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from footsense.foot.directions import directions
 from footsense.foot.gap_contact import CELLS
 from footsense.foot.response_table import FootResponse
-from footsense.lab.fem.adjoint import UM_PER_MM, ClassField
+from footsense.lab.fem.adjoint import ClassField
 from footsense.lab.fem.centred import centred_closures
 from footsense.lab.fem.mesh import MeshSize, quarter_cells
 from footsense.lab.fem.quarter import Parity, Quarter
-from footsense.lab.geometry import Material
+from footsense.lab.geometry import UM_PER_MM, Material
 from footsense.lab.response import SYMMETRIES, element_map, patch_mean
 from tests.lab.released import FOOT_DESIGN
 
@@ -75,7 +75,7 @@ def test_the_bars_carry_force_and_moment(quarters: Quarters, parity: Parity, rig
     quarter = quarters[parity]
     traction = ng.CF((0.3 + ng.x, ng.y * ng.z, 1.0 - 0.1 * ng.x * ng.y))
     ground, leg, *_ = quarter.solve(quarter.traction_load(traction)).components
-    carried = quarter.bar_traction(ground - leg) * rigid() * ng.ds("bars", bonus_intorder=4)
+    carried = quarter.layer.traction(ground - leg) * rigid() * ng.ds("bars", bonus_intorder=4)
     applied = traction * rigid() * ng.ds("curved_ground", bonus_intorder=12)
     work = [ng.Integrate(part, quarter.mesh) for part in (carried, applied)]
     assert work[0] == pytest.approx(work[1], rel=1e-8)
@@ -96,7 +96,7 @@ def test_the_work_of_the_load_is_twice_the_energy(quarters: Quarters) -> None:
         twice += ng.Integrate(in_rubber * ng.dx(f"rubber_{side}", bonus_intorder=4), quarter.mesh)
         twice += ng.Integrate(in_pdms * ng.dx(f"pdms_{side}", bonus_intorder=4), quarter.mesh)
     jump = ground - leg
-    twice += ng.Integrate(quarter.bar_traction(jump) * jump * ng.ds("bars", bonus_intorder=4), quarter.mesh)
+    twice += ng.Integrate(quarter.layer.traction(jump) * jump * ng.ds("bars", bonus_intorder=4), quarter.mesh)
     assert ng.InnerProduct(load.vec, moved.vec) == pytest.approx(twice, rel=1e-3)
 
 

@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.lab.contact.full_solve import FullFoot, FullSolution
-from footsense.lab.contact.mesh import Fineness
+from footsense.lab.contact.mesh import ContactMeshSize
 from footsense.lab.studies.page import Figures, Study, StudyContext, panels
 
 Vector = NDArray[np.float64]
 
 _FIGURE = "floor.png"
 #: Differences on one mesh need no fine one.
-_FINENESS, _QUICK_FINENESS = (
-    Fineness(bar_mm=1.0, patch_rel=0.4),
-    Fineness(ball_mm=5.0, plate_mm=3.5, bar_mm=4.0, patch_rel=0.8),
+_SIZE, _QUICK_SIZE = (
+    ContactMeshSize(bar_mm=1.0, patch_rel=0.4),
+    ContactMeshSize(ball_mm=5.0, plate_mm=3.5, bar_mm=4.0, patch_rel=0.8),
 )
 #: Options of the full solve with a part left out.
 WITHOUT: dict[str, dict[str, Any]] = {
@@ -101,12 +101,12 @@ class Results:
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Solve every load with everything, and with each part left out."""
-    fineness = _QUICK_FINENESS if context.quick else _FINENESS
+    size = _QUICK_SIZE if context.quick else _SIZE
     solved = []
     for load in _LOADS[:1] if context.quick else _LOADS:
-        full = load.solve(FullFoot(context.foot_design, fineness=fineness))
+        full = load.solve(FullFoot(context.foot_design, size=size))
         others = {
-            name: load.solve(FullFoot(context.foot_design, fineness=fineness, **options))
+            name: load.solve(FullFoot(context.foot_design, size=size, **options))
             for name, options in WITHOUT.items()
         }
         one = Solved(

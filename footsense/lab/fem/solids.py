@@ -1,0 +1,97 @@
+"""Shapes that the meshes of the foot share, and the mesher with its errors."""
+
+from typing import Any
+
+import ngsolve as ng
+from netgen import occ
+from netgen.meshing import MeshingParameters, NgException
+
+from footsense.errors import ModelError
+from footsense.lab.geometry import FootDesign
+
+#: Coordinates closer than this are equal [mm].
+NEAR_MM = 1e-3
+#: The two bodies, and the direction from the sheet into their rubber.
+SIDES = (("ground", -1.0), ("leg", 1.0))
+
+
+def hemisphere(design: FootDesign, side: str, level_mm: float, *, quarter: bool) -> Any:
+    """Return the hemisphere of a side, its material `rubber_<side>` and its curved face `curved_<side>`.
+
+    Args:
+        design: The foot.
+        side: `ground` or `leg`.
+        level_mm: z of its flat face [mm], below 0 on the ground side.
+        quarter: Whether to cut off x < 0 and y < 0.
+    """
+    centre, radius_mm = occ.Pnt(0, 0, level_mm), design.ball_radius_mm
+    inward = -1.0 if level_mm > 0.0 else 1.0
+    ball = occ.Sphere(centre, radius_mm) * occ.HalfSpace(centre, occ.Vec(0, 0, inward))
+    for face in ball.faces:
+        face.name = f"curved_{side}" if abs(face.center.z - level_mm) > 0.1 * radius_mm else "flat"
+    if quarter:
+        ball *= occ.Box(occ.Pnt(0, 0, -3.0 * radius_mm), occ.Pnt(*(3.0 * radius_mm,) * 3))
+    ball.mat(f"rubber_{side}")
+    return ball
+
+
+def plate(
+    name: str, corner_mm: tuple[float, float], half_mm: float, level_mm: tuple[float, float], edge_mm: float
+) -> Any:
+    """Return a square plate of PDMS.
+
+    Args:
+        name: Its material.
+        corner_mm: Lowest x and y [mm].
+        half_mm: Highest x and y [mm].
+        level_mm: z of its lower and upper face [mm].
+        edge_mm: Largest edge of its mesh [mm].
+    """
+    solid = occ.Box(occ.Pnt(*corner_mm, level_mm[0]), occ.Pnt(half_mm, half_mm, level_mm[1]))
+    solid.mat(name)
+    solid.maxh = edge_mm
+    return solid
+
+
+def lies_in(part: Any, axis: str) -> bool:
+    """Tell whether a face or an edge lies in the plane where a coordinate (`x`, `y`, `z`) is 0."""
+    low, high = part.bounding_box
+    return bool(max(abs(getattr(low, axis)), abs(getattr(high, axis))) < NEAR_MM)
+
+
+def square(x_mm: float, y_mm: float, side_mm: float) -> Any:
+    """Return a square in the plane of the spacer, with its centre at x and y."""
+    corner = occ.Pnt(x_mm - side_mm / 2.0, y_mm - side_mm / 2.0, 0.0)
+    return occ.WorkPlane(occ.Axes(corner, n=occ.Z, h=occ.X)).Rectangle(side_mm, side_mm).Face()
+
+
+def rectangle(x_mm: tuple[float, float], z_mm: tuple[float, float], name: str) -> Any:
+    """Return a rectangle of a cross-section as a named face."""
+    face = occ.MoveTo(x_mm[0], z_mm[0]).Rectangle(x_mm[1] - x_mm[0], z_mm[1] - z_mm[0]).Face()
+    face.name = name
+    return face
+
+
+def curved_mesh(
+    shape: Any, parameters: MeshingParameters, order: int, *, layers: int = 0, layer_rel: float = 0.0
+) -> Any:
+    """Return the curved mesh of a shape.
+
+    Args:
+        shape: The shape.
+        parameters: Of the mesher.
+        order: Polynomial order of the geometry.
+        layers: Layers of thin elements at marked edges (hp refinement).
+        layer_rel: Thickness of each over that of the next [1].
+
+    Raises:
+        ModelError: The mesher fails.
+    """
+    try:
+        mesh = ng.Mesh(occ.OCCGeometry(shape).GenerateMesh(parameters))
+        if layers:
+            mesh.RefineHP(layers, layer_rel)
+        mesh.Curve(order)
+    except (NgException, RuntimeError) as error:
+        raise ModelError(f"the foot cannot be meshed: {error}") from error
+    return mesh
