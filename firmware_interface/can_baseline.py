@@ -15,8 +15,6 @@ from firmware_interface.can_codes import BaselineStatus
 from firmware_interface.can_decoding import enum_member, unpack_protected
 from firmware_interface.crc8 import protect
 
-__all__ = ["BASELINE_ID", "Baseline", "decode_baseline", "encode_baseline"]
-
 #: CAN id is this plus the node id, as CANopen's default transmit PDO 3. Source: CiA 301, pre-defined connection set.
 BASELINE_ID = 0x380
 

@@ -5,21 +5,6 @@ The same names in CamelCase are the value tables of `footsense.dbc`. No code eve
 
 from enum import IntEnum, IntFlag
 
-__all__ = [
-    "FAULT_FREE",
-    "NODE_IDS",
-    "USABLE",
-    "BaselineStatus",
-    "Cause",
-    "CommandKind",
-    "Flag",
-    "NmtState",
-    "Phase",
-    "Result",
-    "State",
-    "phase_of",
-]
-
 #: CAN node id of each leg: left front, left middle, left rear, right front, right middle, right rear.
 NODE_IDS = {"lf": 1, "lm": 2, "lr": 3, "rf": 4, "rm": 5, "rr": 6}
 

@@ -7,8 +7,6 @@ from typing import Any, TypeVar
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.crc8 import FrameError, check
 
-__all__ = ["enum_member", "node_of", "unpack_protected"]
-
 _Code = TypeVar("_Code", bound=IntEnum)
 
 

@@ -15,28 +15,6 @@ from firmware_interface.can_codes import Cause, CommandKind, NmtState, Result, S
 from firmware_interface.can_decoding import enum_member, node_of, unpack_protected
 from firmware_interface.crc8 import COUNTER_PERIOD, FrameError, protect
 
-__all__ = [
-    "ANSWER_ID",
-    "COMMAND_ID",
-    "FAULT_ID",
-    "HEARTBEAT_ID",
-    "UNSOLICITED",
-    "WORDS",
-    "Answer",
-    "Command",
-    "Fault",
-    "Heartbeat",
-    "UnknownCommandError",
-    "decode_answer",
-    "decode_command",
-    "decode_fault",
-    "decode_heartbeat",
-    "encode_answer",
-    "encode_command",
-    "encode_fault",
-    "encode_heartbeat",
-]
-
 #: CAN ids are these plus the node id.
 FAULT_ID = 0x080
 COMMAND_ID = 0x200

@@ -14,28 +14,10 @@ from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
-from firmware_interface.can_codes import NODE_IDS, USABLE, CommandKind, Flag, Result, State
+from firmware_interface.can_codes import USABLE, Flag, State
 from firmware_interface.can_decoding import enum_member, unpack_protected
-from firmware_interface.crc8 import COLUMN_CRC, ID_CRC, FrameError, crc8
+from firmware_interface.crc8 import COLUMN_CRC, ID_CRC, crc8
 from firmware_interface.socketcan import FRAME_BYTES, pack_frame
-
-__all__ = [
-    "FORCE_ID",
-    "NODE_IDS",
-    "QUALITY_ID",
-    "CommandKind",
-    "Flag",
-    "Force",
-    "ForceQualityEncoder",
-    "FrameError",
-    "Quality",
-    "Result",
-    "State",
-    "decode_force",
-    "decode_quality",
-    "encode_force",
-    "encode_quality",
-]
 
 #: CAN ids are these plus the node id, as CANopen's default transmit PDOs 1 and 2. Source: CiA 301, pre-defined
 #: connection set.

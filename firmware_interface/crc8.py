@@ -18,8 +18,6 @@ Source:
     (0x1D). Start and final value of that text cancel out; both are 0 here.
 """
 
-__all__ = ["COLUMN_CRC", "COUNTER_PERIOD", "ID_CRC", "FrameError", "check", "crc8", "next_counter", "protect"]
-
 #: Number of values of the counter, 0..14.
 COUNTER_PERIOD = 15
 

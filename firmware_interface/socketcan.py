@@ -17,19 +17,6 @@ import struct
 from collections.abc import Iterator
 from enum import IntFlag
 
-__all__ = [
-    "CONTROLLER_ACTIVE",
-    "CONTROLLER_PASSIVE",
-    "EXTENDED",
-    "FRAME_BYTES",
-    "ErrorClass",
-    "error_frame",
-    "is_data",
-    "is_error",
-    "pack_frame",
-    "split_frames",
-]
-
 FRAME_BYTES = 16
 
 #: Flags beside the id.

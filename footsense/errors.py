@@ -57,7 +57,7 @@ class WrongChipError(HardwareError):
 
 
 class BusError(HardwareError):
-    """One I2C transaction failed; nothing of it may be used."""
+    """One I2C transaction failed; its data are invalid."""
 
 
 class NackError(BusError):

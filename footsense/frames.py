@@ -12,8 +12,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface.can_codes import FAULT_FREE, USABLE, BaselineStatus, Cause
-from firmware_interface.can_frames import NODE_IDS, CommandKind, Flag, Result, State
+from firmware_interface.can_codes import (
+    FAULT_FREE,
+    NODE_IDS,
+    USABLE,
+    BaselineStatus,
+    Cause,
+    CommandKind,
+    Flag,
+    Result,
+    State,
+)
 
 __all__ = [
     "ELEMENTS",

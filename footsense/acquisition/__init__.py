@@ -1,1 +1,1 @@
-"""Codes to `CapFrame`: chips as commands, and the scanner that runs them in time. No driver knows of simulation."""
+"""From converter codes to `CapFrame`: boards, transports, scanner; hardware and simulation share the drivers."""

@@ -1,4 +1,4 @@
-"""One line of a Linux GPIO chip as a mux's RESET pin; the only file that knows gpiod.
+"""One line of a Linux GPIO chip as a mux's RESET pin; the only module that imports gpiod.
 
 The line is requested as an open-drain, active-low output: inactive it is released, so that the mux's own pull-up keeps
 the pin high, whatever the mux's supply is.

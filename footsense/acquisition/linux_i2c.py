@@ -1,4 +1,4 @@
-"""The Linux I2C adapter behind the I2cBus port; the only file that knows smbus2.
+"""Linux I2C adapter behind the I2cBus port; the only module that imports smbus2.
 
 Only these transactions are used, because only they work on every adapter: a write, a read, and a write followed by a
 read of the same address. Their kernel messages are built once per transaction and used again.

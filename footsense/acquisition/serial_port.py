@@ -1,4 +1,4 @@
-"""A serial port behind the SerialPort port; the only file that knows pyserial.
+"""Serial port behind the SerialPort port; the only module that imports pyserial.
 
 pyserial sets up the line at any baud rate; bytes are read from its descriptor, with one system call instead of the two
 or three of its `read`.
@@ -114,7 +114,7 @@ class SerialLink:
         self.opened += 1
 
     def _reopened(self) -> bool:
-        """Open the port again if it is time, and return whether it is open."""
+        """Reopen the port once the retry delay has passed; return whether it is open."""
         if self._clock.now_ns() < self._retry_at_ns:
             return False
         try:

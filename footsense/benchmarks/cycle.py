@@ -87,7 +87,7 @@ class _Recording(Observer):
 
 
 class OurCycle(NamedTuple):
-    """A cycle of the service's own parts.
+    """One cycle of the service's pipeline and outputs.
 
     Attributes:
         run: Processes a scan at a time [ns].
@@ -143,7 +143,7 @@ def recorded_scans(n: int) -> list[CapFrame]:
 
 
 def sent_ns(scan: CapFrame) -> int:
-    """Return the time at which a scan is processed, by its own clock [ns]: after the read-out of its last element."""
+    """Return the processing time of a scan on its own clock [ns]: 2 ms after its last reading."""
     return int(scan.t_ns.max()) + 2_000_000
 
 
@@ -202,7 +202,7 @@ def _figures(scans: list[CapFrame], run: int) -> dict[str, float | None]:
 def _time(
     scans: list[CapFrame], run: int, ours: OurCycle, floor: CFloor | None, naive: NaiveCycle | None
 ) -> _Times:
-    """Time the cycles of the three programs in turns of `run`, so that other load of the machine affects all alike."""
+    """Time the cycles of three programs in alternating runs, so that background load affects all equally."""
     times = _Times([], [], [])
     loopback = ours.loopback
     for first in range(0, len(scans), run):

@@ -162,7 +162,7 @@ def _exporter(counters: Path) -> Iterator[int]:
 
 
 def _requests(connection: Connection) -> Iterator[int]:
-    """Yield each number of cycles that is asked for, until the other end is closed."""
+    """Yield each requested number of cycles until the peer closes the connection."""
     with contextlib.suppress(EOFError):
         while True:
             yield connection.recv()

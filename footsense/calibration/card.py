@@ -7,8 +7,6 @@ import numpy as np
 from footsense.foot.files.calibration_format import Manifest, Parameters
 from footsense.foot.force_errors import Errors
 
-__all__ = ["card_text"]
-
 
 def card_text(manifest: Manifest, parameters: Parameters) -> str:
     """Return the card as Markdown.

@@ -11,7 +11,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from footsense.calibration.loads.calibration_load import LoadSet
+from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
@@ -23,19 +23,6 @@ from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Mask, Vector
 from footsense.ports import Estimator
 
-__all__ = [
-    "BANDS",
-    "CALIBRATED",
-    "DESIGN_ONLY",
-    "DesignModels",
-    "Estimates",
-    "Evaluation",
-    "MagnitudeBand",
-    "estimate_loads",
-    "evaluate",
-]
-
-
 #: Sources of estimates: the network of the design alone, and with the foot's calibration.
 DESIGN_ONLY, CALIBRATED = "network alone", "with calibration"
 
@@ -44,7 +31,7 @@ _MIN_LOADS = 20
 
 
 class DesignModels(NamedTuple):
-    """Models of a foot type, before any foot of it is calibrated.
+    """Models of a foot type: response table and network.
 
     Attributes:
         response: Response table of the type.

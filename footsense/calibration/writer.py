@@ -14,21 +14,10 @@ import msgspec
 
 from footsense.calibration.card import card_text
 from footsense.errors import CalibrationError
-from footsense.foot.files.calibration_format import (
-    CARD,
-    FORMAT,
-    MANIFEST,
-    NETWORK,
-    PARAMETERS,
-    FootId,
-    Manifest,
-    Parameters,
-)
+from footsense.foot.files import calibration_format
 from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
 from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.parameters import FootParameters
-
-__all__ = ["check_calibration_target", "file_sha256", "write_calibration"]
 
 
 def file_sha256(path: Path) -> str:
@@ -52,7 +41,7 @@ def check_calibration_target(folder: Path, *, replace: bool) -> None:
             written to.
     """
     try:
-        msgspec.convert(folder.name, FootId)
+        msgspec.convert(folder.name, calibration_format.FootId)
     except msgspec.ValidationError:
         raise CalibrationError(f"{folder.name}: is no identity of a foot, such as foot-0007") from None
     if folder.exists() and not replace:
@@ -68,7 +57,7 @@ def check_calibration_target(folder: Path, *, replace: bool) -> None:
 
 def write_calibration(
     calibrations: Path,
-    manifest: Manifest,
+    manifest: calibration_format.Manifest,
     parameters: FootParameters,
     network: Path,
     *,
@@ -95,17 +84,17 @@ def write_calibration(
     check_calibration_target(folder, replace=replace)
     try:
         content = network.read_bytes()
-        described = Parameters(
-            format=FORMAT,
+        described = calibration_format.Parameters(
+            format=calibration_format.FORMAT,
             network_sha256=verified_sha256(content, str(network)),
             temperature_c=temperature_c,
             stiffness_per_k=stiffness_per_k,
             **parameters.as_lists(),
         )
         files = {
-            PARAMETERS: _json(described),
-            NETWORK: content,
-            CARD: card_text(manifest, described).encode(),
+            calibration_format.PARAMETERS: _json(described),
+            calibration_format.NETWORK: content,
+            calibration_format.CARD: card_text(manifest, described).encode(),
         }
         hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
         manifest = msgspec.structs.replace(manifest, files=hashes)
@@ -114,7 +103,7 @@ def write_calibration(
         draft = Path(tempfile.mkdtemp(dir=calibrations, prefix=f".{manifest.foot}."))
         try:
             draft.chmod(0o755)  # the service runs as another user
-            for name, data in {**files, MANIFEST: _json(manifest)}.items():
+            for name, data in {**files, calibration_format.MANIFEST: _json(manifest)}.items():
                 (draft / name).write_bytes(data)
                 _sync(draft / name)
             _sync(draft)

@@ -8,8 +8,6 @@ import logging
 from firmware_interface.socketcan import CONTROLLER_PASSIVE, ErrorClass
 from footsense.frames import CanStatistics
 
-__all__ = ["BusHealth"]
-
 _log = logging.getLogger(__name__)
 
 #: Without an error frame for so long, a bus counts as healthy again [ns].

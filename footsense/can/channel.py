@@ -22,8 +22,6 @@ from footsense.errors import CanError
 from footsense.frames import CanStatistics
 from footsense.ports import CanWire
 
-__all__ = ["CanChannel"]
-
 _log = logging.getLogger(__name__)
 
 #: Shortest and longest time between two attempts to reopen an interface [ns].

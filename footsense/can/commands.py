@@ -1,6 +1,8 @@
 """Commands from CAN: which are executed, and the answers to them."""
 
+from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 from firmware_interface import can_events
 from firmware_interface.can_codes import Result
@@ -10,23 +12,21 @@ from footsense.can.channel import CanChannel
 from footsense.frames import CanStatistics, Command, CommandKind, CommandResult
 from footsense.ports import Clock
 
-__all__ = ["CanCommands"]
-
 #: The same command with the same counter within this time is a repetition; later, it comes from a restarted consumer.
 _REPEAT_NS = 1_000_000_000
 
 
+@dataclass(slots=True)
 class _LegCommands:
     """Commands to one leg."""
 
-    def __init__(self, row: int, node: int) -> None:
-        self.row = row
-        self.node = node
-        self.answer_counter = 0
-        self.last: tuple[CommandKind, int] | None = None  # kind and counter
-        self.last_ns = 0
-        # Counters of the commands without an answer of each kind, oldest first.
-        self.pending: dict[CommandKind, list[int]] = {kind: [] for kind in CommandKind}
+    row: int
+    node: int
+    answer_counter: int = 0
+    last: tuple[CommandKind, int] | None = None  # kind and counter
+    last_ns: int = 0
+    #: Counters of the commands without an answer of each kind, oldest first.
+    pending: defaultdict[CommandKind, list[int]] = field(default_factory=lambda: defaultdict(list))
 
 
 class CanCommands:

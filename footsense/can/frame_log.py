@@ -16,8 +16,6 @@ from footsense.child_process import check_new_file, start_writer
 from footsense.errors import ConfigError, RecordingError
 from footsense.frames import CanStatistics
 
-__all__ = ["LOG_SUFFIXES", "RECORD_HEAD", "CanFrameLog", "check_log_suffix", "check_log_target"]
-
 _log = logging.getLogger(__name__)
 
 #: Formats of the log: candump, Vector ASCII, Vector binary.

@@ -8,8 +8,6 @@ from firmware_interface.crc8 import next_counter
 from firmware_interface.socketcan import pack_frame
 from footsense.frames import ContactFrame
 
-__all__ = ["CanLeg", "heartbeat_frame", "heartbeat_of_state"]
-
 #: A leg whose chips do not answer waits for them as one without a baseline waits for its tare.
 _NMT_OF_STATE = {
     State.STOPPED: NmtState.STOPPED,

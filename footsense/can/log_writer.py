@@ -17,8 +17,6 @@ from footsense.child_process import drop_realtime, read_batches
 if TYPE_CHECKING:
     from can.io.generic import FileIOMessageWriter
 
-__all__ = ["main"]
-
 
 def _records(pipe: int) -> Iterator[list[tuple[int, bytes]]]:
     """Yield the time [ns] and the frames of the records received so far, up to the end of the pipe."""
@@ -63,6 +61,7 @@ def main(suffix: str, channel: str, pipe: int = 0, file: int = 1) -> str:
     import can
 
     opened, writer = _open(file, suffix, channel)
+    state = "ended early"
     try:
         for records in _records(pipe):
             for t_ns, frames in records:
@@ -77,21 +76,13 @@ def main(suffix: str, channel: str, pipe: int = 0, file: int = 1) -> str:
                         )
                     )
             opened.flush()
-    except OSError as error:
-        _abandon(opened)
-        return f"the CAN log ended early: {error.strerror}"
-    try:
+        state = "is not whole"
         writer.stop()
     except OSError as error:
-        _abandon(opened)
-        return f"the CAN log is not whole: {error.strerror}"
+        with contextlib.suppress(OSError):  # its buffer cannot be written
+            opened.close()
+        return f"the CAN log {state}: {error.strerror}"
     return ""
-
-
-def _abandon(opened: IO[Any]) -> None:
-    """Close a file whose buffer cannot be written."""
-    with contextlib.suppress(OSError):
-        opened.close()
 
 
 if __name__ == "__main__":

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     #: A message, its contents, and their length.
     _Message = tuple[can.Message, bytearray, int]
 
-__all__ = ["NO_CHANNEL", "errno_of", "error_text", "open_wire"]
-
 #: Error numbers of an interface that is down or missing; a full or silent bus has others.
 NO_CHANNEL = frozenset({errno.ENETDOWN, errno.ENXIO, errno.ENODEV, errno.EAFNOSUPPORT, errno.EBADF})
 

@@ -25,8 +25,6 @@ from footsense.can.leg_frames import CanLeg, heartbeat_frame, heartbeat_of_state
 from footsense.frames import CanStatistics, Command, CommandResult, ContactFrame
 from footsense.ports import Clock
 
-__all__ = ["CanSink"]
-
 #: Most frames beside Force and Quality in one scan; the others wait for the next. The interface's queue has room for
 #: so many (`deploy/80-can0.network`).
 _MOST_EVENTS = 4

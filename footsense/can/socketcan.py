@@ -15,8 +15,6 @@ from collections.abc import Callable
 
 from firmware_interface.socketcan import FRAME_BYTES
 
-__all__ = ["MAX_DRAINED", "NO_ROOM", "SocketWire"]
-
 #: Error numbers of a full queue of the interface or of the socket.
 NO_ROOM = frozenset({errno.ENOBUFS, errno.EAGAIN})
 

@@ -6,8 +6,6 @@ from firmware_interface.can_codes import NODE_IDS, CommandKind, Result
 from firmware_interface.can_events import ANSWER_ID, COMMAND_ID, decode_answer, encode_command
 from firmware_interface.crc8 import FrameError, next_counter
 
-__all__ = ["CommandResult", "PendingCommands"]
-
 
 class CommandResult(NamedTuple):
     """Result of a command that the service has answered.

@@ -15,8 +15,6 @@ from firmware_interface.can_codes import NODE_IDS, USABLE, Flag, State
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, Force, Quality, decode_force, decode_quality
 from firmware_interface.crc8 import COUNTER_PERIOD, FrameError
 
-__all__ = ["LINK_IDS", "LegForce", "Link", "LinkLimits", "LinkStatus"]
-
 #: CAN ids of the accepted frames.
 LINK_IDS = tuple(base + node for base in (FORCE_ID, QUALITY_ID) for node in NODE_IDS.values())
 

@@ -16,8 +16,6 @@ from firmware_interface.can_events import (
 )
 from firmware_interface.crc8 import FrameError
 
-__all__ = ["REPORT_IDS", "LegReport", "Reports"]
-
 #: Three periods of heartbeat (200 ms) and baseline (1 s) [ns]: without a frame for so long, their content is unknown.
 _HEARTBEAT_LIMIT_NS = 600_000_000
 _BASELINE_LIMIT_NS = 3_000_000_000

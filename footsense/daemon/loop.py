@@ -24,7 +24,7 @@ def run(
     reference: ReferenceSensor | None = None,
     temperature_c: Callable[[], Vector] | None = None,
 ) -> None:
-    """Run until the source ends or `stop` says so; the caller closes what it opened.
+    """Run cycles until the source ends or `stop` returns true; the caller closes its objects.
 
     Args:
         source: Source of scans.

@@ -6,13 +6,15 @@ from zlib import crc32
 import numpy as np
 
 from footsense.calibration.evaluation import estimate_loads
-from footsense.calibration.loads.calibration_load import CalibrationLoad, LoadSet
+from footsense.calibration.loads.calibration_load import CalibrationLoad
+from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.guide import SessionGuide
 from footsense.calibration.session.reference_checks import reference_check
 from footsense.config.test_stand import StandConfig
 from footsense.estimation.network import Network
 from footsense.frames import Mask, Vector
-from footsense.sim.scene import Effects, Fabrication, Scene
+from footsense.sim.scene import Scene
+from footsense.sim.scene_effects import Effects, Fabrication
 from footsense.sim.scene_loads import CalibrationLoads
 from footsense.sim.test_stand.press_sequence import paper_presses
 

@@ -12,8 +12,10 @@ from footsense.daemon.acquisition import ScanSource
 from footsense.errors import ConfigError, RecordingError
 from footsense.frames import Reference
 from footsense.recording.replay import Replay
+from footsense.reference.binary_decoder import BinaryDecoder
+from footsense.reference.line_decoder import LineDecoder
 from footsense.reference.net_ft import NetFtReference
-from footsense.reference.record_decoder import BinaryDecoder, LineDecoder, RecordDecoder
+from footsense.reference.record_decoder import RecordDecoder
 from footsense.reference.recorded_file import FileReference, read_csv
 from footsense.reference.sample_stream import SampleStream
 from footsense.reference.sample_times import SampleTimes

@@ -47,7 +47,7 @@ _VALID, _CONTACT = np.uint8(State.VALID), np.uint8(Flag.CONTACT)
 
 
 class Alignment(Protocol):
-    """Brings readings taken one after the other to one time, and estimates the force there.
+    """Aligns the sequential readings to one time, and estimates the force at it.
 
     `ScanByScan` does it for whole scans, `ElementByElement` for every conversion.
     """

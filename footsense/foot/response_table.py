@@ -178,7 +178,7 @@ class FootResponse:
             raise ModelError(f"{path} is no whole foot response ({error}); {rebuild}") from error
 
     def save(self, path: Path) -> None:
-        """Write the table; equal content gives equal bytes (the archive's own dates are fixed)."""
+        """Write the table reproducibly: equal content gives equal bytes, as the dates in the archive are fixed."""
         about = {"format": FORMAT, "design": asdict(self.design)}
         about |= {name: getattr(self, name) for name in _DESCRIPTION}
         text = np.array(json.dumps(about, sort_keys=True))

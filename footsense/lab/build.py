@@ -1,4 +1,4 @@
-"""The whole chain, from rubber to the files of a foot type: solve, tabulate, train, judge, export.
+"""Build of a foot type: solve, tabulate, train, evaluate, export.
 
 Nothing is written before everything is made, and a file appears whole or not at all.
 """

@@ -9,8 +9,6 @@ import numpy as np
 from footsense.frames import BaselineStatus, Cause, ContactFrame, Mask, State, Vector
 from footsense.recording.messages import NOT_RECORDED
 
-__all__ = ["TOLERANCE_N", "compare", "same_machine"]
-
 #: Largest difference of a force computed on another processor or with other library versions [N].
 TOLERANCE_N = 1e-3
 

@@ -11,8 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from footsense.frames import Cycle
 from footsense.recording.cycle_records import LostCycles, pack_cycle, pack_header, pack_loss
 
-__all__ = ["CyclePipe"]
-
 
 class CyclePipe:
     """The writing end of a pipe of cycles.
@@ -69,7 +67,7 @@ class CyclePipe:
             self.lost += 1
 
     def _write(self, record: bytes) -> bool:
-        """Write a record; a rest without room goes first next time.
+        """Write a record; send the unsent rest of the previous one first.
 
         Returns:
             Whether the record was accepted; if not, none of it was written.

@@ -28,8 +28,6 @@ from footsense.frames import (
     State,
 )
 
-__all__ = ["LostCycles", "NumberedCycle", "pack_cycle", "pack_header", "pack_loss", "require", "unpack"]
-
 _LENGTH_BYTES = 4
 #: Longest record [bytes], far above any cycle.
 _MAX_RECORD = 1 << 24

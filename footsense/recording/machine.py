@@ -5,8 +5,6 @@ import zlib
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-__all__ = ["platform_versions"]
-
 #: Lines of /proc/cpuinfo that name a processor, on x86 and on ARM.
 _NAMES = ("model name", "CPU implementer", "CPU part", "CPU variant", "CPU revision")
 

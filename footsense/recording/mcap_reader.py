@@ -25,8 +25,6 @@ from footsense.recording.cycle_records import LostCycles, NumberedCycle, require
 from footsense.recording.mcap_writer import HEADER_CRC, METADATA, PROFILE, header_crc
 from footsense.recording.reference_messages import decode_reference
 
-__all__ = ["read_entries", "read_header"]
-
 #: Largest chunk that is unpacked [bytes]; footsense's have 64 KiB.
 MAX_CHUNK_BYTES = 1 << 24
 

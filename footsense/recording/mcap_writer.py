@@ -19,8 +19,6 @@ from footsense.recording import messages
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
 from footsense.recording.reference_messages import encode_reference, reference_schema
 
-__all__ = ["HEADER_CRC", "METADATA", "PROFILE", "McapFile", "header_crc"]
-
 #: Profile of the container, which identifies footsense's files.
 PROFILE = "footsense"
 
@@ -59,7 +57,7 @@ class _UnbufferedFile:
 
 
 def header_crc(header: Mapping[str, str]) -> str:
-    """Return the checksum of a header without its own entry."""
+    """Return the checksum of a header, without the checksum entry."""
     entries = sorted((key, value) for key, value in header.items() if key != HEADER_CRC)
     return f"{zlib.crc32(json.dumps(entries).encode()):08x}"
 
@@ -124,7 +122,7 @@ class McapFile:
         )
 
     def flush(self) -> None:
-        """Close the chunk and hand everything to the kernel."""
+        """Close the chunk, and write all buffered data to the file."""
         self._writer.flush()
 
     def finish(self) -> None:

@@ -34,30 +34,6 @@ from footsense.frames import (
     Vector,
 )
 
-__all__ = [
-    "EVENT",
-    "FORCE",
-    "NOT_RECORDED",
-    "REFERENCE",
-    "SCAN",
-    "command_event",
-    "decode_command",
-    "decode_force",
-    "decode_outcome",
-    "decode_scan",
-    "decode_temperature",
-    "dump",
-    "encode_force",
-    "encode_scan",
-    "floats",
-    "loss_event",
-    "outcome_event",
-    "schemas",
-    "temperature_event",
-    "whole",
-    "wholes",
-]
-
 SCAN, FORCE, EVENT, REFERENCE = "/scan", "/force", "/event", "/reference"
 
 #: Largest whole number in a message: the next bit is the sign of the arrays' entries.

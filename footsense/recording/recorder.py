@@ -18,8 +18,6 @@ from footsense.child_process import check_new_file, start_writer
 from footsense.errors import ConfigError, RecordingError
 from footsense.recording.cycle_pipe import CyclePipe
 
-__all__ = ["Recorder", "check_not_being_written", "check_target", "partial_path"]
-
 _log = logging.getLogger(__name__)
 
 SUFFIX = ".mcap"

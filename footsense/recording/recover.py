@@ -10,8 +10,6 @@ from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recorder import check_not_being_written, check_target, partial_path
 from footsense.recording.replay import Replay
 
-__all__ = ["Recovered", "recover", "recovered_path"]
-
 
 class Recovered(NamedTuple):
     """Result of a recovery.

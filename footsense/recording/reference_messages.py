@@ -8,8 +8,6 @@ import numpy as np
 from footsense.frames import Reference
 from footsense.recording.messages import dump, floats, wholes
 
-__all__ = ["decode_reference", "encode_reference", "reference_schema"]
-
 _FORCE_KEYS = ("fx_n", "fy_n", "fz_n")
 
 

@@ -8,8 +8,6 @@ from footsense.frames import CapFrame, Command, Cycle
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
 from footsense.recording.mcap_reader import read_entries, read_header
 
-__all__ = ["Replay", "ReplayClock", "ReplaySource"]
-
 
 class Replay:
     """A recording; each iteration reads it from its beginning.

@@ -19,8 +19,6 @@ from footsense.errors import RecordingError
 from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack
 from footsense.recording.mcap_writer import McapFile
 
-__all__ = ["PipeWriter", "main"]
-
 #: Longest time that cycles stay in an unfinished chunk [ns].
 FLUSH_PERIOD_NS = 400_000_000
 

@@ -23,8 +23,6 @@ from footsense.frames import Mask, Reference
 from footsense.reference.record_decoder import SensorRecords
 from footsense.reference.sample_stream import SampleStream
 
-__all__ = ["RDT_PORT", "NetFtReference", "rdt_request"]
-
 RDT_PORT = 49_152
 _REQUEST = struct.Struct(">HHI")
 _HEADER, _STOP, _START = 0x1234, 0x0000, 0x0002

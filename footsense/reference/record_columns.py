@@ -3,8 +3,6 @@
 import re
 import struct
 
-__all__ = ["COLUMNS", "MAX_RECORD_BYTES", "TIMES", "integer_bits", "largest_plausible"]
-
 #: Time columns and their unit [ns].
 TIMES = {"time_s": 1_000_000_000, "time_ms": 1_000_000, "time_us": 1_000}
 #: Columns with a meaning; others are called "-".

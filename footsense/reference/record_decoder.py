@@ -1,29 +1,15 @@
-"""Decoders of a force sensor's byte stream: lines of text, and binary records.
+"""The common part of the decoders of a force sensor's byte stream.
 
-Both resynchronise: what is not a record is skipped and counted, and the next record is read.
+Each resynchronises: what is not a record is skipped and counted, and the next record is read.
 """
 
-import binascii
-import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from footsense.frames import Mask, Stamps, Vector
-from footsense.reference.record_columns import MAX_RECORD_BYTES, TIMES, integer_bits, largest_plausible
-
-__all__ = ["CHECKSUMS", "BinaryDecoder", "LineDecoder", "RecordDecoder", "SensorRecords"]
-
-#: Checksums of a binary record: length [bytes], and function of the bytes between sync bytes and checksum; sent
-#: little-endian.
-CHECKSUMS: dict[str, tuple[int, Callable[[bytes], int]]] = {
-    "none": (0, lambda _: 0),
-    "sum8": (1, lambda data: sum(data) & 0xFF),
-    "xor8": (1, lambda data: int(np.bitwise_xor.reduce(np.frombuffer(data, np.uint8)))),
-    # CRC-16/CCITT-FALSE: polynomial 0x1021, start 0xFFFF, check value 0x29B1.
-    "crc16": (2, lambda data: binascii.crc_hqx(data, 0xFFFF)),
-}
+from footsense.reference.record_columns import TIMES, largest_plausible
 
 
 class SensorRecords(NamedTuple):
@@ -81,7 +67,7 @@ class RecordDecoder:
         return SensorRecords(t_ns, sequence, values[:, self._forces], saturated)
 
     def reset(self) -> None:
-        """Drop an incomplete record: the line has been opened anew."""
+        """Drop an incomplete record after the line was reopened."""
         self._synchronised = False
 
     def _parse(self, data: bytes) -> list[list[float]]:
@@ -97,7 +83,7 @@ class RecordDecoder:
         self.last_bad = data[:60]
 
     def _unwrap(self, counts: Vector, index: int) -> Vector:
-        """Return counts without wraps; one that goes back by less than half its range has gone back."""
+        """Return unwrapped counts; a decrease by less than half the range is a decrease, not a wrap."""
         wrap = self._wraps[index]
         if wrap is None or not len(counts):
             return counts
@@ -108,119 +94,3 @@ class RecordDecoder:
             self._unwrapped[index] = last + (step if step < wrap // 2 else step - wrap)
             unwrapped.append(self._unwrapped[index])
         return np.array(unwrapped, np.float64)
-
-
-class LineDecoder(RecordDecoder):
-    r"""Lines of numbers, each ended by \n or \r\n.
-
-    Args:
-        columns: Column of each number, of `COLUMNS` or "-".
-        separator: Text between them; "" for white space.
-    """
-
-    def __init__(self, columns: Sequence[str], separator: str) -> None:
-        super().__init__(columns, [None] * len(columns))
-        self._separator = separator or None
-        self._rest = b""
-
-    def reset(self) -> None:
-        """Drop an incomplete line: the port has been opened anew."""
-        super().reset()
-        self._rest = b""
-
-    def _parse(self, data: bytes) -> list[list[float]]:
-        *lines, self._rest = (self._rest + data).split(b"\n")
-        if len(self._rest) > MAX_RECORD_BYTES:
-            self._count_bad(self._rest)
-            self._rest = b""
-        records = []
-        for line in lines:
-            record = self._record(line)
-            if record is not None:
-                records.append(record)
-            elif self._synchronised and line.strip():
-                self._count_bad(line)
-            self._synchronised = True  # the first line may have begun before the port was opened
-        return records
-
-    def _record(self, line: bytes) -> list[float] | None:
-        fields = line.decode("ascii", "replace").strip().split(self._separator)
-        if len(fields) != self._n_columns:
-            return None
-        record = [0.0] * len(fields)
-        try:
-            for index in self._limits:
-                record[index] = float(fields[index])
-        except ValueError:
-            return None
-        return self._plausible(record)
-
-
-class BinaryDecoder(RecordDecoder):
-    """Binary records of one length.
-
-        sync bytes | values | checksum
-
-    Args:
-        columns: Column of each value, of `COLUMNS` or "-".
-        layout: The values as of Python's `struct`, byte order included, such as "<Ihhh".
-        sync: Bytes that each record begins with, at least one.
-        checksum: One of `CHECKSUMS`.
-    """
-
-    def __init__(self, columns: Sequence[str], layout: str, sync: bytes, checksum: str) -> None:
-        super().__init__(columns, [None if bits is None else 1 << bits for bits in integer_bits(layout)])
-        self._values = struct.Struct(layout)
-        self._sync = sync
-        self._n_check, self._check = CHECKSUMS[checksum]
-        self._length = len(sync) + self._values.size + self._n_check
-        # Without a checksum, the next record has to begin where this one ends.
-        self._n_ahead = 0 if self._n_check else len(sync)
-        self._buffer = bytearray()
-        self._skipped = b""
-
-    def reset(self) -> None:
-        """Drop an incomplete record: the port has been opened anew."""
-        super().reset()
-        self._buffer.clear()
-        self._skipped = b""
-
-    def _parse(self, data: bytes) -> list[list[float]]:
-        buffer = self._buffer
-        buffer += data
-        records: list[list[float]] = []
-        at = 0
-        while (found := buffer.find(self._sync, at)) >= 0:
-            self._skip(buffer[at:found])
-            at = found
-            end = at + self._length + self._n_ahead
-            if len(buffer) < end:
-                break
-            record = self._record(bytes(buffer[at:end]))
-            if record is None:
-                self._skip(buffer[at : at + 1])
-                at += 1
-            else:
-                if self._skipped and self._synchronised:
-                    self._count_bad(self._skipped)
-                self._skipped, self._synchronised = b"", True
-                records.append(record)
-                at += self._length
-        else:  # the last bytes may be the first of the next sync bytes
-            keep = max(at, len(buffer) - len(self._sync) + 1)
-            self._skip(buffer[at:keep])
-            at = keep
-        del buffer[:at]
-        return records
-
-    def _record(self, record: bytes) -> list[float] | None:
-        body = record[len(self._sync) : self._length - self._n_check]
-        checksum = int.from_bytes(record[self._length - self._n_check : self._length], "little")
-        if self._n_ahead and record[self._length :] != self._sync:
-            return None
-        if self._check(body) != checksum:
-            return None
-        return self._plausible([float(value) for value in self._values.unpack(body)])
-
-    def _skip(self, data: bytes | bytearray) -> None:
-        self._skipped += data[: MAX_RECORD_BYTES - len(self._skipped)]

@@ -11,8 +11,6 @@ from footsense.reference.record_columns import TIMES, largest_plausible
 from footsense.reference.sample_stream import SensorStatistics
 from footsense.reference.sensor_mounting import SensorMounting
 
-__all__ = ["FileReference", "read_csv"]
-
 
 class FileReference:
     """Plays recorded samples at their recorded rate, starting with the first call.

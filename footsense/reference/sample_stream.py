@@ -11,8 +11,6 @@ from footsense.reference.record_decoder import SensorRecords
 from footsense.reference.sample_times import SampleTimes
 from footsense.reference.sensor_mounting import SensorMounting
 
-__all__ = ["SampleStream", "SensorStatistics"]
-
 #: Silence that is logged, and silence from the start on that is an error [ns].
 _SILENT_NS = 500_000_000
 _NEVER_NS = 3_000_000_000

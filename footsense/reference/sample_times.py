@@ -14,8 +14,6 @@ from footsense.clock_map import ClockMap
 from footsense.frames import Stamps
 from footsense.reference.record_decoder import SensorRecords
 
-__all__ = ["SampleTimes"]
-
 _NS_PER_S = 1_000_000_000
 #: Reads in a row whose newest sample is late before counted samples are taken as missing.
 _LATE_READS = 8

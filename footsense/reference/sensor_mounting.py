@@ -7,9 +7,6 @@ import numpy as np
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Mask, Vector
 
-__all__ = ["NEWTON_PER", "SensorMounting", "rotation_matrix"]
-
-
 #: Units of force [N]; the pound is the international one of 0.45359237 kg.
 NEWTON_PER = {"N": 1.0, "mN": 1e-3, "kgf": 1e3 * GRAM_FORCE_N, "gf": GRAM_FORCE_N, "lbf": 4.4482216152605}
 

@@ -5,8 +5,6 @@ from footsense.ports import SerialPort
 from footsense.reference.record_decoder import RecordDecoder
 from footsense.reference.sample_stream import SampleStream
 
-__all__ = ["SerialReference"]
-
 
 class SerialReference:
     """Reads a sensor that streams, by itself or on a start command.

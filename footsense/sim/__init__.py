@@ -1,1 +1,1 @@
-"""The simulator: feet, chips at byte level, buses in bit time, and scenes. Nothing of it knows a driver."""
+"""Simulator: feet, chips at byte level, buses in bit time, scenes. It imports no driver."""

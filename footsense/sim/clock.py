@@ -17,7 +17,7 @@ class VirtualClock:
         return self._now_ns
 
     def sleep_until_ns(self, t_ns: int) -> None:
-        """Move to `t_ns` [ns]; time never goes back."""
+        """Advance to `t_ns` [ns]; an earlier time changes nothing."""
         self._now_ns = max(self._now_ns, t_ns)
 
     def advance_ns(self, duration_ns: int) -> None:

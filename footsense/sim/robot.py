@@ -14,17 +14,15 @@ from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
 from footsense.sim.bus.kernel_mux import SimulatedKernelMuxLeg
-from footsense.sim.chips.electronics import WiredFoot, electronics
 from footsense.sim.clock import JoinedClock, VirtualClock
 from footsense.sim.faults.bus_faults import FailingBus
-from footsense.sim.faults.chip_faults import failing_chips
-from footsense.sim.faults.damage import Damage
-from footsense.sim.faults.scene_faults import OnChips, OnFoot, OnWires, StuckSda
+from footsense.sim.faults.scene_faults import OnWires, StuckSda
 from footsense.sim.foot.fabrication import fabricate, mounted
-from footsense.sim.foot.viscoelastic import ViscoelasticElement
-from footsense.sim.foot.warming import WarmingFoot, softness_at
+from footsense.sim.foot.warming import softness_at
+from footsense.sim.leg import SimulatedLeg
 from footsense.sim.loads.gait_table import GaitTable
-from footsense.sim.loads.ground_load import ContactSource, GroundContact, Walk
+from footsense.sim.loads.ground_load import ContactSource
+from footsense.sim.loads.walk import Walk
 from footsense.sim.scene import Scene
 
 
@@ -44,83 +42,6 @@ class Wiring(NamedTuple):
     channels: dict[str, int]
     kernel_mux: bool = False
     board: str = "fdc1004"
-
-
-class SimulatedLeg:
-    """The electronics of one leg and the foot that it measures.
-
-    Args:
-        leg: Name of the leg.
-        number: Index of the leg, which seeds its noise.
-        scene: The scene.
-        load: The load of the scene.
-        foot: The foot on this leg.
-        table: Capacitances of the foot over a gait cycle; None to compute each load.
-        board: Electronics: `fdc1004` or `ad7746`.
-
-    Attributes:
-        wired: The foot behind the electronics.
-        chips: The chips as their bus sees them, the converter first.
-    """
-
-    def __init__(
-        self,
-        leg: str,
-        number: int,
-        scene: Scene,
-        load: ContactSource,
-        foot: Foot,
-        table: GaitTable | None = None,
-        board: str = "fdc1004",
-    ) -> None:
-        effects = scene.effects
-        self._leg = leg
-        self._load = load
-        self._table = table
-        self._foot = foot
-        self._rubber = ViscoelasticElement() if effects.rubber else None
-        self._last: GroundContact | None = None
-        self._last_pf: list[float] = []
-        # Faults draw from a stream of their own, so that converters make the same noise with and without them.
-        noise, faults, drift = ((scene.seed, number, *stream) for stream in ((), (1,), (2,)))
-        own = [fault for fault in scene.faults if getattr(fault, "leg", None) == leg]
-        damage = Damage([fault for fault in own if isinstance(fault, OnFoot)], foot)
-        self.wired = WiredFoot(self._elements_pf, damage)
-        self.chips = failing_chips(
-            *electronics(board, self.wired, effects, noise),
-            [fault for fault in own if isinstance(fault, OnChips)],
-            np.random.default_rng(faults),
-        )
-        self._softening = effects.softening if effects.softening and effects.softening.leg == leg else None
-        self._warming = (
-            WarmingFoot(effects.warming, np.random.default_rng(drift)) if effects.warming else None
-        )
-
-    def _elements_pf(self, t_ns: int) -> list[float]:
-        """Return the capacitance of each element at a time [pF], nine, stray not included."""
-        softness = 1.0 if self._warming is None else self._warming.softness(t_ns)
-        if self._softening is not None:
-            softness *= self._softening.softness(t_ns)
-        if self._table is not None and isinstance(self._load, Walk):
-            element_pf = self._table.capacitance_pf(self._load.stance_phase(self._leg, t_ns), softness)
-        else:
-            contact = self._load.contact(self._leg, t_ns)
-            if self._rubber is not None:
-                contact = GroundContact(*self._rubber.effective_load(t_ns, *contact))
-            if softness != 1.0:  # a stiffer solid yields as under a smaller load
-                contact = contact._replace(force_n=contact.force_n * softness)
-            element_pf = self._solid_pf(contact)
-        if self._warming is not None:
-            drift_pf = self._warming.drift_pf(t_ns)
-            element_pf = [pf + by_pf for pf, by_pf in zip(element_pf, drift_pf, strict=True)]
-        return self.wired.damage.elements_pf(element_pf, t_ns)
-
-    def _solid_pf(self, contact: GroundContact) -> list[float]:
-        """Return the capacitances under a load [pF], nine; a load that stays is computed once."""
-        if self._last is None or not all(map(np.array_equal, contact, self._last)):
-            normal, force_n = self._last = contact
-            self._last_pf = self._foot.capacitance_pf(normal[None], force_n[None])[0].tolist()
-        return self._last_pf
 
 
 def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str, Foot]:

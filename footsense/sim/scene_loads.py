@@ -7,19 +7,9 @@ from msgspec import Meta
 
 from footsense.frames import LEGS
 from footsense.sim.loads import ground_load
+from footsense.sim.loads.measured_walk import measured_walk
+from footsense.sim.loads.walk import Walk, smooth_stance
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
-
-__all__ = [
-    "FORMER_LOADS",
-    "CalibrationLoads",
-    "Constant",
-    "MeasuredWalk",
-    "Pressing",
-    "Ramp",
-    "Stand",
-    "Tripod",
-    "Unloaded",
-]
 
 Force = Annotated[float, Meta(ge=0.0, le=2.0)]
 Pitch = Annotated[float, Meta(ge=-30.0, le=30.0)]
@@ -112,10 +102,10 @@ class Tripod(_Load, frozen=True, kw_only=True, tag="tripod"):
     pitch_deg: Pitch = 0.0
     stands: tuple[Stand, ...] = ()
 
-    def build(self, from_ns: int) -> ground_load.Walk:
+    def build(self, from_ns: int) -> Walk:
         """Return the load from a time on [ns]."""
-        reaction = ground_load.smooth_stance(self.duty_rel, self.peak_force_n, self.friction_rel)
-        return ground_load.Walk(
+        reaction = smooth_stance(self.duty_rel, self.peak_force_n, self.friction_rel)
+        return Walk(
             dict.fromkeys(LEGS, reaction),
             period_ns=_ns(self.period_s),
             duty_rel=self.duty_rel,
@@ -138,7 +128,7 @@ class MeasuredWalk(_Load, frozen=True, kw_only=True, tag="measured_walk"):
 
     def build(self, from_ns: int) -> ground_load.ContactSource:
         """Return the load from a time on [ns]."""
-        return ground_load.measured_walk(self.peak_force_n, self.pitch_deg, from_ns)
+        return measured_walk(self.peak_force_n, self.pitch_deg, from_ns)
 
 
 class CalibrationLoads(_Load, frozen=True, kw_only=True, tag="calibration_loads"):
@@ -171,3 +161,6 @@ class CalibrationLoads(_Load, frozen=True, kw_only=True, tag="calibration_loads"
             lean_deg=self.lean_deg,
             seed=self.seed,
         )
+
+
+Load = Unloaded | Constant | Ramp | Tripod | MeasuredWalk | CalibrationLoads

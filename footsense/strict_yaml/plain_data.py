@@ -69,7 +69,7 @@ def item_path(path: str, key: str | int) -> str:
 
 
 def read_yaml(source: Path | str | bytes) -> PlainData:
-    """Parse the one document of a YAML text.
+    """Parse a YAML text of a single document.
 
     Args:
         source: A file to read if it is a `Path`, else the text itself.

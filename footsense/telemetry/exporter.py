@@ -1,4 +1,4 @@
-"""The service's counters as Prometheus metrics over HTTP: the only file that knows prometheus_client.
+"""HTTP export of the counters as Prometheus metrics; the only module that imports prometheus_client.
 
 It runs in `footsense exporter`, a process with a systemd unit of its own. Each scrape opens the counters' file anew,
 so a restarted service is picked up, and one that has ended or not started yet shows as `footsense_up 0`.
@@ -7,7 +7,7 @@ so a restarted service is picked up, and one that has ended or not started yet s
 import errno
 import logging
 from collections.abc import Iterable, Sequence
-from itertools import product
+from itertools import accumulate, islice, product
 from pathlib import Path
 
 from prometheus_client import CollectorRegistry, start_http_server
@@ -16,8 +16,6 @@ from prometheus_client.registry import Collector
 
 from footsense.errors import ConfigError, FootsenseError
 from footsense.telemetry.shared_counters import MetricFamily, read_counters
-
-__all__ = ["CountersCollector", "serve"]
 
 _log = logging.getLogger(__name__)
 
@@ -50,10 +48,9 @@ class CountersCollector(Collector):
             _log.warning("%s", f"no service: {reason}" if reason else f"{self._path}: the service runs")
             self._logged = reason
         yield GaugeMetricFamily("footsense_up", "1 while the service runs.", value=float(not reason))
-        first = 0
+        rest = iter(cells)
         for family in families:
-            yield _metric(family, cells[first : first + family.n_cells])
-            first += family.n_cells
+            yield _metric(family, list(islice(rest, family.n_cells)))
 
 
 def _metric(family: MetricFamily, cells: Sequence[float]) -> Metric:
@@ -65,12 +62,7 @@ def _metric(family: MetricFamily, cells: Sequence[float]) -> Metric:
         bounds = [*(f"{bound:g}" for bound in family.bounds), "+Inf"]
         for number, labels in enumerate(combinations):
             *counts, total = cells[number * family.width : (number + 1) * family.width]
-            below = 0.0
-            buckets = []
-            for bound, count in zip(bounds, counts, strict=True):
-                below += count
-                buckets.append((bound, below))
-            histogram.add_metric(labels, buckets, total)
+            histogram.add_metric(labels, list(zip(bounds, accumulate(counts), strict=True)), total)
         return histogram
     kind = CounterMetricFamily if family.kind == "counter" else GaugeMetricFamily
     metric = kind(family.name, family.help, labels=names)

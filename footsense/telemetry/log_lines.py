@@ -16,8 +16,6 @@ import socket
 import stat
 from collections.abc import Callable
 
-__all__ = ["NonBlockingLogHandler", "n_lost_lines"]
-
 #: Up to this length a pipe takes a line whole or not at all [bytes]. Source: pipe(7), PIPE_BUF.
 _LINE_BYTES = 4096
 

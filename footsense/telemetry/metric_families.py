@@ -7,8 +7,6 @@ from typing import Literal
 from firmware_interface.can_codes import FAULT_FREE, BaselineStatus, Cause, Phase, Result, State
 from footsense.telemetry.shared_counters import MetricFamily
 
-__all__ = ["AGE_BOUNDS_S", "CAN_COUNTERS", "FAULTS", "PERIOD_BOUNDS_S", "STATE_SETS", "service_metrics"]
-
 #: Close together around one conversion of 2.5 ms, and around nine of 2.5 ms and of 11 ms.
 PERIOD_BOUNDS_S = [
     *(0.002, 0.0025, 0.0027, 0.003, 0.004, 0.005, 0.01, 0.02, 0.0225, 0.023, 0.024, 0.026, 0.03, 0.05),

@@ -24,8 +24,6 @@ from footsense.telemetry.metric_families import (
 )
 from footsense.telemetry.shared_counters import SharedCounters
 
-__all__ = ["MetricsObserver", "WakeupLatency"]
-
 _COPY_PERIOD_NS = 100_000_000
 _FARADS_PER_PF = 1e-12
 

@@ -32,8 +32,6 @@ import msgspec
 
 from footsense.errors import FootsenseError
 
-__all__ = ["MetricFamily", "SharedCounters", "read_counters"]
-
 _MAGIC = b"FSCOUNT1"
 _HEAD = struct.Struct("<8sQ")
 

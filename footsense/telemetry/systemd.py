@@ -13,8 +13,6 @@ from collections.abc import Mapping
 
 from footsense.frames import Cycle, Flag, State
 
-__all__ = ["SystemdNotifier", "SystemdObserver", "watchdog_interval_ns"]
-
 _STATUS_PERIOD_NS = 10_000_000_000
 
 

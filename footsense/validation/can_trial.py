@@ -25,7 +25,7 @@ WALK = Scene(
 
 
 class CanFigures(NamedTuple):
-    """Effect of a fault of CAN on a consumer at the other end of the bus.
+    """Trial of a CAN fault: effect on a consumer at the other end of the bus.
 
     Attributes:
         received_rel: Share of all Force frames that it received [1].

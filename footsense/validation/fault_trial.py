@@ -16,7 +16,8 @@ from footsense.daemon.service import open_service
 from footsense.frames import USABLE, Cause, Codes, ContactFrame, Cycle, Stamps, State, Vector
 from footsense.ports import Observer
 from footsense.sim.faults.scene_faults import Fault, Leg
-from footsense.sim.scene import Effects, Scene
+from footsense.sim.scene import Scene
+from footsense.sim.scene_effects import Effects
 from footsense.sim.scene_loads import Tripod
 
 #: The leg with the fault.

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from firmware_interface.can_frames import FORCE_ID, NODE_IDS, QUALITY_ID, decode_quality
+from firmware_interface.can_codes import NODE_IDS
+from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, decode_quality
 from firmware_interface.socketcan import split_frames
 from footsense.frames import USABLE, ContactFrame, Cycle, State, Vector
 from footsense.ports import Observer

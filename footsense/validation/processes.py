@@ -1,4 +1,4 @@
-"""Parts of a long simulation in processes of their own."""
+"""Distribution of a long simulation over child processes."""
 
 import logging
 from collections.abc import Callable, Iterable, Iterator

@@ -5,7 +5,8 @@ import numpy as np
 
 from footsense.config import DEFAULT, Config
 from footsense.sim.faults.scene_faults import CanTraffic
-from footsense.sim.scene import Effects, Scene, Warming
+from footsense.sim.scene import Scene
+from footsense.sim.scene_effects import Effects, Warming
 from footsense.sim.scene_loads import Stand, Tripod
 
 #: Hours of a day at the full rate.

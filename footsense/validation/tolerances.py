@@ -79,7 +79,7 @@ def tolerated_spans_s(rules: Rules, script: Sequence[Fault], leg: str) -> list[t
 
 
 def _walked_s(rules: Rules, t_s: float, walking_s: float) -> float:
-    """Return the time at which a robot has walked for some time after `t_s`, its stands not counted [s]."""
+    """Return the time after `t_s` by which a robot has walked for `walking_s`, standstills excluded [s]."""
     end_s = t_s + walking_s
     for from_s, until_s in rules.stands_s:
         # A stand begins and ends with the legs in the middle of their stance.

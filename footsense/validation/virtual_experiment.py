@@ -15,7 +15,7 @@ import numpy as np
 
 from footsense.calibration.evaluation import DesignModels, estimate_loads
 from footsense.calibration.fit.calibrate import calibrate
-from footsense.calibration.loads.calibration_load import LoadSet
+from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import read_session
 from footsense.clock import stopwatch_ns
 from footsense.daemon.foot_types import foot_type_folder
@@ -79,7 +79,7 @@ def run_experiment(
     jobs: int,
     every: int = 1,
 ) -> Iterator[FootResult]:
-    """Press, calibrate and evaluate feet, in processes of their own.
+    """Press, calibrate and evaluate feet, each in a child process.
 
     Args:
         batch: Batch of the feet.

@@ -20,8 +20,10 @@ from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE
 from footsense.foot.files.calibration_format import MANIFEST, PARAMETERS, Manifest
 from footsense.foot.files.calibration_reader import read_calibration
 from footsense.frames import Reading, Reference
+from footsense.reference.binary_decoder import BinaryDecoder
+from footsense.reference.line_decoder import LineDecoder
 from footsense.reference.net_ft import NetFtReference
-from footsense.reference.record_decoder import BinaryDecoder, LineDecoder, RecordDecoder
+from footsense.reference.record_decoder import RecordDecoder
 from footsense.reference.recorded_file import read_csv
 from footsense.reference.sample_stream import SampleStream
 from footsense.reference.sample_times import SampleTimes

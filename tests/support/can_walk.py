@@ -10,7 +10,8 @@ from firmware_interface.socketcan import split_frames
 from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
 from footsense.frames import BaselineDrift, ContactFrame
-from footsense.sim.can.interface import AS_DEPLOYED, CanSettings, SimulatedCan
+from footsense.sim.can.controller import CanSettings
+from footsense.sim.can.interface import AS_DEPLOYED, SimulatedCan
 from footsense.sim.faults.scene_faults import CanFault
 from tests.support.can_robot import MS, FakeClock
 

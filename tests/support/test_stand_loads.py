@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.calibration.evaluation import DesignModels
-from footsense.calibration.loads.calibration_load import LoadSet
+from footsense.calibration.loads.load_set import LoadSet
 from footsense.daemon.foot_types import released_path
 from footsense.foot.specimen import Deviations, Foot
 from footsense.sim.foot.fabrication import FootTolerances, fabricate

@@ -23,7 +23,8 @@ from footsense.sim.bus.serial_line import LineFaults, SimulatedLine
 from footsense.sim.chips.mcu import SimulatedMcu, simulated_mcu
 from footsense.sim.faults.scene_faults import ElementOpen, StuckSda
 from footsense.sim.robot import SimulatedRobot
-from footsense.sim.scene import Effects, Scene
+from footsense.sim.scene import Scene
+from footsense.sim.scene_effects import Effects
 from footsense.sim.scene_loads import MeasuredWalk, Ramp
 from tests.support.pty_line import HurriedClock, Line
 

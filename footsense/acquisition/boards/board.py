@@ -16,10 +16,10 @@ CONVERTED = frozenset({Reading.OK, Reading.OVER_RANGE, Reading.UNDER_RANGE})
 
 
 class Check(NamedTuple):
-    """A setting that is read back; asked of several legs at once, the answers are a wired AND.
+    """Read-back of a setting; from several legs at once, the answers combine as a wired AND.
 
     Attributes:
-        read: A read that changes nothing.
+        read: Read transaction without side effects.
         expected: The answer of a leg that holds its setting.
     """
 
@@ -28,10 +28,10 @@ class Check(NamedTuple):
 
 
 class Done(NamedTuple):
-    """The question whether a conversion is done, where it can be asked of several legs at once.
+    """Poll for the end of a conversion, for several legs in one transaction.
 
     Attributes:
-        read: A read that changes nothing.
+        read: Read transaction without side effects.
         decode: Meaning of the answer: OK, NOT_READY or CORRUPT.
     """
 
@@ -40,7 +40,7 @@ class Done(NamedTuple):
 
 
 def require_identity(answer: bytes, name: str, identity: bytes, address: int, others: str) -> None:
-    """Check the answer of a chip that is asked for its identity.
+    """Check the identity register that a chip returned.
 
     Args:
         answer: The answer.

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from firmware_interface.can_frames import NODE_IDS
+from firmware_interface.can_codes import NODE_IDS
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.benchmarks.latency_vs_error.chain import Readings, convert, pace
 from footsense.benchmarks.latency_vs_error.latency_and_errors import (

@@ -20,7 +20,7 @@ from footsense.calibration.fit.predicted_uncertainty import (
     require_identified,
 )
 from footsense.calibration.fit.twin import GAIN, MOUNT, STIFFNESS, STRAY, FootTwin
-from footsense.calibration.loads.calibration_load import LoadSet
+from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.calibration.session.reference_checks import require_consistent_reference
 from footsense.errors import CalibrationError
@@ -29,9 +29,6 @@ from footsense.foot.files.calibration_format import HeldOut
 from footsense.foot.force_errors import errors
 from footsense.foot.parameters import FootParameters
 from footsense.frames import Mask
-
-__all__ = ["MIN_LOADS", "CalibrationResult", "calibrate", "calibrate_sessions"]
-
 
 #: Fewest loads of a calibration: with fewer, not even the strays are identified.
 MIN_LOADS = 5

@@ -21,9 +21,6 @@ from numpy.typing import NDArray
 from footsense.foot.parameters import FEATURES, features
 from footsense.frames import Vector
 
-__all__ = ["Correction", "fit_correction"]
-
-
 #: Penalties per load, for features scaled to a root mean square of one.
 _PENALTIES = np.logspace(-4.0, 1.0, 11)
 #: Fewest loads, and groups of them, for a correction.

@@ -28,11 +28,8 @@ from footsense.calibration.fit.twin import (
     ContactLoads,
     FootTwin,
 )
-from footsense.calibration.loads.calibration_load import LoadSet
+from footsense.calibration.loads.load_set import LoadSet
 from footsense.frames import ELEMENTS, Mask, Vector
-
-__all__ = ["PRIOR", "ParameterFit", "fit_parameters"]
-
 
 #: Prior standard deviation of each parameter: stray of the wiring [pF], electrodes by shadow mask [1], spun spacers
 #: [um], rubber of uncertain cure [1], a foot mounted by hand [rad].

@@ -12,9 +12,6 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import element_means
 from footsense.frames import Vector
 
-__all__ = ["IDENTIFIED_CONTRACTION", "PredictedUncertainty", "predict_uncertainty", "require_identified"]
-
-
 #: Largest predicted errors with which a calibration is made: an uncalibrated, carelessly made foot is not much worse.
 _MAX_DIRECTION_DEG, _MAX_MAGNITUDE_REL = 4.0, 0.1
 #: Closure over the smallest gap up to which a load is evaluated: a foot is not read where a gap closes.

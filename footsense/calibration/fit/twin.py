@@ -17,9 +17,6 @@ from footsense.foot.directions import rotation
 from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Vector
 
-__all__ = ["GAIN", "GAP", "KINDS", "MOUNT", "N_PARAMETERS", "STIFFNESS", "STRAY", "ContactLoads", "FootTwin"]
-
-
 #: Slices of the parameter vector: stray [pF], closure gain minus one [1], gap minus the design's [um], stiffness over
 #: the design's minus one [1], mount as a rotation vector [rad]. All zero is a foot as designed.
 STRAY, GAIN, GAP = slice(0, 9), slice(9, 18), slice(18, 27)

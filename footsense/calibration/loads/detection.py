@@ -14,9 +14,6 @@ from footsense.calibration.loads.calibration_load import CalibrationLoad, Press,
 from footsense.calibration.loads.dwell import reduce_press
 from footsense.frames import Codes, Cycle, Reading, Reference, Vector
 
-__all__ = ["LoadDetector", "join_references"]
-
-
 _NS_PER_MS = 1_000_000
 
 #: Mean change of the elements that begins a press [1]: 20 fF of 5 pF, that of some 10 mN.
@@ -193,7 +190,7 @@ class LoadDetector:
         return total_n, n
 
     def _end_press(self, since_ns: int) -> None:
-        """Wait for the next press; drop what is older than the release."""
+        """Wait for the next press; drop the samples before the release."""
         self._phase = _Phase.UNLOADED
         self._baseline_pf = None
         self._forget_until(since_ns)

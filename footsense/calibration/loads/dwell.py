@@ -13,9 +13,6 @@ from footsense.calibration.loads.reference_lag import lag_s
 from footsense.calibration.loads.steady_span import longest_steady
 from footsense.frames import ELEMENTS, Mask, Reading, Stamps, Vector
 
-__all__ = ["reduce_press"]
-
-
 _NS_PER_S = 1_000_000_000
 
 #: Shortest dwell of a load [s]: 60 samples of a slow sensor, 12 scans, 3 of the slowest converter.
@@ -88,7 +85,7 @@ def _rejections(
 
 
 def _means(press: Press, dwell_ns: tuple[int, int], before: _Unloaded) -> CalibrationLoad:
-    """Return the means over a dwell minus those of the unloaded spans around it."""
+    """Return the means over a dwell minus the means of the unloaded spans before and after it."""
     scans, samples = _within(press.t_ns, dwell_ns), _within(press.sample_ns, dwell_ns)
     middle_ns = (dwell_ns[0] + dwell_ns[1]) // 2
     baseline_pf, offset_sum_n, offset_samples = (

@@ -11,9 +11,6 @@ import numpy as np
 from footsense.calibration.loads.calibration_load import Press
 from footsense.frames import Vector
 
-__all__ = ["lag_message", "lag_s"]
-
-
 #: Span of unloaded foot and of dwell used beside each edge, and the least of the unloaded span after it [ns].
 _BESIDE_NS, _MIN_AFTER_NS = 200_000_000, 100_000_000
 _STEP_NS = 1_000_000

@@ -11,8 +11,6 @@ import numpy as np
 
 from footsense.frames import Stamps, Vector
 
-__all__ = ["longest_steady"]
-
 
 def longest_steady(
     t_ns: Stamps, force_n: Vector, change_pf: Vector, limit_n: Vector, limit_pf: Vector

@@ -17,9 +17,6 @@ from footsense.foot.directions import angles_between_deg, azimuth_elevation_deg,
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Vector
 
-__all__ = ["BANDS_GF", "COMPLETE_REL", "MIN_ELEVATION_DEG", "Coverage", "NextLoad", "angles_deg"]
-
-
 #: Magnitude of each band [gf]; a load belongs to the nearest.
 BANDS_GF = (50.0, 100.0, 150.0)
 #: Bands to cover: loads of one magnitude do not tell how gaps close with the force.

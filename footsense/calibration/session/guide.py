@@ -13,9 +13,6 @@ from footsense.calibration.session.reference_checks import ReferenceCheck
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Cycle, Vector
 
-__all__ = ["SessionGuide"]
-
-
 #: Span of the displayed mean of the reference [ns].
 _SHOWN_NS = 100_000_000
 

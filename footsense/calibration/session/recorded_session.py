@@ -18,8 +18,6 @@ from footsense.errors import CalibrationError, RecordingError
 from footsense.recording.cycle_records import LostCycles
 from footsense.recording.replay import Replay
 
-__all__ = ["RecordedSession", "read_session", "read_sessions"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedSession:

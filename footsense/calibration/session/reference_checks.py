@@ -11,16 +11,13 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from footsense.calibration.evaluation import DesignModels, estimate_loads
-from footsense.calibration.loads.calibration_load import LoadSet
+from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.config.test_stand import StandConfig
 from footsense.errors import CalibrationError
 from footsense.foot.directions import angles_between_deg
 from footsense.frames import Vector
 from footsense.reference.sensor_mounting import NEWTON_PER, rotation_matrix
-
-__all__ = ["ReferenceCheck", "reference_check", "require_consistent_reference"]
-
 
 #: Returns findings, one line each, of the reference's forces and the foot's own estimates [N], shapes (n, 3).
 ReferenceCheck = Callable[[Vector, Vector], list[str]]

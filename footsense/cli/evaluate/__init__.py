@@ -1,1 +1,1 @@
-"""`footsense evaluate`."""
+"""Command `footsense evaluate`: errors of a recorded session."""

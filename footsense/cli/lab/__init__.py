@@ -1,1 +1,1 @@
-"""`footsense lab`."""
+"""Commands `footsense lab ...`: models, studies and report."""

@@ -1,1 +1,1 @@
-"""`footsense monitor`."""
+"""Command `footsense monitor`: forces and states received from CAN."""

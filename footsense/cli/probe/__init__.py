@@ -1,1 +1,1 @@
-"""`footsense probe`."""
+"""Command `footsense probe`: chips on the buses, and diagnosis of faults."""

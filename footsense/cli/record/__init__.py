@@ -1,1 +1,1 @@
-"""`footsense record`."""
+"""Command `footsense record`: guided session on a test stand."""

@@ -1,1 +1,1 @@
-"""`footsense run`."""
+"""Command `footsense run`: the daemon."""

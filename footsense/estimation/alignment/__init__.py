@@ -1,1 +1,1 @@
-"""Elements that were converted one after the other, brought to one time."""
+"""Time alignment of elements that are converted one after the other."""

@@ -1,4 +1,4 @@
-"""Prediction of nine closures, of which one is measured at a time: a Kalman filter for each leg.
+"""Kalman filter of each leg: predicts nine closures from one measured element at a time.
 
 The state is the position and the velocity of all nine elements. The velocities are a random walk that decays, with the
 covariance of the loads of a walk, their second moments. So the reading of one element also moves the others, and a
@@ -31,7 +31,7 @@ _POSITIONS, _VELOCITIES = slice(0, ELEMENTS), slice(ELEMENTS, 2 * ELEMENTS)
 
 
 class _Gains(NamedTuple):
-    """The filter, for every set of missing elements (first axis) and every newest element (second axis).
+    """Kalman gains for every set of missing elements (first axis) and every newest element (second axis).
 
     Attributes:
         gain: Change of the state per innovation, shape (sets, 9, 18).
@@ -45,7 +45,7 @@ class _Gains(NamedTuple):
 
 
 class Prediction:
-    """The filter of all legs.
+    """Kalman filters of all legs, updated with one element each.
 
     Args:
         n_legs: Legs.

@@ -1,4 +1,4 @@
-"""Read and check a foot's calibration: it is used whole and for its own foot, or not at all."""
+"""Read and check a foot's calibration: reject it if a file is missing or damaged, or of another foot."""
 
 import hashlib
 from dataclasses import dataclass

@@ -59,7 +59,7 @@ class FullSolution:
 
 @dataclass(frozen=True, slots=True)
 class FullFoot:
-    """The foot with everything that the cheaper models leave out, or with parts of it.
+    """Finite-strain contact model of the foot; each of its effects can be switched off.
 
     Attributes:
         design: The foot.

@@ -1,4 +1,4 @@
-"""The Cramer-Rao bound: how well any unbiased read-out of one scan could know the force.
+"""Cramer-Rao bound: least variance of the force by any unbiased read-out of one scan.
 
 A read-out gets nine closures as the daemon finds them (`load_cases.measured_closure_rel`): from a capacitance with the
 converter's noise sigma_C and a baseline with its own, sigma_B. With the distance D = K / C of the electrodes,

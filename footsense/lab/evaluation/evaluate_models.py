@@ -152,7 +152,7 @@ def paper_protocol(folder: Path) -> dict[str, float]:
 
 
 def as_json(table: dict[str, Errors], beside: dict[str, float] | None = None) -> dict[str, Any]:
-    """Return the table as JSON values, with the figures that the project lives by at the top.
+    """Return the table as JSON values, the project's key figures first.
 
     Args:
         table: Result of `evaluate_models`.

@@ -151,7 +151,7 @@ class ForwardAgainstTable:
 
     @property
     def ratio(self) -> float:
-        """Time of a solve over that of the table [1]."""
+        """Time of a solve over the time of the table [1]."""
         return self.forward_s / self.table_s
 
 

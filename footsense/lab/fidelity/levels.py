@@ -96,7 +96,7 @@ def full(foot_design: FootDesign, *, reduced: bool = False) -> FidelityLevel:
 
 
 def fidelity_level(name: str, response: FootResponse, foot_design: FootDesign) -> FidelityLevel:
-    """Return a level.
+    """Return a fidelity level by its name.
 
     Args:
         name: One of `NAMES`.

@@ -1,8 +1,8 @@
-"""A Monte Carlo that can be resumed: many fabricated feet, each judged once.
+"""Resumable Monte Carlo run over many fabricated feet.
 
 Each finished foot is appended to a file at once, so an interrupted run continues with the missing feet. The first line
 describes the run; a file of another run is refused. An unfinished last line, left by a killed writer, is cut off.
-`specimens` judges a foot, `workers` distribute the jobs.
+`specimens` evaluates a foot, `workers` distributes the jobs.
 """
 
 import json
@@ -49,7 +49,7 @@ class Tolerances(FootTolerances):
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One foot to be judged.
+    """One evaluation of one fabricated foot.
 
     Attributes:
         tolerances: The rms values of its distribution.
@@ -81,7 +81,7 @@ Workers = Callable[[Work, Sequence[Job]], Generator[tuple[Job, Figures], None, N
 
 
 def in_turn(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, Figures], None, None]:
-    """Judge one foot after the other in this process.
+    """Evaluate the feet one after the other in this process.
 
     Yields:
         Each foot with its figures.
@@ -98,7 +98,7 @@ def run_resumable(
     workers: Workers = in_turn,
     file: Path | None = None,
 ) -> dict[Job, Figures]:
-    """Judge all feet that are not in the file yet.
+    """Evaluate all feet that are not in the file yet.
 
     Args:
         about: Description of the run, equal for results that belong together: seed, models.
@@ -127,7 +127,7 @@ def run_resumable(
 def _run_missing(
     missing: Sequence[Job], work: Work, workers: Workers, finished: dict[Job, Figures], ledger: TextIO | None
 ) -> None:
-    """Judge feet and append each to the file; a terminal shows a progress bar."""
+    """Evaluate feet and append each result to the file; a terminal shows a progress bar."""
     console = Console(stderr=True)
     with (
         Progress(console=console, disable=not console.is_terminal) as bar,

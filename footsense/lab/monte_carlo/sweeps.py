@@ -133,7 +133,7 @@ def _statistics(feet: list[Figures]) -> dict[str, MeanStd]:
 def sweep_results(
     models: Path, gap_um: float, plan: Plan, workers: Workers, file: Path | None = None
 ) -> SweepResults:
-    """Judge all feet of a plan that are not in the file yet.
+    """Evaluate all feet of a plan that are not in the file yet.
 
     Args:
         models: Folder of the released models; workers elsewhere need it under the same path.

@@ -109,7 +109,7 @@ class Page:
 
     @property
     def markdown(self) -> str:
-        """The page as it stands in the report."""
+        """Markdown of the page: title, command with time, body."""
         made_by = f"`footsense lab {self.command or 'study ' + self.name}`, {self.seconds:.0f} s"
         return f"## {self.title}\n\n{made_by}\n\n{self.body.strip()}\n"
 
@@ -173,7 +173,7 @@ _QUICK = "**Quick run: coarse steps, few cases and seeds. Its figures are no res
 
 
 def _plain(value: Any) -> Any:
-    """Return a numpy value as Python's own."""
+    """Convert a numpy value to a builtin Python value."""
     return value.tolist()
 
 

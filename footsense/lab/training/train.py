@@ -1,4 +1,4 @@
-"""Find the network's weights: Muon on random batches, one-cycle schedule, everything from one seed.
+"""Training of the network: Muon on random batches, one-cycle schedule, all random draws from one seed.
 
 Muon orthogonalises the step of each matrix (the rest goes by Adam), so that weak patterns are learnt as fast as strong
 ones. Every batch draws its own noise and its own missing elements.

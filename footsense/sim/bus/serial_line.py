@@ -15,8 +15,6 @@ from footsense.ports import Clock
 from footsense.sim.chips.mcu import SimulatedMcu
 from footsense.sim.faults.schedule import Span, during
 
-__all__ = ["LineFaults", "SimulatedLine"]
-
 
 class LineFaults(NamedTuple):
     """Faults of the line.

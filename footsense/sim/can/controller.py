@@ -16,8 +16,6 @@ from typing import NamedTuple
 from firmware_interface.socketcan import CONTROLLER_ACTIVE, ErrorClass, error_frame, split_frames
 from footsense.sim.can.transmit_queue import Queued, TransmitQueue
 
-__all__ = ["CanController", "CanSettings", "OtherNode", "frame_bits"]
-
 _NS_PER_S = 1_000_000_000
 
 #: Bits of an error flag, its delimiter and the pause behind it; more for a controller that is error passive.
@@ -148,8 +146,8 @@ class CanController:
 
     def begin(self, t_ns: int) -> None:
         """Fill the mailboxes from the queue, and start a frame if the wire is free."""
-        while len(self._mailboxes) < self._settings.mailboxes and self.running and len(self._queue):
-            self._mailboxes.append(self._queue.take())
+        while len(self._mailboxes) < self._settings.mailboxes and self.running and self._queue.frames:
+            self._mailboxes.append(self._queue.frames.popleft())
         if self._passing is not None:
             return
         ours = None

@@ -29,8 +29,6 @@ from footsense.sim.can.controller import CanController, CanSettings, OtherNode
 from footsense.sim.can.transmit_queue import Queued, TransmitQueue
 from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanQueueFull, CanTraffic
 
-__all__ = ["AS_DEPLOYED", "CanSettings", "SimulatedCan"]
-
 _NS_PER_S = 1_000_000_000
 
 #: Settings of `deploy/80-can0.network`.

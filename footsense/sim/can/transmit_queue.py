@@ -8,8 +8,6 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-__all__ = ["Queued", "TransmitQueue"]
-
 #: Least time between two looks of the kernel at interfaces without carrier [ns].
 _LINK_WATCH_NS = 1_000_000_000
 
@@ -36,6 +34,7 @@ class TransmitQueue:
         head_drop: Whether a full queue drops its oldest frame (`pfifo_head_drop`) or refuses the newest (`pfifo`).
 
     Attributes:
+        frames: The frames, oldest first.
         n_pushed_out: Frames dropped for newer ones.
         n_purged: Frames dropped with the carrier.
         n_swallowed: Frames accepted without carrier, and lost.
@@ -43,20 +42,13 @@ class TransmitQueue:
     """
 
     def __init__(self, room: int, *, head_drop: bool) -> None:
-        self._frames: deque[Queued] = deque()
+        self.frames: deque[Queued] = deque()
         self._room = room
         self._head_drop = head_drop
-        self._active = True
-        self._carrier = True
+        self._active = self._carrier = True
         self._may_look_ns = 0
         self.look_ns: float = math.inf
-        self.n_pushed_out = 0
-        self.n_purged = 0
-        self.n_swallowed = 0
-
-    def __len__(self) -> int:
-        """Return the number of frames."""
-        return len(self._frames)
+        self.n_pushed_out = self.n_purged = self.n_swallowed = 0
 
     def put(self, frame: Queued) -> bool:
         """Append a frame; a full queue refuses it or drops the oldest.
@@ -67,25 +59,21 @@ class TransmitQueue:
         if not self._active:
             self.n_swallowed += 1
             return True
-        if len(self._frames) >= self._room:
+        if len(self.frames) >= self._room:
             if not self._head_drop:
                 return False
-            self._frames.popleft()
+            self.frames.popleft()
             self.n_pushed_out += 1
-        self._frames.append(frame)
+        self.frames.append(frame)
         return True
-
-    def take(self) -> Queued:
-        """Remove and return the oldest frame; there is one."""
-        return self._frames.popleft()
 
     def purge(self) -> None:
         """Discard all queued frames."""
-        self.n_purged += len(self._frames)
-        self._frames.clear()
+        self.n_purged += len(self.frames)
+        self.frames.clear()
 
     def stop(self) -> None:
-        """Empty the queue of an interface that goes down; it has a carrier when it comes up again."""
+        """Discard the queue of an interface that goes down, and restore its carrier."""
         self.purge()
         self.regain_carrier()
         self.look_ns = math.inf
@@ -97,8 +85,7 @@ class TransmitQueue:
 
     def regain_carrier(self) -> None:
         """Note the return of the carrier; it activates a deactivated queue at once."""
-        self._carrier = True
-        self._active = True
+        self._active = self._carrier = True
 
     def look(self, t_ns: int) -> None:
         """Look at the carrier at `t_ns` [ns]: without one, deactivate and empty the queue."""

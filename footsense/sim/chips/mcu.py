@@ -26,8 +26,6 @@ from footsense.sim.faults.schedule import Span, during
 from footsense.sim.robot import SimulatedRobot
 from footsense.sim.scene import Scene
 
-__all__ = ["SimulatedMcu", "simulated_mcu"]
-
 _NS_PER_US = 1000
 _AF_PER_PF = 1e6
 _WRAP_US = 1 << 32

@@ -77,11 +77,12 @@ class FailingBus:
         acting = self._faults.at(t_ns)
         if not acting:
             return self._bus.transfer(transaction)
+        lost = [fault.rate_rel for fault in acting if isinstance(fault, ArbitrationLost)]
         if any(self._holds(fault) for fault in acting):
             self._clock.advance_ns(self._host_cost_ns + self._timeout_ns)
             raise BusTimeoutError("timeout, SDA or SCL is held low")
         for _ in range(1 + KERNEL_RETRIES):
-            if not any(self._wins(fault) for fault in acting):
+            if not any(self._rng.random() < rate_rel for rate_rel in lost):
                 return self._bus.transfer(transaction)
             self._clock.advance_ns(self._host_cost_ns + _LOST_AFTER_NS)
         raise BusError("arbitration lost: another master is on this bus")
@@ -95,7 +96,3 @@ class FailingBus:
         if isinstance(fault, StuckSda):
             return bool(self._mux.control >> self._channels[fault.leg] & 1)
         return isinstance(fault, StuckUpstreamBus)
-
-    def _wins(self, fault: OnWires) -> bool:
-        """Return whether an acting fault wins the arbitration this time."""
-        return isinstance(fault, ArbitrationLost) and self._rng.random() < fault.rate_rel

@@ -8,20 +8,11 @@ from footsense.sim.bus.i2c_bus import SimulatedChip
 from footsense.sim.chips.ad7746 import SimulatedAd7746
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
-from footsense.sim.faults.scene_faults import (
-    Absent,
-    BrownOut,
-    CorruptReads,
-    NackAtRandom,
-    OnChips,
-    StuckConverter,
-    SwitchIgnoresWrites,
-    WrongChip,
-)
+from footsense.sim.faults import scene_faults
 from footsense.sim.faults.schedule import Schedule
 
-_ON_LINES = (NackAtRandom, CorruptReads)
-_ON_CONVERTER = (*_ON_LINES, WrongChip)
+_ON_LINES = (scene_faults.NackAtRandom, scene_faults.CorruptReads)
+_ON_CONVERTER = (*_ON_LINES, scene_faults.WrongChip)
 
 
 class _Eeprom:
@@ -47,7 +38,7 @@ class _FailingChip:
     def __init__(
         self,
         chip: SimulatedChip,
-        faults: Sequence[NackAtRandom | CorruptReads | WrongChip],
+        faults: Sequence[scene_faults.NackAtRandom | scene_faults.CorruptReads | scene_faults.WrongChip],
         rng: np.random.Generator,
     ) -> None:
         self.address = chip.address
@@ -59,14 +50,14 @@ class _FailingChip:
     def acknowledges(self, t_ns: int) -> bool:
         lost = False
         for fault in reversed(self._faults.at(t_ns)):
-            if isinstance(fault, WrongChip):
+            if isinstance(fault, scene_faults.WrongChip):
                 return not lost
-            if isinstance(fault, NackAtRandom):
+            if isinstance(fault, scene_faults.NackAtRandom):
                 lost |= self._rng.random() < fault.rate_rel
         return self._chip.acknowledges(t_ns) and not lost
 
     def write(self, data: bytes, t_ns: int) -> None:
-        if any(isinstance(fault, WrongChip) for fault in self._faults.at(t_ns)):
+        if any(isinstance(fault, scene_faults.WrongChip) for fault in self._faults.at(t_ns)):
             self._eeprom.write(data)
         else:
             self._chip.write(data, t_ns)
@@ -75,10 +66,10 @@ class _FailingChip:
         acting = self._faults.at(t_ns)
         if not acting:
             return self._chip.read(n, t_ns)
-        replaced = any(isinstance(fault, WrongChip) for fault in acting)
+        replaced = any(isinstance(fault, scene_faults.WrongChip) for fault in acting)
         answer = bytearray(self._eeprom.read(n) if replaced else self._chip.read(n, t_ns))
         for fault in acting:
-            if isinstance(fault, CorruptReads) and self._rng.random() < fault.rate_rel:
+            if isinstance(fault, scene_faults.CorruptReads) and self._rng.random() < fault.rate_rel:
                 bit = int(self._rng.integers(8 * n))
                 answer[bit // 8] ^= 0x80 >> bit % 8
         return bytes(answer)
@@ -87,7 +78,7 @@ class _FailingChip:
 def failing_chips(
     converter: SimulatedFdc1004 | SimulatedAd7746,
     switches: Sequence[SimulatedLineSwitch],
-    faults: Sequence[OnChips],
+    faults: Sequence[scene_faults.OnChips],
     rng: np.random.Generator,
 ) -> tuple[SimulatedChip, ...]:
     """Return the chips of a leg as its bus sees them, the converter first.
@@ -101,15 +92,15 @@ def failing_chips(
     chips = (converter, *switches)
     for fault in faults:
         match fault:
-            case Absent():
+            case scene_faults.Absent():
                 for chip in chips:
                     chip.absent_ns.append(fault.span_ns)
-            case BrownOut():
+            case scene_faults.BrownOut():
                 for chip in chips:
                     chip.brown_outs_ns.append(fault.at_ns)
-            case SwitchIgnoresWrites():
+            case scene_faults.SwitchIgnoresWrites():
                 switches[0].ignores_writes_ns.append(fault.span_ns)
-            case StuckConverter():
+            case scene_faults.StuckConverter():
                 converter.stuck_ns.append(fault.span_ns)
             case _:
                 pass

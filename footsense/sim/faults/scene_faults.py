@@ -181,11 +181,11 @@ class CanNoAck(_Lasting, frozen=True, kw_only=True):
 
 
 class CanBusOff(_Lasting, frozen=True, kw_only=True):
-    """CAN high and low are shorted: no bit passes, and the controller goes bus-off again and again."""
+    """CAN high and low are shorted: no bit passes, and the controller repeatedly goes bus-off."""
 
 
 class CanDown(_Lasting, frozen=True, kw_only=True):
-    """The interface is down; or gone, as an adapter that is unplugged and comes back as a new one."""
+    """The interface is down, or unplugged and replaced by a new one."""
 
     unplugged: bool = False
 

@@ -1,4 +1,4 @@
-"""Which faults act at a time, asked at every step of a simulation in which that changes once in minutes."""
+"""Schedule of the faults: the active faults at a time, cached until the next one starts or ends."""
 
 import math
 from bisect import bisect_right
@@ -20,7 +20,7 @@ def during(spans: list[Span], t_ns: float) -> bool:
 
 
 class Schedule(Generic[_T]):
-    """Values with the span of time in which each acts; the answer is kept until the next of them begins or ends.
+    """Values with the span of time in which each is active; the result is cached until the next start or end.
 
     Args:
         entries: Span [ns] and value.

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from footsense.foot.specimen import Foot
-from footsense.sim.loads.ground_load import Walk
+from footsense.sim.loads.walk import Walk
 
 #: Time between two points of a table [ns]: error of 0.03 fF where no gap closes.
 STEP_NS = 250_000

@@ -1,4 +1,4 @@
-"""A stick that presses the foot, dwells, and releases it, once after the other.
+"""Sequence of presses by a stick: rise, dwell, release, pause.
 
 The paper's stick is fixed between rails (Fig. 16): its direction is set, so the force goes nearly through the centre of
 the ball. The angle between the contact's normal and the force differs from press to press.
@@ -13,8 +13,6 @@ from footsense.foot.directions import normalized, paper_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Vector
 from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact
-
-__all__ = ["PressSequence", "paper_presses"]
 
 
 def paper_presses(protocol: Literal["training", "verification"]) -> Vector:
@@ -36,7 +34,7 @@ def paper_presses(protocol: Literal["training", "verification"]) -> Vector:
 
 
 class PressSequence:
-    """Presses one after the other, the same on every leg.
+    """Sequence of presses, equal on every leg.
 
     Args:
         force_n: Force of each press [N], shape (n, 3), leg's frame, none of them zero.

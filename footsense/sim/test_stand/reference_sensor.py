@@ -20,9 +20,6 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Vector
 from footsense.ports import Clock
 
-__all__ = ["COLUMNS", "RATED_GF", "RATE_HZ", "TRANSMISSION_NS", "SimulatedPort", "SimulatedSensor"]
-
-
 #: Rated value and resolution of fx, fy, fz [gf]; table II of the paper.
 RATED_GF = np.array([4000.0, 4000.0, 8000.0])
 STEP_GF = np.array([4.0, 4.0, 12.0])

@@ -18,7 +18,7 @@ from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.bus_faults import FailingBus
 from footsense.sim.faults.chip_faults import failing_chips
-from footsense.sim.faults.damage import pin_capacitance_pf
+from footsense.sim.faults.line_capacitance import pin_capacitance_pf
 from footsense.sim.faults.scene_faults import Leg, OnChips, OnWires
 
 LEGS = {"lf": 0, "lm": 1, "lr": 2}

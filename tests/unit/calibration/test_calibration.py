@@ -10,7 +10,7 @@ from footsense.calibration.fit.calibrate import calibrate
 from footsense.calibration.fit.correction import fit_correction
 from footsense.calibration.fit.parameter_fit import fit_parameters
 from footsense.calibration.fit.twin import GAP, MOUNT, N_PARAMETERS, STIFFNESS, STRAY, ContactLoads, FootTwin
-from footsense.calibration.loads.calibration_load import LoadSet
+from footsense.calibration.loads.load_set import LoadSet
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.foot.directions import rotation

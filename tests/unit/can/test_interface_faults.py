@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from footsense.sim.can.interface import AS_DEPLOYED, CanSettings
+from footsense.sim.can.controller import CanSettings
+from footsense.sim.can.interface import AS_DEPLOYED
 from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanQueueFull, CanTraffic
 from tests.support.can_robot import MS
 from tests.support.can_walk import LEGS, MAX_AGE_NS, CanWalk
@@ -152,6 +153,6 @@ def test_six_legs_leave_no_trace_of_a_day_in_memory() -> None:
     """Nothing that the interface keeps grows with time, also while nothing gets through."""
     walk = CanWalk([CanNoAck(at_s=0.1)], WITHOUT_ONE_SHOT)
     walk.walk(20.0)
-    assert len(walk.can.queue) == AS_DEPLOYED.queue_frames
+    assert len(walk.can.queue.frames) == AS_DEPLOYED.queue_frames
     assert [h for h in walk.heard if h.t_ns > 100 * MS] == []
     assert len(LEGS) == 6

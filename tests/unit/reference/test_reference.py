@@ -11,14 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from footsense.errors import SensorError
+from footsense.reference.binary_decoder import CHECKSUMS, BinaryDecoder
+from footsense.reference.line_decoder import LineDecoder
 from footsense.reference.net_ft import NetFtReference, rdt_request
-from footsense.reference.record_decoder import (
-    CHECKSUMS,
-    BinaryDecoder,
-    LineDecoder,
-    RecordDecoder,
-    SensorRecords,
-)
+from footsense.reference.record_decoder import RecordDecoder, SensorRecords
 from footsense.reference.recorded_file import FileReference, read_csv
 from footsense.reference.sample_stream import SampleStream
 from footsense.reference.sample_times import SampleTimes

@@ -5,7 +5,8 @@ import errno
 import pytest
 
 from firmware_interface.socketcan import ErrorClass, is_error, pack_frame, split_frames
-from footsense.sim.can.interface import AS_DEPLOYED, CanSettings, SimulatedCan
+from footsense.sim.can.controller import CanSettings
+from footsense.sim.can.interface import AS_DEPLOYED, SimulatedCan
 from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanTraffic
 from tests.support.can_robot import MS, FakeClock
 
@@ -82,7 +83,7 @@ def test_bus_off_after_32_errors_and_back_after_the_restart() -> None:
     bench.wire.send(SCAN, 0)
     errors = bench.wait_until(50 * MS)
     assert errors == [ErrorClass.CONTROLLER, ErrorClass.BUS_OFF]
-    assert (bench.can.queue.n_purged, len(bench.can.queue)) == (9, 0)
+    assert (bench.can.queue.n_purged, len(bench.can.queue.frames)) == (9, 0)
     assert bench.wait_until(104 * MS) == [ErrorClass.RESTARTED]
     assert bench.can.controller.n_flushed == 3
     bench.wire.send(SCAN, 0)

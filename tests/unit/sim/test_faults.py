@@ -14,10 +14,12 @@ from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.bus_faults import FailingBus
 from footsense.sim.faults.chip_faults import failing_chips
-from footsense.sim.faults.damage import OPEN_PF, SHORT_PF, pin_capacitance_pf
+from footsense.sim.faults.damage import OPEN_PF
+from footsense.sim.faults.line_capacitance import SHORT_PF, pin_capacitance_pf
 from footsense.sim.faults.scene_faults import OnChips, OnWires
 from footsense.sim.foot.warming import DRIFT_PF_PER_K, WarmingFoot
-from footsense.sim.scene import Warming, load_scene
+from footsense.sim.scene import load_scene
+from footsense.sim.scene_effects import Warming
 
 MUX, SWITCH, CONVERTER = 0x71, 0x49, 0x50
 TIMEOUT_NS = 20_000_000

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from footsense.frames import LEGS
-from footsense.sim.loads.ground_load import Ramp, Walk, measured_strides, measured_walk, smooth_stance
+from footsense.sim.loads.ground_load import Ramp
+from footsense.sim.loads.measured_walk import measured_strides, measured_walk
+from footsense.sim.loads.walk import Walk, smooth_stance
 
 S = 1_000_000_000
 

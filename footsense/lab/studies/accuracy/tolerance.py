@@ -48,7 +48,7 @@ _COLOURS = {
 
 
 def distinct_levels(plan: Plan, sweeps: tuple[Sweep, ...]) -> Iterable[tuple[Sweep, float]]:
-    """Return every level of some sweeps; sweeps begin alike, and the same tolerances are returned once."""
+    """Return every level of some sweeps; tolerances that several sweeps share are returned once."""
     levels: dict[Tolerances, tuple[Sweep, float]] = {}
     for sweep in sweeps:
         for level in plan.levels(sweep):
@@ -81,7 +81,7 @@ def _figure(results: SweepResults, sweeps: tuple[Sweep, ...], readouts: dict[str
 def run_study(
     context: StudyContext, workers: Workers, file: Path | None = None
 ) -> tuple[SweepResults, Figures]:
-    """Judge the feet of the full or the quick plan.
+    """Evaluate the feet of the full or the quick plan.
 
     Args:
         context: The models.
@@ -101,7 +101,7 @@ def run_study(
 
 
 def compute(context: StudyContext) -> tuple[SweepResults, Figures]:
-    """Judge the feet on this machine."""
+    """Evaluate the feet by processes on this machine."""
     return run_study(context, in_turn if context.quick else parallel())
 
 

@@ -77,7 +77,7 @@ def normal_to(force: Vector, lean_deg: float, turn_deg: float) -> Vector:
 
 
 def sensed_um(response: FootResponse, free_um: Vector) -> Vector:
-    """Return the closures that capacitance stands for [um], shape (n, 9), of free closures [um], shape (n, 324).
+    """Return the closures read from capacitance [um], shape (n, 9), under free closures [um], shape (n, 324).
 
     The free closures of several contacts add up, each patch with its own radius; then the gaps touch.
     """

@@ -247,7 +247,7 @@ def _cells(response: FootResponse) -> tuple[float, float]:
 
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
-    """Measure everything; the quick form leaves out the fine meshes and the complete response."""
+    """Measure the errors of mesh, ground, spacer and electrodes; the quick form omits fine meshes and response."""
     foot_design, response = context.foot_design, context.response
     meshes, taken = _meshes(context), None
     if not context.quick:

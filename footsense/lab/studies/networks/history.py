@@ -1,4 +1,4 @@
-"""Study `history`: does a network that also sees earlier scans know the force better, once the rubber creeps?"""
+"""Study `history`: errors of networks with earlier scans as inputs, on rubber that creeps."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +17,8 @@ from footsense.lab.evaluation.evaluate import errors
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.training.load_cases import measured_closure_rel, sensed_closure_um
 from footsense.lab.training.scan_network import HIDDEN, train_scans
-from footsense.sim.loads.ground_load import Walk, measured_walk, smooth_stance
+from footsense.sim.loads.measured_walk import measured_walk
+from footsense.sim.loads.walk import Walk, smooth_stance
 
 Vector = NDArray[np.float64]
 

@@ -1,0 +1,77 @@
+"""The accepted calibration loads of a foot as arrays."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.calibration.loads.calibration_load import CalibrationLoad
+from footsense.foot.directions import normalized
+from footsense.frames import Mask, Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LoadSet:
+    """The accepted calibration loads of a foot as arrays.
+
+    Attributes:
+        force_n: Reference force [N], shape (n, 3), leg frame.
+        sigma_n: Standard deviation of that mean by noise alone [N], shape (n, 3).
+        capacitance_pf: Reading of each element, stray included [pF], shape (n, 9).
+        baseline_pf: Unloaded reading at that time [pF], shape (n, 9).
+    """
+
+    force_n: Vector
+    sigma_n: Vector
+    capacitance_pf: Vector
+    baseline_pf: Vector
+
+    @classmethod
+    def of(cls, loads: Sequence[CalibrationLoad]) -> Self:
+        """Return the accepted ones of some loads."""
+        accepted = [load for load in loads if load.rejection is None]
+        return cls(
+            force_n=np.array([load.force_n for load in accepted]).reshape(-1, 3),
+            sigma_n=np.array([load.force_noise_n / np.sqrt(load.n_samples) for load in accepted]).reshape(
+                -1, 3
+            ),
+            capacitance_pf=np.array([load.capacitance_pf for load in accepted]).reshape(-1, 9),
+            baseline_pf=np.array([load.baseline_pf for load in accepted]).reshape(-1, 9),
+        )
+
+    def __len__(self) -> int:
+        """Return the number of loads."""
+        return len(self.force_n)
+
+    def subset(self, which: NDArray[np.intp] | Mask) -> Self:
+        """Return some of the loads, by index or by mask."""
+        return type(self)(**{name: getattr(self, name)[which] for name in self.__slots__})
+
+    @property
+    def unloaded_pf(self) -> Vector:
+        """Unloaded reading of each element [pF], shape (9,): the median over the loads."""
+        unloaded_pf: Vector = np.median(self.baseline_pf, axis=0)
+        return unloaded_pf
+
+    @property
+    def undrifted_pf(self) -> Vector:
+        """Readings minus the drift of the unloaded reading since its median [pF], shape (n, 9)."""
+        return self.capacitance_pf - self.baseline_pf + self.unloaded_pf
+
+    def spread_order(self) -> NDArray[np.intp]:
+        """Return an order of the loads, shape (n,), of which any beginning covers the forces well.
+
+        The first load is the nearest to the mean; each next one is the farthest from all before it, by direction and
+        magnitude (farthest-point sampling).
+        """
+        log_magnitude = np.log(np.linalg.norm(self.force_n, axis=1, keepdims=True))
+        points = np.hstack([normalized(self.force_n), 0.5 * log_magnitude])
+        order = [int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))]
+        distance = np.full(len(self), np.inf)
+        while len(order) < len(self):
+            distance = np.minimum(distance, ((points - points[order[-1]]) ** 2).sum(axis=1))
+            distance[order[-1]] = -1.0
+            order.append(int(np.argmax(distance)))
+        return np.array(order, dtype=np.intp)
