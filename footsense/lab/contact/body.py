@@ -9,13 +9,15 @@ rubber. Between the sides:
 with [u] = u_ground - u_leg and the gap g at rest. k is raised until no point is deeper than PENETRATION_REL g.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import ngsolve as ng
 import ngsolve.comp
 import numpy as np
+from numpy.typing import NDArray
 
-from footsense.lab.contact.floor import Floor
+from footsense.lab.contact.floor import FACE, Floor
 from footsense.lab.fem.elasticity import Layer, energy, mixed_energy
 from footsense.lab.geometry import FootDesign
 
@@ -31,12 +33,13 @@ class Body:
     Attributes:
         design: The foot.
         mesh: Mesh of the quarter.
-        space: Displacement of the ground side, of the leg side, and the pressure of the rubber.
+        space: Displacement of the ground side, of the leg side, pressure of the rubber, and position of the floor along
+            each free axis.
         state: The present iterate, a grid function of `space`.
     """
 
-    def __init__(self, design: FootDesign, mesh: Any, order: int) -> None:
-        self.design, self.mesh = design, mesh
+    def __init__(self, design: FootDesign, mesh: Any, order: int, axes: tuple[int, ...] = ()) -> None:
+        self.design, self.mesh, self._axes = design, mesh, axes
         ground = ng.VectorH1(mesh, order=order, definedon="rubber_ground|pdms_ground", dirichlety="mirror")
         leg = ng.VectorH1(
             mesh, order=order, definedon="rubber_leg|pdms_leg", dirichlet="curved_leg", dirichlety="mirror"
@@ -44,6 +47,8 @@ class Body:
         pressure = ng.H1(mesh, order=order - 1, definedon="rubber_ground|rubber_leg")
         # No ng.Compress here: it would lose what dirichlety holds.
         self.space = ground * leg * pressure
+        for _ in axes:
+            self.space *= ng.NumberSpace(mesh)
         self.state = ng.GridFunction(self.space)
         self._gap_stiffness = ng.Parameter(GAP_STIFFNESS)
         self._points = ngsolve.comp.IntegrationRuleSpaceSurface(
@@ -62,7 +67,8 @@ class Body:
 
     def form(self, floor: Floor, *, finite_strain: bool, gap_contact: bool) -> Any:
         """Return internal work minus work of the ground contact, as a nonlinear form."""
-        (u_ground, u_leg, p), (v_ground, v_leg, _) = self.space.TnT()
+        trial, test = self.space.TnT()
+        (u_ground, u_leg, p, *_), (v_ground, v_leg, *_) = trial, test
         form = ng.BilinearForm(self.space, symmetric=True)
         rubber, pdms = self.design.rubber, self.design.pdms
         for side, u in (("ground", u_ground), ("leg", u_leg)):
@@ -77,22 +83,36 @@ class Body:
             deep = jump[2] - self.design.gap_um * 1e-3
             stress = self._gap_stiffness * ng.IfPos(deep, deep, 0.0)
             form += stress * jump_v[2] * ng.ds("cavity", intrules=self._points.GetIntegrationRules())
-        form += floor.work(u_ground, -v_ground)
+        form += floor.work(self._from_floor(trial), -self._from_floor(test))
+        area_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds(FACE), self.mesh)
+        for target_n, e in zip(floor.target_n, test[3:], strict=True):
+            form += -target_n / area_mm2 * e * ng.ds(FACE)
         return form
 
-    def floor_form(self, floor: Floor) -> Any:
-        """Return the floor's part of `form` alone."""
-        u_ground, v_ground = self.space.TrialFunction()[0], self.space.TestFunction()[0]
-        form = ng.BilinearForm(self.space, symmetric=True)
-        form += floor.work(u_ground, -v_ground)
-        return form
+    def _from_floor(self, functions: Sequence[Any]) -> Any:
+        """Return the displacement of the ground side relative to the floor, of functions of `space`."""
+        floor = [ng.CF(0.0)] * 3
+        for axis, position in zip(self._axes, functions[3:], strict=True):
+            floor[axis] = position
+        return functions[0] - ng.CF(tuple(floor))
 
-    def translation(self, axis: int) -> Any:
-        """Return the vector of the ground side moved by 1 mm along an axis."""
-        moved = ng.GridFunction(self.space)
-        unit = ng.CF(tuple(1.0 if k == axis else 0.0 for k in range(3)))
-        moved.components[0].Set(unit, definedon=self.mesh.Materials("rubber_ground|pdms_ground"))
-        return moved.vec
+    @property
+    def ground_from_floor(self) -> Any:
+        """Present displacement of the ground side relative to the floor [mm]."""
+        return self._from_floor(self.state.components)
+
+    @property
+    def floor_mm(self) -> NDArray[np.float64]:
+        """Present position of the floor [mm], shape (3,)."""
+        position = np.zeros(3)
+        for axis, component in zip(self._axes, self.state.components[3:], strict=True):
+            position[axis] = component.vec[0]
+        return position
+
+    def move_floor(self, position_mm: NDArray[np.float64]) -> None:
+        """Set the position of the floor along its free axes, from a position of shape (3,) [mm]."""
+        for axis, component in zip(self._axes, self.state.components[3:], strict=True):
+            component.vec[0] = float(position_mm[axis])
 
     def penetration_rel(self) -> float:
         """Return the deepest penetration of the electrode planes, over the gap [1]; below 0 while open."""

@@ -3,9 +3,6 @@
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 #: The face that a floor touches.
 FACE = "curved_ground"
 
@@ -29,27 +26,19 @@ class Floor(Protocol):
     """Ground model that the equilibrium solver uses.
 
     Attributes:
-        axes: Directions in which the floor is free and its force is prescribed.
-        target_n: That force on the meshed part [N], shape (len(axes),).
+        target_n: Prescribed force on the meshed part [N], a parameter of the weak form for each free axis.
     """
 
-    axes: tuple[int, ...]
-    target_n: NDArray[np.float64]
+    target_n: list[Any]
 
     def work(self, u: Any, v: Any) -> Any:
-        """Return the work of the floor's traction under the displacement u along v, an integral."""
+        """Return the work of the floor's traction under the displacement u relative to it along v, an integral."""
 
     def aim(self, fraction: float) -> None:
         """Prescribe this fraction of the force, and move to the position that probably exerts it."""
 
-    def move(self, step_mm: NDArray[np.float64]) -> None:
-        """Move by a step [mm], shape (len(axes),)."""
-
     def settle(self) -> None:
         """Take the present state as the start of the next load step."""
-
-    def withdraw(self) -> None:
-        """Go back to the last settled state."""
 
     def patch(self) -> Patch:
         """Return the present contact patch."""

@@ -97,13 +97,13 @@ class FullFoot:
         """
         case = LoadCase(self.design, normal, force_n, self.friction)
         mesh = build_mesh(self.design, self.size, normal, case.hertz_mm, half=case.half)
-        body = Body(self.design, mesh, self.size.order)
-        floor: Floor = HertzFloor(case, body.ground)
-        if self.floor == "solved":
-            floor = PlaneFloor(case, body.ground, self.size.patch_rel * case.hertz_mm)
+        solved = self.floor == "solved"
+        body = Body(self.design, mesh, self.size.order, case.axes if solved else ())
+        element_mm = self.size.patch_rel * case.hertz_mm
+        floor: Floor = PlaneFloor(case, body, element_mm) if solved else HertzFloor(case, body)
         contact = self.gaps == "contact"
         form = body.form(floor, finite_strain=self.finite_strain, gap_contact=contact)
-        equations = Equilibrium(body, form, floor, float(np.linalg.norm(force_n)))
+        equations = Equilibrium(body, form, float(np.linalg.norm(force_n)))
         newton_steps = self._press(body, floor, equations)
         stiffenings = 0
         while contact and body.penetration_rel() > PENETRATION_REL:
@@ -150,7 +150,6 @@ class FullFoot:
                 if halvings == MOST_HALVINGS:
                     raise ConvergenceError(f"at {goal**1.5:.0%} of the load: {error}") from error
                 body.state.vec.data = start
-                floor.withdraw()
                 stride, halvings = stride / 2.0, halvings + 1
                 continue
             if goal < 1.0:

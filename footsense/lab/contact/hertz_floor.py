@@ -4,9 +4,8 @@ import math
 from typing import Any
 
 import ngsolve as ng
-import numpy as np
-from numpy.typing import NDArray
 
+from footsense.lab.contact.body import Body
 from footsense.lab.contact.floor import FACE, Patch
 from footsense.lab.contact.load_case import LoadCase
 from footsense.lab.fem.elasticity import hertz_shape
@@ -16,15 +15,13 @@ class HertzFloor:
     """The traction that a Hertz patch would exert: p ~ sqrt(1 - r^2/a^2), along the force.
 
     Attributes:
-        axes: None: there is no plane to move.
-        target_n: No prescribed force, shape (0,).
+        target_n: Empty: there is no plane to move.
     """
 
-    def __init__(self, case: LoadCase, moved: Any) -> None:
-        """Lay the patch where the floor would touch; `moved` as for the plane."""
-        self._case, self._moved, self._mesh = case, moved, moved.space.mesh
-        self.axes: tuple[int, ...] = ()
-        self.target_n = np.zeros(0)
+    def __init__(self, case: LoadCase, body: Body) -> None:
+        """Lay the patch where the floor would touch; `body` without a position of the floor."""
+        self._case, self._moved, self._mesh = case, body.ground, body.mesh
+        self.target_n: list[Any] = []
         self._fraction = ng.Parameter(0.0)
         shape = hertz_shape(case.touch_mm, case.hertz_mm)
         self._surface = ng.ds(FACE, bonus_intorder=20)
@@ -40,14 +37,8 @@ class HertzFloor:
         """Exert this fraction of the force."""
         self._fraction.Set(fraction)
 
-    def move(self, step_mm: NDArray[np.float64]) -> None:
-        """Do nothing: the Hertz pressure does not move."""
-
     def settle(self) -> None:
         """Do nothing: a pressure without friction has no state."""
-
-    def withdraw(self) -> None:
-        """Do nothing: the next `aim` sets the force."""
 
     def patch(self) -> Patch:
         """Return the patch; a parabolic floor would have come a^2/(5R) further than loaded points on average."""

@@ -17,9 +17,8 @@ from typing import Any
 
 import ngsolve as ng
 import ngsolve.comp
-import numpy as np
-from numpy.typing import NDArray
 
+from footsense.lab.contact.body import Body
 from footsense.lab.contact.floor import FACE, Patch
 from footsense.lab.contact.load_case import LoadCase
 
@@ -35,46 +34,40 @@ class PlaneFloor:
     """A rigid plane.
 
     Attributes:
-        axes: Directions in which it is free.
-        target_n: Prescribed force on the meshed part [N], shape (len(axes),).
-        place_mm: Translation q since it touched [mm], shape (3,).
+        target_n: Prescribed force on the meshed part along each free axis [N].
     """
 
-    def __init__(self, case: LoadCase, moved: Any, element_mm: float) -> None:
+    def __init__(self, case: LoadCase, body: Body, element_mm: float) -> None:
         """Put the floor where it touches the unloaded ball.
 
         Args:
             case: Normal, force and friction.
-            moved: Displacement of the ground side [mm], a grid function that holds the present iterate.
+            body: The foot, with the position of the floor along the free axes of the case among its unknowns.
             element_mm: Size of the elements under the patch [mm].
         """
-        self._case, self._moved, self._mesh = case, moved, moved.space.mesh
-        self.axes = case.axes
-        self.target_n = np.zeros(len(case.axes))
-        self.place_mm = np.zeros(3)
-        self._settled_mm = np.zeros(3)
+        self._case, self._body, self._mesh = case, body, body.mesh
+        self._moved = body.ground_from_floor
+        self.target_n = [ng.Parameter(0.0) for _ in case.axes]
         self._fraction = self._settled_fraction = 0.0
-        self._q = [ng.Parameter(0.0) for _ in range(3)]
         self._stiffness = STIFFNESS * case.design.rubber.hertz_mpa / element_mm
         region = self._mesh.Boundaries(FACE)
         points = ngsolve.comp.IntegrationRuleSpaceSurface(
-            self._mesh, order=2 * moved.space.globalorder + 3, definedon=region
+            self._mesh, order=2 * body.ground.space.globalorder + 3, definedon=region
         )
         self._region = region
         self._anchor = ng.GridFunction(points**3)
         self._surface = ng.ds(FACE, intrules=points.GetIntegrationRules())
 
     def _pressure(self, u: Any) -> Any:
-        """Return p [MPa] under a displacement."""
+        """Return p [MPa] under a displacement relative to the floor."""
         here = ng.CF((ng.x, ng.y, ng.z)) - ng.CF(tuple(self._case.touch_mm))
-        behind = -ng.InnerProduct(ng.CF(tuple(self._case.normal)), here + u - ng.CF(tuple(self._q)))
+        behind = -ng.InnerProduct(ng.CF(tuple(self._case.normal)), here + u)
         return self._stiffness * ng.IfPos(behind, behind, 0.0)
 
     def _along(self, u: Any) -> Any:
-        """Return the part of u - q along the floor [mm]."""
+        """Return the part along the floor of a displacement relative to it [mm]."""
         n = ng.CF(tuple(self._case.normal))
-        relative = u - ng.CF(tuple(self._q))
-        return relative - ng.InnerProduct(relative, n) * n
+        return u - ng.InnerProduct(u, n) * n
 
     def _friction(self, u: Any) -> Any:
         """Return the friction traction t [MPa] under a displacement, capped by the present iterate's pressure."""
@@ -88,18 +81,6 @@ class PlaneFloor:
         traction = self._pressure(u) * ng.CF(tuple(self._case.normal)) + self._friction(u)
         return ng.InnerProduct(traction, v) * self._surface
 
-    def _go(self, place_mm: NDArray[np.float64]) -> None:
-        """Move to a position [mm], shape (3,)."""
-        self.place_mm = place_mm
-        for parameter, value in zip(self._q, place_mm, strict=True):
-            parameter.Set(value)
-
-    def move(self, step_mm: NDArray[np.float64]) -> None:
-        """Move by a step along the free axes."""
-        place = self.place_mm.copy()
-        place[list(self.axes)] += step_mm
-        self._go(place)
-
     def _radius_mm(self) -> float:
         """Return the radius of the circle with the touching area [mm]."""
         touching = ng.IfPos(self._pressure(self._moved), 1.0, 0.0)
@@ -112,14 +93,15 @@ class PlaneFloor:
         A Newton step depends on which points touch, not on how hard: with the right patch it nearly arrives.
         """
         self._fraction = fraction
-        self.target_n = fraction * self._case.share * self._case.force_n[list(self.axes)]
-        start, low, high = self.place_mm, 0.0, self._case.hertz_mm**2 / self._case.design.ball_radius_mm
+        for axis, target_n in zip(self._case.axes, self.target_n, strict=True):
+            target_n.Set(fraction * self._case.share * self._case.force_n[axis])
+        start, low, high = self._body.floor_mm, 0.0, self._case.hertz_mm**2 / self._case.design.ball_radius_mm
         grown = self._case.hertz_mm * math.cbrt(fraction)
         if self._settled_fraction > 0.0:
             grown = self._radius_mm() * math.cbrt(fraction / self._settled_fraction)
         for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)
-            self._go(start + middle * self._case.normal)
+            self._body.move_floor(start + middle * self._case.normal)
             low, high = (middle, high) if self._radius_mm() < grown else (low, middle)
 
     def settle(self) -> None:
@@ -128,11 +110,7 @@ class PlaneFloor:
         moved = ng.GridFunction(self._anchor.space)
         moved.Interpolate(anchor, definedon=self._region)
         self._anchor.vec.data = moved.vec
-        self._settled_mm, self._settled_fraction = self.place_mm, self._fraction
-
-    def withdraw(self) -> None:
-        """Go back to the last settled place; the anchors are still those."""
-        self._go(self._settled_mm)
+        self._settled_fraction = self._fraction
 
     def patch(self) -> Patch:
         """Return the present contact patch."""
@@ -141,6 +119,6 @@ class PlaneFloor:
         pressure.Set(self._pressure(self._moved), definedon=self._region, bonus_intorder=5)
         return Patch(
             radius_mm=self._radius_mm(),
-            approach_mm=float(self._case.normal @ self.place_mm),
+            approach_mm=float(self._case.normal @ self._body.floor_mm),
             peak_mpa=float(pressure.vec.FV().NumPy().max()),
         )

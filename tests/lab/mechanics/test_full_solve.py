@@ -55,11 +55,11 @@ def test_the_spacer_carries_the_prescribed_force() -> None:
     force = 0.5 * UP
     case = LoadCase(FOOT_DESIGN, LEANING, force, 0.7)
     mesh = build_mesh(FOOT_DESIGN, COARSE, LEANING, case.hertz_mm, half=case.half)
-    body = Body(FOOT_DESIGN, mesh, COARSE.order)
-    floor = PlaneFloor(case, body.ground, COARSE.patch_rel * case.hertz_mm)
+    body = Body(FOOT_DESIGN, mesh, COARSE.order, case.axes)
+    floor = PlaneFloor(case, body, COARSE.patch_rel * case.hertz_mm)
     form = body.form(floor, finite_strain=True, gap_contact=False)
     floor.aim(1.0)
-    Equilibrium(body, form, floor, 0.5).solve(1e-6)
+    Equilibrium(body, form, 0.5).solve(1e-6)
     jump = body.ground - body.leg
     pdms = FOOT_DESIGN.pdms
     across = np.array([pdms.shear_mpa, pdms.shear_mpa, pdms.confined_mpa]) / FOOT_DESIGN.spacer_mm

@@ -9,7 +9,7 @@ import pytest
 
 from footsense.foot.response_table import series_basis
 from footsense.lab.fem.block import COARSE_BLOCK
-from footsense.lab.fem.film import FilmDesign, upright_closure_um
+from footsense.lab.fem.gel_layer import GelLayerDesign, upright_closure_um
 from footsense.lab.fem.mesh import COARSE, build_mesh
 from footsense.lab.fem.quarter import Parity, Quarter
 from footsense.lab.geometry import FIT_ELEVATION_DEG, Material
@@ -48,7 +48,7 @@ def test_elements_lie_on_the_block() -> None:
 @pytest.mark.parametrize("poisson", [0.49, 0.4999])
 def test_a_film_150_times_softer_than_its_plates_solves(poisson: float) -> None:
     """Finite, symmetric, in balance: what the film carries is a quarter's share of a load of one newton."""
-    film = FilmDesign(film_mm=FOOT_DESIGN.spacer_mm, gel=Material(0.020, poisson))
+    film = GelLayerDesign(layer_mm=FOOT_DESIGN.spacer_mm, gel=Material(0.020, poisson))
     mesh = build_mesh(FOOT_DESIGN, FILM_SIZE)
     quarter = Quarter(FOOT_DESIGN, FILM_SIZE, Parity(1, 1), mesh, film.layer)
     area_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("curved_ground"), quarter.mesh)
@@ -67,8 +67,8 @@ def test_a_film_150_times_softer_than_its_plates_solves(poisson: float) -> None:
 
 def test_the_film_does_not_lock() -> None:
     """A confined layer under rigid plates closes by t f / (M A); that the plates bend may change it by a tenth."""
-    film = FilmDesign(film_mm=FOOT_DESIGN.spacer_mm, gel=Material(0.020, 0.49))
-    rigid_um = 1000.0 * film.film_mm / (film.gel.confined_mpa * FOOT_DESIGN.sheet_mm**2)
+    film = GelLayerDesign(layer_mm=FOOT_DESIGN.spacer_mm, gel=Material(0.020, 0.49))
+    rigid_um = 1000.0 * film.layer_mm / (film.gel.confined_mpa * FOOT_DESIGN.sheet_mm**2)
     assert upright_closure_um(FOOT_DESIGN, FILM_SIZE, [film])[0] == pytest.approx(rigid_um, rel=0.1)
 
 

@@ -16,7 +16,7 @@ from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.directions import directions, normalized
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate import Errors, elastance_readout, errors
-from footsense.lab.fem.film import FilmDesign, film_response, upright_closure_um
+from footsense.lab.fem.gel_layer import GelLayerDesign, gel_layer_response, upright_closure_um
 from footsense.lab.fem.mesh import COARSE, SHIPPED
 from footsense.lab.geometry import Material
 from footsense.lab.monte_carlo.statistics import MeanStd
@@ -125,7 +125,7 @@ class Results:
         by_poisson: Confinement, by Poisson's ratio.
     """
 
-    film: FilmDesign
+    film: GelLayerDesign
     pdms_mpa: float
     sheet_mm: float
     electrode_mm: float
@@ -149,9 +149,9 @@ def with_gaps(context: StudyContext) -> Sensor:
     )
 
 
-def with_film(context: StudyContext, film: FilmDesign) -> Sensor:
+def with_film(context: StudyContext, film: GelLayerDesign) -> Sensor:
     """Return the design with the film, solved."""
-    response = film_response(context.foot_design, QUICK_FILM_SIZE if context.quick else FILM_SIZE, film)
+    response = gel_layer_response(context.foot_design, QUICK_FILM_SIZE if context.quick else FILM_SIZE, film)
     capacitor = film.capacitor(context.foot_design)
 
     def closure_um(normal: Vector, force_n: Vector) -> Vector:
@@ -211,7 +211,7 @@ def measured(context: StudyContext, sensor: Sensor) -> Measured:
 def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Solve the foot with the film, and measure both designs."""
     foot_design = context.foot_design
-    film = FilmDesign(film_mm=foot_design.spacer_mm)
+    film = GelLayerDesign(layer_mm=foot_design.spacer_mm)
     gaps, gel = sensors = with_gaps(context), with_film(context, film)
     context.say("film: the foot with the film is solved")
     poissons = QUICK_POISSONS if context.quick else POISSONS

@@ -30,48 +30,48 @@ from footsense.lab.response import make_response
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FilmDesign:
+class GelLayerDesign:
     """The film and the capacitors in it.
 
     Attributes:
-        film_mm: Thickness, that of the spacer [mm].
+        layer_mm: Thickness, that of the spacer [mm].
         gel: Gelled polyurethane; the paper gives E = 20 kPa, Poisson's ratio is a choice.
         eps_r: Relative permittivity of the gel [1], a choice: capacitance and sensitivity are proportional to it.
     """
 
-    film_mm: float
+    layer_mm: float
     gel: Material = field(default_factory=lambda: Material(0.020, 0.49))
     eps_r: float = 5.0
 
     @property
     def relief_mm(self) -> float:
         """Distance from the rim over which the film is not confined [mm]."""
-        return self.film_mm * float(np.sqrt(self.gel.confined_mpa / (12.0 * self.gel.shear_mpa)))
+        return self.layer_mm * float(np.sqrt(self.gel.confined_mpa / (12.0 * self.gel.shear_mpa)))
 
     @property
     def layer(self) -> Layer:
         """The film in the weak form: over bars and electrodes alike."""
-        return Layer(self.gel, self.film_mm, "bars|cell.*")
+        return Layer(self.gel, self.layer_mm, "bars|cell.*")
 
     def capacitor(self, design: FootDesign) -> CapacitorDesign:
         """Return the capacitor: one of eps_r times the area, with the film's thickness as a gap of air."""
         return CapacitorDesign(
-            gap_um=UM_PER_MM * self.film_mm,
+            gap_um=UM_PER_MM * self.layer_mm,
             film_um=0.0,
             film_eps_r=1.0,
             electrode_area_mm2=self.eps_r * design.electrode_mm**2,
         )
 
 
-def film_response(design: FootDesign, size: MeshSize, film: FilmDesign) -> FootResponse:
-    """Return the response table of the foot with the film; its free closures are those of the film.
+def gel_layer_response(design: FootDesign, size: MeshSize, film: GelLayerDesign) -> FootResponse:
+    """Return the response table of the foot with the film; with the free closures of the film.
 
-    Its `design` is still that of the gaps: take `FilmDesign.capacitor`.
+    Its `design` is still that of the gaps: take `GelLayerDesign.capacitor`.
     """
     return make_response(design, size, layer=film.layer)
 
 
-def upright_closure_um(design: FootDesign, size: MeshSize, films: Sequence[FilmDesign]) -> list[float]:
+def upright_closure_um(design: FootDesign, size: MeshSize, films: Sequence[GelLayerDesign]) -> list[float]:
     """Return for each film the mean closure over the electrodes [um/N] under an upright force, spread over the ball."""
     mesh, electrodes = build_mesh(design, size), ng.ds("cell.*")
     electrodes_mm2 = ng.Integrate(ng.CF(1.0) * electrodes, mesh)
