@@ -154,7 +154,7 @@ class Estimator(Protocol):
     """Estimates forces from normalised gap closures: the network."""
 
     def estimate(self, closure_rel: Vector, missing: Mask) -> tuple[Vector, Vector]:
-        """Return force and standard deviation of its components of every row [N], shape (rows, 3) each.
+        """Return the force of every row and the standard deviations of its components [N], shape (rows, 3) each.
 
         Args:
             closure_rel: Closures over the gap, missing ones imputed [1], shape (rows, 9).

@@ -104,7 +104,7 @@ class Timing(NamedTuple):
 
 
 def timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool) -> Timing:
-    """Return the timing of a bus.
+    """Return the transaction costs, the scan limits and the conversion time of a bus.
 
     Args:
         costs: Cost of its transactions.

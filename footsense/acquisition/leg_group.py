@@ -208,7 +208,7 @@ class LegGroup:
                 leg.outcome = reading
 
     def _all_done(self, step: Step, selection: int) -> bool:
-        """Ask all connected legs at once, unless their results show it."""
+        """Return whether all connected legs have finished, by one common question or by their results themselves."""
         if step.done is None:
             return True
         answers = self._exchange(selection, (step.done.read,))

@@ -25,7 +25,7 @@ from footsense.ports import CanWire
 _log = logging.getLogger(__name__)
 
 #: Shortest and longest time between two attempts to reopen an interface [ns].
-_BACK_OFF_NS = 50_000_000
+_SHORTEST_BACK_OFF_NS = 50_000_000
 _LONGEST_BACK_OFF_NS = 250_000_000
 
 
@@ -180,7 +180,7 @@ class CanChannel:
         if not self._back_off_ns:
             self._lost_ns = self._t_ns
             _log.warning("%s; no frame goes out until it is back", self._explained(error))
-        self._back_off_ns = min(max(2 * self._back_off_ns, _BACK_OFF_NS), _LONGEST_BACK_OFF_NS)
+        self._back_off_ns = min(max(2 * self._back_off_ns, _SHORTEST_BACK_OFF_NS), _LONGEST_BACK_OFF_NS)
         self._due_ns = self._t_ns + self._back_off_ns
 
     def _reopen(self) -> CanWire | None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from footsense.foot.parameters import FEATURES, FootParameters, features
+from footsense.foot.parameters import N_CORRECTION_TERMS, FootParameters, correction_terms
 from footsense.foot.temperature import CalibratedAt, effect
 from footsense.frames import Mask, Vector
 from footsense.ports import Estimator
@@ -33,7 +33,8 @@ class CalibratedFeet:
             [np.eye(3) if foot is None else foot.force_matrix for foot in feet], (repeats, 1, 1)
         )
         self._calibrated_correction = np.tile(
-            [np.zeros((3, FEATURES)) if foot is None else foot.correction for foot in feet], (repeats, 1, 1)
+            [np.zeros((3, N_CORRECTION_TERMS)) if foot is None else foot.correction for foot in feet],
+            (repeats, 1, 1),
         )
         self._corrected = bool(self._calibrated_correction.any())
         self._calibrated_error_rel = np.tile(
@@ -66,7 +67,7 @@ class CalibratedFeet:
         design_n, design_sigma_n = self._network.estimate(closure_rel, missing)
         force_n = np.einsum("rij,rj->ri", self._matrix, design_n)
         if self._corrected:
-            force_n += np.einsum("rij,rj->ri", self._correction, features(design_n))
+            force_n += np.einsum("rij,rj->ri", self._correction, correction_terms(design_n))
         variance_n2 = np.einsum("rij,rj->ri", self._matrix**2, design_sigma_n**2)
         residual_n = self._error_rel * np.linalg.norm(force_n, axis=1, keepdims=True)
         return force_n, np.sqrt(variance_n2 + residual_n**2)

@@ -16,7 +16,7 @@ import numpy as np
 from footsense.frames import ELEMENTS, Vector
 
 #: Terms of the correction.
-FEATURES = 15
+N_CORRECTION_TERMS = 15
 
 _AXES = 3
 
@@ -32,7 +32,7 @@ class FootParameters:
         gain_rel: Closure of each element by the design's electrodes over its real closure [1], shape (9,).
         stiffness_rel: Stiffness of the whole foot over the design's, minus one [1].
         mount: Rotation from the leg's frame to the foot's, shape (3, 3).
-        correction: C above, shape (3, FEATURES); zero for none.
+        correction: C above, shape (3, N_CORRECTION_TERMS); zero for none.
         error_rel: Standard deviation of the remaining error over the force [1].
     """
 
@@ -42,7 +42,7 @@ class FootParameters:
     gain_rel: Vector = field(default_factory=lambda: np.ones(ELEMENTS))
     stiffness_rel: float = 0.0
     mount: Vector = field(default_factory=lambda: np.eye(_AXES))
-    correction: Vector = field(default_factory=lambda: np.zeros((_AXES, FEATURES)))
+    correction: Vector = field(default_factory=lambda: np.zeros((_AXES, N_CORRECTION_TERMS)))
     error_rel: float = 0.0
 
     def __post_init__(self) -> None:
@@ -52,7 +52,10 @@ class FootParameters:
             ValueError: A shape is wrong, a value is not finite or impossible; the message names it.
         """
         nine = ("stray_pf", "unloaded_pf", "gap_um", "gain_rel")
-        shapes = dict.fromkeys(nine, (ELEMENTS,)) | {"mount": (_AXES, _AXES), "correction": (_AXES, FEATURES)}
+        shapes = dict.fromkeys(nine, (ELEMENTS,)) | {
+            "mount": (_AXES, _AXES),
+            "correction": (_AXES, N_CORRECTION_TERMS),
+        }
         for name, shape in shapes.items():
             value = getattr(self, name)
             if value.shape != shape or not np.isfinite(value).all():
@@ -81,8 +84,8 @@ class FootParameters:
         return {name: np.asarray(getattr(self, name)).tolist() for name in self.__slots__}
 
 
-def features(force_n: Vector) -> Vector:
-    """Return phi, the terms of a correction [N], shape (n, FEATURES).
+def correction_terms(force_n: Vector) -> Vector:
+    """Return phi, the terms of a correction [N], shape (n, N_CORRECTION_TERMS).
 
     They are the products of a direction's components up to degree three times the magnitude, which keeps them
     homogeneous of degree one in the force, as the linear solid is. Products that follow from the others because a

@@ -11,7 +11,7 @@ from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE, released_path
 from footsense.foot.files.calibration_format import HeldOut, Manifest
 from footsense.foot.files.calibration_reader import FootCalibration
 from footsense.foot.force_errors import Errors
-from footsense.foot.parameters import FEATURES, FootParameters
+from footsense.foot.parameters import N_CORRECTION_TERMS, FootParameters
 
 #: What the simulator's designed foot reads unloaded [pF].
 REST_PF = 5.387
@@ -22,7 +22,7 @@ AFTER = Errors(1.5, 3.0, 4.0, 1.8, 4.0, 6.0, 180)
 
 def parameters(**given: Any) -> FootParameters:
     """Return those of a foot that differs in all there is; `given` replaces some."""
-    correction = np.zeros((3, FEATURES))
+    correction = np.zeros((3, N_CORRECTION_TERMS))
     correction[2, 0] = 1.0 / 3.0
     turn = np.radians(4.0)
     mount = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])

@@ -52,7 +52,7 @@ class BusScan(NamedTuple):
     timing: Timing | None
 
 
-def leg_addresses(plan: ScanPlan) -> tuple[int, ...]:
+def leg_chip_addresses(plan: ScanPlan) -> tuple[int, ...]:
     """Return the addresses of a leg's chips: first the converter, then the line switches."""
     step = plan.steps[0]
     return (step.trigger.address, *(select.address for select in step.select))
@@ -113,7 +113,7 @@ def scan_adapters(
             limits = timing(costs, plan, len(adapters), kernel_mux=True)
     # An address that answers behind every channel is on the upstream bus.
     everywhere = set.intersection(*(set(scan.answering) for scan in channels.values()))
-    common = everywhere - set(leg_addresses(plan))
+    common = everywhere - set(leg_chip_addresses(plan))
     channels = {
         number: scan._replace(answering=tuple(address for address in scan.answering if address not in common))
         for number, scan in channels.items()
@@ -147,7 +147,7 @@ def _scan_channel(
     answering = probe_addresses(bus, skipped).answering
     if not is_leg:
         return ChannelScan(answering, Reading.OK)
-    converter, *switches = leg_addresses(plan)
+    converter, *switches = leg_chip_addresses(plan)
     try:
         plan.board.identify(bus, clock)
     except BusTimeoutError:

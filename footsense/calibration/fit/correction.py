@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.foot.parameters import FEATURES, features
+from footsense.foot.parameters import N_CORRECTION_TERMS, correction_terms
 from footsense.frames import Vector
 
 #: Penalties per load, for features scaled to a root mean square of one.
@@ -31,7 +31,7 @@ class Correction(NamedTuple):
     """Fitted residual correction of the force.
 
     Attributes:
-        matrix: C above, shape (3, FEATURES); zeros for none.
+        matrix: C above, shape (3, N_CORRECTION_TERMS); zeros for none.
         residual_rel: Cross-validated error of each load over its magnitude [1], shape (n, 3).
     """
 
@@ -49,11 +49,11 @@ def fit_correction(designed_n: Vector, physical_n: Vector, force_n: Vector) -> C
     """
     magnitude_n = np.linalg.norm(force_n, axis=1, keepdims=True)
     target = (force_n - physical_n) / magnitude_n
-    terms = features(designed_n) / magnitude_n
+    terms = correction_terms(designed_n) / magnitude_n
     scale = np.sqrt((terms**2).mean(axis=0))
     terms = terms / scale
     group = _groups(force_n)
-    none = Correction(np.zeros((3, FEATURES)), target)
+    none = Correction(np.zeros((3, N_CORRECTION_TERMS)), target)
     if len(force_n) < _MIN_LOADS or len(np.unique(group)) < _MIN_GROUPS:
         return none
     tried = []
@@ -70,7 +70,7 @@ def fit_correction(designed_n: Vector, physical_n: Vector, force_n: Vector) -> C
 
 
 def _ridge(terms: Vector, target: Vector, penalty: float) -> Vector:
-    solution = np.linalg.solve(terms.T @ terms + penalty * np.eye(FEATURES), terms.T @ target)
+    solution = np.linalg.solve(terms.T @ terms + penalty * np.eye(N_CORRECTION_TERMS), terms.T @ target)
     return np.asarray(solution, np.float64)
 
 

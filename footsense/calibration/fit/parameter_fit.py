@@ -33,7 +33,7 @@ from footsense.frames import ELEMENTS, Mask, Vector
 
 #: Prior standard deviation of each parameter: stray of the wiring [pF], electrodes by shadow mask [1], spun spacers
 #: [um], rubber of uncertain cure [1], a foot mounted by hand [rad].
-PRIOR = np.repeat([0.5, 0.02, 3.0, 0.4, np.radians(5.0)], [ELEMENTS, ELEMENTS, ELEMENTS, 1, 3])
+PRIOR_SIGMA = np.repeat([0.5, 0.02, 3.0, 0.4, np.radians(5.0)], [ELEMENTS, ELEMENTS, ELEMENTS, 1, 3])
 
 #: Errors of a test stand: lean of the stick [deg], share of a force that creep makes uncertain [1], share of a change
 #: of capacitance that no model explains [1], noise of a mean reading [pF].
@@ -71,7 +71,7 @@ class ParameterFit(NamedTuple):
     @property
     def contraction(self) -> Vector:
         """One minus posterior over prior standard deviation: 0 unidentified, 1 known, shape (N_PARAMETERS,)."""
-        contraction: Vector = 1.0 - np.sqrt(np.diag(self.covariance)) / PRIOR
+        contraction: Vector = 1.0 - np.sqrt(np.diag(self.covariance)) / PRIOR_SIGMA
         return contraction
 
 
@@ -147,7 +147,7 @@ class _State:
         self.distance = np.linalg.norm(white, axis=1)
         within = np.minimum(self.distance, _HUBER_DISTANCE)
         self._weight = np.sqrt(_HUBER_DISTANCE / np.maximum(self.distance, _HUBER_DISTANCE))
-        prior = parameters / PRIOR
+        prior = parameters / PRIOR_SIGMA
         self.residual = np.concatenate([(self._weight[:, None] * white).ravel(), prior])
         self.cost = float((within * (2.0 * self.distance - within)).sum() + (prior**2).sum())
 
@@ -181,7 +181,7 @@ class _State:
                 number = GAP.start + element
                 slopes_pf[closed, :, number] = self._slope_pf(number, closed)
         white = self._weight[:, None, None] * (self._whitening @ slopes_pf)
-        return np.concatenate([white.reshape(-1, N_PARAMETERS), np.diag(1.0 / PRIOR)])
+        return np.concatenate([white.reshape(-1, N_PARAMETERS), np.diag(1.0 / PRIOR_SIGMA)])
 
     def _slope_pf(self, number: int, rows: slice | Mask) -> Vector:
         """Return the slope of some loads' readings by one parameter [pF per its unit], shape (rows, 9)."""

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.calibration.fit.parameter_fit import PRIOR, ParameterFit
+from footsense.calibration.fit.parameter_fit import PRIOR_SIGMA, ParameterFit
 from footsense.calibration.fit.twin import KINDS, ContactLoads, FootTwin, parameter_names
 from footsense.errors import CalibrationError
 from footsense.foot.directions import angles_between_deg, direction_grid
@@ -77,7 +77,7 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
         for _ in range(n_draws):
             drawn = fit.parameters.copy()
             deviation = root @ rng.normal(size=len(root))
-            drawn[which] += np.clip(deviation, -2.0 * PRIOR[which], 2.0 * PRIOR[which])
+            drawn[which] += np.clip(deviation, -2.0 * PRIOR_SIGMA[which], 2.0 * PRIOR_SIGMA[which])
             change_pf = twin.capacitance_pf(np.clip(drawn, *twin.bounds()), loads) - at_pf
             estimate_n = force_n + np.einsum("nij,nj->ni", force_per_pf, change_pf)
             angles_deg.append(angles_between_deg(force_n, estimate_n))

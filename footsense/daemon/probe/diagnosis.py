@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from footsense.acquisition.probe.bus_scan import leg_addresses
+from footsense.acquisition.probe.bus_scan import leg_chip_addresses
 from footsense.acquisition.probe.foot_check import CHIP_READINGS
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.daemon.acquisition import SLOW_REL
@@ -36,7 +36,7 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
             f"short, missing pull-ups or an unpowered chip upstream of the mux{'' if bus.mux.reset else wire}",
         )
         return
-    for address in leg_addresses(plan):
+    for address in leg_chip_addresses(plan):
         if not bus.adapters and address in (*scan.upstream.answering, *drivers):
             name = next((d.name for d in bus.other_devices if d.address == address), "something")
             yield (
@@ -60,7 +60,7 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
     missing = ", ".join(leg for leg, channel in bus.channels.items() if channel in silent)
     for channel, chips in scan.channels.items():
         is_no_leg = not bus.adapters and channel not in bus.channels.values()
-        if is_no_leg and set(leg_addresses(plan)) <= {*chips.answering}:
+        if is_no_leg and set(leg_chip_addresses(plan)) <= {*chips.answering}:
             yield (
                 f"a leg's chips answer on channel {channel}, which is no leg's",
                 f"whether they are those of {missing}"

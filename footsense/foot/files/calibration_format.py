@@ -18,7 +18,7 @@ import msgspec
 from msgspec import Meta
 
 from footsense.foot.force_errors import Errors
-from footsense.foot.parameters import FEATURES
+from footsense.foot.parameters import N_CORRECTION_TERMS
 from footsense.foot.temperature import COLDEST_C, WARMEST_C
 
 FORMAT = 2
@@ -31,7 +31,7 @@ FootId = Annotated[str, Meta(pattern=r"^foot-[0-9]{4}$")]
 Sha256 = Annotated[str, Meta(pattern=r"^[0-9a-f]{64}$")]
 Nine = Annotated[list[float], Meta(min_length=9, max_length=9)]
 Three = Annotated[list[float], Meta(min_length=3, max_length=3)]
-CorrectionRow = Annotated[list[float], Meta(min_length=FEATURES, max_length=FEATURES)]
+CorrectionRow = Annotated[list[float], Meta(min_length=N_CORRECTION_TERMS, max_length=N_CORRECTION_TERMS)]
 
 
 class Format(msgspec.Struct, frozen=True):

@@ -71,7 +71,7 @@ def surface_samples(mesh: Any, depth_mm: float) -> tuple[Any, NDArray[np.float64
 
 
 def class_field(quarter: Quarter) -> ClassField:
-    """Solve the adjoint problems of one class, one for each cell of the quarter, and sample them."""
+    """Solve one adjoint problem per cell for one symmetry class; sample the fields on the ground-side surface."""
     faces = [(cell.name, quarter.design.cell_mm2) for cell in quarter_cells(quarter.design)]
     return closure_field(quarter, faces)
 

@@ -15,7 +15,7 @@ from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.foot.directions import rotation
 from footsense.foot.force_errors import errors
-from footsense.foot.parameters import FootParameters, features
+from footsense.foot.parameters import FootParameters, correction_terms
 from footsense.foot.specimen import Deviations, Foot
 from footsense.sim.test_stand.press_sequence import paper_presses
 from tests.support.test_stand_loads import design, load_set, made
@@ -123,7 +123,7 @@ def test_the_correction_learns_what_is_there_and_nothing_else() -> None:
     skew = np.array([[1.0, 0.05, 0.0], [0.0, 1.0, 0.0], [0.08, 0.0, 1.0]])
     skewed = force_n @ skew + noise_n
     layer = fit_correction(force_n, force_n, skewed)
-    corrected_n = force_n + features(force_n) @ layer.matrix.T
+    corrected_n = force_n + correction_terms(force_n) @ layer.matrix.T
     assert np.abs(corrected_n - force_n @ skew).max() < 0.02  # of 0.12
     assert not fit_correction(force_n, force_n, force_n + noise_n).matrix.any()
     assert not fit_correction(force_n[::20], force_n[::20], skewed[::20]).matrix.any()

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.foot.parameters import FEATURES, FootParameters, features
+from footsense.foot.parameters import N_CORRECTION_TERMS, FootParameters, correction_terms
 from footsense.foot.temperature import CalibratedAt, unknown_temperature_rel
 
 Vector = NDArray[np.float64]
@@ -44,7 +44,7 @@ def test_a_foot_as_designed_is_read_as_the_network_says() -> None:
 def test_each_row_gets_its_own_foot() -> None:
     """Stiffness, mount and corrections belong to a leg; its second row is the same foot again."""
     quarter = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    correction = np.zeros((3, FEATURES))
+    correction = np.zeros((3, N_CORRECTION_TERMS))
     correction[2, 2] = 0.1  # a tenth more of z
     feet = [
         _foot(stiffness_rel=0.5, mount=quarter),
@@ -62,7 +62,7 @@ def test_each_row_gets_its_own_foot() -> None:
 
 def test_a_temperature_scales_what_it_is_known_for() -> None:
     """10 K more stiffen a foot by 4.4 %; not known, they widen another's sigma; a designed foot is left alone."""
-    correction = np.zeros((3, FEATURES))
+    correction = np.zeros((3, N_CORRECTION_TERMS))
     correction[2, 2] = 0.1
     feet = [_foot(correction=correction, error_rel=0.01), _foot(error_rel=0.01), None]
     closures, none = np.full((6, 9), 0.3), np.zeros((6, 9), bool)
@@ -81,8 +81,10 @@ def test_a_temperature_scales_what_it_is_known_for() -> None:
 def test_the_correction_is_of_degree_one_as_the_solid_is(scale: float, seed: int) -> None:
     """Twice the force, twice the correction; no force, none."""
     force_n = np.random.default_rng(seed).normal(size=(3, 3))
-    np.testing.assert_allclose(features(scale * force_n), scale * features(force_n), atol=1e-12)
-    assert not features(np.zeros((1, 3))).any()
+    np.testing.assert_allclose(
+        correction_terms(scale * force_n), scale * correction_terms(force_n), atol=1e-12
+    )
+    assert not correction_terms(np.zeros((1, 3))).any()
 
 
 @pytest.mark.parametrize(

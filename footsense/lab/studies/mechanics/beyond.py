@@ -165,7 +165,7 @@ def leaning(judge: _Judge) -> tuple[list[dict[str, Errors]], list[float]]:
     return found, within
 
 
-class _Second:
+class _SecondLoads:
     """Second loads beside the floor's: contacts and forces, drawn once and scaled by the share.
 
     Attributes:
@@ -192,7 +192,7 @@ class _Second:
         return measured_um, self.floor_n + second_n, inside
 
 
-def _by_distance(judge: _Judge, second: _Second) -> dict[str, dict[str, Errors]]:
+def _by_distance(judge: _Judge, second: _SecondLoads) -> dict[str, dict[str, Errors]]:
     """Return the errors by the angle between the contacts."""
     measured_um, truth_n, inside = second.measured(DISTANCE_SHARE)
     found = {}
@@ -208,7 +208,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     judge = _Judge(context)
     lean, within = leaning(judge)
     context.say(f"beyond: {len(LEANS_DEG)} leans judged")
-    second = _Second(judge, QUICK_DRAWS if context.quick else DRAWS)
+    second = _SecondLoads(judge, QUICK_DRAWS if context.quick else DRAWS)
     shared = []
     for share in SHARES:
         measured_um, truth_n, inside = second.measured(share)
