@@ -1,1 +1,1 @@
-"""Speed beside its limits: scan, cycle and wake-up latency; studies of latency against error."""
+"""Benchmarks of scan period, cycle time and wake-up latency, and studies of latency against force error."""

@@ -1,4 +1,4 @@
-"""Part of `footsense benchmark`: cost of a cycle, of the C floor, and of a naive program, in turns.
+"""Part of `footsense benchmark`: durations of a daemon cycle, the C floor and a naive program, in turns.
 
 A whole cycle: estimate, publish, count, record. Each of the three sends to a socket pair, which stands for CAN on any
 machine, and records into a pipe; both are drained between cycles.

@@ -1,4 +1,4 @@
-"""The yardstick of `footsense benchmark`: the same work as a straightforward program does it.
+"""The yardstick of `footsense benchmark`: a straightforward program for the work of a daemon cycle.
 
 It scans leg by leg and element by element and waits for each conversion; it infers leg by leg, encodes with cantools,
 builds every CAN message anew, looks every metric up by its labels, and records JSON. Nothing of the daemon uses this.

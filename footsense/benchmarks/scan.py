@@ -1,4 +1,4 @@
-"""Part of `footsense benchmark` in virtual time: scan period, and age of a force when it is sent.
+"""Part of `footsense benchmark` in virtual time: scan period, and age of forces at sending.
 
 Bus bits, conversions and host costs are exact there: the same figures on every machine.
 """
@@ -50,7 +50,7 @@ _CONFIGURATIONS = {
 
 
 def conversion_limit_ms() -> float:
-    """Return the duration of nine conversions of the default board [ms], the limit of a scan."""
+    """Return the lower limit of the scan period [ms]: nine conversions by the default board."""
     return DEFAULT.shortest_scan_ms
 
 

@@ -1,4 +1,4 @@
-"""The ball seen from below as a flat map: where a load touches it, and circles of directions.
+"""The ball seen from below as a flat map: contact points of loads, and circles of directions.
 
 Stereographic, so that circles on the ball are circles; forward is up, and left is to the right, as whoever lies under
 the foot sees it. Needs numpy alone.

@@ -1,4 +1,4 @@
-"""A foot type from its `foot.yaml`: strictly read, and refused where its numbers contradict each other."""
+"""Strict reading of a foot type from `foot.yaml`; numbers that contradict each other are refused."""
 
 import math
 from collections.abc import Iterator

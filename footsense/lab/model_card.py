@@ -1,4 +1,4 @@
-"""The README beside the released files: the files, how to make them, and the network's errors."""
+"""The README beside the released model files: file list, build command, and errors of the network."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The report: the pages of all studies bound into one document, each with the command that makes it.
+"""The report: all study pages bound into one document, each page with the command to make the page.
 
 A page is written as soon as it is made; an interrupted report goes on with the missing and stale pages. Each study runs
 in a process of its own: library threads left by one study made the next one's small matrix products fifteen times as

@@ -74,7 +74,7 @@ class _Consumer(Observer):
 
 
 def can_trial(fault: CanFault, *, duration_s: float, config: Config = DEFAULT) -> CanFigures:
-    """Return the effect of a fault of CAN on the forces of a walk.
+    """Simulate a walk with a CAN fault, and return the effect on the forces of the walk.
 
     Args:
         fault: The fault.

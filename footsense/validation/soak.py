@@ -75,7 +75,7 @@ class StretchResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def walk_stretch(stretch: Stretch) -> StretchResult:
-    """Simulate one stretch of the walk with its faults.
+    """Simulate one stretch of the walk with the planned faults, and return the counts and errors.
 
     Raises:
         ModelError: The released network or the response table is missing.

@@ -74,7 +74,7 @@ def day(hours: float, seed: int) -> list[Stretch]:
 
 
 def robot_and_scene(stretch: Stretch, *, calm_rel: float | None = None) -> tuple[Config, Scene]:
-    """Return the robot of a stretch, and its scene without faults.
+    """Return the robot configuration of a stretch, and the simulated scene without faults.
 
     Args:
         stretch: The stretch.

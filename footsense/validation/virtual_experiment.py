@@ -1,4 +1,4 @@
-"""The paper's experiment on simulated feet: many of them pressed, calibrated and evaluated, in parallel.
+"""The paper's experiment: many simulated feet pressed, calibrated and evaluated in parallel.
 
 Every estimator is evaluated on the same loads, of a session that none was trained on, against the reference of the test
 stand, as in the paper, and against the simulator's true force. Loads for which some estimator has no force are left out

@@ -1,1 +1,1 @@
-"""Study `tradeoff`: age of a force against its error, over the whole chain of the daemon."""
+"""Study `tradeoff`: age of a force against force error, over the daemon's whole processing chain."""

@@ -1,1 +1,1 @@
-"""Study `touchdown`: latency from the touchdown of a foot to the frame that reports it."""
+"""Study `touchdown`: latency from the touchdown of a foot to the first frame that reports contact."""

@@ -1,4 +1,4 @@
-"""Study `touchdown`: latency from the touchdown of a foot to the frame that reports it, and false reports."""
+"""Study `touchdown`: latency from touchdown to the first frame that reports contact, and false reports."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Loads of feet that touch down repeatedly, each at its own times and in one manner."""
+"""Loads of feet that touch down repeatedly in one manner, each foot at different times."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""The study `experiment`: the paper's experiment on simulated feet with its fabrication tolerances.
+"""The study `experiment`: the paper's experiment, on simulated feet with fabrication tolerances.
 
 Source:
     Aoyagi et al., section V C.

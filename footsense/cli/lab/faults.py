@@ -1,4 +1,4 @@
-"""`footsense lab faults`: detection and recovery of every fault on CAN, and its effect on the other legs."""
+"""`footsense lab faults`: for every fault, detection and recovery on CAN, and the effect on other legs."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""`footsense lab build`, `evaluate`, `compare`: make the released models, and say how good they are."""
+"""`footsense lab build`, `evaluate`, `compare`: build the models, print their errors, compare two builds."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

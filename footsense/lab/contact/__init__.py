@@ -1,4 +1,4 @@
-"""The full solve: the foot at finite strain, pressed by a rigid floor with friction, with contact in its gaps.
+"""The full solve: a foot at finite strain on a rigid floor with friction, with contact in the gaps.
 
     load_case    one foot, one contact, one force, and the quantities that need no solve
     mesh         the two bodies, refined under the floor and at the edges of the spacer's bars

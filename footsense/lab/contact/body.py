@@ -90,7 +90,7 @@ class Body:
         return form
 
     def _from_floor(self, functions: Sequence[Any]) -> Any:
-        """Return the displacement of the ground side relative to the floor, of functions of `space`."""
+        """Return the ground side's displacement relative to the floor, from functions of `space`."""
         floor = [ng.CF(0.0)] * 3
         for axis, position in zip(self._axes, functions[3:], strict=True):
             floor[axis] = position

@@ -1,4 +1,4 @@
-"""Load case: foot, contact normal, force, and the quantities derived from them without a solve."""
+"""Load case of the full solve: foot, contact normal, force, and quantities derived without a solve."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""A rigid plane with Coulomb friction, its position an unknown.
+"""A rigid plane with Coulomb friction and an unknown position.
 
 The plane has the inward normal n and is moved by q from where it just touches the ball at X_c. A point X of the
 surface that has moved by u lies d = -n.(X + u - X_c - q) behind it, and the traction per undeformed area is

@@ -1,4 +1,4 @@
-"""One solve per load: checks the adjoint table, and is timed against it.
+"""Forward solution with one solve per load, to check the adjoint table and compare computing times.
 
 A Hertz patch of traction t is the sum of its parts in the four symmetry classes,
 

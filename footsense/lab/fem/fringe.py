@@ -1,4 +1,4 @@
-"""Fringe field at the edge of an electrode, solved in two dimensions; the plate formula omits it.
+"""Fringe field at an electrode's edge, which the plate formula omits, solved in two dimensions.
 
 Half the width of two facing electrodes without thickness: film and air between them, the spacer beside the cavity and
 the plates above and below of PDMS. Rubber beyond the plates counts as PDMS; neighbours and wires are left out.

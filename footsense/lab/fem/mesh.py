@@ -1,4 +1,4 @@
-"""The mesh of a quarter of the foot, x > 0 and y > 0: coarse where the solid is smooth, graded where it is singular.
+"""Mesh of the foot's quarter x > 0, y > 0: coarse in smooth regions, graded towards singular edges.
 
 The stress is singular at the edges of the spacer's bars and where the sheet's rim meets the hemispheres. Halving the
 elements there gains a factor of two in error for eight times the work; instead the edges get one layer of thin

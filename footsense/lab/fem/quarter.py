@@ -1,4 +1,4 @@
-"""The foot as a finite element problem on a quarter of it, in the symmetry classes of its two mirror planes.
+"""Finite element problem of the foot on one quarter, for each combination of two mirror symmetries.
 
 Find u in each body, u = 0 where the leg holds the leg-side hemisphere, so that for all v
 

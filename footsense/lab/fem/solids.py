@@ -1,4 +1,4 @@
-"""Shapes that the meshes of the foot share, and the mesher with its errors."""
+"""Shapes shared by all meshes of the foot, and the call of the mesher with error handling."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Time of each fidelity level, and its difference from the finest one on the same loads."""
+"""Computing time of each fidelity level, and difference from the finest level on the same loads."""
 
 import functools
 import timeit

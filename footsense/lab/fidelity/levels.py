@@ -1,4 +1,4 @@
-"""The fidelity levels by name, cheapest first, and the response of one of them to one load.
+"""The fidelity levels by name, cheapest first, and the response of a chosen level to one load.
 
 - `half-space`: a formula, see there.
 - `linear`: the response table. Closures may exceed the gap; the capacitance is held at that of a closed gap.

@@ -1,1 +1,1 @@
-"""The studies: each answers one question of the paper, or one that it leaves, with a table and a figure."""
+"""The studies: each answers a question raised or left open by the paper, with a table and a figure."""

@@ -1,4 +1,4 @@
-"""A network for one foot, trained on its own measured loads by the paper's procedure, without the foot's physics."""
+"""A network for one foot, trained by the paper's procedure on measured loads alone, without a model."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ Vector = NDArray[np.float64]
 def per_foot_force_n(
     design: CapacitorDesign, training_pf: Vector, force_n: Vector, test_pf: Vector, epochs: int = EPOCHS
 ) -> Vector:
-    """Train a network on a foot's calibration loads, and return its forces for other loads [N], shape (m, 3).
+    """Train a network on a foot's calibration loads; return estimated forces for other loads [N], (m, 3).
 
     Args:
         design: Electrical design of the capacitors, without effect: the inputs are changes of capacitance.

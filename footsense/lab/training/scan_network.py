@@ -30,7 +30,7 @@ def _features(closures: Any) -> tuple[Any, Any]:
 
 
 def train_scans(closures: Vector, force_n: Vector, steps: int) -> Callable[[Vector], Vector]:
-    """Train a network, and return it as a read-out of forces [N], shape (..., 3), from closures, shape (..., m).
+    """Train a network; return a function from closures, shape (..., m), to forces [N], shape (..., 3).
 
     Args:
         closures: Inputs over the gap, shape (n, m).

@@ -1,4 +1,4 @@
-"""Study `cramer-rao`: the least error of any read-out of nine noisy capacitances, and the network's error over it."""
+"""Study `cramer-rao`: network error over the least error that any read-out of noisy capacitances can reach."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Study `released`: errors of the released network, coverage of its sigma, and the cost of missing elements."""
+"""Study `released`: the network's force errors, sigma coverage, and added error with missing elements."""
 
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""Study `tolerance`: which tolerances turn the paper's simulated error into its measured one.
+"""Study `tolerance`: tolerances that turn the paper's simulated error into the paper's measured error.
 
 The paper measured 15.9 deg and 18.7 gf where it had simulated 2.4 deg and 5.3 gf, and left open why. Here hundreds of
 feet are drawn, and read by read-outs trained on the design and by read-outs trained on their own cases.

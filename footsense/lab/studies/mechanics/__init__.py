@@ -1,1 +1,1 @@
-"""Studies of the foot as a solid and of its gaps."""
+"""Studies of the foot's elastic solid and of the capacitor gaps."""

@@ -1,4 +1,4 @@
-"""Study `solid`: errors of the foot's mechanics and of its capacitors, and of each simplification."""
+"""Study `solid`: errors of the mechanical model, the capacitor model, and each simplification."""
 
 import os
 from collections.abc import Callable, Sequence

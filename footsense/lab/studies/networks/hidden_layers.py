@@ -1,4 +1,4 @@
-"""Study `hidden-layers`: how many hidden layers, and how many neurons in them.
+"""Study `hidden-layers`: network error by number of hidden layers and by neurons per layer.
 
 Source:
     Aoyagi et al., section III G, Figs. 11 and 12.
