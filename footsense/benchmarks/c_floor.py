@@ -29,7 +29,7 @@ def compiler() -> str | None:
 
 
 def has_c_floor() -> bool:
-    """Return whether the C floor can be built: it needs a C compiler, and `onnx` to read the network's weights."""
+    """Return whether a C compiler and `onnx` (to read the weights) are there, both needed for the C floor."""
     return compiler() is not None and importlib.util.find_spec("onnx") is not None
 
 
@@ -39,7 +39,7 @@ def codes_of(scan: CapFrame) -> NDArray[np.int32]:
 
 
 def _weights(model: bytes) -> dict[str, NDArray[np.float32]]:
-    """Return the matrices of the network's layers, inputs along rows, each shared weight at all its places."""
+    """Return the network's layers by name as full matrices, inputs along rows, shared weights repeated."""
     import onnx
 
     graph = onnx.load_model_from_string(model).graph
@@ -63,7 +63,7 @@ def _weights(model: bytes) -> dict[str, NDArray[np.float32]]:
 
 
 class CFloor:
-    """One cycle in C: a lower bound of its duration.
+    """One cycle computed in C, as a lower bound for the duration of the daemon's cycle.
 
     Args:
         folder: Folder for the library.

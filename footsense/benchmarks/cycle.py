@@ -68,7 +68,7 @@ class Loopback:
             os.read(self._drain, 1 << 16)
 
     def close(self) -> None:
-        """Close sockets and pipes."""
+        """Close the sockets and the pipes of the benchmark."""
         self.socket.close()
         self._sink.close()
         os.close(self._drain)
@@ -143,7 +143,7 @@ def recorded_scans(n: int) -> list[CapFrame]:
 
 
 def sent_ns(scan: CapFrame) -> int:
-    """Return the processing time of a scan on its own clock [ns]: 2 ms after its last reading."""
+    """Return the time of sending the forces of a scan [ns]: 2 ms after the last reading of the scan."""
     return int(scan.t_ns.max()) + 2_000_000
 
 

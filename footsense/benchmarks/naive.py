@@ -43,7 +43,7 @@ def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
 
 @contextmanager
 def naive_cycle(config: Config) -> Iterator["NaiveCycle | None"]:
-    """Compose the naive cycle.
+    """Build the cycle of a straightforward program, the yardstick for the daemon's cycle.
 
     Yields:
         The cycle, or None where cantools is not installed: the robot does not need it.

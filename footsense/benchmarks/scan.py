@@ -102,7 +102,7 @@ def _best_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
 
 
 def publish_age_ms() -> dict[str, dict[str, float]]:
-    """Return the age of forces when they are sent [ms] by publish mode, on one bus at 40 us per transaction."""
+    """Return the age of forces at sending [ms] by publish mode, for one bus at 40 us per transaction."""
     return {mode: _age_ms(replace(DEFAULT, publish=mode)) for mode in ("frame", "element")}
 
 

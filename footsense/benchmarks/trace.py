@@ -73,7 +73,7 @@ def calls_per_scan(n_scans: int = _COUNTED) -> tuple[Calls, Calls]:
 
 
 def _is_simulated(frame: FrameType | None) -> bool:
-    """Tell whether a frame belongs to the simulator, or was called by it."""
+    """Return whether a stack frame, or any of its callers, is code of the simulator."""
     while frame is not None and not frame.f_code.co_filename.startswith(_SIMULATOR):
         frame = frame.f_back
     return frame is not None
@@ -101,7 +101,7 @@ def _after(n_scans: int) -> Callable[[], bool]:
 
 
 def main() -> None:
-    """Print the totals per scan; with `--list` every module and its functions before them."""
+    """Print the function calls per scan in total; with `--list` first those of each module and function."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--list", action="store_true", help="list modules and functions with their calls")
     listed = parser.parse_args().list

@@ -79,7 +79,7 @@ def _figures(late_ns: dict[str, list[int]]) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def _process(target: _Serve, scans: list[CapFrame]) -> Iterator[Connection]:
-    """Run a loop in a child process until its connection is closed.
+    """Run a loop in a child process, and close the connection to end the loop.
 
     Yields:
         The connection.
@@ -147,7 +147,7 @@ def _rounds(played: list[tuple[CapFrame, int]]) -> Iterator[tuple[CapFrame, int]
 
 @contextlib.contextmanager
 def _exporter(counters: Path) -> Iterator[int]:
-    """Run `footsense exporter`; yield its port."""  # noqa: DOC402 - one line
+    """Run `footsense exporter` as a child process, and yield the port it serves."""  # noqa: DOC402 - one line
     with subprocess.Popen(  # noqa: S603 - our own module
         [sys.executable, "-P", "-m", "footsense", "exporter", "--counters", str(counters), "--port", "0"],
         stdin=subprocess.DEVNULL,

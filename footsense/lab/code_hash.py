@@ -40,7 +40,7 @@ def _defined(statement: ast.stmt) -> set[str]:
 
 
 def function_sha256(source: str, entry: str = "compute") -> str:
-    r"""Return the SHA-256 of a function with all definitions of its module that it uses, in normalised form.
+    r"""Return the SHA-256 of a function's normalised code, with every module-level definition the function uses.
 
     Args:
         source: Source text of the module.
@@ -67,7 +67,7 @@ def function_sha256(source: str, entry: str = "compute") -> str:
 
 
 def compute_sha256(module: str) -> str:
-    """Return the SHA-256 of `compute` of a module, without importing it; empty if it has no `compute`."""
+    """Return the SHA-256 of a module's `compute` without importing the module; empty without a `compute`."""
     spec = find_spec(module)
     source = Path(spec.origin).read_text(encoding="utf-8") if spec and spec.origin else ""
     return function_sha256(source) if "def compute(" in source else ""

@@ -19,7 +19,7 @@ _ROUNDING_MM = 1e-9
 
 
 def load_foot(source: Path | bytes) -> FootDesign:
-    """Return the foot that a YAML file, or its content, describes.
+    """Read and check a foot design from a YAML file or from the content of such a file.
 
     Args:
         source: The file, or its content.

@@ -50,7 +50,7 @@ class Material(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def lame_mpa(self) -> float:
-        """Lame's first parameter [MPa]."""
+        """Lame's first parameter of the material [MPa], from Young's modulus and Poisson's ratio."""
         return self.youngs_mpa * self.poisson / ((1.0 + self.poisson) * (1.0 - 2.0 * self.poisson))
 
     @property
@@ -138,7 +138,7 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def capacitor(self) -> CapacitorDesign:
-        """The electrical dimensions, as the daemon reads them."""
+        """Gap, film thickness, permittivity and electrode area, as the design of the daemon's capacitors."""
         return CapacitorDesign(
             gap_um=self.gap_um,
             film_um=self.film_um,
@@ -162,7 +162,7 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return touch
 
     def patch_mm(self, force_n: float) -> float:
-        """Return the radius of a contact patch under a force along its normal [mm], by Hertz."""
+        """Return the Hertz contact radius under a normal force [mm]."""
         return float(contact_radius_mm(force_n, self.ball_radius_mm, self.rubber.hertz_mpa))
 
     def patch_deg(self, force_n: float) -> float:

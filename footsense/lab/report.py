@@ -58,7 +58,7 @@ STALE = "stale.json"
 
 
 def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STUDIES) -> Page:
-    """Run one study and return its page.
+    """Run one study by name, and return the page with the study's results.
 
     Args:
         name: Key of `studies`.
@@ -79,7 +79,7 @@ def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STU
 
 
 def timed_page(study: Callable[[StudyContext], Page], context: StudyContext) -> Page:
-    """Return a study's page with the time that it took and the hash of its network."""
+    """Return a study's page with the computing time [s] and the SHA-256 of the network added."""
     started = default_timer()
     page = study(context)
     about = {"network_sha256": context.network_sha256, "quick": context.quick}
@@ -102,7 +102,7 @@ def is_made(name: str, folder: Path, context: StudyContext) -> bool:
 
 
 def why_stale(name: str, folder: Path, context: StudyContext, studies: Mapping[str, str] = STUDIES) -> str:
-    """Return why a page has to be made again; empty if it is of this network and of today's code of its study."""
+    """Return the reason to make a page again: another network or changed study code; empty if up to date."""
     if not is_made(name, folder, context):
         return "missing, or made about another network"
     if page_values(name, folder).get("code_sha256", "") != compute_sha256(studies[name]):
@@ -159,20 +159,20 @@ def make_report(
 
 
 def _write_page(name: str, studies: Mapping[str, str], models: Path, folder: Path, *, quick: bool) -> float:
-    """Run one study in this process, write its page, and return the elapsed time [s]."""
+    """Run one study in this process, write the page, and return the elapsed time [s]."""
     page = make_page(name, StudyContext(models=models, quick=quick, say=_say), studies)
     page.write(folder)
     return page.seconds
 
 
 def _say(line: str) -> None:
-    """Print a study's line."""
+    """Print a progress line of a study, indented."""
     sys.stdout.write(f"    {line}\n")
     sys.stdout.flush()
 
 
 def bind(folder: Path, context: StudyContext) -> Path:
-    """Write the document of all pages about one network, the targets on top, and return its path.
+    """Bind all pages about one network into a document with the targets on top; return the document's path.
 
     Args:
         folder: Where the pages are.

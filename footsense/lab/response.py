@@ -82,7 +82,7 @@ def _swapped(degree: int) -> NDArray[np.intp]:
 
 
 def transposed_series(series: Vector, degree: int) -> Vector:
-    """Return the series of a foot with x and y exchanged, shape (products, 9, 9, 3) like its argument."""
+    """Return a foot's response series with x and y exchanged, shape (products, 9, 9, 3)."""
     return series[_swapped(degree)].transpose(0, 2, 1, 3)[..., [1, 0, 2]]
 
 
@@ -169,7 +169,7 @@ def make_response(
     report: Callable[[str], None] = lambda _: None,
     layer: Layer | None = None,
 ) -> FootResponse:
-    """Return the response table of a foot, with its errors in the provenance.
+    """Solve a foot, and return the response table with the fit errors in the provenance.
 
     Args:
         foot_design: The foot.
@@ -247,7 +247,7 @@ def tabulate(
 
 
 def _residual(field: ClassField) -> float:
-    """Return how far the series of a class is from its samples, rms over rms."""
+    """Return the relative rms error [1] of a symmetry class's series against the sampled influence."""
     seen = field.normal[:, 2] >= np.sin(np.radians(MIN_ELEVATION_DEG))
     series = fit_class(field)
     basis = series_basis(field.normal[seen], DEGREE, FIT_ELEVATION_DEG)

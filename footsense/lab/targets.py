@@ -11,7 +11,7 @@ Values = Mapping[str, Mapping[str, Any]]
 
 
 class Target(NamedTuple):
-    """One target of the report, and where its measured figure is found.
+    """One target of the report: wanted value, paper value, and the study that measures the figure.
 
     Attributes:
         what: In words, with its unit.
@@ -30,7 +30,7 @@ class Target(NamedTuple):
     at_least: bool = False
 
     def measured(self, values: Values) -> float | None:
-        """Return the measured figure; None if it was not measured."""
+        """Return the measured figure of the target from the studies' values; None if not measured."""
         found: Any = values.get(self.study)
         if found is None:
             return None

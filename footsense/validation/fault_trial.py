@@ -65,7 +65,7 @@ class PublishedWalk(NamedTuple):
 
 
 class FaultFigures(NamedTuple):
-    """Effect of a fault.
+    """Effect of a fault on a walk: reported state and cause, detection and recovery time [s], force errors.
 
     Attributes:
         state: State of the leg in the second half of the fault; VALID if it never shows.

@@ -60,7 +60,7 @@ class Violation(NamedTuple):
 
 
 class Invariants(Observer):
-    """Checks a walk, as an observer of its cycles and as a listener on its CAN bus.
+    """Checker of a simulated walk: observes each published force frame, and listens on the CAN bus.
 
     Args:
         rules: Limits of the walk.
@@ -107,7 +107,7 @@ class Invariants(Observer):
         self.n_states: Counter[int] = Counter()
 
     def observe(self, cycle: Cycle) -> None:
-        """Check a published frame."""
+        """Check the states, values, ages and errors of the forces in a published frame."""
         frame, rules = cycle.forces, self._rules
         t_s = frame.t_sent_ns / _NS_PER_S
         self.n_cycles += 1

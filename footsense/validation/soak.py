@@ -37,7 +37,7 @@ _RARE, _GROWS = "no error beyond 5 sigma more often than calibrated", "memory do
 
 
 class StretchResult(msgspec.Struct, frozen=True, kw_only=True):
-    """Result of a stretch.
+    """Result of one stretch of the soak test: counts, violations, error shares and memory growth.
 
     Attributes:
         stretch: The stretch.

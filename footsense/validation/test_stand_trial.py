@@ -101,7 +101,7 @@ def _session(
     folder: Path,
     every: int,
 ) -> tuple[RecordedSession, ContactSource]:
-    """Record a session and read it; return the simulated presses with it."""
+    """Record a simulated test-stand session; return the session read from file, and the simulated presses."""
     foot, mounting = foot_name(number), 1 + (protocol == "verification")
     seed = _seed(batch, number)
     scene = Scene(

@@ -20,7 +20,7 @@ _ARBITRATION_DELAY_S, _ARBITRATION_DELAY_SCANS = 0.08, 3.3
 
 
 class Rules(NamedTuple):
-    """Limits of a walk.
+    """Limits for the forces of a walk: legs, frame period [s], age limit [s], gait timing and CAN bit rate.
 
     Attributes:
         legs: Names of the legs.

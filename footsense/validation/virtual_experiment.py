@@ -50,7 +50,7 @@ class FootErrors(msgspec.Struct, frozen=True):
 
 
 class FootResult(msgspec.Struct, frozen=True, kw_only=True):
-    """Results of one foot.
+    """Calibration and force errors of one simulated foot, by estimator.
 
     Attributes:
         foot: Its identity.

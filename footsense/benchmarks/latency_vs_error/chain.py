@@ -31,7 +31,7 @@ _ONE_REGISTER_SPS = 400
 
 
 class Pace(NamedTuple):
-    """Timing of the conversions.
+    """Time between conversions, and from a conversion to the sending of its force [ns].
 
     Attributes:
         step_ns: From one conversion to the next [ns].
@@ -113,7 +113,7 @@ class Readings:
     noise_rel: float
 
     def elements(self, back: int = 0) -> tuple[Vector, Stamps]:
-        """Return the readings of all elements after each conversion, as `latest` counts them.
+        """Return the newest reading of every element after each conversion, with the time stamps.
 
         Returns:
             Distances [1], shape (conversions, feet, 9), and stamps [ns], shape (conversions, 9).

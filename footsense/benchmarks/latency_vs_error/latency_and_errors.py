@@ -52,7 +52,7 @@ class LatencyAndErrors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrueLoads:
-    """True loads of some feet, sampled as a consumer reads them.
+    """True forces on some feet [N], sampled every `SAMPLE_PERIOD_NS`.
 
     Attributes:
         feet: Load of each foot.
@@ -138,7 +138,7 @@ def _lag_ms(held_n: Vector, sampled_n: Vector, first: int) -> float:
 
 
 def settling_ms(published: PublishedForces, truth: TrueLoads, starts_ns: Sequence[int]) -> Vector:
-    """Return the time from the start of each load until the held force stays within a tenth of it [ms], shape (feet,).
+    """Return the time from load start until the held force stays within 10 % of the load [ms], shape (feet,).
 
     Args:
         published: Forces.

@@ -46,7 +46,7 @@ class LoadCase(NamedTuple):
 def _walking(
     walk: Callable[[int], Walk], period_ns: int, strides: int, *, sideways: bool = False
 ) -> TrueLoads:
-    """Return the six legs of a steady walk, each at another phase of its stride."""
+    """Return the true loads of six feet in a steady walk, each foot at another phase of the stride."""
     feet: list[FootLoad] = []
     for number, leg in enumerate(LEGS):
         contact = partial(walk(-4 * period_ns - number * period_ns // len(LEGS)).contact, leg)
@@ -55,7 +55,7 @@ def _walking(
 
 
 def _turned_left(contact: FootLoad, t_ns: int) -> GroundContact:
-    """Return the contact of a foot that walks to its left instead of ahead."""
+    """Return a foot's ground contact turned to the left, as in a walk sideways."""
     return GroundContact(*(_TO_THE_LEFT @ vector for vector in contact(t_ns)))
 
 

@@ -36,7 +36,7 @@ from footsense.lab.training.network import Weights
 
 
 class Size(NamedTuple):
-    """Size of the study.
+    """Size of the study `tradeoff`: numbers of strides, phases, rates, networks and training steps.
 
     Attributes:
         strides: Strides of a walk that are counted.
@@ -91,7 +91,7 @@ class LoadResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TradeoffResults:
-    """Results of the study.
+    """Results of the study `tradeoff`: age and error of the forces by load, operating point and network.
 
     Attributes:
         step_ms: From one conversion to the next at 400 S/s [ms].
@@ -175,7 +175,7 @@ def _points(
 
 
 def _onnx_network(weights: Weights) -> OnnxNetwork:
-    """Return a trained network as ONNX Runtime computes it."""
+    """Export trained weights to ONNX, and return the network loaded in ONNX Runtime."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "network.onnx"
         path.write_bytes(onnx_model(weights, {}).SerializeToString())

@@ -14,7 +14,7 @@ from footsense.ports import Estimator
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PublishedForces:
-    """Forces as a consumer gets them.
+    """Published forces [N] with standard deviations [N] and time stamps [ns].
 
     Attributes:
         sent_ns: Time of sending [ns], shape (forces,).
@@ -105,7 +105,7 @@ def extrapolated(readings: Readings, network: Estimator, card: TrainedInputs, de
 
 
 def _trained(closure_rel: Vector, card: TrainedInputs) -> Vector:
-    """Return closures limited to the range of the training, as the pipeline limits them."""
+    """Return relative closures [1] clipped to the training range, as in the estimation pipeline."""
     limited: Vector = np.clip(closure_rel, card.closure_rel_min, card.closure_rel_max)
     return limited
 

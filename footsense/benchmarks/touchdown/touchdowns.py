@@ -79,7 +79,7 @@ class Steps:
         )
 
     def force_n(self, t_s: Vector) -> Vector:
-        """Return the force on each foot along its normal at some times [N], shape (times, feet)."""
+        """Return the normal force on each foot at the given times [N], shape (times, feet)."""
         since_s = self._since_s(t_s)
         risen = np.clip(since_s / self._rise_s, 0.0, 1.0)
         risen = np.where(self._rise_s <= _EVEN_RISE_S, risen, 0.5 - 0.5 * np.cos(np.pi * risen))
@@ -92,7 +92,7 @@ class Steps:
         return swings
 
     def tremor_n(self, t_s: Vector) -> Vector:
-        """Return the force on each foot from the last step of its neighbour [N], shape (times, feet)."""
+        """Return the decaying vibration on each foot after a neighbour's touchdown [N], shape (times, feet)."""
         since_s = np.roll(self._since_s(t_s), len(TOUCHDOWNS) // 2 + 1, axis=1)
         wave = np.sin(2 * np.pi * _TREMOR_HZ * np.minimum(since_s, 1.0))
         tremor_n: Vector = TREMOR_N * np.exp(-since_s / _TREMOR_S) * wave

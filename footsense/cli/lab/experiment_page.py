@@ -40,14 +40,14 @@ _FIGURE = "experiment.png"
 
 @dataclass(frozen=True, slots=True)
 class OverFeet:
-    """Mean over the feet, and the standard deviation between them."""
+    """Mean and standard deviation of a figure over the feet."""
 
     mean: float
     std: float
 
     @classmethod
     def of(cls, values: Sequence[float]) -> "OverFeet":
-        """Return the statistics of some values, to three decimals."""
+        """Return the mean and standard deviation of some values, rounded to three decimals."""
         return cls(round(float(np.mean(values)), 3), round(float(np.std(values)), 3))
 
     def __str__(self) -> str:
@@ -75,7 +75,7 @@ class EstimatorErrors:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Errors of all estimators.
+    """Results of the simulated experiment: force errors of all estimators, load counts and refusals.
 
     Attributes:
         seed: Of the feet and of the test stand.
@@ -169,7 +169,7 @@ def _run(context: StudyContext, batch: FootBatch, n_feet: int | None, jobs: int)
 
 
 def _estimators(feet: list[FootResult]) -> dict[str, EstimatorErrors]:
-    """Return the errors of every estimator over the feet that it could read."""
+    """Return the errors of every estimator by name, averaged over the feet for which errors exist."""
     found = {}
     for name in ESTIMATORS:
         read = [one.errors[name] for one in feet if name in one.errors]

@@ -11,7 +11,7 @@ from footsense.validation.fault_trial import BREAKS_AT_S, DURATION_S, PASSES_AT_
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultResults:
-    """Figures of every fault, by its words.
+    """Figures of every fault, by the description of the fault.
 
     Attributes:
         legs: `FaultFigures` of each fault of legs, buses and feet.
@@ -23,7 +23,7 @@ class FaultResults:
 
 
 def compute(context: StudyContext) -> tuple[FaultResults, Figures]:
-    """Walk with every fault."""
+    """Simulate a walk for every fault; return the figures of each, by the description of the fault."""
     legs = {
         words: f._asdict() | {"state": f.state.name.lower(), "cause": f.cause.name.lower()}
         for words, f in rows(context.say, quick=context.quick).items()

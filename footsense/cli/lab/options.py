@@ -24,7 +24,7 @@ output_option = click.option(
 
 
 def report_folder(output: Path | None, *, quick: bool) -> Path:
-    """Return the folder for pages: `output`, or the default one; it exists and can be written to.
+    """Return the folder for pages, `output` or the default, after checking that the folder is writable.
 
     Raises:
         FootsenseError: It cannot be made, or not be written to.
@@ -40,7 +40,7 @@ def released_folder() -> Path:
 
 
 def require_writable(folder: Path) -> None:
-    """Make a folder and try to write to it, so that minutes of work do not end there.
+    """Make a folder and check that it is writable before minutes of computing start.
 
     Raises:
         FootsenseError: It cannot be made, or not be written to.

@@ -108,7 +108,7 @@ def write_study(
     as_json: bool = False,
     bound: bool = True,
 ) -> None:
-    """Run a study by name or function, write its page, and print it, or its numbers alone as JSON.
+    """Run a study, write its Markdown page, and print the page, or only the numbers of the page as JSON.
 
     Args:
         study: Its name, or what makes its page.

@@ -28,7 +28,7 @@ PENETRATION_REL = 0.01
 
 
 class Body:
-    """Unknowns and weak form.
+    """The foot's finite element unknowns (displacements, pressure, floor position) and weak form.
 
     Attributes:
         design: The foot.
@@ -110,7 +110,7 @@ class Body:
         return position
 
     def move_floor(self, position_mm: NDArray[np.float64]) -> None:
-        """Set the position of the floor along its free axes, from a position of shape (3,) [mm]."""
+        """Set the floor's position along the free axes from a position [mm] of shape (3,)."""
         for axis, component in zip(self._axes, self.state.components[3:], strict=True):
             component.vec[0] = float(position_mm[axis])
 

@@ -53,7 +53,7 @@ class Equilibrium:
 
     @property
     def n_unknowns(self) -> int:
-        """Unknowns that are free."""
+        """Number of free unknowns of the finite element problem."""
         return int(self._free.NumSet())
 
     def _residual(self) -> Any:

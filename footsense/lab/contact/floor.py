@@ -9,7 +9,7 @@ FACE = "curved_ground"
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """The contact patch.
+    """Radius [mm], approach [mm] and peak pressure [MPa] of the contact between floor and ball.
 
     Attributes:
         radius_mm: Radius of the circle with the area of the touching surface, undeformed [mm].
@@ -32,10 +32,10 @@ class Floor(Protocol):
     target_n: list[Any]
 
     def work(self, u: Any, v: Any) -> Any:
-        """Return the work of the floor's traction under the displacement u relative to it along v, an integral."""
+        """Return the integral of the floor's work along v; u is the displacement relative to the floor."""
 
     def aim(self, fraction: float) -> None:
-        """Prescribe this fraction of the force, and move to the position that probably exerts it."""
+        """Prescribe a fraction of the force [1], and move the floor to a position estimated for this fraction."""
 
     def settle(self) -> None:
         """Take the present state as the start of the next load step."""

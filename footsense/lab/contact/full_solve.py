@@ -59,7 +59,7 @@ class FullSolution:
 
 @dataclass(frozen=True, slots=True)
 class FullFoot:
-    """Finite-strain contact model of the foot; each of its effects can be switched off.
+    """Finite-strain contact model of the foot; finite strain, floor contact and gap contact can be switched off.
 
     Attributes:
         design: The foot.
@@ -129,7 +129,7 @@ class FullFoot:
         )
 
     def _press(self, body: Body, floor: Floor, equations: Equilibrium) -> int:
-        """Bring the load up in steps that are halved where they fail.
+        """Raise the load in steps, halving a step that does not converge; return the number of Newton steps.
 
         Returns:
             Newton steps of the load steps that held.

@@ -23,7 +23,7 @@ PATCH_MARGIN = 1.3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactMeshSize:
-    """Resolution of the mesh.
+    """Element sizes and polynomial order of the full solve's mesh.
 
     Attributes:
         ball_mm: Largest edge in the hemispheres [mm].

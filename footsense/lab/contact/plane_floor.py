@@ -31,14 +31,14 @@ BISECTIONS = 30
 
 
 class PlaneFloor:
-    """A rigid plane.
+    """A rigid plane that presses the ball, with Coulomb friction.
 
     Attributes:
         target_n: Prescribed force on the meshed part along each free axis [N].
     """
 
     def __init__(self, case: LoadCase, body: Body, element_mm: float) -> None:
-        """Put the floor where it touches the unloaded ball.
+        """Place the floor in touch with the unloaded ball.
 
         Args:
             case: Normal, force and friction.
@@ -65,7 +65,7 @@ class PlaneFloor:
         return self._stiffness * ng.IfPos(behind, behind, 0.0)
 
     def _along(self, u: Any) -> Any:
-        """Return the part along the floor of a displacement relative to it [mm]."""
+        """Return the tangential part of a displacement relative to the floor [mm]."""
         n = ng.CF(tuple(self._case.normal))
         return u - ng.InnerProduct(u, n) * n
 

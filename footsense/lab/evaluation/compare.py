@@ -24,7 +24,7 @@ WORSE_REL = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One figure compared between two builds, with its tolerance.
+    """One figure compared between two builds: the measured and the tolerated value.
 
     Attributes:
         what: Name and unit.

@@ -94,7 +94,7 @@ class Bound:
         return normalized(self.force_n)
 
     def _angular_variances(self) -> Vector:
-        """Return the variances of the direction along its ellipse's axes [rad2], shape (n, 2), the smaller first."""
+        """Return the direction variances along the error ellipse's axes [rad2], shape (n, 2), smaller first."""
         across = np.stack(tangent_frame(self._along()), axis=1)
         plane = np.einsum("nai,nij,nbj->nab", across, self.covariance_n2, across)
         squared = (self.force_n**2).sum(axis=1)[:, None]

@@ -94,7 +94,7 @@ def open_models(folder: Path) -> tuple[FootResponse, OnnxNetwork]:
 def require_same_foot(
     foot_design: FootDesign, response: FootResponse, card: dict[str, Any], folder: Path
 ) -> None:
-    """Check that table and network are of the foot that is described beside them.
+    """Check that response table and network belong to the foot described in the same folder.
 
     Raises:
         ModelError: They are of another.
@@ -130,7 +130,7 @@ def evaluate_models(folder: Path) -> dict[str, Errors]:
 
 
 def paper_protocol(folder: Path) -> dict[str, float]:
-    """Return the figures of the paper's protocol that need new training or draws: its procedure, the bound.
+    """Return by name the errors of newly trained paper networks, and the ratios to the Cramer-Rao bound.
 
     Raises:
         ModelError: As `open_models`.

@@ -48,7 +48,7 @@ class ClassField:
 
 
 def surface_samples(mesh: Any, depth_mm: float) -> tuple[Any, NDArray[np.float64], NDArray[np.float64]]:
-    """Return quadrature points of the ground-side surface, their inward normals and the areas they stand for.
+    """Return quadrature points on the ground-side surface, with inward normals and areas [mm2].
 
     Args:
         mesh: A mesh with the face `curved_ground`.
@@ -77,7 +77,7 @@ def class_field(quarter: Quarter) -> ClassField:
 
 
 def closure_field(quarter: Quarter, faces: Sequence[tuple[str, float]]) -> ClassField:
-    """Solve the adjoint problems of the mean closures [um] of faces, and sample them.
+    """Solve the adjoint problem of each face's mean closure [um]; return the fields sampled on the surface.
 
     Args:
         quarter: The factorised class.
@@ -87,7 +87,7 @@ def closure_field(quarter: Quarter, faces: Sequence[tuple[str, float]]) -> Class
 
 
 def sampled_field(quarter: Quarter, functionals: Sequence[Any], scale: float = 1.0) -> ClassField:
-    """Solve the adjoint problems of linear functionals of the displacement, and sample them.
+    """Solve an adjoint problem per linear functional of displacement; return the fields sampled on the surface.
 
     Args:
         quarter: The factorised class.

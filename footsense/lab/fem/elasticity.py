@@ -49,7 +49,7 @@ def mixed_energy(material: Material, u: Any, p: Any, *, finite_strain: bool = Fa
 
 @dataclass(frozen=True, slots=True)
 class Layer:
-    """A thin bonded layer between both bodies, as a law without elements: it cannot spread sideways.
+    """A thin bonded layer between both bodies, as a traction law without elements: sideways spread is confined.
 
     Attributes:
         material: Of the layer.
@@ -69,7 +69,7 @@ class Layer:
 
 
 def hertz_shape(centre_mm: NDArray[np.float64], radius_mm: float) -> Any:
-    """Return the pressure of a Hertz patch over that in its middle [1], sqrt(1 - |x - x_c|^2 / a^2)."""
+    """Return a Hertz patch's pressure relative to its peak [1], sqrt(1 - |x - x_c|^2 / a^2)."""
     away = ng.CF((ng.x, ng.y, ng.z)) - ng.CF(tuple(centre_mm))
     inside = 1.0 - ng.InnerProduct(away, away) / radius_mm**2
     return ng.sqrt(ng.IfPos(inside, inside, 0.0))

@@ -45,12 +45,12 @@ class _Load:
     radius_mm: float
 
     def mapped(self, matrix: Vector) -> "_Load":
-        """Return the load as a mirror or a swap of axes maps it, shape (3, 3)."""
+        """Return the load mapped by a mirror or an axis swap, a matrix of shape (3, 3)."""
         return _Load(matrix @ self.centre_mm, matrix @ self.force_n, self.radius_mm)
 
 
 class _Class:
-    """One factorised class with the closures of its cells as functionals.
+    """The factorised problem of one symmetry class, with each cell's mean closure as a linear functional.
 
     Attributes:
         quarter: The class.

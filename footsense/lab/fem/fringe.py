@@ -44,7 +44,7 @@ def _mesh(design: FootDesign, gap_mm: float, film_mm: float) -> Any:
 
 
 def element_pf(design: FootDesign, closure_um: float = 0.0) -> tuple[float, float]:
-    """Return two capacitances of one flat element [pF]: with the field at its edges, and by the plate formula alone.
+    """Return the capacitance of one flat element [pF] with edge fields, and the value of the plate formula.
 
     The four edges of the square each add what an edge of the cross-section adds per length.
 

@@ -31,7 +31,7 @@ from footsense.lab.response import make_response
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GelLayerDesign:
-    """The film and the capacitors in it.
+    """A gel film in place of the spacer: thickness, material and permittivity.
 
     Attributes:
         layer_mm: Thickness, that of the spacer [mm].

@@ -53,7 +53,7 @@ class MeshSize:
     order: int = 3
 
     def in_foot(self, design: FootDesign) -> "MeshSize":
-        """Return the lengths in a foot: by the radius of its ball and the width of its bars."""
+        """Return the mesh lengths scaled to a foot: by its ball radius, and along the bars by its bar width."""
         ball_rel = design.ball_radius_mm / _BALL_MM
         return replace(
             self,

@@ -56,7 +56,7 @@ class Parity:
         return (-self.x if component == 0 else self.x), (-self.y if component == 1 else self.y)
 
     def unfold(self, quarter: NDArray[np.float64], axis: int = 0) -> NDArray[np.float64]:
-        """Return the z components on the whole foot, x along `axis` and y along the next, of those of the quarter."""
+        """Return z components on the whole foot from the quarter's; x runs along `axis`, y along the next axis."""
         half = np.concatenate([quarter, self.x * np.flip(quarter, axis)], axis)
         return np.concatenate([half, self.y * np.flip(half, axis + 1)], axis + 1)
 
@@ -165,7 +165,7 @@ class Quarter:
 
     @property
     def n_unknowns(self) -> int:
-        """Unknown displacements and pressures."""
+        """Number of free displacement and pressure unknowns."""
         return int(sum(self.space.FreeDofs()))
 
     def closure_functional(self, face: str, area_mm2: float) -> Any:

@@ -16,7 +16,7 @@ SIDES = (("ground", -1.0), ("leg", 1.0))
 
 
 def hemisphere(design: FootDesign, side: str, level_mm: float, *, quarter: bool) -> Any:
-    """Return the hemisphere of a side, its material `rubber_<side>` and its curved face `curved_<side>`.
+    """Return the ground or leg hemisphere, with material `rubber_<side>` and curved face `curved_<side>`.
 
     Args:
         design: The foot.
@@ -60,7 +60,7 @@ def lies_in(part: Any, axis: str) -> bool:
 
 
 def square(x_mm: float, y_mm: float, side_mm: float) -> Any:
-    """Return a square in the plane of the spacer, with its centre at x and y."""
+    """Return a square face in the plane z = 0, with the centre at x and y [mm]."""
     corner = occ.Pnt(x_mm - side_mm / 2.0, y_mm - side_mm / 2.0, 0.0)
     return occ.WorkPlane(occ.Axes(corner, n=occ.Z, h=occ.X)).Rectangle(side_mm, side_mm).Face()
 

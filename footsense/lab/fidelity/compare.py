@@ -22,7 +22,7 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loads:
-    """Contacts of a comparison.
+    """Contact normals and forces [N] on which fidelity levels are compared.
 
     Attributes:
         normal: Inward unit normals, shape (n, 3).
@@ -33,7 +33,7 @@ class Loads:
     force_n: Vector
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of loads."""
         return len(self.normal)
 
 
@@ -59,7 +59,7 @@ def mirrored_loads(cases: Sequence[tuple[float, float, float]]) -> Loads:
 
 
 def timed(level: FidelityLevel, loads: Loads, repeats: int = 1) -> tuple[Answer, float]:
-    """Return a level's answer and its time [s], the shortest of some runs."""
+    """Return the answer of a fidelity level, and the shortest computing time of some runs [s]."""
     taken_s = []
     for _ in range(repeats):
         start = default_timer()

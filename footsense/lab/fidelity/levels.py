@@ -96,7 +96,7 @@ def full(foot_design: FootDesign, *, reduced: bool = False) -> FidelityLevel:
 
 
 def fidelity_level(name: str, response: FootResponse, foot_design: FootDesign) -> FidelityLevel:
-    """Return a fidelity level by its name.
+    """Return the function that computes a foot's response at the named fidelity level.
 
     Args:
         name: One of `NAMES`.
@@ -126,7 +126,7 @@ def response_to(
     force_n: float,
     name: str = "contact",
 ) -> dict[str, Any]:
-    """Return the response to a centred load as JSON values, as `footsense lab response` prints it.
+    """Return closures [um] and capacitances [pF] under a centred load as JSON values.
 
     Args:
         response: The foot's response table.

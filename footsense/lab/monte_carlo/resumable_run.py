@@ -22,7 +22,7 @@ from footsense.sim.foot.fabrication import FootTolerances
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tolerances(FootTolerances):
-    """Deviations of a fabricated foot and of the test stand that calibrates it: rms values, zero for exact.
+    """Rms deviations of a fabricated foot and of the calibrating test stand; zero means exact.
 
     Attributes:
         reading_pf: Noise of each capacitance reading [pF].
@@ -143,7 +143,7 @@ def _run_missing(
 
 
 def _resume(file: Path, about: Mapping[str, str | int]) -> dict[Job, Figures]:
-    """Return the finished feet of a file, and prepare it for appending.
+    """Return the figures of finished feet from a result file, and prepare the file for appending.
 
     Raises:
         FootsenseError: It holds another run, or cannot be read or written.

@@ -11,7 +11,7 @@ SIGNIFICANT = 2.0
 
 
 class Difference(NamedTuple):
-    """Difference of two means.
+    """Difference of two means, with its standard error.
 
     Attributes:
         mean: Difference.
@@ -23,7 +23,7 @@ class Difference(NamedTuple):
 
     @property
     def sign(self) -> int:
-        """1 or -1 if significant, else 0."""
+        """Sign of the difference, 1 or -1; 0 if the difference is not significant."""
         return int(np.sign(self.mean)) if abs(self.mean) > SIGNIFICANT * self.error else 0
 
 

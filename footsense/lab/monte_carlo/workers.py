@@ -46,13 +46,13 @@ def parallel(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> Wo
 
 
 def _judge(work: Work, job: Job) -> tuple[Job, Figures]:
-    """Return a job with its figures."""
+    """Run one job, and return the job and the computed figures."""
     return job, work(job)
 
 
 @contextmanager
 def _local(n_workers: int) -> Iterator[None]:
-    """Use processes of this machine, and end them.
+    """Run jobs in local worker processes inside the context, and end the processes on exit.
 
     Yields:
         Nothing.

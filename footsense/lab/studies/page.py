@@ -60,7 +60,7 @@ class StudyContext:
 
     @property
     def response(self) -> FootResponse:
-        """The foot's response table."""
+        """Response table of the foot that the study is about."""
         return self._released[0]
 
     @property
@@ -70,7 +70,7 @@ class StudyContext:
 
     @cached_property
     def network_sha256(self) -> str:
-        """Hash of the network's file; its card holds the hash of the response table, so it identifies the foot too."""
+        """SHA-256 of the network file, which also identifies the foot: its card holds the response table's hash."""
         path = self.models / NETWORK_FILE
         return verified_sha256(path.read_bytes(), str(path))
 
@@ -135,7 +135,7 @@ class Study(Generic[Results]):
     command: str = ""
 
     def page(self, context: StudyContext) -> Page:
-        """Measure, and return the page with the keys that tell when it is stale."""
+        """Compute the results, and return the page with the hashes that show when the page is out of date."""
         started = default_timer()
         results, figures = self.compute(context)
         values = {
@@ -153,7 +153,7 @@ class Study(Generic[Results]):
         return str(getattr(self.compute, "func", self.compute).__module__)
 
     def rendered(self, values: dict[str, Any], figures: Figures | None = None) -> Page:
-        """Render the page from the values of its JSON, without computing."""
+        """Render the page from stored JSON values, without computing."""
         results: Any = msgspec.convert(values, self.results, str_keys=True)
         numbers = {one.name: getattr(results, one.name) for one in fields(results)}
         names = vars(import_module(self._module)) | numbers | self.names | {"results": results}

@@ -64,7 +64,7 @@ def _constants(weights: Weights) -> dict[str, NDArray[Any]]:
 
 
 def _placing() -> list[onnx.NodeProto]:
-    """Return the nodes that put each weight in its places, as `network.expand` does."""
+    """Return the ONNX nodes that expand shared weights into full matrices, as `network.expand` does."""
     return [
         _node("Gather", ["w1", "seen_at"], ["w1_met"], axis=1),
         _node("Reshape", ["w1_met", "w1_as"], ["w1_units"]),
@@ -146,7 +146,7 @@ class OnnxNetwork:
     """
 
     def __init__(self, path: Path) -> None:
-        """Open an ONNX network and its card.
+        """Load an ONNX network and the training card from the file's metadata.
 
         Raises:
             ModelError: The file is missing, no ONNX, or without a card.

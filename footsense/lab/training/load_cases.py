@@ -38,7 +38,7 @@ _MOST_DRAWS = 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cases:
-    """Loads and the closures of the gaps under them.
+    """Forces [N] on a foot, and the nine gap closures [um] under each force.
 
     Attributes:
         force_n: Ground reaction on the foot [N], shape (n, 3).

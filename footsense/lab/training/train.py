@@ -126,7 +126,7 @@ def _whitening(closure_rel: Vector) -> tuple[jax.Array, jax.Array]:
 
 
 class _Task(NamedTuple):
-    """Constants of the training."""
+    """Constants of a training run: load cases, masks of missing elements and noise."""
 
     closure_rel: jax.Array
     force_n: jax.Array

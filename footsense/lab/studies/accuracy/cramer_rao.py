@@ -77,7 +77,7 @@ class Ambiguity:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """The network, and Gauss-Newton steps from its estimate, beside the bound.
+    """Errors of the network, and of Gauss-Newton steps from the network's estimate, against the bound.
 
     Attributes:
         ratio: The network beside the bound.
@@ -133,7 +133,7 @@ def _noiseless_deg(context: StudyContext, magnitude_gf: float) -> float:
 
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
-    """Compare the network, and fits that start at its estimate, with the bound."""
+    """Compare the network, and fits started at the network's estimate, with the Cramer-Rao bound."""
     quick, foot, loads = context.quick, Foot(context.response), context.foot_design.loads
     magnitudes, draws = ((20.0, 50.0, 100.0), 8) if quick else (MAGNITUDES_GF, 64)
     ratio = crb_ratio(context.response, loads, context.network.force_n, draws=draws, magnitudes_gf=magnitudes)

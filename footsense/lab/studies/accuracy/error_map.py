@@ -63,7 +63,7 @@ def _normals(right: Vector, up: Vector) -> Vector:
 
 
 class ReadingErrors(NamedTuple):
-    """Errors of single readings.
+    """Direction [deg] and magnitude [gf] errors of single noisy readings.
 
     Attributes:
         direction_deg: Angles [deg], shape (draws, n).
@@ -76,7 +76,7 @@ class ReadingErrors(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Distribution:
-    """Distribution of an error.
+    """Mean, 95th percentile and maximum of an error.
 
     Attributes:
         mean: Mean.
@@ -90,7 +90,7 @@ class Distribution:
 
     @classmethod
     def of(cls, values: Vector) -> Self:
-        """Return the distribution of some errors."""
+        """Return the mean, 95th percentile and maximum of some errors."""
         return cls(mean=values.mean(), p95=float(np.percentile(values, 95)), largest=values.max())
 
     def __str__(self) -> str:
@@ -141,7 +141,7 @@ def _read(context: StudyContext, cases: Cases, draws: int) -> ReadingErrors:
 
 
 def _draw_map(axes: Axes, grid: tuple[Vector, Vector], error_deg: Vector, lowest_deg: float) -> ContourSet:
-    """Draw the error with its iso-lines and the paper's circles; return the contours for the colour bar."""
+    """Draw the direction error [deg] with iso-lines and the paper's circles; return the filled contours."""
     filled = axes.contourf(
         *grid, error_deg, levels=_LEVELS_DEG, norm=BoundaryNorm(_LEVELS_DEG, 256), extend="max"
     )

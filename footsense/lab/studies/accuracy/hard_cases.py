@@ -155,7 +155,7 @@ def _solids(foot_design: FootDesign) -> Iterator[Case]:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """All cases, by heading."""
+    """Results of the study `hard-cases`: all cases, grouped by heading."""
 
     groups: dict[str, list[Case]]
 

@@ -123,7 +123,7 @@ class _Leg:
 
 
 def pipeline_cases(context: StudyContext) -> Iterator[Case]:
-    """Yield the cases of broken lines and loads beyond the training, as the state of the leg and its force."""
+    """Yield test cases of broken lines and of loads beyond the training, with leg state and force."""
     response, design = context.response, context.response.design
     up = np.array([[0.0, 0.0, 1.0]])
     felt_pf = Foot(response).capacitance_pf(up, up)[0]

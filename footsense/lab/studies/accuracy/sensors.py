@@ -61,7 +61,7 @@ class Sensor:
     pitch_mm: float
 
     def halves_mm(self) -> list[tuple[float, float]]:
-        """Return the borders of the elements, or parts of them, on the positive half axis, from the edge inwards."""
+        """Return the element borders on the positive half axis [mm], from the edge inwards, cut at zero."""
         centres = [self.pitch_mm * ((self.per_side - 1) / 2.0 - k) for k in range((self.per_side + 1) // 2)]
         return [(max(0.0, c - self.side_mm / 2.0), c + self.side_mm / 2.0) for c in centres]
 
@@ -174,7 +174,7 @@ class Results:
 
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
-    """Solve the block under every sensor, and train networks on its patterns."""
+    """Solve the block under every sensor, train networks on the sensor patterns, and return the errors."""
     foot_design, quick = context.foot_design, context.quick
     sensors = [sensor for sensor in SENSORS if not quick or sensor.name in QUICK_NAMES]
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)

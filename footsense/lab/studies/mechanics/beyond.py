@@ -123,7 +123,7 @@ class _Judge:
         return self.measured_um(free_um)[1]
 
     def errors(self, measured_um: Vector, truth_n: Vector) -> dict[str, Errors]:
-        """Return each read-out's errors."""
+        """Return the force errors of each read-out on measured closures [um], by the name of the read-out."""
         return {name: errors(truth_n, read(measured_um)) for name, read in self._readouts.items()}
 
 

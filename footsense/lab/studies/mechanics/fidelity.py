@@ -132,7 +132,7 @@ def _formula(context: StudyContext, loads: Loads, contact: Answer) -> tuple[Dist
 
 
 def _against_full(context: StudyContext, answers: dict[str, Answer]) -> AgainstFull:
-    """Compare the cheap models with the full solve, and take its parts apart at the first load."""
+    """Compare the cheap models with the full solve, and separate mesh and physics errors at the first load."""
     reduced, taken_s = timed(full(context.foot_design, reduced=True), mirrored_loads(FULL_CASES[:1]))
     context.say(f"fidelity: full without finite strain and floor, in {taken_s:.1f} s")
     first, contact = (

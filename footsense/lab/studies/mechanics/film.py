@@ -73,7 +73,7 @@ class Sensor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measured:
-    """Figures of one design.
+    """Capacitance, closure, sensitivity, force range and read-out errors of one foot design.
 
     Attributes:
         unloaded_pf: Capacitance of an unloaded element [pF].

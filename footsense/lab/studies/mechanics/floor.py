@@ -30,7 +30,7 @@ WITHOUT: dict[str, dict[str, Any]] = {
 
 
 class _Load(NamedTuple):
-    """A contact in the mirror plane: elevations of its normal and of the force [deg], magnitude [gf]."""
+    """A contact in the mirror plane: normal elevation [deg], force elevation [deg] and force magnitude [gf]."""
 
     normal_deg: float
     force_deg: float
@@ -38,7 +38,7 @@ class _Load(NamedTuple):
 
     @property
     def label(self) -> str:
-        """The load in words."""
+        """The load in words: elevation [deg], magnitude [gf], and tilt of the normal against the force [deg]."""
         lean = self.force_deg - self.normal_deg
         leaning = f", normal {abs(lean):g} deg off" if lean else ""
         return f"{self.force_deg:g} deg, {self.magnitude_gf:g} gf{leaning}"
@@ -54,7 +54,7 @@ class _Load(NamedTuple):
         return self.magnitude_gf * GRAM_FORCE_N * directions(0.0, self.force_deg)
 
     def solve(self, foot: FullFoot) -> FullSolution:
-        """Return a foot's solution."""
+        """Solve the contact of a foot under this load."""
         return foot.solve(self.normal, self.force_n)
 
 
@@ -75,7 +75,7 @@ def _difference_rel(other: FullSolution, full: FullSolution) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Solved:
-    """Solution under one load.
+    """Patch radius and Newton steps of the full solve under one load, and the error of each simplification.
 
     Attributes:
         load: In words.
@@ -94,7 +94,7 @@ class Solved:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Solutions under all loads."""
+    """Results of the study `floor`: the solution under each load."""
 
     loads: list[Solved]
 

@@ -94,7 +94,7 @@ class HertzContact:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edged:
-    """Capacitance of an element with its electrodes' edges, at one closure.
+    """Capacitance of an element with and without edge fields [pF] at one closure, and the closure read [um].
 
     Attributes:
         closed_um: Closure of the gap [um].
@@ -145,7 +145,7 @@ class Results:
 
 
 def _timed(step: Callable[[], Measured]) -> tuple[Measured, Timing]:
-    """Return the result of a step, and its time."""
+    """Run a step; return the result, and the wall-clock and processor time [s]."""
     before = os.times()
     result = step()
     after = os.times()
@@ -231,7 +231,7 @@ def _edges(foot_design: FootDesign) -> list[Edged]:
 
 
 def _cells(response: FootResponse) -> tuple[float, float]:
-    """Return the largest rms variation of closure inside a cell [um], and the capacitance error without it [1].
+    """Return the largest rms closure variation inside a cell [um], and the capacitance error of ignoring it [1].
 
     Upright and inclined loads of 1 N. A closure that varies by a standard deviation s inside a cell raises the mean of
     1/D by s^2/D^2; s^2 = (slope x step)^2 / 12 per direction, the slope by differences of neighbouring cells.

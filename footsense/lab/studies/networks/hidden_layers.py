@@ -40,7 +40,7 @@ ByDepth = dict[str, list[MeanStd]]
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Errors of all networks.
+    """Direction [deg] and magnitude [gf] errors of networks by number of hidden layers and neurons.
 
     Attributes:
         epochs: Training epochs.

@@ -165,7 +165,7 @@ class ForceErrors(NamedTuple):
     swing_n: float
 
     def cells(self) -> list[str]:
-        """Return them as cells of the table."""
+        """Return the three errors as text for a table row: loaded [mN], direction [deg], swing [mN]."""
         return [f"{1e3 * self.loaded_n:.2f}", f"{self.direction_deg:.3f}", f"{1e3 * self.swing_n:.2f}"]
 
 
@@ -215,7 +215,7 @@ def _errors(truth_n: Vector, estimate_n: Vector) -> ForceErrors:
 
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
-    """Train a network for each kind of inputs, and test it on measured walks."""
+    """Train a network for each kind of inputs, test each network on measured walks, and return the errors."""
     quick, design, foot = context.quick, context.response.design, Foot(context.response)
     steps = QUICK_STEPS if quick else STEPS
     training = _walks(foot, _synthetic, QUICK_TRAINING_WALKS if quick else TRAINING_WALKS, 1)

@@ -94,7 +94,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
 
 
 def _figure(by_feed: dict[str, FeedErrors], points: dict[str, list[Errors]]) -> Figure:
-    """Draw every network as a point of its two errors, and the direction error over the magnitude."""
+    """Draw each network's magnitude error over its direction error, and the direction error over the force."""
     figure, (cloud, curve) = panels(2, 8.2, 4.0)
     for colour, (feed, name) in zip(("C0", "C1"), NAMES.items(), strict=True):
         networks, found = points[feed], by_feed[feed]

@@ -34,7 +34,7 @@ _RPROP = "RPROP"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Race:
-    """Back-propagation against RPROP to the loss that back-propagation has at its end; medians over the seeds.
+    """Epochs and time of back-propagation and of RPROP to back-propagation's final loss, medians over seeds.
 
     Attributes:
         rate: Learning rate of back-propagation.
@@ -81,7 +81,7 @@ class Results:
 def _descent(
     training: PaperTraining, starts: list[Layers], momentum: float, epochs: int
 ) -> tuple[float, Trained]:
-    """Return the rate whose final loss, median over the seeds, is the lowest, and its networks."""
+    """Return the learning rate with the lowest median final loss over the seeds, and its trained networks."""
     rule = optax.inject_hyperparams(optax.sgd)(learning_rate=0.0, momentum=momentum)
     layers, rates = stack([one for _ in RATES for one in starts]), np.repeat(RATES, len(starts))
     state = jax.vmap(rule.init)(layers)
@@ -95,7 +95,7 @@ def _descent(
 
 
 def _epochs_to(losses: NDArray[np.float64], goal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the epochs after which each seed is first at its goal, shape (seeds,); all epochs where it never is."""
+    """Return the epochs until each seed's loss first meets its goal, shape (seeds,); all epochs if never."""
     there = losses <= goal[:, None]
     epochs = np.where(there.any(axis=1), there.argmax(axis=1), losses.shape[1])
     return np.asarray(epochs, dtype=np.float64)
