@@ -34,7 +34,7 @@ FAULT_FREE = frozenset({State.VALID, State.STARTING, State.TARING, State.STOPPED
 
 
 class Phase(IntEnum):
-    """Phase of a leg from power-up to forces: its states, grouped for people and dashboards."""
+    """Phase of a leg from power-up to forces: a coarse grouping of the leg's states for people and dashboards."""
 
     ABSENT = 0  #: its chips do not answer
     STARTING = 1  #: they answer, but readings or a tare are missing for a force
@@ -67,7 +67,7 @@ def phase_of(state: State) -> Phase:
 
 
 class Flag(IntFlag):
-    """Properties of a force that do not forbid its use."""
+    """Flags of a force that qualify the value but do not forbid using the force."""
 
     SIMULATED = 1  #: from the simulator, not from a foot
     DEGRADED_TIMING = 2  #: the loop did not get the scheduling that it asked for
@@ -109,7 +109,7 @@ class BaselineStatus(IntEnum):
 
 
 class CommandKind(IntEnum):
-    """Commands to one leg."""
+    """Commands that a consumer can send to one leg."""
 
     TARE = 1  #: take the present capacitances as those of the unloaded foot
     START = 2  #: publish forces again after STOP
@@ -117,7 +117,7 @@ class CommandKind(IntEnum):
 
 
 class Result(IntEnum):
-    """Result of a command."""
+    """Result of a command to a leg: done, or the reason for the refusal."""
 
     DONE = 0
     NOT_QUIET = 1  #: tare refused: the readings move more than noise does
@@ -128,7 +128,7 @@ class Result(IntEnum):
 
 
 class NmtState(IntEnum):
-    """State of a node in its heartbeat.
+    """State of a CAN node, as sent in the node's heartbeat.
 
     Source:
         CiA 301, heartbeat protocol.

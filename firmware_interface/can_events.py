@@ -96,12 +96,12 @@ class Answer(NamedTuple):
 
 
 class Heartbeat(NamedTuple):
-    """Content of a heartbeat.
+    """Content of a heartbeat frame: node, node state and timing flag.
 
     Attributes:
         node: CAN node id of the leg, 1..6.
         state: State of the node.
-        degraded_timing: Whether the service runs without the scheduling that it command_counter for.
+        degraded_timing: Whether the service runs without the scheduling that it asked for.
     """
 
     node: int

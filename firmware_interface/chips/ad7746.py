@@ -15,7 +15,7 @@ ADDRESS = 0x48
 
 
 class Register(IntEnum):
-    """Register addresses (table 7)."""
+    """Register addresses of the AD7746 (table 7)."""
 
     STATUS = 0x00
     CAP_DATA = 0x01  #: 3 bytes
@@ -119,7 +119,7 @@ CAPDAC_MAX = 127
 
 
 def configuration(mode: int, capfs: int = 0, vtfs: int = 0) -> int:
-    """Return the CONFIGURATION byte.
+    """Return the CONFIGURATION register byte for an operating mode and conversion times.
 
     Args:
         mode: MODE_SINGLE starts one conversion of the enabled channel, after which the chip is idle.
@@ -159,7 +159,7 @@ def capacitance_pf(code: int) -> float:
 
 
 def temperature_c(code: int) -> float:
-    """Return the temperature of a 24-bit code of the chip's own sensor [deg C]; it is within 2 deg C.
+    """Return the chip's temperature [deg C], within 2 deg C, from the 24-bit code of the internal sensor.
 
     Example:
         >>> temperature_c(0x80C800)

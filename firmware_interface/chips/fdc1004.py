@@ -13,7 +13,7 @@ ADDRESS = 0x50
 
 
 class Register(IntEnum):
-    """Register addresses (section 8.6)."""
+    """Register addresses of the FDC1004 (section 8.6)."""
 
     MEAS1_MSB = 0x00
     MEAS1_LSB = 0x01

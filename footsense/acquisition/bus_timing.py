@@ -41,7 +41,7 @@ class BusCosts(NamedTuple):
 
 
 def measure(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
-    """Measure clock and host cost of a bus by short and long reads of a chip that repeats its one byte.
+    """Return a bus's clock and host cost, measured by short and long reads of a chip that repeats one byte.
 
     Args:
         bus: The adapter.

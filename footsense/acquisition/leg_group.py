@@ -90,7 +90,7 @@ class LegGroup:
         self._latest = latest
 
     def active(self) -> tuple[Legs, int]:
-        """Return the legs that take part in this scan and have not failed in it, and their selection."""
+        """Return the legs without a failure in the present scan, and the mux selection that connects them all."""
         active, selection = [], 0
         for leg in self.legs:
             if leg.in_scan and leg.outcome is _OK:
@@ -144,7 +144,7 @@ class LegGroup:
         self.running = running
 
     def start_temperatures(self, thermometer: Thermometer) -> Legs:
-        """Start a conversion of the temperature, and return the legs that make it."""
+        """Start a temperature conversion on all active legs, and return these legs; none if the bus failed."""
         legs, selection = self.active()
         if not legs:
             return ()
@@ -155,7 +155,7 @@ class LegGroup:
         return legs
 
     def read_temperatures(self, thermometer: Thermometer, legs: Legs) -> None:
-        """Read the temperature that some legs' converters have measured; without an answer it is read again later."""
+        """Read the converted temperature of the given legs [degC]; the first leg without an answer ends the reading."""
         for leg in legs:
             answers = self._exchange(leg.selection, (thermometer.read, thermometer.read))
             if answers is None:
@@ -193,7 +193,7 @@ class LegGroup:
         return Conversion(step, self._clock.now_ns(), (), bool(select), unread)
 
     def _read_out(self, step: Step, legs: list[LegConnection], t_start_ns: int, *, all_done: bool) -> None:
-        """Read a finished conversion from every leg that made it, while the next one runs."""
+        """Read the result of the finished conversion from each given leg, while the next conversion runs."""
         t_ns, capacitance_pf, readings = self._latest
         t_middle_ns = t_start_ns + self._plan.conversion_ns // 2
         for leg in legs:
@@ -234,7 +234,7 @@ class LegGroup:
         return reading, _NAN
 
     def _check(self, running: Conversion, *, always: bool) -> None:
-        """Ask for lines and settings while a conversion runs; leave out the legs that do not hold them.
+        """Read back line and chip settings during a conversion; leave out each leg whose check fails.
 
         Args:
             running: The conversion.

@@ -48,7 +48,7 @@ class Adapter(Protocol):
         ...
 
     def close(self) -> None:
-        """Close the device file."""
+        """Close the adapter's device file."""
         ...
 
 
@@ -99,7 +99,7 @@ class LinuxI2cBus:
         return bytes(messages[-1]) if transaction.n_read else b""
 
     def close(self) -> None:
-        """Close the device file."""
+        """Close the adapter's device file."""
         self._adapter.close()
 
 
@@ -110,7 +110,7 @@ def adapters(folder: Path = Path("/dev")) -> list[str]:
 
 
 def kernel_drivers(device: str, folder: Path = Path("/sys/bus/i2c/devices")) -> dict[int, str]:
-    """Return the name of each kernel driver on an adapter, by the address that it holds."""
+    """Return the kernel drivers bound to an adapter's chips: I2C address to driver name."""
     number = device.removeprefix("/dev/i2c-")
     held = {}
     for client in folder.glob(f"{number}-*"):

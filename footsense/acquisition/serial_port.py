@@ -55,7 +55,7 @@ class SerialLink:
         self._open()
 
     def read(self) -> bytes:
-        """Return the bytes that have arrived, without waiting; open a lost port again when it is time."""
+        """Return the bytes that have arrived, without waiting; reopen a lost port once the retry delay has passed."""
         if self._port is None and not self._reopened():
             return b""
         try:
@@ -80,7 +80,7 @@ class SerialLink:
             select.select((self._descriptor,), (), (), remaining_ns * 1e-9)
 
     def write(self, data: bytes) -> None:
-        """Send a few bytes; a lost line drops them."""
+        """Send a few bytes; bytes that a full or lost line does not take are dropped."""
         if self._port is None:
             return
         try:
@@ -114,7 +114,7 @@ class SerialLink:
         self.opened += 1
 
     def _reopened(self) -> bool:
-        """Reopen the port once the retry delay has passed; return whether it is open."""
+        """Reopen the port once the retry delay has passed; return whether the port is open."""
         if self._clock.now_ns() < self._retry_at_ns:
             return False
         try:

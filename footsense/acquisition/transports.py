@@ -71,7 +71,7 @@ class UpstreamBus:
         return self.bus
 
     def invalidate(self) -> None:
-        """Write the next selection even if it is the last one: the mux may have lost it."""
+        """Forget the last mux selection, so that the next selection is written even if unchanged."""
         self._selection = None
 
     def free(self) -> bool:
@@ -142,7 +142,7 @@ class KernelMux:
         return None
 
     def connect(self, selection: int) -> I2cBus:
-        """Return the adapter of one leg: the kernel selects its channel with each transaction."""
+        """Return the I2C adapter of one leg; the kernel selects the leg's mux channel with each transaction."""
         return self._adapter_of[selection]
 
     def invalidate(self) -> None:

@@ -72,7 +72,7 @@ BANDS = (
 
 
 class Estimates(NamedTuple):
-    """Forces estimated from loads.
+    """Forces [N] estimated for a set of loads.
 
     Attributes:
         closure_rel: Inputs of the network [1], shape (n, 9).

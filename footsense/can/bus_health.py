@@ -15,7 +15,7 @@ _RECOVERED_AFTER_NS = 2_000_000_000
 
 
 class BusHealth:
-    """State of a bus by its error frames.
+    """Tracks the health of a CAN bus by the error frames received from it.
 
     Args:
         channel: Name of the channel, for the journal.

@@ -51,7 +51,7 @@ class ChannelSettings:
 
 
 class CanChannel:
-    """An open CAN channel; its log is created last.
+    """Open CAN channel that sends and receives frames; its log file is created last.
 
     Args:
         settings: Its settings.

@@ -18,7 +18,7 @@ _REPEAT_NS = 1_000_000_000
 
 @dataclass(slots=True)
 class _LegCommands:
-    """Commands to one leg."""
+    """Command state of one leg: node id, last command, and commands that still wait for an answer."""
 
     row: int
     node: int
@@ -30,7 +30,7 @@ class _LegCommands:
 
 
 class CanCommands:
-    """Commands on one channel.
+    """Receives the commands to the legs of one CAN channel and answers them.
 
     Args:
         channel: The channel.

@@ -43,7 +43,7 @@ def check_log_suffix(path: Path) -> None:
 
 
 def check_log_target(path: Path) -> None:
-    """Check that a log may be written to `path`; call it before anything is opened.
+    """Check, before anything is opened, that a log may be written to `path`.
 
     Raises:
         ConfigError: The suffix names no format.
@@ -89,7 +89,7 @@ class CanFrameLog:
         self._stats.unlogged += len(frames) // FRAME_BYTES
 
     def close(self, timeout_s: float = FINISH_TIMEOUT_S) -> None:
-        """End the log and wait until it is complete.
+        """End the frame log and wait until its writer has written all frames.
 
         Args:
             timeout_s: How long to wait for the writer [s].

@@ -53,7 +53,7 @@ class CanLeg:
         self.reported = (int(State.STOPPED), 0, int(Cause.NONE))
 
     def fault_frame(self, state: int, mask: int, cause: int) -> bytes:
-        """Return a fault report; `set_reported` follows once it was sent."""
+        """Return the CAN frame of a fault report; call `set_reported` once the frame was sent."""
         data = can_events.encode_fault(self.node, self._fault_counter, state, self.reported[0], mask, cause)
         return pack_frame(can_events.FAULT_ID + self.node, data)
 
@@ -63,7 +63,7 @@ class CanLeg:
         self.reported = report
 
     def baseline_frame(self, frame: ContactFrame) -> bytes:
-        """Return the leg's baseline."""
+        """Return the CAN frame of the leg's baseline: status, mean and worst drift [pF], and age [ns]."""
         status, mean_pf, worst_pf, moved_ns = [column[self._row].item() for column in frame.baseline]
         age_ns = frame.t_sent_ns - moved_ns if moved_ns else None
         data = can_baseline.encode_baseline(

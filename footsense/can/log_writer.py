@@ -34,7 +34,7 @@ def _records(pipe: int) -> Iterator[list[tuple[int, bytes]]]:
 
 
 def _open(file: int, suffix: str, channel: str) -> "tuple[IO[Any], FileIOMessageWriter[Any]]":
-    """Return the open file and a writer of its suffix's format."""
+    """Open a descriptor as a log file; return the file and the python-can writer for the format of `suffix`."""
     import can
 
     if suffix == ".blf":

@@ -151,13 +151,13 @@ def _options(interface: str, accept: Collection[int]) -> dict[str, Any]:
 
 
 def errno_of(error: BaseException) -> int | None:
-    """Return the errno of an error; python-can keeps it in `error_code`."""
+    """Return the errno of an exception, from `error_code` for python-can exceptions."""
     number = getattr(error, "error_code", None) or getattr(error, "errno", None)
     return number if isinstance(number, int) else None
 
 
 def error_text(interface: str, channel: str, bitrate: int, error: BaseException) -> str:
-    """Return one line with the error of a channel and its remedy."""
+    """Return a channel's error and the remedy as one line."""
     name = f"CAN channel {channel} ({interface})"
     match errno_of(error):
         case errno.ENETDOWN:

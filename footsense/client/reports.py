@@ -56,7 +56,7 @@ class LegReport(NamedTuple):
 
 @dataclass(slots=True)
 class _Last:
-    """The last frame of each kind, and its time of arrival [ns]."""
+    """Last received frame of each kind, with the time of arrival [ns]."""
 
     fault: Fault | None = None
     baseline: Baseline | None = None
@@ -77,7 +77,7 @@ class Reports:
         self.n_wrong = 0
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> bool:
-        """Take a frame of any id, and return whether it was a report of a leg, valid or not.
+        """Process a CAN frame of any id; return whether the id is a leg's report, even if the frame is invalid.
 
         Args:
             can_id: Its 11-bit id.

@@ -98,7 +98,7 @@ def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -
 
 
 def _transport(bus: Bus, stack: ExitStack) -> Transport:
-    """Open the adapters of a bus, and its reset line."""
+    """Open a bus's I2C adapters and its reset line, and return the transport."""
     adapters = []
     for device in bus.adapters.values() or [bus.device]:
         adapters.append(LinuxI2cBus.open(device))

@@ -89,7 +89,7 @@ class Listener:
 
 @contextmanager
 def open_listener(interface: str, channel: str, clock: Clock, limits: LinkLimits) -> Iterator[Listener]:
-    """Open a channel for listening, and close it at the end.
+    """Open a CAN channel for listening only, and close the channel when the context ends.
 
     Yields:
         The listener.

@@ -44,7 +44,7 @@ def recording_header(
 
 
 def recorded_flags(recording: Replay) -> int:
-    """Return the flags that every frame of a recording carries; without them in the header, none.
+    """Return the flags that every frame of a recording carries; 0 if the header names no flags.
 
     Raises:
         RecordingError: The header's flags are not a number from 0 to 255.

@@ -47,7 +47,7 @@ _VALID, _CONTACT = np.uint8(State.VALID), np.uint8(Flag.CONTACT)
 
 
 class Alignment(Protocol):
-    """Aligns the sequential readings to one time, and estimates the force at it.
+    """Moves the sequential readings of each leg to one time, and estimates the force at that time.
 
     `ScanByScan` does it for whole scans, `ElementByElement` for every conversion.
     """
@@ -150,7 +150,7 @@ class Pipeline:
 
     @property
     def baseline_pf(self) -> Vector:
-        """Unloaded reading of each element, without stray [pF], shape (legs, 9), NaN where it is not known."""
+        """Unloaded reading of each element, without stray [pF], shape (legs, 9), NaN where unknown."""
         return self._baselines.unloaded.baseline_pf
 
     def execute(self, command: Command) -> CommandResult | None:
@@ -164,7 +164,7 @@ class Pipeline:
         return CommandResult(command, Result.DONE, f"{command.kind.name.lower()} executed")
 
     def set_temperature(self, temperature_c: Vector) -> None:
-        """Set the temperature of each leg's foot [degC], shape (legs,), NaN where it is not measured."""
+        """Set the temperature of each leg's foot [degC], shape (legs,), NaN where not measured."""
         if self._set_temperature is not None:
             self._set_temperature(temperature_c)
 

@@ -120,7 +120,7 @@ def tangent_frame(normals: Vector) -> tuple[Vector, Vector]:
 
 
 def rotation(turn_rad: Vector) -> Vector:
-    """Return the rotation about an axis by its length, shape (3, 3), of a vector [rad], shape (3,) (Rodrigues).
+    """Return the rotation matrix, shape (3, 3), of a rotation vector [rad], shape (3,) (Rodrigues).
 
     Example:
         >>> rotation(np.array([0.0, 0.0, np.pi / 2])).round(12).tolist()

@@ -35,7 +35,7 @@ _ROUNDING = 1e-10
 
 
 def element_means(cells: Vector) -> Vector:
-    """Return the mean over each electrode, shape (..., 9), of values on its cells, shape (..., 324)."""
+    """Average cell values, shape (..., 324), over each electrode; return the nine means, shape (..., 9)."""
     means: Vector = cells.reshape(*cells.shape[:-1], ELEMENTS, CELLS).mean(axis=-1)
     return means
 

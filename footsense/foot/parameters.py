@@ -23,7 +23,7 @@ _AXES = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FootParameters:
-    """Measured parameters in which one foot differs from its design; the daemon reads it with them.
+    """Measured parameters in which one foot differs from its design, as its calibration gives them.
 
     Attributes:
         stray_pf: Capacitance of the wiring in parallel with each element [pF], shape (9,).

@@ -141,7 +141,7 @@ class FootResponse:
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read a response table.
+        """Read a response table from the file that `save` has written.
 
         Args:
             path: File written by `save`.

@@ -14,7 +14,7 @@ from footsense.frames import ELEMENTS, Vector
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Deviations:
-    """Deviations of one foot from its design.
+    """Deviations of one foot from its design: gaps, films, stray capacitances, stiffness and mounting.
 
     Attributes:
         gap_um: Added to the gap of each element [um], shape (9,).
@@ -70,7 +70,7 @@ class Foot:
         self.unloaded_pf = self._capacitance_pf(np.zeros(gap_contact.ALL_CELLS))
 
     def cells_um(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the closure of each cell [um], shape (n, 324), at most its gap.
+        """Return the closure of each cell under n loads [um], shape (n, 324), limited to the cell's gap.
 
         Args:
             normal: Inward unit normals of the ball at the contacts, frame of the leg, shape (n, 3).

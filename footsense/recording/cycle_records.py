@@ -39,7 +39,7 @@ _Count = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
 
 
 class NumberedCycle(NamedTuple):
-    """A cycle and its place in the recording.
+    """One recorded cycle, with its number in the recording.
 
     Attributes:
         counter: Number of the cycle since the recording began, lost ones counted.
@@ -223,7 +223,7 @@ def _numbered(record: _Cycle, n_legs: int) -> NumberedCycle:
 
 
 def _reference(times: bytes, forces: bytes, saturations: bytes) -> Reference:
-    """Return the samples of a test stand's force sensor; none of them, too."""
+    """Return the samples of a test stand's force sensor from recorded bytes, which may hold no sample."""
     t_ns, saturated = np.frombuffer(times, "<i8"), np.frombuffer(saturations, "u1")
     force_n = np.frombuffer(forces, "<f8").reshape(len(t_ns), 3)
     meant = len(saturated) == len(t_ns) and t_ns.min(initial=0) >= 0 and saturated.max(initial=0) <= 1

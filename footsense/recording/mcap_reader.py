@@ -38,7 +38,7 @@ _Record = Any  # the library is not typed
 
 
 class _Bounded:
-    """A file that never reads beyond its end, even for a damaged length."""
+    """File wrapper that limits each read to the end of the file, even for a damaged length."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file

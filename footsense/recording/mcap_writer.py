@@ -40,7 +40,7 @@ class _UnbufferedFile:
         self.n_written = 0
 
     def write(self, data: bytes) -> int:
-        """Write all of `data` and return its length."""
+        """Write all of `data` and return the number of bytes."""
         rest = memoryview(data)
         while rest:
             n = os.write(self._fd, rest)
@@ -63,7 +63,7 @@ def header_crc(header: Mapping[str, str]) -> str:
 
 
 class McapFile:
-    """One recording while it is written.
+    """MCAP file of one recording in progress.
 
     Args:
         fd: Descriptor of the empty file.

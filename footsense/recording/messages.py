@@ -134,7 +134,7 @@ def _cause(row: Mapping[str, Any]) -> int:
 
 
 def whole(value: object, most: int = _MOST, least: int = 0) -> int:
-    """Return a value after checking that it is a whole number.
+    """Check that a value is a whole number from `least` to `most`, and return the value.
 
     Raises:
         ValueError: It is not, or not from `least` to `most`.

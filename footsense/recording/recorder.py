@@ -35,12 +35,12 @@ FINISH_TIMEOUT_S = 30.0
 
 
 def partial_path(path: Path) -> Path:
-    """Return the name of a recording until it is complete."""
+    """Return the path under which a recording is written until it is complete."""
     return path.with_name(path.name + ".partial")
 
 
 def check_target(path: Path) -> None:
-    """Check that a recording may be written to `path`; call it before anything is started.
+    """Check, before anything is started, that a recording may be written to `path`.
 
     Raises:
         ConfigError: The name does not end in .mcap.

@@ -47,7 +47,7 @@ def rdt_request(command: int) -> bytes:
 
 
 class NetFtReference:
-    """Reads the records of one sensor, and requests them again after a silence.
+    """Reads the records of one Net F/T sensor; requests new records after a silence.
 
     Args:
         host: The sensor's address.

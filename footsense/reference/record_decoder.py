@@ -75,7 +75,7 @@ class RecordDecoder:
         raise NotImplementedError
 
     def _plausible(self, record: list[float]) -> list[float] | None:
-        """Return the record, None if a sensor cannot have sent it; NaN fails every comparison."""
+        """Return the record, or None if its values are impossible for a sensor; NaN fails every comparison."""
         return record if all(abs(record[index]) <= limit for index, limit in self._limits.items()) else None
 
     def _count_bad(self, data: bytes) -> None:

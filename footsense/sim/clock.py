@@ -36,7 +36,7 @@ class JoinedClock:
         self._clocks = tuple(clocks)
 
     def now_ns(self) -> int:
-        """Return the latest time of the buses [ns], and move all of them there."""
+        """Return the latest time of all bus clocks [ns], and advance every bus clock to this time."""
         latest_ns = max(clock.now_ns() for clock in self._clocks)
         self.sleep_until_ns(latest_ns)
         return latest_ns

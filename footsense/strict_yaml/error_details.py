@@ -29,7 +29,7 @@ class Problem(NamedTuple):
     message: str
 
     def __str__(self) -> str:
-        """Return path and message."""
+        """Return the error as one line: the path of the setting, then the message."""
         return f"{self.path}: {self.message}" if self.path else self.message
 
 

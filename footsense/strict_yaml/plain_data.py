@@ -52,7 +52,7 @@ class PlainData(NamedTuple):
     lines: dict[str, int]
 
     def line_of(self, path: str) -> int:
-        """Return the line, from 1, of the value at `path`, or of the nearest one that encloses it."""
+        """Return the line number, from 1, of the value at `path`, or of the nearest enclosing value."""
         while path not in self.lines:
             path = path[: max(path.rfind("."), path.rfind("["), 0)]
         return self.lines[path]

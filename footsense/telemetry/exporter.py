@@ -32,7 +32,7 @@ class CountersCollector(Collector):
         self._logged = ""
 
     def collect(self) -> Iterable[Metric]:
-        """Read the shared counters.
+        """Read the shared counters and yield them as Prometheus metrics.
 
         Yields:
             `footsense_up`, and while the service runs, all its metrics.
@@ -54,7 +54,7 @@ class CountersCollector(Collector):
 
 
 def _metric(family: MetricFamily, cells: Sequence[float]) -> Metric:
-    """Return one metric of its cells."""
+    """Return one Prometheus metric, filled with the family's cells of the shared counters."""
     names = list(family.labels)
     combinations = product(*family.labels.values())
     if family.kind == "histogram":

@@ -18,7 +18,7 @@ _MINUTE_NS = 60_000_000_000
 
 
 class Journal:
-    """An observer that logs.
+    """Cycle observer that logs each leg's changes of state and cause, and the results of commands.
 
     Args:
         legs: Names of the legs in the order of the frames' rows.

@@ -21,7 +21,7 @@ _LINE_BYTES = 4096
 
 
 class NonBlockingLogHandler(logging.Handler):
-    """A log handler that writes each record as one line if there is room for it.
+    """Log handler that writes each record as one line, and never waits for a full output.
 
     Args:
         fd: Descriptor to write to; its mode stays as it is, and it stays open.
@@ -83,7 +83,7 @@ def _encoded_line(text: str) -> bytes:
 
 
 def _writer(fd: int) -> tuple[Callable[[bytes], int], Callable[[], None]]:
-    """Return a function that writes to a descriptor without waiting, and one that releases it."""
+    """Return two functions for a file descriptor: a write that does not wait, and the release."""
     kind = os.fstat(fd).st_mode
     if stat.S_ISSOCK(kind):  # as systemd gives it to a service
         journal = socket.socket(fileno=os.dup(fd))

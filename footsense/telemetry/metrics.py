@@ -93,7 +93,7 @@ class MetricsObserver:
         self._scan_cells: list[int] = []
 
     def observe(self, cycle: Cycle) -> None:
-        """Count one cycle."""
+        """Add one cycle to the shared counters of the metrics."""
         cells, forces = self._counters.cells, cycle.forces
         sent_ns = forces.t_sent_ns
         if self._t_sent_ns is not None:
@@ -121,7 +121,7 @@ class MetricsObserver:
                 cells[self._first["footsense_tares_total"] + column] += 1
 
     def close(self) -> None:
-        """Remove the shared file."""
+        """Close the shared counters and remove their file."""
         self._counters.close()
 
     def _update_states(self, forces: ContactFrame) -> None:

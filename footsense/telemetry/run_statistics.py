@@ -19,7 +19,7 @@ _AGE_BIN_MS = 0.05
 
 
 class Histogram:
-    """Counts in bins of equal width from 0; the last bin also counts values beyond it.
+    """Histogram with bins of equal width from 0; the last bin also counts all larger values.
 
     Args:
         width: Width of a bin.
@@ -32,14 +32,14 @@ class Histogram:
         self._sum = 0.0
 
     def add(self, values: Vector) -> None:
-        """Count values, none of them negative, shape (n,)."""
+        """Count the given non-negative values, shape (n,), in their bins."""
         bins = np.minimum((values / self._width).astype(np.int64), len(self._counts) - 1)
         np.add.at(self._counts, bins, 1)
         self._sum += float(values.sum())
 
     @property
     def total(self) -> int:
-        """Number of counted values."""
+        """Number of values counted in all bins."""
         return int(self._counts.sum())
 
     @property
@@ -82,7 +82,7 @@ class RunStatistics(Observer):
         self._valid = 0
 
     def observe(self, cycle: Cycle) -> None:
-        """Count one cycle."""
+        """Add one cycle to the statistics of the run."""
         forces = cycle.forces
         if self._scans == 0:
             self._first_ns = forces.t_sent_ns

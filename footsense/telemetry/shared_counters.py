@@ -38,7 +38,7 @@ _HEAD = struct.Struct("<8sQ")
 
 @dataclass(frozen=True)
 class MetricFamily:
-    """One metric with all its label values.
+    """One metric family: name, help, kind, and all label values.
 
     Attributes:
         name: Name in Prometheus, with its unit; a counter's ends in `_total`.
@@ -66,7 +66,7 @@ class MetricFamily:
 
 
 class SharedCounters:
-    """The writer's side: creates the file and removes it at the end.
+    """Writer's side of the shared counters: creates their file, and removes the file at the end.
 
     Args:
         families: Metrics in the order of their cells.

@@ -66,7 +66,7 @@ class SystemdNotifier:
 
 
 class SystemdObserver:
-    """An observer that keeps systemd informed; without systemd it does nothing.
+    """Cycle observer that keeps systemd informed; does nothing without systemd.
 
     Args:
         notifier: The notification socket.

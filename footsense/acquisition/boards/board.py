@@ -89,7 +89,7 @@ class Step(NamedTuple):
 
 
 class Thermometer(NamedTuple):
-    """The temperature sensor of a converter; to read it ends the conversions of elements.
+    """Temperature sensor inside a converter; reading the temperature ends the conversions of elements.
 
     Attributes:
         start: Writes that start the conversion of the temperature.
@@ -105,7 +105,7 @@ class Thermometer(NamedTuple):
 
 
 class Board(NamedTuple):
-    """One kind of electronics.
+    """Converter electronics of a leg: scan steps, chip setup and decoding of the readings.
 
     Attributes:
         conversion_ns: Nominal time of one conversion by conversions per second [ns].

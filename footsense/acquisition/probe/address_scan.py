@@ -19,7 +19,7 @@ _PROBED_BY_READ = {*range(0x30, 0x38), *range(0x50, 0x60)}
 
 
 class AddressProbe(NamedTuple):
-    """Addresses on a bus.
+    """Result of an address scan: the I2C addresses that answered, and those that could not be probed.
 
     Attributes:
         answering: Addresses that acknowledged.
@@ -31,7 +31,7 @@ class AddressProbe(NamedTuple):
 
 
 def probe_addresses(bus: I2cBus, skipped: Collection[int] = ()) -> AddressProbe:
-    """Probe every address once.
+    """Probe every I2C address once, and return which addresses acknowledged.
 
     Args:
         bus: The bus, with the channels that are connected.

@@ -122,7 +122,7 @@ def scan_adapters(
 
 
 def _holds_selection(bus: UpstreamBus, selection: int) -> bool:
-    """Connect some channels, and return whether the mux reads back so: another chip at its address does not.
+    """Connect some channels, and return whether the mux reads them back, as no other chip would.
 
     Raises:
         BusTimeoutError: A line is stuck.

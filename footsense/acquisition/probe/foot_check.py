@@ -79,13 +79,13 @@ class FootScans(NamedTuple):
 
     @property
     def mean_pf(self) -> Vector:
-        """Mean of each element [pF], shape (9,), NaN if a scan lacks it."""
+        """Mean capacitance of each element over the scans [pF], shape (9,), NaN if a scan lacks the element."""
         mean_pf: Vector = self.capacitance_pf.mean(axis=0)
         return mean_pf
 
     @property
     def noise_ff(self) -> Vector:
-        """Standard deviation of each element [fF], shape (9,), NaN if a scan lacks it."""
+        """Standard deviation of each element over the scans [fF], shape (9,), NaN if a scan lacks the element."""
         noise_pf: Vector = self.capacitance_pf.std(axis=0, ddof=1)
         return noise_pf * 1e3
 

@@ -96,7 +96,7 @@ def calibrate_sessions(
 
 
 def calibrate(models: DesignModels, loads: LoadSet) -> CalibrationResult:
-    """Find the parameters in which a foot differs from its design.
+    """Fit the parameters in which a foot differs from its design to calibration loads.
 
     Args:
         models: Models of its type.

@@ -83,7 +83,7 @@ def _groups(force_n: Vector) -> NDArray[np.intp]:
 
 
 def _score(error_rel: Vector) -> tuple[float, float]:
-    """Return the mean error and its standard error, each error clipped at five medians against outliers."""
+    """Return the mean error size [1] and its standard error [1], with errors clipped at five times the median."""
     size = np.linalg.norm(error_rel, axis=1)
     size = np.minimum(size, 5.0 * np.median(size))
     return float(size.mean()), float(size.std() / np.sqrt(len(size)))

@@ -56,7 +56,7 @@ _MIN_LIGHT_LOADS, _MAX_LIGHT_LOADS = 15, 40
 
 
 class ParameterFit(NamedTuple):
-    """Result of a fit.
+    """Result of a parameter fit: parameters, posterior covariance, and misfit of each load.
 
     Attributes:
         parameters: Parameters as in `twin`, shape (N_PARAMETERS,).
@@ -184,7 +184,7 @@ class _State:
         return np.concatenate([white.reshape(-1, N_PARAMETERS), np.diag(1.0 / PRIOR_SIGMA)])
 
     def _slope_pf(self, number: int, rows: slice | Mask) -> Vector:
-        """Return the slope of some loads' readings by one parameter [pF per its unit], shape (rows, 9)."""
+        """Return the derivative of the modelled readings by one parameter [pF per unit], shape (rows, 9)."""
         moved = self.parameters.copy()
         moved[number] += _STEP[number]
         contact = ContactLoads(self._contact.normal[rows], self._contact.force_n[rows])
@@ -193,7 +193,7 @@ class _State:
 
 
 def _whitening(twin: FootTwin, parameters: Vector, loads: LoadSet) -> Vector:
-    """Return for each load the matrix that whitens its misfit, the inverse Cholesky factor of S, shape (n, 9, 9)."""
+    """Return one whitening matrix per load, shape (n, 9, 9): the inverse Cholesky factor of the covariance S."""
     contact = ContactLoads.centred(loads.force_n)
     model_pf = twin.capacitance_pf(parameters, contact)
     step_n = _FORCE_STEP_REL * np.linalg.norm(contact.force_n, axis=1, keepdims=True)

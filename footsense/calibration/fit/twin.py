@@ -36,7 +36,7 @@ class ContactLoads(NamedTuple):
 
     @classmethod
     def centred(cls, force_n: Vector) -> "ContactLoads":
-        """Return loads through the centre of the ball: each normal lies along its force."""
+        """Return contact loads through the centre of the ball: each contact normal is parallel to the force."""
         return cls(force_n / np.linalg.norm(force_n, axis=1, keepdims=True), force_n)
 
 
@@ -68,7 +68,7 @@ class FootTwin:
         return gap_um
 
     def cells_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
-        """Return the closure of each cell, at most its gap [um], shape (n, 324); stray and gain do not matter."""
+        """Return the closure of each cell [um], shape (n, 324), limited to the cell's gap; ignores stray and gain."""
         response, mount = self._response, rotation(parameters[MOUNT])
         softness = 1.0 / (1.0 + float(parameters[STIFFNESS][0]))
         normal = self._lifted_to_rim(loads.normal @ mount.T)
@@ -101,7 +101,7 @@ class FootTwin:
 
 
 def parameter_names() -> list[str]:
-    """Return the name of each parameter with its element and unit."""
+    """Return the names of all parameters, each with element and unit."""
     kinds = [("stray", "pF"), ("gain", "1"), ("gap", "um")]
     nines = [f"{kind} of element {element} [{unit}]" for kind, unit in kinds for element in range(ELEMENTS)]
     return [*nines, "stiffness [1]", *(f"mount about {axis} [rad]" for axis in "xyz")]

@@ -70,7 +70,7 @@ class LoadDetector:
 
     @property
     def offset_n(self) -> Vector:
-        """Unloaded reading of the reference [N], shape (3,); NaN until it is known."""
+        """Unloaded reading of the reference sensor [N], shape (3,); NaN until known."""
         total_n, n = self._offset_sum()
         if self._phase is _Phase.UNLOADED:
             now_n, n_now = self._reference_sum(self._before_ns)
@@ -78,7 +78,7 @@ class LoadDetector:
         return total_n / n if n else np.full(3, np.nan)
 
     def take(self, cycle: Cycle) -> CalibrationLoad | None:
-        """Process a cycle; return the load, accepted or rejected, that it completes."""
+        """Process a cycle; return the load that ends with this cycle, accepted or rejected, or None."""
         if cycle.reference is not None and len(cycle.reference.t_ns):
             self._reference.append(cycle.reference)
         scan, row = cycle.scan, self._row

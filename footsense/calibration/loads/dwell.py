@@ -31,7 +31,7 @@ _PRESENT_REL = 0.9
 
 
 class _Unloaded(NamedTuple):
-    """Means and standard deviations over an unloaded span, and its mean time."""
+    """Means and standard deviations of the readings over an unloaded span, and the span's mean time."""
 
     t_ns: float
     capacitance_pf: Vector
@@ -42,7 +42,7 @@ class _Unloaded(NamedTuple):
 
 
 def reduce_press(press: Press) -> CalibrationLoad:
-    """Return the calibration load of a press, or why it gives none."""
+    """Return one calibration load for a recorded press, accepted, or rejected with the reason."""
     before = _unloaded(press, press.before_ns)
     dwell_ns = _longest_dwell(press, before)
     rejection = next(_rejections(press, before, dwell_ns), None)

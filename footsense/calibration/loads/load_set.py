@@ -61,7 +61,7 @@ class LoadSet:
         return self.capacitance_pf - self.baseline_pf + self.unloaded_pf
 
     def spread_order(self) -> NDArray[np.intp]:
-        """Return an order of the loads, shape (n,), of which any beginning covers the forces well.
+        """Return load indices, shape (n,), ordered so that the first k cover the forces well for any k.
 
         The first load is the nearest to the mean; each next one is the farthest from all before it, by direction and
         magnitude (farthest-point sampling).

@@ -22,7 +22,7 @@ _MIN_PRESSES = 5
 def lag_s(
     press: Press, dwell_ns: tuple[int, int], baseline_pf: Vector, offset_n: Vector, force_n: Vector
 ) -> float:
-    """Return the delay of the reference [s]; NaN if the press was not recorded to its end.
+    """Return the delay of the reference sensor behind the foot [s]; NaN if the end of the press is missing.
 
     Args:
         press: The press.

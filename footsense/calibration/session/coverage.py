@@ -46,7 +46,7 @@ class NextLoad(NamedTuple):
 
 
 class Coverage:
-    """Counts loads and the directions that they cover.
+    """Counts the accepted calibration loads and the force directions covered so far.
 
     Args:
         wanted: Number of loads of a complete set.
@@ -70,7 +70,7 @@ class Coverage:
 
     @property
     def n_loads(self) -> int:
-        """Number of accepted loads."""
+        """Number of accepted calibration loads so far."""
         return sum(self.counts)
 
     def add(self, force_n: Vector) -> None:

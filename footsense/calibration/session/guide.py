@@ -67,7 +67,7 @@ class SessionGuide:
 
     @property
     def reference_n(self) -> Vector:
-        """Present force of the reference minus its offset [N], shape (3,); NaN without samples."""
+        """Present force on the reference sensor, offset subtracted [N], shape (3,); NaN without samples."""
         if not self._shown:
             return np.full(3, np.nan)
         force_n: Vector = np.mean([force_n for _, force_n in self._shown], axis=0) - self._detector.offset_n

@@ -120,7 +120,7 @@ def _wrong_axes(
 
 
 def _signed_axis(axis: str, sign: float) -> str:
-    """Return an axis, or its opposite.
+    """Return the name of an axis such as `-x`, or of the opposite axis if `sign` is negative.
 
     Example:
         >>> _signed_axis("-x", -1.0), _signed_axis("+y", -1.0), _signed_axis("z", 1.0)

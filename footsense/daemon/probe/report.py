@@ -68,7 +68,7 @@ class ProbedLeg(NamedTuple):
 
 
 class ProbeResult(NamedTuple):
-    """Result of a probe.
+    """Result of a probe: the state of buses, legs and feet.
 
     Attributes:
         buses: Every bus.

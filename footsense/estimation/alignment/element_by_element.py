@@ -22,7 +22,7 @@ _STANCE_REL = 0.2
 
 
 class ElementByElement:
-    """Forces of single conversions.
+    """Aligns the elements and estimates the force after every single conversion.
 
     Args:
         estimator: The network, for as many rows as there are legs.

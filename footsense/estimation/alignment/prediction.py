@@ -118,7 +118,7 @@ class Prediction:
         self._speed[legs] += _NEWEST_REL * (squared - self._speed[legs])
 
     def observe_all(self, element: int, values: Vector, t_ns: Stamps) -> None:
-        """Update all legs with a reading of the same element, none of them missing; else as `observe`."""
+        """Update every leg's state by its reading of one common element, with no reading missing; else as `observe`."""
         state = self._state
         elapsed_s = np.asarray((t_ns - self._t_ns) * 1e-9, np.float64)
         self._move(state, elapsed_s)
@@ -138,7 +138,7 @@ class Prediction:
         return moved
 
     def speed(self) -> tuple[Vector, NDArray[np.intp]]:
-        """Return the factor on each leg's covariance, and its newest element, shape (legs,) each."""
+        """Return each leg's covariance factor [1] and the index of its newest element, shape (legs,) each."""
         return np.maximum(self._speed, self._innovation2), self._newest
 
     @staticmethod

@@ -79,7 +79,7 @@ class SkewRemoval:
         self._all_legs = np.ones(n_legs, bool)
 
     def apply(self, values: Vector, t_ns: Stamps, ignored: Mask | None = None) -> AlignedScan:
-        """Return every value as of the mean stamp of its leg.
+        """Return a scan with every value moved in time to the mean time stamp of its leg.
 
         Args:
             values: One scan in any unit, shape (legs, elements), NaN where there is no reading.
@@ -119,7 +119,7 @@ class SkewRemoval:
 
 
 class ScanByScan:
-    """Forces of whole scans.
+    """Aligns each whole scan to one time per leg and estimates the force at that time.
 
     Each leg is estimated two ways, its elements moved along parabolas and along lines: the distance between the two
     forces estimates the error by motion on any axis; of one axis alone it may vanish by chance.

@@ -61,7 +61,7 @@ class ContactLimits:
 
 
 def trimmed_means(closure_rel: Vector) -> list[float]:
-    """Return the mean closure of each leg without its largest and smallest.
+    """Return each leg's mean closure [1], leaving out the leg's largest and smallest closure.
 
     In Python numbers: for six legs, numpy's calls take longer.
 
@@ -185,7 +185,7 @@ class ContactDetector:
         return abs(self.load_n) <= self._lift_n + self.drift_n
 
     def refusal(self, kind: CommandKind) -> str | None:
-        """Return why a command must not be executed now, None if it may be.
+        """Return the reason to refuse a command now, or None if the command may be executed.
 
         A controller that leans on a leg must not lose its force by one frame, so a leg in contact is not stopped. Nor
         is it tared, unless drift and creep could explain its load: then the tare itself decides, since a foot that was

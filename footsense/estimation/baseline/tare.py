@@ -18,7 +18,7 @@ from footsense.frames import ELEMENTS, Codes, Mask, Reading, Result, Stamps, Sta
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TareLimits:
-    """Limits of a tare.
+    """Limits of a tare: scans averaged, largest noise [fF], largest deviation from the expected reading [1].
 
     Attributes:
         window_frames: Scans that are averaged, at least 2.
@@ -33,7 +33,7 @@ class TareLimits:
 
 @dataclass(frozen=True, slots=True)
 class TareResult:
-    """Result of a tare.
+    """Result of a tare: done or why refused, and the new baseline [pF].
 
     Attributes:
         result: DONE, or why it was refused.

@@ -123,7 +123,7 @@ class BaselineTracker:
         return None
 
     def refusal(self, kind: CommandKind, leg: int) -> str | None:
-        """Return why a command must not be executed now, None if it may be."""
+        """Return the reason to refuse a command now, or None if the command may be executed."""
         return self._contacts[leg].refusal(kind)
 
     @property
@@ -255,7 +255,7 @@ class BaselineTracker:
         self.drift = BaselineDrift(np.array(self._statuses, np.uint8), *self._offsets)
 
     def _discard_silent(self, reading: Codes, now_ns: int) -> None:
-        """Discard the baselines of legs that have been silent for too long, and tare them again."""
+        """Discard the baseline of every leg that has been silent for too long, and start a new tare of the leg."""
         if not np.count_nonzero(reading):
             self._heard_ns.fill(now_ns)
             return

@@ -83,7 +83,7 @@ class CalibrationMonitor:
         self._n_samples = 0
 
     def observe(self, load_n: Vector, in_contact: Mask, squares: Vector, now_ns: int) -> None:
-        """Sample the forces of a frame, and test the stride if it ends here.
+        """Integrate the load of each leg over time, and test a stride when the first leg touches down.
 
         Args:
             load_n: Force along the leg [N], shape (legs,), NaN where it is not known: such a stride is not tested.

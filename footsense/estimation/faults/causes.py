@@ -46,7 +46,7 @@ class ElementFaults(NamedTuple):
 
     @property
     def any(self) -> Mask:
-        """Elements with any fault."""
+        """Mask of the elements that are open, shorted, stuck or drifting."""
         return self.opened | self.shorted | self.stuck | self.drifting
 
 

@@ -90,11 +90,11 @@ class ConsistencyTest:
 
     @property
     def excluded(self) -> Mask:
-        """Elements that are left out until they are consistent again, shape (legs, 9)."""
+        """Mask of the elements excluded until their readings are consistent again, shape (legs, 9)."""
         return self._excluded
 
     def reset(self, legs: Mask) -> None:
-        """Readmit all elements of these legs, shape (legs,): they have a new foot, or a new baseline."""
+        """Readmit all elements of the legs in a mask, shape (legs,), after a change of foot or baseline."""
         self._excluded[legs] = self._suspected[legs] = self._stuck[legs] = False
 
     def squared_residuals(self, closure_rel: Vector) -> Vector:
@@ -226,7 +226,7 @@ class ConsistencyTest:
         return stuck
 
     def _excess(self, closure_rel: Vector, missing: Mask) -> float:
-        """Return the largest residual of the elements that are not missing, over its limit [1]."""
+        """Return the largest residual of the present elements, divided by the residual limit [1]."""
         kept = closure_rel[~missing]
         if kept.size < 2:
             return 0.0

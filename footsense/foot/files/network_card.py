@@ -26,7 +26,7 @@ NineByNine = Annotated[list[Nine], Meta(min_length=9, max_length=9)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainedInputs:
-    """Capacitors that a network was trained for, and range and moments of its training inputs.
+    """Capacitor design that a network was trained for, and range and second moments of the training inputs.
 
     Attributes:
         design: The capacitors.

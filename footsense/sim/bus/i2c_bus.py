@@ -70,7 +70,7 @@ class SimulatedMux:
         self.control = 0
 
     def read(self, n: int, t_ns: int) -> bytes:
-        """Return the control byte, however often it is read."""
+        """Return the mux's control byte, repeated for every byte read."""
         del t_ns
         return bytes((self.control,)) * n
 
@@ -109,7 +109,7 @@ class SimulatedBus:
         self._connected: dict[tuple[int, int], tuple[SimulatedChip, ...]] = {}
 
     def transfer(self, transaction: Transaction) -> bytes:
-        """Do one transaction, and move the clock by its duration.
+        """Do one I2C transaction, advance the virtual clock by the duration, and return the bytes read.
 
         Raises:
             NackError: No connected chip acknowledges the address.
@@ -138,10 +138,10 @@ class SimulatedBus:
         return answer
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: the simulated bus holds no resource."""
 
     def _connect(self, address: int) -> tuple[SimulatedChip, ...]:
-        """Return the connected chips at `address`, and keep them for this selection."""
+        """Return all connected chips at `address`, the mux included, and cache the result for this mux selection."""
         behind = [
             chip
             for channel in range(tca9548a.CHANNELS)

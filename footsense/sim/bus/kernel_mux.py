@@ -41,4 +41,4 @@ class SimulatedKernelMuxLeg:
         return self._upstream.transfer(transaction)
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: the simulated adapter holds no resource."""

@@ -17,7 +17,7 @@ from footsense.sim.faults.schedule import Span, during
 
 
 class LineFaults(NamedTuple):
-    """Faults of the line.
+    """Faults of a simulated serial line: lost and corrupt bytes, controller resets, unplugged spans.
 
     Attributes:
         lost_rel: Share of the bytes that are lost [1].

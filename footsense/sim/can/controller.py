@@ -32,7 +32,7 @@ _TX_PASSIVE = 0x20
 
 
 class CanSettings(NamedTuple):
-    """Settings of an interface.
+    """Settings of a simulated CAN interface: transmit queue and controller.
 
     Attributes:
         queue_frames: Capacity of its queue.

@@ -49,7 +49,7 @@ class _Sender:
 
 
 class SimulatedCan:
-    """An interface and its bus.
+    """Simulated SocketCAN interface and the CAN bus behind it.
 
     Args:
         clock: The clock; events on the bus are processed whenever a socket is used.

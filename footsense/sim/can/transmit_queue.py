@@ -27,7 +27,7 @@ class Queued(NamedTuple):
 
 
 class TransmitQueue:
-    """A queue of frames.
+    """Simulated transmit queue of a CAN interface, as the Linux kernel keeps it.
 
     Args:
         room: Capacity in frames.
@@ -51,7 +51,7 @@ class TransmitQueue:
         self.n_pushed_out = self.n_purged = self.n_swallowed = 0
 
     def put(self, frame: Queued) -> bool:
-        """Append a frame; a full queue refuses it or drops the oldest.
+        """Append a frame; a full queue refuses the frame or drops the oldest one.
 
         Returns:
             False if it was refused: ENOBUFS.
@@ -84,7 +84,7 @@ class TransmitQueue:
         self.look_ns = max(t_ns, self._may_look_ns)
 
     def regain_carrier(self) -> None:
-        """Note the return of the carrier; it activates a deactivated queue at once."""
+        """Note the return of the carrier, and activate a deactivated queue at once."""
         self._active = self._carrier = True
 
     def look(self, t_ns: int) -> None:

@@ -56,7 +56,7 @@ class SimulatedLineSwitch(LegChip):
         )
 
     def read(self, n: int, t_ns: int) -> bytes:
-        """Return the switch byte."""
+        """Return the byte of the switch states, one bit per switch, repeated for every byte read."""
         del t_ns
         return bytes((self._switches,)) * n
 

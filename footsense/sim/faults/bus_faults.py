@@ -64,7 +64,7 @@ class FailingBus:
         self._resets_ns = deque(sorted(fault.at_ns for fault in faults if isinstance(fault, MuxReset)))
 
     def transfer(self, transaction: Transaction) -> bytes:
-        """Do one transaction, if the wires pass it.
+        """Do one I2C transaction and return the bytes read, unless a simulated bus fault prevents it.
 
         Raises:
             BusTimeoutError: SDA is held low.
@@ -88,7 +88,7 @@ class FailingBus:
         raise BusError("arbitration lost: another master is on this bus")
 
     def close(self) -> None:
-        """Close the bus."""
+        """Close the simulated bus."""
         self._bus.close()
 
     def _holds(self, fault: OnWires) -> bool:

@@ -27,7 +27,7 @@ _COLUMNS = 3
 
 
 class Damage:
-    """Faults of one foot and of its lines.
+    """Simulated damage of one foot: changes its capacitances by the faults of elements and lines.
 
     Args:
         faults: Faults on this foot.

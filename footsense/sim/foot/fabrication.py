@@ -45,7 +45,7 @@ REMOUNT_DEG = 0.3
 
 
 def fabricate(response: FootResponse, tolerances: FootTolerances, seed: int, foot: int) -> Deviations:
-    """Return the deviations of one foot from its design.
+    """Draw one foot's random deviations from its design, with the fabrication tolerances as rms values.
 
     Each kind of deviation has its own random stream: a foot has the same gaps with any tolerance of its mount, and
     twice the deviations with twice the tolerance (repeated draws apart).

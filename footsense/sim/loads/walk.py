@@ -81,7 +81,7 @@ class Walk:
         return phase if phase < self.duty_rel else None
 
     def contact_at(self, leg: str, phase: float) -> GroundContact:
-        """Return the contact of a leg at a phase of its stance [1]."""
+        """Return a leg's contact at a stance phase [1]."""
         x, y, z = self.reaction[leg](phase).tolist()
         if z <= 0.0:
             return IN_THE_AIR

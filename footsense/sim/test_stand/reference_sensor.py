@@ -88,7 +88,7 @@ class SimulatedSensor:
 
 
 class SimulatedPort:
-    """A serial port with a simulated sensor at its other end, in virtual time.
+    """Serial port connected to a simulated force sensor, in virtual time.
 
     Args:
         sensor: The sensor.
