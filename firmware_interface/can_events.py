@@ -25,7 +25,7 @@ HEARTBEAT_ID = 0x700
 #: Source: CiA 404 starts an auto-zero by writing "zero" to object 0x6125; the others follow it.
 WORDS = {CommandKind.TARE: b"zero", CommandKind.START: b"strt", CommandKind.STOP: b"stop"}
 
-#: Stands for the counter of the command in an answer that no command frame command_counter for.
+#: Stands for the counter of the command in an answer that no command frame asked for.
 UNSOLICITED = COUNTER_PERIOD
 
 
