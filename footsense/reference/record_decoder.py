@@ -3,6 +3,7 @@
 Each resynchronises: what is not a record is skipped and counted, and the next record is read.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -28,7 +29,7 @@ class SensorRecords(NamedTuple):
     saturated: Mask
 
 
-class RecordDecoder:
+class RecordDecoder(ABC):
     """Part of both decoders: the columns of a record, unwrapped counters, and bad records.
 
     Args:
@@ -70,9 +71,9 @@ class RecordDecoder:
         """Drop an incomplete record after the line was reopened."""
         self._synchronised = False
 
+    @abstractmethod
     def _parse(self, data: bytes) -> list[list[float]]:
         """Return the values of the records that these bytes complete."""
-        raise NotImplementedError
 
     def _plausible(self, record: list[float]) -> list[float] | None:
         """Return the record, or None if its values are impossible for a sensor; NaN fails every comparison."""
