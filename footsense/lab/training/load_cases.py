@@ -117,7 +117,7 @@ def random_loads(
     rng = np.random.default_rng(seed)
     foot = Foot(response, deviations)
     lowest_z = np.sin(np.radians(loads.min_elevation_deg))
-    forces, closures, found = [], [], 0
+    forces, normals, closures, found = [], [], [], 0
     for _ in range(_MOST_DRAWS):
         direction = random_directions(rng, n, loads.min_elevation_deg)
         normal = leaning_normals(loads, rng, direction)
@@ -133,9 +133,10 @@ def random_loads(
         in_range = response.design.capacitance_pf(closure).max(axis=1) < FULL_SCALE_PF
         forces.append(force[in_range])
         closures.append(closure[in_range])
+        normals.append(normal[in_range])
         found += int(in_range.sum())
         if found >= n:
-            return Cases(np.concatenate(forces)[:n], np.concatenate(closures)[:n])
+            return RestLoads(*(np.concatenate(part)[:n] for part in (forces, normals, closures)))
     raise ModelError(
         f"{response.foot_type}: of loads up to {loads.max_n:g} N the converter can tell "
         f"{found / (_MOST_DRAWS * n):.1%}; lower loads.max_n, or make the foot stiffer or its gap thicker"
@@ -167,3 +168,18 @@ def as_designed_um(design: CapacitorDesign, change_pf: Vector) -> Vector:
     """
     unloaded_pf = np.array(design.unloaded_pf)
     return design.closure_um(unloaded_pf + change_pf, unloaded_pf)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RestLoads:
+    """Loads at rest.
+
+    Attributes:
+        force_n: Ground reaction on the foot [N], shape (n, 3).
+        normal: Inward unit normal of the contact, shape (n, 3).
+        closure_um: Closure that the capacitance of each element stands for [um], shape (n, 9).
+    """
+
+    force_n: Vector
+    normal: Vector
+    closure_um: Vector

@@ -1,0 +1,122 @@
+"""Readings of a foot in random gaits, as the daemon gets them: one element after the other, with noise and timing.
+
+Every conversion is one reading of one element at its own time; the truth that belongs to it is the load at the time at
+which a force estimated from it would be sent. Half a minute of walking is thousands of windows of readings.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
+from footsense.frames import ELEMENTS, Vector
+from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, sensed_closure_um
+from footsense.sim.loads.random_gait import RandomGait
+from footsense.sim.foot.viscoelastic import ViscoelasticElement
+
+#: Orders of the conversions that a window may come from; almost all robots use the first.
+ORDERS: NDArray[np.intp] = np.array([(5, 0, 7, 6, 4, 2, 1, 8, 3), tuple(range(ELEMENTS))], np.intp)
+#: Share of the gaits that are read in the second order, and of those whose converters are slower, or sent later.
+_RASTER_SHARE, _SLOW_SHARE, _LATE_SHARE = 0.15, 0.2, 0.2
+#: Share of the gaits on rubber that creeps and lags, and the most of it over that of the simulated rubber [1].
+_VISCOUS_SHARE, _MOST_VISCOUS = 0.3, 1.5
+#: Time of a conversion and from its middle to the sending of a force, at 400 conversions a second [s].
+STEP_S, LEAD_S = 2.7167e-3, 3.2345e-3
+#: Slowest converter over that [1], and latest sending [s].
+_SLOWEST_REL, _LATEST_S = 5.0, 8e-3
+#: Standard deviation of the converter's clock [1], and of the time of sending [s].
+_CLOCK_REL, _JITTER_S = 0.01, 3e-5
+#: Drift of a baseline since it was last followed [pF, rms].
+_DRIFT_PF = 0.5e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GaitReadings:
+    """Readings of m gaits of n conversions each.
+
+    Attributes:
+        order: Row of `ORDERS` of each gait, shape (m,).
+        step_s: Time of a conversion of each gait [s], shape (m,).
+        lead_s: Time from the middle of each conversion to sending [s], shape (m, n).
+        closure_rel: Measured closure of the conversion's own element over the gap [1], shape (m, n); NaN beyond the
+            converter's range.
+        force_n: True force at sending [N], shape (m, n, 3).
+        normal: True normal of the contact at sending, shape (m, n, 3); up in the air.
+    """
+
+    order: NDArray[np.intp]
+    step_s: Vector
+    lead_s: Vector
+    closure_rel: NDArray[np.float32]
+    force_n: NDArray[np.float32]
+    normal: NDArray[np.float32]
+
+
+def elements_of(order: int, n: int) -> NDArray[np.intp]:
+    """Return the element of each of n conversions, shape (n,)."""
+    return np.resize(ORDERS[order], n)
+
+
+def _with_rubber(t_s: Vector, normal: Vector, force_n: Vector, amount: float) -> tuple[Vector, Vector]:
+    """Return normal and force that deform an elastic foot as much as the load deforms one that creeps and lags."""
+    rubber = ViscoelasticElement()
+    normals, forces = normal.copy(), np.empty_like(force_n)
+    for k, t_ns in enumerate((t_s * 1e9).astype(np.int64).tolist()):
+        normals[k], sensed_n = rubber.effective_load(t_ns, normal[k], force_n[k])
+        forces[k] = force_n[k] + amount * (sensed_n - force_n[k])
+    return normals, forces
+
+
+def one_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: float) -> GaitReadings:
+    """Return the readings of one random gait, as arrays with a first axis of length 1.
+
+    Args:
+        response: Response of the foot.
+        rng: Source of the draws.
+        n: Number of conversions.
+        max_n: Full load of the foot [N].
+    """
+    design = response.design
+    order = int(rng.random() < _RASTER_SHARE)
+    slower = float(np.exp(rng.uniform(0.0, np.log(_SLOWEST_REL)))) if rng.random() < _SLOW_SHARE else 1.0
+    step_s = STEP_S * slower * (1.0 + _CLOCK_REL * rng.normal())
+    late_s = rng.uniform(0.0, _LATEST_S) if rng.random() < _LATE_SHARE else 0.0
+    lead_s = LEAD_S + 0.6 * (step_s - STEP_S) + late_s + _JITTER_S * rng.normal(size=n)
+    t_s = step_s * np.arange(1, n + 1)
+    gait = RandomGait(rng, max_n, n * step_s)
+    read, sent = gait.loads(t_s), gait.loads(t_s + lead_s)
+    amount = rng.uniform(0.0, _MOST_VISCOUS) if rng.random() < _VISCOUS_SHARE else 0.0
+    normal, force_n = (read.normal, read.force_n) if not amount else _with_rubber(t_s, *read, amount)
+    closure_um = np.zeros((n, ELEMENTS))
+    loaded = force_n.any(axis=1)
+    closure_um[loaded] = sensed_closure_um(Foot(response), normal[loaded], force_n[loaded])
+    element = elements_of(order, n)
+    capacitance_pf = design.capacitance_pf(closure_um[np.arange(n), element])
+    measured_pf = capacitance_pf + NOISE_PF * rng.normal(size=n)
+    own_baseline_pf = design.unloaded_pf + np.hypot(BASELINE_NOISE_PF, _DRIFT_PF * (rng.random() < 0.5)) * rng.normal(size=ELEMENTS)
+    closure_rel = design.closure_um(measured_pf, own_baseline_pf[element]) / design.gap_um
+    closure_rel[measured_pf >= FULL_SCALE_PF] = np.nan
+    return GaitReadings(
+        order=np.array([order]),
+        step_s=np.array([step_s]),
+        lead_s=lead_s[None],
+        closure_rel=closure_rel[None].astype(np.float32),
+        force_n=sent.force_n[None].astype(np.float32),
+        normal=sent.normal[None].astype(np.float32),
+    )
+
+
+def joined(gaits: list[GaitReadings]) -> GaitReadings:
+    """Return gaits of equal length as one."""
+    return GaitReadings(**{name: np.concatenate([getattr(gait, name) for gait in gaits]) for name in GaitReadings.__dataclass_fields__})
+
+
+def random_gaits(response: FootResponse, seed: int, m: int, n: int, max_n: float, jobs: int = 1) -> GaitReadings:
+    """Return m random gaits of n conversions each; the same seed gives the same, on any number of processes."""
+    from joblib import Parallel, delayed
+
+    seeds = np.random.SeedSequence(seed).spawn(m)
+    made = Parallel(n_jobs=jobs)(delayed(one_gait)(response, np.random.default_rng(own), n, max_n) for own in seeds)
+    return joined(made)

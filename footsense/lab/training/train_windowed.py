@@ -1,0 +1,312 @@
+"""Training of the windowed network: Muon on random windows of random gaits and of loads at rest, from one seed.
+
+Every batch draws its windows, its missing elements and its gains. A share of the windows is of feet at rest, drawn
+from the wide loads of `load_cases`, whose readings differ by noise alone. Loss, whitening and linear start are those
+of `train`; beside the force, contact point and friction ratio are learnt where the foot carries a load.
+"""
+
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from numpy.typing import NDArray
+
+from footsense.estimation.faults.imputation import Imputation
+from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
+from footsense.frames import ELEMENTS, Vector
+from footsense.lab.training.gait_readings import LEAD_S, ORDERS, STEP_S, GaitReadings
+from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, RestLoads
+from footsense.lab.training.network import linear_basis
+from footsense.lab.training.train import MASKS
+from footsense.lab.training.windowed_network import (
+    PLANES,
+    READINGS,
+    SEEN,
+    Estimate,
+    Features,
+    Weights,
+    expand,
+    features,
+    run,
+    seen_index,
+)
+
+#: Share of the windows with something missing, and of those of feet at rest.
+_MASKED_SHARE, _REST_SHARE = 0.15, 0.25
+#: Tempering of the likelihood, and weight of the squared error over the squared force beside it, as in `train`.
+_TEMPERING, _SQUARED = 0.25, 100.0
+#: Weight of contact point and friction ratio, and normal force from which they are learnt [N].
+_CONTACT_WEIGHT, _LOADED_N = 0.25, 0.02
+#: Spread of the gains: bounds of a draw that is uniform in the logarithm [1].
+_SPREAD_REL = (1e-3, 1.5e-2)
+#: Shares of the windows in the air, just after lift-off and long after, that are used.
+_JUST_LIFTED_SHARE, _AIR_SHARE = 0.4, 0.02
+#: Conversions before the first window of a gait, and of a whole window.
+_WARM_UP, _WINDOW = 30, READINGS * ELEMENTS
+#: Steps that are compiled into one call.
+_STEPS_AT_ONCE = 500
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WindowProtocol:
+    """How a windowed network is trained.
+
+    Attributes:
+        channels: Channels of each of the two hidden layers, eight units each.
+        steps: Steps, a multiple of 500.
+        batch: Windows in a step.
+        rate: Highest learning rate.
+        min_force_n: Force below which errors count absolutely [N].
+        seed: Seed of start weights, batches and masks.
+    """
+
+    channels: int = 32
+    steps: int = 60_000
+    batch: int = 512
+    rate: float = 1e-2
+    min_force_n: float = 0.3
+    seed: int = 20090304
+
+    def card(self) -> dict[str, Any]:
+        """Return the protocol as JSON values."""
+        return {"optimiser": "muon, cosine one-cycle", **asdict(self)}
+
+
+class Batch(NamedTuple):
+    """Windows with their truth, n of them.
+
+    Attributes:
+        seen: What the network sees.
+        force_n: True forces [N], shape (n, 3).
+        contact: True contact point, stereographic, and friction ratio [1], shape (n, 4).
+        loaded: One where the two are learnt, shape (n, 1).
+    """
+
+    seen: Features
+    force_n: Any
+    contact: Any
+    loaded: Any
+
+
+def age_table() -> NDArray[np.intp]:
+    """Return the conversions since each element was read, shape (orders, 9 of the last conversion, 9 elements)."""
+    place = np.argsort(ORDERS, axis=1)
+    phases = np.arange(ELEMENTS)
+    ages: NDArray[np.intp] = (phases[None, :, None] - place[:, None, :]) % ELEMENTS
+    return ages
+
+
+def contact_of(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
+    """Return contact point and friction ratio, shape (..., 4), and the normal force [N], shape (...), of loads."""
+    pressing_n = (force_n * normal).sum(axis=-1)
+    point = normal[..., :2] / (1.0 + normal[..., 2:])
+    safe_n = np.where(pressing_n > 0.0, pressing_n, 1.0)[..., None]
+    ratio = np.where(pressing_n[..., None] > 0.0, force_n / safe_n - normal, 0.0)[..., :2]
+    return np.concatenate([point, ratio], axis=-1), pressing_n
+
+
+def whole_windows(gaits: GaitReadings) -> NDArray[np.bool_]:
+    """Tell after which conversions a whole window is within the converter's range, shape (m, n)."""
+    bad = np.isnan(gaits.closure_rel).cumsum(axis=1)
+    whole = np.zeros(bad.shape, bool)
+    whole[:, _WARM_UP:] = bad[:, _WARM_UP:] == bad[:, _WARM_UP - _WINDOW : -_WINDOW]
+    return whole
+
+
+class _Data(NamedTuple):
+    """Constants of a training run on the device."""
+
+    closure_rel: Any
+    force_n: Any
+    contact: Any
+    loaded: Any
+    lead_s: Any
+    step_s: Any
+    order: Any
+    where: Any
+    ages: Any
+    rest_rel: Any
+    rest_force_n: Any
+    rest_contact: Any
+    fill: Any
+    masks: Any
+    noise_rel: Any
+    film_rel: Any
+
+
+def _data(gaits: GaitReadings, rest: RestLoads, design: CapacitorDesign, imputation: Imputation) -> _Data:
+    contact, pressing_n = contact_of(gaits.force_n, gaits.normal)
+    rest_contact, _ = contact_of(rest.force_n, rest.normal)
+    rng = np.random.default_rng(1)
+    carries = pressing_n > 0.0
+    load = np.concatenate([np.zeros((len(carries), _WINDOW), int), carries.cumsum(axis=1)], axis=1)
+    lately = load[:, _WINDOW:] > load[:, :-_WINDOW]
+    drawn = rng.random(carries.shape)
+    share = np.where(carries, 1.0, np.where(lately, _JUST_LIFTED_SHARE, _AIR_SHARE))
+    where = np.flatnonzero((whole_windows(gaits) & (drawn < share)).ravel())
+    plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
+    single = jnp.float32
+    return _Data(
+        closure_rel=jnp.asarray(np.nan_to_num(gaits.closure_rel).ravel(), single),
+        force_n=jnp.asarray(gaits.force_n.reshape(-1, 3), single),
+        contact=jnp.asarray(contact.reshape(-1, 4), single),
+        loaded=jnp.asarray((pressing_n.ravel() > _LOADED_N)[:, None], single),
+        lead_s=jnp.asarray(gaits.lead_s.ravel(), single),
+        step_s=jnp.asarray(gaits.step_s, single),
+        order=jnp.asarray(gaits.order),
+        where=jnp.asarray(where),
+        ages=jnp.asarray(age_table()),
+        rest_rel=jnp.asarray(rest.closure_um / design.gap_um, single),
+        rest_force_n=jnp.asarray(rest.force_n, single),
+        rest_contact=jnp.asarray(rest_contact, single),
+        fill=jnp.asarray(np.stack([imputation.matrix(mask) for mask in MASKS]), single),
+        masks=jnp.asarray(MASKS, single),
+        noise_rel=jnp.asarray([s * design.gap_um / plates_um for s in (NOISE_PF, BASELINE_NOISE_PF)], single),
+        film_rel=jnp.asarray(design.film_equivalent_um / design.gap_um, single),
+    )
+
+
+def _gait_windows(data: _Data, n_times: int, key: jax.Array, n: int) -> tuple[Any, ...]:
+    """Return closures and ages, shape (n, 3, 9), and the truth of random windows of gaits."""
+    at = data.where[jax.random.randint(key, (n,), 0, len(data.where))]
+    gait, time = at // n_times, at % n_times
+    since = data.ages[data.order[gait], time % ELEMENTS][:, None] + ELEMENTS * jnp.arange(READINGS)[:, None]
+    closure_rel = data.closure_rel[at[:, None, None] - since]
+    age_s = since * data.step_s[gait][:, None, None] + data.lead_s[at][:, None, None]
+    return closure_rel, age_s, data.force_n[at], data.contact[at], data.loaded[at]
+
+
+def _rest_windows(data: _Data, key: jax.Array, n: int) -> tuple[Any, ...]:
+    """Return the same of feet at rest."""
+    k1, k2, k3, k4 = jax.random.split(key, 4)
+    at = jax.random.randint(k1, (n,), 0, len(data.rest_rel))
+    exact = data.rest_rel[at][:, None]
+    steep = (1.0 + data.film_rel - exact) ** 2
+    noise = data.noise_rel[0] * jax.random.normal(k2, (n, READINGS, ELEMENTS))
+    offset = data.noise_rel[1] * jax.random.normal(k3, (n, 1, ELEMENTS))
+    phase = jax.random.randint(k4, (n,), 0, ELEMENTS)
+    since = data.ages[0, phase][:, None] + ELEMENTS * jnp.arange(READINGS)[:, None]
+    closure_rel = exact + steep * noise + (1.0 + data.film_rel) ** 2 * offset
+    return closure_rel, since * STEP_S + LEAD_S, data.rest_force_n[at], data.rest_contact[at], jnp.ones((n, 1))
+
+
+def _batch(data: _Data, n_times: int, n: int, key: jax.Array) -> Batch:
+    """Return a random batch."""
+    k1, k2, k3, k4, k5, k6 = jax.random.split(key, 6)
+    n_rest = round(_REST_SHARE * n)
+    parts = zip(_gait_windows(data, n_times, k1, n - n_rest), _rest_windows(data, k2, n_rest), strict=True)
+    closure_rel, age_s, force_n, contact, loaded = (jnp.concatenate(pair) for pair in parts)
+    low, high = (float(np.log(bound)) for bound in _SPREAD_REL)
+    spread_rel = jnp.exp(jax.random.uniform(k3, (n, 1), minval=low, maxval=high))
+    closure_rel = closure_rel * (1.0 + spread_rel * jax.random.normal(k4, (n, ELEMENTS)))[:, None]
+    which = jax.random.randint(k5, (n,), 1, len(data.masks))
+    which = jnp.where(jax.random.uniform(k6, (n,)) < _MASKED_SHARE, which, 0)
+    closure_rel = jnp.einsum("nab,nsb->nsa", data.fill[which], closure_rel)
+    return Batch(features(closure_rel, age_s, data.masks[which]), force_n, contact, loaded)
+
+
+def _start(key: jax.Array, c: int) -> Weights:
+    """Return random weights; the linear path is a correction to its start and begins at zero."""
+    k1, k2, k3, k4 = jax.random.split(key, 4)
+    return Weights(
+        linear=jnp.zeros(10),
+        w1=jax.random.normal(k1, (c, SEEN)) / np.sqrt(12.0),
+        b1=0.5 * jax.random.normal(k2, (c,)),
+        w2=jax.random.normal(k3, (c, 8 * c)) / np.sqrt(8.0 * c),
+        b2=jnp.zeros(c),
+        out=0.3 * jax.random.normal(k4, (c, 7)) / np.sqrt(8.0 * c),
+        sigma=jnp.zeros((c, 7)),
+        sigma_offset=jnp.array([-3.0, -4.0, -2.5, -2.0]),
+    )
+
+
+def _whitening(seen: Vector) -> tuple[jax.Array, jax.Array]:
+    """Return the matrix (SEEN, SEEN) and mean (SEEN,) that make all but the masks white, with the square's symmetry."""
+    index = seen_index()
+    covariance = np.cov(seen.T)
+    covariance = np.mean([covariance[np.ix_(row, row)] for row in index], axis=0)
+    mean = np.mean([seen.mean(axis=0)[row] for row in index], axis=0)
+    unmasked = (PLANES - 1) * ELEMENTS
+    place = np.r_[0:unmasked, PLANES * ELEMENTS : SEEN]
+    variance, axes = np.linalg.eigh(covariance[np.ix_(place, place)])
+    whiten, shift = np.eye(SEEN), np.zeros(SEEN)
+    whiten[np.ix_(place, place)] = (axes / np.sqrt(np.maximum(variance, 3e-8))) @ axes.T
+    shift[place] = mean[place]
+    return jnp.asarray(whiten, jnp.float32), jnp.asarray(shift, jnp.float32)
+
+
+def _linear_start(seen: Features, force_n: Vector, min_force_n: float) -> jax.Array:
+    """Return the least-squares linear paths [N], shape (10,), weighted like the loss."""
+    weight = 1.0 / np.sqrt((force_n**2).sum(axis=1, keepdims=True) + min_force_n**2)
+    now, newest = (np.asarray(part, np.float64) for part in (seen.now, seen.newest))
+    columns = [np.einsum("ne,beo->nob", part * weight, linear_basis()) for part in (now, now - newest)]
+    solution = np.linalg.lstsq(np.concatenate(columns, axis=2).reshape(-1, 10), (force_n * weight).ravel(), rcond=None)
+    return jnp.asarray(solution[0], jnp.float32)
+
+
+def train_windowed(
+    gaits: GaitReadings,
+    rest: RestLoads,
+    design: CapacitorDesign,
+    protocol: WindowProtocol,
+    imputation: Imputation,
+    report: Any = lambda _: None,
+) -> Weights:
+    """Train the windowed network.
+
+    Args:
+        gaits: Readings of random gaits.
+        rest: Loads at rest.
+        design: The capacitors, for the noise at rest.
+        protocol: Sizes, steps and seed.
+        imputation: Imputation of missing elements.
+        report: Receives a line now and then.
+
+    Returns:
+        The weights, float32.
+    """
+    data = _data(gaits, rest, design, imputation)
+    n_times = gaits.closure_rel.shape[1]
+    first = jax.jit(_batch, static_argnums=(1, 2))(data, n_times, 60_000, jax.random.PRNGKey(0))
+    carries = np.asarray(first.loaded[:, 0] > 0.0)
+    whiten, mean = _whitening(np.asarray(first.seen.seen, np.float64)[carries])
+    linear = _linear_start(first.seen, np.asarray(first.force_n, np.float64), protocol.min_force_n)
+
+    def folded(free: Weights) -> Weights:
+        w1 = free.w1 @ whiten
+        return free._replace(linear=linear + free.linear, w1=w1, b1=free.b1 - w1 @ mean)
+
+    def loss(free: Weights, batch: Batch) -> jax.Array:
+        estimate: Estimate = run(expand(folded(free)), batch.seen)
+        square = (estimate.force_n - batch.force_n) ** 2
+        scale = jnp.sqrt(jnp.sum(batch.force_n**2, axis=-1, keepdims=True) + protocol.min_force_n**2)
+        sigma = estimate.sigma_n
+        weight = jax.lax.stop_gradient(sigma / scale) ** (2.0 * _TEMPERING)
+        total = jnp.mean(weight * (jnp.log(sigma) + 0.5 * square / sigma**2)) + _SQUARED * jnp.mean(square / scale**2)
+        apart, sigma = estimate.contact - batch.contact, estimate.contact_sigma
+        return total + _CONTACT_WEIGHT * jnp.mean(batch.loaded * (jnp.log(sigma) + 0.5 * apart**2 / sigma**2))
+
+    schedule = optax.cosine_onecycle_schedule(protocol.steps, protocol.rate, pct_start=0.1)
+    optimiser = optax.contrib.muon(schedule)
+
+    @jax.jit
+    def many(carry: tuple[Weights, Any], key: jax.Array, data: _Data) -> tuple[tuple[Weights, Any], jax.Array]:
+        def step(carry: tuple[Weights, Any], key: jax.Array) -> tuple[tuple[Weights, Any], jax.Array]:
+            free, state = carry
+            now, gradient = jax.value_and_grad(loss)(free, _batch(data, n_times, protocol.batch, key))
+            change, state = optimiser.update(gradient, state, free)
+            return (optax.apply_updates(free, change), state), now
+
+        return jax.lax.scan(step, carry, jax.random.split(key, _STEPS_AT_ONCE))
+
+    start, *rounds = jax.random.split(jax.random.PRNGKey(protocol.seed), 1 + protocol.steps // _STEPS_AT_ONCE)
+    free = _start(start, protocol.channels)
+    carry = (free, optimiser.init(free))
+    for number, key in enumerate(rounds, 1):
+        carry, losses = many(carry, key, data)
+        if number % 10 == 0 or number == len(rounds):
+            report(f"step {number * _STEPS_AT_ONCE}: loss {float(losses.mean()):.4f}")
+    return folded(carry[0])

@@ -1,0 +1,204 @@
+"""The windowed network on paper: the last three readings of nine elements, with their ages, to a load.
+
+The foot is read one element after the other, so nine readings are never of one time. The network sees, of each
+element e, its last three readings v0, v1, v2 (closure over gap, newest first, missing ones imputed) and their ages
+a0, a1, a2 at the time for which the load is asked. With the period T = mean of a1 - a0, A = a0 / T and
+
+    d1 = (v0 - v1) T / (a1 - a0),   d2 = d1 - (v1 - v2) T / (a2 - a1),   x = v0 + A d1
+
+it sees per element u = (v0, d1, A d1, d2, A d2, A^2 d2) / r, with r the root mean square of v0 and x over the foot,
+and beside them the mask of missing elements, r and ln T. Two hidden layers of tanh follow:
+
+    f = L x + M (x - v0) + (s / r) V h2,     s = |x|^2 / 9
+    sigma_f = r exp(Q h2 + q),    contact point and friction ratio: C h2,    their sigma: exp(R h2 + c)
+
+No load gives exactly no force. The eight symmetries of the square are built in as in `network`: a hidden channel is
+eight units, one for each symmetry, that share their weights.
+
+Source:
+    Cohen and Welling, Group equivariant convolutional networks, ICML 2016, section 6 (regular representation).
+"""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.frames import ELEMENTS
+from footsense.lab.response import SYMMETRIES, element_map
+from footsense.lab.training.network import N_SYMMETRIES, SOFT_REL, linear_basis, relative_index
+
+#: Readings of an element in a window.
+READINGS = 3
+#: Features of an element and of the foot: six of its readings, its mask; size, period.
+PLANES, SCALARS = 7, 2
+#: Inputs of the first hidden layer.
+SEEN = PLANES * ELEMENTS + SCALARS
+#: Outputs: force, contact point, friction ratio.
+OUTPUTS = 7
+#: Row of `Weights.sigma_offset` of each output: axes that the square exchanges share one.
+SIGMA_ROWS = np.array([0, 0, 1, 2, 2, 3, 3])
+#: Largest feature of an element [1]: a step of the load is not larger, a corrupt reading is.
+LARGEST = 4.0
+#: Period of a scan that has the feature 0 [s].
+PERIOD_S = 0.02445
+#: Bounds of ln sigma over its scale.
+LN_SIGMA = (-8.0, 3.0)
+#: Least time between two readings of an element [s]; a foot's first reading stands for those before it.
+LEAST_S = 1e-4
+
+
+class Weights(NamedTuple):
+    """All trained weights, `c` channels in each hidden layer.
+
+    Attributes:
+        linear: Linear paths L and M [N], shape (10,).
+        w1: First hidden layer, shape (c, SEEN).
+        b1: Offsets of the first layer, shape (c,).
+        w2: Second hidden layer by relative symmetry, shape (c, 8 c), the symmetry slow.
+        b2: Offsets of the second layer, shape (c,).
+        out: Output layer, shape (c, 7).
+        sigma: The same of ln sigma, shape (c, 7).
+        sigma_offset: Offsets of ln sigma: force sideways, along z, contact point, friction ratio, shape (4,).
+    """
+
+    linear: Any
+    w1: Any
+    b1: Any
+    w2: Any
+    b2: Any
+    out: Any
+    sigma: Any
+    sigma_offset: Any
+
+    @property
+    def size(self) -> int:
+        """Number of weights of the network."""
+        return sum(int(part.size) for part in self)
+
+    @property
+    def channels(self) -> int:
+        """Channels of a hidden layer."""
+        return int(self.b1.size)
+
+
+class Matrices(NamedTuple):
+    """The weights in all their places, so that a layer is x @ w + b; 8 c units in a hidden layer."""
+
+    level: Any
+    slope: Any
+    w1: Any
+    b1: Any
+    w2: Any
+    b2: Any
+    out: Any
+    sigma: Any
+    sigma_offset: Any
+
+
+class Features(NamedTuple):
+    """What the network sees of n windows.
+
+    Attributes:
+        seen: Inputs of the first hidden layer, shape (n, SEEN).
+        now: Readings moved to the asked time along their slope [1], shape (n, 9).
+        newest: Newest readings [1], shape (n, 9).
+        size: Root mean square of the closures [1], shape (n, 1).
+    """
+
+    seen: Any
+    now: Any
+    newest: Any
+    size: Any
+
+
+class Estimate(NamedTuple):
+    """Outputs of the network for n windows.
+
+    Attributes:
+        force_n: Ground reaction [N], shape (n, 3).
+        sigma_n: Its standard deviation [N], shape (n, 3).
+        contact: Contact point, stereographic, and friction ratio, both forward and to the left [1], shape (n, 4).
+        contact_sigma: Its standard deviation [1], shape (n, 4).
+    """
+
+    force_n: Any
+    sigma_n: Any
+    contact: Any
+    contact_sigma: Any
+
+
+def seen_index() -> NDArray[np.intp]:
+    """Return which input of a channel meets input e of the layer in its unit g, shape (8, SEEN)."""
+    inverse = np.argsort(np.stack([element_map(g) for g in SYMMETRIES]), axis=1)
+    planes = [ELEMENTS * plane + inverse for plane in range(PLANES)]
+    scalars = np.tile(np.arange(PLANES * ELEMENTS, SEEN), (N_SYMMETRIES, 1))
+    return np.concatenate([*planes, scalars], axis=1).astype(np.intp)
+
+
+def output_turns() -> NDArray[np.float64]:
+    """Return how each symmetry turns the outputs, shape (8, 7, 7): a vector in space and two in the plane."""
+    turns = np.zeros((N_SYMMETRIES, OUTPUTS, OUTPUTS))
+    for turn, symmetry in zip(turns, SYMMETRIES, strict=True):
+        turn[:3, :3] = symmetry
+        turn[3:5, 3:5] = turn[5:, 5:] = symmetry[:2, :2]
+    return turns
+
+
+def expand(weights: Weights) -> Matrices:
+    """Return the matrices of the layers: unit g * c + i is channel i under symmetry g."""
+    c = weights.channels
+    w1 = weights.w1[:, seen_index()]  # (c, 8, SEEN)
+    w2 = weights.w2.reshape(c, N_SYMMETRIES, c)[:, relative_index()]  # (c of unit, g, h, c of input)
+    turns = output_turns()
+    return Matrices(
+        level=jnp.tensordot(weights.linear[:5], linear_basis(), 1),
+        slope=jnp.tensordot(weights.linear[5:], linear_basis(), 1),
+        w1=jnp.transpose(w1, (2, 1, 0)).reshape(SEEN, -1),
+        b1=jnp.tile(weights.b1, N_SYMMETRIES),
+        w2=jnp.transpose(w2, (2, 3, 1, 0)).reshape(N_SYMMETRIES * c, -1),
+        b2=jnp.tile(weights.b2, N_SYMMETRIES),
+        out=jnp.einsum("gab,cb->gca", turns, weights.out).reshape(-1, OUTPUTS),
+        sigma=jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma).reshape(-1, OUTPUTS),
+        sigma_offset=weights.sigma_offset[SIGMA_ROWS],
+    )
+
+
+def features(closure_rel: Any, age_s: Any, missing: Any, module: Any = jnp) -> Features:
+    """Return what the network sees.
+
+    Args:
+        closure_rel: Closures over the gap, newest first, missing ones imputed [1], shape (n, 3, 9).
+        age_s: Ages of the readings [s], shape (n, 3, 9).
+        missing: One for each element that is missing, else zero, shape (n, 9).
+        module: `jax.numpy` or `numpy`.
+    """
+    v0, v1, v2 = (closure_rel[:, k] for k in range(READINGS))
+    first_s = module.maximum(age_s[:, 1] - age_s[:, 0], LEAST_S)
+    second_s = module.maximum(age_s[:, 2] - age_s[:, 1], LEAST_S)
+    period_s = first_s.mean(axis=-1, keepdims=True)
+    age = age_s[:, 0] / period_s
+    d1 = (v0 - v1) * (period_s / first_s)
+    d2 = d1 - (v1 - v2) * (period_s / second_s)
+    now = v0 + age * d1
+    size = module.sqrt((v0 * v0 + now * now).mean(axis=-1, keepdims=True) / 2.0 + SOFT_REL**2)
+    planes = module.concatenate([v0, d1, age * d1, d2, age * d2, age * age * d2], axis=-1) / size
+    planes = module.minimum(module.maximum(planes, -LARGEST), LARGEST)
+    scalars = [size, module.log(period_s / PERIOD_S)]
+    return Features(module.concatenate([planes, missing, *scalars], axis=-1), now, v0, size)
+
+
+def run(matrices: Matrices, seen: Features) -> Estimate:
+    """Return the network's estimate of n windows."""
+    first = jnp.tanh(seen.seen @ matrices.w1 + matrices.b1)
+    second = jnp.tanh(first @ matrices.w2 + matrices.b2)
+    out = second @ matrices.out
+    sigma = jnp.exp(jnp.clip(second @ matrices.sigma + matrices.sigma_offset, *LN_SIGMA))
+    curved = jnp.mean(seen.now**2, axis=-1, keepdims=True) / seen.size * out[:, :3]
+    return Estimate(
+        force_n=seen.now @ matrices.level + (seen.now - seen.newest) @ matrices.slope + curved,
+        sigma_n=seen.size * sigma[:, :3],
+        contact=out[:, 3:],
+        contact_sigma=sigma[:, 3:],
+    )

@@ -1,0 +1,214 @@
+"""Random stances of one foot, drawn from a seed: what a windowed network learns from and is judged by.
+
+A stance is a normal force over time, a contact point that wanders over the ball, and friction at that point:
+
+    f = s(t) (n(t) + m(t)),    n from the lean angles of the contact,    m perpendicular to n, |m| at most the friction
+
+s rises and falls in 5 to 150 ms and has, at random, an impact peak, one or two humps, slow oscillations and sudden
+steps; its peak is anything from a light touch to the foot's full load. The contact leans up to 20 deg and rolls over
+the ball. One stance in five stands still but for noise of the load. The stances are shaped on no recorded gait, so
+that recorded ones can judge.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from footsense.frames import Vector
+from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact
+
+#: Duration of a stance, and of its rise and its fall [s]: bounds of draws that are uniform in the logarithm.
+STANCE_S, FLANK_S = (0.06, 2.0), (0.005, 0.15)
+#: Time in the air between two stances [s].
+SWING_S = (0.04, 0.4)
+#: Peak of the normal force, usual and of a light touch, over the foot's full load [1].
+_PEAK_REL, _LIGHT_REL = (0.03, 0.6), (0.005, 0.1)
+#: Largest lean of the contact's normal, usual and of one stance in three [deg], and largest lean with all motion [deg].
+_LEAN_DEG, _STEEP_DEG, _LARGEST_LEAN_DEG = 15.0, 26.0, 50.0
+#: Largest tangential over normal force [1].
+FRICTION_REL = 0.65
+
+
+class Loads(NamedTuple):
+    """Loads of one foot at n times.
+
+    Attributes:
+        normal: Inward unit normal of the ball at the contact, foot frame, shape (n, 3).
+        force_n: Ground reaction on the foot [N], foot frame, shape (n, 3); zero in the air.
+    """
+
+    normal: Vector
+    force_n: Vector
+
+
+class _Step(NamedTuple):
+    """A sudden change: its begin and duration [s], and its size."""
+
+    start_s: float
+    duration_s: float
+    size: Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Oscillation:
+    """A sum of sines, shape (..., k) of each parameter: amplitude, angular frequency [rad/s], phase [rad]."""
+
+    amplitude: Vector
+    rate: Vector
+    phase: Vector
+
+    def at(self, t_s: Vector) -> Vector:
+        """Return the sum at n times [s], shape (n, ...)."""
+        turns = np.multiply.outer(t_s, self.rate) + self.phase
+        total: Vector = (self.amplitude * np.sin(turns)).sum(axis=-1)
+        return total
+
+
+def _oscillation(rng: np.random.Generator, size: float | Vector, hertz: tuple[float, float], shape: tuple[int, ...]) -> _Oscillation:
+    rate = 2.0 * np.pi * _log_uniform(rng, hertz, shape)
+    return _Oscillation(amplitude=size * rng.normal(size=shape), rate=rate, phase=rng.uniform(0.0, 2.0 * np.pi, shape))
+
+
+def _log_uniform(rng: np.random.Generator, bounds: tuple[float, float], size: tuple[int, ...] | None = None) -> Vector:
+    drawn: Vector = np.exp(rng.uniform(np.log(bounds[0]), np.log(bounds[1]), size))
+    return drawn
+
+
+def _ease(x: Vector) -> Vector:
+    """Return a smooth step from 0 at 0 to 1 at 1."""
+    eased: Vector = 0.5 - 0.5 * np.cos(np.pi * np.clip(x, 0.0, 1.0))
+    return eased
+
+
+class RandomStance:
+    """One stance, drawn from a generator.
+
+    Args:
+        rng: Source of the draws.
+        max_n: Full load of the foot [N].
+
+    Attributes:
+        duration_s: Time from touchdown to lift-off [s].
+    """
+
+    def __init__(self, rng: np.random.Generator, max_n: float) -> None:
+        self.duration_s = float(_log_uniform(rng, STANCE_S))
+        longest = 0.48 * self.duration_s
+        self._rise_s, self._fall_s = (min(float(_log_uniform(rng, FLANK_S)), longest) for _ in range(2))
+        self._kind = rng.integers(3)
+        peak = rng.uniform(*_PEAK_REL) if rng.random() < 0.85 else _log_uniform(rng, _LIGHT_REL)
+        self._peak_n = max_n * float(peak)
+        self._max_n = max_n
+        still = rng.random() < 0.2
+        self._hump, self._n_humps = rng.uniform(-0.1, 0.4) * (rng.random() < 0.6), rng.integers(1, 3)
+        self._wave = _oscillation(rng, 0.06 * (rng.random() < 0.6), (0.5, 15.0), (3,))
+        impact = rng.uniform(0.0, 0.5) * (rng.random() < 0.4)
+        self._impact = impact, rng.uniform(0.01, 0.05), rng.uniform(0.006, 0.02)
+        self._load_steps = self._steps(rng, 0.3, lambda: np.array([rng.uniform(-0.5, 0.4)]))
+        around = rng.uniform(0.0, 2.0 * np.pi)
+        lean = np.radians(rng.uniform(0.0, _LEAN_DEG if rng.random() < 0.65 else _STEEP_DEG))
+        self._lean = lean * np.array([np.cos(around), np.sin(around)])
+        self._roll = rng.uniform(0.0, 1.0) * (rng.random() < 0.7)
+        self._off = np.radians(3.0) * rng.normal(size=2) * (rng.random() < 0.8)
+        self._wander = _oscillation(rng, np.radians(1.0) * (rng.random() < 0.6), (0.2, 5.0), (2, 2))
+        self._friction = 0.1 * rng.normal(size=2) * (rng.random() < 0.75)
+        self._shear = _oscillation(rng, 0.0 if still else 0.07, (0.4, 12.0), (2, 3))
+        self._shear_steps = self._steps(rng, 0.0 if still else 0.3, lambda: 0.15 * rng.normal(size=2))
+
+    def _steps(self, rng: np.random.Generator, probability: float, size) -> list[_Step]:  # type: ignore[no-untyped-def]
+        if rng.random() >= probability:
+            return []
+        return [
+            _Step(rng.uniform(0.0, self.duration_s), rng.uniform(0.005, 0.04), size())
+            for _ in range(rng.integers(1, 3))
+        ]
+
+    def loads(self, t_s: Vector) -> Loads:
+        """Return the loads at n times since touchdown [s]."""
+        normal = _normals(self._lean_at(t_s))
+        shear = self._shear_at(t_s)
+        # Tangential to the ball: sideways as drawn, and along z what keeps it perpendicular to the normal.
+        along = -(normal[:, :2] * shear).sum(axis=1, keepdims=True) / normal[:, 2:]
+        tangential = np.hstack([shear, along])
+        length = np.linalg.norm(tangential, axis=1, keepdims=True)
+        tangential *= np.minimum(1.0, FRICTION_REL / np.maximum(length, 1e-9))
+        return Loads(normal, self._pressing_n(t_s)[:, None] * (normal + tangential))
+
+    def _pressing_n(self, t_s: Vector) -> Vector:
+        """Return the normal force [N]."""
+        rise, fall = t_s / self._rise_s, (self.duration_s - t_s) / self._fall_s
+        if self._kind == 0:
+            envelope = _ease(rise) * _ease(fall)
+        elif self._kind == 1:
+            envelope = np.clip(rise, 0.0, 1.0) * np.clip(fall, 0.0, 1.0)
+        else:
+            envelope = np.sqrt(_ease(rise) * _ease(fall) * np.clip(rise, 0.0, 1.0))
+        shape = 1.0 - self._hump * np.sin(np.pi * self._n_humps * t_s / self.duration_s) ** 2
+        size, at_s, width_s = self._impact
+        shape *= (1.0 + self._wave.at(t_s)) * (1.0 + size * np.exp(-0.5 * ((t_s - at_s) / width_s) ** 2))
+        for step in self._load_steps:
+            shape *= 1.0 + step.size[0] * _ease((t_s - step.start_s) / step.duration_s)
+        pressing = np.clip(self._peak_n * envelope * shape, 0.0, self._max_n)
+        return np.where((t_s >= 0.0) & (t_s < self.duration_s), pressing, 0.0)
+
+    def _lean_at(self, t_s: Vector) -> Vector:
+        """Return the lean of the contact's normal, forward and to the left [rad], shape (n, 2)."""
+        rolled = 1.0 - 2.0 * self._roll * t_s / self.duration_s
+        lean = self._lean * rolled[:, None] + self._off + self._wander.at(t_s)
+        size = np.linalg.norm(lean, axis=1, keepdims=True)
+        limited: Vector = lean * np.minimum(1.0, np.radians(_LARGEST_LEAN_DEG) / np.maximum(size, 1e-9))
+        return limited
+
+    def _shear_at(self, t_s: Vector) -> Vector:
+        """Return the tangential over the normal force, forward and to the left [1], shape (n, 2)."""
+        shear = self._friction + self._shear.at(t_s)
+        for step in self._shear_steps:
+            shear = shear + np.multiply.outer(_ease((t_s - step.start_s) / step.duration_s), step.size)
+        return shear
+
+
+def _normals(lean: Vector) -> Vector:
+    """Return unit normals that lean by angles [rad], shapes (n, 2) and (n, 3)."""
+    angle = np.linalg.norm(lean, axis=1, keepdims=True)
+    return np.hstack([lean * np.sinc(angle / np.pi), np.cos(angle)])
+
+
+class RandomGait:
+    """Random stances of one foot, one after the other.
+
+    Args:
+        rng: Source of the draws.
+        max_n: Full load of the foot [N].
+        duration_s: Time to fill with stances [s].
+    """
+
+    def __init__(self, rng: np.random.Generator, max_n: float, duration_s: float) -> None:
+        self._stances: list[tuple[float, RandomStance]] = []
+        start_s = rng.uniform(0.1, 0.25)
+        while start_s < duration_s:
+            stance = RandomStance(rng, max_n)
+            self._stances.append((start_s, stance))
+            start_s += stance.duration_s + rng.uniform(*SWING_S)
+        self._starts_s = np.array([start for start, _ in self._stances])
+
+    def loads(self, t_s: Vector) -> Loads:
+        """Return the loads at n times [s]; in the air the normal is up and the force zero."""
+        normal = np.tile([0.0, 0.0, 1.0], (len(t_s), 1))
+        force_n = np.zeros((len(t_s), 3))
+        for start_s, stance in self._stances:
+            on = (t_s >= start_s) & (t_s < start_s + stance.duration_s)
+            if on.any():
+                normal[on], force_n[on] = stance.loads(t_s[on] - start_s)
+        return Loads(normal, force_n)
+
+    def contact_at(self, t_s: float) -> GroundContact:
+        """Return the contact at one time [s]."""
+        number = int(np.searchsorted(self._starts_s, t_s, "right")) - 1
+        if number < 0:
+            return IN_THE_AIR
+        start_s, stance = self._stances[number]
+        if t_s >= start_s + stance.duration_s:
+            return IN_THE_AIR
+        normal, force_n = stance.loads(np.array([t_s - start_s]))
+        return GroundContact(normal[0], force_n[0])
