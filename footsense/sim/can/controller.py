@@ -197,4 +197,3 @@ class CanController:
             self._tell(error_frame(ErrorClass.CONTROLLER, _TX_PASSIVE))
         elif after < _PASSIVE <= before:
             self._tell(error_frame(ErrorClass.CONTROLLER, CONTROLLER_ACTIVE))
-

@@ -64,7 +64,9 @@ class SimulatedCan:
         self._clock = clock
         self._faults = Schedule((fault.span_ns, fault) for fault in faults)
         self._faults.at(-1.0)
-        self._senders = [OtherSender(fault) for fault in faults if isinstance(fault, CanTraffic | CanQueueFull)]
+        self._senders = [
+            OtherSender(fault) for fault in faults if isinstance(fault, CanTraffic | CanQueueFull)
+        ]
         self._sockets: list[_Socket] = []
         self._t_ns = 0
         self.up = self.present = True
