@@ -25,9 +25,9 @@ from footsense.config.sections import Realtime
 from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import load_network, pipeline_for
-from footsense.daemon.loop import step
+from footsense.daemon.loop import Loop
 from footsense.errors import FootsenseError
-from footsense.frames import CanStatistics, CapFrame, Cycle, Flag, State
+from footsense.frames import CapFrame, Cycle, Flag, State
 from footsense.ports import Observer
 from footsense.recording.cycle_pipe import CyclePipe
 from footsense.sim.clock import VirtualClock
@@ -109,15 +109,15 @@ def our_cycle() -> Iterator[OurCycle]:
     Yields:
         The cycle; its counters exist until the end.
     """
-    clock, stats, loopback = VirtualClock(), CanStatistics(), Loopback()
+    clock, loopback = VirtualClock(), Loopback()
     pipeline = pipeline_for(DEFAULT, load_network(DEFAULT), Flag.SIMULATED)
     wire = SocketWire(loopback.socket, lambda: None)
     with (
         TemporaryDirectory(dir="/dev/shm") as folder,
-        can_sink(DEFAULT, clock, None, stats, connect=lambda: wire) as sink,
+        can_sink(DEFAULT, clock, None, connect=lambda: wire) as sink,
     ):
         counters = Path(folder) / "counters"
-        metrics = MetricsObserver(DEFAULT.legs, stats, counters)
+        metrics = MetricsObserver(DEFAULT.legs, sink.stats, counters)
         observers = (
             Journal(DEFAULT.legs),
             SystemdObserver(SystemdNotifier({}), DEFAULT.legs),
@@ -125,9 +125,11 @@ def our_cycle() -> Iterator[OurCycle]:
             _Recording(loopback.pipe, DEFAULT.legs),
         )
 
+        loop = Loop(pipeline, sink, observers, clock)
+
         def run(scan: CapFrame, now_ns: int) -> Cycle:
             clock.sleep_until_ns(now_ns)
-            return step(scan, tuple(sink.commands()), pipeline, sink, observers, clock)
+            return loop.step(scan, tuple(sink.commands()))
 
         try:
             yield OurCycle(run, lambda: pipeline.baseline_pf, counters, loopback)

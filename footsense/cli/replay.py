@@ -12,7 +12,7 @@ from footsense.clock import MonotonicClock
 from footsense.daemon.calibrations import load_calibrations
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import load_network, pipeline_for
-from footsense.daemon.loop import Paced, step
+from footsense.daemon.loop import Loop, Paced
 from footsense.daemon.recording_header import model_difference, recorded_config, recorded_flags
 from footsense.errors import FootsenseError, ModelError, RecordingError
 from footsense.recording.compare import compare, same_machine
@@ -61,12 +61,13 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
     n_frames = n_equal = 0
     with ExitStack() as stack:
         sink = stack.enter_context(can_sink(config, clock, can_log, real_time=realtime))
+        loop = Loop(pipeline, sink, (), clock)
         frames = Paced(source, clock, MonotonicClock()) if realtime else source
         while (scan := frames.read()) is not None:
             recorded = source.cycle
             assert recorded is not None
             commands = (*source.commands(), *sink.commands())
-            made = step(scan, commands, pipeline, sink, (), clock, temperature_c=recorded.temperature_c)
+            made = loop.step(scan, commands, temperature_c=recorded.temperature_c)
             if check and not source.lost:
                 if different := compare(recorded.forces, made.forces, exact=exact, legs=recording.legs):
                     raise FootsenseError(f"{file}: {different}")

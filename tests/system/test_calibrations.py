@@ -64,9 +64,8 @@ def run(robot: Config, record: Path | None = None) -> Last:
     """Run until both feet have been pressed for a while."""
     last = Last()
     with open_service(robot, SCENE, record=record, real_time=False) as service:
-        clock = service.scan_source.clock
         service.observers.append(last)
-        service.run(lambda: clock.now_ns() >= UNTIL_NS)
+        service.run(until_ns=UNTIL_NS)
     return last
 
 

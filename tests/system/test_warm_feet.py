@@ -59,9 +59,8 @@ def walked(feet: Path, effects: Effects, until_s: float, record: Path | None = N
     )
     seen: list[Cycle] = []
     with open_service(robot(feet), scene, record=record, real_time=False) as service:
-        clock = service.scan_source.clock
         service.observers.append(Seen(seen))
-        service.run(lambda: clock.now_ns() >= until_s * 1e9)
+        service.run(until_ns=until_s * 1e9)
     return seen
 
 

@@ -54,8 +54,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 500_000_000
     run = StandSession(test_stand=STAND, leg="lf", foot="foot-0007", session="one")
     with open_service(CONFIG, scene, record=path, real_time=False, test_stand=run) as service:
-        clock = service.scan_source.clock
-        service.run(lambda: clock.now_ns() >= end_ns)
+        service.run(until_ns=end_ns)
     return path
 
 
