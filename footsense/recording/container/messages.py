@@ -126,7 +126,9 @@ def _json_type(field: CycleField) -> Any:  # noqa: ANN401 - a type
         entry = Annotated[int, msgspec.Meta(ge=0, le=int(field.most))]
     elif field.kind == "<i8":
         entry = int
-    return list[list[list[entry] if field.shape == (ELEMENTS,) else entry]]
+    if field.shape == (ELEMENTS,):
+        entry = list[entry]
+    return list[list[entry]]
 
 
 def _renamed(row: dict[str, Any]) -> dict[str, Any]:
@@ -155,7 +157,7 @@ def schemas(legs: Sequence[str]) -> dict[str, bytes]:
     def leg(fields: Mapping[str, CycleField]) -> dict[str, Any]:
         properties: dict[str, Any] = {}
         for field in fields.values():
-            value = text if field.names else number if field.kind == "<f8" else whole
+            value: dict[str, Any] = text if field.names else number if field.kind == "<f8" else whole
             if field.shape == (ELEMENTS,):
                 value = {"type": "array", "items": value, "minItems": ELEMENTS, "maxItems": ELEMENTS}
             properties |= dict.fromkeys(field.keys, value)
