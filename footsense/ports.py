@@ -37,10 +37,6 @@ class I2cBus(Protocol):
         """
         ...
 
-    def close(self) -> None:
-        """Release the adapter."""
-        ...
-
 
 class ResetLine(Protocol):
     """The RESET pin of a mux, driven by the host."""

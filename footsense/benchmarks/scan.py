@@ -84,9 +84,9 @@ def _scan(config: Config, host_cost_us: int) -> dict[str, float | None]:
 
 
 def _naive_ns(config: Config, scene: Scene) -> int:
-    robot = simulated_robot(config, scene)
-    sequential_scan(robot.buses[0], robot.clocks[0], config)
-    return robot.clocks[0].now_ns()
+    bus = simulated_robot(config, scene).buses[0]
+    sequential_scan(bus, bus.clock, config)
+    return bus.clock.now_ns()
 
 
 def _best_ns(config: Config, bus: Bus, host_cost_us: int) -> int:

@@ -87,13 +87,11 @@ def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -
     if robot is None:
         return [OpenBus(bus, MonotonicClock(), _transport(bus, stack)) for bus in config.buses]
     opened = []
-    for bus, wires, adapters, mux, clock in zip(
-        config.buses, robot.buses, robot.adapters, robot.muxes, robot.clocks, strict=True
-    ):
+    for bus, wires, adapters in zip(config.buses, robot.buses, robot.adapters, strict=True):
         transport: Transport = KernelMux(tuple(adapters.values()))
         if not bus.adapters:
-            transport = UpstreamBus(wires, bus.mux.address, mux if bus.mux.reset else None)
-        opened.append(OpenBus(bus, clock, transport))
+            transport = UpstreamBus(wires, bus.mux.address, wires.mux if bus.mux.reset else None)
+        opened.append(OpenBus(bus, wires.clock, transport))
     return opened
 
 
