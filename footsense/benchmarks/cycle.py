@@ -34,7 +34,7 @@ from footsense.sim.clock import VirtualClock
 from footsense.sim.scene import load_scene
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.metrics import MetricsObserver
-from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
+from footsense.telemetry.systemd import SystemdObserver
 
 #: Priority of SCHED_FIFO, the default of the service; without it the figures include other processes.
 PRIORITY = Realtime().priority
@@ -120,7 +120,7 @@ def our_cycle() -> Iterator[OurCycle]:
         metrics = MetricsObserver(DEFAULT.legs, sink.stats, counters)
         observers = (
             Journal(DEFAULT.legs),
-            SystemdObserver(SystemdNotifier({}), DEFAULT.legs),
+            SystemdObserver(DEFAULT.legs, {}),
             metrics,
             _Recording(loopback.pipe, DEFAULT.legs),
         )

@@ -12,7 +12,7 @@ import msgspec
 
 from footsense.can.frame_log import check_log_target
 from footsense.can.sink import CanSink
-from footsense.clock import MonotonicClock, WakeupLatency, gc_disabled, request_realtime
+from footsense.clock import MonotonicClock, gc_disabled, request_realtime
 from footsense.config import Config
 from footsense.config.sections import Can
 from footsense.daemon.acquisition import ScanSource, open_scan_source
@@ -25,14 +25,14 @@ from footsense.daemon.simulation import is_simulated
 from footsense.errors import ConfigError, FootsenseError
 from footsense.estimation.network import Network
 from footsense.frames import Flag, Vector
-from footsense.ports import FrameSource, Observer
+from footsense.ports import FrameSource, Observer, WakeupLatency
 from footsense.recording.recorder import Recorder, check_target
 from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.scene import Scene
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.log_lines import n_lost_lines
 from footsense.telemetry.metrics import MetricsObserver
-from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
+from footsense.telemetry.systemd import SystemdObserver
 
 if TYPE_CHECKING:
     from footsense.daemon.test_stand import StandSensor, StandSession
@@ -122,7 +122,7 @@ def open_service(
             _log.warning("the network was trained on another response table than the simulated feet follow")
         observers: list[Observer] = [
             Journal(legs, on_test_stand=test_stand is not None),
-            SystemdObserver(SystemdNotifier(), legs),
+            SystemdObserver(legs),
         ]
         source: FrameSource = scan.source
         wakeups = scan.wakeups
