@@ -24,8 +24,9 @@ from footsense.config import DEFAULT
 from footsense.config.sections import Realtime
 from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.can_output import can_sink
-from footsense.daemon.estimation import load_network, pipeline_for
+from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
+from footsense.daemon.models import load_models
 from footsense.errors import FootsenseError
 from footsense.frames import CapFrame, Cycle, Flag, State
 from footsense.ports import Observer
@@ -110,7 +111,7 @@ def our_cycle() -> Iterator[OurCycle]:
         The cycle; its counters exist until the end.
     """
     clock, loopback = VirtualClock(), Loopback()
-    pipeline = pipeline_for(DEFAULT, load_network(DEFAULT), Flag.SIMULATED)
+    pipeline = pipeline_for(load_models(DEFAULT), Flag.SIMULATED)
     wire = SocketWire(loopback.socket, lambda: None)
     with (
         TemporaryDirectory(dir="/dev/shm") as folder,
@@ -155,7 +156,7 @@ def tared_floor(folder: Path, scans: list[CapFrame]) -> CFloor:
     Raises:
         FootsenseError: It cannot be compiled.
     """
-    floor = CFloor(folder, DEFAULT, load_network(DEFAULT).card.trained_inputs)
+    floor = CFloor(folder, DEFAULT, load_models(DEFAULT).network.card.trained_inputs)
     floor.tare(np.mean([scan.capacitance_pf for scan in scans[: DEFAULT.tare.window_scans]], axis=0))
     return floor
 
