@@ -16,19 +16,6 @@ from bisect import bisect_left
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = [
-    "LATENCY_BOUNDS_S",
-    "MonotonicClock",
-    "WakeupLatency",
-    "fifo_priority",
-    "gc_disabled",
-    "process_age_ns",
-    "request_realtime",
-    "resident_mib",
-    "stopwatch_ns",
-    "wall_time_iso",
-]
-
 #: Bounds of the wake-up latency histogram [s]: FIFO wakes within 0.2 ms, a busy machine without it within some 10 ms.
 LATENCY_BOUNDS_S = (
     *(5e-6, 1e-5, 2e-5, 3e-5, 5e-5, 7e-5, 1e-4, 1.5e-4, 2e-4, 3e-4, 5e-4),
