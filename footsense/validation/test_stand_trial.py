@@ -132,8 +132,7 @@ def _session(
     load = scene.load.build(round(scene.lead_in_s * 1e9))
     assert isinstance(load, PressSequence), "the scene is of presses"
     with open_service(config, scene, real_time=False, record=path, test_stand=run) as running:
-        clock = running.scan_source.clock
-        running.run(lambda: clock.now_ns() > load.ends_ns)
+        running.run(until_ns=load.ends_ns)
     return read_session(path, foot), load
 
 
