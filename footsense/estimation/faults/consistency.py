@@ -209,7 +209,8 @@ class ConsistencyTest:
 
     def _predict(self, closure_rel: Vector, missing: Mask) -> Vector:
         """Return the closures with the missing ones predicted from the others, shape (9,)."""
-        return self._imputation.impute(closure_rel[None], missing[None])[0]
+        predicted: Vector = self._imputation.impute(closure_rel[None], missing[None])[0]
+        return predicted
 
     def _is_stuck(self) -> Mask:
         measured, predicted = self._measured[1] - self._measured[0], self._predicted[1] - self._predicted[0]
@@ -250,4 +251,5 @@ class ConsistencyTest:
 
 def _limit(rms_rel: Vector | float) -> Vector:
     """Return the largest residual of an element whose foot has closures of this root mean square [1]."""
-    return RESIDUAL_LIMIT + RESIDUAL_LIMIT_REL * rms_rel
+    limit: Vector = RESIDUAL_LIMIT + np.multiply(RESIDUAL_LIMIT_REL, rms_rel)
+    return limit
