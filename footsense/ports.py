@@ -169,16 +169,42 @@ class ReferenceSensor(Protocol):
         ...
 
 
+class Window(NamedTuple):
+    """The last three readings of every element of some feet, newest first.
+
+    Attributes:
+        closure_rel: Closures over the gap, missing ones imputed [1], shape (rows, 3, 9).
+        age_s: Time from the middle of each conversion to the time that the load is asked for [s], same shape.
+        missing: The imputed elements, shape (rows, 9).
+    """
+
+    closure_rel: Vector
+    age_s: Vector
+    missing: Mask
+
+
+class Load(NamedTuple):
+    """Estimated load of some feet, with standard deviations.
+
+    Attributes:
+        force_n: Ground reaction on the foot [N], foot frame, shape (rows, 3).
+        sigma_n: Standard deviation of each component [N], same shape.
+        contact: Contact point on the ball, stereographic (normal_x, normal_y) / (1 + normal_z), and tangential over
+            normal force, both forward and to the left [1], shape (rows, 4).
+        contact_sigma: Standard deviation of each [1], same shape.
+    """
+
+    force_n: Vector
+    sigma_n: Vector
+    contact: Vector
+    contact_sigma: Vector
+
+
 class Estimator(Protocol):
-    """Estimates forces from normalised gap closures: the network."""
+    """Estimates loads from the last readings of the feet: the network."""
 
-    def estimate(self, closure_rel: Vector, missing: Mask) -> tuple[Vector, Vector]:
-        """Return the force of every row and the standard deviations of its components [N], shape (rows, 3) each.
-
-        Args:
-            closure_rel: Closures over the gap, missing ones imputed [1], shape (rows, 9).
-            missing: The imputed ones, shape (rows, 9).
-        """
+    def estimate(self, window: Window) -> Load:
+        """Return the load of every row."""
         ...
 
 

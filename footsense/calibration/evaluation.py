@@ -16,6 +16,7 @@ from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import Network
+from footsense.estimation.rest import at_rest
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
 from footsense.foot.parameters import FootParameters
@@ -140,10 +141,9 @@ def estimate_loads(
         closure_rel <= trained_inputs.usable_max_rel(gap_um)
     )
     trained = inside.all(axis=1, keepdims=True)
-    force_n, sigma_n = CalibratedFeet(network, [foot], len(loads)).estimate(
-        np.where(trained, closure_rel, 0.0), np.zeros(closure_rel.shape, bool)
-    )
-    return Estimates(closure_rel, np.where(trained, force_n, np.nan), np.where(trained, sigma_n, np.nan))
+    load = CalibratedFeet(network, [foot], len(loads)).estimate(at_rest(np.where(trained, closure_rel, 0.0)))
+    force_n, sigma_n = (np.where(trained, part, np.nan) for part in load[:2])
+    return Estimates(closure_rel, force_n, sigma_n)
 
 
 def evaluate(

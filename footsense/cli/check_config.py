@@ -83,9 +83,8 @@ def _weight(config: Config) -> str:
 
 def _forces(config: Config) -> str:
     if config.publish == "element":
-        return "one after every conversion, predicted to the time of sending"
-    averaged = f", of the mean of {config.average_scans}" if config.average_scans > 1 else ""
-    return f"one after every scan{averaged}"
+        return "one after every conversion, as of the time of sending"
+    return "one after every scan, as of the time of sending"
 
 
 def _bus_line(bus: Bus, config: Config) -> str:

@@ -127,18 +127,13 @@ def _addresses(bus: Bus, path: str, board: str) -> Iterator[Problem]:
 
 def _timing(config: Config) -> Iterator[Problem]:
     # The oldest element is a whole scan old at sending, and a scan takes a tenth longer than its limit.
-    n_scans, shortest_ms = config.average_scans, config.shortest_scan_ms
-    if config.stale_after_ms < (n_scans + 0.25) * shortest_ms:
-        scans = "a scan takes" if n_scans == 1 else f"{n_scans} scans take"
+    shortest_ms = config.shortest_scan_ms
+    if config.stale_after_ms < 1.25 * shortest_ms:
         pace = f"{config.rate_sps} S/s" if config.serial is None else f"{config.serial.rate_hz:g} scans/s"
         yield Problem(
             "max_age_ms",
-            f"{scans} {shortest_ms * n_scans:g} ms and more at {pace}: "
-            f"every force would be stale; use at least {(1 + n_scans) * shortest_ms:g}",
-        )
-    if config.publish == "element" and n_scans > 1:
-        yield Problem(
-            "average_scans", "is for publish: frame only; a prediction weights old readings by itself"
+            f"a scan takes {shortest_ms:g} ms and more at {pace}: "
+            f"every force would be stale; use at least {2 * shortest_ms:g}",
         )
 
 

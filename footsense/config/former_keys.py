@@ -9,13 +9,16 @@ _RENAMED = {
 
 #: Keys of earlier versions, each with what replaces it.
 FORMER_KEYS = {key: f"now called {name}" for key, name in _RENAMED.items()} | {
+    "average_scans": "forces are no longer averaged; take this key away, and average at the receiver",
     "gang": "the column-sum scan was removed; take this key away",
 }
 
+_WITHOUT_EFFECT = (("gang", False), ("average_scans", 1))
+
 
 def with_present_keys(data: object) -> object:
-    """Return a recorded configuration with its keys renamed, and without `gang: false`."""
+    """Return a recorded configuration with its keys renamed, and without those that changed nothing."""
     if isinstance(data, dict):
-        items = ((key, value) for key, value in data.items() if (key, value) != ("gang", False))
+        items = ((key, value) for key, value in data.items() if (key, value) not in _WITHOUT_EFFECT)
         return {_RENAMED.get(key, key): with_present_keys(value) for key, value in items}
     return data

@@ -34,14 +34,12 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         serial: Line to the microcontroller; with board `mcu` only.
         can: CAN channel for the forces. No default: a robot whose forces stay in the process would look healthy.
         scan: Rate and order of the conversions.
-        publish: `frame` sends a force with every scan, at the time of its middle; `element` with every conversion,
-            predicted to the time of sending.
-        average_scans: Scans averaged before a force is estimated; with `publish: frame` only.
+        publish: `frame` estimates and sends a force with every scan, `element` with every conversion; either as of the
+            time of sending.
         tare: Conditions for a tare.
         baseline: Tracking of the baseline between tares.
         contact: Contact detection.
-        max_age_ms: Age of its oldest element at which a measurement becomes `stale` [ms]; None for four scans,
-            more by those that are averaged.
+        max_age_ms: Age of its oldest element at which a measurement becomes `stale` [ms]; None for four scans.
         stray_pf: Capacitance of the wiring beside each element [pF], nine per leg; 0 where absent.
         unloaded_pf: Reading of each element of the mounted, unloaded foot, stray included [pF], nine per leg; the
             design's if absent. A tare has to be near it.
@@ -63,7 +61,6 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     can: Annotated[Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
     scan: Scan = Scan()
     publish: Literal["frame", "element"] = "frame"
-    average_scans: Annotated[int, Meta(ge=1, le=16)] = 1
     tare: Tare = Tare()
     baseline: Baseline = Baseline()
     contact: Contact = Contact()
@@ -120,7 +117,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def stale_after_ms(self) -> float:
-        """Return the age limit of a measurement [ms]: the configured one, or three scans more than are averaged."""
+        """Return the age limit of a measurement [ms]: the configured one, or four scans."""
         if self.max_age_ms is not None:
             return self.max_age_ms
-        return (3 + self.average_scans) * self.shortest_scan_ms
+        return 4 * self.shortest_scan_ms

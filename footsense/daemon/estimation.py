@@ -7,21 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from footsense.acquisition.scan_plan import BOARDS, ORDERS
+from footsense.acquisition.scan_plan import BOARDS
 from footsense.config import Config
 from footsense.daemon.models import Models
 from footsense.errors import ConfigError
-from footsense.estimation.alignment.element_by_element import ElementByElement
-from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.drift import FASTEST_PF_PER_S
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.faults.status import RANGE_END_PF
-from footsense.estimation.pipeline import Alignment, Pipeline
+from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import Sensitivity, sensitivity
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import ELEMENTS, Vector
 from footsense.ports import Estimator
 
@@ -29,7 +26,7 @@ from footsense.ports import Estimator
 _OVER_DRIFT_REL = 5.0
 #: Least contact threshold over the standard deviation of an element's noise [1].
 _OVER_NOISE_REL = 5.0
-#: Scans after which a step of the load has passed through all elements and the alignment.
+#: Scans after which a step of the load has passed through all readings that the network sees.
 _SETTLED_SCANS = 4
 
 
@@ -51,10 +48,11 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
     stray_pf = _per_leg(models, "stray_pf", config.stray_pf, 0.0)
     expected_pf = _per_leg(models, "unloaded_pf", config.unloaded_pf, np.nan)
     unloaded_pf = np.where(np.isnan(expected_pf), design.unloaded_pf, expected_pf - stray_pf)
-    force_sensitivity = sensitivity(network, models.n_rows, trained_inputs.moments)
+    force_sensitivity = sensitivity(network, len(config.legs), trained_inputs.moments)
     estimator, set_temperature = _estimator(models)
+    scan_ns = round(config.shortest_scan_ms * 1e6)
     return Pipeline(
-        alignment=_alignment(config, trained_inputs, estimator),
+        estimator=estimator,
         trained=trained_inputs,
         stray_pf=stray_pf,
         unloaded_pf=unloaded_pf,
@@ -66,8 +64,9 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         ),
         contact=_contact_limits(config, design, force_sensitivity),
         track_baseline=config.baseline.track,
+        scan_ns=scan_ns,
         max_age_ns=round(config.stale_after_ms * 1e6),
-        settled_ns=round(_SETTLED_SCANS * config.shortest_scan_ms * 1e6),
+        settled_ns=_SETTLED_SCANS * scan_ns,
         flags=flags,
         gap_um=_per_leg(models, "gap_um", {}, design.gap_um),
         gain_rel=_per_leg(models, "gain_rel", {}, 1.0),
@@ -78,29 +77,13 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
     )
 
 
-def _step_ns(config: Config) -> int:
-    """Return the time from one element to the next [ns]: a conversion, and 1/12 for slow chips and row switches."""
-    return round(config.rate.conversion_ns * (1 + 1 / 12))
-
-
-def _alignment(config: Config, trained_inputs: TrainedInputs, estimator: Estimator) -> Alignment:
-    """Return the alignment of whole scans, or of single elements."""
-    if config.publish == "frame":
-        return ScanByScan(estimator, len(config.legs), trained_inputs.moments, config.average_scans)
-    noise_rel = config.rate.noise_ff * 1e-3 * _closure_rel_per_pf(trained_inputs.design)
-    order = ORDERS[config.order]
-    return ElementByElement(
-        estimator, len(config.legs), trained_inputs.moments, order, _step_ns(config), noise_rel
-    )
-
-
 def _estimator(models: Models) -> tuple[Estimator, Callable[[Vector], None] | None]:
     """Return the estimator of these feet and the receiver of their temperature, None without calibrations."""
     if not models.calibrations:
         return models.network, None
     mounted = [models.calibrations.get(leg) for leg in models.config.legs]
     feet = CalibratedFeet(
-        models.network, [foot.parameters if foot else None for foot in mounted], models.n_rows
+        models.network, [foot.parameters if foot else None for foot in mounted], len(mounted)
     )
     set_temperature = partial(
         feet.set_temperature, calibrated_at=[foot.calibrated_at if foot else None for foot in mounted]

@@ -21,13 +21,11 @@ class Models:
         config: The robot.
         network: Network of the calibrations, of the configuration, or of the foot type.
         calibrations: Calibrations of the feet by leg.
-        n_rows: Rows of a network call: one per leg, two per leg for whole scans.
     """
 
     config: Config
     network: Network
     calibrations: dict[str, FootCalibration]
-    n_rows: int
 
 
 def load_models(config: Config) -> Models:
@@ -39,10 +37,9 @@ def load_models(config: Config) -> Models:
     calibrations = load_calibrations(config)
     path = Path(config.model) if config.model else artefact_path(config, "network.onnx")
     path = next((calibration.network for calibration in calibrations.values()), path)
-    n_rows = len(config.legs) * (1 if config.publish == "element" else 2)
-    network = Network(path, n_rows)
+    network = Network(path, n_rows=len(config.legs))
     check_foot_type(path, network.card.foot_type, config)
-    return Models(config, network, calibrations, n_rows)
+    return Models(config, network, calibrations)
 
 
 def load_calibrations(config: Config) -> dict[str, FootCalibration]:

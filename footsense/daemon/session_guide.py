@@ -13,7 +13,8 @@ from footsense.calibration.session.guide import SessionGuide
 from footsense.calibration.session.reference_checks import reference_findings
 from footsense.config.test_stand import StandConfig
 from footsense.estimation.network import Network
-from footsense.frames import Mask, Vector
+from footsense.frames import Vector
+from footsense.ports import Load, Window
 from footsense.sim.scene import Scene
 from footsense.sim.scene_effects import Effects, Fabrication
 from footsense.sim.scene_loads import CalibrationLoads
@@ -48,9 +49,8 @@ class _OneRow:
     def __init__(self, network: Network) -> None:
         self._network = network
 
-    def estimate(self, closure_rel: Vector, missing: Mask) -> tuple[Vector, Vector]:
-        force_n, sigma_n = self._network.estimate(closure_rel, missing)
-        return force_n[:1], sigma_n[:1]
+    def estimate(self, window: Window) -> Load:
+        return Load(*(part[:1] for part in self._network.estimate(window)))
 
 
 def practice_scene(foot: str, row: int, session: str) -> Scene:

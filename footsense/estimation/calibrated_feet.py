@@ -6,8 +6,8 @@ import numpy as np
 
 from footsense.foot.parameters import N_CORRECTION_TERMS, FootParameters, correction_terms
 from footsense.foot.temperature import CalibratedAt, effect
-from footsense.frames import Mask, Vector
-from footsense.ports import Estimator
+from footsense.frames import Vector
+from footsense.ports import Estimator, Load, Window
 
 
 class CalibratedFeet:
@@ -59,15 +59,15 @@ class CalibratedFeet:
         self._matrix, self._correction = gains * self._calibrated_matrix, gains * self._calibrated_correction
         self._error_rel = np.hypot(self._calibrated_error_rel, np.tile(unknown_rel, self._repeats))[:, None]
 
-    def estimate(self, closure_rel: Vector, missing: Mask) -> tuple[Vector, Vector]:
-        """Return force and sigma of every row [N], shape (rows, 3) each; arguments as of the network.
+    def estimate(self, window: Window) -> Load:
+        """Return the load of every row.
 
         The network's sigma is rotated and scaled with the force; the calibration's residual error is added.
         """
-        design_n, design_sigma_n = self._network.estimate(closure_rel, missing)
+        design_n, design_sigma_n, contact, contact_sigma = self._network.estimate(window)
         force_n = np.einsum("rij,rj->ri", self._matrix, design_n)
         if self._corrected:
             force_n += np.einsum("rij,rj->ri", self._correction, correction_terms(design_n))
         variance_n2 = np.einsum("rij,rj->ri", self._matrix**2, design_sigma_n**2)
         residual_n = self._error_rel * np.linalg.norm(force_n, axis=1, keepdims=True)
-        return force_n, np.sqrt(variance_n2 + residual_n**2)
+        return Load(force_n, np.sqrt(variance_n2 + residual_n**2), contact, contact_sigma)

@@ -4,6 +4,7 @@ One call for all legs, one thread, no spinning: a spinning worker would take a c
 a second thread costs more than this network's microseconds.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,13 @@ import numpy as np
 import onnxruntime as ort
 
 from footsense.errors import ModelError
+from footsense.estimation.rest import at_rest
 from footsense.foot.files.checksum_trailer import verified_sha256
-from footsense.foot.files.network_card import METADATA_KEY, Signal, read_card
-from footsense.frames import ELEMENTS, Mask, Vector
+from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal, read_card
+from footsense.frames import ELEMENTS
+from footsense.ports import Load, Window
 
-_AXES = 3
-
-#: Largest file that is read [bytes]; the released network has 18 thousand.
+#: Largest file that is read [bytes]; the released network has 80 thousand.
 MAX_BYTES = 1 << 24
 
 #: Shares of the trained range of the inputs at which a network is tested before use [1].
@@ -59,34 +60,25 @@ class Network:
             raise ModelError(f"{path}: not a readable ONNX network ({_error_line(error)})") from error
         # Shapes first: read_card would only say that a card of another shape does not fit.
         if text is not None:
-            _check_shapes(path, "input", inputs, ELEMENTS)
-            _check_shapes(path, "output", outputs, _AXES)
-        card = self.card = read_card(text, str(path))
-        _check_names(path, inputs, [card.input, card.mask])
-        _check_names(path, outputs, [card.output, card.sigma])
+            _check_shapes(path, "input", inputs, INPUTS)
+            _check_shapes(path, "output", outputs, OUTPUTS)
+        self.card = read_card(text, str(path))
         # Bound to the session: a call copies and allocates nothing.
-        self._closure_rel = np.zeros((n_rows, ELEMENTS), np.float32)
-        self._missing = np.zeros((n_rows, ELEMENTS), np.float32)
-        self._force_n = np.zeros((n_rows, _AXES), np.float32)
-        self._sigma_n = np.zeros((n_rows, _AXES), np.float32)
         self._binding = self._session.io_binding()
-        for signal, array in ((card.input, self._closure_rel), (card.mask, self._missing)):
+        self._in = [np.zeros((n_rows, signal.width), np.float32) for signal in INPUTS]
+        self._out = [np.zeros((n_rows, signal.width), np.float32) for signal in OUTPUTS]
+        for signal, array in zip(INPUTS, self._in, strict=True):
             self._binding.bind_ortvalue_input(signal.name, ort.OrtValue.ortvalue_from_numpy(array))
-        for signal, array in ((card.output, self._force_n), (card.sigma, self._sigma_n)):
+        for signal, array in zip(OUTPUTS, self._out, strict=True):
             self._binding.bind_ortvalue_output(signal.name, ort.OrtValue.ortvalue_from_numpy(array))
         self._test(path)
 
-    def estimate(self, closure_rel: Vector, missing: Mask) -> tuple[Vector, Vector]:
-        """Return force and sigma of every row [N], shape (rows, 3) each.
-
-        Args:
-            closure_rel: Closures over the gap, missing ones imputed [1], shape (rows, 9).
-            missing: The imputed ones, shape (rows, 9).
-        """
-        self._closure_rel[...] = closure_rel
-        self._missing[...] = missing
+    def estimate(self, window: Window) -> Load:
+        """Return the load of every row."""
+        for array, values in zip(self._in, window, strict=True):
+            array[...] = values.reshape(array.shape)
         self._session.run_with_iobinding(self._binding)
-        return self._force_n.astype(np.float64), self._sigma_n.astype(np.float64)
+        return Load(*(array.astype(np.float64) for array in self._out))
 
     def _test(self, path: Path) -> None:
         """Estimate once unloaded, which also plans the memory, and through the trained range.
@@ -95,16 +87,16 @@ class Network:
             ModelError: The network cannot be run for so many rows, or gives a value that is not finite.
         """
         low, high = np.array(self.card.closure_rel_min), np.array(self.card.closure_rel_max)
-        n_rows, none_missing = len(self._missing), np.zeros(self._missing.shape, bool)
+        n_rows = len(self._in[0])
         for closure_rel in (np.zeros(ELEMENTS), *(low + share * (high - low) for share in _TESTED_REL)):
             try:
-                force_n, sigma_n = self.estimate(np.tile(closure_rel, (n_rows, 1)), none_missing)
+                load = self.estimate(at_rest(np.tile(closure_rel, (n_rows, 1))))
             except Exception as error:  # as above
                 raise ModelError(f"{path}: cannot be run for {n_rows} legs ({_error_line(error)})") from error
-            if not (np.isfinite(force_n).all() and np.isfinite(sigma_n).all()):
+            if not all(np.isfinite(part).all() for part in load):
                 raise ModelError(
-                    f"{path}: gives {force_n[0].tolist()} N, sigma {sigma_n[0].tolist()} N inside its trained range; "
-                    "its weights are corrupt"
+                    f"{path}: gives {load.force_n[0].tolist()} N, sigma {load.sigma_n[0].tolist()} N inside its "
+                    "trained range; its weights are corrupt"
                 )
 
 
@@ -129,29 +121,17 @@ def _content(path: Path) -> bytes:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from error
 
 
-def _check_shapes(path: Path, kind: str, values: list[Any], width: int) -> None:
-    """Check the number, the type and the shape of the inputs or outputs.
+def _check_shapes(path: Path, kind: str, values: list[Any], needed: Sequence[Signal]) -> None:
+    """Check names, types and shapes of the inputs or outputs.
 
     Raises:
-        ModelError: There are not two, or one is of another type or shape.
+        ModelError: They are others than the daemon's.
     """
-    found = " and ".join(f"{value.type} of shape {value.shape}" for value in values)
-    fits = all(value.type == "tensor(float)" and value.shape[1:] == [width] for value in values)
-    if len(values) != 2 or not fits:
-        raise ModelError(
-            f"{path}: its {kind}s are {found or 'missing'}, the daemon needs two, float32 of shape [n, {width}]"
-        )
-
-
-def _check_names(path: Path, values: list[Any], signals: list[Signal]) -> None:
-    """Check that the inputs or outputs have the names of the card.
-
-    Raises:
-        ModelError: They have others.
-    """
-    found, named = [value.name for value in values], [signal.name for signal in signals]
-    if found != named:
-        raise ModelError(f"{path}: the card names {named}, which the network does not have; it has {found}")
+    found = [(value.name, value.type, value.shape[1:]) for value in values]
+    if found != [(signal.name, "tensor(float)", [signal.width]) for signal in needed]:
+        shown = ", ".join(f"{name} ({kind_of}, {width})" for name, kind_of, width in found)
+        wanted = ", ".join(f"{signal.name} [n, {signal.width}]" for signal in needed)
+        raise ModelError(f"{path}: its {kind}s are {shown or 'missing'}; the daemon needs float32 {wanted}")
 
 
 def _error_line(error: Exception) -> str:

@@ -1,22 +1,21 @@
 """From readings to contact forces, in named stages; see `Pipeline.process`.
 
-A leg whose force must not be used gets a state that says why, and NaN instead of a force. Whether a force is that of a
-whole scan, or of the newest element and a prediction of the others, is up to the `Alignment`.
+A leg whose force must not be used gets a state that says why, and NaN instead of a force. The force is that of the time
+of sending: the network sees the last readings of every element with their ages.
 """
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from footsense.estimation.alignment.scan_by_scan import AlignedSample
 from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.baseline.tracker import BaselineTracker
 from footsense.estimation.baseline.unloaded import UnloadedFeet
 from footsense.estimation.faults.calibration_monitor import CalibrationMonitor
 from footsense.estimation.faults.consistency import ConsistencyResult, ConsistencyTest
+from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.open_elements import missing_elements
 from footsense.estimation.faults.status import (
     RANGE_END_PF,
@@ -25,6 +24,8 @@ from footsense.estimation.faults.status import (
     LegClassifier,
     LegStatus,
 )
+from footsense.estimation.reading_window import Readings, ReadingWindow
+from footsense.estimation.rest import REST_AGE_S
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import (
@@ -38,50 +39,19 @@ from footsense.frames import (
     Flag,
     Mask,
     Result,
-    Stamps,
     State,
     Vector,
 )
+from footsense.ports import Estimator, Window
 
 _VALID, _CONTACT = np.uint8(State.VALID), np.uint8(Flag.CONTACT)
-
-
-class Alignment(Protocol):
-    """Moves the sequential readings of each leg to one time, and estimates the force at that time.
-
-    `ScanByScan` does it for whole scans, `ElementByElement` for every conversion.
-    """
-
-    def align(self, distance_rel: Vector, t_ns: Stamps, now_ns: int, missing: Mask) -> AlignedSample:
-        """Bring the elements of each leg to one time."""
-        ...
-
-    def estimate(
-        self, closure_rel: Vector, unloaded_rel: Vector, usable: Mask, missing: Mask
-    ) -> tuple[Vector, Vector]:
-        """Return force and sigma of the sample that was aligned last [N], shape (legs, 3) each."""
-        ...
-
-
-class Closures(NamedTuple):
-    """Closures of all legs over the gap [1], shape (legs, 9) each, NaN where there is none.
-
-    Attributes:
-        rel: As of the time of the sample.
-        measured_rel: As measured: the same, unless `rel` are predicted.
-        predicted_rel: `rel` of time-aligned legs, where they are predicted; None where they are measured.
-    """
-
-    rel: Vector
-    measured_rel: Vector
-    predicted_rel: Vector | None
 
 
 class Pipeline:
     """Turns scans into forces, and keeps each leg's baseline.
 
     Args:
-        alignment: Alignment and network.
+        estimator: The network, for as many rows as there are legs.
         trained: Inputs that the network was trained for.
         stray_pf: Known capacitance in parallel with each element [pF], shape (legs, 9).
         unloaded_pf: Expected reading of each element of the free foot, without stray [pF], shape (legs, 9).
@@ -89,6 +59,7 @@ class Pipeline:
         tare: Limits of a tare.
         contact: Thresholds of contact.
         track_baseline: Whether a baseline follows a foot in swing.
+        scan_ns: Time of a scan [ns].
         max_age_ns: Age of the oldest reading from which a measurement is stale [ns].
         settled_ns: Time in which a step of the load has passed through all readings: a few scans [ns].
         flags: Flags of every frame.
@@ -104,7 +75,7 @@ class Pipeline:
 
     def __init__(
         self,
-        alignment: Alignment,
+        estimator: Estimator,
         trained: TrainedInputs,
         stray_pf: Vector,
         unloaded_pf: Vector,
@@ -112,6 +83,7 @@ class Pipeline:
         sensitivity: Sensitivity,
         tare: TareLimits,
         contact: ContactLimits,
+        scan_ns: int,
         max_age_ns: int,
         settled_ns: int,
         track_baseline: bool = True,
@@ -124,7 +96,9 @@ class Pipeline:
         set_temperature: Callable[[Vector], None] | None = None,
     ) -> None:
         n_legs, design = len(stray_pf), trained.design
-        self._alignment = alignment
+        self._estimator = estimator
+        self._imputation = Imputation(trained.moments)
+        self._window = ReadingWindow(n_legs, scan_ns)
         self._trained = trained
         self._flags = np.uint8(flags)
         # Plate distance over the gap, times capacitance.
@@ -146,6 +120,7 @@ class Pipeline:
         gap_um = np.full_like(stray_pf, design.gap_um) if gap_um is None else gap_um
         self._legs = LegClassifier(n_legs, trained, gap_um, max_age_ns)
         self._monitor = CalibrationMonitor(n_legs, body_weight_n)
+        self._no_leg = np.zeros(n_legs, bool)
         self._set_temperature = set_temperature
 
     @property
@@ -173,35 +148,36 @@ class Pipeline:
     def process(self, scan: CapFrame, now_ns: int) -> tuple[ContactFrame, tuple[CommandResult, ...]]:
         """Return the forces of a scan as of `now_ns`, and the results of the tares that end with it.
 
-        The stages: element status, tare, closures as of one time, consistency test, contact and drift, leg status,
-        force, calibration monitor.
+        The stages: element status, tare, last readings, consistency test, leg status, force, contact and drift,
+        calibration monitor.
         """
         baselines = self._baselines
         elements = self._elements.classify(scan, self._consistency.excluded, baselines.unloaded.baseline_pf)
         pf = elements.capacitance_pf
         results = baselines.tare(pf, scan.reading, scan.t_ns, elements.missing, now_ns)
         unloaded = baselines.unloaded
-        missing = self._missing(elements, unloaded)
-        sample = self._alignment.align(self._distance_pf / pf, scan.t_ns, now_ns, missing)
-        closures = self._closures(sample, unloaded)
-        consistency = self._consistency.test(closures.rel, closures.measured_rel, missing, sample.t_ns)
-        baselines.observe(
-            closures.measured_rel, closures.predicted_rel, pf, scan.t_ns, consistency.missing, now_ns
-        )
+        readings = self._window.add(self._distance_pf / pf, scan.t_ns)
+        missing, lost = self._missing(elements, unloaded, readings)
+        closure_rel = unloaded.distance_rel[:, None] - readings.distance_rel
+        measured_rel = closure_rel[:, 0]
+        consistency = self._consistency.test(measured_rel, readings.motion_rel, missing, readings.newest_ns)
         legs = self._legs.classify(
             scan.reading,
             elements,
             missing,
-            sample,
-            closures.measured_rel,
+            readings,
+            lost,
+            measured_rel,
             consistency,
             unloaded.untared,
             baselines.untared_legs,
             baselines.drift_cause,
             now_ns,
         )
-        force_n, sigma_n, state = self._forces(closures, unloaded, consistency, legs)
-        cause = self._calibration_causes(force_n, state, legs, closures.measured_rel, now_ns)
+        age_s: Vector = np.asarray((now_ns - readings.t_ns) * 1e-9, np.float64)
+        force_n, sigma_n, state = self._forces(closure_rel, age_s, consistency, legs)
+        baselines.observe(measured_rel, force_n[:, 2], pf, scan.t_ns, consistency.missing, now_ns)
+        cause = self._calibration_causes(force_n, state, legs, measured_rel, now_ns)
         return ContactFrame(
             sequence=scan.sequence,
             t_sent_ns=now_ns,
@@ -215,40 +191,42 @@ class Pipeline:
             baseline=baselines.drift,
         ), results
 
-    def _missing(self, elements: ElementStatus, unloaded: UnloadedFeet) -> Mask:
-        """Return the elements to do without, shape (legs, 9): faulty, excluded, or without a baseline."""
+    def _missing(
+        self, elements: ElementStatus, unloaded: UnloadedFeet, readings: Readings
+    ) -> tuple[Mask, Mask]:
+        """Return the elements to do without, shape (legs, 9), and the legs that have too many of them, shape (legs,).
+
+        An element is missing if it is faulty, excluded, without a baseline, or has not been read three times in a row.
+        """
         if not unloaded.complete:
             self._consistency.reset(unloaded.untared_legs)
-        elif elements.ok:
-            return elements.missing
-        return missing_elements(elements.faulty | unloaded.untared)
-
-    @staticmethod
-    def _closures(sample: AlignedSample, unloaded: UnloadedFeet) -> Closures:
-        """Return the closures of a sample.
-
-        Distances are aligned, not closures: a tare does not step them.
-        """
-        closure_rel = unloaded.distance_rel - sample.distance_rel
-        if sample.measured_rel is None:
-            return Closures(closure_rel, closure_rel, None)
-        # The prediction of a leg that is not time-aligned is ignored.
-        predicted_rel = np.where(sample.time_aligned[:, None], closure_rel, np.nan)
-        return Closures(closure_rel, unloaded.distance_rel - sample.measured_rel, predicted_rel)
+        elif elements.ok and np.count_nonzero(readings.whole) == readings.whole.size:
+            return elements.missing, self._no_leg
+        incomplete = elements.missing | ~readings.whole
+        missing = missing_elements(elements.faulty | unloaded.untared | incomplete)
+        return missing, np.asarray((incomplete & ~missing).any(axis=1))
 
     def _forces(
-        self, closures: Closures, unloaded: UnloadedFeet, consistency: ConsistencyResult, legs: LegStatus
+        self, closure_rel: Vector, age_s: Vector, consistency: ConsistencyResult, legs: LegStatus
     ) -> tuple[Vector, Vector, Codes]:
-        """Return force and sigma [N], shape (legs, 3) each, NaN where not usable, and the state of each leg."""
-        closure_rel = closures.rel
-        if closures.predicted_rel is not None or not legs.healthy:
-            # A prediction may overshoot, at lift-off for instance: the network gets trained inputs only.
+        """Return force and sigma [N], shape (legs, 3) each, NaN where not usable, and the state of each leg.
+
+        Args:
+            closure_rel: Closures over the gap [1], newest first, shape (legs, 3, 9).
+            age_s: Their ages [s], same shape.
+            consistency: The elements to do without.
+            legs: Status of the legs.
+        """
+        if not legs.healthy:
+            # The network gets trained inputs only.
+            closure_rel = np.where(legs.usable[:, None, None], closure_rel, 0.0)
             closure_rel = np.minimum(
                 np.maximum(closure_rel, self._trained.closure_rel_min), self._trained.closure_rel_max
             )
-        force_n, sigma_n = self._alignment.estimate(
-            closure_rel, unloaded.distance_rel, legs.usable, consistency.missing
-        )
+            closure_rel = self._imputation.impute(closure_rel, consistency.missing)
+            age_s = _usual_ages(age_s, legs.usable, consistency.missing)
+        load = self._estimator.estimate(Window(closure_rel, age_s, consistency.missing))
+        force_n, sigma_n = load.force_n, load.sigma_n
         sigma_n = np.hypot(sigma_n, self._baselines.sigma_n)
         if not consistency.ok and consistency.inconsistency_rel.any():
             inconsistent_n = consistency.inconsistency_rel * np.linalg.norm(force_n, axis=1)
@@ -273,3 +251,17 @@ class Pipeline:
             return legs.cause
         unexplained = monitor.stale & legs.usable & (legs.cause == Cause.NONE)
         return np.where(unexplained, np.uint8(Cause.CALIBRATION_STALE), legs.cause)
+
+
+def _usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:
+    """Return ages with those of missing elements replaced by the mean of the others, and those of unusable legs.
+
+    Args:
+        age_s: Ages of the readings [s], shape (legs, 3, 9).
+        usable: Legs whose force may be used, shape (legs,).
+        missing: Missing elements, shape (legs, 9).
+    """
+    read = ~missing[:, None]
+    n_read = np.maximum(read.sum(axis=2, keepdims=True), 1)
+    mean_s = np.where(read, age_s, 0.0).sum(axis=2, keepdims=True) / n_read
+    return np.where(usable[:, None, None], np.where(read, age_s, mean_s), REST_AGE_S)

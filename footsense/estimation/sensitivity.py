@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.estimation.baseline.contact import trimmed_means
+from footsense.estimation.rest import at_rest
 from footsense.frames import ELEMENTS, Vector
 from footsense.ports import Estimator
 
@@ -37,10 +38,9 @@ def jacobian_n(estimator: Estimator, n_rows: int, closure_rel: Vector) -> Vector
         n_rows: Rows that it estimates at once.
         closure_rel: Closures over the gap at which it is taken [1], shape (9,).
     """
-    whole = np.zeros((n_rows, ELEMENTS), bool)
     steps = _STEP_REL * np.concatenate((np.eye(ELEMENTS), -np.eye(ELEMENTS)))
     forces_n = np.array(
-        [estimator.estimate(np.tile(row, (n_rows, 1)), whole)[0] for row in closure_rel + steps]
+        [estimator.estimate(at_rest(np.tile(row, (n_rows, 1)))).force_n for row in closure_rel + steps]
     )
     slopes_n: Vector = (forces_n[:ELEMENTS] - forces_n[ELEMENTS:]) / (2 * _STEP_REL)
     return slopes_n
@@ -70,7 +70,7 @@ def sensitivity(estimator: Estimator, n_rows: int, moments: Vector) -> Sensitivi
             errors_n.append(np.hypot(slopes_n.sum(axis=0), _UNEVEN_REL * np.linalg.norm(slopes_n, axis=0)))
     stance_rel = _LEVELS_REL[-1] * stance_rel
     rows = np.tile(stance_rel, (n_rows, 1))
-    force_n, _ = estimator.estimate(rows, np.zeros(rows.shape, bool))
+    force_n = estimator.estimate(at_rest(rows)).force_n
     return Sensitivity(
         load_n=float(force_n[0, 2] / trimmed_means(stance_rel[None])[0]),
         baseline_n=np.max(errors_n, axis=0),

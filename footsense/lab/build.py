@@ -14,8 +14,9 @@ import ngsolve as ng
 import numpy as np
 
 from footsense.estimation.faults.imputation import Imputation
+from footsense.estimation.rest import at_rest
 from footsense.foot.files.checksum_trailer import add_checksum
-from footsense.foot.files.network_card import FORMAT, INPUT_ORDER, INPUT_UNIT, OUTPUT_ORDER, OUTPUT_UNIT
+from footsense.foot.files.network_card import FORMAT, INPUTS, OUTPUTS
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import Errors, Readout
 from footsense.lab.evaluation.evaluate_models import (
@@ -35,9 +36,12 @@ from footsense.lab.response import make_response
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork, library_versions, onnx_model
 from footsense.lab.training.forward_inversion import forward_model
+from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.load_cases import Cases, paper_training, random_loads
-from footsense.lab.training.network import Weights
-from footsense.lab.training.train import MASKS, Protocol, moments, predict, train
+from footsense.lab.training.train import MASKS, Protocol, moments, train
+from footsense.lab.training.train import predict as predict_alone
+from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
+from footsense.lab.training.windowed_network import Weights, predict
 
 #: Seed of the random loads of the training.
 TRAINING_SEED = 1
@@ -56,7 +60,8 @@ class Recipe:
 
     Attributes:
         mesh: Resolution of the solid's mesh.
-        random_loads: Number of random loads of the training.
+        random_loads: Number of random loads at rest of the training.
+        gaits: Number of random gaits of the training, three seconds each.
         released: Training of the released network.
         only_362: Training on the paper's cases alone.
         quick: Whether the model card warns that this is no release.
@@ -64,7 +69,8 @@ class Recipe:
 
     mesh: MeshSize
     random_loads: int
-    released: Protocol
+    gaits: int
+    released: WindowProtocol
     only_362: Protocol
     quick: bool = False
 
@@ -73,14 +79,16 @@ class Recipe:
 FULL = Recipe(
     mesh=SHIPPED,
     random_loads=100_000,
-    released=Protocol(),
+    gaits=5_000,
+    released=WindowProtocol(),
     only_362=Protocol(steps=6_000, batch=128, masked=False),
 )
 #: Every step of the chain in half a minute; its numbers are no release.
 QUICK = Recipe(
     mesh=COARSE,
     random_loads=10_000,
-    released=Protocol(steps=3_000),
+    gaits=100,
+    released=WindowProtocol(channels=8, steps=1_000),
     only_362=Protocol(steps=2_000, batch=128, masked=False),
     quick=True,
 )
@@ -101,9 +109,13 @@ class Built:
     parity_n: float
 
 
+#: Conversions of a gait.
+_CONVERSIONS = 1100
+
+
 def _readout(weights: Weights, gap_um: float) -> Readout:
-    """Return the network as a read-out of closures [um]."""
-    return lambda closure_um: predict(weights, closure_um / gap_um)[0]
+    """Return the network as a read-out of closures [um] of feet at rest."""
+    return lambda closure_um: predict(weights, at_rest(closure_um / gap_um)).force_n
 
 
 def _alone(response: FootResponse, protocol: Protocol, report: Callable[[str], None]) -> dict[str, Readout]:
@@ -113,20 +125,20 @@ def _alone(response: FootResponse, protocol: Protocol, report: Callable[[str], N
     """
     training, gap_um = paper_training(response), response.design.gap_um
     plain = train(training, response.design, protocol)
-    alone = {f"{ALONE}_elastance": _readout(plain, gap_um)}
+    alone: dict[str, Readout] = {
+        f"{ALONE}_elastance": lambda closure_um: predict_alone(plain, closure_um / gap_um)[0]
+    }
     model = forward_model(response)
     try:
         inverted_um = model.mean_um(training.closure_um)
     except ArithmeticError as error:
         report(f"no {ALONE}: the paper's loads are too large for this foot: {error}")
         return alone
-    read_inverted = _readout(train(Cases(training.force_n, inverted_um), response.design, protocol), gap_um)
-    return {ALONE: lambda closure_um: read_inverted(model.mean_um(closure_um)), **alone}
-
-
-def _signal(name: str, unit: str, order: str, meaning: str) -> dict[str, str]:
-    """Return a card's entry for one input or output."""
-    return {"name": name, "unit": unit, "order": order, "meaning": meaning}
+    inverted = train(Cases(training.force_n, inverted_um), response.design, protocol)
+    return {
+        ALONE: lambda closure_um: predict_alone(inverted, model.mean_um(closure_um) / gap_um)[0],
+        **alone,
+    }
 
 
 def _card(
@@ -143,19 +155,15 @@ def _card(
     return {
         "format": FORMAT,
         "foot_type": response.foot_type,
-        "input": _signal(
-            "closure_rel", INPUT_UNIT, INPUT_ORDER, "gap closure over the designed gap, positive when pressed"
-        ),
-        "mask": _signal("missing", INPUT_UNIT, INPUT_ORDER, "1 where the closure is filled in, else 0"),
-        "output": _signal("force_n", OUTPUT_UNIT, OUTPUT_ORDER, "ground reaction on the foot"),
-        "sigma": _signal("sigma_n", OUTPUT_UNIT, OUTPUT_ORDER, "standard deviation of force_n"),
+        "inputs": [msgspec.structs.asdict(signal) for signal in INPUTS],
+        "outputs": [msgspec.structs.asdict(signal) for signal in OUTPUTS],
         **asdict(design),
         "closure_rel_min": [round(float(value) - MARGIN_REL, 6) for value in seen_rel.min(axis=0)],
         "closure_rel_max": [round(float(value) + MARGIN_REL, 6) for value in seen_rel.max(axis=0)],
         "moments": _rounded_moments(seen_rel).tolist(),
         "response_sha256": response.sha256,
         "training": {
-            "wide": {
+            "random_loads": {
                 "cases": recipe.random_loads,
                 "seed": TRAINING_SEED,
                 **msgspec.structs.asdict(loads),
@@ -163,8 +171,9 @@ def _card(
                 "noise_pf": load_cases.NOISE_PF,
                 "baseline_noise_pf": load_cases.BASELINE_NOISE_PF,
             },
+            "random_gaits": {"gaits": recipe.gaits, "conversions": _CONVERSIONS, "seed": TRAINING_SEED},
             "held_out": {"cases": HELD_OUT_CASES, "seed": HELD_OUT_SEED},
-            "shipped": recipe.released.card(),
+            "released": recipe.released.card(),
             "only_362": recipe.only_362.card(),
             "weights": weights.size,
         },
@@ -180,8 +189,8 @@ def _rounded_moments(closure_rel: Any) -> Any:
 
 def _parity_n(network: OnnxNetwork, weights: Weights, closure_rel: Any) -> float:
     """Return the largest difference between ONNX Runtime and JAX [N], over loads with every kind of mask."""
-    missing = MASKS[np.arange(len(closure_rel)) % len(MASKS)]
-    pairs = zip(network.estimate(closure_rel, missing), predict(weights, closure_rel, missing), strict=True)
+    window = at_rest(closure_rel, MASKS[np.arange(len(closure_rel)) % len(MASKS)])
+    pairs = zip(network.estimate(window)[:2], predict(weights, window)[:2], strict=True)
     return max(float(np.abs(one - other).max()) for one, other in pairs)
 
 
@@ -217,7 +226,9 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
         report(f"{recipe.random_loads} random loads, gaps in contact")
         closure_rel = cases.closure_um / design.gap_um
         imputation = Imputation(_rounded_moments(cases.with_symmetric_copies().closure_um / design.gap_um))
-        weights = train(cases, design, recipe.released, imputation)
+        gaits = random_gaits(response, TRAINING_SEED, recipe.gaits, _CONVERSIONS, loads.max_n)
+        report(f"{recipe.gaits} random gaits of {_CONVERSIONS} conversions")
+        weights = train_windowed(gaits, cases, design, recipe.released, imputation, report)
         report(f"trained on them: {weights.size} weights")
         table = error_table(response, loads, _readout(weights, design.gap_um), alone)
         # The card needs the errors before the file exists, so JAX computes them; the printed ones are of the file.

@@ -1,9 +1,9 @@
 """Feet whose closures are given, and a pipeline whose network adds them up."""
 
 import numpy as np
+from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from numpy.typing import NDArray
 
-from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline

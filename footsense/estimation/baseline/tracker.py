@@ -4,7 +4,6 @@ A tare (`tare.py`) gives a baseline: at start without a command, later on comman
 the drift of a foot in swing (`drift.py`); `contact.py` tells swing from stance.
 """
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -101,7 +100,6 @@ class BaselineTracker:
         self.sigma_n = np.full((n_legs, 3), np.nan)
         self.flags = np.zeros(n_legs, np.uint8)
         self._flags: list[int] = []
-        self._no_prediction = [math.nan] * n_legs
         self._max_errors_n: list[float] = []
         self._swinging: list[int] = []
         self._gather()
@@ -157,7 +155,7 @@ class BaselineTracker:
     def observe(
         self,
         closure_rel: Vector,
-        predicted_rel: Vector | None,
+        predicted_n: Vector,
         capacitance_pf: Vector,
         t_ns: Stamps,
         missing: Mask,
@@ -167,7 +165,7 @@ class BaselineTracker:
 
         Args:
             closure_rel: Measured closures over the gap [1], shape (legs, 9), NaN where there is none.
-            predicted_rel: The same as predicted from the newest of them; None without a prediction.
+            predicted_n: Force along each leg as of now, from the last readings [N], shape (legs,), NaN for none.
             capacitance_pf: Readings without stray that they come from [pF], same shape.
             t_ns: Stamp of each [ns], same shape.
             missing: Elements to leave out, same shape.
@@ -175,19 +173,17 @@ class BaselineTracker:
         """
         if np.count_nonzero(missing):
             closure_rel = np.where(missing, np.nan, closure_rel)
-            predicted_rel = None if predicted_rel is None else np.where(missing, np.nan, predicted_rel)
         means_rel = trimmed_means(closure_rel)
-        predicted_means_rel = self._no_prediction if predicted_rel is None else trimmed_means(predicted_rel)
         newest_ns = np.maximum.reduce(t_ns, axis=1).tolist()
         if now_ns >= self._sigma_due_ns:
             self._update_sigma(now_ns)
         swung, swinging = self._swinging, []
         flags = []
         n_per_rel = self._sensitivity.load_n
-        loads = zip(means_rel, self._max_errors_n, newest_ns, predicted_means_rel, strict=True)
-        for leg, (mean_rel, error_n, newest, predicted_mean_rel) in enumerate(loads):
+        loads = zip(means_rel, self._max_errors_n, newest_ns, predicted_n.tolist(), strict=True)
+        for leg, (mean_rel, error_n, newest, predicted) in enumerate(loads):
             baseline, contact = self._baselines[leg], self._contacts[leg]
-            contact.observe(mean_rel * n_per_rel, error_n, newest, now_ns, predicted_mean_rel * n_per_rel)
+            contact.observe(mean_rel * n_per_rel, error_n, newest, now_ns, predicted)
             in_contact = contact.in_contact
             refused = _TARE_REFUSED if leg in self._tares.refused else 0
             flags.append(_CONTACT | refused if in_contact else refused)

@@ -3,14 +3,15 @@
 A foot has nine elements and a load far fewer unknowns, so each closure follows roughly from the other eight. With
 S = E[x x^T] over the loads of a foot, the least-squares prediction of x_i from all others leaves the residual
 (S^-1 x)_i / (S^-1)_ii: one matrix product tests all elements at once. Over the loads that a foot is trained for the
-residual is at most 14 % of the others' closures; in a walk, skew included, three quarters of the limit set here.
+residual is at most 14 % of the others' closures.
 
-A larger residual has a cause: an electrode that came off and no longer moves, one that drifts, a flipped bit, a line
-that broke during the scan, or a load that steps while the elements are read one after the other. The last passes within
-a few scans. So an element, row or column without which the rest is consistent is left out at once; one that stays
-suspected is excluded, until it has been consistent for a while both under load and unloaded: unloaded, an element stuck
-at its baseline reads right, and under load, where the limit is wider, a drifting one may. If no such set explains the
-residuals, the force is given with a wider sigma.
+The elements are read one after the other, so a load in motion leaves a residual as well, at most about as large as the
+closures move from one reading to the next: the limit is wider by that. A larger residual has a cause: an electrode that
+came off and no longer moves, one that drifts, a flipped bit, or a line that broke during the scan. So an element, row
+or column without which the rest is consistent is left out at once; one that stays suspected is excluded, until it has
+been consistent for a while both under load and unloaded: unloaded, an element stuck at its baseline reads right, and
+under load, where the limit is wider, a drifting one may. If no such set explains the residuals, the force is given with
+a wider sigma.
 """
 
 import math
@@ -109,24 +110,23 @@ class ConsistencyTest:
         squares: Vector = both * both @ _SUMS_OF_BOTH
         return squares
 
-    def test(
-        self, closure_rel: Vector, measured_rel: Vector, missing: Mask, t_ns: Stamps
-    ) -> ConsistencyResult:
+    def test(self, closure_rel: Vector, motion_rel: Vector, missing: Mask, t_ns: Stamps) -> ConsistencyResult:
         """Test the elements of a frame.
 
         Args:
-            closure_rel: Closures as of one time, over the gap [1], shape (legs, 9); a leg with a NaN that is not
-                missing is not tested.
-            measured_rel: The same as measured, used for excluded elements, which `closure_rel` does not predict.
+            closure_rel: Newest closures over the gap [1], shape (legs, 9); a leg with a NaN that is not missing is not
+                tested.
+            motion_rel: Second largest change of an element over its last readings [1], shape (legs,): one element
+                alone is no motion.
             missing: Missing elements, shape (legs, 9), `excluded` included.
             t_ns: Time of the frame for each leg [ns], shape (legs,).
         """
-        if not self._all_trusted:
-            closure_rel = np.where(self._excluded, measured_rel, closure_rel)
         residual = np.abs(closure_rel @ self._whole)
         sum_rel2 = np.add.reduce(closure_rel * closure_rel, axis=1, keepdims=True)
         # A NaN is never consistent: its leg is tested by itself, like a leg with a missing element.
-        consistent = residual <= RESIDUAL_LIMIT + _LIMIT_REL_OF_SUM * np.sqrt(sum_rel2)
+        consistent = residual <= (RESIDUAL_LIMIT + motion_rel[:, None]) + _LIMIT_REL_OF_SUM * np.sqrt(
+            sum_rel2
+        )
         if (
             self._all_trusted
             and np.count_nonzero(consistent) == consistent.size
@@ -140,7 +140,7 @@ class ConsistencyTest:
             missing = missing.copy()
             for leg in np.flatnonzero(suspicious).tolist():
                 inconsistency_rel[leg] = self._test_leg(
-                    leg, closure_rel[leg], measured_rel[leg], missing[leg], int(t_ns[leg])
+                    leg, closure_rel[leg], float(motion_rel[leg]), missing[leg], int(t_ns[leg])
                 )
         self._t_ns = t_ns
         self._all_trusted = not (self._suspected.any() or self._excluded.any())
@@ -150,31 +150,33 @@ class ConsistencyTest:
             missing, inconsistency_rel, self._stuck.copy(), self._excluded & ~self._stuck, ok=False
         )
 
-    def _test_leg(
-        self, leg: int, closure_rel: Vector, measured_rel: Vector, missing: Mask, t_ns: int
-    ) -> float:
+    def _test_leg(self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, t_ns: int) -> float:
         """Add the isolated elements to `missing`, shape (9,), and return the inconsistency [1]."""
         if not np.isfinite(closure_rel[~missing]).all():
             return 0.0
         if self._excluded[leg].any():
-            self._readmit(leg, closure_rel, missing, t_ns)
-            self._widen_ranges(leg, closure_rel, measured_rel, missing)
-        excess = self._excess(closure_rel, missing)
+            self._readmit(leg, closure_rel, motion_rel, missing, t_ns)
+            self._widen_ranges(leg, closure_rel, missing)
+        excess = self._excess(closure_rel, missing, motion_rel)
         if excess <= 1.0:
-            self._suspected[leg] = False
+            # What motion could explain neither clears a suspicion nor feeds it.
+            if self._excess(closure_rel, missing) <= 1.0:
+                self._suspected[leg] = False
             return 0.0
-        isolated = self._isolate(closure_rel, missing)
+        isolated = self._isolate(closure_rel, missing, motion_rel)
         suspected = isolated & ~missing
         if not np.array_equal(suspected, self._suspected[leg]):
             self._suspected[leg], self._suspected_since_ns[leg] = suspected, t_ns
             self._measured[:, leg], self._predicted[:, leg] = np.inf, np.inf
             self._measured[1, leg], self._predicted[1, leg] = -np.inf, -np.inf
         rms = float(np.sqrt(np.square(closure_rel[~missing]).mean()))
-        inconsistency_rel = float(INCONSISTENCY_REL * excess * _limit(rms) / max(rms, RESIDUAL_LIMIT))
+        inconsistency_rel = float(
+            INCONSISTENCY_REL * excess * _limit(rms, motion_rel) / max(rms, RESIDUAL_LIMIT)
+        )
         missing |= isolated
         if not suspected.any():
             return inconsistency_rel
-        self._widen_ranges(leg, closure_rel, measured_rel, missing)
+        self._widen_ranges(leg, closure_rel, missing)
         if t_ns - self._suspected_since_ns[leg] < self._settled_ns:
             return inconsistency_rel
         self._excluded[leg] |= suspected
@@ -182,16 +184,16 @@ class ConsistencyTest:
         self._consistent_ns[leg] = 0
         return 0.0
 
-    def _readmit(self, leg: int, closure_rel: Vector, missing: Mask, t_ns: int) -> None:
+    def _readmit(self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, t_ns: int) -> None:
         """Count the time for which excluded elements have been consistent, and readmit them after a while."""
         excluded = self._excluded[leg]
         if not np.isfinite(closure_rel[excluded]).all():
             return
         elapsed_ns = min(t_ns - int(self._t_ns[leg]), self._settled_ns)
-        if self._excess(closure_rel, missing & ~excluded) > 1.0:
-            # Not all at once: measurements lag behind predictions while the load changes.
+        if self._excess(closure_rel, missing & ~excluded, motion_rel) > 1.0:
+            # Not all at once: a load in motion is not over at once.
             self._consistent_ns[leg] = np.maximum(self._consistent_ns[leg] - LOSS_RATE * elapsed_ns, 0)
-        else:
+        elif self._excess(closure_rel, missing & ~excluded) <= 1.0:
             largest = np.abs(self._predict(closure_rel, missing)[excluded]).max()
             self._consistent_ns[leg] += np.where(
                 [largest < RESIDUAL_LIMIT, largest > MOVED_REL], elapsed_ns, 0
@@ -200,10 +202,10 @@ class ConsistencyTest:
             missing &= ~excluded
             self._excluded[leg] = self._stuck[leg] = False
 
-    def _widen_ranges(self, leg: int, closure_rel: Vector, measured_rel: Vector, missing: Mask) -> None:
+    def _widen_ranges(self, leg: int, closure_rel: Vector, missing: Mask) -> None:
         """Widen the extremes of the measured and of the predicted closures."""
         predicted = self._predict(closure_rel, missing)
-        for extremes, now in ((self._measured, measured_rel), (self._predicted, predicted)):
+        for extremes, now in ((self._measured, closure_rel), (self._predicted, predicted)):
             extremes[0, leg] = np.fmin(extremes[0, leg], now)
             extremes[1, leg] = np.fmax(extremes[1, leg], now)
 
@@ -217,19 +219,19 @@ class ConsistencyTest:
         stuck: Mask = (predicted > MOVED_REL) & (measured < STUCK_REL * predicted)
         return stuck
 
-    def _excess(self, closure_rel: Vector, missing: Mask) -> float:
+    def _excess(self, closure_rel: Vector, missing: Mask, motion_rel: float = 0.0) -> float:
         """Return the largest residual of the present elements, divided by the residual limit [1]."""
         kept = closure_rel[~missing]
         if kept.size < 2:
             return 0.0
         residual = self._residual_matrix(missing) @ np.where(missing, 0.0, closure_rel)
-        return float(np.abs(residual).max() / _limit(np.sqrt(np.square(kept).mean())))
+        return float(np.abs(residual).max() / _limit(np.sqrt(np.square(kept).mean()), motion_rel))
 
-    def _isolate(self, closure_rel: Vector, missing: Mask) -> Mask:
+    def _isolate(self, closure_rel: Vector, missing: Mask, motion_rel: float) -> Mask:
         """Return the smallest known set around `missing` without which the rest is consistent; else `missing`."""
         known = np.where(MISSING_SETS, 0.0, closure_rel)
         residual = np.abs(np.einsum("sij,sj->si", self._residual_matrices, known)).max(axis=1)
-        excess = residual / _limit(np.sqrt(np.square(known).sum(axis=1) / _N_KEPT))
+        excess = residual / _limit(np.sqrt(np.square(known).sum(axis=1) / _N_KEPT), motion_rel)
         excess[(missing & ~MISSING_SETS).any(axis=1)] = np.inf
         for sets in (_SINGLE, _LINES):
             if excess[sets].min() <= 1.0:
@@ -249,7 +251,7 @@ class ConsistencyTest:
         return self._matrices[key]
 
 
-def _limit(rms_rel: Vector | float) -> Vector:
-    """Return the largest residual of an element whose foot has closures of this root mean square [1]."""
-    limit: Vector = RESIDUAL_LIMIT + np.multiply(RESIDUAL_LIMIT_REL, rms_rel)
+def _limit(rms_rel: Vector | float, motion_rel: float) -> Vector:
+    """Return the largest residual of an element whose foot has closures of this root mean square and motion [1]."""
+    limit: Vector = RESIDUAL_LIMIT + motion_rel + np.multiply(RESIDUAL_LIMIT_REL, rms_rel)
     return limit

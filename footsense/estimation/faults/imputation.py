@@ -39,15 +39,15 @@ class Imputation:
         return self._matrices[key]
 
     def impute(self, closure_rel: Vector, missing: Mask) -> Vector:
-        """Return the closures with the missing ones imputed, shape (n, 9).
+        """Return the closures with the missing ones imputed, shape as given.
 
         Args:
-            closure_rel: Closures over the gap [1], shape (n, 9); anything, NaN included, where missing.
+            closure_rel: Closures over the gap [1], shape (n, k, 9) or (n, 9); anything, NaN included, where missing.
             missing: Missing elements, shape (n, 9).
         """
         if not missing.any():
             return closure_rel
-        imputed = np.where(missing, 0.0, closure_rel)
+        imputed = np.where(missing if closure_rel.ndim == 2 else missing[:, None], 0.0, closure_rel)
         for row in np.flatnonzero(missing.any(axis=1)):
-            imputed[row] = self.matrix(missing[row]) @ imputed[row]
+            imputed[row] = imputed[row] @ self.matrix(missing[row]).T
         return imputed

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
-from footsense.estimation.alignment.scan_by_scan import AlignedSample
 from footsense.estimation.faults.causes import ElementFaults, causes, converter_states, fault_mask
 from footsense.estimation.faults.consistency import ConsistencyResult
 from footsense.estimation.faults.open_elements import OPEN_REL, floating_pf, missing_elements
+from footsense.estimation.reading_window import Readings
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import USABLE, CapFrame, Codes, Mask, Reading, Stamps, State, Vector
 
@@ -144,7 +144,8 @@ class LegClassifier:
         reading: Codes,
         elements: ElementStatus,
         missing: Mask,
-        sample: AlignedSample,
+        readings: Readings,
+        lost: Mask,
         measured_rel: Vector,
         consistency: ConsistencyResult,
         untared: Mask,
@@ -158,7 +159,8 @@ class LegClassifier:
             reading: How each element answered, shape (legs, 9).
             elements: Status of the elements.
             missing: Elements missing before the consistency test, shape (legs, 9).
-            sample: The elements as of one time.
+            readings: The last readings of the elements.
+            lost: Legs with more incomplete windows than the network can do without, shape (legs,).
             measured_rel: Measured closures over the gap [1], shape (legs, 9).
             consistency: Result of the consistency test.
             untared: Elements without a baseline on legs that have others, shape (legs, 9).
@@ -167,15 +169,14 @@ class LegClassifier:
             now_ns: Current time [ns].
         """
         out_of_range = (measured_rel < self._closure_min_rel) | (measured_rel > self._closure_max_rel)
-        oldest_ns = min(sample.oldest_ns.tolist())
+        oldest_ns = min(readings.oldest_ns.tolist())
         fresh = oldest_ns > 0 and now_ns - oldest_ns <= self._max_age_ns
-        aligned = np.count_nonzero(sample.time_aligned) == len(sample.time_aligned)
         # A leg without a baseline has no closures, and fails the consistency test.
         if (
             elements.ok
             and consistency.ok
             and fresh
-            and aligned
+            and not np.count_nonzero(lost)
             and not np.count_nonzero(out_of_range)
             and not np.count_nonzero(self.stopped)
         ):
@@ -184,7 +185,7 @@ class LegClassifier:
                 self._all,
                 self._no_fault,
                 drift_cause,
-                sample.t_ns,
+                readings.newest_ns,
                 healthy=True,
             )
         excluded = consistency.stuck | consistency.drifting
@@ -195,10 +196,10 @@ class LegClassifier:
         state = self._valid.copy()
         state[~kept.all(axis=1) | (consistency.inconsistency_rel > 0.0)] = State.DEGRADED
         state[(out_of_range & kept).any(axis=1)] = State.OUT_OF_RANGE
-        state[(now_ns - sample.oldest_ns > self._max_age_ns) | ~sample.time_aligned] = State.STALE
+        state[(now_ns - readings.oldest_ns > self._max_age_ns) | lost] = State.STALE
         for leg, untared_state in untared_legs.items():
             state[leg] = untared_state
-        state[(state == State.TARING) & ~sample.time_aligned] = State.STARTING
+        state[(state == State.TARING) & lost] = State.STARTING
         converter_states(state, reading, faulty & kept, closed & kept | elements.over_range & ~shorted)
         state[self.stopped] = State.STOPPED
         faults = ElementFaults(elements.opened, shorted, consistency.stuck, consistency.drifting)
@@ -207,6 +208,6 @@ class LegClassifier:
             usable=_IS_USABLE[state],
             fault_mask=fault_mask((reading != 0) | faulty | closed),
             cause=causes(reading, state, faults, drift_cause),
-            t_ns=np.where(sample.oldest_ns > 0, sample.t_ns, 0),
+            t_ns=np.where(readings.oldest_ns > 0, readings.newest_ns, 0),
             healthy=False,
         )

@@ -13,11 +13,41 @@ from footsense.frames import Vector
 
 #: Key of the card in the file's metadata.
 METADATA_KEY = "footsense_card"
-FORMAT = 2
+FORMAT = 3
 
-#: Units and orders of inputs and outputs, as `footsense lab build` writes them; a network with others is refused.
-INPUT_UNIT, INPUT_ORDER = "1", "flat index 3 * row + column, row 0 most forward, column 0 leftmost"
-OUTPUT_UNIT, OUTPUT_ORDER = "N", "x y z, foot frame"
+_ELEMENTS = "flat index 3 * row + column, row 0 most forward, column 0 leftmost"
+_READINGS = f"newest, the one before, the one before that, each by {_ELEMENTS}"
+_CONTACT = "contact point x y, stereographic, then tangential over normal force x y, foot frame"
+
+
+class Signal(msgspec.Struct, frozen=True):
+    """An input or output of the network.
+
+    Attributes:
+        name: Name in the graph.
+        width: Numbers in a row.
+        unit: Unit of the numbers.
+        order: What they are, in their order.
+    """
+
+    name: str
+    width: int
+    unit: str
+    order: str
+
+
+#: Inputs and outputs of the graph, as `footsense lab build` writes them; a network with others is refused.
+INPUTS = (
+    Signal("closure_rel", 27, "1", _READINGS),
+    Signal("age_s", 27, "s", _READINGS),
+    Signal("missing", 9, "1", _ELEMENTS),
+)
+OUTPUTS = (
+    Signal("force_n", 3, "N", "x y z, foot frame"),
+    Signal("sigma_n", 3, "N", "x y z, foot frame"),
+    Signal("contact", 4, "1", _CONTACT),
+    Signal("contact_sigma", 4, "1", _CONTACT),
+)
 
 Nine = Annotated[list[float], Meta(min_length=9, max_length=9)]
 Positive = Annotated[float, Meta(gt=0.0)]
@@ -60,23 +90,13 @@ class _Format(msgspec.Struct, frozen=True):
     format: int
 
 
-class Signal(msgspec.Struct, frozen=True):
-    """An input or output of the network; the daemon ignores the card's other fields."""
-
-    name: str
-    unit: str
-    order: str
-
-
 class Card(msgspec.Struct, frozen=True):
-    """The fields of a card that the daemon needs."""
+    """The fields of a card that the daemon needs; it ignores the others."""
 
     format: int
     foot_type: str
-    input: Signal
-    mask: Signal
-    output: Signal
-    sigma: Signal
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
     gap_um: Positive
     film_um: Positive
     film_eps_r: Positive
@@ -125,18 +145,16 @@ def read_card(text: str | None, where: str) -> Card:
         raise ModelError(f"{where}: the card does not fit: {error}") from error
     if card is None:
         raise ModelError(f"{where}: card format {found}, this version reads format {FORMAT}")
-    for signal, unit, order in (
-        (card.input, INPUT_UNIT, INPUT_ORDER),
-        (card.mask, INPUT_UNIT, INPUT_ORDER),
-        (card.output, OUTPUT_UNIT, OUTPUT_ORDER),
-        (card.sigma, OUTPUT_UNIT, OUTPUT_ORDER),
-    ):
-        if signal.unit != unit:
-            raise ModelError(f"{where}: {signal.name} is in {signal.unit!r}, the daemon needs {unit!r}")
-        if signal.order != order:
+    for kind, found_signals, needed in (("inputs", card.inputs, INPUTS), ("outputs", card.outputs, OUTPUTS)):
+        names = [signal.name for signal in found_signals]
+        if names != [signal.name for signal in needed]:
             raise ModelError(
-                f"{where}: {signal.name} is in the order {signal.order!r}, the daemon needs {order!r}"
+                f"{where}: its {kind} are {', '.join(names) or 'none'}; "
+                f"the daemon needs {', '.join(signal.name for signal in needed)}"
             )
+        for signal, wanted in zip(found_signals, needed, strict=True):
+            if signal != wanted:
+                raise ModelError(f"{where}: {kind[:-1]} {signal}, the daemon needs {wanted}")
     for element, (low, high) in enumerate(zip(card.closure_rel_min, card.closure_rel_max, strict=True)):
         if not low < high:
             raise ModelError(

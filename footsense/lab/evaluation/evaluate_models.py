@@ -107,7 +107,7 @@ def require_same_foot(
     }
     tabled = {"foot_type": response.foot_type, **asdict(response.design)}
     tabled |= {name: getattr(response, name) for name in ("ball_radius_mm", "hertz_modulus_mpa")}
-    trained = card["training"]["wide"]
+    trained = card["training"]["random_loads"]
     described |= (loads := msgspec.structs.asdict(foot_design.loads))
     tabled |= {name: trained.get(name) for name in loads}
     for name, value in described.items():

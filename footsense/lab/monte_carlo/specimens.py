@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from footsense.estimation.rest import at_rest
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N
@@ -158,5 +159,5 @@ def judge(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
     for name, estimate in estimates.items():
         row = errors(test.force_n, estimate)
         figures |= {f"{name}_deg": row.direction_deg, f"{name}_gf": row.magnitude_gf}
-    off_rel = np.abs(network_n - test.true_n) / network.sigma_n(closure_rel)
+    off_rel = np.abs(network_n - test.true_n) / network.estimate(at_rest(closure_rel)).sigma_n
     return figures | {f"within_{k}": float((off_rel <= k).mean()) for k in (1, 2)}

@@ -1,11 +1,12 @@
-"""Write the network as ONNX with its card inside, and check that ONNX Runtime computes the same.
+"""Write the windowed network as ONNX with its card inside, and check that ONNX Runtime computes the same.
 
 One file carries weights and card (`metadata_props`, key `footsense_card`), so the two cannot drift apart. The file
 holds each weight once; Gather puts it in its eight places when the runtime loads the file, which folds all of it into
-plain matrices: a call multiplies and adds, nothing else.
+plain matrices. The features of the readings are a part of the graph: a call takes readings and ages as they stand.
 """
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +18,24 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from footsense.errors import ModelError
-from footsense.foot.files.network_card import METADATA_KEY
-from footsense.lab.response import SYMMETRIES
-from footsense.lab.training.network import (
-    N_SYMMETRIES,
+from footsense.estimation.rest import at_rest
+from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal
+from footsense.frames import ELEMENTS
+from footsense.lab.training.network import N_SYMMETRIES, SOFT_REL, linear_basis, relative_index
+from footsense.lab.training.windowed_network import (
+    LARGEST,
+    LEAST_S,
+    LN_SIGMA,
+    PERIOD_S,
+    READINGS,
     SEEN,
-    SOFT_REL,
+    SIGMA_ROWS,
+    WIDTH,
     Weights,
-    linear_basis,
-    relative_index,
+    output_turns,
     seen_index,
 )
+from footsense.ports import Load, Window
 
 Vector = NDArray[np.float64]
 
@@ -40,31 +48,49 @@ _node = helper.make_node
 def _constants(weights: Weights) -> dict[str, NDArray[Any]]:
     """Return the weights, each once, and their places; floats are float32 in the file, indices int64."""
     c = weights.channels
-    turns = np.stack(SYMMETRIES).transpose(0, 2, 1)  # a row vector times this is the turned vector
+    turns = output_turns().transpose(0, 2, 1)  # a row vector times this is the turned vector
     named = {name: np.asarray(part, np.float64) for name, part in weights._asdict().items()}
+    one, none = np.eye(ELEMENTS), np.zeros((ELEMENTS, ELEMENTS))
+    level, slope = np.zeros((2, 5, 10))
+    level[:, :5], slope[:, 5:] = np.eye(5), np.eye(5)
     return {
         **named,
-        "sigma_axes": np.array([0, 0, 1]),
+        "sigma_axes": SIGMA_ROWS,
         "seen_at": seen_index().ravel(),
         "relative_at": relative_index().ravel(),
         "turns": turns,
         "sizes": np.abs(turns),
         "linear_basis": linear_basis().reshape(5, 27),
-        "mean": np.full((9, 1), 1.0 / 9.0),
-        "soft": np.full(1, SOFT_REL**2),
+        "level_of": level,
+        "slope_of": slope,
+        "linear_as": np.array([ELEMENTS, 3]),
         "eight": np.array([N_SYMMETRIES]),
         "w1_as": np.array([c, N_SYMMETRIES, SEEN]),
         "w1_flat": np.array([SEEN, N_SYMMETRIES * c]),
         "w2_by": np.array([c, N_SYMMETRIES, c]),
         "w2_as": np.array([c, N_SYMMETRIES, N_SYMMETRIES, c]),
         "w2_flat": np.array([N_SYMMETRIES * c, N_SYMMETRIES * c]),
-        "out_flat": np.array([N_SYMMETRIES * c, 3]),
-        "linear_as": np.array([9, 3]),
+        "out_flat": np.array([N_SYMMETRIES * c, WIDTH]),
+        # Newest minus the one before, and that minus the oldest.
+        "changes_of": np.block([[one, none], [-one, one], [none, -one]]),
+        "each_nine": np.array([ELEMENTS, ELEMENTS]),
+        "all_three": np.full(READINGS, ELEMENTS),
+        "mean_of_first": np.concatenate([np.full((ELEMENTS, 1), 1.0 / ELEMENTS), np.zeros((ELEMENTS, 1))]),
+        "mean": np.full((ELEMENTS, 1), 1.0 / ELEMENTS),
+        "both_means": np.full((2 * ELEMENTS, 1), 0.5 / ELEMENTS),
+        "least_s": np.array(-LEAST_S),
+        "per_period": np.array([1.0 / PERIOD_S]),
+        "soft": np.array([SOFT_REL**2]),
+        "lowest": np.array(-LARGEST),
+        "highest": np.array(LARGEST),
+        "ln_lowest": np.array(LN_SIGMA[0]),
+        "ln_highest": np.array(LN_SIGMA[1]),
+        "three_four": np.array([3, 4]),
     }
 
 
 def _placing() -> list[onnx.NodeProto]:
-    """Return the ONNX nodes that expand shared weights into full matrices, as `network.expand` does."""
+    """Return the ONNX nodes that expand shared weights into full matrices, as `windowed_network.expand` does."""
     return [
         _node("Gather", ["w1", "seen_at"], ["w1_met"], axis=1),
         _node("Reshape", ["w1_met", "w1_as"], ["w1_units"]),
@@ -77,54 +103,99 @@ def _placing() -> list[onnx.NodeProto]:
         _node("Transpose", ["w2_units"], ["w2_turned"], perm=[2, 3, 1, 0]),
         _node("Reshape", ["w2_turned", "w2_flat"], ["W2"]),
         _node("Tile", ["b2", "eight"], ["B2"]),
-        _node("MatMul", ["force", "turns"], ["force_turned"]),
-        _node("Reshape", ["force_turned", "out_flat"], ["F"]),
+        _node("MatMul", ["out", "turns"], ["out_turned"]),
+        _node("Reshape", ["out_turned", "out_flat"], ["O"]),
         _node("MatMul", ["sigma", "sizes"], ["sigma_turned"]),
         _node("Reshape", ["sigma_turned", "out_flat"], ["S"]),
         _node("Gather", ["sigma_offset", "sigma_axes"], ["Q"], axis=0),
-        _node("MatMul", ["linear", "linear_basis"], ["linear_row"]),
-        _node("Reshape", ["linear_row", "linear_as"], ["L"]),
+        *(
+            node
+            for name, matrix in (("level", "L"), ("slope", "M"))
+            for node in (
+                _node("MatMul", [f"{name}_of", "linear"], [f"{name}_weights"]),
+                _node("MatMul", [f"{name}_weights", "linear_basis"], [f"{name}_row"]),
+                _node("Reshape", [f"{name}_row", "linear_as"], [matrix]),
+            )
+        ),
     ]
 
 
-def _running() -> list[onnx.NodeProto]:
-    """Return the nodes of `network.run`."""
+def _features() -> list[onnx.NodeProto]:
+    """Return the nodes of `windowed_network.features`."""
     return [
-        _node("Mul", ["closure_rel", "closure_rel"], ["squares"]),
-        _node("MatMul", ["squares", "mean"], ["square"]),
+        _node("MatMul", ["age_s", "changes_of"], ["younger_s"]),
+        _node("Min", ["younger_s", "least_s"], ["between_s"]),  # both negative
+        _node("MatMul", ["between_s", "mean_of_first"], ["period_s"]),
+        _node("MatMul", ["closure_rel", "changes_of"], ["changes"]),
+        _node("Div", ["period_s", "between_s"], ["periods"]),
+        _node("Mul", ["changes", "periods"], ["slopes"]),
+        _node("Split", ["slopes", "each_nine"], ["d1", "before"], axis=1),
+        _node("Sub", ["d1", "before"], ["d2"]),
+        _node("Split", ["closure_rel", "all_three"], ["v0", "v1", "v2"], axis=1),
+        _node("Split", ["age_s", "all_three"], ["a0", "a1", "a2"], axis=1),
+        _node("Neg", ["period_s"], ["T"]),
+        _node("Div", ["a0", "T"], ["A"]),
+        _node("Mul", ["A", "d1"], ["A_d1"]),
+        _node("Mul", ["A", "d2"], ["A_d2"]),
+        _node("Mul", ["A", "A_d2"], ["A_A_d2"]),
+        _node("Add", ["v0", "A_d1"], ["now"]),
+        _node("Concat", ["v0", "now"], ["v0_now"], axis=1),
+        _node("Mul", ["v0_now", "v0_now"], ["squares"]),
+        _node("MatMul", ["squares", "both_means"], ["square"]),
         _node("Add", ["square", "soft"], ["softened"]),
         _node("Sqrt", ["softened"], ["size"]),
-        _node("Div", ["closure_rel", "size"], ["pattern"]),
-        _node("Concat", ["pattern", "missing", "size"], ["seen"], axis=1),
+        _node("Concat", ["v0", "d1", "A_d1", "d2", "A_d2", "A_A_d2"], ["planes"], axis=1),
+        _node("Div", ["planes", "size"], ["patterns"]),
+        _node("Clip", ["patterns", "lowest", "highest"], ["clipped"]),
+        _node("Mul", ["T", "per_period"], ["T_rel"]),
+        _node("Log", ["T_rel"], ["ln_T"]),
+        _node("Concat", ["clipped", "missing", "size", "ln_T"], ["seen"], axis=1),
+    ]
+
+
+def _layers() -> list[onnx.NodeProto]:
+    """Return the nodes of `windowed_network.run`."""
+    return [
         _node("Gemm", ["seen", "W1", "B1"], ["sum1"]),
         _node("Tanh", ["sum1"], ["hidden1"]),
         _node("Gemm", ["hidden1", "W2", "B2"], ["sum2"]),
         _node("Tanh", ["sum2"], ["hidden2"]),
-        _node("MatMul", ["hidden2", "F"], ["shape"]),
-        _node("Div", ["square", "size"], ["scale"]),
+        _node("MatMul", ["hidden2", "O"], ["outputs"]),
+        _node("Split", ["outputs", "three_four"], ["shape", "contact"], axis=1),
+        _node("Mul", ["now", "now"], ["now_squares"]),
+        _node("MatMul", ["now_squares", "mean"], ["now_square"]),
+        _node("Div", ["now_square", "size"], ["scale"]),
         _node("Mul", ["shape", "scale"], ["curved"]),
-        _node("MatMul", ["closure_rel", "L"], ["straight"]),
+        _node("MatMul", ["now", "L"], ["level"]),
+        _node("MatMul", ["A_d1", "M"], ["moving"]),
+        _node("Add", ["level", "moving"], ["straight"]),
         _node("Add", ["straight", "curved"], ["force_n"]),
-        _node("Gemm", ["hidden2", "S", "Q"], ["ln_sigma"]),
+        _node("Gemm", ["hidden2", "S", "Q"], ["ln_sigma_any"]),
+        _node("Clip", ["ln_sigma_any", "ln_lowest", "ln_highest"], ["ln_sigma"]),
         _node("Exp", ["ln_sigma"], ["sigma_rel"]),
-        _node("Mul", ["sigma_rel", "size"], ["sigma_n"]),
+        _node("Split", ["sigma_rel", "three_four"], ["sigma_force", "contact_sigma"], axis=1),
+        _node("Mul", ["sigma_force", "size"], ["sigma_n"]),
     ]
 
 
 def onnx_model(weights: Weights, card: dict[str, Any]) -> onnx.ModelProto:
-    """Return the network as a graph: `closure_rel`, `missing` [n, 9] to `force_n`, `sigma_n` [n, 3], float32."""
+    """Return the network as a graph from readings and ages to force, contact and their sigma, float32."""
     constants = {
         name: value.astype(np.int64 if np.issubdtype(value.dtype, np.integer) else np.float32)
         for name, value in _constants(weights).items()
     }
+
+    def values(signals: Sequence[Signal]) -> list[onnx.ValueInfoProto]:
+        return [
+            helper.make_tensor_value_info(signal.name, TensorProto.FLOAT, ["n", signal.width])
+            for signal in signals
+        ]
+
     graph = helper.make_graph(
-        _placing() + _running(),
+        _placing() + _features() + _layers(),
         "footsense",
-        [
-            helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 9])
-            for name in ("closure_rel", "missing")
-        ],
-        [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 3]) for name in ("force_n", "sigma_n")],
+        values(INPUTS),
+        values(OUTPUTS),
         [numpy_helper.from_array(value, name) for name, value in constants.items()],
     )
     model = helper.make_model(
@@ -162,27 +233,18 @@ class OnnxNetwork:
                 f"{path} is no network with a card ({why}); rebuild it with `footsense lab build`"
             ) from error
 
-    def estimate(
-        self, closure_rel: Vector, missing: NDArray[np.bool_] | None = None
-    ) -> tuple[Vector, Vector]:
-        """Return force and sigma [N], shape (n, 3) each.
-
-        Args:
-            closure_rel: Closures over the gap, missing ones filled in [1], shape (n, 9).
-            missing: Mask of the missing ones, shape (n, 9); none if None.
-        """
-        mask = np.zeros(closure_rel.shape) if missing is None else missing
-        inputs = {"closure_rel": closure_rel.astype(np.float32), "missing": mask.astype(np.float32)}
-        force, sigma = self._session.run(["force_n", "sigma_n"], inputs)
-        return np.asarray(force, dtype=np.float64), np.asarray(sigma, dtype=np.float64)
+    def estimate(self, window: Window) -> Load:
+        """Return the load of every row; any number of rows."""
+        inputs = {
+            signal.name: np.asarray(part, np.float32).reshape(len(part), signal.width)
+            for signal, part in zip(INPUTS, window, strict=True)
+        }
+        outputs = self._session.run([signal.name for signal in OUTPUTS], inputs)
+        return Load(*(np.asarray(part, dtype=np.float64) for part in outputs))
 
     def force_n(self, closure_rel: Vector) -> Vector:
-        """Return forces [N], shape (n, 3), of closures over the gap, shape (n, 9), none missing."""
-        return self.estimate(closure_rel)[0]
-
-    def sigma_n(self, closure_rel: Vector) -> Vector:
-        """Return standard deviations [N], shape (n, 3), of closures over the gap, shape (n, 9), none missing."""
-        return self.estimate(closure_rel)[1]
+        """Return forces [N], shape (n, 3), of feet at rest with closures over the gap, shape (n, 9), none missing."""
+        return self.estimate(at_rest(closure_rel)).force_n
 
 
 def library_versions() -> dict[str, str]:

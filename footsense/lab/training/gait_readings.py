@@ -13,8 +13,8 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, sensed_closure_um
-from footsense.sim.loads.random_gait import RandomGait
 from footsense.sim.foot.viscoelastic import ViscoelasticElement
+from footsense.sim.loads.random_gait import RandomGait
 
 #: Orders of the conversions that a window may come from; almost all robots use the first.
 ORDERS: NDArray[np.intp] = np.array([(5, 0, 7, 6, 4, 2, 1, 8, 3), tuple(range(ELEMENTS))], np.intp)
@@ -95,7 +95,9 @@ def one_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: fl
     element = elements_of(order, n)
     capacitance_pf = design.capacitance_pf(closure_um[np.arange(n), element])
     measured_pf = capacitance_pf + NOISE_PF * rng.normal(size=n)
-    own_baseline_pf = design.unloaded_pf + np.hypot(BASELINE_NOISE_PF, _DRIFT_PF * (rng.random() < 0.5)) * rng.normal(size=ELEMENTS)
+    own_baseline_pf = design.unloaded_pf + np.hypot(
+        BASELINE_NOISE_PF, _DRIFT_PF * (rng.random() < 0.5)
+    ) * rng.normal(size=ELEMENTS)
     closure_rel = design.closure_um(measured_pf, own_baseline_pf[element]) / design.gap_um
     closure_rel[measured_pf >= FULL_SCALE_PF] = np.nan
     return GaitReadings(
@@ -110,13 +112,22 @@ def one_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: fl
 
 def joined(gaits: list[GaitReadings]) -> GaitReadings:
     """Return gaits of equal length as one."""
-    return GaitReadings(**{name: np.concatenate([getattr(gait, name) for gait in gaits]) for name in GaitReadings.__dataclass_fields__})
+    return GaitReadings(
+        **{
+            name: np.concatenate([getattr(gait, name) for gait in gaits])
+            for name in GaitReadings.__dataclass_fields__
+        }
+    )
 
 
-def random_gaits(response: FootResponse, seed: int, m: int, n: int, max_n: float, jobs: int = 1) -> GaitReadings:
+def random_gaits(
+    response: FootResponse, seed: int, m: int, n: int, max_n: float, jobs: int = 1
+) -> GaitReadings:
     """Return m random gaits of n conversions each; the same seed gives the same, on any number of processes."""
     from joblib import Parallel, delayed
 
     seeds = np.random.SeedSequence(seed).spawn(m)
-    made = Parallel(n_jobs=jobs)(delayed(one_gait)(response, np.random.default_rng(own), n, max_n) for own in seeds)
+    made = Parallel(n_jobs=jobs)(
+        delayed(one_gait)(response, np.random.default_rng(own), n, max_n) for own in seeds
+    )
     return joined(made)

@@ -59,6 +59,17 @@ class Cases:
         return Cases(np.concatenate([self.force_n @ g.T for g in SYMMETRIES]), np.concatenate(closures))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class LeaningCases(Cases):
+    """Load cases whose contact normals may lean away from the force.
+
+    Attributes:
+        normal: Inward unit normal of the ball at the contact, shape (n, 3).
+    """
+
+    normal: Vector
+
+
 def sensed_closure_um(foot: Foot, normal: Vector, force_n: Vector) -> Vector:
     """Return the closures that the daemon would find, shape (n, 9) [um]: from capacitance, by the designed dimensions.
 
@@ -104,7 +115,7 @@ def leaning_normals(loads: LoadRange, rng: np.random.Generator, direction: Vecto
 
 def random_loads(
     response: FootResponse, loads: LoadRange, n: int, seed: int, deviations: Deviations | None = None
-) -> Cases:
+) -> LeaningCases:
     """Return n random loads within the converter's range.
 
     Half of the magnitudes are uniform up to the largest, half uniform in the logarithm from a light touch, so that
@@ -136,7 +147,7 @@ def random_loads(
         normals.append(normal[in_range])
         found += int(in_range.sum())
         if found >= n:
-            return RestLoads(*(np.concatenate(part)[:n] for part in (forces, normals, closures)))
+            return LeaningCases(*(np.concatenate(part)[:n] for part in (forces, closures, normals)))
     raise ModelError(
         f"{response.foot_type}: of loads up to {loads.max_n:g} N the converter can tell "
         f"{found / (_MOST_DRAWS * n):.1%}; lower loads.max_n, or make the foot stiffer or its gap thicker"
@@ -168,18 +179,3 @@ def as_designed_um(design: CapacitorDesign, change_pf: Vector) -> Vector:
     """
     unloaded_pf = np.array(design.unloaded_pf)
     return design.closure_um(unloaded_pf + change_pf, unloaded_pf)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RestLoads:
-    """Loads at rest.
-
-    Attributes:
-        force_n: Ground reaction on the foot [N], shape (n, 3).
-        normal: Inward unit normal of the contact, shape (n, 3).
-        closure_um: Closure that the capacitance of each element stands for [um], shape (n, 9).
-    """
-
-    force_n: Vector
-    normal: Vector
-    closure_um: Vector

@@ -18,14 +18,13 @@ from footsense.estimation.faults.imputation import Imputation
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.gait_readings import LEAD_S, ORDERS, STEP_S, GaitReadings
-from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, RestLoads
+from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, LeaningCases
 from footsense.lab.training.network import linear_basis
 from footsense.lab.training.train import MASKS
 from footsense.lab.training.windowed_network import (
     PLANES,
     READINGS,
     SEEN,
-    Estimate,
     Features,
     Weights,
     expand,
@@ -137,7 +136,7 @@ class _Data(NamedTuple):
     film_rel: Any
 
 
-def _data(gaits: GaitReadings, rest: RestLoads, design: CapacitorDesign, imputation: Imputation) -> _Data:
+def _data(gaits: GaitReadings, rest: LeaningCases, design: CapacitorDesign, imputation: Imputation) -> _Data:
     contact, pressing_n = contact_of(gaits.force_n, gaits.normal)
     rest_contact, _ = contact_of(rest.force_n, rest.normal)
     rng = np.random.default_rng(1)
@@ -190,7 +189,13 @@ def _rest_windows(data: _Data, key: jax.Array, n: int) -> tuple[Any, ...]:
     phase = jax.random.randint(k4, (n,), 0, ELEMENTS)
     since = data.ages[0, phase][:, None] + ELEMENTS * jnp.arange(READINGS)[:, None]
     closure_rel = exact + steep * noise + (1.0 + data.film_rel) ** 2 * offset
-    return closure_rel, since * STEP_S + LEAD_S, data.rest_force_n[at], data.rest_contact[at], jnp.ones((n, 1))
+    return (
+        closure_rel,
+        since * STEP_S + LEAD_S,
+        data.rest_force_n[at],
+        data.rest_contact[at],
+        jnp.ones((n, 1)),
+    )
 
 
 def _batch(data: _Data, n_times: int, n: int, key: jax.Array) -> Batch:
@@ -243,13 +248,15 @@ def _linear_start(seen: Features, force_n: Vector, min_force_n: float) -> jax.Ar
     weight = 1.0 / np.sqrt((force_n**2).sum(axis=1, keepdims=True) + min_force_n**2)
     now, newest = (np.asarray(part, np.float64) for part in (seen.now, seen.newest))
     columns = [np.einsum("ne,beo->nob", part * weight, linear_basis()) for part in (now, now - newest)]
-    solution = np.linalg.lstsq(np.concatenate(columns, axis=2).reshape(-1, 10), (force_n * weight).ravel(), rcond=None)
+    solution = np.linalg.lstsq(
+        np.concatenate(columns, axis=2).reshape(-1, 10), (force_n * weight).ravel(), rcond=None
+    )
     return jnp.asarray(solution[0], jnp.float32)
 
 
 def train_windowed(
     gaits: GaitReadings,
-    rest: RestLoads,
+    rest: LeaningCases,
     design: CapacitorDesign,
     protocol: WindowProtocol,
     imputation: Imputation,
@@ -280,20 +287,24 @@ def train_windowed(
         return free._replace(linear=linear + free.linear, w1=w1, b1=free.b1 - w1 @ mean)
 
     def loss(free: Weights, batch: Batch) -> jax.Array:
-        estimate: Estimate = run(expand(folded(free)), batch.seen)
-        square = (estimate.force_n - batch.force_n) ** 2
+        load = run(expand(folded(free)), batch.seen)
+        square = (load.force_n - batch.force_n) ** 2
         scale = jnp.sqrt(jnp.sum(batch.force_n**2, axis=-1, keepdims=True) + protocol.min_force_n**2)
-        sigma = estimate.sigma_n
+        sigma = load.sigma_n
         weight = jax.lax.stop_gradient(sigma / scale) ** (2.0 * _TEMPERING)
-        total = jnp.mean(weight * (jnp.log(sigma) + 0.5 * square / sigma**2)) + _SQUARED * jnp.mean(square / scale**2)
-        apart, sigma = estimate.contact - batch.contact, estimate.contact_sigma
+        total = jnp.mean(weight * (jnp.log(sigma) + 0.5 * square / sigma**2)) + _SQUARED * jnp.mean(
+            square / scale**2
+        )
+        apart, sigma = load.contact - batch.contact, load.contact_sigma
         return total + _CONTACT_WEIGHT * jnp.mean(batch.loaded * (jnp.log(sigma) + 0.5 * apart**2 / sigma**2))
 
     schedule = optax.cosine_onecycle_schedule(protocol.steps, protocol.rate, pct_start=0.1)
     optimiser = optax.contrib.muon(schedule)
 
     @jax.jit
-    def many(carry: tuple[Weights, Any], key: jax.Array, data: _Data) -> tuple[tuple[Weights, Any], jax.Array]:
+    def many(
+        carry: tuple[Weights, Any], key: jax.Array, data: _Data
+    ) -> tuple[tuple[Weights, Any], jax.Array]:
         def step(carry: tuple[Weights, Any], key: jax.Array) -> tuple[tuple[Weights, Any], jax.Array]:
             free, state = carry
             now, gradient = jax.value_and_grad(loss)(free, _batch(data, n_times, protocol.batch, key))

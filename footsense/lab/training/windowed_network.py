@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from footsense.frames import ELEMENTS
 from footsense.lab.response import SYMMETRIES, element_map
 from footsense.lab.training.network import N_SYMMETRIES, SOFT_REL, linear_basis, relative_index
+from footsense.ports import Load, Window
 
 #: Readings of an element in a window.
 READINGS = 3
@@ -36,7 +37,7 @@ PLANES, SCALARS = 7, 2
 #: Inputs of the first hidden layer.
 SEEN = PLANES * ELEMENTS + SCALARS
 #: Outputs: force, contact point, friction ratio.
-OUTPUTS = 7
+WIDTH = 7
 #: Row of `Weights.sigma_offset` of each output: axes that the square exchanges share one.
 SIGMA_ROWS = np.array([0, 0, 1, 2, 2, 3, 3])
 #: Largest feature of an element [1]: a step of the load is not larger, a corrupt reading is.
@@ -113,22 +114,6 @@ class Features(NamedTuple):
     size: Any
 
 
-class Estimate(NamedTuple):
-    """Outputs of the network for n windows.
-
-    Attributes:
-        force_n: Ground reaction [N], shape (n, 3).
-        sigma_n: Its standard deviation [N], shape (n, 3).
-        contact: Contact point, stereographic, and friction ratio, both forward and to the left [1], shape (n, 4).
-        contact_sigma: Its standard deviation [1], shape (n, 4).
-    """
-
-    force_n: Any
-    sigma_n: Any
-    contact: Any
-    contact_sigma: Any
-
-
 def seen_index() -> NDArray[np.intp]:
     """Return which input of a channel meets input e of the layer in its unit g, shape (8, SEEN)."""
     inverse = np.argsort(np.stack([element_map(g) for g in SYMMETRIES]), axis=1)
@@ -139,7 +124,7 @@ def seen_index() -> NDArray[np.intp]:
 
 def output_turns() -> NDArray[np.float64]:
     """Return how each symmetry turns the outputs, shape (8, 7, 7): a vector in space and two in the plane."""
-    turns = np.zeros((N_SYMMETRIES, OUTPUTS, OUTPUTS))
+    turns = np.zeros((N_SYMMETRIES, WIDTH, WIDTH))
     for turn, symmetry in zip(turns, SYMMETRIES, strict=True):
         turn[:3, :3] = symmetry
         turn[3:5, 3:5] = turn[5:, 5:] = symmetry[:2, :2]
@@ -159,8 +144,8 @@ def expand(weights: Weights) -> Matrices:
         b1=jnp.tile(weights.b1, N_SYMMETRIES),
         w2=jnp.transpose(w2, (2, 3, 1, 0)).reshape(N_SYMMETRIES * c, -1),
         b2=jnp.tile(weights.b2, N_SYMMETRIES),
-        out=jnp.einsum("gab,cb->gca", turns, weights.out).reshape(-1, OUTPUTS),
-        sigma=jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma).reshape(-1, OUTPUTS),
+        out=jnp.einsum("gab,cb->gca", turns, weights.out).reshape(-1, WIDTH),
+        sigma=jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma).reshape(-1, WIDTH),
         sigma_offset=weights.sigma_offset[SIGMA_ROWS],
     )
 
@@ -189,16 +174,23 @@ def features(closure_rel: Any, age_s: Any, missing: Any, module: Any = jnp) -> F
     return Features(module.concatenate([planes, missing, *scalars], axis=-1), now, v0, size)
 
 
-def run(matrices: Matrices, seen: Features) -> Estimate:
-    """Return the network's estimate of n windows."""
+def run(matrices: Matrices, seen: Features) -> Load:
+    """Return the network's estimate of n windows, as JAX arrays."""
     first = jnp.tanh(seen.seen @ matrices.w1 + matrices.b1)
     second = jnp.tanh(first @ matrices.w2 + matrices.b2)
     out = second @ matrices.out
     sigma = jnp.exp(jnp.clip(second @ matrices.sigma + matrices.sigma_offset, *LN_SIGMA))
     curved = jnp.mean(seen.now**2, axis=-1, keepdims=True) / seen.size * out[:, :3]
-    return Estimate(
+    return Load(
         force_n=seen.now @ matrices.level + (seen.now - seen.newest) @ matrices.slope + curved,
         sigma_n=seen.size * sigma[:, :3],
         contact=out[:, 3:],
         contact_sigma=sigma[:, 3:],
     )
+
+
+def predict(weights: Weights, window: Window) -> Load:
+    """Return the loads of some windows, as float32 arithmetic has them."""
+    closure_rel, age_s, missing = (jnp.asarray(part, jnp.float32) for part in window)
+    load = run(expand(weights), features(closure_rel, age_s, missing))
+    return Load(*(np.asarray(part, dtype=np.float64) for part in load))

@@ -65,12 +65,18 @@ class _Oscillation:
         return total
 
 
-def _oscillation(rng: np.random.Generator, size: float | Vector, hertz: tuple[float, float], shape: tuple[int, ...]) -> _Oscillation:
+def _oscillation(
+    rng: np.random.Generator, size: float | Vector, hertz: tuple[float, float], shape: tuple[int, ...]
+) -> _Oscillation:
     rate = 2.0 * np.pi * _log_uniform(rng, hertz, shape)
-    return _Oscillation(amplitude=size * rng.normal(size=shape), rate=rate, phase=rng.uniform(0.0, 2.0 * np.pi, shape))
+    return _Oscillation(
+        amplitude=size * rng.normal(size=shape), rate=rate, phase=rng.uniform(0.0, 2.0 * np.pi, shape)
+    )
 
 
-def _log_uniform(rng: np.random.Generator, bounds: tuple[float, float], size: tuple[int, ...] | None = None) -> Vector:
+def _log_uniform(
+    rng: np.random.Generator, bounds: tuple[float, float], size: tuple[int, ...] | None = None
+) -> Vector:
     drawn: Vector = np.exp(rng.uniform(np.log(bounds[0]), np.log(bounds[1]), size))
     return drawn
 

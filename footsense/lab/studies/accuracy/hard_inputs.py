@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from onnx import TensorProto, numpy_helper
 from onnx.reference import ReferenceEvaluator
 
-from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline
+from footsense.estimation.rest import at_rest
 from footsense.estimation.sensitivity import sensitivity
-from footsense.foot.files.network_card import read_card
+from footsense.foot.files.network_card import INPUTS, read_card
 from footsense.foot.specimen import Foot
 from footsense.frames import CapFrame, ContactFrame, Reading, State
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
@@ -54,7 +54,10 @@ def _in_double(context: StudyContext, closure_rel: Vector) -> Vector:
     for stored in model.graph.initializer:
         if stored.data_type == TensorProto.FLOAT:
             stored.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(stored).astype(float), stored.name))
-    inputs = {"closure_rel": closure_rel, "missing": np.zeros(closure_rel.shape)}
+    inputs = {
+        signal.name: np.asarray(part, np.float64).reshape(len(part), signal.width)
+        for signal, part in zip(INPUTS, at_rest(closure_rel), strict=True)
+    }
     return np.asarray(ReferenceEvaluator(model).run(["force_n"], inputs)[0], dtype=np.float64)
 
 
@@ -95,15 +98,15 @@ class _Leg:
         self.design = context.response.design
         calibration = read_card(json.dumps(context.network.card), str(context.models)).trained_inputs
         stray_pf, unloaded_pf = np.zeros((1, 9)), np.full((1, 9), self.design.unloaded_pf)
-        alignment = ScanByScan(context.network, 1, calibration.moments)
         self._pipeline = Pipeline(
-            alignment,
+            context.network,
             calibration,
             stray_pf,
             unloaded_pf,
-            sensitivity=sensitivity(context.network, 2, calibration.moments),
+            sensitivity=sensitivity(context.network, 1, calibration.moments),
             tare=TareLimits(window_frames=_WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
             contact=ContactLimits(threshold_n=0.03),
+            scan_ns=_SCAN_NS,
             max_age_ns=_MAX_AGE_NS,
             settled_ns=_MAX_AGE_NS,
         )

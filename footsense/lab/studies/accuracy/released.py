@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from footsense.estimation.faults.imputation import Imputation
+from footsense.estimation.rest import at_rest
 from footsense.lab.evaluation.evaluate import Errors, coverage, errors
 from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
@@ -88,7 +89,7 @@ def _on_other_feet(context: StudyContext, tolerances: Tolerances, n_feet: int) -
         cases = random_loads(response, context.foot_design.loads, n_loads, 1000 + number, deviations)
         rng = np.random.default_rng((number, _FEET_SEED))
         closure_rel = measured_closure_rel(response.design, cases.closure_um, rng)
-        parts.append((cases.force_n, *context.network.estimate(closure_rel)))
+        parts.append((cases.force_n, *context.network.estimate(at_rest(closure_rel))[:2]))
     truth, force_n, sigma_n = (np.concatenate(part) for part in zip(*parts, strict=True))
     return coverage(truth, force_n, sigma_n)
 
@@ -106,10 +107,10 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     missing, missing_coverage = {}, {}
     for name, index in MISSING_PATTERNS.items():
         mask = np.tile(MASKS[index], (len(closure_rel), 1))
-        force_n, sigma_n = network.estimate(imputation.impute(closure_rel, mask), mask)
+        force_n, sigma_n = network.estimate(at_rest(imputation.impute(closure_rel, mask), mask))[:2]
         missing[name] = errors(cases.force_n[counted], force_n[counted])
         missing_coverage[name] = coverage(cases.force_n, force_n, sigma_n)
-    force_n, sigma_n = network.estimate(closure_rel)
+    force_n, sigma_n = network.estimate(at_rest(closure_rel))[:2]
     by_force = {}
     for low, high in pairwise(BINS_N):
         inside = (size >= low) & (size < high)

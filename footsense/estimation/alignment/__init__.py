@@ -1,1 +1,0 @@
-"""Time alignment of elements that are converted one after the other."""
