@@ -145,16 +145,8 @@ def read_card(text: str | None, where: str) -> Card:
         raise ModelError(f"{where}: the card does not fit: {error}") from error
     if card is None:
         raise ModelError(f"{where}: card format {found}, this version reads format {FORMAT}")
-    for kind, found_signals, needed in (("inputs", card.inputs, INPUTS), ("outputs", card.outputs, OUTPUTS)):
-        names = [signal.name for signal in found_signals]
-        if names != [signal.name for signal in needed]:
-            raise ModelError(
-                f"{where}: its {kind} are {', '.join(names) or 'none'}; "
-                f"the daemon needs {', '.join(signal.name for signal in needed)}"
-            )
-        for signal, wanted in zip(found_signals, needed, strict=True):
-            if signal != wanted:
-                raise ModelError(f"{where}: {kind[:-1]} {signal}, the daemon needs {wanted}")
+    _check_signals(where, "inputs", card.inputs, INPUTS)
+    _check_signals(where, "outputs", card.outputs, OUTPUTS)
     for element, (low, high) in enumerate(zip(card.closure_rel_min, card.closure_rel_max, strict=True)):
         if not low < high:
             raise ModelError(
@@ -165,3 +157,24 @@ def read_card(text: str | None, where: str) -> Card:
     if not (np.array_equal(moments, moments.T) and np.linalg.eigvalsh(moments)[0] > 0.0):
         raise ModelError(f"{where}: the card's moments have to be a symmetric, positive definite matrix")
     return card
+
+
+def _check_signals(where: str, kind: str, found: tuple[Signal, ...], needed: tuple[Signal, ...]) -> None:
+    """Check that the inputs or outputs of a card are the daemon's.
+
+    Raises:
+        ModelError: They are others.
+    """
+    names = [signal.name for signal in found]
+    if names != [signal.name for signal in needed]:
+        raise ModelError(
+            f"{where}: its {kind} are {', '.join(names) or 'none'}; "
+            f"the daemon needs {', '.join(signal.name for signal in needed)}"
+        )
+    for signal, wanted in zip(found, needed, strict=True):
+        for field in ("width", "unit", "order"):
+            if getattr(signal, field) != getattr(wanted, field):
+                raise ModelError(
+                    f"{where}: {field} of {signal.name} is {getattr(signal, field)!r}, "
+                    f"the daemon needs {getattr(wanted, field)!r}"
+                )

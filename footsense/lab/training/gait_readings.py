@@ -4,9 +4,10 @@ Every conversion is one reading of one element at its own time; the truth that b
 which a force estimated from it would be sent. Half a minute of walking is thousands of windows of readings.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
+from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from footsense.foot.response_table import FootResponse
@@ -28,8 +29,8 @@ STEP_S, LEAD_S = 2.7167e-3, 3.2345e-3
 _SLOWEST_REL, _LATEST_S = 5.0, 8e-3
 #: Standard deviation of the converter's clock [1], and of the time of sending [s].
 _CLOCK_REL, _JITTER_S = 0.01, 3e-5
-#: Drift of a baseline since it was last followed [pF, rms].
-_DRIFT_PF = 0.5e-3
+#: Drift of a baseline since it was last followed [pF, rms], and share of the gaits with one.
+_DRIFT_PF, _DRIFT_SHARE = 0.5e-3, 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,7 +85,7 @@ def one_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: fl
     step_s = STEP_S * slower * (1.0 + _CLOCK_REL * rng.normal())
     late_s = rng.uniform(0.0, _LATEST_S) if rng.random() < _LATE_SHARE else 0.0
     lead_s = LEAD_S + 0.6 * (step_s - STEP_S) + late_s + _JITTER_S * rng.normal(size=n)
-    t_s = step_s * np.arange(1, n + 1)
+    t_s: Vector = np.asarray(step_s * np.arange(1.0, n + 1), np.float64)
     gait = RandomGait(rng, max_n, n * step_s)
     read, sent = gait.loads(t_s), gait.loads(t_s + lead_s)
     amount = rng.uniform(0.0, _MOST_VISCOUS) if rng.random() < _VISCOUS_SHARE else 0.0
@@ -95,9 +96,8 @@ def one_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: fl
     element = elements_of(order, n)
     capacitance_pf = design.capacitance_pf(closure_um[np.arange(n), element])
     measured_pf = capacitance_pf + NOISE_PF * rng.normal(size=n)
-    own_baseline_pf = design.unloaded_pf + np.hypot(
-        BASELINE_NOISE_PF, _DRIFT_PF * (rng.random() < 0.5)
-    ) * rng.normal(size=ELEMENTS)
+    off_pf = float(np.hypot(BASELINE_NOISE_PF, _DRIFT_PF if rng.random() < _DRIFT_SHARE else 0.0))
+    own_baseline_pf = design.unloaded_pf + off_pf * rng.normal(size=ELEMENTS)
     closure_rel = design.closure_um(measured_pf, own_baseline_pf[element]) / design.gap_um
     closure_rel[measured_pf >= FULL_SCALE_PF] = np.nan
     return GaitReadings(
@@ -112,20 +112,14 @@ def one_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: fl
 
 def joined(gaits: list[GaitReadings]) -> GaitReadings:
     """Return gaits of equal length as one."""
-    return GaitReadings(
-        **{
-            name: np.concatenate([getattr(gait, name) for gait in gaits])
-            for name in GaitReadings.__dataclass_fields__
-        }
-    )
+    names = [field.name for field in fields(GaitReadings)]
+    return GaitReadings(**{name: np.concatenate([getattr(gait, name) for gait in gaits]) for name in names})
 
 
 def random_gaits(
     response: FootResponse, seed: int, m: int, n: int, max_n: float, jobs: int = 1
 ) -> GaitReadings:
     """Return m random gaits of n conversions each; the same seed gives the same, on any number of processes."""
-    from joblib import Parallel, delayed
-
     seeds = np.random.SeedSequence(seed).spawn(m)
     made = Parallel(n_jobs=jobs)(
         delayed(one_gait)(response, np.random.default_rng(own), n, max_n) for own in seeds

@@ -137,7 +137,7 @@ class _Data(NamedTuple):
 
 
 def _data(gaits: GaitReadings, rest: LeaningCases, design: CapacitorDesign, imputation: Imputation) -> _Data:
-    contact, pressing_n = contact_of(gaits.force_n, gaits.normal)
+    contact, pressing_n = contact_of(gaits.force_n.astype(np.float64), gaits.normal.astype(np.float64))
     rest_contact, _ = contact_of(rest.force_n, rest.normal)
     rng = np.random.default_rng(1)
     carries = pressing_n > 0.0
@@ -301,7 +301,6 @@ def train_windowed(
     schedule = optax.cosine_onecycle_schedule(protocol.steps, protocol.rate, pct_start=0.1)
     optimiser = optax.contrib.muon(schedule)
 
-    @jax.jit
     def many(
         carry: tuple[Weights, Any], key: jax.Array, data: _Data
     ) -> tuple[tuple[Weights, Any], jax.Array]:
@@ -311,13 +310,17 @@ def train_windowed(
             change, state = optimiser.update(gradient, state, free)
             return (optax.apply_updates(free, change), state), now
 
-        return jax.lax.scan(step, carry, jax.random.split(key, _STEPS_AT_ONCE))
+        after: tuple[tuple[Weights, Any], jax.Array] = jax.lax.scan(
+            step, carry, jax.random.split(key, _STEPS_AT_ONCE)
+        )
+        return after
 
     start, *rounds = jax.random.split(jax.random.PRNGKey(protocol.seed), 1 + protocol.steps // _STEPS_AT_ONCE)
     free = _start(start, protocol.channels)
     carry = (free, optimiser.init(free))
+    compiled = jax.jit(many)
     for number, key in enumerate(rounds, 1):
-        carry, losses = many(carry, key, data)
+        carry, losses = compiled(carry, key, data)
         if number % 10 == 0 or number == len(rounds):
             report(f"step {number * _STEPS_AT_ONCE}: loss {float(losses.mean()):.4f}")
     return folded(carry[0])

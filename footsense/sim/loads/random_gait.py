@@ -43,11 +43,12 @@ class Loads(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """A sudden change: its begin and duration [s], and its size."""
+    """A sudden change: start and duration [s], change of the load over it [1], and of the friction ratio [1]."""
 
     start_s: float
     duration_s: float
-    size: Vector
+    load_rel: float
+    shear: Vector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,7 +67,7 @@ class _Oscillation:
 
 
 def _oscillation(
-    rng: np.random.Generator, size: float | Vector, hertz: tuple[float, float], shape: tuple[int, ...]
+    rng: np.random.Generator, size: float, hertz: tuple[float, float], shape: tuple[int, ...]
 ) -> _Oscillation:
     rate = 2.0 * np.pi * _log_uniform(rng, hertz, shape)
     return _Oscillation(
@@ -111,7 +112,7 @@ class RandomStance:
         self._wave = _oscillation(rng, 0.06 * (rng.random() < 0.6), (0.5, 15.0), (3,))
         impact = rng.uniform(0.0, 0.5) * (rng.random() < 0.4)
         self._impact = impact, rng.uniform(0.01, 0.05), rng.uniform(0.006, 0.02)
-        self._load_steps = self._steps(rng, 0.3, lambda: np.array([rng.uniform(-0.5, 0.4)]))
+        self._load_steps = self._steps(rng, 0.3)
         around = rng.uniform(0.0, 2.0 * np.pi)
         lean = np.radians(rng.uniform(0.0, _LEAN_DEG if rng.random() < 0.65 else _STEEP_DEG))
         self._lean = lean * np.array([np.cos(around), np.sin(around)])
@@ -120,13 +121,18 @@ class RandomStance:
         self._wander = _oscillation(rng, np.radians(1.0) * (rng.random() < 0.6), (0.2, 5.0), (2, 2))
         self._friction = 0.1 * rng.normal(size=2) * (rng.random() < 0.75)
         self._shear = _oscillation(rng, 0.0 if still else 0.07, (0.4, 12.0), (2, 3))
-        self._shear_steps = self._steps(rng, 0.0 if still else 0.3, lambda: 0.15 * rng.normal(size=2))
+        self._shear_steps = self._steps(rng, 0.0 if still else 0.3)
 
-    def _steps(self, rng: np.random.Generator, probability: float, size) -> list[_Step]:  # type: ignore[no-untyped-def]
+    def _steps(self, rng: np.random.Generator, probability: float) -> list[_Step]:
         if rng.random() >= probability:
             return []
         return [
-            _Step(rng.uniform(0.0, self.duration_s), rng.uniform(0.005, 0.04), size())
+            _Step(
+                start_s=rng.uniform(0.0, self.duration_s),
+                duration_s=rng.uniform(0.005, 0.04),
+                load_rel=rng.uniform(-0.5, 0.4),
+                shear=0.15 * rng.normal(size=2),
+            )
             for _ in range(rng.integers(1, 3))
         ]
 
@@ -154,7 +160,7 @@ class RandomStance:
         size, at_s, width_s = self._impact
         shape *= (1.0 + self._wave.at(t_s)) * (1.0 + size * np.exp(-0.5 * ((t_s - at_s) / width_s) ** 2))
         for step in self._load_steps:
-            shape *= 1.0 + step.size[0] * _ease((t_s - step.start_s) / step.duration_s)
+            shape *= 1.0 + step.load_rel * _ease((t_s - step.start_s) / step.duration_s)
         pressing = np.clip(self._peak_n * envelope * shape, 0.0, self._max_n)
         return np.where((t_s >= 0.0) & (t_s < self.duration_s), pressing, 0.0)
 
@@ -170,7 +176,7 @@ class RandomStance:
         """Return the tangential over the normal force, forward and to the left [1], shape (n, 2)."""
         shear = self._friction + self._shear.at(t_s)
         for step in self._shear_steps:
-            shear = shear + np.multiply.outer(_ease((t_s - step.start_s) / step.duration_s), step.size)
+            shear = shear + np.multiply.outer(_ease((t_s - step.start_s) / step.duration_s), step.shear)
         return shear
 
 
