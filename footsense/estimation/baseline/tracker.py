@@ -139,10 +139,10 @@ class BaselineTracker:
             now_ns: Current time [ns].
         """
         self._discard_silent(reading, now_ns)
-        if not self._tares.in_progress:
-            return ()
+        tares = self._tares
+        ended = tares.add(capacitance_pf, reading, t_ns, missing) if tares.in_progress else ()
         results = []
-        for leg, tared, is_news in self._tares.add(capacitance_pf, reading, t_ns, missing):
+        for leg, tared, is_news in ended:
             if tared.baseline_pf is not None:
                 tared_ns = int(t_ns[leg].max())
                 self._baselines[leg].set_tared(tared.baseline_pf, tared_ns)
@@ -150,6 +150,8 @@ class BaselineTracker:
                 self._gather()
             if is_news:
                 results.append(CommandResult(Command(CommandKind.TARE, leg), tared.result, tared.reason))
+        if now_ns >= self._sigma_due_ns:
+            self._update_sigma(now_ns)
         return tuple(results)
 
     def observe(
@@ -175,8 +177,6 @@ class BaselineTracker:
             closure_rel = np.where(missing, np.nan, closure_rel)
         means_rel = trimmed_means(closure_rel)
         newest_ns = np.maximum.reduce(t_ns, axis=1).tolist()
-        if now_ns >= self._sigma_due_ns:
-            self._update_sigma(now_ns)
         swung, swinging = self._swinging, []
         flags = []
         n_per_rel = self._sensitivity.load_n
