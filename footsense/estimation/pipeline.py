@@ -266,7 +266,9 @@ class Pipeline:
         """Feed the calibration monitor, and return each leg's cause: a stale calibration where there is no other."""
         monitor = self._monitor
         if now_ns >= monitor.due_ns:
-            load_n = np.where(state == _VALID, force_n[:, 2], np.nan)
+            load_n = force_n[:, 2]
+            if not legs.healthy:
+                load_n = np.where(state == _VALID, load_n, np.nan)
             in_contact = self._baselines.flags & _CONTACT != 0
             monitor.observe(load_n, in_contact, self._consistency.squared_residuals(measured_rel), now_ns)
         if not monitor.any_stale:
