@@ -9,10 +9,10 @@ import msgspec
 from footsense.can.frame_log import check_log_target
 from footsense.cli.options import FILE, FOLDER, can_log_option
 from footsense.clock import MonotonicClock
-from footsense.daemon.calibrations import load_calibrations
 from footsense.daemon.can_output import can_sink
-from footsense.daemon.estimation import load_network, pipeline_for
+from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop, Paced
+from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import model_difference, recorded_config, recorded_flags
 from footsense.errors import FootsenseError, ModelError, RecordingError
 from footsense.recording.compare import compare, same_machine
@@ -49,14 +49,13 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
     config = recorded_config(recording)
     if folder is not None and config.calibrations is not None:
         config = msgspec.structs.replace(config, calibrations=str(folder))
-    calibrations = load_calibrations(config)
-    network = load_network(config, calibrations)
-    difference = model_difference(recording.header, network, calibrations)
+    models = load_models(config)
+    difference = model_difference(recording.header, models)
     if difference and check:
         raise ModelError(f"{file}: {difference}")
     if difference:
         click.echo(f"warning: {file}: {difference}", err=True)
-    pipeline = pipeline_for(config, network, recorded_flags(recording), calibrations)
+    pipeline = pipeline_for(models, recorded_flags(recording))
     exact = same_machine(recording.header, platform_versions())
     n_frames = n_equal = 0
     with ExitStack() as stack:

@@ -15,12 +15,12 @@ from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import ScanPlan, scan_plan
 from footsense.acquisition.serial_port import SerialLink
 from footsense.acquisition.transports import KernelMux, Transport, UpstreamBus
-from footsense.clock import MonotonicClock, WakeupLatency
+from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.config.sections import Bus, Serial
 from footsense.daemon.simulation import simulated_robot
 from footsense.frames import Vector
-from footsense.ports import Clock, SerialPort
+from footsense.ports import Clock, SerialPort, WakeupLatency
 from footsense.sim.bus.serial_line import SimulatedLine
 from footsense.sim.robot import SimulatedRobot
 from footsense.sim.robot_on_mcu import simulated_mcu

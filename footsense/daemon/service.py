@@ -12,27 +12,27 @@ import msgspec
 
 from footsense.can.frame_log import check_log_target
 from footsense.can.sink import CanSink
-from footsense.clock import MonotonicClock, WakeupLatency, gc_disabled, request_realtime
+from footsense.clock import MonotonicClock, gc_disabled, request_realtime
 from footsense.config import Config
 from footsense.config.sections import Can
 from footsense.daemon.acquisition import ScanSource, open_scan_source
-from footsense.daemon.calibrations import load_calibrations
 from footsense.daemon.can_output import can_sink, closing_at_end, simulated_can
-from footsense.daemon.estimation import load_network, pipeline_for
+from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop, Paced
+from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import recording_header
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import ConfigError, FootsenseError
 from footsense.estimation.network import Network
 from footsense.frames import Flag, Vector
-from footsense.ports import FrameSource, Observer
+from footsense.ports import FrameSource, Observer, WakeupLatency
 from footsense.recording.recorder import Recorder, check_target
 from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.scene import Scene
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.log_lines import n_lost_lines
 from footsense.telemetry.metrics import MetricsObserver
-from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
+from footsense.telemetry.systemd import SystemdObserver
 
 if TYPE_CHECKING:
     from footsense.daemon.test_stand import StandSensor, StandSession
@@ -113,16 +113,15 @@ def open_service(
         if scene is not None and not is_simulated(config):
             # Simulated forces must not reach the controller of the real robot.
             config = msgspec.structs.replace(config, can=Can(interface="virtual"))
-        calibrations = load_calibrations(config)
-        network = load_network(config, calibrations)
+        models = load_models(config)
         # Before any chip is accessed; the recorder's process drops the scheduling that it inherits.
         flags = _flags(config, simulated=scene is not None)
         scan = stack.enter_context(open_scan_source(config, scene))
-        if scan.response_sha256 not in {None, network.card.response_sha256}:
+        if scan.response_sha256 not in {None, models.network.card.response_sha256}:
             _log.warning("the network was trained on another response table than the simulated feet follow")
         observers: list[Observer] = [
             Journal(legs, on_test_stand=test_stand is not None),
-            SystemdObserver(SystemdNotifier(), legs),
+            SystemdObserver(legs),
         ]
         source: FrameSource = scan.source
         wakeups = scan.wakeups
@@ -141,7 +140,7 @@ def open_service(
             row = legs.index(test_stand.leg)
             reference = stack.enter_context(closing(open_sensor(test_stand.test_stand, row, scan)))
         if record is not None:
-            header = recording_header(config, scene, network, flags, calibrations)
+            header = recording_header(models, scene, flags)
             header |= test_stand.header() if test_stand is not None else {}
             recorder = Recorder(record, legs, header, blocking=not real_time or test_stand is not None)
             observers.append(recorder)
@@ -152,8 +151,8 @@ def open_service(
             legs=legs,
             true_force_n=scan.true_force_n,
             source=source,
-            network=network,
-            pipeline=pipeline_for(config, network, flags, calibrations),
+            network=models.network,
+            pipeline=pipeline_for(models, flags),
             sink=sink,
             observers=observers,
             clock=scan.clock,

@@ -11,8 +11,8 @@ from footsense.cli.check_config import check_config
 from footsense.cli.replay import replay
 from footsense.config import Config
 from footsense.config.sections import Bus, Can, Leg
-from footsense.daemon.calibrations import load_calibrations
 from footsense.daemon.foot_types import released_path
+from footsense.daemon.models import load_calibrations
 from footsense.daemon.service import open_service
 from footsense.errors import ModelError
 from footsense.foot.files.checksum_trailer import add_checksum

@@ -14,7 +14,8 @@ from footsense.acquisition.mcu_source import McuSource
 from footsense.acquisition.serial_port import SerialLink
 from footsense.config import Config
 from footsense.config.sections import Can, Serial
-from footsense.daemon.estimation import load_network, pipeline_for
+from footsense.daemon.estimation import pipeline_for
+from footsense.daemon.models import load_models
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import ConfigError
 from footsense.estimation.pipeline import Pipeline
@@ -70,7 +71,7 @@ def robot(scene: Scene, faults: LineFaults) -> Robot:
         simulated_mcu(simulated, scene, rate_hz), simulated.clock, rate_hz=rate_hz, baud=baud, faults=faults
     )
     source = McuSource(line, simulated.clock, LEGS, rate_hz=rate_hz)
-    return Robot(simulated, source, pipeline_for(MCU, load_network(MCU), 0))
+    return Robot(simulated, source, pipeline_for(load_models(MCU), 0))
 
 
 def test_a_walk_is_felt_as_it_is_and_through_a_line_that_fails() -> None:

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 from footsense.cli.lab.group import lab
 from footsense.config import DEFAULT, load_config
-from footsense.daemon.estimation import load_network
+from footsense.daemon.models import load_models
 from footsense.daemon.service import open_service
 from footsense.errors import FootsenseError, ModelError
 from footsense.estimation.faults.imputation import Imputation
@@ -310,7 +310,7 @@ def test_a_foot_type_that_nobody_built_is_one_clear_error() -> None:
         ("./large-3x3", "lab build"),
     ):
         with pytest.raises(ModelError, match=f"foot_type: no foot type {name}: .*{remedy}"):
-            load_network(msgspec.structs.replace(DEFAULT, foot_type=name))
+            load_models(msgspec.structs.replace(DEFAULT, foot_type=name))
 
 
 def test_evaluate_prints_the_figures_as_json(built: Built, folder: Path) -> None:
