@@ -9,9 +9,8 @@ from footsense.clock import wall_time_iso
 from footsense.config import Config
 from footsense.config.former_keys import with_present_keys
 from footsense.config.sections import Can
+from footsense.daemon.models import Models
 from footsense.errors import RecordingError
-from footsense.estimation.network import Network
-from footsense.foot.files.calibration_reader import FootCalibration
 from footsense.frames import Flag
 from footsense.recording.machine import platform_versions
 from footsense.recording.replay import Replay
@@ -20,15 +19,10 @@ from footsense.sim.scene import Scene
 _CALIBRATIONS = "calibrations"
 
 
-def recording_header(
-    config: Config,
-    scene: Scene | None,
-    network: Network,
-    flags: Flag,
-    calibrations: Mapping[str, FootCalibration],
-) -> dict[str, str]:
+def recording_header(models: Models, scene: Scene | None, flags: Flag) -> dict[str, str]:
     """Return the header of a recording that begins now."""
-    hashes = (f"{leg}={calibration.manifest.sha256}" for leg, calibration in calibrations.items())
+    config, network = models.config, models.network
+    hashes = (f"{leg}={calibration.manifest.sha256}" for leg, calibration in models.calibrations.items())
     return {
         "footsense": __version__,
         "started": wall_time_iso(),
@@ -74,25 +68,24 @@ def recorded_config(recording: Replay) -> Config:
     return msgspec.structs.replace(config, can=Can(interface="virtual"))
 
 
-def model_difference(
-    header: Mapping[str, str], network: Network, calibrations: Mapping[str, FootCalibration]
-) -> str | None:
+def model_difference(header: Mapping[str, str], models: Models) -> str | None:
     """Return why a replay cannot reproduce the recorded forces; None if network and calibrations match.
 
     Args:
         header: Header of the recording; without calibrations in it, it was made without.
-        network: Network used now.
-        calibrations: Calibrations used now, by leg.
+        models: Network and calibrations used now.
     """
     recorded = header.get("model_sha256", "unknown")
-    if recorded != network.sha256:
+    if recorded != models.network.sha256:
         return (
-            f"recorded with network {recorded[:12]}, here is {network.sha256[:12]}; "
+            f"recorded with network {recorded[:12]}, here is {models.network.sha256[:12]}; "
             "only the same network can give the same forces"
         )
     entries = [entry.partition("=") for entry in header.get(_CALIBRATIONS, "").split(",") if entry]
     then = {leg: f"the calibration {sha256[:12]}" for leg, _, sha256 in entries}
-    here = {leg: f"the calibration {found.manifest.sha256[:12]}" for leg, found in calibrations.items()}
+    here = {
+        leg: f"the calibration {found.manifest.sha256[:12]}" for leg, found in models.calibrations.items()
+    }
     for leg in sorted(then.keys() | here.keys()):
         if then.get(leg) != here.get(leg):
             return (

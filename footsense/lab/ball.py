@@ -5,13 +5,11 @@ the foot sees it. Needs numpy alone.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.directions import tangent_frame
+from footsense.frames import Vector
 
 __all__ = ["circle", "rim", "touch"]
-
-Vector = NDArray[np.float64]
 
 
 def touch(normal: Vector) -> tuple[Vector, Vector]:

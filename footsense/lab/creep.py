@@ -17,10 +17,9 @@ from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-Vector = NDArray[np.float64]
+from footsense.frames import Vector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,11 +13,11 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
 
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.hertz import contact_radius_mm
+from footsense.frames import Vector
 
 #: Micrometres in a millimetre.
 UM_PER_MM = 1000.0
@@ -156,9 +156,9 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """Area of one square cell of a cavity [mm2]."""
         return (self.electrode_mm / CELLS_PER_SIDE) ** 2
 
-    def touch_mm(self, normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    def touch_mm(self, normal: Vector) -> Vector:
         """Return where a floor touches the unloaded ball [mm], shape (..., 3), of inward unit normals."""
-        touch: NDArray[np.float64] = -self.ball_radius_mm * normal - np.array([0.0, 0.0, self.plate_mm])
+        touch: Vector = -self.ball_radius_mm * normal - np.array([0.0, 0.0, self.plate_mm])
         return touch
 
     def patch_mm(self, force_n: float) -> float:

@@ -21,13 +21,12 @@ from numpy.typing import NDArray
 from footsense.foot.directions import tangent_frame
 from footsense.foot.response_table import FootResponse, n_products, series_basis
 from footsense.foot.symmetry import product_powers
+from footsense.frames import Vector
 from footsense.lab.fem.adjoint import ClassField, class_field
 from footsense.lab.fem.elasticity import Layer
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_grid
 from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
 from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, FootDesign
-
-Vector = NDArray[np.float64]
 
 #: Total degree of the series. Higher ones fit the mesh's noise; see `interpolation_rel` in the provenance.
 DEGREE = 12
@@ -144,7 +143,7 @@ def _degree_of(series: Vector) -> int:
     return next(degree for degree in range(64) if n_products(degree) == len(series))
 
 
-def disc_normals(lowest_deg: float, rings: int = 40, spokes: int = 96) -> NDArray[np.float64]:
+def disc_normals(lowest_deg: float, rings: int = 40, spokes: int = 96) -> Vector:
     """Return unit normals spread over the cap above an elevation [deg], shape (rings * spokes, 3)."""
     elevation = np.radians(90.0 - (90.0 - lowest_deg) * (np.arange(rings) + 0.5) / rings)
     azimuth = 2.0 * np.pi * np.arange(spokes) / spokes

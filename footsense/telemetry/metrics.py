@@ -10,10 +10,10 @@ from array import array
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Protocol
 
 from firmware_interface.can_codes import phase_of
 from footsense.frames import CanStatistics, CommandKind, ContactFrame, Cycle, Flag, Result, State
+from footsense.ports import Observer, WakeupLatency
 from footsense.telemetry.metric_families import (
     AGE_BOUNDS_S,
     CAN_COUNTERS,
@@ -33,24 +33,7 @@ _PHASES = {state.value: phase_of(state).value for state in State}
 _CONTACT, _DEGRADED_TIMING = int(Flag.CONTACT), int(Flag.DEGRADED_TIMING)
 
 
-class WakeupLatency(Protocol):
-    """Wake-up statistics of one thread: latency histogram and overruns.
-
-    Attributes:
-        bounds_s: Bounds of the histogram [s].
-        histogram: Wake-ups in each bucket, those above the last bound, and the sum of their latencies [s].
-        overruns: Deadlines that had passed before the thread could sleep.
-    """
-
-    @property
-    def bounds_s(self) -> Sequence[float]: ...  # noqa: D102 - above
-    @property
-    def histogram(self) -> "array[float]": ...  # noqa: D102
-    @property
-    def overruns(self) -> int: ...  # noqa: D102
-
-
-class MetricsObserver:
+class MetricsObserver(Observer):
     """Counts every cycle into shared memory.
 
     Args:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from footsense.foot.directions import angles_between_deg
 from footsense.frames import FAULT_FREE, USABLE, Cycle, State, Vector
 from footsense.ports import Observer
 
@@ -99,10 +100,8 @@ class RunStatistics(Observer):
     def _compare(self, estimate_n: Vector, true_n: Vector) -> None:
         self._squared_n2 += np.square(estimate_n - true_n).sum(axis=0)
         self._valid += len(estimate_n)
-        true, estimate = np.linalg.norm(true_n, axis=1), np.linalg.norm(estimate_n, axis=1)
-        loaded = (true >= LOADED_N) & (estimate > 0)
-        cosine = (estimate_n[loaded] * true_n[loaded]).sum(axis=1) / (true[loaded] * estimate[loaded])
-        self._direction_deg.add(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+        loaded = (np.linalg.norm(true_n, axis=1) >= LOADED_N) & estimate_n.any(axis=1)
+        self._direction_deg.add(angles_between_deg(true_n[loaded], estimate_n[loaded]))
 
     def summary(self) -> dict[str, object]:
         """Return the statistics as plain values; None for a figure without samples."""

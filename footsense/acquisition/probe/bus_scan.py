@@ -100,7 +100,11 @@ def scan_bus(
 def scan_adapters(
     adapters: Sequence[I2cBus], clock: Clock, plan: ScanPlan, claimed: Collection[int] = ()
 ) -> BusScan:
-    """Scan a bus whose mux the kernel drives, through the adapter of each leg; arguments as of `scan_bus`."""
+    """Scan a bus whose mux the kernel drives, through the adapter of each leg; arguments as of `scan_bus`.
+
+    An address that answers behind every channel is on the upstream bus. A channel with a stuck line shows nothing of
+    it; if all are stuck, the upstream bus is unknown (None). Without any adapter, nothing answers.
+    """
     channels: dict[int, ChannelScan] = {}
     limits = None
     for number, bus in enumerate(adapters):
@@ -111,14 +115,14 @@ def scan_adapters(
         if limits is None and channels[number].outcome is Reading.OK:
             costs = measure(bus, clock, plan.steps[0].select[0].address)
             limits = timing(costs, plan, len(adapters), kernel_mux=True)
-    # An address that answers behind every channel is on the upstream bus.
-    everywhere = set.intersection(*(set(scan.answering) for scan in channels.values()))
-    common = everywhere - set(leg_chip_addresses(plan))
+    readable = [set(scan.answering) for scan in channels.values() if scan.outcome is not Reading.BUS_STUCK]
+    common = set[int]().union(*readable).intersection(*readable) - set(leg_chip_addresses(plan))
+    upstream = None if channels and not readable else AddressProbe(tuple(sorted(common)))
     channels = {
         number: scan._replace(answering=tuple(address for address in scan.answering if address not in common))
         for number, scan in channels.items()
     }
-    return BusScan(AddressProbe(tuple(sorted(common))), mux_answers=True, channels=channels, timing=limits)
+    return BusScan(upstream, mux_answers=True, channels=channels, timing=limits)
 
 
 def _holds_selection(bus: UpstreamBus, selection: int) -> bool:

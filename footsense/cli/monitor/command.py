@@ -1,7 +1,7 @@
 """`footsense monitor`: the legs on CAN, as a consumer of their forces sees them."""
 
-import math
 from collections.abc import Iterator
+from contextlib import closing
 from ipaddress import AddressValueError, IPv4Address
 from typing import Any
 
@@ -47,7 +47,7 @@ _DRAW_NS = 200_000_000
     help="Print one line of JSON per leg and second; the default if the output is no terminal.",
 )
 def monitor(
-    interface: str, channel: str | None, max_age_ms: int, duration_s: float | None, *, as_json: bool
+    interface: str, channel: str | None, max_age_ms: int, duration_s: float, *, as_json: bool
 ) -> None:
     """Show the legs on CAN: state, force with its age and uncertainty, and the cause of a fault.
 
@@ -59,13 +59,13 @@ def monitor(
     clock = MonotonicClock()
     stop = StopRequest()
     start_ns = clock.now_ns()
-    end_ns = math.inf if duration_s is None else start_ns + round(duration_s * _NS_PER_S)
+    end_ns = start_ns + duration_s * _NS_PER_S
     name = channel or _CHANNELS[interface]
     if interface == "udp_multicast" and not _is_multicast(name):
         raise click.BadParameter(
             f"{name} is no IPv4 multicast address; try {_CHANNELS[interface]}", param_hint="--channel"
         )
-    with open_listener(interface, name, clock, limits) as listener:
+    with closing(open_listener(interface, name, clock, limits)) as listener:
         if as_json or not console.is_terminal:
             for t_ns in _periods(listener, start_ns, end_ns, _NS_PER_S, stop):
                 for snapshot in listener.snapshot():

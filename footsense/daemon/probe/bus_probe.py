@@ -14,7 +14,7 @@ from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.config import Config
 from footsense.daemon.acquisition import open_buses, open_scan_source, scan_plan_for
-from footsense.daemon.estimation import load_network
+from footsense.daemon.models import load_models
 from footsense.daemon.probe.diagnosis import bus_diagnoses, leg_diagnoses
 from footsense.daemon.probe.report import Diagnosis, ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
 from footsense.daemon.simulation import simulated_robot
@@ -119,7 +119,7 @@ def _probe_legs(
             places.append((leg, report.bus.device, channel, chips))
     if config.serial is not None:
         places = [(name, config.serial.device, "mcu", None) for name in config.legs]
-    designed_pf = load_network(config).card.trained_inputs.design.unloaded_pf
+    designed_pf = load_models(config).network.card.trained_inputs.design.unloaded_pf
     for row, place in enumerate(places):
         scans = None if feet is None or np.isin(feet[row].reading, _SILENT).all() else feet[row]
         # Readings spoilt by a loose contact say nothing of the foot.

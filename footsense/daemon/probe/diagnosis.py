@@ -30,10 +30,11 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
     """Yield pairs of observation and advice for each fault of a bus."""
     bus, scan, drivers = report
     if scan.upstream is None:
-        wire = "; only the mux's RESET pin frees a leg that holds it: wire one"
+        needs_wire = not bus.mux.reset and not bus.adapters
+        wire = "; only the mux's RESET pin frees a leg that holds it: wire one" if needs_wire else ""
         yield (
             "SDA or SCL is held low on the upstream bus, and the mux cannot free it",
-            f"short, missing pull-ups or an unpowered chip upstream of the mux{'' if bus.mux.reset else wire}",
+            f"short, missing pull-ups or an unpowered chip upstream of the mux{wire}",
         )
         return
     for address in leg_chip_addresses(plan):

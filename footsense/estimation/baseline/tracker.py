@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, trimmed_means
-from footsense.estimation.baseline.drift import FARTHEST_PF, BaselineLimits, LegBaseline, baseline_sigma_pf
+from footsense.estimation.baseline.drift import FARTHEST_PF, LegBaseline, baseline_sigma_pf
 from footsense.estimation.baseline.tare import TareLimits, Tares
 from footsense.estimation.baseline.unloaded import unloaded_feet
 from footsense.estimation.faults.causes import SILENT, drift_causes
@@ -90,10 +90,7 @@ class BaselineTracker:
         self._tares = Tares(tare, unloaded_pf, feet or ("",) * n_legs)
         self._sensitivity = sensitivity
         self._track = track
-        limits = BaselineLimits(
-            noise_limit_ff=tare.noise_limit_ff, unloaded_limit_rel=tare.unloaded_limit_rel
-        )
-        self._baselines = [LegBaseline(leg_pf, limits) for leg_pf in unloaded_pf]
+        self._baselines = [LegBaseline(leg_pf, tare) for leg_pf in unloaded_pf]
         self._contacts = [ContactDetector(contact) for _ in unloaded_pf]
         # Near the unloaded distance, where the error of a baseline matters.
         self._closure_per_pf = float(design.plate_distance_um(unloaded_pf).mean()) / (

@@ -15,8 +15,8 @@ from typing import Any
 import ngsolve as ng
 import ngsolve.comp
 import numpy as np
-from numpy.typing import NDArray
 
+from footsense.frames import Vector
 from footsense.lab.contact.floor import FACE, Floor
 from footsense.lab.fem.elasticity import Layer, energy, mixed_energy
 from footsense.lab.geometry import FootDesign
@@ -102,14 +102,14 @@ class Body:
         return self._from_floor(self.state.components)
 
     @property
-    def floor_mm(self) -> NDArray[np.float64]:
+    def floor_mm(self) -> Vector:
         """Present position of the floor [mm], shape (3,)."""
         position = np.zeros(3)
         for axis, component in zip(self._axes, self.state.components[3:], strict=True):
             position[axis] = component.vec[0]
         return position
 
-    def move_floor(self, position_mm: NDArray[np.float64]) -> None:
+    def move_floor(self, position_mm: Vector) -> None:
         """Set the floor's position along the free axes from a position [mm] of shape (3,)."""
         for axis, component in zip(self._axes, self.state.components[3:], strict=True):
             component.vec[0] = float(position_mm[axis])

@@ -4,8 +4,8 @@ from dataclasses import KW_ONLY, dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from footsense.frames import Vector
 from footsense.lab.contact.body import PENETRATION_REL, Body
 from footsense.lab.contact.equilibrium import ConvergenceError, Equilibrium
 from footsense.lab.contact.floor import Floor
@@ -45,9 +45,9 @@ class FullSolution:
         n_unknowns: Free unknowns.
     """
 
-    closure_um: NDArray[np.float64]
-    capacitance_pf: NDArray[np.float64]
-    cells_um: NDArray[np.float64]
+    closure_um: Vector
+    capacitance_pf: Vector
+    cells_um: Vector
     penetration_rel: float
     patch_mm: float
     approach_mm: float
@@ -81,7 +81,7 @@ class FullFoot:
     gaps: Literal["contact", "open"] = "contact"
     load_steps: int = 1
 
-    def solve(self, normal: NDArray[np.float64], force_n: NDArray[np.float64]) -> FullSolution:
+    def solve(self, normal: Vector, force_n: Vector) -> FullSolution:
         """Solve the finite-strain contact under one load.
 
         Args:

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from footsense.frames import Vector
 from footsense.lab.geometry import FootDesign
 
 #: A unit vector may be this far from length one.
@@ -25,8 +25,8 @@ class LoadCase:
     """
 
     design: FootDesign
-    normal: NDArray[np.float64]
-    force_n: NDArray[np.float64]
+    normal: Vector
+    force_n: Vector
     friction: float
 
     def __post_init__(self) -> None:
@@ -67,7 +67,7 @@ class LoadCase:
         return (0, 2) if self.half else (0, 1, 2)
 
     @property
-    def touch_mm(self) -> NDArray[np.float64]:
+    def touch_mm(self) -> Vector:
         """Where the floor touches the unloaded ball [mm], shape (3,)."""
         return self.design.touch_mm(self.normal)
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from netgen import occ
 from netgen.meshing import MeshingParameters
-from numpy.typing import NDArray
 
 from footsense.foot.directions import tangent_frame
+from footsense.frames import Vector
 from footsense.lab.fem.solids import NEAR_MM, SIDES, curved_mesh, hemisphere, lies_in, plate, square
 from footsense.lab.geometry import FootDesign
 
@@ -103,7 +103,7 @@ def _mark_bar_edges(shape: Any, design: FootDesign, size: ContactMeshSize) -> No
 def _refine_patch(
     parameters: MeshingParameters,
     design: FootDesign,
-    normal: NDArray[np.float64],
+    normal: Vector,
     size_mm: float,
     reach_mm: float,
 ) -> None:
@@ -120,7 +120,7 @@ def _refine_patch(
 
 
 def build_mesh(
-    design: FootDesign, size: ContactMeshSize, normal: NDArray[np.float64], patch_mm: float, *, half: bool
+    design: FootDesign, size: ContactMeshSize, normal: Vector, patch_mm: float, *, half: bool
 ) -> Any:
     """Return the curved mesh [mm, foot frame, origin in the middle of the spacer].
 

@@ -8,9 +8,9 @@ closes in its middle counts for more.
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
+from footsense.frames import Vector
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
 #: Cells along the side of an electrode.
@@ -22,7 +22,7 @@ POINTS = 3
 INSIDE_MM = 2e-4
 
 
-def sample_places_mm(design: FootDesign) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def sample_places_mm(design: FootDesign) -> tuple[Vector, Vector]:
     """Return x and y [mm] of the samples, each of shape (9, 6, 3, 6, 3): element, x cell, point, y cell, point.
 
     Both grow against their axis, as rows and columns of the array do.
@@ -37,9 +37,7 @@ def sample_places_mm(design: FootDesign) -> tuple[NDArray[np.float64], NDArray[n
     return np.broadcast_to(x_mm, shape), np.broadcast_to(y_mm, shape)
 
 
-def sampled_closure_um(
-    design: FootDesign, mesh: Any, ground: Any, leg: Any, *, half: bool
-) -> NDArray[np.float64]:
+def sampled_closure_um(design: FootDesign, mesh: Any, ground: Any, leg: Any, *, half: bool) -> Vector:
     """Return the closure [um] at the samples, shape (9, 6, 3, 6, 3).
 
     Args:
@@ -53,30 +51,30 @@ def sampled_closure_um(
     if half:
         y_mm = np.abs(y_mm)
 
-    def on_plane(displacement: Any, up: float) -> NDArray[np.float64]:
+    def on_plane(displacement: Any, up: float) -> Vector:
         """Return u_z in z = 0, extrapolated from two points inside."""
         near, far = (
             np.asarray(displacement[2](mesh(x_mm, y_mm, np.full(x_mm.shape, up * depth_mm))))
             for depth_mm in (INSIDE_MM, 2.0 * INSIDE_MM)
         )
-        at_plane: NDArray[np.float64] = 2.0 * near - far
+        at_plane: Vector = 2.0 * near - far
         return at_plane
 
     jump = on_plane(ground, -1.0) - on_plane(leg, 1.0)
     return jump.reshape(9, CELLS, POINTS, CELLS, POINTS) * UM_PER_MM
 
 
-def cell_means(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+def cell_means(samples: Vector) -> Vector:
     """Return the means over the cells, shape (9, 36), flat index 6 ix + iy, of samples as above."""
     _, weights = np.polynomial.legendre.leggauss(POINTS)
-    means: NDArray[np.float64] = np.einsum("eipjq,p,q->eij", samples, weights / 2.0, weights / 2.0)
+    means: Vector = np.einsum("eipjq,p,q->eij", samples, weights / 2.0, weights / 2.0)
     return means.reshape(9, CELLS**2)
 
 
-def capacitance_pf(design: FootDesign, samples_um: NDArray[np.float64]) -> NDArray[np.float64]:
+def capacitance_pf(design: FootDesign, samples_um: Vector) -> Vector:
     """Return the capacitances without stray [pF], shape (9,), of sampled closures [um]."""
     film_um = design.capacitor.film_equivalent_um
     distance_um = design.gap_um - np.minimum(samples_um, design.gap_um) + film_um
     density = EPS0_PF_UM_PER_MM2 / distance_um
-    capacitance: NDArray[np.float64] = cell_means(density).mean(axis=1) * design.electrode_mm**2
+    capacitance: Vector = cell_means(density).mean(axis=1) * design.electrode_mm**2
     return capacitance

@@ -4,12 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.directions import angles_between_deg, directions, paper_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
+from footsense.frames import Vector
 from footsense.lab.evaluation.cramer_rao import Bound, Unknowns, force_bound
 from footsense.lab.geometry import LoadRange
 from footsense.lab.training.load_cases import (
@@ -18,8 +18,6 @@ from footsense.lab.training.load_cases import (
     measured_closure_rel,
     sensed_closure_um,
 )
-
-Vector = NDArray[np.float64]
 
 #: Magnitudes at which a network is compared with the bound [gf].
 MAGNITUDES_GF = (20.0, 35.0, 50.0, 75.0, 100.0, 125.0, 150.0)

@@ -20,20 +20,18 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ellipe
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.foot.directions import normalized, tangent_frame
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.specimen import Foot
+from footsense.frames import Vector
 from footsense.lab.training.load_cases import (
     BASELINE_NOISE_PF,
     NOISE_PF,
     sensed_closure_um,
 )
-
-Vector = NDArray[np.float64]
 
 #: Step of the central differences: of the force relative to its magnitude, of the normal in radians.
 STEP = 1e-4

@@ -3,10 +3,10 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.force_errors import Errors, errors
+from footsense.frames import Vector
 from footsense.lab.training.load_cases import Cases
 
 __all__ = [
@@ -24,10 +24,10 @@ __all__ = [
 PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF = 2.4, 5.3
 
 #: Makes forces [N], shape (n, 3), of closures [um], shape (n, 9).
-Readout = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Readout = Callable[[Vector], Vector]
 
 
-def _least_squares(features: NDArray[np.float64], force_n: NDArray[np.float64]) -> NDArray[np.float64]:
+def _least_squares(features: Vector, force_n: Vector) -> Vector:
     """Return the matrix that reads forces from features, without offset: no load reads zero."""
     matrix, *_ = np.linalg.lstsq(features, force_n, rcond=None)
     return np.asarray(matrix, dtype=np.float64)
@@ -36,7 +36,7 @@ def _least_squares(features: NDArray[np.float64], force_n: NDArray[np.float64]) 
 def capacitance_readout(design: CapacitorDesign, training: Cases) -> Readout:
     """Return the least-squares read-out of capacitance changes, the inputs of the paper's network."""
 
-    def change_pf(closure_um: NDArray[np.float64]) -> NDArray[np.float64]:
+    def change_pf(closure_um: Vector) -> Vector:
         return design.capacitance_pf(closure_um) - design.unloaded_pf
 
     matrix = _least_squares(change_pf(training.closure_um), training.force_n)
@@ -49,9 +49,7 @@ def elastance_readout(training: Cases) -> Readout:
     return lambda closure_um: closure_um @ matrix
 
 
-def coverage(
-    truth_n: NDArray[np.float64], estimate_n: NDArray[np.float64], sigma_n: NDArray[np.float64]
-) -> dict[str, list[float]]:
+def coverage(truth_n: Vector, estimate_n: Vector, sigma_n: Vector) -> dict[str, list[float]]:
     """Return the share of cases whose error is within one and within two sigma, per axis; 0.683 and 0.954 if Gaussian.
 
     Args:

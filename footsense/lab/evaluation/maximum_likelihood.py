@@ -3,15 +3,13 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.directions import angles_between_deg, directions, normalized, tangent_frame
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.specimen import Foot
+from footsense.frames import Vector
 from footsense.lab.evaluation.cramer_rao import Unknowns, closure_sigma_um, jacobian_um
 from footsense.lab.training.load_cases import sensed_closure_um
-
-Vector = NDArray[np.float64]
 
 #: An ambiguous load of a centred one on the diagonal: where the search for it starts, azimuth and elevation [deg].
 AZIMUTH_DEG, _START_DEG, _START_CONTACT_DEG = 45.0, (225.0, 50.0), (225.0, 57.0)

@@ -17,9 +17,9 @@ from typing import Any
 
 import ngsolve as ng
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.directions import normalized
+from footsense.frames import Vector
 from footsense.lab.fem.mesh import quarter_cells
 from footsense.lab.fem.quarter import Parity, Quarter
 from footsense.lab.geometry import UM_PER_MM
@@ -41,13 +41,13 @@ class ClassField:
     """
 
     parity: Parity
-    normal: NDArray[np.float64]
-    weight_mm2: NDArray[np.float64]
-    influence: NDArray[np.float64]
-    compliance: NDArray[np.float64]
+    normal: Vector
+    weight_mm2: Vector
+    influence: Vector
+    compliance: Vector
 
 
-def surface_samples(mesh: Any, depth_mm: float) -> tuple[Any, NDArray[np.float64], NDArray[np.float64]]:
+def surface_samples(mesh: Any, depth_mm: float) -> tuple[Any, Vector, Vector]:
     """Return quadrature points on the ground-side surface, with inward normals and areas [mm2].
 
     Args:

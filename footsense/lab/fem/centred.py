@@ -6,8 +6,8 @@ A load of azimuth 0 is even in y, so the classes (1, 1) and (-1, 1) hold all of 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from footsense.frames import Vector
 from footsense.lab.fem.adjoint import closure_field
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
 from footsense.lab.fem.quarter import Parity, Quarter
@@ -32,7 +32,7 @@ class Centred:
         unknowns: Unknowns of one class.
     """
 
-    closure_um: NDArray[np.float64]
+    closure_um: Vector
     elements: int
     unknowns: int
 

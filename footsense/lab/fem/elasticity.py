@@ -18,9 +18,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import ngsolve as ng
-import numpy as np
-from numpy.typing import NDArray
 
+from footsense.frames import Vector
 from footsense.lab.geometry import Material
 
 
@@ -68,7 +67,7 @@ class Layer:
         return ng.CF(tuple(across[k] / self.thickness_mm * jump[k] for k in range(3)))
 
 
-def hertz_shape(centre_mm: NDArray[np.float64], radius_mm: float) -> Any:
+def hertz_shape(centre_mm: Vector, radius_mm: float) -> Any:
     """Return a Hertz patch's pressure relative to its peak [1], sqrt(1 - |x - x_c|^2 / a^2)."""
     away = ng.CF((ng.x, ng.y, ng.z)) - ng.CF(tuple(centre_mm))
     inside = 1.0 - ng.InnerProduct(away, away) / radius_mm**2

@@ -14,16 +14,14 @@ from dataclasses import dataclass
 
 import ngsolve as ng
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.gap_contact import ALL_CELLS
 from footsense.foot.symmetry import flat_of_grid
+from footsense.frames import Vector
 from footsense.lab.fem.elasticity import hertz_shape
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells, quarter_grid
 from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
 from footsense.lab.geometry import UM_PER_MM, FootDesign
-
-Vector = NDArray[np.float64]
 
 #: Order that the quadrature of a patch has above that of the elements, which are three times as large and more: with 24
 #: the closures of some loads were wrong by 4 %, with 60 by 0.3 % at most, and it takes no longer.

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from netgen import occ
 from netgen.meshing import MeshingParameters
-from numpy.typing import NDArray
 
 from footsense.errors import ModelError
 from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.symmetry import HALF_SIDE
+from footsense.frames import Vector
 from footsense.lab.fem.solids import NEAR_MM, SIDES, curved_mesh, hemisphere, lies_in, plate, square
 from footsense.lab.geometry import FootDesign
 
@@ -109,7 +109,7 @@ def quarter_cells(design: FootDesign) -> list[Cell]:
     return cells
 
 
-def quarter_grid(per_cell: NDArray[np.float64], design: FootDesign, axis: int) -> NDArray[np.float64]:
+def quarter_grid(per_cell: Vector, design: FootDesign, axis: int) -> Vector:
     """Return values per cell of the quarter, in the order of `quarter_cells`, as a 9 x 9 grid in place of `axis`."""
     order = np.empty((HALF_SIDE, HALF_SIDE), np.intp)
     for number, cell in enumerate(quarter_cells(design)):

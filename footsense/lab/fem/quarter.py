@@ -23,9 +23,9 @@ from typing import Any
 
 import ngsolve as ng
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.errors import ModelError
+from footsense.frames import Vector
 from footsense.lab.fem.elasticity import Layer, energy, mixed_energy
 from footsense.lab.fem.mesh import MeshSize, build_mesh
 from footsense.lab.geometry import FootDesign
@@ -55,7 +55,7 @@ class Parity:
         """Return the sign that a component takes in the images under x -> -x and under y -> -y."""
         return (-self.x if component == 0 else self.x), (-self.y if component == 1 else self.y)
 
-    def unfold(self, quarter: NDArray[np.float64], axis: int = 0) -> NDArray[np.float64]:
+    def unfold(self, quarter: Vector, axis: int = 0) -> Vector:
         """Return z components on the whole foot from the quarter's; x runs along `axis`, y along the next axis."""
         half = np.concatenate([quarter, self.x * np.flip(quarter, axis)], axis)
         return np.concatenate([half, self.y * np.flip(half, axis + 1)], axis + 1)

@@ -7,17 +7,15 @@ from dataclasses import dataclass
 from timeit import default_timer
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
+from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import Readout, errors
 from footsense.lab.fem.forward import ForwardFoot
 from footsense.lab.fidelity.levels import Answer, FidelityLevel
 from footsense.lab.training.load_cases import paper_training, paper_verification
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

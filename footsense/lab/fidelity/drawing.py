@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
-from numpy.typing import NDArray
 
+from footsense.frames import Vector
 from footsense.lab.fidelity.compare import Distance, ForwardAgainstTable
 
 
@@ -54,7 +54,7 @@ def error_against_time(
     return figure
 
 
-def pattern_tiles(change_pf: dict[str, NDArray[np.float64]]) -> Figure:
+def pattern_tiles(change_pf: dict[str, Vector]) -> Figure:
     """Return a grid of tiles per model: colour and upper number over the largest of the nine, lower number in pF.
 
     Args:

@@ -25,11 +25,9 @@ Source:
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from footsense.frames import Vector
 from footsense.lab.geometry import UM_PER_MM, FootDesign
-
-Vector = NDArray[np.float64]
 
 #: Gauss points along the side of what an element carries: rays are long, so more change a closure by 1e-4.
 _POINTS = 3

@@ -14,17 +14,15 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.directions import directions
 from footsense.foot.gap_contact import capacitance_pf, element_means
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
+from footsense.frames import Vector
 from footsense.lab.fidelity.half_space import HalfSpace
 from footsense.lab.geometry import FootDesign
-
-Vector = NDArray[np.float64]
 
 #: Cheapest first.
 NAMES = ("half-space", "linear", "contact", "full")

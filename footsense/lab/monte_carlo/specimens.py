@@ -9,13 +9,13 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
+from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import Readout, capacitance_readout, elastance_readout, errors
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.monte_carlo.resumable_run import Figures, Job, Tolerances
@@ -24,8 +24,6 @@ from footsense.lab.training.load_cases import Cases, as_designed_um, paper_train
 from footsense.lab.training.mlp import start_layers
 from footsense.lab.training.paper_procedure import HIDDEN, PaperTraining
 from footsense.sim.foot.fabrication import fabricate
-
-Vector = NDArray[np.float64]
 
 #: Resolution of the reference sensor's x, y, z (Table II) [N].
 REFERENCE_N = np.array([4.0, 4.0, 12.0]) * GRAM_FORCE_N

@@ -63,8 +63,7 @@ def test_a_tare_is_granted_unloaded_and_refused_loaded(scene: str) -> None:
     ):
         controller = Controller(bus, {20: CommandKind.TARE, 60: CommandKind.TARE, 90: CommandKind.STOP})
         service.observers.append(controller)
-        clock = service.scan_source.clock
-        service.run(lambda: clock.now_ns() > 2_500_000_000)
+        service.run(until_ns=2_500_000_000)
     assert controller.answers == [
         (CommandKind.TARE, Result.DONE),
         (CommandKind.TARE, Result.DONE),
@@ -82,7 +81,6 @@ def test_a_leg_in_the_air_is_stopped() -> None:
     ):
         controller = Controller(bus, {20: CommandKind.STOP})
         service.observers.append(controller)
-        clock = service.scan_source.clock
-        service.run(lambda: clock.now_ns() > 1_000_000_000)
+        service.run(until_ns=1_000_000_000)
     assert controller.answers == [(CommandKind.TARE, Result.DONE), (CommandKind.STOP, Result.DONE)]
     assert controller.states[-1] is State.STOPPED

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from footsense.acquisition.probe.address_scan import AddressProbe
-from footsense.acquisition.probe.bus_scan import ChannelScan, scan_adapters, scan_bus
+from footsense.acquisition.probe.bus_scan import BusScan, ChannelScan, scan_adapters, scan_bus
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.cli.probe.figure import draw
@@ -24,10 +24,11 @@ from footsense.daemon.probe.report import ProbedBus, ProbeResult
 from footsense.errors import BusError, BusTimeoutError, FootsenseError, NackError
 from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction
-from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
+from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.bus.kernel_mux import SimulatedKernelMuxLeg
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
+from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
@@ -166,9 +167,6 @@ class WithOthers:
                 raise
             return bytes(transaction.n_read)
 
-    def close(self) -> None:
-        """Nothing is held."""
-
 
 class LosingArbitration(SimulatedBus):
     """A bus on which another master talks each time that the mux is asked for its selection."""
@@ -212,16 +210,40 @@ class HeldLow(SimulatedKernelMuxLeg):
         raise BusTimeoutError(f"held low at {transaction.address:#04x}")
 
 
-def test_an_adapter_that_times_out_says_so_and_the_others_are_scanned() -> None:
-    """The text of the error is in the answer."""
+def scanned_legs(*kinds: type[SimulatedKernelMuxLeg]) -> BusScan:
+    """Return the scan of sound legs, or of legs that hold a line, with a chip at 0x40 on the upstream bus."""
     clock, mux = VirtualClock(), SimulatedMux(0x71)
-    chips = {n: (SimulatedFdc1004(lambda *_: 5.0, None), SimulatedLineSwitch()) for n in range(2)}
-    upstream = SimulatedBus(clock, 400_000, 0, mux, chips)
-    legs = [kind(upstream, clock, mux, n, 0) for n, kind in enumerate((HeldLow, SimulatedKernelMuxLeg))]
-    scan = scan_adapters(legs, clock, scan_plan("lo_shu", 400), claimed=(0x71,))
+    chips = {n: (SimulatedFdc1004(lambda *_: 5.0, None), SimulatedLineSwitch()) for n in range(len(kinds))}
+    upstream = WithOthers(SimulatedBus(clock, 400_000, 0, mux, chips), 0x40)
+    legs = [kind(upstream, clock, mux, n, 0) for n, kind in enumerate(kinds)]
+    return scan_adapters(legs, clock, scan_plan("lo_shu", 400), claimed=(0x71,))
+
+
+def test_a_stuck_channel_does_not_hide_the_chips_of_the_upstream_bus() -> None:
+    """The text of its error is in the scan; the other adapters are scanned, and show what is on the upstream bus."""
+    scan = scanned_legs(HeldLow, SimulatedKernelMuxLeg, SimulatedKernelMuxLeg)
+    assert scan.upstream == AddressProbe((0x40,))
     assert scan.channels[0].outcome is Reading.BUS_STUCK
     assert scan.channels[0].why.startswith("held low at 0x")
-    assert scan.channels[1] == ChannelScan((0x49, 0x50), Reading.OK)
+    sound = ChannelScan((0x49, 0x50), Reading.OK)
+    assert (scan.channels[1], scan.channels[2]) == (sound, sound)
+    assert scan.timing is not None
+
+
+def test_the_upstream_bus_is_unknown_if_every_channel_is_stuck() -> None:
+    """No channel shows what answers on it: one diagnosis of the bus, and no RESET pin to wire, the kernel has it."""
+    scan = scanned_legs(HeldLow, HeldLow)
+    assert (scan.upstream, scan.timing) == (None, None)
+    assert [chips.outcome for chips in scan.channels.values()] == [Reading.BUS_STUCK] * 2
+    bus = Bus(device="sim", legs={"lf": "/dev/i2c-10", "lm": "/dev/i2c-11"})
+    (diagnosis,) = bus_diagnoses(ProbedBus(bus, scan, {}), scan_plan("lo_shu", 400))
+    assert "held low on the upstream bus" in diagnosis.what
+    assert "RESET" not in diagnosis.check
+
+
+def test_without_an_adapter_nothing_answers() -> None:
+    """A bus without legs has an empty scan."""
+    assert scanned_legs() == BusScan(AddressProbe(()), mux_answers=True, channels={}, timing=None)
 
 
 def told_of_bus(

@@ -11,8 +11,10 @@ from mcap.reader import make_reader
 
 from footsense.errors import RecordingError
 from footsense.frames import Cause, CommandResult, Cycle, Result
-from footsense.recording import messages
 from footsense.recording.compare import compare, same_machine
+from footsense.recording.container import messages
+from footsense.recording.container.mcap_writer import McapFile
+from footsense.recording.cycle_fields import NOT_RECORDED
 from footsense.recording.cycle_records import (
     LostCycles,
     NumberedCycle,
@@ -22,7 +24,6 @@ from footsense.recording.cycle_records import (
     unpack,
 )
 from footsense.recording.machine import platform_versions
-from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 from tests.support.cycles import LEGS, TARE, cycle, read_until_damage, same, write
@@ -183,9 +184,9 @@ def test_replay_counts_what_was_lost(scratch: Path) -> None:
     """The source gives the scans on both sides of a gap, and tells the gap with the scan after it."""
     with scratch.open("wb") as file:
         recording = McapFile(file.fileno(), {"legs": ",".join(LEGS)})
-        recording.add_cycle(NumberedCycle(0, cycle(0)))
-        recording.add_loss(LostCycles(4, 0, 3))
-        recording.add_cycle(NumberedCycle(4, cycle(4)))
+        recording.add(NumberedCycle(0, cycle(0)))
+        recording.add(LostCycles(4, 0, 3))
+        recording.add(NumberedCycle(4, cycle(4)))
         recording.finish()
     source = ReplaySource(Replay(scratch))
     seen = [(scan.sequence, source.lost) for scan in iter(source.read, None)]
@@ -223,7 +224,7 @@ def test_a_recording_from_before_there_were_causes(scratch: Path) -> None:
         for name in [key for key in message[leg] if key == "cause" or key.startswith("baseline_")]:
             del message[leg][name]
     old = messages.decode_force(json.dumps(message).encode(), LEGS)
-    assert set(old.cause.tolist()) == {messages.NOT_RECORDED}
+    assert set(old.cause.tolist()) == {NOT_RECORDED}
     assert np.isnan(old.baseline.mean_pf).all()
     assert compare(old, cycle(0).forces, exact=True, legs=LEGS) is None
     assert json.loads(messages.encode_force(old, LEGS)) == message

@@ -13,7 +13,6 @@ import pytest
 from prometheus_client import CollectorRegistry
 
 from firmware_interface.can_codes import Phase
-from footsense.clock import WakeupLatency
 from footsense.errors import FootsenseError
 from footsense.frames import (
     BaselineDrift,
@@ -30,6 +29,7 @@ from footsense.frames import (
     Result,
     State,
 )
+from footsense.ports import WakeupLatency
 from footsense.telemetry.exporter import CountersCollector
 from footsense.telemetry.metric_families import STATE_SETS
 from footsense.telemetry.metrics import MetricsObserver
