@@ -11,8 +11,8 @@ from footsense.config.sections import Bus, Can
 from footsense.daemon.service import open_service
 from footsense.foot.temperature import unknown_temperature_rel
 from footsense.frames import Cycle, State
+from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_records import NumberedCycle
-from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.sim.scene import Scene
 from footsense.sim.scene_effects import Effects, Warming
@@ -105,7 +105,7 @@ def test_a_replay_is_as_warm_as_the_walk_was(tmp_path: Path) -> None:
     with old.open("wb") as file:
         recording = McapFile(file.fileno(), Replay(walk).header)
         for number, cycle in enumerate(Replay(walk)):
-            recording.add_cycle(NumberedCycle(number, cycle._replace(temperature_c=None)))
+            recording.add(NumberedCycle(number, cycle._replace(temperature_c=None)))
         recording.finish()
     assert CliRunner().invoke(replay, [str(old)]).output == f"{len(cycles)} scans replayed\n"
     result = CliRunner().invoke(replay, [str(old), "--check"])
