@@ -17,17 +17,6 @@ from contextlib import contextmanager
 
 from footsense.ports import LATENCY_BOUNDS_S, WakeupLatency
 
-__all__ = [
-    "MonotonicClock",
-    "fifo_priority",
-    "gc_disabled",
-    "process_age_ns",
-    "request_realtime",
-    "resident_mib",
-    "stopwatch_ns",
-    "wall_time_iso",
-]
-
 # Linux, <sys/mman.h> and <linux/prctl.h>; the same on every processor that Python's wheels are built for.
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _PR_SET_TIMERSLACK = 29

@@ -84,7 +84,7 @@ def run_trial(batch: FootBatch, number: int, folder: Path, *, every: int = 1) ->
     config = _config(batch, number)
     training, _ = _session(batch, number, config, "training", folder, every)
     test, presses = _session(batch, number, config, "verification", folder, every)
-    true_force_n = np.array([presses.contact(LEG, load.t_ns).force_n for load in test.loads])
+    true_force_n = np.array([presses.contact(LEG, sum(load.dwell_ns) // 2).force_n for load in test.loads])
     return FootTrial(training, test, true_force_n)
 
 
