@@ -199,14 +199,19 @@ class Pipeline:
         """Return the elements to do without, shape (legs, 9), and the legs that have too many of them, shape (legs,).
 
         An element is missing if it is faulty, excluded, without a baseline, or has not been read three times in a row.
+        A leg that has not read enough of its elements three times is without a force until it has; its faults keep
+        their own missing elements meanwhile.
         """
         if not unloaded.complete:
             self._consistency.reset(unloaded.untared_legs)
         elif elements.ok and np.count_nonzero(readings.whole) == readings.whole.size:
             return elements.missing, self._no_leg
-        incomplete = elements.missing | ~readings.whole
-        missing = missing_elements(elements.faulty | unloaded.untared | incomplete)
-        return missing, np.asarray((incomplete & ~missing).any(axis=1))
+        faulty = elements.faulty | elements.missing | unloaded.untared
+        missing = missing_elements(faulty | ~readings.whole)
+        lost: Mask = np.asarray((~readings.whole & ~missing).any(axis=1))
+        if lost.any():
+            missing[lost] = missing_elements(faulty[lost])
+        return missing, lost
 
     def _forces(
         self, closure_rel: Vector, age_s: Vector, consistency: ConsistencyResult, legs: LegStatus
