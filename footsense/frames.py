@@ -136,9 +136,7 @@ class ContactFrame(NamedTuple):
     Attributes:
         sequence: Number of the scan that it was estimated from.
         t_sent_ns: Time at which it is handed to the sinks [ns, monotonic].
-        t_ns: Time of the measurement [ns], shape (legs,); 0 without one. For whole scans the mean of the elements'
-            stamps, to which all are aligned; for single elements the newest stamp, while the force is predicted to
-            t_sent_ns.
+        t_ns: Time of each leg's newest reading [ns], shape (legs,); 0 without one. The force is that of t_sent_ns.
         force_n: Ground reaction on the foot in the foot frame [N], shape (legs, 3), NaN unless the state is USABLE.
         sigma_n: Standard deviation of each component [N], shape (legs, 3), NaN where the force is.
         state: Whether the force may be used, and if not, why, shape (legs,), uint8 of `State`.

@@ -174,8 +174,8 @@ class ContactDetector:
     def _lift_off(self, load_n: float, baseline_n: float, t_ns: int) -> None:
         self.in_contact = False
         self._lifted_ns = self._window_start_ns = t_ns
-        # A foot can be pressed, not pulled: a load below the baseline's error is the overshoot of the parabola through
-        # the lift-off, and a floor there would turn the next reading into a touchdown.
+        # A foot can be pressed, not pulled: a floor below the baseline's error would turn the next reading into a
+        # touchdown.
         self._floor_n = max(load_n, -baseline_n)
         self._highest_before_n = self._highest_n = self._floor_n
 

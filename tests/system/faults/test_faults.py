@@ -1,7 +1,9 @@
 """What breaks shows as the right state and cause, passes by itself, and touches no other leg.
 
 The host costs nothing in these walks, so that no transaction more or less moves a conversion, and "untouched" can be
-taken at its word: the other legs' forces are the same bits at the same times as in a walk in which nothing breaks.
+taken at its word: the other legs have the same readings as in a walk in which nothing breaks, and the same bits of
+force whenever a frame is sent at the same time. A leg that is not read lets frames go out up to a millisecond earlier:
+their forces are those of that time.
 """
 
 from pathlib import Path
@@ -44,6 +46,8 @@ ROBOT = msgspec.structs.replace(
 #: Two scans: a line may break after its own elements were read, and it takes a second whole scan to tell motion.
 SCANS_S = 0.055
 ALL = 0b111_111_111
+#: Most by which a force of the walk changes in a millisecond [N].
+EARLIER_N = 0.02
 
 ON_LEG: dict[str, Any] = {"at_s": BREAKS_AT_S, "leg": LEG}
 PASSING: dict[str, Any] = {**ON_LEG, "until_s": PASSES_AT_S}
@@ -118,12 +122,19 @@ def touches_no_other_leg(broken: PublishedWalk, whole: PublishedWalk) -> bool:
     others = [row for row, leg in enumerate(whole.legs) if leg != LEG]
     n = min(len(broken.t_sent_ns), len(whole.t_sent_ns))
     same = [
-        np.array_equal(getattr(broken, name)[:n, others], getattr(whole, name)[:n, others], equal_nan=True)
-        for name in ("t_ns", "state", "cause", "force_n")
+        np.array_equal(getattr(broken, name)[:n, others], getattr(whole, name)[:n, others])
+        for name in ("t_ns", "state", "cause")
     ]
-    # The zeros of those in the air follow in turn: with one less, a turn comes sooner.
-    sigma_n = np.nan_to_num(broken.sigma_n[:n, others] - whole.sigma_n[:n, others])
-    return len(whole.t_sent_ns) - n <= 1 and all(same) and bool((np.abs(sigma_n) < 1e-6).all())
+    earlier_ns = whole.t_sent_ns[:n] - broken.t_sent_ns[:n]
+    force_n, sigma_n = (
+        np.abs(np.nan_to_num(getattr(broken, name)[:n, others] - getattr(whole, name)[:n, others]))
+        for name in ("force_n", "sigma_n")
+    )
+    at_once = earlier_ns == 0
+    # The baselines of those in the air follow in turn: with one less, a turn comes sooner.
+    bits = not force_n[at_once].any() and bool((sigma_n[at_once] < 1e-6).all())
+    near = bool((np.abs(earlier_ns) < 1_000_000).all() and (force_n < EARLIER_N).all())
+    return len(whole.t_sent_ns) - n <= 1 and all(same) and bits and near
 
 
 @pytest.mark.parametrize(
@@ -169,15 +180,20 @@ def test_what_is_left_of_a_foot_is_worth_having(whole: PublishedWalk) -> None:
 
 
 def test_a_leg_that_holds_the_bus_costs_the_others_three_frames(whole: PublishedWalk) -> None:
-    """Two timeouts of 20 ms, what was being read, and a scan; one more timeout at each later try; it is tared anew."""
+    """Two timeouts of 20 ms, what was being read, and two scans, as the readings before the stall do not count.
+
+    One more timeout at each later try; it is tared anew.
+    """
     broken, seen = trial(scene_faults.StuckSda(**PASSING), whole)
     assert (seen.state, seen.cause) == (State.ABSENT, Cause.BUS_STUCK)
     assert seen.recovery_s is not None
     assert seen.recovery_s < TARED_S
-    assert seen.longest_gap_s < 0.09
+    assert seen.longest_gap_s < 0.11
     assert seen.lost_frames <= 3
     others = [row for row, leg in enumerate(whole.legs) if leg != LEG]
-    assert (broken.state[broken.t_sent_ns > BREAKS_AT_S * 1e9][:, others] == State.VALID).all()
+    states = broken.state[broken.t_sent_ns > BREAKS_AT_S * 1e9][:, others]
+    assert (states[states != State.VALID] == State.STALE).all()
+    assert ((states != State.VALID).sum(axis=0) <= 1).all()
 
 
 def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(whole: PublishedWalk) -> None:
