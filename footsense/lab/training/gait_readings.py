@@ -5,6 +5,7 @@ which a force estimated from it would be sent. Half a minute of walking is thous
 """
 
 from dataclasses import dataclass, fields
+from typing import Protocol
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -15,7 +16,7 @@ from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, sensed_closure_um
 from footsense.sim.foot.viscoelastic import ViscoelasticElement
-from footsense.sim.loads.random_gait import RandomGait
+from footsense.sim.loads.random_gait import Loads, RandomGait
 
 #: Orders of the conversions that a window may come from; almost all robots use the first.
 ORDERS: NDArray[np.intp] = np.array([(5, 0, 7, 6, 4, 2, 1, 8, 3), tuple(range(ELEMENTS))], np.intp)
@@ -57,6 +58,14 @@ class GaitReadings:
     normal: NDArray[np.float32]
 
 
+class Gait(Protocol):
+    """Loads of a foot over time."""
+
+    def loads(self, t_s: Vector) -> Loads:
+        """Return the loads at n times [s]."""
+        ...
+
+
 def elements_of(order: int, n: int) -> NDArray[np.intp]:
     """Return the element of each of n conversions, shape (n,)."""
     return np.resize(ORDERS[order], n)
@@ -81,14 +90,30 @@ def one_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: fl
         n: Number of conversions.
         max_n: Full load of the foot [N].
     """
-    design = response.design
     order = int(rng.random() < _RASTER_SHARE)
     slower = float(np.exp(rng.uniform(0.0, np.log(_SLOWEST_REL)))) if rng.random() < _SLOW_SHARE else 1.0
     step_s = STEP_S * slower * (1.0 + _CLOCK_REL * rng.normal())
     late_s = rng.uniform(0.0, _LATEST_S) if rng.random() < _LATE_SHARE else 0.0
     lead_s = LEAD_S + 0.6 * (step_s - STEP_S) + late_s + _JITTER_S * rng.normal(size=n)
-    t_s: Vector = np.asarray(step_s * np.arange(1.0, n + 1), np.float64)
     gait = RandomGait(rng, max_n, n * step_s)
+    return readings_of(response, rng, gait, order, step_s, lead_s)
+
+
+def readings_of(
+    response: FootResponse, rng: np.random.Generator, gait: Gait, order: int, step_s: float, lead_s: Vector
+) -> GaitReadings:
+    """Return the readings of a gait, as arrays with a first axis of length 1.
+
+    Args:
+        response: Response of the foot.
+        rng: Source of noise, drift and rubber.
+        gait: The loads.
+        order: Row of `ORDERS`.
+        step_s: Time of a conversion [s]; the first is in the middle of its conversion at this time.
+        lead_s: Time from the middle of each conversion to sending [s], shape (n,).
+    """
+    design, n = response.design, len(lead_s)
+    t_s: Vector = np.asarray(step_s * np.arange(1.0, n + 1), np.float64)
     read, sent = gait.loads(t_s), gait.loads(t_s + lead_s)
     amount = rng.uniform(0.0, _MOST_VISCOUS) if rng.random() < _VISCOUS_SHARE else 0.0
     normal, force_n = (read.normal, read.force_n) if not amount else _with_rubber(t_s, *read, amount)
