@@ -104,7 +104,7 @@ cramer_rao = _named(
 )
 tradeoff = _named(
     "tradeoff",
-    "Print what rate, averaging, publish mode and network size cost in latency and bring in error.",
+    "Print what the rates of conversions and of publishing cost in latency and bring in error.",
     *(models_option, json_option),
 )
 faults = _named(

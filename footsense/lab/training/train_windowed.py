@@ -32,6 +32,7 @@ from footsense.lab.training.windowed_network import (
     run,
     seen_index,
 )
+from footsense.ports import Window
 
 #: Share of the windows with something missing, and of those of feet at rest.
 _MASKED_SHARE, _REST_SHARE = 0.15, 0.25
@@ -113,6 +114,17 @@ def whole_windows(gaits: GaitReadings) -> NDArray[np.bool_]:
     whole = np.zeros(bad.shape, bool)
     whole[:, _WARM_UP:] = bad[:, _WARM_UP:] == bad[:, _WARM_UP - _WINDOW : -_WINDOW]
     return whole
+
+
+def loaded_windows(gaits: GaitReadings, from_n: float) -> tuple[Window, Vector]:
+    """Return the whole windows of gaits under at least so large a true force [N], and these forces, shape (rows, 3)."""
+    loaded = np.linalg.norm(gaits.force_n, axis=2) >= from_n
+    gait, time = np.nonzero(whole_windows(gaits) & loaded)
+    since = age_table()[gaits.order[gait], time % ELEMENTS][:, None] + ELEMENTS * np.arange(READINGS)[:, None]
+    closure_rel = gaits.closure_rel[gait[:, None, None], time[:, None, None] - since].astype(np.float64)
+    age_s = since * gaits.step_s[gait, None, None] + gaits.lead_s[gait, time][:, None, None]
+    force_n = gaits.force_n[gait, time].astype(np.float64)
+    return Window(closure_rel, age_s, np.zeros((len(gait), ELEMENTS), bool)), force_n
 
 
 class _Data(NamedTuple):
