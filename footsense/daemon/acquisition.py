@@ -22,8 +22,8 @@ from footsense.daemon.simulation import simulated_robot
 from footsense.frames import Vector
 from footsense.ports import Clock, SerialPort, WakeupLatency
 from footsense.sim.bus.serial_line import SimulatedLine
-from footsense.sim.chips.mcu import simulated_mcu
 from footsense.sim.robot import SimulatedRobot
+from footsense.sim.robot_on_mcu import simulated_mcu
 from footsense.sim.scene import Scene
 
 _log = logging.getLogger(__name__)
