@@ -7,7 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from footsense.foot.directions import angles_between_deg, direction_grid, normalized, paper_directions
+from footsense.foot.direction_sets import direction_grid, paper_directions
+from footsense.foot.directions import angles_between_deg, normalized
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.bound_ratio import (

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from footsense.foot.directions import paper_directions
+from footsense.foot.direction_sets import paper_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.hertz import contact_radius_mm
 from footsense.foot.symmetry import mirrored_series

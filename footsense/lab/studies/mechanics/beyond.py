@@ -13,13 +13,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from footsense.foot import gap_contact
-from footsense.foot.directions import (
-    angles_between_deg,
-    direction_grid,
-    normalized,
-    paper_directions,
-    random_directions,
-)
+from footsense.foot.direction_sets import direction_grid, paper_directions, random_directions
+from footsense.foot.directions import angles_between_deg, normalized
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import Errors, Readout, elastance_readout, errors
