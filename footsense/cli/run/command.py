@@ -6,16 +6,7 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from footsense.cli.options import (
-    FILE,
-    StopRequest,
-    can_log_option,
-    config_option,
-    duration_option,
-    echo_json,
-    is_paced,
-    pace_option,
-)
+from footsense.cli import options
 from footsense.cli.run.live_table import LiveTable
 from footsense.cli.run.summary_text import print_summary
 from footsense.clock import process_age_ns, resident_mib
@@ -45,7 +36,7 @@ class FirstFrame(Observer):
 
 
 @click.command()
-@config_option("six simulated legs")
+@options.config_option("six simulated legs")
 @click.option(
     "--scene",
     "scene_name",
@@ -58,13 +49,13 @@ class FirstFrame(Observer):
     + "; ".join(f"{name} for {point.purpose}" for name, point in OPERATING_POINTS.items())
     + ".",
 )
-@duration_option("Stop after this time of the robot.")
-@click.option("--record", type=FILE, help="Record every scan and force to this .mcap file.")
-@can_log_option
+@options.duration_option("Stop after this time of the robot.")
+@click.option("--record", type=options.FILE, help="Record every scan and force to this .mcap file.")
+@options.can_log_option
 @click.option(
     "--summary", type=click.Choice(["text", "json"]), help="Print figures at the end; no live table."
 )
-@pace_option
+@options.pace_option
 def run(
     config_file: Path | None,
     scene_name: str | None,
@@ -88,8 +79,8 @@ def run(
     scene = load_scene(scene_name) if scene_name else None
     console = Console()
     live = console.is_terminal and summary is None
-    paced = is_paced(simulated=scene is not None, realtime=realtime, live=live)
-    stop = StopRequest()
+    paced = options.is_paced(simulated=scene is not None, realtime=realtime, live=live)
+    stop = options.StopRequest()
     with ExitStack() as stack:
         service = stack.enter_context(
             open_service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
@@ -112,6 +103,6 @@ def run(
         "resident_mib": resident_mib(),
     }
     if summary == "json":
-        echo_json(figures)
+        options.echo_json(figures)
     else:
         print_summary(console, figures)
