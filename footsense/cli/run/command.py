@@ -2,13 +2,11 @@
 
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
-from rich.console import Console
 
 from footsense.cli import options
-from footsense.cli.run.live_table import LiveTable
-from footsense.cli.run.summary_text import print_summary
 from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
 from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
@@ -18,6 +16,9 @@ from footsense.frames import Cycle
 from footsense.ports import Observer
 from footsense.sim.scene import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 _DEFAULT_SCENE = "tripod"
 _NS_PER_S = 1_000_000_000
@@ -77,8 +78,7 @@ def run(
     if scene_name is None and is_simulated(config):
         scene_name = _DEFAULT_SCENE
     scene = load_scene(scene_name) if scene_name else None
-    console = Console()
-    live = console.is_terminal and summary is None
+    live = summary is None and _console().is_terminal
     paced = options.is_paced(simulated=scene is not None, realtime=realtime, live=live)
     stop = options.StopRequest()
     with ExitStack() as stack:
@@ -90,8 +90,10 @@ def run(
         first = FirstFrame()
         service.observers.append(first)
         if live:
+            from footsense.cli.run.live_table import LiveTable
+
             title = f"{scene_name}, simulated" if scene else "on the robot"
-            table = LiveTable(console, service.legs, title, service.true_force_n)
+            table = LiveTable(_console(), service.legs, title, service.true_force_n)
             stack.callback(table.close)
             service.observers.append(table)
         service.run(lambda: stop.requested, service.clock.now_ns() + duration_s * _NS_PER_S)
@@ -105,4 +107,13 @@ def run(
     if summary == "json":
         options.echo_json(figures)
     else:
-        print_summary(console, figures)
+        from footsense.cli.run.summary_text import print_summary
+
+        print_summary(_console(), figures)
+
+
+def _console() -> "Console":
+    """Return the terminal, or the file in its place; imports a library that a run without tables does without."""
+    from rich.console import Console
+
+    return Console()
