@@ -14,7 +14,7 @@ which is their purpose.
 
 from heapq import heapify, heapreplace
 
-from firmware_interface import can_events
+from firmware_interface import can_commands, can_events
 from firmware_interface.can_codes import NODE_IDS, Flag, NmtState
 from firmware_interface.can_frames import ForceQualityEncoder
 from firmware_interface.crc8 import COUNTER_PERIOD
@@ -65,7 +65,7 @@ class CanSink:
         boot = can_events.encode_heartbeat(NmtState.BOOT)
         self._channel = CanChannel(
             settings,
-            accept=[can_events.COMMAND_ID + node for node in nodes],
+            accept=[can_commands.COMMAND_ID + node for node in nodes],
             greeting={can_events.HEARTBEAT_ID + node: boot for node in nodes},
             stats=self.stats,
         )

@@ -30,8 +30,10 @@ pace_option = click.option(
 
 
 def echo_json(values: object, indent: int = 2) -> None:
-    """Print values as JSON, NaN as null and numpy's numbers as numbers; on one line if `indent` is 0."""
-    click.echo(msgspec.json.format(msgspec.json.encode(values, enc_hook=methodcaller("item")), indent=indent))
+    """Print values as JSON, NaN as null and numpy's numbers and arrays as plain ones; on one line if `indent` is 0."""
+    click.echo(
+        msgspec.json.format(msgspec.json.encode(values, enc_hook=methodcaller("tolist")), indent=indent)
+    )
 
 
 def config_option(default: str) -> Decorator:

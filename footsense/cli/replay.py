@@ -11,9 +11,10 @@ from footsense.cli.options import FILE, FOLDER, can_log_option
 from footsense.clock import MonotonicClock
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for
-from footsense.daemon.loop import Loop, Paced
+from footsense.daemon.loop import Loop
 from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import model_difference, recorded_config, recorded_flags
+from footsense.daemon.simulation import Paced
 from footsense.errors import FootsenseError, ModelError, RecordingError
 from footsense.recording.compare import compare, same_machine
 from footsense.recording.machine import platform_versions

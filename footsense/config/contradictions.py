@@ -4,7 +4,7 @@ from collections.abc import Hashable, Iterable, Iterator, Mapping
 from ipaddress import IPv4Address, IPv6Address, ip_address
 from typing import TypeVar
 
-from firmware_interface.can_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
+from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.config.boards import BOARDS
 from footsense.config.schema import Config
 from footsense.config.sections import PCA9685_ALLCALL, Bus, Leg, Scan

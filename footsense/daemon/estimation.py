@@ -47,10 +47,7 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
     config, network, calibrations = models.config, models.network, models.calibrations
     trained_inputs = network.card.trained_inputs
     design = trained_inputs.design
-    # The design's capacitance excludes stray; a configured or calibrated reading of the foot includes it.
-    stray_pf = _per_leg(models, "stray_pf", config.stray_pf, 0.0)
-    expected_pf = _per_leg(models, "unloaded_pf", config.unloaded_pf, np.nan)
-    unloaded_pf = np.where(np.isnan(expected_pf), design.unloaded_pf, expected_pf - stray_pf)
+    stray_pf, unloaded_pf = unloaded_capacitance_pf(models)
     force_sensitivity = sensitivity(network, models.n_rows, trained_inputs.moments)
     estimator, set_temperature = _estimator(models)
     return Pipeline(
@@ -76,6 +73,15 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         set_temperature=set_temperature,
         range_end_pf=BOARDS[config.board].range_end_pf if config.board in BOARDS else RANGE_END_PF,
     )
+
+
+def unloaded_capacitance_pf(models: Models) -> tuple[Vector, Vector]:
+    """Return stray, and capacitance without stray, of each element of the free feet [pF], shape (legs, 9) each."""
+    # The design's capacitance excludes stray; a configured or calibrated reading of the foot includes it.
+    stray_pf = _per_leg(models, "stray_pf", models.config.stray_pf, 0.0)
+    reading_pf = _per_leg(models, "unloaded_pf", models.config.unloaded_pf, np.nan)
+    designed_pf = models.network.card.trained_inputs.design.unloaded_pf
+    return stray_pf, np.where(np.isnan(reading_pf), designed_pf, reading_pf - stray_pf)
 
 
 def _step_ns(config: Config) -> int:

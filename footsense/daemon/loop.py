@@ -76,31 +76,3 @@ class Loop:
         for observer in self.observers:
             observer.observe(cycle)
         return cycle
-
-
-class Paced:
-    """A source in virtual or recorded time that is played at the speed of real time.
-
-    Args:
-        source: The source to slow down.
-        played: The time that its frames are in.
-        real: The time to play them in.
-    """
-
-    def __init__(self, source: FrameSource, played: Clock, real: Clock) -> None:
-        self._source = source
-        self._played = played
-        self._real = real
-        self._offset_ns: int | None = None
-
-    def read(self) -> CapFrame | None:
-        """Return the next scan of the source, delayed until the scan is due by the real clock."""
-        scan = self._source.read()
-        if self._offset_ns is None:
-            self._offset_ns = self._real.now_ns() - self._played.now_ns()
-        self._real.sleep_until_ns(self._played.now_ns() + self._offset_ns)
-        return scan
-
-    def close(self) -> None:
-        """Close the source."""
-        self._source.close()

@@ -1,6 +1,7 @@
 """Header of a recording: configuration, scene, flags, network, calibrations; written by a run, read by a replay."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -13,8 +14,10 @@ from footsense.daemon.models import Models
 from footsense.errors import RecordingError
 from footsense.frames import Flag
 from footsense.recording.machine import platform_versions
-from footsense.recording.replay import Replay
 from footsense.sim.scene import Scene
+
+if TYPE_CHECKING:
+    from footsense.recording.replay import Replay  # a run needs no reader of recordings
 
 _CALIBRATIONS = "calibrations"
 
@@ -37,7 +40,7 @@ def recording_header(models: Models, scene: Scene | None, flags: Flag) -> dict[s
     }
 
 
-def recorded_flags(recording: Replay) -> int:
+def recorded_flags(recording: "Replay") -> int:
     """Return the flags that every frame of a recording carries; 0 if the header names no flags.
 
     Raises:
@@ -49,7 +52,7 @@ def recorded_flags(recording: Replay) -> int:
     return int(text)
 
 
-def recorded_config(recording: Replay) -> Config:
+def recorded_config(recording: "Replay") -> Config:
     """Return the configuration of a recording, its CAN kept inside the process.
 
     Raises:

@@ -14,17 +14,14 @@ TOLERANCE_N = 1e-3
 #: Largest difference of a baseline offset then [pF]: half a code of the converter.
 TOLERANCE_PF = 1e-6
 
-#: Entries of the header that have to be equal for bits to be equal.
-MACHINE_KEYS = ("processor", "python", "numpy", "onnxruntime")
-
 #: Compared fields of the forces in their order; the later ones are not in recordings from before causes.
 _FIRST_FIELDS = ("state", "t_ns", "fault_mask", "flags", "force_n", "sigma_n")
 _LATER_FIELDS = ("cause", "baseline.status", "baseline.moved_ns", "baseline.mean_pf", "baseline.worst_pf")
 
 
 def same_machine(header: Mapping[str, str], here: Mapping[str, str]) -> bool:
-    """Return whether a recording was made by this processor and these library versions."""
-    return all(key in header and header[key] == here.get(key) for key in MACHINE_KEYS)
+    """Return whether a recording's header names this processor and these library versions, as bits depend on them."""
+    return all(header.get(key) == value for key, value in here.items())
 
 
 def compare(

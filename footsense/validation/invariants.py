@@ -13,8 +13,8 @@ import numpy as np
 
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, decode_quality
-from firmware_interface.can_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from firmware_interface.socketcan import split_frames
+from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.frames import USABLE, ContactFrame, Cycle, State, Vector
 from footsense.ports import Observer
 from footsense.sim.can.interface import AS_DEPLOYED

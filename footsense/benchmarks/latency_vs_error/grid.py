@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from firmware_interface.can_codes import NODE_IDS
-from firmware_interface.can_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
+from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.benchmarks.latency_vs_error.chain import Readings, convert, pace
 from footsense.benchmarks.latency_vs_error.latency_and_errors import (

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from firmware_interface.can_timing import LONGEST_FRAME_BITS
+from firmware_interface.wire_timing import LONGEST_FRAME_BITS
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.benchmarks.latency_vs_error.chain import BUS_HZ, HOST_COST_NS, convert, pace
 from footsense.benchmarks.latency_vs_error.grid import OperatingPoint, WalkAndStand, grid_figure

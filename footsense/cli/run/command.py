@@ -2,22 +2,11 @@
 
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
-from rich.console import Console
 
-from footsense.cli.options import (
-    FILE,
-    StopRequest,
-    can_log_option,
-    config_option,
-    duration_option,
-    echo_json,
-    is_paced,
-    pace_option,
-)
-from footsense.cli.run.live_table import LiveTable
-from footsense.cli.run.summary_text import print_summary
+from footsense.cli import options
 from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
 from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
@@ -27,6 +16,9 @@ from footsense.frames import Cycle
 from footsense.ports import Observer
 from footsense.sim.scene import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 _DEFAULT_SCENE = "tripod"
 _NS_PER_S = 1_000_000_000
@@ -45,7 +37,7 @@ class FirstFrame(Observer):
 
 
 @click.command()
-@config_option("six simulated legs")
+@options.config_option("six simulated legs")
 @click.option(
     "--scene",
     "scene_name",
@@ -58,13 +50,13 @@ class FirstFrame(Observer):
     + "; ".join(f"{name} for {point.purpose}" for name, point in OPERATING_POINTS.items())
     + ".",
 )
-@duration_option("Stop after this time of the robot.")
-@click.option("--record", type=FILE, help="Record every scan and force to this .mcap file.")
-@can_log_option
+@options.duration_option("Stop after this time of the robot.")
+@click.option("--record", type=options.FILE, help="Record every scan and force to this .mcap file.")
+@options.can_log_option
 @click.option(
     "--summary", type=click.Choice(["text", "json"]), help="Print figures at the end; no live table."
 )
-@pace_option
+@options.pace_option
 def run(
     config_file: Path | None,
     scene_name: str | None,
@@ -86,10 +78,9 @@ def run(
     if scene_name is None and is_simulated(config):
         scene_name = _DEFAULT_SCENE
     scene = load_scene(scene_name) if scene_name else None
-    console = Console()
-    live = console.is_terminal and summary is None
-    paced = is_paced(simulated=scene is not None, realtime=realtime, live=live)
-    stop = StopRequest()
+    live = summary is None and _console().is_terminal
+    paced = options.is_paced(simulated=scene is not None, realtime=realtime, live=live)
+    stop = options.StopRequest()
     with ExitStack() as stack:
         service = stack.enter_context(
             open_service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
@@ -99,8 +90,10 @@ def run(
         first = FirstFrame()
         service.observers.append(first)
         if live:
+            from footsense.cli.run.live_table import LiveTable
+
             title = f"{scene_name}, simulated" if scene else "on the robot"
-            table = LiveTable(console, service.legs, title, service.true_force_n)
+            table = LiveTable(_console(), service.legs, title, service.true_force_n)
             stack.callback(table.close)
             service.observers.append(table)
         service.run(lambda: stop.requested, service.clock.now_ns() + duration_s * _NS_PER_S)
@@ -112,6 +105,15 @@ def run(
         "resident_mib": resident_mib(),
     }
     if summary == "json":
-        echo_json(figures)
+        options.echo_json(figures)
     else:
-        print_summary(console, figures)
+        from footsense.cli.run.summary_text import print_summary
+
+        print_summary(_console(), figures)
+
+
+def _console() -> "Console":
+    """Return the terminal, or the file in its place; imports a library that a run without tables does without."""
+    from rich.console import Console
+
+    return Console()

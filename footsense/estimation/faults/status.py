@@ -14,7 +14,8 @@ from firmware_interface.chips import fdc1004
 from footsense.estimation.alignment.scan_by_scan import AlignedSample
 from footsense.estimation.faults.causes import ElementFaults, causes, converter_states, fault_mask
 from footsense.estimation.faults.consistency import ConsistencyResult
-from footsense.estimation.faults.open_elements import OPEN_REL, floating_pf, missing_elements
+from footsense.estimation.faults.missing_sets import missing_elements
+from footsense.estimation.faults.open_elements import OPEN_REL, floating_pf
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import USABLE, CapFrame, Codes, Mask, Reading, Stamps, State, Vector
 
@@ -130,7 +131,8 @@ class LegClassifier:
 
     def __init__(self, n_legs: int, trained: TrainedInputs, gap_um: Vector, max_age_ns: int) -> None:
         self.stopped: Mask = np.zeros(n_legs, bool)
-        self._closure_min_rel = trained.closure_rel_min
+        # One row per leg: to broadcast a single one takes twice as long as the comparison.
+        self._closure_min_rel = np.tile(trained.closure_rel_min, (n_legs, 1))
         self._closure_max_rel = trained.usable_max_rel(gap_um)
         self._gap_closed_rel = trained.gap_closed_rel(gap_um)
         self._max_age_ns = max_age_ns

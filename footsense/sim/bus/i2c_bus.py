@@ -13,7 +13,7 @@ from functools import cache
 from typing import Protocol
 
 from firmware_interface.chips import tca9548a
-from firmware_interface.i2c_timing import nack_bits, transaction_bits, wire_time_ns
+from firmware_interface.wire_timing import nack_bits, transaction_bits, wire_time_ns
 from footsense.errors import NackError
 from footsense.ports import Transaction
 from footsense.sim.chips.mux import SimulatedMux

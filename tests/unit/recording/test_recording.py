@@ -1,7 +1,6 @@
 """A recording gives back every bit that it was given, or says what it cannot give."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -244,7 +243,7 @@ def test_integers_of_numpy_are_packed_as_numbers() -> None:
 
 def test_a_recording_with_the_older_names_is_the_same() -> None:
     """A baseline that is still called zero, and causes by their older names."""
-    forces = replace(cycle(0).forces, cause=np.full(len(LEGS), Cause.BUS_STUCK, np.uint8))
+    forces = cycle(0).forces._replace(cause=np.full(len(LEGS), Cause.BUS_STUCK, np.uint8))
     data = messages.encode_force(forces, LEGS)
     old = data.replace(b'"baseline_', b'"zero_').replace(b"BUS_STUCK", b"LINE_HELD")
     assert old != data

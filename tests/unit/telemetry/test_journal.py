@@ -1,7 +1,6 @@
 """What a person reads of the legs: lines of the journal, and the status line of systemd."""
 
 import logging
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,8 +18,7 @@ def at(t_s: float, state: State, cause: Cause = Cause.NONE, flags: int = 0) -> C
     plain = cycle(0)
     states, causes = np.full(6, State.VALID, np.uint8), np.zeros(6, np.uint8)
     states[1], causes[1] = state, cause
-    forces = replace(
-        plain.forces,
+    forces = plain.forces._replace(
         t_sent_ns=round(t_s * SECOND_NS),
         state=states,
         cause=causes,
