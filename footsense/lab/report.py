@@ -9,11 +9,9 @@ import json
 import sys
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
-from timeit import default_timer
 from typing import Any
 
 from footsense.errors import FootsenseError
@@ -72,18 +70,8 @@ def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STU
         raise FootsenseError(f"the study {name} is now {_RENAMED[name]}")
     if name not in studies:
         raise FootsenseError(f"no study {name!r}: there are {', '.join(studies)}")
-    module = import_module(studies[name])
-    if isinstance(study := getattr(module, "STUDY", None), Study):
-        return study.page(context)
-    return timed_page(module.page, context)
-
-
-def timed_page(study: Callable[[StudyContext], Page], context: StudyContext) -> Page:
-    """Return a study's page with the computing time [s] and the SHA-256 of the network added."""
-    started = default_timer()
-    page = study(context)
-    about = {"network_sha256": context.network_sha256, "quick": context.quick}
-    return replace(page, seconds=default_timer() - started, values={**page.values, **about})
+    study: Study = import_module(studies[name]).STUDY
+    return study.page(context)
 
 
 def page_values(name: str, folder: Path) -> dict[str, Any]:

@@ -14,7 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from footsense.errors import FootsenseError
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.plots import panels
 from footsense.lab.training.paper_procedure import EPOCHS
 from footsense.lab.training.per_foot_network import per_foot_force_n
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES, FootTolerances
@@ -114,7 +115,7 @@ def _line(one: FootResult) -> str:
     )
 
 
-def study_of(batch: FootBatch, n_feet: int | None = None, jobs: int | None = None) -> Study[Results]:
+def study_of(batch: FootBatch, n_feet: int | None = None, jobs: int | None = None) -> Study:
     """Return the study of some feet.
 
     Args:
@@ -126,7 +127,6 @@ def study_of(batch: FootBatch, n_feet: int | None = None, jobs: int | None = Non
     return Study(
         name="experiment",
         title="The experiment, on simulated feet",
-        results=Results,
         compute=run,
         command="experiment",
     )

@@ -1,7 +1,7 @@
 """Fabricated feet on an inexact test stand, and the errors of each read-out on them.
 
 Every foot is reproducible by itself, from its number, the run's seed and the tolerances. Two kinds of read-outs
-are judged: those trained on the design, and those trained on the foot's own 362 measured cases.
+are compared: those trained on the design, and those trained on the foot's own 362 measured cases.
 """
 
 from dataclasses import dataclass
@@ -12,11 +12,11 @@ import numpy as np
 
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.directions import normalized
-from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.foot.force_errors import GRAM_FORCE_N, errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.evaluation.evaluate import Readout, capacitance_readout, elastance_readout, errors
+from footsense.lab.evaluation.evaluate import Readout, capacitance_readout, elastance_readout
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.monte_carlo.resumable_run import Figures, Job, Tolerances
 from footsense.lab.training.export import OnnxNetwork
@@ -118,7 +118,7 @@ def _plain_network(design: CapacitorDesign, cases: Cases, rng: np.random.Generat
     return PaperTraining(design, cases).train([start_layers(rng, (9, *HIDDEN, 3))], epochs)[0]
 
 
-def judge(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
+def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
     """Return the errors of all read-outs on one foot, means over the 180 cases, and the coverage of sigma.
 
     Args:

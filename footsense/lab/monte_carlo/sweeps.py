@@ -9,7 +9,7 @@ import numpy as np
 
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
 from footsense.lab.monte_carlo.resumable_run import Figures, Job, Tolerances, Workers, run_resumable
-from footsense.lab.monte_carlo.specimens import judge
+from footsense.lab.monte_carlo.specimens import readout_errors
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.training.paper_procedure import EPOCHS, QUICK_EPOCHS
 
@@ -101,7 +101,7 @@ class SweepResults:
     Attributes:
         plan: Feet and levels.
         gap_um: The designed gap [um].
-        figures: By sweep, level and name, as `judge` names them.
+        figures: By sweep, level and name, as `readout_errors` names them.
     """
 
     plan: Plan
@@ -152,7 +152,7 @@ def sweep_results(
         "epochs": plan.epochs,
         "models": " ".join(digests),
     }
-    work = partial(judge, models=models, seed=SEED, epochs=plan.epochs)
+    work = partial(readout_errors, models=models, seed=SEED, epochs=plan.epochs)
     jobs = [job for s in (*FEET, *TEST_STANDS) for level in plan.levels(s) for job in plan.jobs(s, level)]
     found = run_resumable(about, jobs, work, workers=workers, file=file)
     figures = {

@@ -35,7 +35,7 @@ def parallel(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> Wo
         with _local(n_workers) if scheduler is None else _cluster(scheduler):
             try:
                 yield from Parallel(return_as="generator_unordered")(
-                    delayed(_judge)(work, job) for job in jobs
+                    delayed(_done)(work, job) for job in jobs
                 )
             except CancelledError as error:
                 raise FootsenseError(
@@ -45,7 +45,7 @@ def parallel(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> Wo
     return run
 
 
-def _judge(work: Work, job: Job) -> tuple[Job, Figures]:
+def _done(work: Work, job: Job) -> tuple[Job, Figures]:
     """Run one job, and return the job and the computed figures."""
     return job, work(job)
 

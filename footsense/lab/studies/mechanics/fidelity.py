@@ -12,19 +12,16 @@ from footsense.lab.fem.mesh import COARSE, MeshSize
 from footsense.lab.fidelity.compare import (
     Distance,
     ForwardAgainstTable,
-    Loads,
     distance,
     forward_against_table,
-    mirrored_loads,
-    paper_loads,
     timed,
 )
 from footsense.lab.fidelity.drawing import error_against_time, pattern_tiles
 from footsense.lab.fidelity.half_space import HalfSpace
 from footsense.lab.fidelity.levels import NAMES, Answer, fidelity_level, full, half_space
+from footsense.lab.fidelity.loads import Loads, mirrored_loads, paper_loads
 from footsense.lab.studies.page import Figures, Study, StudyContext
 
-_FIGURE, _PATTERN = "fidelity.png", "fidelity-pattern.png"
 #: Loads of the full solve: elevation of contact normal and of force [deg], magnitude [gf]. The load of the
 #: paper's Fig. 17, one that leans away from the normal, and two that close gaps.
 FULL_CASES = ((45.0, 45.0, 100.0), (70.0, 90.0, 100.0), (90.0, 90.0, 150.0), (60.0, 60.0, 150.0))
@@ -160,10 +157,10 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         full = _against_full(context, answers)
         shown, finest, seconds["full"] = full.distances, "full", taken["full"]
         unloaded_pf = context.response.design.unloaded_pf
-        figures[_PATTERN] = pattern_tiles(
+        figures["fidelity-pattern.png"] = pattern_tiles(
             {name: one.capacitance_pf[0].reshape(3, 3) - unloaded_pf for name, one in answers.items()}
         )
-    figures[_FIGURE] = error_against_time(seconds, shown, finest, forward, len(loads))
+    figures["fidelity.png"] = error_against_time(seconds, shown, finest, forward, len(loads))
     formula, carried_rel = _formula(context, loads, cheap["contact"])
     results = Results(
         n_loads=len(loads),
@@ -179,4 +176,4 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     return results, figures
 
 
-STUDY = Study(name="fidelity", title="The fidelity levels", results=Results, compute=compute)
+STUDY = Study(name="fidelity", title="The fidelity levels", compute=compute)
