@@ -24,6 +24,8 @@ from footsense.lab.training.load_cases import (
 MAGNITUDES_GF = (20.0, 35.0, 50.0, 75.0, 100.0, 125.0, 150.0)
 #: Leaning loads at each magnitude, before those beyond the converter's range are left out.
 LEANING_LOADS = 1000
+#: Seed of the noise and of the leaning loads.
+_SEED = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +161,6 @@ def crb_ratio(
     *,
     draws: int = 64,
     magnitudes_gf: tuple[float, ...] = MAGNITUDES_GF,
-    seed: int = 1,
 ) -> CrbRatio:
     """Return the errors of a read-out with noise over the Cramer-Rao bound.
 
@@ -169,9 +170,8 @@ def crb_ratio(
         force_of: The read-out: forces [N], shape (n, 3), of noisy closures over the gap, shape (n, 9).
         draws: Draws of the noise per load.
         magnitudes_gf: Magnitudes [gf].
-        seed: Seed of the noise and of the leaning loads.
     """
-    foot, rng = Foot(response), np.random.default_rng(seed)
+    foot, rng = Foot(response), np.random.default_rng(_SEED)
     direction = paper_directions("verification")
     sets = ((direction, direction), leaning_contacts(loads, rng, LEANING_LOADS))
     centred, leaning = (

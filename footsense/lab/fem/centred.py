@@ -11,7 +11,8 @@ from footsense.foot.directions import directions
 from footsense.frames import Vector
 from footsense.lab.fem.adjoint import closure_field
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
-from footsense.lab.fem.quarter import Parity, Quarter
+from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import FootDesign
 from footsense.lab.response import fit_class, patch_mean
 
@@ -53,10 +54,13 @@ def centred_closures(
     mesh = build_mesh(design, size)
     force = directions(0.0, elevation_deg)
     upright = min(elevation_deg) >= 90.0
+    cells = quarter_cells(design)
+    parts = [[cell.name for cell in cells if cell.element == element] for element in _PARTLY]
+    faces = [("|".join(names), design.cell_mm2 * len(names)) for names in parts]
     total = np.zeros((len(force), 9))
     for parity in (Parity(1, 1),) if upright else (Parity(1, 1), Parity(-1, 1)):
         quarter = Quarter(design, size, parity, mesh)
-        field = closure_field(quarter, _faces(design))
+        field = closure_field(quarter, faces)
         series = fit_class(field)
         per_newton = patch_mean(
             series.reshape(len(series), -1), force, patch_mm or design.patch_mm(1.0), design
@@ -66,10 +70,3 @@ def centred_closures(
         # The quarter's form is a quarter of the foot's, so its field is four times the foot's.
         total += part[:, _IMAGE_OF] * sign / 4.0
     return Centred(total, quarter.n_unknowns)
-
-
-def _faces(design: FootDesign) -> list[tuple[str, float]]:
-    """Return for each element the quarter's part: merged cells, and their total area [mm2]."""
-    cells = quarter_cells(design)
-    names = [[cell.name for cell in cells if cell.element == element] for element in _PARTLY]
-    return [("|".join(part), design.cell_mm2 * len(part)) for part in names]

@@ -23,7 +23,8 @@ import numpy as np
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.lab.fem.elasticity import Layer
 from footsense.lab.fem.mesh import MeshSize, build_mesh
-from footsense.lab.fem.quarter import Parity, Quarter
+from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import UM_PER_MM, FootDesign, Material
 
 

@@ -53,6 +53,24 @@ def plate(
     return solid
 
 
+def bodies(design: FootDesign, plate_edge_mm: float, *, quarter: bool) -> list[Any]:
+    """Return hemisphere and plate of the ground side, then of the leg side, in contact in the plane z = 0.
+
+    Args:
+        design: The foot.
+        plate_edge_mm: Largest edge of the mesh in the plates [mm].
+        quarter: Whether to cut off x < 0 and y < 0.
+    """
+    half_mm, solids = design.sheet_mm / 2.0, []
+    lowest_mm = 0.0 if quarter else -half_mm
+    for side, up in SIDES:
+        flat_mm = up * design.plate_mm
+        level_mm = (min(0.0, flat_mm), max(0.0, flat_mm))
+        solids.append(hemisphere(design, side, flat_mm, quarter=quarter))
+        solids.append(plate(f"pdms_{side}", (lowest_mm, lowest_mm), half_mm, level_mm, plate_edge_mm))
+    return solids
+
+
 def lies_in(part: Any, axis: str) -> bool:
     """Tell whether a face or an edge lies in the plane where a coordinate (`x`, `y`, `z`) is 0."""
     low, high = part.bounding_box

@@ -35,13 +35,11 @@ class Measured:
 
     Attributes:
         force_n: Forces of the reference sensor [N], shape (n, 3).
-        true_n: True forces [N], shape (n, 3).
         change_pf: Changes of the capacitances [pF], shape (n, 9).
         closure_um: Closures by the designed dimensions [um], shape (n, 9).
     """
 
     force_n: Vector
-    true_n: Vector
     change_pf: Vector
     closure_um: Vector
 
@@ -71,7 +69,6 @@ def measure(
     change_pf += tolerances.reading_pf * noise[2]
     return Measured(
         force_n=true_n + tolerances.reference_rel * REFERENCE_N * noise[3, :, :3],
-        true_n=true_n,
         change_pf=change_pf,
         closure_um=response.design.closure_um(unloaded_pf + change_pf, unloaded_pf),
     )
@@ -149,7 +146,7 @@ def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Figures
         **{name: read(changed_um) for name, read in on_design.readouts.items()},
         "own_closure": elastance_readout(Cases(training.force_n, training.closure_um))(test.closure_um),
         "own_change": capacitance_readout(design, own_changes)(changed_um),
-        "reference": test.true_n,
+        "reference": on_design.verification_n,
     }
     if job.with_network:
         rng = np.random.default_rng((seed, job.foot, 2))
@@ -158,5 +155,5 @@ def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Figures
     for name, estimate in estimates.items():
         row = errors(test.force_n, estimate)
         figures |= {f"{name}_deg": row.direction_deg, f"{name}_gf": row.magnitude_gf}
-    off_rel = np.abs(network_n - test.true_n) / network.sigma_n(closure_rel)
+    off_rel = np.abs(network_n - on_design.verification_n) / network.sigma_n(closure_rel)
     return figures | {f"within_{k}": float((off_rel <= k).mean()) for k in (1, 2)}

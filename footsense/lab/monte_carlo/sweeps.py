@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
-from footsense.lab.monte_carlo.resumable_run import Figures, Job, Tolerances, Workers, run_resumable
+from footsense.lab.monte_carlo.resumable_run import Job, Tolerances, Workers, run_resumable
 from footsense.lab.monte_carlo.specimens import readout_errors
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.training.paper_procedure import EPOCHS, QUICK_EPOCHS
@@ -125,11 +125,6 @@ class SweepResults:
         return None
 
 
-def _statistics(feet: list[Figures]) -> dict[str, MeanStd]:
-    """Return the statistics of every figure that all feet have."""
-    return {name: MeanStd.over(foot[name] for foot in feet) for name in feet[0]}
-
-
 def sweep_results(
     models: Path, gap_um: float, plan: Plan, workers: Workers, file: Path | None = None
 ) -> SweepResults:
@@ -155,11 +150,10 @@ def sweep_results(
     work = partial(readout_errors, models=models, seed=SEED, epochs=plan.epochs)
     jobs = [job for s in (*FEET, *TEST_STANDS) for level in plan.levels(s) for job in plan.jobs(s, level)]
     found = run_resumable(about, jobs, work, workers=workers, file=file)
-    figures = {
-        sweep.what: {
-            f"{level:g}": _statistics([found[job] for job in plan.jobs(sweep, level)])
-            for level in plan.levels(sweep)
-        }
-        for sweep in (*FEET, *TEST_STANDS)
-    }
+    figures: dict[str, dict[str, dict[str, MeanStd]]] = {}
+    for sweep in (*FEET, *TEST_STANDS):
+        for level in plan.levels(sweep):
+            feet = [found[job] for job in plan.jobs(sweep, level)]
+            over_feet = {name: MeanStd.over(foot[name] for foot in feet) for name in feet[0]}
+            figures.setdefault(sweep.what, {})[f"{level:g}"] = over_feet
     return SweepResults(plan=plan, gap_um=gap_um, figures=figures)

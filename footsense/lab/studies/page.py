@@ -140,7 +140,7 @@ class Study:
             "quick": context.quick,
             "network_sha256": context.network_sha256,
             "code_sha256": compute_sha256(self._function.__module__),
-            **msgspec.to_builtins(results, str_keys=True, enc_hook=_plain),
+            **msgspec.to_builtins(results, str_keys=True, enc_hook=lambda value: value.tolist()),
         }
         return self.rendered(json.loads(json.dumps(values)), figures)
 
@@ -168,8 +168,3 @@ class Study:
 
 
 _QUICK = "**Quick run: coarse steps, few cases and seeds. Its figures are no results.**"
-
-
-def _plain(value: Any) -> Any:
-    """Convert a numpy value to a builtin Python value."""
-    return value.tolist()

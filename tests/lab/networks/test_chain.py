@@ -28,7 +28,7 @@ from footsense.lab.evaluation.compare import compare
 from footsense.lab.evaluation.evaluate import coverage
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.foot_file import load_foot
-from footsense.lab.response import SYMMETRIES, element_map
+from footsense.lab.symmetry import SYMMETRIES, element_map
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork, onnx_model
 from footsense.lab.training.network import N_SYMMETRIES, SEEN, Weights

@@ -19,7 +19,8 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.fem.centred import centred_closures
 from footsense.lab.fem.mesh import COARSE, MeshSize, build_mesh
-from footsense.lab.fem.quarter import Parity, Quarter
+from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.studies.accuracy.hard_inputs import Case, network_cases, pipeline_cases

@@ -16,9 +16,10 @@ from footsense.foot.symmetry import mirrored_series
 from footsense.frames import Vector
 from footsense.lab.fem.block import BLOCK_SIZE, COARSE_BLOCK, Column, block_fields, half_thickness_mm
 from footsense.lab.fem.mesh import MeshSize
+from footsense.lab.fem.symmetry_classes import add_series, transposed_series
 from footsense.lab.geometry import FootDesign
 from footsense.lab.monte_carlo.statistics import SIGNIFICANT, Difference, MeanStd
-from footsense.lab.response import DEGREE, add_series, fit_class, patch_mean, transposed_series
+from footsense.lab.response import DEGREE, fit_class, patch_mean
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.mlp import forward, stack, train, unstack

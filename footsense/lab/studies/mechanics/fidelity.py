@@ -43,15 +43,11 @@ class AgainstFull:
         distances: Differences from the full solve.
         mesh_rel: Difference of the closures at the first load by the mesh alone, rms over rms [1].
         physics_rel: The same by finite strain and the floor alone [1].
-        closure_um: Closures of the full solve [um], by load.
-        capacitance_pf: Capacitances of the level [pF], by load.
     """
 
     distances: Distances
     mesh_rel: float
     physics_rel: float
-    closure_um: list[list[float]]
-    capacitance_pf: list[list[float]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,8 +135,6 @@ def _against_full(context: StudyContext, answers: dict[str, Answer]) -> AgainstF
         distances=_distances(context, {name: answers[name] for name in NAMES[:3]}, answers["full"]),
         mesh_rel=_distances(context, {"contact": contact}, reduced)["contact"].closure_rel,
         physics_rel=_distances(context, {"reduced": reduced}, first)["reduced"].closure_rel,
-        closure_um=answers["full"].closure_um.tolist(),
-        capacitance_pf=answers["full"].capacitance_pf.tolist(),
     )
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from footsense.lab.contact.full_solve import FullFoot, FullSolution
+from footsense.lab.contact.full_solve import FullFoot
 from footsense.lab.contact.mesh import ContactMeshSize
 from footsense.lab.fidelity.loads import mirrored_loads
 from footsense.lab.studies.page import Figures, Study, StudyContext
@@ -41,11 +41,6 @@ def _label(normal_deg: float, force_deg: float, magnitude_gf: float) -> str:
     lean = force_deg - normal_deg
     leaning = f", normal {abs(lean):g} deg off" if lean else ""
     return f"{force_deg:g} deg, {magnitude_gf:g} gf{leaning}"
-
-
-def _difference_rel(other: FullSolution, full: FullSolution) -> float:
-    """Return the largest difference of a mean closure, over the largest closure [1]."""
-    return float(np.abs(other.closure_um - full.closure_um).max() / full.closure_um.max())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,8 +83,11 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         }
         one = Solved(
             load=_label(*case),
-            difference_rel={name: _difference_rel(other, full) for name, other in others.items()},
-            patch_mm=full.patch_mm,
+            difference_rel={
+                name: float(np.abs(other.closure_um - full.closure_um).max() / full.closure_um.max())
+                for name, other in others.items()
+            },
+            patch_mm=full.patch.radius_mm,
             hertz_mm=float(context.response.patch_radius_mm(normal, force_n)),
             newton_steps=full.newton_steps,
         )

@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -92,7 +92,8 @@ class HertzContact:
     corner_um: float
 
 
-class Edged(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Edged:
     """Capacitance of an element with and without edge fields [pF] at one closure, and the closure read [um].
 
     Attributes:
