@@ -116,6 +116,10 @@ class SweepResults:
         """Return a figure's mean over the feet at each level."""
         return [self.over_feet(sweep, level, name).mean for level in self.plan.levels(sweep)]
 
+    def at_level(self, sweep: Sweep, name: str, level: float) -> float:
+        """Return a figure's mean over the feet at a level, interpolated linearly between levels."""
+        return float(np.interp(level, self.plan.levels(sweep), self.means(sweep, name)))
+
     def reached(self, sweep: Sweep, name: str, target: float) -> float | None:
         """Return the lowest level at which a mean reaches a target, interpolated linearly between levels."""
         levels, means = self.plan.levels(sweep), self.means(sweep, name)

@@ -1,22 +1,15 @@
 """Study `fidelity`: time and error of four models of the foot, from a formula to finite strain on a floor."""
 
 from dataclasses import dataclass
-from timeit import default_timer
 
 import ngsolve as ng
 import numpy as np
 from msgspec.structs import replace
 
-from footsense.lab.fem.forward import ForwardFoot
 from footsense.lab.fem.mesh import COARSE, MeshSize
-from footsense.lab.fidelity.compare import (
-    Distance,
-    ForwardAgainstTable,
-    distance,
-    forward_against_table,
-    timed,
-)
+from footsense.lab.fidelity.compare import Distance, distance, timed
 from footsense.lab.fidelity.drawing import error_against_time, pattern_tiles
+from footsense.lab.fidelity.forward import ForwardAgainstTable, forward_against_table
 from footsense.lab.fidelity.half_space import HalfSpace
 from footsense.lab.fidelity.levels import NAMES, Answer, fidelity_level, full, half_space
 from footsense.lab.fidelity.loads import Loads, mirrored_loads, paper_loads
@@ -99,12 +92,10 @@ def _distances(context: StudyContext, answers: dict[str, Answer], finest: Answer
 def _forward(context: StudyContext, loads: Loads) -> ForwardAgainstTable:
     """Solve some loads one by one, on the table's mesh; on a coarse one in the quick form."""
     size = COARSE if context.quick else MeshSize(**context.response.provenance["mesh"])
-    start = default_timer()
-    foot = ForwardFoot(context.foot_design, size)
-    factorise_s = default_timer() - start
-    context.say(f"fidelity: three classes factorised in {factorise_s:.1f} s")
     n = _FORWARD_LOADS_QUICK if context.quick else _FORWARD_LOADS
-    return forward_against_table(foot, factorise_s, context.response, loads, n)
+    forward = forward_against_table(context.foot_design, size, context.response, loads, n)
+    context.say(f"fidelity: three classes factorised in {forward.factorise_s:.1f} s, {n} loads solved")
+    return forward
 
 
 def _formula(context: StudyContext, loads: Loads, contact: Answer) -> tuple[Distances, tuple[float, float]]:
