@@ -36,7 +36,7 @@ class ErrorSummary:
         direction_rms_deg: Root of the mean squared angle [deg].
         direction_mean_deg: Mean angle [deg].
         magnitude_rms_gf: Root of the mean squared magnitude error [gf].
-        component_rms_n: The same of each component [N].
+        component_rms_n: Root of the mean squared error of each force component [N].
     """
 
     direction_rms_deg: float

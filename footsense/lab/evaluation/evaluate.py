@@ -50,7 +50,7 @@ def coverage(truth_n: Vector, estimate_n: Vector, sigma_n: Vector) -> dict[str, 
     Args:
         truth_n: True forces [N], shape (n, 3).
         estimate_n: Estimates [N], shape (n, 3).
-        sigma_n: Their stated standard deviations [N], shape (n, 3).
+        sigma_n: Standard deviations that the estimator states [N], shape (n, 3).
     """
     off = np.abs(estimate_n - truth_n) / sigma_n
     return {f"within_{k}_sigma": np.mean(off < k, axis=0).round(4).tolist() for k in (1, 2)}

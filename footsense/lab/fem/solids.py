@@ -41,7 +41,7 @@ def plate(
     """Return a square plate of PDMS.
 
     Args:
-        name: Its material.
+        name: Name of the plate's material.
         corner_mm: Lowest x and y [mm].
         half_mm: Highest x and y [mm].
         level_mm: z of its lower and upper face [mm].
@@ -97,7 +97,7 @@ def curved_mesh(
 
     Args:
         shape: The shape.
-        parameters: Of the mesher.
+        parameters: Parameters of the mesher.
         order: Polynomial order of the geometry.
         layers: Layers of thin elements at marked edges (hp refinement).
         layer_rel: Thickness of each over that of the next [1].

@@ -19,7 +19,7 @@ class Parity:
 
     Attributes:
         x: +1 if the field is its own mirror image under x -> -x, -1 if it is the opposite of it.
-        y: The same under y -> -y.
+        y: +1 if the field is its own mirror image under y -> -y, -1 if it is the opposite of it.
     """
 
     x: int

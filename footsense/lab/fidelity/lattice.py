@@ -22,8 +22,8 @@ def lattice_opening_mm(pitch_mm: float, bar_mm: float, *, crossing: bool = True)
     """Return the mean closure of the cavities between bars, times E' over the mean pressure [mm].
 
     Args:
-        pitch_mm: Distance of the bars.
-        bar_mm: Their width.
+        pitch_mm: Distance of the bars [mm].
+        bar_mm: Width of the bars [mm].
         crossing: Bars along both axes, else along one.
     """
     order = np.arange(-_N_HARMONICS, _N_HARMONICS + 1.0)

@@ -128,7 +128,7 @@ def response_to(
         response: The foot's response table.
         foot_design: The foot of the table.
         direction_deg: Azimuth and elevation (theta1, theta2) of the force [deg].
-        force_n: Its magnitude [N].
+        force_n: Magnitude of the force [N].
         name: The fidelity level.
 
     Returns:

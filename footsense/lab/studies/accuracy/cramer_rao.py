@@ -53,7 +53,7 @@ class Refined:
 
     Attributes:
         explained_rel: Share of the scans with a misfit below `EXPLAINED` [1].
-        ratio: Their rms angle over the bound's [1].
+        ratio: Rms angle of the explained scans over the bound's [1].
     """
 
     explained_rel: float

@@ -35,7 +35,7 @@ class AgainstFull:
     Attributes:
         distances: Differences from the full solve.
         mesh_rel: Difference of the closures at the first load by the mesh alone, rms over rms [1].
-        physics_rel: The same by finite strain and the floor alone [1].
+        physics_rel: Difference of those closures by finite strain and the floor alone, rms over rms [1].
     """
 
     distances: Distances

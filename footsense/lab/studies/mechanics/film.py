@@ -81,10 +81,10 @@ class Measured:
         closure_um_per_n: Mean closure of the elements under an upright force [um/N].
         sensitivity_pf_per_n: Mean change of capacitance with it [pF/N].
         range_n: Largest upright force in range [N].
-        low_range_n: The same at an elevation of 45 deg [N].
+        low_range_n: Largest force at an elevation of 45 deg in range [N].
         linear: Errors of the linear read-out of elastance on the paper's protocol, with noise.
         direction_deg: Direction errors of networks on closures.
-        magnitude_gf: Their magnitude errors.
+        magnitude_gf: Magnitude errors of networks on closures.
     """
 
     unloaded_pf: float

@@ -101,7 +101,7 @@ class Edged:
         plates_pf: Capacitance by the plate formula [pF].
         edged_pf: Capacitance with edges [pF].
         read_um: Closure by elastance [um].
-        corrected_um: The same with the stray taken off [um].
+        corrected_um: Closure by elastance with the stray taken off [um].
     """
 
     closed_um: float
@@ -124,7 +124,7 @@ class Results:
         ground_change_rel: Largest relative change of a closure by the material of the ground [1].
         spacer_mm: Thickness of the spacer [mm].
         law_um: Closure of a strip with the spacer as a law [um].
-        solid_um: The same with the spacer meshed [um].
+        solid_um: Closure of a strip with the spacer meshed [um].
         edges: Elements with edges, unloaded first.
         table_rel: Errors that the response table states [1].
         cell_um: Largest variation of the closure inside a cell, rms [um].

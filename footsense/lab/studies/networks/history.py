@@ -75,8 +75,8 @@ def _walks(foot: Foot, draw: Callable[[np.random.Generator], Walk], n: int, seed
     rng = np.random.default_rng(seed)
     normals, forces = [], []
     for _ in range(n):
-        walk, begin_s = draw(rng), rng.uniform(0.0, 1.0)
-        contacts = [walk.contact("lf", round((begin_s + PERIOD_S * k) * _NS)) for k in range(SCANS)]
+        walk, start_s = draw(rng), rng.uniform(0.0, 1.0)
+        contacts = [walk.contact("lf", round((start_s + PERIOD_S * k) * _NS)) for k in range(SCANS)]
         # The foot is unloaded before the first scan: a walk begins in swing, whatever its phase.
         landed = np.cumsum([float(c.force_n[2]) == 0.0 for c in contacts]) > 0
         turn, tilt_deg = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, 10.0)
