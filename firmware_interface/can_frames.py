@@ -1,8 +1,8 @@
 """The CAN frames `Force` and `Quality`, sent for each leg with every scan; in `footsense.dbc` for other tools.
 
-Event frames are in `can_events`, codes in `can_codes`. Everything is little-endian. Byte 0 and the low nibble of byte
-1 protect a frame as `crc8` describes. "No value" has a code of its own, apart from the code of a number too large for
-its field, so that neither passes for a measurement.
+Event frames are in `can_events` and `can_commands`, codes in `can_codes`. Everything is little-endian. Byte 0 and the
+low nibble of byte 1 protect a frame as `crc8` describes. "No value" has a code of its own, apart from the code of a
+number too large for its field, so that neither passes for a measurement.
 
 Units:
     Force and its standard deviation N, age ns; on the wire 1 mN, 2 mN and 0.1 ms per bit.
@@ -11,7 +11,6 @@ Units:
 import math
 import struct
 from collections.abc import Sequence
-from functools import cache
 from typing import NamedTuple
 
 from firmware_interface.can_codes import USABLE, Flag, State
@@ -26,7 +25,19 @@ QUALITY_ID = 0x280
 
 
 class Force(NamedTuple):
-    """Content of a `Force` frame.
+    """Content of a `Force` frame, 8 bytes.
+
+    ::
+
+        byte    0        1           2    3      4    5      6    7
+             +-------+-----+-----+-----------+-----------+-----------+
+             | crc8  |state| cnt | fx  int16 | fy  int16 | fz  int16 |   1 mN per bit, -32768: no value
+             +-------+-----+-----+-----------+-----------+-----------+
+                      7..4  3..0
+
+    All three components are sent, with the state VALID or DEGRADED, or none: under any other state they are "no
+    value", and a force with a component that is NaN or infinite is sent as ELEMENT_FAULT. A component above 32.767 N
+    saturates there, which is not "no value".
 
     Attributes:
         node: CAN node id of the leg, 1..6.
@@ -42,7 +53,21 @@ class Force(NamedTuple):
 
 
 class Quality(NamedTuple):
-    """Content of a `Quality` frame, about the force with the same counter.
+    """Content of a `Quality` frame, about the force with the same counter, 8 bytes.
+
+    ::
+
+        bit   0     8     12      16      28           37        46        55      63
+              +-----+-----+-------+-------+------------+---------+---------+---------+
+              | crc8| cnt | flags |  age  | fault mask | sigma x | sigma y | sigma z |
+              +-----+-----+-------+-------+------------+---------+---------+---------+
+        bits     8     4      4      12         9           9         9         9
+
+        bit 0 is the least significant of byte 0
+        age: 0.1 ms per bit, 0xFFF: none, negative, or above 409.4 ms
+        sigma: 2 mN per bit, 511: no value, 510: 1.02 N or more
+
+    Age and sigma are rounded up: a frame never looks younger or more certain than it is.
 
     Attributes:
         node: CAN node id of the leg, 1..6.
@@ -123,6 +148,12 @@ class ForceQualityEncoder:
 
         Timing:
             12 us for six legs.
+
+        Example:
+            >>> legs = [0], [State.VALID], [(0.5, -0.25, 1.0)], [(0.01, 0.01, 0.02)], [Flag.SIMULATED], [0]
+            >>> force_quality = ForceQualityEncoder([1]).encode(0, 12_300_000, *legs)
+            >>> force_quality[8:16].hex(" ")
+            '9c 10 f4 01 06 ff e8 03'
         """
         frames = self._frames
         at = 8
@@ -166,34 +197,6 @@ def _sendable(state: int, force_n: tuple[float, float, float]) -> tuple[int, flo
     return state, x_n, y_n, z_n
 
 
-@cache
-def _encoder_of(node: int) -> ForceQualityEncoder:
-    return ForceQualityEncoder((node,))
-
-
-def encode_force(node: int, counter: int, state: int, force_n: Sequence[float]) -> bytes:
-    """Return the 8 data bytes of `Force`.
-
-    ::
-
-        byte    0        1           2    3      4    5      6    7
-             +-------+-----+-----+-----------+-----------+-----------+
-             | crc8  |state| cnt | fx  int16 | fy  int16 | fz  int16 |   1 mN per bit, -32768: no value
-             +-------+-----+-----+-----------+-----------+-----------+
-                      7..4  3..0
-
-    All three components are sent, with the state VALID or DEGRADED, or none: under any other state they are "no
-    value", and a force with a component that is NaN or infinite is sent as ELEMENT_FAULT. A component above 32.767 N
-    saturates there, which is not "no value". Arguments as in `Force`.
-
-    Example:
-        >>> encode_force(1, 0, State.VALID, (0.5, -0.25, 1.0)).hex(" ")
-        '9c 10 f4 01 06 ff e8 03'
-    """
-    sigma_n = (_NAN, _NAN, _NAN)
-    return _encoder_of(node).encode(counter, 0, [0], [state], [force_n], [sigma_n], [0], [0])[8:16]
-
-
 def decode_force(can_id: int, data: bytes) -> Force:
     """Return the content of a `Force` frame.
 
@@ -203,36 +206,6 @@ def decode_force(can_id: int, data: bytes) -> Force:
     node, counter, (head, *codes) = unpack_protected(can_id, data, FORCE_ID, _FORCE)
     x_n, y_n, z_n = (_NAN if code == _NO_FORCE else code / _FORCE_PER_N for code in codes)
     return Force(node, counter, enum_member(State, head >> 4), (x_n, y_n, z_n))
-
-
-def encode_quality(
-    node: int, counter: int, flags: int, age_ns: int | None, fault_mask: int, sigma_n: Sequence[float]
-) -> bytes:
-    """Return the 8 data bytes of `Quality`.
-
-    ::
-
-        bit   0     8     12      16      28           37        46        55      63
-              +-----+-----+-------+-------+------------+---------+---------+---------+
-              | crc8| cnt | flags |  age  | fault mask | sigma x | sigma y | sigma z |
-              +-----+-----+-------+-------+------------+---------+---------+---------+
-        bits     8     4      4      12         9           9         9         9
-
-        bit 0 is the least significant of byte 0
-        age: 0.1 ms per bit, 0xFFF: none, negative, or above 409.4 ms
-        sigma: 2 mN per bit, 511: no value, 510: 1.02 N or more
-
-    Age and sigma are rounded up: a frame never looks younger or more certain than it is. Arguments as in `Quality`.
-
-    Example:
-        >>> encode_quality(1, 0, Flag.SIMULATED, 12_300_000, 0, (0.01, 0.01, 0.02)).hex(" ")
-        '04 10 7b 00 a0 40 01 05'
-    """
-    t_ns, t_sent_ns = (0, 0) if age_ns is None else (1, age_ns + 1)
-    no_force = [State.ABSENT], [(_NAN, _NAN, _NAN)]
-    return _encoder_of(node).encode(counter, t_sent_ns, [t_ns], *no_force, [sigma_n], [flags], [fault_mask])[
-        24:
-    ]
 
 
 def decode_quality(can_id: int, data: bytes) -> Quality:

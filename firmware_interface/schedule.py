@@ -7,7 +7,7 @@ compares the measured scan with them.
 from typing import NamedTuple
 
 from firmware_interface.chips import ad7746, fdc1004
-from firmware_interface.i2c_timing import transaction_bits, wire_time_ns
+from firmware_interface.wire_timing import transaction_bits, wire_time_ns
 
 _ELEMENTS = 9
 

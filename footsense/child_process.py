@@ -12,8 +12,6 @@ from pathlib import Path
 
 from footsense.errors import RecordingError
 
-__all__ = ["check_new_file", "drop_realtime", "read_batches", "start_writer"]
-
 #: Longest time that bytes stay in the pipe [ms]. A wake-up at every scan would cost the loop, whose write does the
 #: waking. At 370 cycles a second the pipe has room for five times as many.
 _GATHER_MS = 200

@@ -11,29 +11,11 @@ import os
 import resource
 import sys
 import time
-from array import array
 from bisect import bisect_left
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = [
-    "LATENCY_BOUNDS_S",
-    "MonotonicClock",
-    "WakeupLatency",
-    "fifo_priority",
-    "gc_disabled",
-    "process_age_ns",
-    "request_realtime",
-    "resident_mib",
-    "stopwatch_ns",
-    "wall_time_iso",
-]
-
-#: Bounds of the wake-up latency histogram [s]: FIFO wakes within 0.2 ms, a busy machine without it within some 10 ms.
-LATENCY_BOUNDS_S = (
-    *(5e-6, 1e-5, 2e-5, 3e-5, 5e-5, 7e-5, 1e-4, 1.5e-4, 2e-4, 3e-4, 5e-4),
-    *(1e-3, 2e-3, 5e-3, 1e-2, 5e-2),
-)
+from footsense.ports import LATENCY_BOUNDS_S, WakeupLatency
 
 # Linux, <sys/mman.h> and <linux/prctl.h>; the same on every processor that Python's wheels are built for.
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
@@ -42,22 +24,6 @@ _CAP_IPC_LOCK = 14
 
 #: Longest time that a thread keeps the interpreter from a waiting one [s]; Python's default of 5 ms is two conversions.
 _SWITCH_INTERVAL_S = 1e-4
-
-
-class WakeupLatency:
-    """Wake-up latency of one thread.
-
-    Attributes:
-        bounds_s: Bounds of the histogram [s].
-        histogram: Wake-ups in each bucket, those above the last bound, and the sum of their latencies [s].
-        overruns: Deadlines that had passed before the thread could sleep.
-    """
-
-    bounds_s = LATENCY_BOUNDS_S
-
-    def __init__(self) -> None:
-        self.histogram = array("d", [0.0]) * (len(LATENCY_BOUNDS_S) + 2)
-        self.overruns = 0
 
 
 class MonotonicClock:

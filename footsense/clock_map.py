@@ -14,8 +14,6 @@ Source:
 
 from collections import deque
 
-__all__ = ["ClockMap"]
-
 _NS_PER_MS = 1_000_000
 
 #: Slot of which only the smallest offset is kept [ns]: a tenth of a second has short delays in any stream in use.

@@ -130,8 +130,7 @@ class BaselineDrift(NamedTuple):
         return cls(np.full(n_legs, BaselineStatus.NONE, np.uint8), nan, nan, np.zeros(n_legs, np.int64))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ContactFrame:
+class ContactFrame(NamedTuple):
     """The contact of every leg, as published.
 
     Attributes:

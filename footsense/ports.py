@@ -4,9 +4,16 @@ A port has an implementation for hardware and one for the simulation, chosen onc
 port cannot tell which.
 """
 
+from array import array
 from typing import NamedTuple, Protocol
 
 from footsense.frames import CapFrame, Command, CommandResult, ContactFrame, Cycle, Mask, Reference, Vector
+
+#: Bounds of the wake-up latency histogram [s]: FIFO wakes within 0.2 ms, a busy machine without it within some 10 ms.
+LATENCY_BOUNDS_S = (
+    *(5e-6, 1e-5, 2e-5, 3e-5, 5e-5, 7e-5, 1e-4, 1.5e-4, 2e-4, 3e-4, 5e-4),
+    *(1e-3, 2e-3, 5e-3, 1e-2, 5e-2),
+)
 
 
 class Transaction(NamedTuple):
@@ -37,10 +44,6 @@ class I2cBus(Protocol):
         """
         ...
 
-    def close(self) -> None:
-        """Release the adapter."""
-        ...
-
 
 class ResetLine(Protocol):
     """The RESET pin of a mux, driven by the host."""
@@ -60,6 +63,22 @@ class Clock(Protocol):
     def sleep_until_ns(self, t_ns: int) -> None:
         """Return at `t_ns`, or at once if that has passed."""
         ...
+
+
+class WakeupLatency:
+    """Wake-up latency of one thread, measured by its clock.
+
+    Attributes:
+        bounds_s: Bounds of the histogram [s].
+        histogram: Wake-ups in each bucket, those above the last bound, and the sum of their latencies [s].
+        overruns: Deadlines that had passed before the thread could sleep.
+    """
+
+    bounds_s = LATENCY_BOUNDS_S
+
+    def __init__(self) -> None:
+        self.histogram = array("d", [0.0]) * (len(LATENCY_BOUNDS_S) + 2)
+        self.overruns = 0
 
 
 class SerialPort(Protocol):

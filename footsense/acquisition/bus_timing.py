@@ -9,8 +9,8 @@ from collections.abc import Iterable
 from statistics import median
 from typing import NamedTuple
 
-from firmware_interface.i2c_timing import BUS_FREE_NS, transaction_bits
 from firmware_interface.schedule import ScanLimits, scan_limits
+from firmware_interface.wire_timing import BUS_FREE_NS, transaction_bits
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.errors import NackError
 from footsense.frames import ELEMENTS

@@ -24,17 +24,18 @@ from footsense.config import DEFAULT
 from footsense.config.sections import Realtime
 from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.can_output import can_sink
-from footsense.daemon.estimation import load_network, pipeline_for
-from footsense.daemon.loop import step
+from footsense.daemon.estimation import pipeline_for
+from footsense.daemon.loop import Loop
+from footsense.daemon.models import load_models
 from footsense.errors import FootsenseError
-from footsense.frames import CanStatistics, CapFrame, Cycle, Flag, State
+from footsense.frames import CapFrame, Cycle, Flag, State
 from footsense.ports import Observer
 from footsense.recording.cycle_pipe import CyclePipe
 from footsense.sim.clock import VirtualClock
 from footsense.sim.scene import load_scene
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.metrics import MetricsObserver
-from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
+from footsense.telemetry.systemd import SystemdObserver
 
 #: Priority of SCHED_FIFO, the default of the service; without it the figures include other processes.
 PRIORITY = Realtime().priority
@@ -109,25 +110,27 @@ def our_cycle() -> Iterator[OurCycle]:
     Yields:
         The cycle; its counters exist until the end.
     """
-    clock, stats, loopback = VirtualClock(), CanStatistics(), Loopback()
-    pipeline = pipeline_for(DEFAULT, load_network(DEFAULT), Flag.SIMULATED)
+    clock, loopback = VirtualClock(), Loopback()
+    pipeline = pipeline_for(load_models(DEFAULT), Flag.SIMULATED)
     wire = SocketWire(loopback.socket, lambda: None)
     with (
         TemporaryDirectory(dir="/dev/shm") as folder,
-        can_sink(DEFAULT, clock, None, stats, connect=lambda: wire) as sink,
+        can_sink(DEFAULT, clock, None, connect=lambda: wire) as sink,
     ):
         counters = Path(folder) / "counters"
-        metrics = MetricsObserver(DEFAULT.legs, stats, counters)
+        metrics = MetricsObserver(DEFAULT.legs, sink.stats, counters)
         observers = (
             Journal(DEFAULT.legs),
-            SystemdObserver(SystemdNotifier({}), DEFAULT.legs),
+            SystemdObserver(DEFAULT.legs, {}),
             metrics,
             _Recording(loopback.pipe, DEFAULT.legs),
         )
 
+        loop = Loop(pipeline, sink, observers, clock)
+
         def run(scan: CapFrame, now_ns: int) -> Cycle:
             clock.sleep_until_ns(now_ns)
-            return step(scan, tuple(sink.commands()), pipeline, sink, observers, clock)
+            return loop.step(scan, tuple(sink.commands()))
 
         try:
             yield OurCycle(run, lambda: pipeline.baseline_pf, counters, loopback)
@@ -153,7 +156,7 @@ def tared_floor(folder: Path, scans: list[CapFrame]) -> CFloor:
     Raises:
         FootsenseError: It cannot be compiled.
     """
-    floor = CFloor(folder, DEFAULT, load_network(DEFAULT).card.trained_inputs)
+    floor = CFloor(folder, DEFAULT, load_models(DEFAULT).network.card.trained_inputs)
     floor.tare(np.mean([scan.capacitance_pf for scan in scans[: DEFAULT.tare.window_scans]], axis=0))
     return floor
 

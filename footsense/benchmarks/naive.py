@@ -22,7 +22,8 @@ from firmware_interface.chips import tca9548a
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.config import Config
 from footsense.config.sections import Bus
-from footsense.daemon.estimation import load_network, pipeline_for
+from footsense.daemon.estimation import pipeline_for
+from footsense.daemon.models import load_models
 from footsense.frames import CapFrame, ContactFrame, Flag, State
 from footsense.ports import Clock, I2cBus, Transaction
 
@@ -80,7 +81,7 @@ class NaiveCycle:
             for bus in config.buses
             for leg in bus.legs
         ]
-        self._pipelines = [pipeline_for(alone, load_network(alone), Flag.SIMULATED) for alone in single]
+        self._pipelines = [pipeline_for(load_models(alone), Flag.SIMULATED) for alone in single]
         self._counter = 0
         registry = CollectorRegistry()
         self._sent = Counter("frames", "Frames sent.", registry=registry)

@@ -14,7 +14,8 @@ from footsense.benchmarks.naive import sequential_scan
 from footsense.config import DEFAULT, Config
 from footsense.config.sections import Bus
 from footsense.daemon.acquisition import open_scan_source
-from footsense.daemon.estimation import load_network, pipeline_for
+from footsense.daemon.estimation import pipeline_for
+from footsense.daemon.models import load_models
 from footsense.daemon.simulation import simulated_robot
 from footsense.frames import USABLE, Flag
 from footsense.sim.scene import Scene, load_scene
@@ -84,9 +85,9 @@ def _scan(config: Config, host_cost_us: int) -> dict[str, float | None]:
 
 
 def _naive_ns(config: Config, scene: Scene) -> int:
-    robot = simulated_robot(config, scene)
-    sequential_scan(robot.buses[0], robot.clocks[0], config)
-    return robot.clocks[0].now_ns()
+    bus = simulated_robot(config, scene).buses[0]
+    sequential_scan(bus, bus.clock, config)
+    return bus.clock.now_ns()
 
 
 def _best_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
@@ -110,7 +111,7 @@ def _age_ms(config: Config) -> dict[str, float]:
     scene = replace(load_scene("tripod"), host_cost_us=40.0)
     ages_ns: list[int] = []
     with open_scan_source(config, scene) as scan_source:
-        pipeline = pipeline_for(config, load_network(config), Flag.SIMULATED)
+        pipeline = pipeline_for(load_models(config), Flag.SIMULATED)
         usable = np.array(sorted(USABLE), np.uint8)
         while len(ages_ns) < _AGES * len(config.legs):
             forces, _ = pipeline.process(scan_source.source.read(), scan_source.clock.now_ns())

@@ -30,47 +30,6 @@ DESIGN_ONLY, CALIBRATED = "network alone", "with calibration"
 _MIN_LOADS = 20
 
 
-class DesignModels(NamedTuple):
-    """Models of a foot type: response table and network.
-
-    Attributes:
-        response: Response table of the type.
-        network: Returns the type's network for a number of rows.
-        trained_inputs: Training range of that network.
-    """
-
-    response: FootResponse
-    network: Callable[[int], Estimator]
-    trained_inputs: TrainedInputs
-
-    @classmethod
-    def load(cls, folder: Path) -> Self:
-        """Return the models in a folder with `network.onnx` and `response.npz`.
-
-        Raises:
-            ModelError: A file is missing, damaged, or of another format.
-        """
-        network = lru_cache(maxsize=8)(partial(Network, folder / "network.onnx"))
-        return cls(FootResponse.load(folder / "response.npz"), network, network(1).card.trained_inputs)
-
-
-class MagnitudeBand(NamedTuple):
-    """Loads of at least `min_gf` and less than `max_gf`, which are evaluated together."""
-
-    name: str
-    min_gf: float
-    max_gf: float
-
-
-#: All loads, and one magnitude of the paper in each of the others.
-BANDS = (
-    MagnitudeBand("all", 0.0, np.inf),
-    MagnitudeBand("below 75 gf", 0.0, 75.0),
-    MagnitudeBand("75 to 125 gf", 75.0, 125.0),
-    MagnitudeBand("from 125 gf", 125.0, np.inf),
-)
-
-
 class Estimates(NamedTuple):
     """Forces [N] estimated for a set of loads.
 
@@ -89,6 +48,50 @@ class Estimates(NamedTuple):
         """Which loads have a force, shape (n,)."""
         usable: Mask = np.asarray(np.isfinite(self.force_n).all(axis=1))
         return usable
+
+
+class DesignModels(NamedTuple):
+    """Models of a foot type: response table and network.
+
+    Attributes:
+        response: Response table of the type.
+        network: Returns the type's network, or that of a foot's calibration, for a number of rows.
+    """
+
+    response: FootResponse
+    network: Callable[[int], Network]
+
+    @classmethod
+    def load(cls, folder: Path) -> Self:
+        """Return the models in a folder with `network.onnx` and `response.npz`.
+
+        Raises:
+            ModelError: A file is missing, damaged, or of another format.
+        """
+        network = lru_cache(maxsize=8)(partial(Network, folder / "network.onnx"))
+        return cls(FootResponse.load(folder / "response.npz"), network)
+
+    def estimate(self, loads: LoadSet, foot: FootParameters | None) -> Estimates:
+        """Return the forces that a robot would estimate of loads; arguments as of `estimate_loads`."""
+        network = self.network(len(loads))
+        return estimate_loads(loads, network, network.card.trained_inputs, foot)
+
+
+class MagnitudeBand(NamedTuple):
+    """Loads of at least `min_gf` and less than `max_gf`, which are evaluated together."""
+
+    name: str
+    min_gf: float
+    max_gf: float
+
+
+#: All loads, and one magnitude of the paper in each of the others.
+BANDS = (
+    MagnitudeBand("all", 0.0, np.inf),
+    MagnitudeBand("below 75 gf", 0.0, 75.0),
+    MagnitudeBand("75 to 125 gf", 75.0, 125.0),
+    MagnitudeBand("from 125 gf", 125.0, np.inf),
+)
 
 
 class Evaluation(NamedTuple):
@@ -145,16 +148,14 @@ def estimate_loads(
 
 def evaluate(
     sessions: Sequence[RecordedSession],
-    network: Callable[[int], Estimator],
-    trained_inputs: TrainedInputs,
+    models: DesignModels,
     foot: FootParameters | None,
 ) -> Evaluation:
     """Compare the network alone and a foot's calibration with the reference.
 
     Args:
         sessions: The recordings.
-        network: Returns the network for a number of rows.
-        trained_inputs: Its training range.
+        models: Models of the foot's type, with the network of the calibration if there is one.
         foot: Parameters of the calibration; None without one.
 
     Raises:
@@ -166,12 +167,9 @@ def evaluate(
             f"{len(loads)} accepted loads in {len(sessions)} recordings; "
             f"at least {_MIN_LOADS} are needed for an evaluation"
         )
-    estimator = network(len(loads))
-    sources = {DESIGN_ONLY: None} if foot is None else {DESIGN_ONLY: None, CALIBRATED: foot}
-    estimates = {
-        source: estimate_loads(loads, estimator, trained_inputs, parameters)
-        for source, parameters in sources.items()
-    }
+    estimates = {DESIGN_ONLY: models.estimate(loads, None)}
+    if foot is not None:
+        estimates[CALIBRATED] = models.estimate(loads, foot)
     evaluation = Evaluation(loads.force_n, estimates)
     n_compared = int(evaluation.compared.sum())
     if n_compared < _MIN_LOADS:

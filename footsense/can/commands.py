@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from firmware_interface import can_events
+from firmware_interface import can_commands
 from firmware_interface.can_codes import Result
 from firmware_interface.crc8 import FrameError, next_counter
 from firmware_interface.socketcan import pack_frame
@@ -47,7 +47,7 @@ class CanCommands:
         self._clock = clock
         self._stats = stats
         self._legs = [_LegCommands(row, node) for row, node in enumerate(nodes)]
-        self._of_id = {can_events.COMMAND_ID + leg.node: leg for leg in self._legs}
+        self._of_id = {can_commands.COMMAND_ID + leg.node: leg for leg in self._legs}
         self.unsolicited: dict[int, tuple[Result, CommandKind]] = {}
 
     def decode(self, frames: Sequence[tuple[int, bytes]]) -> list[Command]:
@@ -63,8 +63,8 @@ class CanCommands:
         for can_id, data in frames:
             leg = self._of_id[can_id]
             try:
-                _, counter, kind = can_events.decode_command(can_id, data)
-            except can_events.UnknownCommandError as error:
+                _, counter, kind = can_commands.decode_command(can_id, data)
+            except can_commands.UnknownCommandError as error:
                 self._answer(leg, Result.UNKNOWN, error.kind, error.counter)
                 continue
             except FrameError:
@@ -98,7 +98,7 @@ class CanCommands:
     def unsolicited_frames(self, room: int) -> list[bytes]:
         """Return at most `room` unsolicited results as frames."""
         return [
-            self._frame(self._legs[row], *self.unsolicited.pop(row), can_events.UNSOLICITED)
+            self._frame(self._legs[row], *self.unsolicited.pop(row), can_commands.UNSOLICITED)
             for row in list(self.unsolicited)[:room]
         ]
 
@@ -107,6 +107,6 @@ class CanCommands:
 
     @staticmethod
     def _frame(leg: _LegCommands, result: int, kind: int, command_counter: int) -> bytes:
-        data = can_events.encode_answer(leg.node, leg.answer_counter, result, kind, command_counter)
+        data = can_commands.encode_answer(leg.node, leg.answer_counter, result, kind, command_counter)
         leg.answer_counter = next_counter(leg.answer_counter)
-        return pack_frame(can_events.ANSWER_ID + leg.node, data)
+        return pack_frame(can_commands.ANSWER_ID + leg.node, data)

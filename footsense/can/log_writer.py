@@ -12,6 +12,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from firmware_interface.socketcan import split_frames
 from footsense.can.frame_log import RECORD_HEAD
+from footsense.can.python_can import data_message
 from footsense.child_process import drop_realtime, read_batches
 
 if TYPE_CHECKING:
@@ -58,23 +59,13 @@ def main(suffix: str, channel: str, pipe: int = 0, file: int = 1) -> str:
     Returns:
         The reason why the log is incomplete; empty if it is complete.
     """
-    import can
-
     opened, writer = _open(file, suffix, channel)
     state = "ended early"
     try:
         for records in _records(pipe):
             for t_ns, frames in records:
                 for can_id, data in split_frames(frames):
-                    writer.on_message_received(
-                        can.Message(
-                            timestamp=t_ns / 1e9,
-                            arbitration_id=can_id,
-                            is_extended_id=False,
-                            data=data,
-                            is_rx=False,
-                        )
-                    )
+                    writer.on_message_received(data_message(can_id, data, t_ns))
             opened.flush()
         state = "is not whole"
         writer.stop()

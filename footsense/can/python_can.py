@@ -10,16 +10,13 @@ import logging
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
-from firmware_interface.socketcan import ERROR, EXTENDED, FRAME_BYTES, REMOTE, pack_frame, split_frames
+from firmware_interface.socketcan import ERROR, EXTENDED, REMOTE, pack_frame, split_frames
 from footsense.can.socketcan import MAX_DRAINED, SocketWire
 from footsense.errors import CanError
 from footsense.ports import CanWire
 
 if TYPE_CHECKING:
     import can
-
-    #: A message, its contents, and their length.
-    _Message = tuple[can.Message, bytearray, int]
 
 #: Error numbers of an interface that is down or missing; a full or silent bus has others.
 NO_CHANNEL = frozenset({errno.ENETDOWN, errno.ENXIO, errno.ENODEV, errno.EAFNOSUPPORT, errno.EBADF})
@@ -59,8 +56,6 @@ class _BusWire:
 
         self._bus = bus
         self._failures = (can.CanError, OSError)
-        # python-can copies each message, so one per id and length is filled again and again.
-        self._messages: dict[bytes, _Message] = {}
 
     def send(self, frames: bytes, t_ns: int) -> int:
         """Hand over frames up to the first that is refused.
@@ -75,24 +70,16 @@ class _BusWire:
         Raises:
             OSError: The interface is down or gone.
         """
-        stamp_s = t_ns / 1e9
-        known = self._messages
-        send = self._bus.send
-        start = 0
+        taken = 0
         try:
-            for start in range(0, len(frames), FRAME_BYTES):
-                middle = start + FRAME_BYTES // 2
-                head = frames[start:middle]
-                message, contents, length = known.get(head) or self._new(head)
-                contents[:] = frames[middle : middle + length]
-                message.timestamp = stamp_s
-                send(message, timeout=0)
+            for can_id, data in split_frames(frames):
+                self._bus.send(data_message(can_id, data, t_ns), timeout=0)
+                taken += 1
         except self._failures as error:
             code = errno_of(error)
             if code in NO_CHANNEL:
                 raise OSError(code, str(error)) from error
-            return start // FRAME_BYTES
-        return len(frames) // FRAME_BYTES
+        return taken
 
     def receive(self) -> list[bytes]:
         """Return all received frames, as an unread queue of the virtual channel grows without limit.
@@ -118,13 +105,14 @@ class _BusWire:
         """Release the interface."""
         self._bus.shutdown()
 
-    def _new(self, head: bytes) -> "_Message":
-        import can
 
-        can_id, data = next(split_frames(head.ljust(FRAME_BYTES, b"\0")))
-        message = can.Message(arbitration_id=can_id, is_extended_id=False, data=data, is_rx=False, check=True)
-        known = self._messages[head] = message, message.data, len(data)
-        return known
+def data_message(can_id: int, data: bytes, t_ns: int) -> "can.Message":
+    """Return an ordinary frame of ours, sent at a time [ns], as a message of python-can."""
+    import can
+
+    return can.Message(
+        timestamp=t_ns / 1e9, arbitration_id=can_id, is_extended_id=False, data=data, is_rx=False
+    )
 
 
 def _flagged_id(message: "can.Message") -> int:

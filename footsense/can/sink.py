@@ -14,7 +14,7 @@ which is their purpose.
 
 from heapq import heapify, heapreplace
 
-from firmware_interface import can_events
+from firmware_interface import can_commands, can_events
 from firmware_interface.can_codes import NODE_IDS, Flag, NmtState
 from firmware_interface.can_frames import ForceQualityEncoder
 from firmware_interface.crc8 import COUNTER_PERIOD
@@ -46,7 +46,6 @@ class CanSink:
         settings: Settings of the channel.
         legs: Name of the leg in each row of the frames.
         clock: The time of the frames.
-        stats: Statistics to continue; None for new ones.
 
     Attributes:
         stats: Statistics of the channel.
@@ -60,19 +59,13 @@ class CanSink:
         Never waits. Six legs: 12 frames a scan, 30 heartbeats and 6 baselines a second; one system call a scan.
     """
 
-    def __init__(
-        self,
-        settings: ChannelSettings,
-        legs: tuple[str, ...],
-        clock: Clock,
-        stats: CanStatistics | None = None,
-    ) -> None:
-        self.stats = stats or CanStatistics()
+    def __init__(self, settings: ChannelSettings, legs: tuple[str, ...], clock: Clock) -> None:
+        self.stats = CanStatistics()
         nodes = [NODE_IDS[leg] for leg in legs]
         boot = can_events.encode_heartbeat(NmtState.BOOT)
         self._channel = CanChannel(
             settings,
-            accept=[can_events.COMMAND_ID + node for node in nodes],
+            accept=[can_commands.COMMAND_ID + node for node in nodes],
             greeting={can_events.HEARTBEAT_ID + node: boot for node in nodes},
             stats=self.stats,
         )

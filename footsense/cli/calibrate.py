@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-import msgspec
 
 import footsense
 from footsense.calibration.fit.calibrate import CalibrationResult, calibrate_sessions
@@ -54,8 +53,9 @@ def calibrate(
     began_ns = stopwatch_ns()
     check_calibration_target(folder / foot, replace=replace)
     sessions = read_sessions(recordings, foot)
-    for line in (line for session in sessions for line in session.warnings):
-        click.echo(f"warning: {line}", err=True)
+    for session in sessions:
+        for line in session.warnings:
+            click.echo(f"warning: {line}", err=True)
     models, design = design_models(sessions[0].foot_type, foot_type_folder)
     result = calibrate_sessions(models, sessions, hold_out)
     manifest = Manifest(
@@ -91,14 +91,11 @@ def _figures(calibration: FootCalibration, result: CalibrationResult, took_s: fl
         "n_loads": result.n_loads,
         "took_s": round(took_s, 2),
         "temperature_c": result.temperature_c,
-        "stiffness_rel": parameters.stiffness_rel,
-        "stray_pf": parameters.stray_pf.tolist(),
-        "gap_um": parameters.gap_um.tolist(),
-        "gain_rel": parameters.gain_rel.tolist(),
+        **{name: getattr(parameters, name) for name in ("stiffness_rel", "stray_pf", "gap_um", "gain_rel")},
         "corrected": bool(parameters.correction.any()),
         "predicted": {"direction_deg": predicted.direction_deg, "magnitude_rel": predicted.magnitude_rel},
-        "not_identified": list(predicted.not_identified),
-        "held_out": msgspec.to_builtins(result.held_out),
+        "not_identified": predicted.not_identified,
+        "held_out": result.held_out,
     }
 
 

@@ -1,6 +1,5 @@
 """`footsense check-config FILE`: explanation of a configuration before a robot walks with it."""
 
-from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 
@@ -11,9 +10,8 @@ from footsense.clock import wall_time_iso
 from footsense.config import Config, load_config
 from footsense.config.contradictions import warnings
 from footsense.config.sections import Bus
-from footsense.daemon.calibrations import load_calibrations
-from footsense.daemon.estimation import load_network, pipeline_for
-from footsense.estimation.network import Network
+from footsense.daemon.estimation import pipeline_for
+from footsense.daemon.models import Models, load_models
 from footsense.foot.files.calibration_reader import FootCalibration
 
 
@@ -22,16 +20,16 @@ from footsense.foot.files.calibration_reader import FootCalibration
 def check_config(file: Path) -> None:
     """Explain the configuration FILE, or name its first error and the remedy."""
     config = load_config(file)
-    calibrations = load_calibrations(config)
-    network = load_network(config, calibrations)
-    pipeline_for(config, network, 0, calibrations)  # raises as a run would
-    for line in _summary(config, network, calibrations):
+    models = load_models(config)
+    pipeline_for(models, 0)  # raises as a run would
+    for line in _summary(models):
         click.echo(line)
     for warning in warnings(config):
         click.echo(f"warning: {warning}", err=True)
 
 
-def _summary(config: Config, network: Network, calibrations: Mapping[str, FootCalibration]) -> list[str]:
+def _summary(models: Models) -> list[str]:
+    config, network, calibrations = models.config, models.network, models.calibrations
     realtime, metrics = config.realtime, config.metrics
     model = "that of the calibrations" if calibrations else config.model
     cpu = "" if realtime is None or realtime.cpu is None else f" on processor {realtime.cpu}"

@@ -44,12 +44,3 @@ class LiveView(ABC):
         """Leave the last picture on the screen."""
         self._live.stop()
         logging.getLogger().handlers = self._journal
-
-
-def can_show(text: str, encoding: str) -> bool:
-    """Tell whether a terminal of this encoding has all characters of a text."""
-    try:
-        text.encode(encoding)
-    except (UnicodeEncodeError, LookupError):
-        return False
-    return True

@@ -11,6 +11,8 @@ from typing import Any
 import click
 import msgspec
 
+from footsense.errors import ConfigError
+
 FILE = click.Path(path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
 
@@ -28,8 +30,10 @@ pace_option = click.option(
 
 
 def echo_json(values: object, indent: int = 2) -> None:
-    """Print values as JSON, NaN as null and numpy's numbers as numbers; on one line if `indent` is 0."""
-    click.echo(msgspec.json.format(msgspec.json.encode(values, enc_hook=methodcaller("item")), indent=indent))
+    """Print values as JSON, NaN as null and numpy's numbers and arrays as plain ones; on one line if `indent` is 0."""
+    click.echo(
+        msgspec.json.format(msgspec.json.encode(values, enc_hook=methodcaller("tolist")), indent=indent)
+    )
 
 
 def config_option(default: str) -> Decorator:
@@ -40,7 +44,7 @@ def config_option(default: str) -> Decorator:
 
 
 def duration_option(text: str) -> Decorator:
-    """Return the option `--duration` [s] with this help."""
+    """Return the option `--duration` [s] with this help; infinity without it."""
     return click.option(
         "--duration",
         "duration_s",
@@ -51,8 +55,8 @@ def duration_option(text: str) -> Decorator:
     )
 
 
-def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
-    """Reject a duration that is not finite.
+def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> float:
+    """Return a finite duration, infinity for None.
 
     Raises:
         BadParameter: It is infinite or not a number.
@@ -60,7 +64,23 @@ def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     del ctx, param
     if value is not None and not math.isfinite(value):
         raise click.BadParameter(f"{value} is not a duration; without the option it runs until it is stopped")
-    return value
+    return math.inf if value is None else value
+
+
+def is_paced(*, simulated: bool, realtime: bool | None, live: bool) -> bool:
+    """Return whether a simulation is paced by the wall clock.
+
+    Args:
+        simulated: Whether there is a simulation to pace.
+        realtime: The option `--realtime/--fast`; None without it.
+        live: Whether a live picture is shown.
+
+    Raises:
+        ConfigError: There is none, and the option is given.
+    """
+    if not simulated and realtime is not None:
+        raise ConfigError("--realtime and --fast are for simulations; this configuration names real buses")
+    return simulated and (live if realtime is None else realtime)
 
 
 class StopRequest:

@@ -9,11 +9,12 @@ import msgspec
 from footsense.can.frame_log import check_log_target
 from footsense.cli.options import FILE, FOLDER, can_log_option
 from footsense.clock import MonotonicClock
-from footsense.daemon.calibrations import load_calibrations
 from footsense.daemon.can_output import can_sink
-from footsense.daemon.estimation import load_network, pipeline_for
-from footsense.daemon.loop import Paced, step
+from footsense.daemon.estimation import pipeline_for
+from footsense.daemon.loop import Loop
+from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import model_difference, recorded_config, recorded_flags
+from footsense.daemon.simulation import Paced
 from footsense.errors import FootsenseError, ModelError, RecordingError
 from footsense.recording.compare import compare, same_machine
 from footsense.recording.machine import platform_versions
@@ -49,24 +50,24 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
     config = recorded_config(recording)
     if folder is not None and config.calibrations is not None:
         config = msgspec.structs.replace(config, calibrations=str(folder))
-    calibrations = load_calibrations(config)
-    network = load_network(config, calibrations)
-    difference = model_difference(recording.header, network, calibrations)
+    models = load_models(config)
+    difference = model_difference(recording.header, models)
     if difference and check:
         raise ModelError(f"{file}: {difference}")
     if difference:
         click.echo(f"warning: {file}: {difference}", err=True)
-    pipeline = pipeline_for(config, network, recorded_flags(recording), calibrations)
+    pipeline = pipeline_for(models, recorded_flags(recording))
     exact = same_machine(recording.header, platform_versions())
     n_frames = n_equal = 0
     with ExitStack() as stack:
         sink = stack.enter_context(can_sink(config, clock, can_log, real_time=realtime))
+        loop = Loop(pipeline, sink, (), clock)
         frames = Paced(source, clock, MonotonicClock()) if realtime else source
         while (scan := frames.read()) is not None:
             recorded = source.cycle
             assert recorded is not None
             commands = (*source.commands(), *sink.commands())
-            made = step(scan, commands, pipeline, sink, (), clock, temperature_c=recorded.temperature_c)
+            made = loop.step(scan, commands, temperature_c=recorded.temperature_c)
             if check and not source.lost:
                 if different := compare(recorded.forces, made.forces, exact=exact, legs=recording.legs):
                     raise FootsenseError(f"{file}: {different}")

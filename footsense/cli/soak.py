@@ -50,16 +50,11 @@ def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json
         results.append(result)
         click.echo(_line(result))
     wall_s = (stopwatch_ns() - began_ns) * 1e-9
-    virtual_s, n_faults, n_cycles, n_violations = map(
-        sum,
-        zip(
-            *((r.virtual_s, r.n_faults, r.n_cycles, sum(r.n_violations.values())) for r in results),
-            strict=True,
-        ),
-    )
+    n_violations = sum(sum(result.n_violations.values()) for result in results)
     click.echo(
-        f"{virtual_s / 3600.0:.2f} h walked in {wall_s / 60.0:.1f} min, {n_faults} faults, "
-        f"{n_cycles} frames: {n_violations} violations"
+        f"{sum(result.virtual_s for result in results) / 3600.0:.2f} h walked in {wall_s / 60.0:.1f} min, "
+        f"{sum(result.n_faults for result in results)} faults, "
+        f"{sum(result.n_cycles for result in results)} frames: {n_violations} violations"
     )
     for result in results:
         for rule, t_s, leg, detail in result.violations:

@@ -1,8 +1,8 @@
 """The legs' slower frames: cause of the state, baseline, heartbeat."""
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from firmware_interface.can_baseline import BASELINE_ID, Baseline, decode_baseline
 from firmware_interface.can_codes import NODE_IDS, BaselineStatus, Cause, NmtState, State
@@ -16,9 +16,10 @@ from firmware_interface.can_events import (
 )
 from firmware_interface.crc8 import FrameError
 
-#: Three periods of heartbeat (200 ms) and baseline (1 s) [ns]: without a frame for so long, their content is unknown.
-_HEARTBEAT_LIMIT_NS = 600_000_000
-_BASELINE_LIMIT_NS = 3_000_000_000
+#: Age from which the content of a frame is unknown [ns]: three periods of baseline (1 s) and heartbeat (200 ms).
+_LIMITS_NS = {Fault: math.inf, Baseline: 3_000_000_000, Heartbeat: 600_000_000}
+
+Report = TypeVar("Report", Fault, Baseline, Heartbeat)
 
 _DECODERS: dict[int, Callable[[int, bytes], Fault | Baseline | Heartbeat]] = {
     FAULT_ID: decode_fault,
@@ -54,17 +55,6 @@ class LegReport(NamedTuple):
     degraded_timing: bool | None
 
 
-@dataclass(slots=True)
-class _Last:
-    """Last received frame of each kind, with the time of arrival [ns]."""
-
-    fault: Fault | None = None
-    baseline: Baseline | None = None
-    baseline_ns: int = 0
-    heartbeat: Heartbeat | None = None
-    heartbeat_ns: int = 0
-
-
 class Reports:
     """The reports of a robot's legs; times are the caller's.
 
@@ -73,7 +63,7 @@ class Reports:
     """
 
     def __init__(self) -> None:
-        self._legs = {node: _Last() for node in NODE_IDS.values()}
+        self._last: dict[tuple[int, type], tuple[Fault | Baseline | Heartbeat, int]] = {}
         self.n_wrong = 0
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> bool:
@@ -84,22 +74,15 @@ class Reports:
             data: Its bytes.
             now_ns: Time of arrival [ns].
         """
-        node = can_id & 0xF
-        decode = _DECODERS.get(can_id - node)
-        if decode is None or node not in self._legs:
+        if can_id not in REPORT_IDS:
             return False
-        last = self._legs[node]
+        node = can_id & 0xF
         try:
-            report = decode(can_id, data)
+            report = _DECODERS[can_id - node](can_id, data)
         except FrameError:
             self.n_wrong += 1
-            return True
-        if isinstance(report, Fault):
-            last.fault = report
-        elif isinstance(report, Baseline):
-            last.baseline, last.baseline_ns = report, now_ns
         else:
-            last.heartbeat, last.heartbeat_ns = report, now_ns
+            self._last[node, type(report)] = report, now_ns
         return True
 
     def leg(self, node: int, now_ns: int) -> LegReport:
@@ -109,13 +92,12 @@ class Reports:
             node: Its CAN node id, 1..6.
             now_ns: The present time [ns].
         """
-        last = self._legs[node]
-        fault = last.fault
-        baseline = last.baseline if now_ns - last.baseline_ns <= _BASELINE_LIMIT_NS else None
-        beat = last.heartbeat if now_ns - last.heartbeat_ns <= _HEARTBEAT_LIMIT_NS else None
+        fault, _ = self._recent(node, Fault, now_ns)
+        baseline, since_ns = self._recent(node, Baseline, now_ns)
+        beat, _ = self._recent(node, Heartbeat, now_ns)
         moved_ago_ns = None
         if baseline is not None and baseline.age_ns is not None:
-            moved_ago_ns = baseline.age_ns + now_ns - last.baseline_ns
+            moved_ago_ns = baseline.age_ns + since_ns
         return LegReport(
             cause=fault.cause if fault else None,
             cause_state=fault.state if fault else None,
@@ -126,3 +108,9 @@ class Reports:
             node_state=beat.state if beat else None,
             degraded_timing=beat.degraded_timing if beat else None,
         )
+
+    def _recent(self, node: int, kind: type[Report], now_ns: int) -> tuple[Report | None, int]:
+        """Return the last frame of a kind and the time since its arrival [ns]; None if there is none, or too old."""
+        report, arrived_ns = self._last.get((node, kind), (None, now_ns))
+        since_ns = now_ns - arrived_ns
+        return (report if isinstance(report, kind) and since_ns <= _LIMITS_NS[kind] else None), since_ns

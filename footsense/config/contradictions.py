@@ -4,6 +4,7 @@ from collections.abc import Hashable, Iterable, Iterator, Mapping
 from ipaddress import IPv4Address, IPv6Address, ip_address
 from typing import TypeVar
 
+from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.config.boards import BOARDS
 from footsense.config.schema import Config
 from footsense.config.sections import PCA9685_ALLCALL, Bus, Leg, Scan
@@ -11,10 +12,6 @@ from footsense.strict_yaml import Problem
 
 T = TypeVar("T", bound=Hashable)
 
-#: `Force` and `Quality`.
-_FRAMES_PER_LEG = 2
-#: Eight bytes with an 11-bit id, all possible stuff bits, and the interframe space [bit].
-_LONGEST_FRAME_BITS = 135
 #: Largest share of the bus for forces; the rest is the robot's.
 _CAN_SHARE = 0.7
 
@@ -155,7 +152,7 @@ def _can(config: Config) -> Iterator[Problem]:
         )
     # Forces after every conversion are nine times as many as after every scan.
     per_s = config.rate_sps if config.publish == "element" else 1e3 / config.shortest_scan_ms
-    bits_per_s = len(config.legs) * _FRAMES_PER_LEG * _LONGEST_FRAME_BITS * per_s
+    bits_per_s = len(config.legs) * FRAMES_PER_LEG * LONGEST_FRAME_BITS * per_s
     if can.interface == "socketcan" and bits_per_s > _CAN_SHARE * can.bitrate:
         yield Problem(
             "can.bitrate",

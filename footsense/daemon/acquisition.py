@@ -15,15 +15,15 @@ from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import ScanPlan, scan_plan
 from footsense.acquisition.serial_port import SerialLink
 from footsense.acquisition.transports import KernelMux, Transport, UpstreamBus
-from footsense.clock import MonotonicClock, WakeupLatency
+from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.config.sections import Bus, Serial
 from footsense.daemon.simulation import simulated_robot
 from footsense.frames import Vector
-from footsense.ports import Clock, SerialPort
+from footsense.ports import Clock, SerialPort, WakeupLatency
 from footsense.sim.bus.serial_line import SimulatedLine
-from footsense.sim.chips.mcu import simulated_mcu
 from footsense.sim.robot import SimulatedRobot
+from footsense.sim.robot_on_mcu import simulated_mcu
 from footsense.sim.scene import Scene
 
 _log = logging.getLogger(__name__)
@@ -87,13 +87,11 @@ def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -
     if robot is None:
         return [OpenBus(bus, MonotonicClock(), _transport(bus, stack)) for bus in config.buses]
     opened = []
-    for bus, wires, adapters, mux, clock in zip(
-        config.buses, robot.buses, robot.adapters, robot.muxes, robot.clocks, strict=True
-    ):
+    for bus, wires, adapters in zip(config.buses, robot.buses, robot.adapters, strict=True):
         transport: Transport = KernelMux(tuple(adapters.values()))
         if not bus.adapters:
-            transport = UpstreamBus(wires, bus.mux.address, mux if bus.mux.reset else None)
-        opened.append(OpenBus(bus, clock, transport))
+            transport = UpstreamBus(wires, bus.mux.address, wires.mux if bus.mux.reset else None)
+        opened.append(OpenBus(bus, wires.clock, transport))
     return opened
 
 

@@ -1,7 +1,5 @@
 """A consumer of CAN: force and reports of every leg."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import NamedTuple
 
 from firmware_interface.can_codes import NODE_IDS
@@ -44,10 +42,14 @@ class Listener:
         wire: The open channel.
         clock: The time of arrival.
         limits: Limits for using a force.
+
+    Attributes:
+        close: Closes the channel.
     """
 
     def __init__(self, wire: CanWire, clock: Clock, limits: LinkLimits) -> None:
         self._wire = wire
+        self.close = wire.close
         self._clock = clock
         self._link = Link(limits)
         self._reports = Reports()
@@ -87,18 +89,10 @@ class Listener:
         ]
 
 
-@contextmanager
-def open_listener(interface: str, channel: str, clock: Clock, limits: LinkLimits) -> Iterator[Listener]:
-    """Open a CAN channel for listening only, and close the channel when the context ends.
-
-    Yields:
-        The listener.
+def open_listener(interface: str, channel: str, clock: Clock, limits: LinkLimits) -> Listener:
+    """Open a CAN channel for listening only.
 
     Raises:
         CanError: The channel is missing or down.
     """
-    wire = open_wire(interface, channel, 500_000, [*LINK_IDS, *REPORT_IDS])
-    try:
-        yield Listener(wire, clock, limits)
-    finally:
-        wire.close()
+    return Listener(open_wire(interface, channel, 500_000, [*LINK_IDS, *REPORT_IDS]), clock, limits)

@@ -8,7 +8,6 @@ from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
 from footsense.config import Config
 from footsense.errors import RecordingError
-from footsense.frames import CanStatistics
 from footsense.ports import CanWire, Clock
 from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.faults.scene_faults import CanFault
@@ -20,7 +19,6 @@ def can_sink(
     config: Config,
     clock: Clock,
     log_file: Path | None,
-    stats: CanStatistics | None = None,
     *,
     real_time: bool = False,
     connect: Callable[[], CanWire] | None = None,
@@ -43,7 +41,7 @@ def can_sink(
         log_waits=not real_time,
         connect=connect,
     )
-    sink = CanSink(settings, config.legs, clock, stats)
+    sink = CanSink(settings, config.legs, clock)
     with closing_at_end(sink.close):
         yield sink
 

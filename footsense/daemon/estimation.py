@@ -1,16 +1,15 @@
-"""From configuration to pipeline: the network, its card, and the calibrations of the feet."""
+"""From configuration and models to the pipeline."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from footsense.acquisition.scan_plan import BOARDS, ORDERS
 from footsense.config import Config
-from footsense.daemon.calibrations import load_calibrations
-from footsense.daemon.foot_types import artefact_path, check_foot_type
+from footsense.daemon.models import Models
 from footsense.errors import ConfigError
 from footsense.estimation.alignment.element_by_element import ElementByElement
 from footsense.estimation.alignment.scan_by_scan import ScanByScan
@@ -19,18 +18,12 @@ from footsense.estimation.baseline.drift import FASTEST_PF_PER_S
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.faults.status import RANGE_END_PF
-from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Alignment, Pipeline
 from footsense.estimation.sensitivity import Sensitivity, sensitivity
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.foot.files.calibration_reader import FootCalibration
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import ELEMENTS, Vector
 from footsense.ports import Estimator
-
-#: Calibrations by leg.
-Calibrations = Mapping[str, FootCalibration]
-PerElement = Sequence[float] | Vector
 
 #: Least rise of a load over the fastest drift [1].
 _OVER_DRIFT_REL = 5.0
@@ -40,53 +33,23 @@ _OVER_NOISE_REL = 5.0
 _SETTLED_SCANS = 4
 
 
-def load_network(config: Config, calibrations: Calibrations | None = None) -> Network:
-    """Return the network of the calibrations, of the configuration, or of the foot type.
-
-    Args:
-        config: The robot.
-        calibrations: Calibrations of its feet by leg; None to read them.
-
-    Raises:
-        ModelError: The network is missing, or made for another foot type.
-    """
-    calibrations = load_calibrations(config) if calibrations is None else calibrations
-    path = Path(config.model) if config.model else artefact_path(config, "network.onnx")
-    path = next((calibration.network for calibration in calibrations.values()), path)
-    network = Network(path, n_rows=_n_rows(config))
-    check_foot_type(path, network.card.foot_type, config)
-    return network
-
-
-def pipeline_for(
-    config: Config, network: Network, flags: int, calibrations: Calibrations | None = None
-) -> Pipeline:
+def pipeline_for(models: Models, flags: int) -> Pipeline:
     """Return the pipeline of a robot whose frames carry these flags.
 
     Args:
-        config: The robot.
-        network: Its network.
+        models: The robot with its models.
         flags: Flags of every frame, as in `Flag`.
-        calibrations: Calibrations of its feet by leg; None to read them.
 
     Raises:
-        ModelError: A calibration is missing, or cannot be used for its foot.
+        ModelError: A calibration cannot be used for its foot.
         ConfigError: A limit of `contact` is below the noise of these feet.
     """
-    calibrations = load_calibrations(config) if calibrations is None else calibrations
-    feet = {leg: calibration.parameters for leg, calibration in calibrations.items()}
+    config, network, calibrations = models.config, models.network, models.calibrations
     trained_inputs = network.card.trained_inputs
-    # A leg has these from its foot's calibration or from the configuration, never from both.
-    strays_pf: dict[str, PerElement] = dict(config.stray_pf.items())
-    strays_pf |= {leg: foot.stray_pf for leg, foot in feet.items()}
-    stray_pf = _per_leg(config, strays_pf, 0.0)
-    # The design's capacitance excludes stray; a configured or calibrated reading of the foot includes it.
-    readings_pf: dict[str, PerElement] = dict(config.unloaded_pf.items())
-    readings_pf |= {leg: foot.unloaded_pf for leg, foot in feet.items()}
-    expected_pf = _per_leg(config, readings_pf, np.nan)
-    unloaded_pf = np.where(np.isnan(expected_pf), trained_inputs.design.unloaded_pf, expected_pf - stray_pf)
-    force_sensitivity = sensitivity(network, _n_rows(config), trained_inputs.moments)
-    estimator, set_temperature = _estimator(config, network, calibrations)
+    design = trained_inputs.design
+    stray_pf, unloaded_pf = unloaded_capacitance_pf(models)
+    force_sensitivity = sensitivity(network, models.n_rows, trained_inputs.moments)
+    estimator, set_temperature = _estimator(models)
     return Pipeline(
         alignment=_alignment(config, trained_inputs, estimator),
         trained=trained_inputs,
@@ -98,15 +61,13 @@ def pipeline_for(
             noise_limit_ff=config.tare.noise_limit_ff,
             unloaded_limit_rel=config.tare.unloaded_limit_rel,
         ),
-        contact=_contact_limits(config, trained_inputs.design, force_sensitivity),
+        contact=_contact_limits(config, design, force_sensitivity),
         track_baseline=config.baseline.track,
         max_age_ns=round(config.stale_after_ms * 1e6),
         settled_ns=round(_SETTLED_SCANS * config.shortest_scan_ms * 1e6),
         flags=flags,
-        gap_um=_per_leg(
-            config, {leg: foot.gap_um for leg, foot in feet.items()}, trained_inputs.design.gap_um
-        ),
-        gain_rel=_per_leg(config, {leg: foot.gain_rel for leg, foot in feet.items()}, 1.0),
+        gap_um=_per_leg(models, "gap_um", {}, design.gap_um),
+        gain_rel=_per_leg(models, "gain_rel", {}, 1.0),
         feet=[calibrations[leg].manifest.foot if leg in calibrations else "" for leg in config.legs],
         body_weight_n=config.body_weight_n,
         set_temperature=set_temperature,
@@ -114,14 +75,18 @@ def pipeline_for(
     )
 
 
+def unloaded_capacitance_pf(models: Models) -> tuple[Vector, Vector]:
+    """Return stray, and capacitance without stray, of each element of the free feet [pF], shape (legs, 9) each."""
+    # The design's capacitance excludes stray; a configured or calibrated reading of the foot includes it.
+    stray_pf = _per_leg(models, "stray_pf", models.config.stray_pf, 0.0)
+    reading_pf = _per_leg(models, "unloaded_pf", models.config.unloaded_pf, np.nan)
+    designed_pf = models.network.card.trained_inputs.design.unloaded_pf
+    return stray_pf, np.where(np.isnan(reading_pf), designed_pf, reading_pf - stray_pf)
+
+
 def _step_ns(config: Config) -> int:
     """Return the time from one element to the next [ns]: a conversion, and 1/12 for slow chips and row switches."""
     return round(config.rate.conversion_ns * (1 + 1 / 12))
-
-
-def _n_rows(config: Config) -> int:
-    """Return the rows of a network call: one per leg, two per leg for whole scans."""
-    return len(config.legs) * (1 if config.publish == "element" else 2)
 
 
 def _alignment(config: Config, trained_inputs: TrainedInputs, estimator: Estimator) -> Alignment:
@@ -135,28 +100,26 @@ def _alignment(config: Config, trained_inputs: TrainedInputs, estimator: Estimat
     )
 
 
-def _estimator(
-    config: Config, network: Network, calibrations: Calibrations
-) -> tuple[Estimator, Callable[[Vector], None] | None]:
+def _estimator(models: Models) -> tuple[Estimator, Callable[[Vector], None] | None]:
     """Return the estimator of these feet and the receiver of their temperature, None without calibrations."""
-    if not calibrations:
-        return network, None
-    mounted = [calibrations.get(leg) for leg in config.legs]
+    if not models.calibrations:
+        return models.network, None
+    mounted = [models.calibrations.get(leg) for leg in models.config.legs]
     feet = CalibratedFeet(
-        network,
-        [None if calibration is None else calibration.parameters for calibration in mounted],
-        _n_rows(config),
+        models.network, [foot.parameters if foot else None for foot in mounted], models.n_rows
     )
     set_temperature = partial(
-        feet.set_temperature,
-        calibrated_at=[None if calibration is None else calibration.calibrated_at for calibration in mounted],
+        feet.set_temperature, calibrated_at=[foot.calibrated_at if foot else None for foot in mounted]
     )
     set_temperature(np.full(len(mounted), np.nan))
     return feet, set_temperature
 
 
-def _per_leg(config: Config, values: Mapping[str, PerElement], default: float) -> Vector:
-    return np.array([values.get(leg, (default,) * ELEMENTS) for leg in config.legs])
+def _per_leg(models: Models, name: str, configured: Mapping[Any, Sequence[float]], default: float) -> Vector:
+    """Return a parameter of every element, shape (legs, 9): the calibration's, the configured, or the default."""
+    values: dict[str, Sequence[float] | Vector] = dict(configured)
+    values |= {leg: getattr(found.parameters, name) for leg, found in models.calibrations.items()}
+    return np.array([values.get(leg, (default,) * ELEMENTS) for leg in models.config.legs])
 
 
 def _closure_rel_per_pf(design: CapacitorDesign) -> float:

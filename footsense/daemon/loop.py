@@ -6,6 +6,7 @@ does: recorder and CAN log write in processes of their own, and metrics are serv
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,90 +15,64 @@ from footsense.frames import CapFrame, Command, Cycle, Reference, Vector
 from footsense.ports import Clock, ForceSink, FrameSource, Observer, ReferenceSensor
 
 
-def run(
-    source: FrameSource,
-    pipeline: Pipeline,
-    sink: ForceSink,
-    observers: Sequence[Observer],
-    clock: Clock,
-    stop: Callable[[], bool],
-    reference: ReferenceSensor | None = None,
-    temperature_c: Callable[[], Vector] | None = None,
-) -> None:
-    """Run cycles until the source ends or `stop` returns true; the caller closes its objects.
+@dataclass
+class Loop:
+    """Everything that a scan passes through; the caller closes its objects.
 
-    Args:
-        source: Source of scans.
+    Attributes:
         pipeline: Estimates the contact forces.
         sink: Takes forces, gives commands.
-        observers: Notified of every cycle.
+        observers: Notified of every cycle; more may be added between two runs.
         clock: Clock of the scans' stamps.
-        stop: Stop condition, called once a cycle.
         reference: Force sensor of a test stand.
         temperature_c: Returns the last temperature of each leg's converter [degC], shape (legs,), called once a cycle;
             None where no converter has a sensor.
     """
-    last_c: Vector | None = None
-    while not stop():
-        scan = source.read()
-        if scan is None:
-            return
-        samples = None if reference is None else reference.read(clock.now_ns())
-        new_c = None
+
+    pipeline: Pipeline
+    sink: ForceSink
+    observers: Sequence[Observer]
+    clock: Clock
+    reference: ReferenceSensor | None = None
+    temperature_c: Callable[[], Vector] | None = None
+
+    def run_on(self, source: FrameSource, stop: Callable[[], bool]) -> None:
+        """Run cycles until the source ends or `stop` returns true.
+
+        Args:
+            source: Source of scans.
+            stop: Stop condition, called once a cycle.
+        """
+        last_c: Vector | None = None
+        while not stop():
+            scan = source.read()
+            if scan is None:
+                return
+            samples = None if self.reference is None else self.reference.read(self.clock.now_ns())
+            new_c = None
+            if self.temperature_c is not None:
+                now_c = self.temperature_c()
+                if last_c is None or not np.array_equal(now_c, last_c, equal_nan=True):
+                    last_c = new_c = now_c
+            self.step(scan, tuple(self.sink.commands()), samples, new_c)
+
+    def step(
+        self,
+        scan: CapFrame,
+        commands: tuple[Command, ...],
+        reference: Reference | None = None,
+        temperature_c: Vector | None = None,
+    ) -> Cycle:
+        """Run one cycle: execute the commands, estimate, publish, notify the observers."""
+        pipeline, sink = self.pipeline, self.sink
         if temperature_c is not None:
-            now_c = temperature_c()
-            if last_c is None or not np.array_equal(now_c, last_c, equal_nan=True):
-                last_c = new_c = now_c
-        step(scan, tuple(sink.commands()), pipeline, sink, observers, clock, samples, new_c)
-
-
-def step(
-    scan: CapFrame,
-    commands: tuple[Command, ...],
-    pipeline: Pipeline,
-    sink: ForceSink,
-    observers: Sequence[Observer],
-    clock: Clock,
-    reference: Reference | None = None,
-    temperature_c: Vector | None = None,
-) -> Cycle:
-    """Run one cycle: execute the commands, estimate, publish, notify the observers."""
-    if temperature_c is not None:
-        pipeline.set_temperature(temperature_c)
-    immediate = [outcome for command in commands if (outcome := pipeline.execute(command)) is not None]
-    forces, ended = pipeline.process(scan, clock.now_ns())
-    sink.publish(forces)
-    cycle = Cycle(scan, commands, forces, (*immediate, *ended), reference, temperature_c)
-    for outcome in cycle.outcomes:
-        sink.answer(outcome)
-    for observer in observers:
-        observer.observe(cycle)
-    return cycle
-
-
-class Paced:
-    """A source in virtual or recorded time that is played at the speed of real time.
-
-    Args:
-        source: The source to slow down.
-        played: The time that its frames are in.
-        real: The time to play them in.
-    """
-
-    def __init__(self, source: FrameSource, played: Clock, real: Clock) -> None:
-        self._source = source
-        self._played = played
-        self._real = real
-        self._offset_ns: int | None = None
-
-    def read(self) -> CapFrame | None:
-        """Return the next scan of the source, delayed until the scan is due by the real clock."""
-        scan = self._source.read()
-        if self._offset_ns is None:
-            self._offset_ns = self._real.now_ns() - self._played.now_ns()
-        self._real.sleep_until_ns(self._played.now_ns() + self._offset_ns)
-        return scan
-
-    def close(self) -> None:
-        """Close the source."""
-        self._source.close()
+            pipeline.set_temperature(temperature_c)
+        immediate = [outcome for command in commands if (outcome := pipeline.execute(command)) is not None]
+        forces, ended = pipeline.process(scan, self.clock.now_ns())
+        sink.publish(forces)
+        cycle = Cycle(scan, commands, forces, (*immediate, *ended), reference, temperature_c)
+        for outcome in cycle.outcomes:
+            sink.answer(outcome)
+        for observer in self.observers:
+            observer.observe(cycle)
+        return cycle

@@ -1,6 +1,7 @@
 """Header of a recording: configuration, scene, flags, network, calibrations; written by a run, read by a replay."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -9,26 +10,22 @@ from footsense.clock import wall_time_iso
 from footsense.config import Config
 from footsense.config.former_keys import with_present_keys
 from footsense.config.sections import Can
+from footsense.daemon.models import Models
 from footsense.errors import RecordingError
-from footsense.estimation.network import Network
-from footsense.foot.files.calibration_reader import FootCalibration
 from footsense.frames import Flag
 from footsense.recording.machine import platform_versions
-from footsense.recording.replay import Replay
 from footsense.sim.scene import Scene
+
+if TYPE_CHECKING:
+    from footsense.recording.replay import Replay  # a run needs no reader of recordings
 
 _CALIBRATIONS = "calibrations"
 
 
-def recording_header(
-    config: Config,
-    scene: Scene | None,
-    network: Network,
-    flags: Flag,
-    calibrations: Mapping[str, FootCalibration],
-) -> dict[str, str]:
+def recording_header(models: Models, scene: Scene | None, flags: Flag) -> dict[str, str]:
     """Return the header of a recording that begins now."""
-    hashes = (f"{leg}={calibration.manifest.sha256}" for leg, calibration in calibrations.items())
+    config, network = models.config, models.network
+    hashes = (f"{leg}={calibration.manifest.sha256}" for leg, calibration in models.calibrations.items())
     return {
         "footsense": __version__,
         "started": wall_time_iso(),
@@ -43,7 +40,7 @@ def recording_header(
     }
 
 
-def recorded_flags(recording: Replay) -> int:
+def recorded_flags(recording: "Replay") -> int:
     """Return the flags that every frame of a recording carries; 0 if the header names no flags.
 
     Raises:
@@ -55,7 +52,7 @@ def recorded_flags(recording: Replay) -> int:
     return int(text)
 
 
-def recorded_config(recording: Replay) -> Config:
+def recorded_config(recording: "Replay") -> Config:
     """Return the configuration of a recording, its CAN kept inside the process.
 
     Raises:
@@ -74,25 +71,24 @@ def recorded_config(recording: Replay) -> Config:
     return msgspec.structs.replace(config, can=Can(interface="virtual"))
 
 
-def model_difference(
-    header: Mapping[str, str], network: Network, calibrations: Mapping[str, FootCalibration]
-) -> str | None:
+def model_difference(header: Mapping[str, str], models: Models) -> str | None:
     """Return why a replay cannot reproduce the recorded forces; None if network and calibrations match.
 
     Args:
         header: Header of the recording; without calibrations in it, it was made without.
-        network: Network used now.
-        calibrations: Calibrations used now, by leg.
+        models: Network and calibrations used now.
     """
     recorded = header.get("model_sha256", "unknown")
-    if recorded != network.sha256:
+    if recorded != models.network.sha256:
         return (
-            f"recorded with network {recorded[:12]}, here is {network.sha256[:12]}; "
+            f"recorded with network {recorded[:12]}, here is {models.network.sha256[:12]}; "
             "only the same network can give the same forces"
         )
     entries = [entry.partition("=") for entry in header.get(_CALIBRATIONS, "").split(",") if entry]
     then = {leg: f"the calibration {sha256[:12]}" for leg, _, sha256 in entries}
-    here = {leg: f"the calibration {found.manifest.sha256[:12]}" for leg, found in calibrations.items()}
+    here = {
+        leg: f"the calibration {found.manifest.sha256[:12]}" for leg, found in models.calibrations.items()
+    }
     for leg in sorted(then.keys() | here.keys()):
         if then.get(leg) != here.get(leg):
             return (

@@ -1,6 +1,7 @@
 """The daemon, put together: scans in, forces out, and the observers of both."""
 
 import logging
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
@@ -11,28 +12,27 @@ import msgspec
 
 from footsense.can.frame_log import check_log_target
 from footsense.can.sink import CanSink
-from footsense.clock import MonotonicClock, WakeupLatency, gc_disabled, request_realtime
+from footsense.clock import MonotonicClock, gc_disabled, request_realtime
 from footsense.config import Config
 from footsense.config.sections import Can
-from footsense.daemon import loop
 from footsense.daemon.acquisition import ScanSource, open_scan_source
-from footsense.daemon.calibrations import load_calibrations
 from footsense.daemon.can_output import can_sink, closing_at_end, simulated_can
-from footsense.daemon.estimation import load_network, pipeline_for
+from footsense.daemon.estimation import pipeline_for
+from footsense.daemon.loop import Loop
+from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import recording_header
-from footsense.daemon.simulation import is_simulated
+from footsense.daemon.simulation import Paced, is_simulated
 from footsense.errors import ConfigError, FootsenseError
 from footsense.estimation.network import Network
-from footsense.estimation.pipeline import Pipeline
-from footsense.frames import CanStatistics, Flag
-from footsense.ports import FrameSource, Observer
+from footsense.frames import Flag, Vector
+from footsense.ports import FrameSource, Observer, WakeupLatency
 from footsense.recording.recorder import Recorder, check_target
 from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.scene import Scene
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.log_lines import n_lost_lines
 from footsense.telemetry.metrics import MetricsObserver
-from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
+from footsense.telemetry.systemd import SystemdObserver
 
 if TYPE_CHECKING:
     from footsense.daemon.test_stand import StandSensor, StandSession
@@ -40,48 +40,33 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 
-@dataclass(slots=True)
-class Service:
+@dataclass(kw_only=True)
+class Service(Loop):
     """Open daemon: loop, outputs and child processes.
 
     Attributes:
         legs: Names of the legs in the order of the rows of every frame.
-        scan_source: Source of scans with its clock.
-        source: The same source, paced by the wall clock if a simulation has to be.
+        true_force_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
+        source: Source of scans, paced by the wall clock if a simulation has to be.
         network: The network in use.
-        pipeline: Pipeline from scans to forces.
-        sink: CAN sink.
-        observers: Observers of every cycle; more may be added before `run`.
         recorder: Recorder, if the run is recorded.
         can: Simulated CAN interface of a scene with CAN faults.
-        reference: The force sensor of a test stand.
     """
 
-    legs: tuple[str, ...]
-    scan_source: ScanSource
-    source: FrameSource
-    network: Network
-    pipeline: Pipeline
     sink: CanSink
     observers: list[Observer]
+    reference: "StandSensor | None"
+    legs: tuple[str, ...]
+    true_force_n: Callable[[int], Vector] | None
+    source: FrameSource
+    network: Network
     recorder: Recorder | None
     can: SimulatedCan | None
-    reference: "StandSensor | None" = None
 
-    def run(self, stop: Callable[[], bool]) -> None:
-        """Run until `stop` returns true."""
-        scan_source = self.scan_source
+    def run(self, stop: Callable[[], bool] = bool, until_ns: float = math.inf) -> None:
+        """Run until `stop` returns true, or until a time of the clock [ns]."""
         with gc_disabled():
-            loop.run(
-                self.source,
-                self.pipeline,
-                self.sink,
-                self.observers,
-                scan_source.clock,
-                stop,
-                self.reference,
-                scan_source.temperature_c,
-            )
+            self.run_on(self.source, lambda: stop() or self.clock.now_ns() >= until_ns)
 
     def figures(self) -> dict[str, object]:
         """Return the counts of frames sent and of frames, commands and cycles lost."""
@@ -119,7 +104,6 @@ def open_service(
         FootsenseError: An input or output is missing or wrong.
     """
     legs = config.legs
-    stats = CanStatistics()
     recorder: Recorder | None = None
     with ExitStack() as stack:
         if record is not None:
@@ -129,26 +113,25 @@ def open_service(
         if scene is not None and not is_simulated(config):
             # Simulated forces must not reach the controller of the real robot.
             config = msgspec.structs.replace(config, can=Can(interface="virtual"))
-        calibrations = load_calibrations(config)
-        network = load_network(config, calibrations)
+        models = load_models(config)
         # Before any chip is accessed; the recorder's process drops the scheduling that it inherits.
         flags = _flags(config, simulated=scene is not None)
         scan = stack.enter_context(open_scan_source(config, scene))
-        if scan.response_sha256 not in {None, network.card.response_sha256}:
+        if scan.response_sha256 not in {None, models.network.card.response_sha256}:
             _log.warning("the network was trained on another response table than the simulated feet follow")
         observers: list[Observer] = [
             Journal(legs, on_test_stand=test_stand is not None),
-            SystemdObserver(SystemdNotifier(), legs),
+            SystemdObserver(legs),
         ]
         source: FrameSource = scan.source
         wakeups = scan.wakeups
         if scene is not None and real_time:
             pace = MonotonicClock()
-            source, wakeups = loop.Paced(source, scan.clock, pace), (pace.wakeups,)
+            source, wakeups = Paced(source, scan.clock, pace), (pace.wakeups,)
         can = simulated_can(config, scene, scan.clock)
         connect = can.connect if can is not None else None
         sink = stack.enter_context(
-            can_sink(config, scan.clock, can_log, stats, real_time=real_time, connect=connect)
+            can_sink(config, scan.clock, can_log, real_time=real_time, connect=connect)
         )
         reference = None
         if test_stand is not None:
@@ -157,21 +140,23 @@ def open_service(
             row = legs.index(test_stand.leg)
             reference = stack.enter_context(closing(open_sensor(test_stand.test_stand, row, scan)))
         if record is not None:
-            header = recording_header(config, scene, network, flags, calibrations)
+            header = recording_header(models, scene, flags)
             header |= test_stand.header() if test_stand is not None else {}
             recorder = Recorder(record, legs, header, blocking=not real_time or test_stand is not None)
             observers.append(recorder)
-        observers += _metrics(config, stats, scan, wakeups, recorder)
+        observers += _metrics(config, sink, scan, wakeups, recorder)
         for observer in observers:
             stack.enter_context(closing_at_end(observer.close))
         yield Service(
             legs=legs,
-            scan_source=scan,
+            true_force_n=scan.true_force_n,
             source=source,
-            network=network,
-            pipeline=pipeline_for(config, network, flags, calibrations),
+            network=models.network,
+            pipeline=pipeline_for(models, flags),
             sink=sink,
             observers=observers,
+            clock=scan.clock,
+            temperature_c=scan.temperature_c,
             recorder=recorder,
             can=can,
             reference=reference,
@@ -180,7 +165,7 @@ def open_service(
 
 def _metrics(
     config: Config,
-    stats: CanStatistics,
+    sink: CanSink,
     scan: ScanSource,
     wakeups: Sequence[WakeupLatency],
     recorder: Recorder | None,
@@ -191,7 +176,7 @@ def _metrics(
     try:
         metrics = MetricsObserver(
             config.legs,
-            stats,
+            sink.stats,
             Path(config.metrics.counters),
             wakeups=wakeups,
             missed_deadlines=lambda: scan.source.missed_deadlines,

@@ -1,6 +1,7 @@
 """The guide of a session with the foot's network, and the practice session of a simulated test stand."""
 
 from collections.abc import Callable
+from functools import partial
 from zlib import crc32
 
 import numpy as np
@@ -9,7 +10,7 @@ from footsense.calibration.evaluation import estimate_loads
 from footsense.calibration.loads.calibration_load import CalibrationLoad
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.guide import SessionGuide
-from footsense.calibration.session.reference_checks import reference_check
+from footsense.calibration.session.reference_checks import reference_findings
 from footsense.config.test_stand import StandConfig
 from footsense.estimation.network import Network
 from footsense.frames import Mask, Vector
@@ -38,7 +39,7 @@ def session_guide(
         force_n: Vector = estimates.force_n[0]
         return force_n
 
-    return SessionGuide(row, wanted, estimate, reference_check(test_stand), report)
+    return SessionGuide(row, wanted, estimate, partial(reference_findings, test_stand), report)
 
 
 class _OneRow:

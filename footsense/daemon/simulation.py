@@ -1,4 +1,4 @@
-"""From configuration and scene to a simulated robot."""
+"""From configuration and scene to a simulated robot; and virtual or recorded time at the speed of real time."""
 
 from collections.abc import Iterator
 
@@ -6,6 +6,8 @@ from footsense.config import Config
 from footsense.daemon.foot_types import artefact_path, check_foot_type
 from footsense.errors import ConfigError
 from footsense.foot.response_table import FootResponse
+from footsense.frames import CapFrame
+from footsense.ports import Clock, FrameSource
 from footsense.sim.faults.scene_faults import OnChips, OnWires
 from footsense.sim.robot import SimulatedRobot, Wiring
 from footsense.sim.scene import Scene
@@ -55,3 +57,31 @@ def _faults_elsewhere(config: Config, scene: Scene) -> Iterator[str]:
             yield f"faults[{n}].leg: {leg} is no leg of this robot; it has {', '.join(config.legs)}"
         if bus is not None and bus >= len(config.buses):
             yield f"faults[{n}].bus: {bus} is no bus of this robot; it has 0 to {len(config.buses) - 1}"
+
+
+class Paced:
+    """A source in virtual or recorded time that is played at the speed of real time.
+
+    Args:
+        source: The source to slow down.
+        played: The time that its frames are in.
+        real: The time to play them in.
+    """
+
+    def __init__(self, source: FrameSource, played: Clock, real: Clock) -> None:
+        self._source = source
+        self._played = played
+        self._real = real
+        self._offset_ns: int | None = None
+
+    def read(self) -> CapFrame | None:
+        """Return the next scan of the source, delayed until the scan is due by the real clock."""
+        scan = self._source.read()
+        if self._offset_ns is None:
+            self._offset_ns = self._real.now_ns() - self._played.now_ns()
+        self._real.sleep_until_ns(self._played.now_ns() + self._offset_ns)
+        return scan
+
+    def close(self) -> None:
+        """Close the source."""
+        self._source.close()

@@ -87,10 +87,9 @@ def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> S
                 raise ConfigError(
                     "sensor.kind: simulated needs a simulated foot; this configuration names real buses"
                 )
-            specimen = simulated.SimulatedSensor(
-                lambda t_ns: true_force_n(t_ns)[row], sensor.seed, sensor.linearity_rel
+            port = simulated.SimulatedSensor(
+                lambda t_ns: true_force_n(t_ns)[row], scan_source.clock, sensor.seed, sensor.linearity_rel
             )
-            port = simulated.SimulatedPort(specimen, scan_source.clock)
             stream = _stream("simulated sensor", test_stand, simulated.RATE_HZ, 1.0)
             return SerialReference(port, LineDecoder(simulated.COLUMNS, ","), stream, b"start")
 

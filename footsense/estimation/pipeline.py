@@ -43,7 +43,7 @@ from footsense.frames import (
     Vector,
 )
 
-_VALID, _CONTACT = np.uint8(State.VALID), np.uint8(Flag.CONTACT)
+_VALID = np.uint8(State.VALID)
 
 
 class Alignment(Protocol):
@@ -126,7 +126,9 @@ class Pipeline:
         n_legs, design = len(stray_pf), trained.design
         self._alignment = alignment
         self._trained = trained
-        self._flags = np.uint8(flags)
+        # One per leg: to broadcast a single one takes longer than the operation.
+        self._flags = np.full(n_legs, flags, np.uint8)
+        self._contact = np.full(n_legs, Flag.CONTACT, np.uint8)
         # Plate distance over the gap, times capacitance.
         self._distance_pf = design.plate_distance_um(np.ones(1)) / design.gap_um
         if gain_rel is not None:
@@ -266,8 +268,10 @@ class Pipeline:
         """Feed the calibration monitor, and return each leg's cause: a stale calibration where there is no other."""
         monitor = self._monitor
         if now_ns >= monitor.due_ns:
-            load_n = np.where(state == _VALID, force_n[:, 2], np.nan)
-            in_contact = self._baselines.flags & _CONTACT != 0
+            load_n = force_n[:, 2]
+            if not legs.healthy:
+                load_n = np.where(state == _VALID, load_n, np.nan)
+            in_contact = (self._baselines.flags & self._contact).astype(np.bool_)
             monitor.observe(load_n, in_contact, self._consistency.squared_residuals(measured_rel), now_ns)
         if not monitor.any_stale:
             return legs.cause

@@ -12,19 +12,6 @@ from numpy.typing import ArrayLike
 
 from footsense.frames import Vector
 
-__all__ = [
-    "angles_between_deg",
-    "azimuth_elevation_deg",
-    "direction_grid",
-    "directions",
-    "normalized",
-    "paper_directions",
-    "random_directions",
-    "rotation",
-    "spiral_directions",
-    "tangent_frame",
-]
-
 
 def normalized(vectors: Vector) -> Vector:
     """Return vectors of length 1, shape (..., 3), of vectors of that shape, none of them zero."""

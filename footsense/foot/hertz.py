@@ -4,8 +4,6 @@ import numpy as np
 
 from footsense.frames import Vector
 
-__all__ = ["contact_radius_mm"]
-
 
 def contact_radius_mm(
     pressing_n: Vector | float, ball_radius_mm: float, contact_modulus_mpa: float

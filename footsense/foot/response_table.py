@@ -20,13 +20,12 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.errors import ModelError
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.gap_contact import ALL_CELLS, element_means
 from footsense.foot.hertz import contact_radius_mm
-from footsense.foot.symmetry import HALF_SIDE, SIDE, whole_compliance, whole_series
+from footsense.foot.symmetry import HALF_SIDE, SIDE, product_powers, whole_compliance, whole_series
 from footsense.frames import Vector
 
 #: Version of the file's layout.
@@ -35,6 +34,8 @@ FORMAT = 2
 #: Largest deviation of a unit vector from length 1 [1].
 UNIT_TOLERANCE = 1e-6
 
+#: Errors by which numpy, json and the constructors reject a damaged file.
+_DAMAGE = (KeyError, TypeError, ValueError, AttributeError, OSError, EOFError, zipfile.BadZipFile)
 #: Arrays of the file, by the names of the fields.
 _ARRAYS = ("quarter_series", "quarter_compliance")
 #: Other fields of the file, beside the design.
@@ -67,20 +68,9 @@ def series_basis(normal: Vector, degree: int, fit_elevation_deg: float) -> Vecto
     plane = normal[..., :2] * (scale / (1.0 + normal[..., 2:]))
     order = np.arange(degree + 1.0)
     chebyshev = np.cos(np.arccos(np.minimum(np.maximum(plane, -1.0), 1.0))[..., None] * order)
-    products = chebyshev[..., 0, :, None] * chebyshev[..., 1, None, :]
-    kept: Vector = products.reshape(*products.shape[:-2], -1)[..., _kept(degree)]
-    return kept
-
-
-_KEPT: dict[int, NDArray[np.intp]] = {}
-
-
-def _kept(degree: int) -> NDArray[np.intp]:
-    """Return the flat places of i + j <= degree in a square table; made once per degree."""
-    if degree not in _KEPT:
-        i, j = np.indices((degree + 1, degree + 1))
-        _KEPT[degree] = np.flatnonzero((i + j).ravel() <= degree)
-    return _KEPT[degree]
+    i, j = product_powers(degree)
+    products: Vector = chebyshev[..., 0, :][..., i] * chebyshev[..., 1, :][..., j]
+    return products
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -166,15 +156,7 @@ class FootResponse:
             about["design"] = CapacitorDesign(**about["design"])
             digest = hashlib.sha256(content).hexdigest()
             return cls(**{**about, **arrays}, sha256=digest)
-        except (
-            KeyError,
-            TypeError,
-            ValueError,
-            AttributeError,
-            OSError,
-            EOFError,
-            zipfile.BadZipFile,
-        ) as error:
+        except _DAMAGE as error:
             raise ModelError(f"{path} is no whole foot response ({error}); {rebuild}") from error
 
     def save(self, path: Path) -> None:

@@ -4,6 +4,8 @@ The cells of all electrodes together are an 18 x 18 grid, row 0 the most forward
 between the electrodes left out). A mirror of the foot maps the grid onto itself, so a quarter determines the rest.
 """
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,6 +28,7 @@ def flat_of_grid() -> NDArray[np.intp]:
     return flat.transpose(0, 2, 1, 3).reshape(SIDE, SIDE)
 
 
+@cache
 def product_powers(degree: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return i and j of every product T_i(X) T_j(Y) with i + j <= degree, in the order of the series."""
     i, j = np.indices((degree + 1, degree + 1))

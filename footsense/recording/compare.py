@@ -1,13 +1,12 @@
 """Comparison of recomputed forces with recorded ones."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from enum import IntEnum
+from collections.abc import Mapping, Sequence
 from operator import attrgetter
 
 import numpy as np
 
-from footsense.frames import BaselineStatus, Cause, ContactFrame, Mask, State, Vector
-from footsense.recording.messages import NOT_RECORDED
+from footsense.frames import ContactFrame, Mask, Vector
+from footsense.recording.cycle_fields import FIELDS, NOT_RECORDED
 
 #: Largest difference of a force computed on another processor or with other library versions [N].
 TOLERANCE_N = 1e-3
@@ -15,13 +14,14 @@ TOLERANCE_N = 1e-3
 #: Largest difference of a baseline offset then [pF]: half a code of the converter.
 TOLERANCE_PF = 1e-6
 
-#: Entries of the header that have to be equal for bits to be equal.
-MACHINE_KEYS = ("processor", "python", "numpy", "onnxruntime")
+#: Compared fields of the forces in their order; the later ones are not in recordings from before causes.
+_FIRST_FIELDS = ("state", "t_ns", "fault_mask", "flags", "force_n", "sigma_n")
+_LATER_FIELDS = ("cause", "baseline.status", "baseline.moved_ns", "baseline.mean_pf", "baseline.worst_pf")
 
 
 def same_machine(header: Mapping[str, str], here: Mapping[str, str]) -> bool:
-    """Return whether a recording was made by this processor and these library versions."""
-    return all(key in header and header[key] == here.get(key) for key in MACHINE_KEYS)
+    """Return whether a recording's header names this processor and these library versions, as bits depend on them."""
+    return all(header.get(key) == value for key, value in here.items())
 
 
 def compare(
@@ -51,31 +51,19 @@ def compare(
 
 
 def _leg_difference(recorded: ContactFrame, recomputed: ContactFrame, row: int, *, exact: bool) -> str | None:
-    def found(field: str, name: str, codes: type[IntEnum] | None = None) -> Iterator[str]:
-        then, now = (int(attrgetter(field)(frame)[row]) for frame in (recorded, recomputed))
-        if then != now:
-            words = (then, now) if codes is None else (codes(then).name, codes(now).name)
-            yield f"{name} was {words[0]}, is now {words[1]}"
-
-    def moved(field: str, names: Sequence[str], tolerance: float) -> Iterator[str]:
-        then, now = (np.atleast_1d(attrgetter(field)(frame)[row]) for frame in (recorded, recomputed))
-        for k in np.flatnonzero(~_equal(then, now, None if exact else tolerance)).tolist():
-            yield f"{names[k]} was {then[k]!s}, is now {now[k]!s}"
-
-    def differences() -> Iterator[str]:
-        yield from found("state", "state", State)
-        for field in ("t_ns", "fault_mask", "flags"):
-            yield from found(field, field)
-        yield from moved("force_n", ("fx_n", "fy_n", "fz_n"), TOLERANCE_N)
-        yield from moved("sigma_n", ("sigma_x_n", "sigma_y_n", "sigma_z_n"), TOLERANCE_N)
-        if recorded.cause[row] != NOT_RECORDED:
-            yield from found("cause", "cause", Cause)
-            yield from found("baseline.status", "baseline_status", BaselineStatus)
-            yield from found("baseline.moved_ns", "baseline_moved_ns")
-            yield from moved("baseline.mean_pf", ("baseline_mean_pf",), TOLERANCE_PF)
-            yield from moved("baseline.worst_pf", ("baseline_worst_pf",), TOLERANCE_PF)
-
-    return next(differences(), None)
+    """Return the first difference of a leg: the field's key and both values."""
+    is_old = recorded.cause[row] == NOT_RECORDED
+    for name in _FIRST_FIELDS if is_old else (*_FIRST_FIELDS, *_LATER_FIELDS):
+        field = FIELDS[f"forces.{name}"]
+        then, now = (np.atleast_1d(attrgetter(name)(frame)[row]) for frame in (recorded, recomputed))
+        tolerance = TOLERANCE_PF if field.keys[0].endswith("_pf") else TOLERANCE_N
+        same = then == now if field.kind != "<f8" else _equal(then, now, None if exact else tolerance)
+        for k in np.flatnonzero(~same).tolist():
+            words = [
+                str(value) if field.names is None else field.names(value).name for value in (then[k], now[k])
+            ]
+            return f"{field.keys[k]} was {words[0]}, is now {words[1]}"
+    return None
 
 
 def _equal(a: Vector, b: Vector, tolerance: float | None) -> Mask:

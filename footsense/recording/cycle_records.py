@@ -7,35 +7,20 @@ that packing is copying. The reader checks every field: a damaged record ends th
 
 from collections.abc import Iterator, Mapping
 from operator import attrgetter
-from typing import Annotated, Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
 from footsense.errors import RecordingError
-from footsense.frames import (
-    ELEMENTS,
-    BaselineDrift,
-    BaselineStatus,
-    CapFrame,
-    Cause,
-    Command,
-    CommandResult,
-    ContactFrame,
-    Cycle,
-    Reading,
-    Reference,
-    State,
-)
+from footsense.frames import Command, CommandResult, Cycle, Reference
+from footsense.recording.cycle_fields import FIELDS, Count, forces_of, scan_of
 
 _LENGTH_BYTES = 4
 #: Longest record [bytes], far above any cycle.
 _MAX_RECORD = 1 << 24
 #: Longest reason of a command's result [characters].
 _MAX_REASON = 10_000
-
-#: A counter or time: not negative, 63 bits.
-_Count = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
 
 
 class NumberedCycle(NamedTuple):
@@ -59,9 +44,9 @@ class LostCycles(msgspec.Struct, frozen=True, array_like=True, tag="loss"):
         n_cycles: Number of lost cycles before it.
     """
 
-    counter: _Count
-    t_ns: _Count
-    n_cycles: _Count
+    counter: Count
+    t_ns: Count
+    n_cycles: Count
 
 
 class _Header(msgspec.Struct, array_like=True, tag="header"):
@@ -69,10 +54,10 @@ class _Header(msgspec.Struct, array_like=True, tag="header"):
 
 
 class _Cycle(msgspec.Struct, array_like=True, tag="cycle"):
-    counter: _Count
-    scan_sequence: _Count
-    force_sequence: _Count
-    t_sent_ns: _Count
+    counter: Count
+    scan_sequence: Count
+    force_sequence: Count
+    t_sent_ns: Count
     arrays: bytes
     commands: tuple[Command, ...]
     outcomes: tuple[CommandResult, ...]
@@ -84,33 +69,9 @@ class _Cycle(msgspec.Struct, array_like=True, tag="cycle"):
 _encode = msgspec.msgpack.Encoder(enc_hook=np.generic.item).encode
 _decode = msgspec.msgpack.Decoder(_Header | _Cycle | LostCycles).decode
 
-#: A cycle's arrays by their place in it, wide entries first so that all are aligned: type, and shape of a leg's part.
-_ARRAYS = {
-    "scan.t_ns": ("<i8", (ELEMENTS,)),
-    "scan.capacitance_pf": ("<f8", (ELEMENTS,)),
-    "forces.t_ns": ("<i8", ()),
-    "forces.force_n": ("<f8", (3,)),
-    "forces.sigma_n": ("<f8", (3,)),
-    "forces.baseline.mean_pf": ("<f8", ()),
-    "forces.baseline.worst_pf": ("<f8", ()),
-    "forces.baseline.moved_ns": ("<i8", ()),
-    "forces.fault_mask": ("<u2", ()),
-    "scan.reading": ("u1", (ELEMENTS,)),
-    "forces.state": ("u1", ()),
-    "forces.flags": ("u1", ()),
-    "forces.cause": ("u1", ()),
-    "forces.baseline.status": ("u1", ()),
-}
+#: The fields of a record in their order, wide entries first so that all are aligned.
+_ARRAYS = sorted(FIELDS, key=lambda path: np.dtype(FIELDS[path].kind).itemsize, reverse=True)
 _arrays_of = attrgetter(*_ARRAYS)
-
-#: Largest code of each array of codes.
-_CODES = {
-    "forces.state": max(State),
-    "forces.cause": max(Cause),
-    "forces.baseline.status": max(BaselineStatus),
-    "scan.reading": max(Reading),
-    "forces.fault_mask": (1 << ELEMENTS) - 1,
-}
 
 
 def pack_header(header: Mapping[str, str]) -> bytes:
@@ -201,20 +162,17 @@ def require(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the s
 
 
 def _numbered(record: _Cycle, n_legs: int) -> NumberedCycle:
-    layout = np.dtype([(name, kind, (n_legs, *shape)) for name, (kind, shape) in _ARRAYS.items()])
+    layout = np.dtype([(path, FIELDS[path].kind, (n_legs, *FIELDS[path].shape)) for path in _ARRAYS])
     require(len(record.arrays) == layout.itemsize, f"arrays of {len(record.arrays)} bytes")
     entry = np.frombuffer(record.arrays, dtype=layout)[0]
-    for name, most in _CODES.items():
-        require(entry[name].max() <= most, f"{name} {entry[name].max()}, at most {most} has a meaning")
+    for path, field in FIELDS.items():
+        if field.most is not None:
+            found = entry[path].max()
+            require(found <= field.most, f"{path} {found}, at most {field.most} has a meaning")
     commands = (*record.commands, *(outcome.command for outcome in record.outcomes))
     require(all(0 <= command.leg < n_legs for command in commands), f"a command for none of {n_legs} legs")
-    arrays: dict[str, dict[str, Any]] = {"scan": {}, "forces": {}, "forces.baseline": {}}
-    for name in _ARRAYS:
-        place, _, field = name.rpartition(".")
-        arrays[place][field] = entry[name]
-    scan = CapFrame(record.scan_sequence, **arrays["scan"])
-    baseline = BaselineDrift(**arrays["forces.baseline"])
-    forces = ContactFrame(record.force_sequence, record.t_sent_ns, **arrays["forces"], baseline=baseline)
+    scan = scan_of(record.scan_sequence, entry)
+    forces = forces_of(record.force_sequence, record.t_sent_ns, entry)
     reference = None if record.reference is None else _reference(*record.reference)
     temperature_c = None if record.temperature_c is None else np.frombuffer(record.temperature_c, "<f8")
     require(temperature_c is None or len(temperature_c) == n_legs, "temperatures of other legs")

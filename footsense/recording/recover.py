@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from footsense.errors import RecordingError
+from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_records import NumberedCycle
-from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recorder import check_not_being_written, check_target, partial_path
 from footsense.recording.replay import Replay
 
@@ -60,11 +60,8 @@ def recover(path: Path, target: Path) -> Recovered:
             file = McapFile(fd, replay.header)
             try:
                 for entry in replay.entries():
-                    if isinstance(entry, NumberedCycle):
-                        file.add_cycle(entry)
-                        n_cycles += 1
-                    else:
-                        file.add_loss(entry)
+                    file.add(entry)
+                    n_cycles += isinstance(entry, NumberedCycle)
             except RecordingError as error:
                 damage = error
             file.finish()

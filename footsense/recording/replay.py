@@ -5,8 +5,8 @@ from pathlib import Path
 
 from footsense.errors import RecordingError
 from footsense.frames import CapFrame, Command, Cycle
+from footsense.recording.container.mcap_reader import read_entries, read_header
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
-from footsense.recording.mcap_reader import read_entries, read_header
 
 
 class Replay:

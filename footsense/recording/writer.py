@@ -16,8 +16,8 @@ from pathlib import Path
 
 from footsense.child_process import drop_realtime, read_batches
 from footsense.errors import RecordingError
+from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack
-from footsense.recording.mcap_writer import McapFile
 
 #: Longest time that cycles stay in an unfinished chunk [ns].
 FLUSH_PERIOD_NS = 400_000_000
@@ -56,21 +56,25 @@ class PipeWriter:
             if isinstance(entry, dict):
                 self._file = McapFile(self._fd, entry)
                 self._n_legs = len(entry["legs"].split(","))
-            elif self._file is not None and isinstance(entry, NumberedCycle):
-                n_written = self._file.n_written
-                self._file.add_cycle(entry)
-                # A chunk was full and is written; the force of this cycle may be in the next one.
-                if self._file.n_written > n_written:
-                    self.n_cycles = self._n_added
-                self._n_added += 1
-                t_ns = entry.cycle.forces.t_sent_ns
-                if self._t_flushed_ns is None:
-                    self._t_flushed_ns = t_ns
-                elif t_ns - self._t_flushed_ns >= FLUSH_PERIOD_NS:
-                    self._t_flushed_ns = t_ns
-                    self.flush()
-            elif self._file is not None and isinstance(entry, LostCycles):
-                self._file.add_loss(entry)
+            elif self._file is not None:
+                self._add(self._file, entry)
+
+    def _add(self, file: McapFile, entry: NumberedCycle | LostCycles) -> None:
+        """Write a cycle or a loss; close the chunk where it is due."""
+        n_written = file.n_written
+        file.add(entry)
+        if isinstance(entry, LostCycles):
+            return
+        # A chunk was full and is written; the force of this cycle may be in the next one.
+        if file.n_written > n_written:
+            self.n_cycles = self._n_added
+        self._n_added += 1
+        t_ns = entry.cycle.forces.t_sent_ns
+        if self._t_flushed_ns is None:
+            self._t_flushed_ns = t_ns
+        elif t_ns - self._t_flushed_ns >= FLUSH_PERIOD_NS:
+            self._t_flushed_ns = t_ns
+            self.flush()
 
     def flush(self) -> None:
         """Hand every complete cycle to the kernel."""

@@ -12,11 +12,12 @@ import numpy as np
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
+from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.bus.kernel_mux import SimulatedKernelMuxLeg
+from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
-from footsense.sim.faults.bus_faults import FailingBus
 from footsense.sim.faults.scene_faults import OnWires, StuckSda
+from footsense.sim.faults.wire_faults import WireFaults
 from footsense.sim.foot.fabrication import fabricate, mounted
 from footsense.sim.foot.warming import softness_at
 from footsense.sim.leg import SimulatedLeg
@@ -81,11 +82,9 @@ class SimulatedRobot:
         buses: Wiring of each bus.
 
     Attributes:
-        clocks: Clock of each bus.
         clock: Clock of a user of all buses.
         buses: The upstream buses: the adapters, unless the kernel drives the mux.
         adapters: Adapter of each leg by name, for every bus whose mux the kernel drives; empty for the others.
-        muxes: Mux of each bus, whose RESET pin a line of the host may drive.
         response_sha256: Hash of the response table.
         feet: Foot on each leg.
         legs: Legs by name.
@@ -98,52 +97,39 @@ class SimulatedRobot:
         self.feet = _feet(scene, response, self._legs)
         tables = _gait_tables(scene, self._load, self.feet) if scene.gait_table else {}
         self.legs: dict[str, SimulatedLeg] = {}
-        self.clocks = tuple(VirtualClock() for _ in buses)
-        self.clock = JoinedClock(self.clocks)
-        self.buses: list[SimulatedBus | FailingBus] = []
-        self.muxes: list[SimulatedMux] = []
+        self.buses: list[SimulatedBus] = []
         self.adapters: list[dict[str, SimulatedKernelMuxLeg]] = []
-        for number, (wiring, clock) in enumerate(zip(buses, self.clocks, strict=True)):
+        for number, wiring in enumerate(buses):
             for leg in wiring.channels:
                 index, foot, table = self._legs.index(leg), self.feet[leg], tables.get(leg)
                 self.legs[leg] = SimulatedLeg(leg, index, scene, self._load, foot, table, wiring.board)
-            mux = SimulatedMux(wiring.mux_address)
             # A mux that the kernel drives is switched without a system call: each leg adds the cost of the host.
             leg_cost_ns = round(scene.host_cost_us * 1e3)
-            host_cost_ns = 0 if wiring.kernel_mux else leg_cost_ns
-            bus: SimulatedBus | FailingBus = SimulatedBus(
-                clock,
-                rate_hz=wiring.rate_hz,
-                host_cost_ns=host_cost_ns,
-                mux=mux,
-                legs={channel: self.legs[leg].chips for leg, channel in wiring.channels.items()},
-            )
             broken = [
                 fault
                 for fault in scene.faults
                 if isinstance(fault, OnWires)
                 and (fault.leg in wiring.channels if isinstance(fault, StuckSda) else fault.bus == number)
             ]
-            if broken:
-                bus = FailingBus(
-                    bus,
-                    clock,
-                    mux,
-                    wiring.channels,
-                    broken,
-                    timeout_ns=round(scene.effects.adapter_timeout_ms * 1e6),
-                    host_cost_ns=host_cost_ns,
-                    rng=np.random.default_rng((scene.seed, number, 3)),
-                )
+            timeout_ns = round(scene.effects.adapter_timeout_ms * 1e6)
+            rng = np.random.default_rng((scene.seed, number, 3))
+            bus = SimulatedBus(
+                VirtualClock(),
+                rate_hz=wiring.rate_hz,
+                host_cost_ns=0 if wiring.kernel_mux else leg_cost_ns,
+                mux=SimulatedMux(wiring.mux_address),
+                legs={channel: self.legs[leg].chips for leg, channel in wiring.channels.items()},
+                faults=WireFaults(broken, wiring.channels, timeout_ns, rng) if broken else None,
+            )
             self.buses.append(bus)
-            self.muxes.append(mux)
             self.adapters.append(
                 {
-                    leg: SimulatedKernelMuxLeg(bus, clock, mux, channel, leg_cost_ns)
+                    leg: SimulatedKernelMuxLeg(bus, bus.clock, bus.mux, channel, leg_cost_ns)
                     for leg, channel in wiring.channels.items()
                     if wiring.kernel_mux
                 }
             )
+        self.clock = JoinedClock([bus.clock for bus in self.buses])
 
     def true_force_n(self, t_ns: int) -> Vector:
         """Return the true force on every foot at a time [N], shape (legs, 3), foot frame."""

@@ -55,15 +55,13 @@ class Constant(_Load, frozen=True, kw_only=True, tag="constant"):
         return ground_load.Ramp(self.force_n, from_ns)
 
 
-class Ramp(_Load, frozen=True, kw_only=True, tag="ramp"):
+class Ramp(Constant, frozen=True, kw_only=True, tag="ramp"):
     """One force on every foot, through the centre of its ball, that rises linearly from zero.
 
     Attributes:
-        force_n: The force in the end [N].
         rise_s: Duration of the rise [s].
     """
 
-    force_n: Pressing
     rise_s: Annotated[float, Meta(gt=0.0, le=60.0)]
 
     def build(self, from_ns: int) -> ground_load.ContactSource:

@@ -10,10 +10,10 @@ from array import array
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Protocol
 
 from firmware_interface.can_codes import phase_of
 from footsense.frames import CanStatistics, CommandKind, ContactFrame, Cycle, Flag, Result, State
+from footsense.ports import Observer, WakeupLatency
 from footsense.telemetry.metric_families import (
     AGE_BOUNDS_S,
     CAN_COUNTERS,
@@ -27,25 +27,13 @@ from footsense.telemetry.shared_counters import SharedCounters
 _COPY_PERIOD_NS = 100_000_000
 _FARADS_PER_PF = 1e-12
 
-
-class WakeupLatency(Protocol):
-    """Wake-up statistics of one thread: latency histogram and overruns.
-
-    Attributes:
-        bounds_s: Bounds of the histogram [s].
-        histogram: Wake-ups in each bucket, those above the last bound, and the sum of their latencies [s].
-        overruns: Deadlines that had passed before the thread could sleep.
-    """
-
-    @property
-    def bounds_s(self) -> Sequence[float]: ...  # noqa: D102 - above
-    @property
-    def histogram(self) -> "array[float]": ...  # noqa: D102
-    @property
-    def overruns(self) -> int: ...  # noqa: D102
+# Looked up by plain numbers: an enumeration's arithmetic costs a microsecond each time.
+_N_CODES = {name: len(codes) for name, (_, codes, _) in STATE_SETS.items()}
+_PHASES = {state.value: phase_of(state).value for state in State}
+_CONTACT, _DEGRADED_TIMING = int(Flag.CONTACT), int(Flag.DEGRADED_TIMING)
 
 
-class MetricsObserver:
+class MetricsObserver(Observer):
     """Counts every cycle into shared memory.
 
     Args:
@@ -91,6 +79,8 @@ class MetricsObserver:
         width = len(AGE_BOUNDS_S) + 2
         self._ages = [self._first["footsense_frame_age_seconds"] + row * width for row in range(len(legs))]
         self._scan_cells: list[int] = []
+        self._can_cells = [(self._first[name], field) for field, (name, _) in CAN_COUNTERS.items()]
+        self._state_cells: dict[str, list[int]] = {}
 
     def observe(self, cycle: Cycle) -> None:
         """Add one cycle to the shared counters of the metrics."""
@@ -128,13 +118,13 @@ class MetricsObserver:
         """Update states, causes and flags, and choose the counters of the scans to come."""
         states, flags = forces.state.tolist(), forces.flags.tolist()
         self._set_states("footsense_leg_state", states)
-        self._set_states("footsense_leg_phase", [phase_of(State(state)) for state in states])
+        self._set_states("footsense_leg_phase", [_PHASES[state] for state in states])
         self._set_states("footsense_leg_cause", forces.cause.tolist())
-        self._set("footsense_leg_contact", [bool(flag & Flag.CONTACT) for flag in flags])
-        self._set("footsense_degraded_timing", [any(flag & Flag.DEGRADED_TIMING for flag in flags)])
-        by_state = self._first["footsense_leg_scans_total"]
+        self._set("footsense_leg_contact", [bool(flag & _CONTACT) for flag in flags])
+        self._set("footsense_degraded_timing", [any(flag & _DEGRADED_TIMING for flag in flags)])
+        by_state, n_states = self._first["footsense_leg_scans_total"], len(State)
         self._scan_cells = [self._first["footsense_scans_total"]]
-        self._scan_cells += [by_state + row * len(State) + state for row, state in enumerate(states)]
+        self._scan_cells += [by_state + row * n_states + state for row, state in enumerate(states)]
         for row, (state, before) in enumerate(zip(states, self._states, strict=True)):
             column = self._fault_column.get(state)
             if state != before and column is not None:
@@ -144,9 +134,9 @@ class MetricsObserver:
 
     def _copy_external_counts(self, forces: ContactFrame) -> None:
         """Copy the counts of others, and the baselines."""
-        baseline = forces.baseline
-        for field, (name, _) in CAN_COUNTERS.items():
-            self._set(name, [getattr(self._can, field)])
+        baseline, cells = forces.baseline, self._counters.cells
+        for cell, field in self._can_cells:
+            cells[cell] = getattr(self._can, field)
         self._set("footsense_recorder_lost_scans_total", [self._n_lost_scans()])
         self._set("footsense_log_lost_lines_total", [self._n_lost_lines()])
         self._set_states("footsense_baseline_status", baseline.status.tolist())
@@ -164,12 +154,15 @@ class MetricsObserver:
             self._set("footsense_missed_deadlines_total", [self._missed_deadlines()])
 
     def _set_states(self, name: str, states: Sequence[int]) -> None:
-        """Set each leg's series of a state set: 1 for its present code, 0 for the others."""
-        n_codes = len(STATE_SETS[name][1])
-        values = [0.0] * (n_codes * len(states))
-        for row, state in enumerate(states):
-            values[row * n_codes + state] = 1.0
-        self._set(name, values)
+        """Set each leg's series of a state set: 1 for its present code, 0 for the one before."""
+        first, n_codes = self._first[name], _N_CODES[name]
+        present = [first + row * n_codes + state for row, state in enumerate(states)]
+        before = self._state_cells.get(name, present)
+        cells = self._counters.cells
+        for cell, cell_before in zip(present, before, strict=True):
+            cells[cell_before] = 0.0
+            cells[cell] = 1.0
+        self._state_cells[name] = present
 
     def _set(self, name: str, values: Sequence[float]) -> None:
         """Write the cells of a family."""

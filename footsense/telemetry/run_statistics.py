@@ -8,58 +8,16 @@ from collections.abc import Callable
 
 import numpy as np
 
+from footsense.foot.directions import angles_between_deg
 from footsense.frames import FAULT_FREE, USABLE, Cycle, State, Vector
 from footsense.ports import Observer
+from footsense.telemetry.histogram import Histogram
 
 #: Smallest true force of a loaded frame, whose direction is defined [N].
 LOADED_N = 0.1
 
 _DIRECTION_BIN_DEG = 0.02
 _AGE_BIN_MS = 0.05
-
-
-class Histogram:
-    """Histogram with bins of equal width from 0; the last bin also counts all larger values.
-
-    Args:
-        width: Width of a bin.
-        end: Upper end of the last one.
-    """
-
-    def __init__(self, width: float, end: float) -> None:
-        self._width = width
-        self._counts = np.zeros(round(end / width), np.int64)
-        self._sum = 0.0
-
-    def add(self, values: Vector) -> None:
-        """Count the given non-negative values, shape (n,), in their bins."""
-        bins = np.minimum((values / self._width).astype(np.int64), len(self._counts) - 1)
-        np.add.at(self._counts, bins, 1)
-        self._sum += float(values.sum())
-
-    @property
-    def total(self) -> int:
-        """Number of values counted in all bins."""
-        return int(self._counts.sum())
-
-    @property
-    def mean(self) -> float | None:
-        """Mean of the values, None without any."""
-        return self._sum / self.total if self.total else None
-
-    def quantile(self, share: float) -> float | None:
-        """Return the value below which `share` of all lie, to one bin's width; None without values.
-
-        Example:
-            >>> ages = Histogram(0.1, 10.0)
-            >>> ages.add(np.arange(100) / 100)
-            >>> round(ages.quantile(0.5), 3)
-            0.5
-        """
-        if not self.total:
-            return None
-        rank = np.searchsorted(self._counts.cumsum(), share * self.total)
-        return float((rank + 1) * self._width)
 
 
 class RunStatistics(Observer):
@@ -99,10 +57,8 @@ class RunStatistics(Observer):
     def _compare(self, estimate_n: Vector, true_n: Vector) -> None:
         self._squared_n2 += np.square(estimate_n - true_n).sum(axis=0)
         self._valid += len(estimate_n)
-        true, estimate = np.linalg.norm(true_n, axis=1), np.linalg.norm(estimate_n, axis=1)
-        loaded = (true >= LOADED_N) & (estimate > 0)
-        cosine = (estimate_n[loaded] * true_n[loaded]).sum(axis=1) / (true[loaded] * estimate[loaded])
-        self._direction_deg.add(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+        loaded = (np.linalg.norm(true_n, axis=1) >= LOADED_N) & estimate_n.any(axis=1)
+        self._direction_deg.add(angles_between_deg(true_n[loaded], estimate_n[loaded]))
 
     def summary(self) -> dict[str, object]:
         """Return the statistics as plain values; None for a figure without samples."""

@@ -10,8 +10,10 @@ Source:
 import os
 import socket
 from collections.abc import Mapping
+from contextlib import suppress
 
 from footsense.frames import Cycle, Flag, State
+from footsense.ports import Observer
 
 _STATUS_PERIOD_NS = 10_000_000_000
 
@@ -30,17 +32,22 @@ def watchdog_interval_ns(environment: Mapping[str, str] = os.environ) -> int | N
     return int(timeout_us) * 1000 // 2
 
 
-class SystemdNotifier:
-    """The notification socket of systemd.
+class SystemdObserver(Observer):
+    """Cycle observer that keeps systemd informed; does nothing without systemd.
 
     Args:
+        legs: Name of the leg in each row of the frames.
         environment: Environment with `NOTIFY_SOCKET`: a path, or an abstract socket's name behind an `@`.
 
     Timing:
         One system call a message, some microseconds; never waits.
     """
 
-    def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
+    def __init__(self, legs: tuple[str, ...], environment: Mapping[str, str] = os.environ) -> None:
+        self._legs = legs
+        self._interval_ns = watchdog_interval_ns(environment)
+        self._alive_ns: int | None = None
+        self._status_ns = 0
         address = environment.get("NOTIFY_SOCKET", "")
         self._socket: socket.socket | None = None
         if address.startswith(("/", "@")):
@@ -49,54 +56,33 @@ class SystemdNotifier:
             self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
             self._socket.setblocking(False)
 
-    def send(self, **assignments: str) -> None:
-        """Send assignments such as `READY="1"` as one message; line breaks in values become blanks."""
-        if self._socket is not None:
-            lines = (f"{name}={' '.join(value.split())}" for name, value in assignments.items())
-            try:
-                self._socket.sendto("\n".join(lines).encode(), self._address)
-            except OSError:
-                return  # systemd is being re-executed or its queue is full; the next message will do
-
-    def close(self) -> None:
-        """Release the socket; later messages are dropped."""
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
-
-
-class SystemdObserver:
-    """Cycle observer that keeps systemd informed; does nothing without systemd.
-
-    Args:
-        notifier: The notification socket.
-        legs: Name of the leg in each row of the frames.
-    """
-
-    def __init__(self, notifier: SystemdNotifier, legs: tuple[str, ...]) -> None:
-        self._notifier = notifier
-        self._legs = legs
-        self._interval_ns = watchdog_interval_ns()
-        self._alive_ns: int | None = None
-        self._status_ns = 0
-
     def observe(self, cycle: Cycle) -> None:
         """Report the first cycle as readiness, and send watchdog and status when due."""
         now_ns = cycle.forces.t_sent_ns
         if self._alive_ns is None:
-            self._notifier.send(READY="1", STATUS=self._status(cycle))
+            self.send(READY="1", STATUS=self._status(cycle))
             self._alive_ns = self._status_ns = now_ns
         if self._interval_ns is not None and now_ns - self._alive_ns >= self._interval_ns:
-            self._notifier.send(WATCHDOG="1")
+            self.send(WATCHDOG="1")
             self._alive_ns = now_ns
         if now_ns - self._status_ns >= _STATUS_PERIOD_NS:
-            self._notifier.send(STATUS=self._status(cycle))
+            self.send(STATUS=self._status(cycle))
             self._status_ns = now_ns
 
+    def send(self, **assignments: str) -> None:
+        """Send assignments such as `READY="1"` as one message; line breaks in values become blanks."""
+        if self._socket is not None:
+            lines = (f"{name}={' '.join(value.split())}" for name, value in assignments.items())
+            # Fails while systemd is re-executed or its queue is full; the next message will do.
+            with suppress(OSError):
+                self._socket.sendto("\n".join(lines).encode(), self._address)
+
     def close(self) -> None:
-        """Report that the service ends on request."""
-        self._notifier.send(STOPPING="1")
-        self._notifier.close()
+        """Report that the service ends on request; later messages are dropped."""
+        self.send(STOPPING="1")
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
 
     def _status(self, cycle: Cycle) -> str:
         states = zip(self._legs, cycle.forces.state.tolist(), strict=True)

@@ -91,8 +91,7 @@ def can_trial(fault: CanFault, *, duration_s: float, config: Config = DEFAULT) -
         controller = robot.can.controller
         controller.on_delivered = consumer.on_delivered
         robot.observers.append(consumer)
-        clock = robot.scan_source.clock
-        robot.run(lambda: clock.now_ns() > duration_s * 1e9)
+        robot.run(until_ns=duration_s * 1e9)
         n_dropped = robot.sink.stats.dropped
     received_ns = consumer.received_ns.values()
     again_ns = [

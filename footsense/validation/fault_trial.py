@@ -112,10 +112,9 @@ def walk(*faults: Fault, config: Config = DEFAULT, effects: Effects = WALK.effec
     observer = _Observer()
     scene = msgspec.structs.replace(WALK, faults=faults, effects=effects)
     with open_service(config, scene, real_time=False) as running:
-        source = running.scan_source
         running.observers.append(observer)
-        running.run(lambda: source.clock.now_ns() > DURATION_S * 1e9)
-        true_force_n = source.true_force_n
+        running.run(until_ns=DURATION_S * 1e9)
+        true_force_n = running.true_force_n
         assert true_force_n is not None, "a scene is simulated"
         frames = observer.frames
         true_n = [[true_force_n(int(t))[row] for row, t in enumerate(frame.t_ns)] for frame in frames]

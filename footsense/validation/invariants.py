@@ -14,6 +14,7 @@ import numpy as np
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, decode_quality
 from firmware_interface.socketcan import split_frames
+from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.frames import USABLE, ContactFrame, Cycle, State, Vector
 from footsense.ports import Observer
 from footsense.sim.can.interface import AS_DEPLOYED
@@ -35,10 +36,8 @@ CAN_RECOVERY_S = 2.0
 
 #: Delay of the next frame by the search for a leg [s]; considerable only against a single conversion.
 _SEARCH_DELAY_S = 1.5e-3
-#: Frames of a leg in a cycle on CAN: `Force` and `Quality`.
-_FRAMES_PER_LEG = 2
 #: Frames ahead of one on the wire: a full queue and the mailboxes, each of which loses to another node's [bits].
-_DRAIN_BITS = 2 * (AS_DEPLOYED.queue_frames + AS_DEPLOYED.mailboxes) * 135
+_DRAIN_BITS = 2 * (AS_DEPLOYED.queue_frames + AS_DEPLOYED.mailboxes) * LONGEST_FRAME_BITS
 #: Values of the counter in a frame of CAN.
 _COUNTER_VALUES = 15
 
@@ -97,7 +96,7 @@ class Invariants(Observer):
         self._counters: dict[int, tuple[int, int]] = {}  # by node: counter, t_ns
         self._on_time_s = 1.1 * rules.period_s + _SEARCH_DELAY_S
         # A full queue holds frames of so many cycles: two of six legs, three of three legs.
-        n_cycles = math.ceil(AS_DEPLOYED.queue_frames / (_FRAMES_PER_LEG * len(rules.legs)))
+        n_cycles = math.ceil(AS_DEPLOYED.queue_frames / (FRAMES_PER_LEG * len(rules.legs)))
         self._longest_wait_s = n_cycles * rules.period_s + _DRAIN_BITS / rules.bitrate
         self.violations: list[Violation] = []
         self.n_violations: Counter[str] = Counter()

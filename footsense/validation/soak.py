@@ -151,14 +151,12 @@ def _walk(
 ) -> tuple[Invariants, tuple[float, float]]:
     """Walk up to a time [s]; return the checks, and the memory after the first minutes and at the end [MiB]."""
     with open_service(config, scene, real_time=False) as running:
-        source = running.scan_source
-        assert source.true_force_n is not None, "a scene is simulated"
+        assert running.true_force_n is not None, "a scene is simulated"
         assert running.can is not None, "the scene has traffic on CAN"
-        checks = Invariants(rules, scene.faults, source.true_force_n)
+        checks = Invariants(rules, scene.faults, running.true_force_n)
         running.observers.append(checks)
         running.can.controller.on_delivered = checks.on_delivered
-        clock = source.clock
-        running.run(lambda: clock.now_ns() >= min(_WARM_S, until_s) * _NS_PER_S)
+        running.run(until_ns=min(_WARM_S, until_s) * _NS_PER_S)
         warm_mib = resident_mib()
-        running.run(lambda: clock.now_ns() >= until_s * _NS_PER_S)
+        running.run(until_ns=until_s * _NS_PER_S)
         return checks, (warm_mib, resident_mib())

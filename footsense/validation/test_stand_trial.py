@@ -84,7 +84,7 @@ def run_trial(batch: FootBatch, number: int, folder: Path, *, every: int = 1) ->
     config = _config(batch, number)
     training, _ = _session(batch, number, config, "training", folder, every)
     test, presses = _session(batch, number, config, "verification", folder, every)
-    true_force_n = np.array([presses.contact(LEG, load.t_ns).force_n for load in test.loads])
+    true_force_n = np.array([presses.contact(LEG, sum(load.dwell_ns) // 2).force_n for load in test.loads])
     return FootTrial(training, test, true_force_n)
 
 
@@ -132,8 +132,7 @@ def _session(
     load = scene.load.build(round(scene.lead_in_s * 1e9))
     assert isinstance(load, PressSequence), "the scene is of presses"
     with open_service(config, scene, real_time=False, record=path, test_stand=run) as running:
-        clock = running.scan_source.clock
-        running.run(lambda: clock.now_ns() > load.ends_ns)
+        running.run(until_ns=load.ends_ns)
     return read_session(path, foot), load
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from footsense.calibration.evaluation import DesignModels, estimate_loads
+from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.fit.calibrate import calibrate
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import read_session
@@ -116,9 +116,8 @@ def evaluate_foot(
             if wanted == ALL_LOADS:
                 calibrate_s = (stopwatch_ns() - began_ns) * 1e-9
     test = LoadSet.of(trial.test.loads)
-    network = models.network(len(test))
     estimates_n = {
-        name: estimate_loads(test, network, models.trained_inputs, foot).force_n
+        name: models.estimate(test, foot).force_n
         for name, foot in ({"design_only": None} | calibrated).items()
     }
     usable = np.logical_and.reduce([np.isfinite(force_n).all(axis=1) for force_n in estimates_n.values()])

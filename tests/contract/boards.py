@@ -15,10 +15,11 @@ from footsense.acquisition.transports import UpstreamBus
 from footsense.errors import BusError, BusTimeoutError
 from footsense.frames import CapFrame, Reading
 from footsense.ports import Transaction
-from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
+from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.chips.ad7746 import MutualCapacitance, SimulatedAd7746
 from footsense.sim.chips.fdc1004 import CinCapacitance, SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
+from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
 
 TIMEOUT_NS = 20_000_000
@@ -129,9 +130,6 @@ class Saboteur:
             self._bus.transfer(transaction)
         self._clock.advance_ns(TIMEOUT_NS if isinstance(error, BusTimeoutError) else 27_500)
         raise error
-
-    def close(self) -> None:
-        self._bus.close()
 
 
 def only(n_failing: int, error: BusError) -> Callable[[Transaction, int], BusError | None]:

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from firmware_interface.can_codes import State
-from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, encode_force, encode_quality
+from firmware_interface.can_frames import FORCE_ID, QUALITY_ID
 from firmware_interface.crc8 import protect
+from tests.support.can_frames import encode_force, encode_quality
 
 __all__ = ["PATH", "document"]
 

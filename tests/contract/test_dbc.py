@@ -21,30 +21,25 @@ from firmware_interface.can_codes import (
     Result,
     State,
 )
-from firmware_interface.can_events import (
+from firmware_interface.can_commands import (
     ANSWER_ID,
     COMMAND_ID,
-    FAULT_ID,
-    HEARTBEAT_ID,
     UNSOLICITED,
     WORDS,
     decode_answer,
     decode_command,
-    decode_fault,
     encode_answer,
     encode_command,
-    encode_fault,
-    encode_heartbeat,
 )
+from firmware_interface.can_events import FAULT_ID, HEARTBEAT_ID, decode_fault, encode_fault, encode_heartbeat
 from firmware_interface.can_frames import (
     FORCE_ID,
     QUALITY_ID,
     decode_force,
     decode_quality,
-    encode_force,
-    encode_quality,
 )
 from firmware_interface.crc8 import protect
+from tests.support.can_frames import encode_force, encode_quality
 
 DBC = cantools.database.load_file(Path(__file__).parents[2] / "firmware_interface/footsense.dbc")
 SENDERS = {

@@ -12,22 +12,20 @@ from hypothesis import strategies as st
 
 from firmware_interface.can_baseline import BASELINE_ID, decode_baseline
 from firmware_interface.can_codes import BaselineStatus, Cause, CommandKind, Flag, Result, State
-from firmware_interface.can_events import (
+from firmware_interface.can_commands import (
     ANSWER_ID,
     COMMAND_ID,
-    FAULT_ID,
-    HEARTBEAT_ID,
     decode_answer,
-    decode_fault,
-    decode_heartbeat,
     encode_answer,
     encode_command,
 )
-from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, encode_force, encode_quality
+from firmware_interface.can_events import FAULT_ID, HEARTBEAT_ID, decode_fault, decode_heartbeat
+from firmware_interface.can_frames import FORCE_ID, QUALITY_ID
 from firmware_interface.crc8 import FrameError, protect
 from footsense.client import CommandResult, Link, LinkLimits, PendingCommands
 from tests.contract import link_vectors
 from tests.contract.c_decoder import SOURCES, CLink, compile_c, in_c_units, library
+from tests.support.can_frames import encode_force, encode_quality
 
 LINK = json.loads(link_vectors.PATH.read_text())
 FRAMES = json.loads(link_vectors.PATH.with_name("can_frames.json").read_text())

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface import can_baseline, can_events, can_frames
+from firmware_interface import can_baseline, can_commands, can_events, can_frames
 from firmware_interface.crc8 import FrameError, protect
 from footsense.client.link import Link
 from footsense.client.reports import Reports
@@ -16,8 +16,8 @@ DECODERS: list[tuple[int, int, Callable[[int, bytes], object]]] = [
     (can_frames.FORCE_ID, 8, can_frames.decode_force),
     (can_frames.QUALITY_ID, 8, can_frames.decode_quality),
     (can_events.FAULT_ID, 6, can_events.decode_fault),
-    (can_events.COMMAND_ID, 8, can_events.decode_command),
-    (can_events.ANSWER_ID, 4, can_events.decode_answer),
+    (can_commands.COMMAND_ID, 8, can_commands.decode_command),
+    (can_commands.ANSWER_ID, 4, can_commands.decode_answer),
     (can_events.HEARTBEAT_ID, 1, can_events.decode_heartbeat),
     (can_baseline.BASELINE_ID, 8, can_baseline.decode_baseline),
 ]

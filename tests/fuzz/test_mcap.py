@@ -15,8 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
-from footsense.recording import messages
-from footsense.recording.mcap_writer import HEADER_CRC, METADATA, PROFILE, header_crc
+from footsense.recording.container import event_messages, messages
+from footsense.recording.container.mcap_writer import HEADER_CRC, METADATA, PROFILE, header_crc
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay
 from tests.fuzz.outcome import TRIED, refusal
@@ -116,8 +116,8 @@ _SAMPLE = b'{"t_ns":7,"fx_n":0.1,"fy_n":null,"fz_n":-2,"saturated":false}'
 def test_forged_messages(file: Path, data: st.DataObject) -> None:
     """One value of a good scan, force, sample or event replaced by any other, then a whole message."""
     good: list[tuple[str, Any]] = [
-        ("/event", json.loads(messages.command_event(cycle(3).commands[0], LEGS))),
-        ("/event", json.loads(messages.temperature_event(np.full(len(LEGS), 23.5), LEGS))),
+        ("/event", json.loads(event_messages.command_event(cycle(3).commands[0], LEGS))),
+        ("/event", json.loads(event_messages.temperature_event(np.full(len(LEGS), 23.5), LEGS))),
         ("/reference", json.loads(_SAMPLE)),
         ("/scan", json.loads(messages.encode_scan(CYCLES[0].scan, LEGS))),
         ("/force", json.loads(messages.encode_force(CYCLES[0].forces, LEGS))),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from footsense.cli.lab.study import DAEMON_STUDIES, OTHER_PAGES
+from footsense.cli.lab.study import DAEMON_STUDIES, EXPERIMENT
 from footsense.errors import FootsenseError
 from footsense.lab.report import (
     OTHERS,
@@ -30,7 +30,7 @@ RELEASED = Path(__file__).parents[2] / "models" / "aoyagi-3x3"
 PAGES = Path(__file__).parents[2] / "docs" / "report"
 ALL = STUDIES | DAEMON_STUDIES
 #: Studies whose text is rendered from their JSON.
-RENDERED = list(ALL | OTHER_PAGES)
+RENDERED = list(ALL | EXPERIMENT)
 
 
 @pytest.fixture
@@ -76,14 +76,14 @@ def test_pages_about_another_network_are_left_out(context: StudyContext, tmp_pat
 @pytest.mark.parametrize("name", RENDERED)
 def test_a_committed_page_is_the_text_of_its_numbers(name: str) -> None:
     """Rendered again from its JSON, the page is the committed one to the byte."""
-    page: Page = import_module((ALL | OTHER_PAGES)[name]).STUDY.rendered(page_values(name, PAGES))
+    page: Page = import_module((ALL | EXPERIMENT)[name]).STUDY.rendered(page_values(name, PAGES))
     assert page.markdown == (PAGES / f"{name}.md").read_text(encoding="utf-8")
 
 
 def test_no_committed_page_is_stale_without_a_note(context: StudyContext) -> None:
     """A page whose code has changed is made again with `footsense lab study`, or noted with the reason."""
     full = replace(context, quick=False)
-    stale = {name for name in RENDERED if why_stale(name, PAGES, full, ALL | OTHER_PAGES)}
+    stale = {name for name in RENDERED if why_stale(name, PAGES, full, ALL | EXPERIMENT)}
     assert stale == set(noted_stale(PAGES))
 
 

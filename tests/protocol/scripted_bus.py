@@ -30,6 +30,3 @@ class ScriptedBus:
         if isinstance(answer, Exception):
             raise answer
         return answer
-
-    def close(self) -> None:
-        pass

@@ -21,9 +21,6 @@ class Bus:
             raise self._fails("no")
         return bytes(transaction.n_read)
 
-    def close(self) -> None:
-        """Nothing is held."""
-
 
 def test_every_address_is_asked_once_and_as_it_can_bear() -> None:
     """EEPROMs and memory modules are read, all others get an empty write; reserved and held addresses get nothing."""

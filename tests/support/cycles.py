@@ -22,8 +22,8 @@ from footsense.frames import (
     State,
 )
 from footsense.recording.compare import compare
+from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_records import NumberedCycle
-from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 
 LEGS = ("lf", "lm", "lr", "rf", "rm", "rr")
@@ -119,7 +119,7 @@ def write(path: Path, cycles: list[Cycle], every: int = 20) -> Path:
     with path.open("wb") as file:
         recording = McapFile(file.fileno(), {"legs": ",".join(LEGS), "scene": "test"})
         for number, one in enumerate(cycles):
-            recording.add_cycle(NumberedCycle(number, one))
+            recording.add(NumberedCycle(number, one))
             if number % every == every - 1:
                 recording.flush()
         recording.finish()

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from footsense.config import Config
 from footsense.config.sections import Bus, Can
-from footsense.daemon import loop
 from footsense.daemon.foot_types import released_path
+from footsense.daemon.loop import Loop
 from footsense.daemon.service import open_service
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
@@ -66,17 +66,11 @@ def record(path: Path, foot: str = "foot-0007", n: int = 24, *, reference: bool 
     scene = Scene(description="a test stand", load=load, fabrication=MADE)
     end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 200_000_000
     with open_service(config, scene, record=path, real_time=False) as service:
-        true_force_n, clock = service.scan_source.true_force_n, service.scan_source.clock
+        true_force_n, clock = service.true_force_n, service.clock
         assert true_force_n is not None
-        loop.run(
-            service.source,
-            service.pipeline,
-            service.sink,
-            service.observers,
-            clock,
-            lambda: clock.now_ns() >= end_ns,
-            reference=ExactReference(true_force_n) if reference else None,
-        )
+        sensor = ExactReference(true_force_n) if reference else None
+        loop = Loop(service.pipeline, service.sink, service.observers, clock, sensor)
+        loop.run_on(service.source, lambda: clock.now_ns() >= end_ns)
     return path
 
 

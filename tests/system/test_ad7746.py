@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from footsense.config import DEFAULT
-from footsense.daemon.acquisition import ScanSource
-from footsense.daemon.service import open_service
+from footsense.daemon.service import Service, open_service
 from footsense.frames import USABLE, Cause, Cycle, State
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
@@ -29,15 +28,15 @@ REAL = Effects(converter_noise=True, converter_clock_rel=0.01)
 class Watch:
     """Keeps every cycle, and the temperatures at its end [deg C]."""
 
-    def __init__(self, scan_source: ScanSource) -> None:
-        self.scan_source = scan_source
+    def __init__(self, service: Service) -> None:
+        self.service = service
         self.cycles: list[Cycle] = []
         self.temperature_c: list[list[float]] = []
 
     def observe(self, cycle: Cycle) -> None:
         self.cycles.append(cycle)
-        assert self.scan_source.temperature_c is not None
-        self.temperature_c.append(self.scan_source.temperature_c().tolist())
+        assert self.service.temperature_c is not None
+        self.temperature_c.append(self.service.temperature_c().tolist())
 
     def close(self) -> None:
         pass
@@ -45,9 +44,9 @@ class Watch:
 
 def watched(scene: Scene, until_s: float) -> Watch:
     with open_service(ROBOT, scene, real_time=False) as running:
-        watch = Watch(running.scan_source)
+        watch = Watch(running)
         running.observers.append(watch)
-        running.run(lambda: running.scan_source.clock.now_ns() > until_s * 1e9)
+        running.run(until_ns=until_s * 1e9)
     return watch
 
 
@@ -56,10 +55,10 @@ def test_it_walks() -> None:
     scene = Scene(description="A slow walk.", load=SLOW, host_cost_us=40, effects=REAL)
     errors_n = []
     with open_service(ROBOT, scene, real_time=False) as running:
-        watch = Watch(running.scan_source)
+        watch = Watch(running)
         running.observers.append(watch)
-        running.run(lambda: running.scan_source.clock.now_ns() > 9e9)
-        true_force_n = running.scan_source.true_force_n
+        running.run(until_ns=9e9)
+        true_force_n = running.true_force_n
         assert true_force_n is not None
         for cycle in watch.cycles:
             usable = np.isin(cycle.forces.state, sorted(USABLE))

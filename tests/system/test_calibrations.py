@@ -11,8 +11,8 @@ from footsense.cli.check_config import check_config
 from footsense.cli.replay import replay
 from footsense.config import Config
 from footsense.config.sections import Bus, Can, Leg
-from footsense.daemon.calibrations import load_calibrations
 from footsense.daemon.foot_types import released_path
+from footsense.daemon.models import load_calibrations
 from footsense.daemon.service import open_service
 from footsense.errors import ModelError
 from footsense.foot.files.checksum_trailer import add_checksum
@@ -64,9 +64,8 @@ def run(robot: Config, record: Path | None = None) -> Last:
     """Run until both feet have been pressed for a while."""
     last = Last()
     with open_service(robot, SCENE, record=record, real_time=False) as service:
-        clock = service.scan_source.clock
         service.observers.append(last)
-        service.run(lambda: clock.now_ns() >= UNTIL_NS)
+        service.run(until_ns=UNTIL_NS)
     return last
 
 

@@ -14,18 +14,20 @@ from footsense.acquisition.mcu_source import McuSource
 from footsense.acquisition.serial_port import SerialLink
 from footsense.config import Config
 from footsense.config.sections import Can, Serial
-from footsense.daemon.estimation import load_network, pipeline_for
+from footsense.daemon.estimation import pipeline_for
+from footsense.daemon.models import load_models
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import ConfigError
 from footsense.estimation.pipeline import Pipeline
 from footsense.frames import LEGS, CapFrame, Cause, ContactFrame, Reading, State
-from footsense.sim.bus.serial_line import LineFaults, SimulatedLine
-from footsense.sim.chips.mcu import SimulatedMcu, simulated_mcu
+from footsense.sim.chips.mcu import SimulatedMcu
 from footsense.sim.faults.scene_faults import ElementOpen, StuckSda
 from footsense.sim.robot import SimulatedRobot
+from footsense.sim.robot_on_mcu import simulated_mcu
 from footsense.sim.scene import Scene
 from footsense.sim.scene_effects import Effects
 from footsense.sim.scene_loads import MeasuredWalk, Ramp
+from tests.support.failing_line import FailingLine, LineFaults
 from tests.support.pty_line import HurriedClock, Line
 
 MS, S = 1_000_000, 1_000_000_000
@@ -65,11 +67,11 @@ def robot(scene: Scene, faults: LineFaults) -> Robot:
     simulated = simulated_robot(MCU, scene)
     assert MCU.serial
     rate_hz, baud = MCU.serial.rate_hz, MCU.serial.baud
-    line = SimulatedLine(
+    line = FailingLine(
         simulated_mcu(simulated, scene, rate_hz), simulated.clock, rate_hz=rate_hz, baud=baud, faults=faults
     )
     source = McuSource(line, simulated.clock, LEGS, rate_hz=rate_hz)
-    return Robot(simulated, source, pipeline_for(MCU, load_network(MCU), 0))
+    return Robot(simulated, source, pipeline_for(load_models(MCU), 0))
 
 
 def test_a_walk_is_felt_as_it_is_and_through_a_line_that_fails() -> None:

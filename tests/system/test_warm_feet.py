@@ -11,8 +11,8 @@ from footsense.config.sections import Bus, Can
 from footsense.daemon.service import open_service
 from footsense.foot.temperature import unknown_temperature_rel
 from footsense.frames import Cycle, State
+from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_records import NumberedCycle
-from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.sim.scene import Scene
 from footsense.sim.scene_effects import Effects, Warming
@@ -59,9 +59,8 @@ def walked(feet: Path, effects: Effects, until_s: float, record: Path | None = N
     )
     seen: list[Cycle] = []
     with open_service(robot(feet), scene, record=record, real_time=False) as service:
-        clock = service.scan_source.clock
         service.observers.append(Seen(seen))
-        service.run(lambda: clock.now_ns() >= until_s * 1e9)
+        service.run(until_ns=until_s * 1e9)
     return seen
 
 
@@ -106,7 +105,7 @@ def test_a_replay_is_as_warm_as_the_walk_was(tmp_path: Path) -> None:
     with old.open("wb") as file:
         recording = McapFile(file.fileno(), Replay(walk).header)
         for number, cycle in enumerate(Replay(walk)):
-            recording.add_cycle(NumberedCycle(number, cycle._replace(temperature_c=None)))
+            recording.add(NumberedCycle(number, cycle._replace(temperature_c=None)))
         recording.finish()
     assert CliRunner().invoke(replay, [str(old)]).output == f"{len(cycles)} scans replayed\n"
     result = CliRunner().invoke(replay, [str(old), "--check"])

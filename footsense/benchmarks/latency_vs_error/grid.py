@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from firmware_interface.can_codes import NODE_IDS
+from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.benchmarks.latency_vs_error.chain import Readings, convert, pace
 from footsense.benchmarks.latency_vs_error.latency_and_errors import (
@@ -26,8 +27,6 @@ from footsense.frames import ELEMENTS, Vector
 from footsense.ports import Estimator
 from footsense.sim.loads.ground_load import Ramp
 
-#: Bits of a classic CAN frame of 8 bytes at most, its pause included; frames of a leg: `Force` and `Quality`.
-FRAME_BITS, FRAMES_PER_LEG = 135, 2
 #: Load of the standing feet of which the noise is measured [N].
 STANDING_N = (0.1, 0.05, 0.5)
 _SEED = 5
@@ -103,7 +102,7 @@ class WalkAndStand(NamedTuple):
             publish=publish,
             weights=weights,
             forces_hz=forces_hz,
-            can_kbit_s=forces_hz * len(NODE_IDS) * FRAMES_PER_LEG * FRAME_BITS * 1e-3,
+            can_kbit_s=forces_hz * len(NODE_IDS) * FRAMES_PER_LEG * LONGEST_FRAME_BITS * 1e-3,
             noise_mn=rms_mn(standing_n - standing_n.mean(axis=0)),
             walk=latency_and_errors(walk, self.truth),
         )

@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from firmware_interface.wire_timing import LONGEST_FRAME_BITS
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.benchmarks.latency_vs_error.chain import BUS_HZ, HOST_COST_NS, convert, pace
-from footsense.benchmarks.latency_vs_error.grid import FRAME_BITS, OperatingPoint, WalkAndStand, grid_figure
+from footsense.benchmarks.latency_vs_error.grid import OperatingPoint, WalkAndStand, grid_figure
 from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     SIGMA_MULTIPLES,
     LatencyAndErrors,
@@ -208,7 +209,7 @@ STUDY = Study(
     compute=compute,
     names={
         "BUS_HZ": BUS_HZ,
-        "FRAME_BITS": FRAME_BITS,
+        "FRAME_BITS": LONGEST_FRAME_BITS,
         "HOST_COST_NS": HOST_COST_NS,
         "SIGMA_MULTIPLES": " / ".join(map(str, SIGMA_MULTIPLES)),
     },

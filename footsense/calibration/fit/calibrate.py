@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.calibration.evaluation import DesignModels, Estimates, estimate_loads
+from footsense.calibration.evaluation import DesignModels, Estimates
 from footsense.calibration.fit.correction import fit_correction
 from footsense.calibration.fit.parameter_fit import ParameterFit, fit_parameters
 from footsense.calibration.fit.predicted_uncertainty import (
@@ -148,7 +148,7 @@ def _estimates(models: DesignModels, loads: LoadSet, foot: FootParameters | None
     Raises:
         CalibrationError: There is none.
     """
-    estimates = estimate_loads(loads, models.network(len(loads)), models.trained_inputs, foot)
+    estimates = models.estimate(loads, foot)
     if not estimates.usable.any():
         raise CalibrationError(
             f"none of {len(loads)} loads lies in the network's training range; press less hard, "

@@ -1,7 +1,7 @@
 """Presses found in a recording or as they happen: the foot is pressed, held still, and released.
 
 The foot's own capacitances detect a press: they change by a hundred times their noise where the force of a robust
-reference changes by a few times its own. `dwell.reduce_press` evaluates the press after a pause without load.
+reference changes by a few times its own. `reduce_press` evaluates the press after a pause without load.
 """
 
 from collections import deque
@@ -10,8 +10,15 @@ from enum import Enum, auto
 
 import numpy as np
 
-from footsense.calibration.loads.calibration_load import CalibrationLoad, Press, Rejection, column_means
-from footsense.calibration.loads.dwell import reduce_press
+from footsense.calibration.loads.calibration_load import (
+    CalibrationLoad,
+    Press,
+    RejectedPress,
+    Rejection,
+    column_means,
+    within,
+)
+from footsense.calibration.loads.press_reduction import reduce_press
 from footsense.frames import Codes, Cycle, Reading, Reference, Vector
 
 _NS_PER_MS = 1_000_000
@@ -51,7 +58,7 @@ class LoadDetector:
 
     def __init__(self, row: int) -> None:
         self._row = row
-        self._scans: deque[tuple[int, Vector, Codes, Vector]] = deque()
+        self._scans: deque[tuple[int, Vector, Codes]] = deque()
         self._reference: deque[Reference] = deque()
         self._offsets: deque[tuple[int, Vector, int]] = deque()
         self._phase = _Phase.UNLOADED
@@ -77,8 +84,8 @@ class LoadDetector:
             total_n, n = total_n + now_n, n + n_now
         return total_n / n if n else np.full(3, np.nan)
 
-    def take(self, cycle: Cycle) -> CalibrationLoad | None:
-        """Process a cycle; return the load that ends with this cycle, accepted or rejected, or None."""
+    def take(self, cycle: Cycle) -> CalibrationLoad | RejectedPress | None:
+        """Process a cycle; return the load or rejected press that ends with this cycle, or None."""
         if cycle.reference is not None and len(cycle.reference.t_ns):
             self._reference.append(cycle.reference)
         scan, row = cycle.scan, self._row
@@ -89,7 +96,7 @@ class LoadDetector:
             return None
         self._newest_ns = max(int(stamps.max()), t_ns)
         capacitance_pf = np.where(scan.reading[row] == Reading.OK, scan.capacitance_pf[row], np.nan)
-        self._scans.append((t_ns, capacitance_pf, scan.reading[row], cycle.forces.force_n[row]))
+        self._scans.append((t_ns, capacitance_pf, scan.reading[row]))
         match self._phase:
             case _Phase.UNLOADED:
                 self._await_press(t_ns, capacitance_pf)
@@ -99,15 +106,14 @@ class LoadDetector:
             case _Phase.RELEASED:
                 return self._await_recovery(t_ns, capacitance_pf)
 
-    def finish(self) -> CalibrationLoad | None:
-        """Return the load of a press that is not over at the end of the recording."""
+    def finish(self) -> CalibrationLoad | RejectedPress | None:
+        """Return the load or rejected press that is not over at the end of the recording."""
         phase, self._phase = self._phase, _Phase.UNLOADED
         if phase is _Phase.UNLOADED:
             return None
         if phase is _Phase.RELEASED:
             return reduce_press(self._press(None))
-        self._released_ns = self._scans[-1][0]
-        return self._rejected(Rejection.NOT_RELEASED, "the recording ends in it")
+        return RejectedPress(Rejection.NOT_RELEASED, "the recording ends in it")
 
     def _await_press(self, t_ns: int, capacitance_pf: Vector) -> None:
         if self._n_agreeing == 0:
@@ -127,20 +133,18 @@ class LoadDetector:
         if n:
             self._offsets.append((self._before_ns[1], total_n, n))
 
-    def _await_release(self, t_ns: int, capacitance_pf: Vector) -> CalibrationLoad | None:
+    def _await_release(self, t_ns: int, capacitance_pf: Vector) -> RejectedPress | None:
         change_rel = self._change_rel(capacitance_pf)
         self._peak_rel = max(self._peak_rel, change_rel)
         if self._agrees(change=change_rel < max(_PRESSED_REL, _RELEASED_REL * self._peak_rel)):
             self._phase = _Phase.RELEASED
             self._released_ns = self._scans[-_AGREEING_SCANS][0]
         elif t_ns - self._pressed_ns >= _LONGEST_NS:
-            self._released_ns = t_ns
-            load = self._rejected(Rejection.TOO_LONG, f"pressed for more than {_LONGEST_NS / 1e9:g} s")
             self._end_press(t_ns)
-            return load
+            return RejectedPress(Rejection.TOO_LONG, f"pressed for more than {_LONGEST_NS / 1e9:g} s")
         return None
 
-    def _await_recovery(self, t_ns: int, capacitance_pf: Vector) -> CalibrationLoad | None:
+    def _await_recovery(self, t_ns: int, capacitance_pf: Vector) -> CalibrationLoad | RejectedPress | None:
         recovered_ns = self._released_ns + _RECOVERY_NS
         pressed_rel = max(_PRESSED_REL, 2 * _RELEASED_REL * self._peak_rel)
         if self._agrees(change=self._change_rel(capacitance_pf) > pressed_rel):
@@ -184,7 +188,7 @@ class LoadDetector:
         total_n, n = np.zeros(3), 0
         for block in self._reference:
             if int(block.t_ns[-1]) >= span_ns[0] and int(block.t_ns[0]) <= span_ns[1]:
-                inside = (block.t_ns >= span_ns[0]) & (block.t_ns <= span_ns[1]) & ~block.saturated
+                inside = within(block.t_ns, span_ns) & ~block.saturated
                 total_n += block.force_n[inside].sum(axis=0)
                 n += int(inside.sum())
         return total_n, n
@@ -201,18 +205,13 @@ class LoadDetector:
         while self._reference and int(self._reference[0].t_ns[-1]) < t_ns:
             self._reference.popleft()
 
-    def _rejected(self, rejection: Rejection, reason: str) -> CalibrationLoad:
-        return CalibrationLoad.rejected((self._pressed_ns + self._released_ns) // 2, rejection, reason)
-
     def _press(self, after_ns: tuple[int, int] | None) -> Press:
-        t_ns, capacitance_pf, reading, estimate_n = zip(*self._scans, strict=True)
-        reference = join_references(self._reference)
+        t_ns, capacitance_pf, reading = zip(*self._scans, strict=True)
         return Press(
             np.array(t_ns, np.int64),
             np.array(capacitance_pf),
             np.array(reading),
-            np.array(estimate_n),
-            *reference,
+            join_references(self._reference),
             self._before_ns,
             (self._pressed_ns, self._released_ns),
             after_ns,

@@ -30,15 +30,13 @@ class LoadSet:
 
     @classmethod
     def of(cls, loads: Sequence[CalibrationLoad]) -> Self:
-        """Return the accepted ones of some loads."""
-        accepted = [load for load in loads if load.rejection is None]
+        """Return the arrays of some loads."""
+        widths = {"force_n": 3, "sigma_n": 3, "capacitance_pf": 9, "baseline_pf": 9}
         return cls(
-            force_n=np.array([load.force_n for load in accepted]).reshape(-1, 3),
-            sigma_n=np.array([load.force_noise_n / np.sqrt(load.n_samples) for load in accepted]).reshape(
-                -1, 3
-            ),
-            capacitance_pf=np.array([load.capacitance_pf for load in accepted]).reshape(-1, 9),
-            baseline_pf=np.array([load.baseline_pf for load in accepted]).reshape(-1, 9),
+            **{
+                name: np.array([getattr(load, name) for load in loads]).reshape(-1, width)
+                for name, width in widths.items()
+            }
         )
 
     def __len__(self) -> int:

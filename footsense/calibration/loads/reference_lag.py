@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from footsense.calibration.loads.calibration_load import Press
+from footsense.calibration.loads.calibration_load import Press, within
 from footsense.frames import Vector
 
 #: Span of unloaded foot and of dwell used beside each edge, and the least of the unloaded span after it [ns].
@@ -34,22 +34,21 @@ def lag_s(
     # Closures are nearly linear in the force; strays bend the curve a little.
     closure = (1.0 - baseline_pf / press.capacitance_pf).mean(axis=1)
     read = np.isfinite(closure)
-    dwelling = read & (press.t_ns >= dwell_ns[0]) & (press.t_ns <= dwell_ns[1])
-    reference_rel = (press.force_n - offset_n) @ force_n / (force_n @ force_n)
-    ends_ns = min(press.t_ns[-1], press.sample_ns[-1])
+    dwelling = read & within(press.t_ns, dwell_ns)
+    reference_rel = (press.reference.force_n - offset_n) @ force_n / (force_n @ force_n)
+    ends_ns = min(press.t_ns[-1], press.reference.t_ns[-1])
     if not dwelling.any() or ends_ns < press.pressed_ns[1] + _MIN_AFTER_NS:
         return np.nan
     inside_ns = min(_BESIDE_NS, (dwell_ns[1] - dwell_ns[0]) // 2)
     area_ns = 0.0
-    for begin_ns, end_ns, sign in (
+    for start_ns, end_ns, sign in (
         (press.before_ns[1] - _BESIDE_NS, dwell_ns[0] + inside_ns, 1),
         (dwell_ns[1] - inside_ns, ends_ns, -1),
     ):
-        t_ns = np.arange(begin_ns, end_ns, _STEP_NS)
+        t_ns = np.arange(start_ns, end_ns, _STEP_NS)
         closure_rel = np.interp(t_ns, press.t_ns[read], closure[read] / closure[dwelling].mean())
-        area_ns += (
-            sign * _STEP_NS * float((closure_rel - np.interp(t_ns, press.sample_ns, reference_rel)).sum())
-        )
+        ahead_rel = closure_rel - np.interp(t_ns, press.reference.t_ns, reference_rel)
+        area_ns += sign * _STEP_NS * float(ahead_rel.sum())
     return area_ns / 2 * 1e-9
 
 

@@ -5,11 +5,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from footsense.calibration.loads.calibration_load import CalibrationLoad, Rejection
+from footsense.calibration.loads.calibration_load import CalibrationLoad, RejectedPress, Rejection
 from footsense.calibration.loads.detection import LoadDetector
 from footsense.calibration.loads.reference_lag import lag_message
 from footsense.calibration.session.coverage import Coverage, angles_deg
-from footsense.calibration.session.reference_checks import ReferenceCheck
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Cycle, Vector
 
@@ -24,7 +23,7 @@ class SessionGuide:
         row: Row of the leg in the frames.
         wanted: Number of loads of a complete set.
         estimate: Force of a load by the foot's network [N], shape (3,), NaN where it has none.
-        check: Check of the reference against those forces.
+        check: Returns findings, one line each, of the reference's forces and those estimates [N], shapes (n, 3).
         report: Takes each message, one line.
 
     Attributes:
@@ -39,17 +38,16 @@ class SessionGuide:
         row: int,
         wanted: int,
         estimate: Callable[[CalibrationLoad], Vector],
-        check: ReferenceCheck,
+        check: Callable[[Vector, Vector], list[str]],
         report: Callable[[str], None],
     ) -> None:
         self._detector = LoadDetector(row)
         self._estimate = estimate
         self._check = check
         self.report = report
-        self._reference_n: list[Vector] = []
+        self._loads: list[CalibrationLoad] = []
         self._estimate_n: list[Vector] = []
         self._shown: deque[tuple[int, Vector]] = deque()
-        self._lags_s: list[float] = []
         self._lag_reported = False
         self.coverage = Coverage(wanted)
         self.rejected: Counter[Rejection] = Counter()
@@ -58,7 +56,7 @@ class SessionGuide:
     @property
     def loads_n(self) -> Vector:
         """Forces of the accepted loads [N], shape (n, 3)."""
-        return np.array(self._reference_n).reshape(-1, 3)
+        return np.array([load.force_n for load in self._loads]).reshape(-1, 3)
 
     @property
     def pressed(self) -> bool:
@@ -85,24 +83,23 @@ class SessionGuide:
         """Process the press that has just ended."""
         self._take(self._detector.finish())
 
-    def _take(self, load: CalibrationLoad | None) -> None:
+    def _take(self, load: CalibrationLoad | RejectedPress | None) -> None:
         if load is None:
             return
         number = self.coverage.n_loads + self.rejected.total() + 1
-        if load.rejection is not None:
+        if isinstance(load, RejectedPress):
             self.rejected[load.rejection] += 1
             self.report(f"press {number} is rejected: {load.rejection}: {load.reason}")
             return
         self.coverage.add(load.force_n)
-        self._reference_n.append(load.force_n)
+        self._loads.append(load)
         self._estimate_n.append(self._estimate(load))
         azimuth_deg, elevation_deg = map(round, angles_deg(load.force_n))
         magnitude_gf = np.linalg.norm(load.force_n) / GRAM_FORCE_N
         self.report(
             f"press {number}: {magnitude_gf:.0f} gf from azimuth {azimuth_deg % 360}, elevation {elevation_deg} deg"
         )
-        self._lags_s.append(load.lag_s)
-        if not self._lag_reported and (lag := lag_message(self._lags_s)):
+        if not self._lag_reported and (lag := lag_message([one.lag_s for one in self._loads])):
             self._lag_reported = True
             self.report(f"warning: {lag}")
         findings = self._check(self.loads_n, np.array(self._estimate_n))

@@ -9,7 +9,7 @@ from statistics import fmean
 
 import msgspec
 
-from footsense.calibration.loads.calibration_load import CalibrationLoad, Rejection
+from footsense.calibration.loads.calibration_load import CalibrationLoad, RejectedPress, Rejection
 from footsense.calibration.loads.detection import LoadDetector
 from footsense.calibration.loads.reference_lag import lag_message
 from footsense.calibration.writer import file_sha256
@@ -119,7 +119,7 @@ def read_session(path: Path, foot: str) -> RecordedSession:
             "`footsense record --foot` names the one on the test stand"
         )
     row = recording.legs.index(leg_of[foot])
-    detector, loads = LoadDetector(row), list[CalibrationLoad | None]()
+    detector, presses = LoadDetector(row), list[CalibrationLoad | RejectedPress | None]()
     n_samples = n_lost = 0
     now_c, temperatures_c, damage = math.nan, list[float](), ""
     try:
@@ -132,7 +132,7 @@ def read_session(path: Path, foot: str) -> RecordedSession:
             if entry.cycle.temperature_c is not None:
                 now_c = float(entry.cycle.temperature_c[row])
             if n_samples:
-                loads.append(detector.take(entry.cycle))
+                presses.append(detector.take(entry.cycle))
                 temperatures_c.append(now_c)
     except RecordingError as error:
         damage = str(error)
@@ -140,7 +140,7 @@ def read_session(path: Path, foot: str) -> RecordedSession:
         raise CalibrationError(
             f"{path}: holds no sample of a reference sensor; record it with `footsense record --reference`"
         )
-    found = [load for load in (*loads, detector.finish()) if load is not None]
+    presses.append(detector.finish())
     known_c = [temperature_c for temperature_c in temperatures_c if math.isfinite(temperature_c)]
     return RecordedSession(
         path=path,
@@ -150,8 +150,8 @@ def read_session(path: Path, foot: str) -> RecordedSession:
         foot_type=header.get("foot_type", ""),
         test_stand=_test_stand(header),
         temperature_c=fmean(known_c) if known_c else None,
-        loads=tuple(load for load in found if load.rejection is None),
-        rejected=Counter(load.rejection for load in found if load.rejection is not None),
+        loads=tuple(press for press in presses if isinstance(press, CalibrationLoad)),
+        rejected=Counter(press.rejection for press in presses if isinstance(press, RejectedPress)),
         n_lost=n_lost,
         damage=damage,
     )

@@ -6,11 +6,12 @@ from right. So the checks find wrong units and axes, but no error of the referen
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from msgspec.structs import astuple
 
-from footsense.calibration.evaluation import DesignModels, estimate_loads
+from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.config.test_stand import StandConfig
@@ -18,9 +19,6 @@ from footsense.errors import CalibrationError
 from footsense.foot.directions import angles_between_deg
 from footsense.frames import Vector
 from footsense.reference.sensor_mounting import NEWTON_PER, rotation_matrix
-
-#: Returns findings, one line each, of the reference's forces and the foot's own estimates [N], shapes (n, 3).
-ReferenceCheck = Callable[[Vector, Vector], list[str]]
 
 #: Fewest loads of a finding.
 _MIN_LOADS = 5
@@ -31,28 +29,22 @@ _MAGNITUDE_RATIO, _EXPLAINED_RATIO = 2.0, 1.5
 _TURNED_DEG, _GAIN_DEG, _LEAD_DEG, _IMPOSSIBLE_DEG = 35.0, 20.0, 8.0, 50.0
 
 
-def reference_check(test_stand: StandConfig) -> ReferenceCheck:
-    """Return the check of a test stand's units and axes.
-
-    The check finds nothing in fewer than 5 loads with an estimate; where the network has none, the estimate is NaN.
+def reference_findings(test_stand: StandConfig, reference_n: Vector, estimate_n: Vector) -> list[str]:
+    """Return wrong units and axes of a reference sensor, one line each; none from fewer than 5 estimates.
 
     Args:
-        test_stand: Units, axes and mount of the reference sensor.
+        test_stand: Units, axes and mount of the sensor.
+        reference_n: Forces of the reference [N], shape (n, 3).
+        estimate_n: The foot's own estimates [N], same shape, NaN where the network has none.
     """
-    axes = (test_stand.axes.x, test_stand.axes.y, test_stand.axes.z)
-    to_sensor = rotation_matrix(test_stand.mount_deg).T
-
-    def check(reference_n: Vector, estimate_n: Vector) -> list[str]:
-        known = np.isfinite(estimate_n).all(axis=1) & (np.linalg.norm(estimate_n, axis=1) > 0.0)
-        if known.sum() < _MIN_LOADS:
-            return []
-        reference_n, estimate_n = reference_n[known], estimate_n[known]
-        return [
-            *_wrong_units(reference_n, estimate_n, test_stand.units),
-            *_wrong_axes(reference_n, estimate_n, axes, to_sensor),
-        ]
-
-    return check
+    known = np.isfinite(estimate_n).all(axis=1) & (np.linalg.norm(estimate_n, axis=1) > 0.0)
+    if known.sum() < _MIN_LOADS:
+        return []
+    reference_n, estimate_n = reference_n[known], estimate_n[known]
+    return [
+        *_wrong_units(reference_n, estimate_n, test_stand.units),
+        *_wrong_axes(reference_n, estimate_n, test_stand),
+    ]
 
 
 def require_consistent_reference(models: DesignModels, sessions: Sequence[RecordedSession]) -> None:
@@ -70,8 +62,8 @@ def require_consistent_reference(models: DesignModels, sessions: Sequence[Record
         if session.test_stand is None:
             continue
         loads = LoadSet.of(session.loads)
-        own = estimate_loads(loads, models.network(len(loads)), models.trained_inputs, None)
-        if findings := reference_check(session.test_stand)(loads.force_n, own.force_n):
+        own_n = models.estimate(loads, None).force_n
+        if findings := reference_findings(session.test_stand, loads.force_n, own_n):
             found.append(f"{session.path}: {'; '.join(findings)}")
     if found:
         raise CalibrationError(f"{'; '.join(found)}; correct the test stand's file, and record again")
@@ -93,12 +85,11 @@ def _wrong_units(reference_n: Vector, estimate_n: Vector, units: str) -> Iterato
         )
 
 
-def _wrong_axes(
-    reference_n: Vector, estimate_n: Vector, axes: Sequence[str], to_sensor: Vector
-) -> Iterator[str]:
+def _wrong_axes(reference_n: Vector, estimate_n: Vector, test_stand: StandConfig) -> Iterator[str]:
     given_deg = float(angles_between_deg(reference_n, estimate_n).mean())
     if given_deg < _TURNED_DEG:
         return
+    axes, to_sensor = astuple(test_stand.axes), rotation_matrix(test_stand.mount_deg).T
     inner_n = reference_n @ to_sensor.T
     tried = []
     for order in itertools.permutations(range(3)):

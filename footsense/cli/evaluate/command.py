@@ -51,12 +51,14 @@ def evaluate(
     sessions = read_sessions(recordings, foot)
     foot_type = sessions[0].foot_type
     models, _ = design_models(foot_type, foot_type_folder)
-    network, trained_inputs, parameters = models.network, models.trained_inputs, None
+    parameters = None
     calibration = _calibration_of(folder, foot, foot_type)
     if calibration is not None:
-        network, parameters = partial(Network, calibration.network), calibration.parameters
-        trained_inputs = network(1).card.trained_inputs
-    evaluation = evaluate_sessions(sessions, network, trained_inputs, parameters)
+        models, parameters = (
+            models._replace(network=partial(Network, calibration.network)),
+            calibration.parameters,
+        )
+    evaluation = evaluate_sessions(sessions, models, parameters)
     warnings = [line for session in sessions for line in session.warnings] + _fitted_on(sessions, calibration)
     for line in warnings:
         click.echo(f"warning: {line}", err=True)

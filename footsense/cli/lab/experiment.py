@@ -1,5 +1,7 @@
 """`footsense lab experiment`: the paper's experiment on simulated feet."""
 
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import click
@@ -40,9 +42,9 @@ def experiment(
     Every foot is read by the daemon through the bytes of its chips, and pressed at the paper's 362 and 180 loads beside
     a simulated reference sensor.
     """
-    from footsense.cli.lab.experiment_page import study_of
+    from footsense.cli.lab.experiment_page import STUDY, compute
 
     batch = FootBatch(seed=seed, foot_type=foot_type or FootBatch().foot_type)
-    page = study_of(batch, n_feet, jobs).page
+    own = replace(STUDY, compute=partial(compute, batch=batch, n_feet=n_feet, jobs=jobs))
     models, bound = foot_type_folder(batch.foot_type), foot_type is None
-    write_study(page, models, output, quick=quick, as_json=as_json, bound=bound)
+    write_study(own.page, models, output, quick=quick, as_json=as_json, bound=bound)

@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from msgspec.structs import asdict
 
 from footsense.errors import FootsenseError
 from footsense.lab.studies.page import Figures, Study, StudyContext
@@ -37,6 +38,7 @@ ESTIMATORS = {
 #: The paper's errors on its fabricated foot.
 _PANELS = (("direction_deg", "direction error [deg]", 15.9), ("magnitude_gf", "magnitude error [gf]", 18.7))
 _FIGURE = "experiment.png"
+_BATCH = FootBatch()
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,25 +57,6 @@ class OverFeet:
         return f"{self.mean:.2f} ± {self.std:.2f}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EstimatorErrors:
-    """Errors of an estimator: against the reference, and against the true force.
-
-    Attributes:
-        feet: Feet that it could read.
-        direction_deg: Against the reference [deg].
-        magnitude_gf: Against the reference [gf].
-        true_direction_deg: Against the true force [deg].
-        true_magnitude_gf: Against the true force [gf].
-    """
-
-    feet: int
-    direction_deg: OverFeet
-    magnitude_gf: OverFeet
-    true_direction_deg: OverFeet
-    true_magnitude_gf: OverFeet
-
-
 @dataclass(frozen=True, kw_only=True)
 class Results:
     """Results of the simulated experiment: force errors of all estimators, load counts and refusals.
@@ -84,7 +67,7 @@ class Results:
         tolerances: Fabrication tolerances.
         every: Every how many-th load is applied.
         feet: Feet.
-        estimators: Errors, by estimator.
+        estimators: By estimator: number of `feet` that it could read, and mean errors as in `FootErrors`.
         training_loads: Accepted loads of the training session.
         test_loads: Loads of the test session that all estimators can read.
         unread_loads: Loads of the test session that some estimator cannot read.
@@ -97,7 +80,7 @@ class Results:
     tolerances: FootTolerances
     every: int
     feet: int
-    estimators: dict[str, EstimatorErrors]
+    estimators: dict[str, dict[str, int | OverFeet]]
     training_loads: OverFeet
     test_loads: OverFeet
     unread_loads: OverFeet
@@ -115,25 +98,16 @@ def _line(one: FootResult) -> str:
     )
 
 
-def study_of(batch: FootBatch, n_feet: int | None = None, jobs: int | None = None) -> Study:
-    """Return the study of some feet.
+def compute(
+    context: StudyContext, batch: FootBatch = _BATCH, n_feet: int | None = None, jobs: int | None = None
+) -> tuple[Results, Figures]:
+    """Load, calibrate and read feet.
 
     Args:
+        context: The models.
         batch: Seed and type of the feet.
         n_feet: How many; without it as many as a full or a quick run has.
         jobs: Feet at a time; without it one for each processor.
-    """
-    run = partial(_run, batch=batch, n_feet=n_feet, jobs=jobs or os.cpu_count() or 1)
-    return Study(
-        name="experiment",
-        title="The experiment, on simulated feet",
-        compute=run,
-        command="experiment",
-    )
-
-
-def _run(context: StudyContext, batch: FootBatch, n_feet: int | None, jobs: int) -> tuple[Results, Figures]:
-    """Load, calibrate and read feet.
 
     Raises:
         FootsenseError: No foot could be read.
@@ -142,7 +116,7 @@ def _run(context: StudyContext, batch: FootBatch, n_feet: int | None, jobs: int)
     n_feet = n_feet or (QUICK_N_FEET if context.quick else N_FEET)
     network = partial(per_foot_force_n, context.response.design, epochs=epochs)
     feet: list[FootResult] = []
-    for one in run_experiment(batch, range(n_feet), network, jobs=jobs, every=every):
+    for one in run_experiment(batch, range(n_feet), network, jobs=jobs or os.cpu_count() or 1, every=every):
         feet.append(one)
         context.say(_line(one))
     if not feet:
@@ -168,17 +142,13 @@ def _run(context: StudyContext, batch: FootBatch, n_feet: int | None, jobs: int)
     return results, {_FIGURE: _figure(feet)}
 
 
-def _estimators(feet: list[FootResult]) -> dict[str, EstimatorErrors]:
+def _estimators(feet: list[FootResult]) -> dict[str, dict[str, int | OverFeet]]:
     """Return the errors of every estimator by name, averaged over the feet for which errors exist."""
-    found = {}
+    found: dict[str, dict[str, int | OverFeet]] = {}
     for name in ESTIMATORS:
-        read = [one.errors[name] for one in feet if name in one.errors]
-        if read:
-            columns = {
-                field: OverFeet.of([getattr(errors, field) for errors in read])
-                for field in ("direction_deg", "magnitude_gf", "true_direction_deg", "true_magnitude_gf")
-            }
-            found[name] = EstimatorErrors(feet=len(read), **columns)
+        if read := [asdict(one.errors[name]) for one in feet if name in one.errors]:
+            means = {error: OverFeet.of([errors[error] for errors in read]) for error in read[0]}
+            found[name] = {"feet": len(read), **means}
     return found
 
 
@@ -221,9 +191,9 @@ def _panel(axes: Axes, feet: Sequence[FootResult], error: str, paper: float) -> 
     axes.legend(fontsize=8)
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
-    """Run the experiment of the report: the default feet, all processors."""
-    return study_of(FootBatch()).compute(context)
-
-
-STUDY = study_of(FootBatch())
+STUDY = Study(
+    name="experiment",
+    title="The experiment, on simulated feet",
+    compute=compute,
+    command="experiment",
+)

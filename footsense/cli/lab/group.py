@@ -4,7 +4,7 @@ import importlib.util
 
 import click
 
-from footsense.cli.lab import experiment, faults, models, study
+from footsense.cli.lab import experiment, models, report, response, study
 from footsense.errors import FootsenseError
 
 #: Libraries of the extra.
@@ -25,24 +25,22 @@ def _require_extra() -> None:
         )
 
 
-@click.group()
+@click.group(
+    commands=[
+        models.build,
+        models.evaluate,
+        models.compare,
+        response.response,
+        study.study,
+        study.fidelity,
+        study.cramer_rao,
+        study.tradeoff,
+        study.tolerance,
+        study.faults,
+        experiment.experiment,
+        report.report,
+    ]
+)
 def lab() -> None:
     """From rubber to network: build, judge and compare the models, and study the foot."""
     _require_extra()
-
-
-for _command in (
-    models.build,
-    models.evaluate,
-    models.compare,
-    study.response,
-    study.study,
-    study.fidelity,
-    study.cramer_rao,
-    study.tradeoff,
-    study.tolerance,
-    faults.faults,
-    experiment.experiment,
-    study.report,
-):
-    lab.add_command(_command)

@@ -21,6 +21,9 @@ output_option = click.option(
     type=FOLDER,
     help="Folder for pages and figures; without it ./docs/report, quick ones ./docs/report-quick.",
 )
+quick_option = click.option(
+    "--quick", is_flag=True, help="Every step in seconds; its figures are no results."
+)
 
 
 def report_folder(output: Path | None, *, quick: bool) -> Path:

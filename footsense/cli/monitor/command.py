@@ -1,20 +1,19 @@
 """`footsense monitor`: the legs on CAN, as a consumer of their forces sees them."""
 
-import math
 from collections.abc import Iterator
+from contextlib import closing
 from ipaddress import AddressValueError, IPv4Address
-from typing import Any
 
 import click
 from rich.console import Console
 from rich.live import Live
 
-from firmware_interface.can_codes import Flag, phase_of
-from footsense.cli.monitor.table import cause_text, monitor_table
+from footsense.cli.monitor.json_values import snapshot_json
+from footsense.cli.monitor.table import monitor_table
 from footsense.cli.options import StopRequest, duration_option, echo_json
 from footsense.client import LinkLimits
 from footsense.clock import MonotonicClock
-from footsense.daemon.can_listener import LegSnapshot, Listener, open_listener
+from footsense.daemon.can_listener import Listener, open_listener
 
 #: Default channel of each interface; the multicast address is that of python-can and of deploy/simulated.yaml.
 _CHANNELS = {"socketcan": "can0", "udp_multicast": "239.74.163.2"}
@@ -47,7 +46,7 @@ _DRAW_NS = 200_000_000
     help="Print one line of JSON per leg and second; the default if the output is no terminal.",
 )
 def monitor(
-    interface: str, channel: str | None, max_age_ms: int, duration_s: float | None, *, as_json: bool
+    interface: str, channel: str | None, max_age_ms: int, duration_s: float, *, as_json: bool
 ) -> None:
     """Show the legs on CAN: state, force with its age and uncertainty, and the cause of a fault.
 
@@ -59,13 +58,13 @@ def monitor(
     clock = MonotonicClock()
     stop = StopRequest()
     start_ns = clock.now_ns()
-    end_ns = math.inf if duration_s is None else start_ns + round(duration_s * _NS_PER_S)
+    end_ns = start_ns + duration_s * _NS_PER_S
     name = channel or _CHANNELS[interface]
     if interface == "udp_multicast" and not _is_multicast(name):
         raise click.BadParameter(
             f"{name} is no IPv4 multicast address; try {_CHANNELS[interface]}", param_hint="--channel"
         )
-    with open_listener(interface, name, clock, limits) as listener:
+    with closing(open_listener(interface, name, clock, limits)) as listener:
         if as_json or not console.is_terminal:
             for t_ns in _periods(listener, start_ns, end_ns, _NS_PER_S, stop):
                 for snapshot in listener.snapshot():
@@ -102,32 +101,3 @@ def _is_multicast(name: str) -> bool:
         return IPv4Address(name).is_multicast
     except AddressValueError:
         return False
-
-
-def snapshot_json(snapshot: LegSnapshot) -> dict[str, Any]:
-    """Return a leg as plain values; None and NaN stand for unknown values."""
-    leg, force, report, n_force_frames = snapshot
-    known = snapshot.is_current
-    return {
-        "leg": leg,
-        "link": force.status.name.lower(),
-        "forces": n_force_frames,
-        "phase": phase_of(force.state).name.lower() if known else None,
-        "state": force.state.name.lower() if known else None,
-        "cause": cause_text(snapshot),
-        "usable": force.usable,
-        "force_n": [round(value, 3) + 0.0 for value in force.force_n],
-        "sigma_n": [round(value, 3) for value in force.sigma_n],
-        "age_ms": None if force.age_ns is None else round(force.age_ns * 1e-6, 1),
-        "contact": bool(force.flags & Flag.CONTACT) if force.usable else None,
-        "simulated": bool(force.flags & Flag.SIMULATED) if known else None,
-        "elements_out": [e for e in range(9) if force.fault_mask >> e & 1] if known else None,
-        "baseline": {
-            "status": None if report.baseline is None else report.baseline.name.lower(),
-            "mean_ff": round(report.mean_pf * 1e3, 1),
-            "worst_ff": round(report.worst_pf * 1e3, 1),
-            "moved_s_ago": None if report.moved_ago_ns is None else round(report.moved_ago_ns * 1e-9, 1),
-        },
-        "heartbeat": None if report.node_state is None else report.node_state.name.lower(),
-        "degraded_timing": report.degraded_timing,
-    }

@@ -10,11 +10,11 @@ import msgspec
 from rich.console import Console
 
 from footsense.calibration.session.guide import SessionGuide
-from footsense.cli.options import StopRequest, config_option, duration_option, pace_option
+from footsense.cli.options import StopRequest, config_option, duration_option, is_paced, pace_option
 from footsense.cli.record.table import MESSAGES, RecordTable
 from footsense.cli.test_stand_options import foot_option
 from footsense.config import DEFAULT, Config, load_config
-from footsense.config.test_stand import StandConfig, load_test_stand
+from footsense.config.test_stand import load_test_stand
 from footsense.daemon.service import open_service
 from footsense.daemon.session_guide import practice_scene, session_guide
 from footsense.daemon.simulation import is_simulated
@@ -66,7 +66,7 @@ def record(
     config_file: Path | None,
     scene_name: str | None,
     wanted: int,
-    duration_s: float | None,
+    duration_s: float,
     *,
     realtime: bool | None,
 ) -> None:
@@ -88,7 +88,13 @@ def record(
         scene = practice_scene(foot, row, session)
     console = Console()
     live = console.is_terminal
-    paced = _paced(test_stand, scene, realtime, live=live)
+    if scene is not None and is_live(test_stand):
+        if realtime is False:
+            raise ConfigError(
+                "--fast: the force sensor runs in real time; only a simulated one or a file can run faster"
+            )
+        realtime = True
+    paced = is_paced(simulated=scene is not None, realtime=realtime, live=live)
     run = StandSession(test_stand=test_stand, leg=leg, foot=foot, session=session)
     stop = StopRequest()
     with ExitStack() as stack:
@@ -104,10 +110,11 @@ def record(
             table = RecordTable(console, guide, messages, row, title)
             stack.callback(table.close)
             service.observers.append(table)
-        clock = service.scan_source.clock
-        longest_s = min(math.inf if duration_s is None else duration_s, _ends_s(scene))
-        end_ns = clock.now_ns() + longest_s * _NS_PER_S
-        service.run(lambda: stop.requested or guide.coverage.complete or clock.now_ns() >= end_ns)
+        longest_s = min(duration_s, _ends_s(scene))
+        service.run(
+            lambda: stop.requested or guide.coverage.complete,
+            service.clock.now_ns() + longest_s * _NS_PER_S,
+        )
         guide.report = click.echo  # the picture is not drawn again
         guide.close()
     _report(out, guide, service.reference)
@@ -146,27 +153,6 @@ def _mounted(config: Config, leg: str, foot: str) -> Config:
         return msgspec.convert(plain | {"feet": feet, "calibrations": None, "tare": tare}, Config)
     except msgspec.ValidationError:
         raise ConfigError(f"--foot {foot}: is no identity of a foot, such as foot-0007") from None
-
-
-def _paced(test_stand: StandConfig, scene: Scene | None, realtime: bool | None, *, live: bool) -> bool:  # noqa: FBT001
-    """Return whether a simulation is paced by the wall clock, as it has to be beside a real force sensor.
-
-    Raises:
-        ConfigError: The options contradict that, or there is no simulation.
-    """
-    if scene is None:
-        if realtime is not None:
-            raise ConfigError(
-                "--realtime and --fast are for simulations; this configuration names real buses"
-            )
-        return False
-    if is_live(test_stand):
-        if realtime is False:
-            raise ConfigError(
-                "--fast: the force sensor runs in real time; only a simulated one or a file can run faster"
-            )
-        return True
-    return live if realtime is None else realtime
 
 
 def _ends_s(scene: Scene | None) -> float:

@@ -8,7 +8,7 @@ from rich.text import Text
 
 from footsense.calibration.session.coverage import angles_deg
 from footsense.calibration.session.guide import SessionGuide
-from footsense.cli.live_view import LiveView, can_show
+from footsense.cli.live_view import LiveView
 from footsense.cli.record.coverage_ball import GLYPHS, PLAIN_GLYPHS, discs
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import USABLE, Cycle, State, Vector
@@ -36,7 +36,7 @@ class RecordTable(LiveView):
         self._guide = guide
         self._row = row
         self._title = title
-        self._glyphs = GLYPHS if can_show("".join(GLYPHS), console.encoding) else PLAIN_GLYPHS
+        self._glyphs = PLAIN_GLYPHS if console.options.ascii_only else GLYPHS
         self._messages = messages
         self._n_drawn = -1
         self._discs: list[Text] = []

@@ -2,9 +2,9 @@
 
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
-from rich.console import Console
 
 from footsense.cli.options import (
     FILE,
@@ -13,20 +13,21 @@ from footsense.cli.options import (
     config_option,
     duration_option,
     echo_json,
+    is_paced,
     pace_option,
 )
-from footsense.cli.run.live_table import LiveTable
-from footsense.cli.run.summary_text import print_summary
 from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
 from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
-from footsense.errors import ConfigError
 from footsense.frames import Cycle
 from footsense.ports import Observer
 from footsense.sim.scene import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 _DEFAULT_SCENE = "tripod"
 _NS_PER_S = 1_000_000_000
@@ -69,7 +70,7 @@ def run(
     config_file: Path | None,
     scene_name: str | None,
     operating_point: str | None,
-    duration_s: float | None,
+    duration_s: float,
     record: Path | None,
     can_log: Path | None,
     summary: str | None,
@@ -79,35 +80,32 @@ def run(
     """Read the feet, estimate their forces, publish them on CAN.
 
     Without --config this is the built-in simulation of a walking robot.
-    """  # noqa: DOC501 - click shows this text
+    """
     config = load_config(config_file) if config_file else DEFAULT
     if operating_point is not None:
         config = at_operating_point(config, operating_point)
     if scene_name is None and is_simulated(config):
         scene_name = _DEFAULT_SCENE
     scene = load_scene(scene_name) if scene_name else None
-    if scene is None and realtime is not None:
-        raise ConfigError("--realtime and --fast are for simulations; this configuration names real buses")
-    console = Console()
-    live = console.is_terminal and summary is None
-    paced = scene is not None and (live if realtime is None else realtime)
+    live = summary is None and _console().is_terminal
+    paced = is_paced(simulated=scene is not None, realtime=realtime, live=live)
     stop = StopRequest()
     with ExitStack() as stack:
         service = stack.enter_context(
             open_service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )
-        statistics = RunStatistics(service.legs, service.scan_source.true_force_n)
+        statistics = RunStatistics(service.legs, service.true_force_n)
         service.observers.append(statistics)
         first = FirstFrame()
         service.observers.append(first)
         if live:
+            from footsense.cli.run.live_table import LiveTable
+
             title = f"{scene_name}, simulated" if scene else "on the robot"
-            table = LiveTable(console, service.legs, title, service.scan_source.true_force_n)
+            table = LiveTable(_console(), service.legs, title, service.true_force_n)
             stack.callback(table.close)
             service.observers.append(table)
-        clock = service.scan_source.clock
-        end_ns = None if duration_s is None else clock.now_ns() + round(duration_s * _NS_PER_S)
-        service.run(lambda: stop.requested or (end_ns is not None and clock.now_ns() >= end_ns))
+        service.run(lambda: stop.requested, service.clock.now_ns() + duration_s * _NS_PER_S)
     figures = {
         "scene": scene_name,
         **statistics.summary(),
@@ -118,4 +116,13 @@ def run(
     if summary == "json":
         echo_json(figures)
     else:
-        print_summary(console, figures)
+        from footsense.cli.run.summary_text import print_summary
+
+        print_summary(_console(), figures)
+
+
+def _console() -> "Console":
+    """Return the terminal, or the file in its place; imports a library that a run without tables does without."""
+    from rich.console import Console
+
+    return Console()

@@ -14,9 +14,7 @@ def print_summary(console: Console, figures: dict[str, Any]) -> None:
     table.add_column(style="bold")
     table.add_column()
 
-    def row(name: str, text: str) -> None:
-        table.add_row(name, text)
-
+    row = table.add_row
     rate_hz = figures["scan_rate_hz"]
     row("scans", f"{figures['scans']}" + (f" at {rate_hz:.1f} Hz" if rate_hz else ""))
     rmse_n = figures.get("force_rmse_n")

@@ -14,7 +14,8 @@ from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.config import Config
 from footsense.daemon.acquisition import open_buses, open_scan_source, scan_plan_for
-from footsense.daemon.estimation import load_network
+from footsense.daemon.estimation import unloaded_capacitance_pf
+from footsense.daemon.models import load_models
 from footsense.daemon.probe.diagnosis import bus_diagnoses, leg_diagnoses
 from footsense.daemon.probe.report import Diagnosis, ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
 from footsense.daemon.simulation import simulated_robot
@@ -119,23 +120,18 @@ def _probe_legs(
             places.append((leg, report.bus.device, channel, chips))
     if config.serial is not None:
         places = [(name, config.serial.device, "mcu", None) for name in config.legs]
-    designed_pf = load_network(config).card.trained_inputs.design.unloaded_pf
+    stray_pf, unloaded_pf = unloaded_capacitance_pf(load_models(config))
     for row, place in enumerate(places):
         scans = None if feet is None or np.isin(feet[row].reading, _SILENT).all() else feet[row]
-        # Readings spoilt by a loose contact say nothing of the foot.
-        faults = (
-            () if scans is None or scans.is_intermittent else _faults(config, place[0], scans, designed_pf)
-        )
+        faults: tuple[FootFault, ...] = ()
+        if (
+            scans is not None and not scans.is_intermittent
+        ):  # readings lost by a loose contact say nothing of the foot
+            faults = foot_faults(
+                scans,
+                stray_pf[row],
+                unloaded_pf[row],
+                noise_limit_ff=config.tare.noise_limit_ff,
+                unloaded_limit_rel=config.tare.unloaded_limit_rel,
+            )
         yield ProbedLeg(*place, scans, faults)
-
-
-def _faults(config: Config, leg: str, scans: FootScans, designed_pf: float) -> tuple[FootFault, ...]:
-    stray_pf = np.array(config.stray_pf.get(leg, (0.0,) * ELEMENTS))  # type: ignore[call-overload]
-    expected_pf = config.unloaded_pf.get(leg)  # type: ignore[call-overload]
-    return foot_faults(
-        scans,
-        stray_pf,
-        np.full(ELEMENTS, designed_pf) if expected_pf is None else np.array(expected_pf) - stray_pf,
-        noise_limit_ff=config.tare.noise_limit_ff,
-        unloaded_limit_rel=config.tare.unloaded_limit_rel,
-    )

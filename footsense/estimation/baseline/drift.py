@@ -16,10 +16,10 @@ The variance of a baseline grows with the time since it last followed.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from footsense.estimation.baseline.tare import TareLimits
 from footsense.frames import ELEMENTS, BaselineStatus, Mask, Stamps, Vector
 
 #: Fastest drift [pF/s]: 0.1 K/s of a foot that comes from the sun into the shade, at 1.5 fF/K.
@@ -50,25 +50,12 @@ def baseline_sigma_pf(variance_pf2: Vector | float, updated_ns: Stamps | int, no
     return sigma_pf
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BaselineLimits:
-    """Limits of readings that a baseline follows.
-
-    Attributes:
-        noise_limit_ff: Largest noise of any element [fF rms].
-        unloaded_limit_rel: Largest deviation of any element from the free foot's expected reading [1].
-    """
-
-    noise_limit_ff: float
-    unloaded_limit_rel: float
-
-
 class LegBaseline:
     """The baseline of one leg.
 
     Args:
         unloaded_pf: Expected reading of each element of the free foot [pF], shape (9,).
-        limits: Limits of readings that it follows.
+        limits: Limits of a tare, which readings that it follows keep too.
 
     Attributes:
         baseline_pf: Unloaded capacitance without stray [pF], shape (9,), NaN where there is none; replaced, never
@@ -80,7 +67,7 @@ class LegBaseline:
         updated_ns: Time of the last filter step [ns].
     """
 
-    def __init__(self, unloaded_pf: Vector, limits: BaselineLimits) -> None:
+    def __init__(self, unloaded_pf: Vector, limits: TareLimits) -> None:
         self._unloaded_pf = unloaded_pf
         self._farthest_pf = limits.unloaded_limit_rel * unloaded_pf
         self._limits = limits

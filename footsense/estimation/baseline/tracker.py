@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, trimmed_means
-from footsense.estimation.baseline.drift import FARTHEST_PF, BaselineLimits, LegBaseline, baseline_sigma_pf
+from footsense.estimation.baseline.drift import FARTHEST_PF, LegBaseline, baseline_sigma_pf
 from footsense.estimation.baseline.tare import TareLimits, Tares
 from footsense.estimation.baseline.unloaded import unloaded_feet
 from footsense.estimation.faults.causes import SILENT, drift_causes
@@ -90,10 +90,7 @@ class BaselineTracker:
         self._tares = Tares(tare, unloaded_pf, feet or ("",) * n_legs)
         self._sensitivity = sensitivity
         self._track = track
-        limits = BaselineLimits(
-            noise_limit_ff=tare.noise_limit_ff, unloaded_limit_rel=tare.unloaded_limit_rel
-        )
-        self._baselines = [LegBaseline(leg_pf, limits) for leg_pf in unloaded_pf]
+        self._baselines = [LegBaseline(leg_pf, tare) for leg_pf in unloaded_pf]
         self._contacts = [ContactDetector(contact) for _ in unloaded_pf]
         # Near the unloaded distance, where the error of a baseline matters.
         self._closure_per_pf = float(design.plate_distance_um(unloaded_pf).mean()) / (
@@ -186,17 +183,25 @@ class BaselineTracker:
             self._update_sigma(now_ns)
         swung, swinging = self._swinging, []
         flags = []
-        n_per_rel = self._sensitivity.load_n
-        loads = zip(means_rel, self._max_errors_n, newest_ns, predicted_means_rel, strict=True)
-        for leg, (mean_rel, error_n, newest, predicted_mean_rel) in enumerate(loads):
-            baseline, contact = self._baselines[leg], self._contacts[leg]
+        n_per_rel, track = self._sensitivity.load_n, self._track
+        refused, untared = self._tares.refused, self._tares.untared
+        legs = zip(
+            self._baselines,
+            self._contacts,
+            means_rel,
+            self._max_errors_n,
+            newest_ns,
+            predicted_means_rel,
+            strict=True,
+        )
+        for leg, (baseline, contact, mean_rel, error_n, newest, predicted_mean_rel) in enumerate(legs):
             contact.observe(mean_rel * n_per_rel, error_n, newest, now_ns, predicted_mean_rel * n_per_rel)
             in_contact = contact.in_contact
-            refused = _TARE_REFUSED if leg in self._tares.refused else 0
-            flags.append(_CONTACT | refused if in_contact else refused)
-            if leg in self._tares.untared:
+            flag = _CONTACT if in_contact else 0
+            flags.append(flag | _TARE_REFUSED if leg in refused else flag)
+            if leg in untared:
                 continue
-            if in_contact or not (self._track and contact.in_swing):
+            if in_contact or not (track and contact.in_swing):
                 held = _HELD
             elif not contact.explained_by_drift:
                 held = _TOO_FAST

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.frames import ELEMENTS, Mask, Stamps, Vector
 
@@ -70,6 +71,7 @@ class ConsistencyTest:
 
     def __init__(self, n_legs: int, moments: Vector, settled_ns: int) -> None:
         self._moments = moments
+        self._imputation = Imputation(moments)
         self._settled_ns = settled_ns
         self._matrices: dict[bytes, Vector] = {}
         shape = (n_legs, ELEMENTS)
@@ -168,12 +170,7 @@ class ConsistencyTest:
             self._measured[:, leg], self._predicted[:, leg] = np.inf, np.inf
             self._measured[1, leg], self._predicted[1, leg] = -np.inf, -np.inf
         rms = float(np.sqrt(np.square(closure_rel[~missing]).mean()))
-        inconsistency_rel = (
-            INCONSISTENCY_REL
-            * excess
-            * (RESIDUAL_LIMIT + RESIDUAL_LIMIT_REL * rms)
-            / max(rms, RESIDUAL_LIMIT)
-        )
+        inconsistency_rel = float(INCONSISTENCY_REL * excess * _limit(rms) / max(rms, RESIDUAL_LIMIT))
         missing |= isolated
         if not suspected.any():
             return inconsistency_rel
@@ -212,12 +209,7 @@ class ConsistencyTest:
 
     def _predict(self, closure_rel: Vector, missing: Mask) -> Vector:
         """Return the closures with the missing ones predicted from the others, shape (9,)."""
-        known = np.where(missing, 0.0, closure_rel)
-        kept = ~missing
-        predicted = known.copy()
-        if kept.any():
-            read = self._moments[np.ix_(kept, kept)]
-            predicted[missing] = self._moments[np.ix_(missing, kept)] @ np.linalg.solve(read, known[kept])
+        predicted: Vector = self._imputation.impute(closure_rel[None], missing[None])[0]
         return predicted
 
     def _is_stuck(self) -> Mask:
@@ -231,17 +223,13 @@ class ConsistencyTest:
         if kept.size < 2:
             return 0.0
         residual = self._residual_matrix(missing) @ np.where(missing, 0.0, closure_rel)
-        return float(
-            np.abs(residual).max() / (RESIDUAL_LIMIT + RESIDUAL_LIMIT_REL * np.sqrt(np.square(kept).mean()))
-        )
+        return float(np.abs(residual).max() / _limit(np.sqrt(np.square(kept).mean())))
 
     def _isolate(self, closure_rel: Vector, missing: Mask) -> Mask:
         """Return the smallest known set around `missing` without which the rest is consistent; else `missing`."""
         known = np.where(MISSING_SETS, 0.0, closure_rel)
         residual = np.abs(np.einsum("sij,sj->si", self._residual_matrices, known)).max(axis=1)
-        excess = residual / (
-            RESIDUAL_LIMIT + RESIDUAL_LIMIT_REL * np.sqrt(np.square(known).sum(axis=1) / _N_KEPT)
-        )
+        excess = residual / _limit(np.sqrt(np.square(known).sum(axis=1) / _N_KEPT))
         excess[(missing & ~MISSING_SETS).any(axis=1)] = np.inf
         for sets in (_SINGLE, _LINES):
             if excess[sets].min() <= 1.0:
@@ -259,3 +247,9 @@ class ConsistencyTest:
             matrix[np.ix_(kept, kept)] = precision / precision.diagonal()[:, None]
             self._matrices[key] = matrix
         return self._matrices[key]
+
+
+def _limit(rms_rel: Vector | float) -> Vector:
+    """Return the largest residual of an element whose foot has closures of this root mean square [1]."""
+    limit: Vector = RESIDUAL_LIMIT + np.multiply(RESIDUAL_LIMIT_REL, rms_rel)
+    return limit

@@ -130,7 +130,8 @@ class LegClassifier:
 
     def __init__(self, n_legs: int, trained: TrainedInputs, gap_um: Vector, max_age_ns: int) -> None:
         self.stopped: Mask = np.zeros(n_legs, bool)
-        self._closure_min_rel = trained.closure_rel_min
+        # One row per leg: to broadcast a single one takes twice as long as the comparison.
+        self._closure_min_rel = np.tile(trained.closure_rel_min, (n_legs, 1))
         self._closure_max_rel = trained.usable_max_rel(gap_um)
         self._gap_closed_rel = trained.gap_closed_rel(gap_um)
         self._max_age_ns = max_age_ns

@@ -23,8 +23,6 @@ from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.parameters import FootParameters
 from footsense.foot.temperature import STIFFNESS_PER_K, CalibratedAt
 
-__all__ = ["FootCalibration", "read_calibration"]
-
 #: Largest file that is read [bytes]; a network has 18 thousand.
 MAX_BYTES = 1 << 24
 

@@ -14,8 +14,6 @@ import hashlib
 
 from footsense.errors import ModelError
 
-__all__ = ["add_checksum", "verified_sha256"]
-
 _KEY = b"footsense_sha256"
 _DIGITS = 64
 _HEAD = bytes((0x72, 2 + len(_KEY) + 2 + _DIGITS, 0x0A, len(_KEY))) + _KEY + bytes((0x12, _DIGITS))

@@ -13,10 +13,12 @@ from functools import cache
 from typing import Protocol
 
 from firmware_interface.chips import tca9548a
-from firmware_interface.i2c_timing import nack_bits, transaction_bits, wire_time_ns
+from firmware_interface.wire_timing import nack_bits, transaction_bits, wire_time_ns
 from footsense.errors import NackError
 from footsense.ports import Transaction
+from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
+from footsense.sim.faults.wire_faults import WireFaults
 
 
 class SimulatedChip(Protocol):
@@ -37,44 +39,6 @@ class SimulatedChip(Protocol):
         ...
 
 
-class SimulatedMux:
-    """A TCA9548A: the last byte written selects its channels, from STOP on.
-
-    Args:
-        address: Address on the bus.
-
-    Attributes:
-        address: As given.
-        control: Control register: bit k connects channel k.
-
-    Source:
-        TCA9548A data sheet SCPS207, sections 8.4.1 (RESET input) and 8.5.4 (selection at STOP).
-    """
-
-    def __init__(self, address: int) -> None:
-        self.address = address
-        self.control = 0
-
-    def acknowledges(self, t_ns: int) -> bool:
-        """Return True: the mux always answers."""
-        del t_ns
-        return True
-
-    def write(self, data: bytes, t_ns: int) -> None:
-        """Set the control register; the bus applies it at STOP, when this returns."""
-        del t_ns
-        self.control = data[-1]
-
-    def pulse(self) -> None:
-        """Disconnect all channels, as a pulse at the RESET pin does."""
-        self.control = 0
-
-    def read(self, n: int, t_ns: int) -> bytes:
-        """Return the mux's control byte, repeated for every byte read."""
-        del t_ns
-        return bytes((self.control,)) * n
-
-
 @cache
 def _wire_time_ns(n_written: int, n_read: int, rate_hz: int) -> int:
     """Return the duration of a transaction on the wire [ns]."""
@@ -90,6 +54,11 @@ class SimulatedBus:
         host_cost_ns: Cost of a transaction on the host: interpreter, system call, interrupt [ns].
         mux: The mux on the bus.
         legs: Chips behind each mux channel.
+        faults: Faults of the wires; None for none.
+
+    Attributes:
+        clock: As given.
+        mux: As given.
     """
 
     def __init__(
@@ -99,11 +68,13 @@ class SimulatedBus:
         host_cost_ns: int,
         mux: SimulatedMux,
         legs: Mapping[int, Sequence[SimulatedChip]],
+        faults: WireFaults | None = None,
     ) -> None:
-        self._clock = clock
+        self.clock = clock
+        self.mux = mux
         self._rate_hz = rate_hz
         self._host_cost_ns = host_cost_ns
-        self._mux = mux
+        self._faults = faults
         self._legs = {channel: tuple(chips) for channel, chips in legs.items()}
         # Chips by control register and address, looked up in every transaction.
         self._connected: dict[tuple[int, int], tuple[SimulatedChip, ...]] = {}
@@ -113,19 +84,22 @@ class SimulatedBus:
 
         Raises:
             NackError: No connected chip acknowledges the address.
+            BusError: A fault of the wires prevents it.
         """
+        if self._faults is not None:
+            self._faults.act(self.clock, self.mux, self._host_cost_ns)
         address, data, n_read = transaction
-        t_start_ns = self._clock.now_ns() + self._host_cost_ns
-        connected = self._connected.get((self._mux.control, address))
+        t_start_ns = self.clock.now_ns() + self._host_cost_ns
+        connected = self._connected.get((self.mux.control, address))
         if connected is None:
             connected = self._connect(address)
         chips = [chip for chip in connected if chip.acknowledges(t_start_ns)]
         if not chips:
-            self._clock.sleep_until_ns(t_start_ns + wire_time_ns(nack_bits(), self._rate_hz))
+            self.clock.sleep_until_ns(t_start_ns + wire_time_ns(nack_bits(), self._rate_hz))
             raise NackError(f"no acknowledge from {address:#04x}")
         lasts_ns = _wire_time_ns(len(data), n_read, self._rate_hz)
         t_end_ns = t_start_ns + lasts_ns
-        self._clock.advance_ns(self._host_cost_ns + lasts_ns)
+        self.clock.advance_ns(self._host_cost_ns + lasts_ns)
         if data:
             for chip in chips:
                 chip.write(data, t_end_ns)
@@ -137,16 +111,13 @@ class SimulatedBus:
                 answer = bytes(a & b for a, b in zip(answer, chip.read(n_read, t_end_ns), strict=True))
         return answer
 
-    def close(self) -> None:
-        """Do nothing: the simulated bus holds no resource."""
-
     def _connect(self, address: int) -> tuple[SimulatedChip, ...]:
         """Return all connected chips at `address`, the mux included, and cache the result for this mux selection."""
         behind = [
             chip
             for channel in range(tca9548a.CHANNELS)
-            if self._mux.control >> channel & 1
+            if self.mux.control >> channel & 1
             for chip in self._legs.get(channel, ())
         ]
-        connected = tuple(chip for chip in (self._mux, *behind) if chip.address == address)
-        return self._connected.setdefault((self._mux.control, address), connected)
+        connected = tuple(chip for chip in (self.mux, *behind) if chip.address == address)
+        return self._connected.setdefault((self.mux.control, address), connected)

@@ -2,7 +2,7 @@
 
 from firmware_interface.chips import tca9548a
 from footsense.ports import I2cBus, Transaction
-from footsense.sim.bus.i2c_bus import SimulatedMux
+from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 
 
@@ -39,6 +39,3 @@ class SimulatedKernelMuxLeg:
         if self._mux.control != self._selection:
             self._upstream.transfer(Transaction(self._mux.address, bytes((self._selection,))))
         return self._upstream.transfer(transaction)
-
-    def close(self) -> None:
-        """Do nothing: the simulated adapter holds no resource."""

@@ -14,6 +14,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from firmware_interface.socketcan import CONTROLLER_ACTIVE, ErrorClass, error_frame, split_frames
+from firmware_interface.wire_timing import LONGEST_FRAME_BITS, frame_bits
+from footsense.sim.can.other_senders import OtherSender
 from footsense.sim.can.transmit_queue import Queued, TransmitQueue
 
 _NS_PER_S = 1_000_000_000
@@ -49,31 +51,6 @@ class CanSettings(NamedTuple):
     mailboxes: int = 3
 
 
-class OtherNode:
-    """Another node on the bus, with at most one frame of 8 bytes to send.
-
-    Args:
-        can_id: Id of its frames.
-
-    Attributes:
-        waiting: Whether it has a frame to send.
-    """
-
-    def __init__(self, can_id: int) -> None:
-        self.can_id = can_id
-        self.waiting = False
-
-
-def frame_bits(n_data: int) -> int:
-    """Return the maximum length of a frame with an 11-bit id, stuff bits and interframe space included [bits].
-
-    Example:
-        >>> frame_bits(8)
-        135
-    """
-    return 8 * n_data + 47 + (34 + 8 * n_data - 1) // 4
-
-
 class CanController:
     """The controller of one interface.
 
@@ -90,7 +67,6 @@ class CanController:
         shorted: Whether the wires are shorted.
         on_delivered: Called with each frame of ours that reached the other nodes: its time, the time at which it was
             handed over [ns], and the frame. None for no listener.
-        n_delivered: Frames of ours that reached them.
         n_lost: Frames of ours that failed in one-shot mode.
         n_flushed: Frames of ours in the mailboxes at a restart or stop.
         n_bus_off: Times that it went bus-off.
@@ -101,7 +77,7 @@ class CanController:
         queue: TransmitQueue,
         settings: CanSettings,
         bitrate: int,
-        others: Sequence[OtherNode],
+        others: Sequence[OtherSender],
         tell: Callable[[bytes], None],
     ) -> None:
         self._queue = queue
@@ -110,14 +86,14 @@ class CanController:
         self._others = others
         self._tell = tell
         self._mailboxes: deque[Queued] = deque()
-        self._passing: Callable[[int], None] | None = None  # called when the wire is free again
+        self._passed: Callable[[int], None] | None = None  # called when our frame has passed
         self._free_ns = math.inf
         self._restart_ns = math.inf
         self._error_count = 0
         self.running = True
         self.no_ack = self.shorted = False
         self.on_delivered: Callable[[int, int, bytes], object] | None = None
-        self.n_delivered = self.n_lost = self.n_flushed = self.n_bus_off = 0
+        self.n_lost = self.n_flushed = self.n_bus_off = 0
 
     @property
     def due_ns(self) -> float:
@@ -126,21 +102,21 @@ class CanController:
 
     def happen(self, t_ns: int) -> None:
         """Process the events due at `t_ns` [ns]."""
-        if self._passing is not None and self._free_ns <= t_ns:
-            passed, self._passing, self._free_ns = self._passing, None, math.inf
-            passed(t_ns)
+        if self._free_ns <= t_ns:
+            self._free_ns = math.inf
+            if self._passed is not None:
+                self._passed(t_ns)
         if self._restart_ns <= t_ns:
             self._restart_ns = math.inf
             self._flush()
             self._error_count = 0
             self._queue.regain_carrier()
             self._tell(error_frame(ErrorClass.RESTARTED))
-            self._occupy(t_ns, _RECOVERY_BITS, _nothing)
+            self._occupy(t_ns, _RECOVERY_BITS, None)
 
     def stop(self) -> None:
         """Stop, as an interface that goes down."""
         self._flush()
-        self._passing = None
         self._free_ns = self._restart_ns = math.inf
         self._error_count = 0
 
@@ -148,7 +124,7 @@ class CanController:
         """Fill the mailboxes from the queue, and start a frame if the wire is free."""
         while len(self._mailboxes) < self._settings.mailboxes and self.running and self._queue.frames:
             self._mailboxes.append(self._queue.frames.popleft())
-        if self._passing is not None:
+        if self._free_ns < math.inf:
             return
         ours = None
         if self.running and self._mailboxes and self._error_count < _BUS_OFF:
@@ -162,7 +138,7 @@ class CanController:
             other.waiting = False
             if ours and self._settings.one_shot:  # the arbitration was lost
                 self._give_up()
-            self._occupy(t_ns, frame_bits(8), _nothing)
+            self._occupy(t_ns, LONGEST_FRAME_BITS, None)
         elif ours and self.shorted:
             self._occupy(t_ns, 1 + _ERROR_BITS + self._suspend_bits(), self._fail)
         elif ours and self.no_ack:
@@ -171,9 +147,9 @@ class CanController:
         elif ours:
             self._occupy(t_ns, frame_bits(len(data)), self._deliver)
 
-    def _occupy(self, t_ns: int, bits: int, then: Callable[[int], None]) -> None:
+    def _occupy(self, t_ns: int, bits: int, then: Callable[[int], None] | None) -> None:
         self._free_ns = t_ns + bits * self._bit_ns
-        self._passing = then
+        self._passed = then
 
     def _suspend_bits(self) -> int:
         return _SUSPEND_BITS if self._error_count >= _PASSIVE else 0
@@ -189,10 +165,8 @@ class CanController:
         frame = self._mailboxes.popleft()
         if self._error_count:
             self._count_errors(-1)
-        if frame.ours:
-            self.n_delivered += 1
-            if self.on_delivered is not None:
-                self.on_delivered(t_ns, frame.handed_ns, frame.data)
+        if frame.ours and self.on_delivered is not None:
+            self.on_delivered(t_ns, frame.handed_ns, frame.data)
 
     def _miss_ack(self, t_ns: int) -> None:
         """Count a missing acknowledgement, which alone takes no controller beyond error passive."""
@@ -223,7 +197,3 @@ class CanController:
             self._tell(error_frame(ErrorClass.CONTROLLER, _TX_PASSIVE))
         elif after < _PASSIVE <= before:
             self._tell(error_frame(ErrorClass.CONTROLLER, CONTROLLER_ACTIVE))
-
-
-def _nothing(t_ns: int) -> None:
-    """Ignore the end of another node's frame."""

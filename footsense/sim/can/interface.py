@@ -25,27 +25,17 @@ from collections.abc import Sequence
 from firmware_interface.socketcan import FRAME_BYTES, pack_frame
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
-from footsense.sim.can.controller import CanController, CanSettings, OtherNode
+from footsense.sim.can.controller import CanController, CanSettings
+from footsense.sim.can.other_senders import OtherSender
 from footsense.sim.can.transmit_queue import Queued, TransmitQueue
 from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanQueueFull, CanTraffic
-
-_NS_PER_S = 1_000_000_000
+from footsense.sim.faults.schedule import Schedule
 
 #: Settings of `deploy/80-can0.network`.
 AS_DEPLOYED = CanSettings(queue_frames=16, head_drop=True, one_shot=True, restart_ns=100_000_000)
 
 #: Unread frames of a socket; the kernel drops further ones.
 _MOST_UNREAD = 300
-
-
-class _Sender:
-    """Schedule of another node, or of another program on the same computer."""
-
-    def __init__(self, fault: CanTraffic | CanQueueFull) -> None:
-        self.period_ns = _NS_PER_S / fault.rate_hz
-        self.due_ns: float = fault.at_ns
-        self.until_ns = fault.until_ns
-        self.node = OtherNode(fault.can_id) if isinstance(fault, CanTraffic) else None
 
 
 class SimulatedCan:
@@ -72,17 +62,16 @@ class SimulatedCan:
         settings: CanSettings = AS_DEPLOYED,
     ) -> None:
         self._clock = clock
-        self._faults = tuple(faults)
-        self._senders = [_Sender(fault) for fault in faults if isinstance(fault, CanTraffic | CanQueueFull)]
-        edges = {fault.at_ns for fault in faults} | {fault.until_ns for fault in faults}
-        # The first is the next to come.
-        self._edges = deque([*sorted(edge for edge in edges if edge < math.inf), math.inf])
-        self._others_ns = self._others_due_ns()
+        self._faults = Schedule((fault.span_ns, fault) for fault in faults)
+        self._faults.at(-1.0)
+        self._senders = [
+            OtherSender(fault) for fault in faults if isinstance(fault, CanTraffic | CanQueueFull)
+        ]
         self._sockets: list[_Socket] = []
         self._t_ns = 0
         self.up = self.present = True
         self.queue = TransmitQueue(settings.queue_frames, head_drop=settings.head_drop)
-        nodes = [sender.node for sender in self._senders if sender.node is not None]
+        nodes = [sender for sender in self._senders if sender.is_node]
         self.controller = CanController(self.queue, settings, bitrate, nodes, self._tell)
 
     def connect(self) -> CanWire:
@@ -99,11 +88,6 @@ class SimulatedCan:
         if not self.up:
             socket.error = errno.ENETDOWN
         return socket
-
-    def arrive(self, can_id: int, data: bytes) -> None:
-        """Deliver a frame of another node to every socket."""
-        self.advance()
-        self._tell(pack_frame(can_id, data))
 
     def take(self, frame: bytes) -> bool:
         """Take a frame into the queue.
@@ -125,30 +109,26 @@ class SimulatedCan:
 
     def _due_ns(self) -> float:
         """Return the time of the next event [ns]."""
-        return min(self._edges[0], self.controller.due_ns, self.queue.look_ns, self._others_ns)
-
-    def _others_due_ns(self) -> float:
-        """Return the time at which another node or program sends next [ns]."""
-        return min((sender.due_ns for sender in self._senders), default=math.inf)
+        others_ns = (sender.due_ns for sender in self._senders)
+        return min(self._faults.until_ns, self.controller.due_ns, self.queue.look_ns, *others_ns)
 
     def _happen(self, t_ns: int) -> None:
         """Process the events due at `t_ns` [ns]."""
-        while self._edges[0] <= t_ns:
-            self._edges.popleft()
+        if self._faults.until_ns <= t_ns:
             self._turn(t_ns)
         self.controller.happen(t_ns)
         if self.queue.look_ns <= t_ns:
             self.queue.look(t_ns)
-        if self._others_ns <= t_ns:
-            for sender in self._senders:
-                if sender.due_ns <= t_ns:
-                    self._other_sends(sender, t_ns)
-            self._others_ns = self._others_due_ns()
+        for sender in self._senders:
+            if sender.due_ns <= t_ns:
+                sender.send()
+                if not sender.is_node and self.up:
+                    self.queue.put(Queued(t_ns, pack_frame(sender.can_id, bytes(8)), ours=False))
         self.controller.begin(t_ns)
 
     def _turn(self, t_ns: int) -> None:
         """Begin and end faults at `t_ns` [ns]."""
-        acting = [fault for fault in self._faults if fault.at_ns <= t_ns < fault.until_ns]
+        acting = self._faults.at(t_ns)
         down = [fault for fault in acting if isinstance(fault, CanDown)]
         if self.up and down:
             self.queue.stop()
@@ -162,16 +142,6 @@ class SimulatedCan:
                 socket.gone = True
         self.controller.no_ack = any(isinstance(fault, CanNoAck) for fault in acting)
         self.controller.shorted = any(isinstance(fault, CanBusOff) for fault in acting)
-
-    def _other_sends(self, sender: _Sender, t_ns: int) -> None:
-        """Send the next frame of another node or program."""
-        sender.due_ns += sender.period_ns
-        if sender.due_ns >= sender.until_ns:
-            sender.due_ns = math.inf
-        if sender.node is not None:
-            sender.node.waiting = True
-        elif self.up:
-            self.queue.put(Queued(t_ns, pack_frame(0x7FF, bytes(8)), ours=False))
 
     def _tell(self, frame: bytes) -> None:
         for socket in self._sockets:

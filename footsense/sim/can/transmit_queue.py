@@ -35,9 +35,7 @@ class TransmitQueue:
 
     Attributes:
         frames: The frames, oldest first.
-        n_pushed_out: Frames dropped for newer ones.
         n_purged: Frames dropped with the carrier.
-        n_swallowed: Frames accepted without carrier, and lost.
         look_ns: Next look of the kernel at the carrier [ns]; infinite without a reason.
     """
 
@@ -48,7 +46,7 @@ class TransmitQueue:
         self._active = self._carrier = True
         self._may_look_ns = 0
         self.look_ns: float = math.inf
-        self.n_pushed_out = self.n_purged = self.n_swallowed = 0
+        self.n_purged = 0
 
     def put(self, frame: Queued) -> bool:
         """Append a frame; a full queue refuses the frame or drops the oldest one.
@@ -57,13 +55,11 @@ class TransmitQueue:
             False if it was refused: ENOBUFS.
         """
         if not self._active:
-            self.n_swallowed += 1
             return True
         if len(self.frames) >= self._room:
             if not self._head_drop:
                 return False
             self.frames.popleft()
-            self.n_pushed_out += 1
         self.frames.append(frame)
         return True
 

@@ -116,22 +116,15 @@ class SimulatedAd7746(LegChip):
         configuration = self._registers[Register.CONFIGURATION]
         if configuration & 0x07 != chip.MODE_SINGLE:
             return
-        for kind, enabled, lasts_ns in (
-            (
-                _CAP,
-                self._registers[Register.CAP_SETUP] & chip.CAP_ENABLE,
-                _RATE_OF_CODE[configuration >> 3 & 0x07].conversion_ns,
-            ),
-            (
-                _VT,
-                self._registers[Register.VT_SETUP] & chip.VT_ENABLE,
-                chip.VT_CONVERSION_NS[configuration >> 6],
-            ),
-        ):
-            if enabled:
-                end_ns = t_ns + round(lasts_ns * self._clock_factor)
-                self._running.append((kind, t_ns, end_ns))
-                t_ns = end_ns
+        enabled: list[tuple[int, int]] = []
+        if self._registers[Register.CAP_SETUP] & chip.CAP_ENABLE:
+            enabled.append((_CAP, _RATE_OF_CODE[configuration >> 3 & 0x07].conversion_ns))
+        if self._registers[Register.VT_SETUP] & chip.VT_ENABLE:
+            enabled.append((_VT, chip.VT_CONVERSION_NS[configuration >> 6]))
+        for kind, lasts_ns in enabled:
+            end_ns = t_ns + round(lasts_ns * self._clock_factor)
+            self._running.append((kind, t_ns, end_ns))
+            t_ns = end_ns
 
     def _finish_by(self, t_ns: int) -> None:
         """Set the results of the conversions that are over by `t_ns` [ns]."""

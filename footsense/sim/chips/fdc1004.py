@@ -90,17 +90,20 @@ class SimulatedFdc1004(LegChip):
         self._noise = repeat(0.0) if noise is None else _white(noise)
         self._clock_factor = 1.0 + clock_error_rel
         self._pointer = 0
-        self._reset()
+        self.power_up(0)
 
     def power_up(self, t_ns: int) -> None:
         """Take the settings of power-up."""
-        del t_ns
-        self._reset()
+        self._registers = dict(chip.RESET_VALUES)
+        self._results = [chip.CODE_MAX] * chip.SLOTS
+        self._conf = 0
+        self._done = 0
+        self._running: _Conversion | None = None
+        self._started_ns = self._ends_ns = t_ns
 
     def write(self, data: bytes, t_ns: int) -> None:
         """Receive a register pointer and, if two bytes follow, the value of the register."""
-        if self._running is not None and t_ns >= self._ends_ns:
-            self._finish(self._running)
+        self._finish_by(t_ns)
         self._pointer = data[0]
         if len(data) < 3:
             return
@@ -112,22 +115,13 @@ class SimulatedFdc1004(LegChip):
 
     def read(self, n: int, t_ns: int) -> bytes:
         """Return the register at the pointer, and ones behind it: no chip drives the line then."""
-        if self._running is not None and t_ns >= self._ends_ns:
-            self._finish(self._running)
+        self._finish_by(t_ns)
         word = self._register(self._pointer).to_bytes(2, "big")
         return word if n == len(word) else word[:n] + b"\xff" * (n - 2)
 
-    def _reset(self) -> None:
-        self._registers = dict(chip.RESET_VALUES)
-        self._results = [chip.CODE_MAX] * chip.SLOTS
-        self._conf = 0
-        self._done = 0
-        self._running: _Conversion | None = None
-        self._started_ns = self._ends_ns = 0
-
     def _configure(self, word: int, t_ns: int) -> None:
         if word & _RESET:
-            self._reset()
+            self.power_up(t_ns)
             return
         # DONE is read-only.
         self._conf = word & ~_DONE
@@ -138,9 +132,10 @@ class SimulatedFdc1004(LegChip):
         self._started_ns = t_ns
         self._ends_ns = t_ns + round(conversion.lasts_ns * self._clock_factor)
 
-    def _finish(self, conversion: _Conversion) -> None:
-        """Set the result of a conversion that is over."""
-        if during(self.stuck_ns, self._ends_ns):
+    def _finish_by(self, t_ns: int) -> None:
+        """Set the result of a conversion that is over by `t_ns` [ns]."""
+        conversion = self._running
+        if conversion is None or t_ns < self._ends_ns or during(self.stuck_ns, self._ends_ns):
             return
         self._running = None
         self._results[conversion.slot] = self._convert(conversion)

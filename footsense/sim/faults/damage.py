@@ -24,6 +24,7 @@ from footsense.sim.faults.schedule import Schedule
 OPEN_PF = 0.1
 
 _COLUMNS = 3
+_ON_LINES = (BrokenColumn, BrokenRow, ElementShorted)
 
 
 class Damage:
@@ -35,13 +36,12 @@ class Damage:
     """
 
     def __init__(self, faults: Sequence[OnFoot], foot: Foot) -> None:
-        on_lines = [fault for fault in faults if isinstance(fault, BrokenColumn | BrokenRow | ElementShorted)]
-        self._on_lines = Schedule((fault.span_ns, fault) for fault in on_lines)
+        self._on_lines = Schedule((fault.span_ns, fault) for fault in faults if isinstance(fault, _ON_LINES))
         self._on_elements = Schedule(
             # What has drifted stays.
             ((fault.at_ns, math.inf) if isinstance(fault, ElementDrifts) else fault.span_ns, fault)
             for fault in faults
-            if not isinstance(fault, BrokenColumn | BrokenRow | ElementShorted)
+            if not isinstance(fault, _ON_LINES)
         )
         design = foot.response.design
         self._closed_pf = float(design.capacitance_pf(np.full(1, design.gap_um))[0])
@@ -75,31 +75,28 @@ class Damage:
 
     def pin_pf(self, cin: int, column_pf: list[float], states: LineStates, t_ns: int) -> float:
         """Return the capacitance to ground of pin `cin` at a time [pF]; arguments as of `pin_capacitance_pf`."""
-        broken_rows = shorted_rows = 0
-        for fault in self._on_lines.at(t_ns):
-            match fault:
-                case BrokenColumn(column=column) if column == cin:
-                    return OPEN_PF
-                case BrokenRow(row=row):
-                    broken_rows |= 1 << row
-                case ElementShorted(element=element) if element % _COLUMNS == cin:
-                    shorted_rows |= 1 << element // _COLUMNS
-                case _:
-                    pass
+        broken_rows, broken_columns, shorted = self._broken_lines(t_ns)
+        if broken_columns >> cin & 1:
+            return OPEN_PF
+        shorted_rows = sum({1 << element // _COLUMNS for element in shorted if element % _COLUMNS == cin})
         return pin_capacitance_pf(column_pf, states, broken_rows, shorted_rows)
 
     def mutual_pf(
         self, element_pf: list[float], rows: LineStates, columns: LineStates, t_ns: int
     ) -> tuple[float, bool]:
         """Return mutual capacitance [pF] and short at a time, as `mutual_capacitance_pf` with its arguments."""
-        broken_rows = broken_columns = 0
+        return mutual_capacitance_pf(element_pf, rows, columns, *self._broken_lines(t_ns))
+
+    def _broken_lines(self, t_ns: int) -> tuple[int, int, list[int]]:
+        """Return bit r for each interrupted row line, bit c for each column line, and the shorted elements."""
+        rows = columns = 0
         shorted: list[int] = []
         for fault in self._on_lines.at(t_ns):
             match fault:
-                case BrokenColumn(column=column):
-                    broken_columns |= 1 << column
                 case BrokenRow(row=row):
-                    broken_rows |= 1 << row
+                    rows |= 1 << row
+                case BrokenColumn(column=column):
+                    columns |= 1 << column
                 case ElementShorted(element=element):
                     shorted.append(element)
-        return mutual_capacitance_pf(element_pf, rows, columns, broken_rows, broken_columns, shorted)
+        return rows, columns, shorted

@@ -55,9 +55,9 @@ def mutual_capacitance_pf(
     element_pf: Sequence[float],
     rows: LineStates,
     columns: LineStates,
-    broken_rows: int = 0,
-    broken_columns: int = 0,
-    shorted: Sequence[int] = (),
+    broken_rows: int,
+    broken_columns: int,
+    shorted: Sequence[int],
 ) -> tuple[float, bool]:
     """Return the capacitance between excitation and input of board `ad7746`, and whether the excitation is shorted.
 

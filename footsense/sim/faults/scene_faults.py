@@ -2,7 +2,7 @@
 
 Each class is one kind of fault; its name in the file is the class name in lower case:
 `{at_s: 3.2, leg: rm, fault: stuck_sda}`. A fault lasts from `at_s` until `until_s`, or to the end without it. The
-mechanism is simulated where the part is that fails: `bus_faults.py` for the wires, `chip_faults.py` for the chips of a
+mechanism is simulated where the part is that fails: `wire_faults.py` for the wires, `chip_faults.py` for the chips of a
 leg, `damage.py` for the foot, `sim/can/` for the CAN bus.
 """
 

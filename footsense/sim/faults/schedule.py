@@ -24,19 +24,22 @@ class Schedule(Generic[_T]):
 
     Args:
         entries: Span [ns] and value.
+
+    Attributes:
+        until_ns: Time up to which the last answer holds [ns].
     """
 
     def __init__(self, entries: Iterable[tuple[Span, _T]]) -> None:
         self._entries = tuple(entries)
         self._edges_ns = sorted({edge_ns for span_ns, _ in self._entries for edge_ns in span_ns})
         self._acting: tuple[_T, ...] = ()
-        self._since_ns, self._until_ns = math.inf, -math.inf  # no answer yet
+        self._since_ns, self.until_ns = math.inf, -math.inf  # no answer yet
 
     def at(self, t_ns: float) -> tuple[_T, ...]:
         """Return the values that act at a time [ns], in the order of the entries."""
-        if not self._since_ns <= t_ns < self._until_ns:
+        if not self._since_ns <= t_ns < self.until_ns:
             passed = bisect_right(self._edges_ns, t_ns)
-            self._since_ns, self._until_ns = [-math.inf, *self._edges_ns, math.inf][passed : passed + 2]
+            self._since_ns, self.until_ns = [-math.inf, *self._edges_ns, math.inf][passed : passed + 2]
             self._acting = tuple(
                 value for (from_ns, until_ns), value in self._entries if from_ns <= t_ns < until_ns
             )

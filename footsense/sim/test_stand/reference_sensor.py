@@ -41,18 +41,28 @@ _BOW = 2.0 / (3.0 * math.sqrt(3.0))
 
 
 class SimulatedSensor:
-    """One simulated specimen of a force sensor, with its errors.
+    """One simulated specimen of a force sensor, with its errors, at the end of a serial line.
 
     Args:
         true_force_n: Ground reaction on the foot at a time [N], shape (3,).
+        clock: Virtual clock.
         seed: Seed of the specimen and its noise.
         linearity_rel: Largest nonlinearity over the rated value [1].
+
+    Attributes:
+        opened: Number of times that its line was opened.
     """
 
     def __init__(
-        self, true_force_n: Callable[[int], Vector], seed: int, linearity_rel: float = LINEARITY_REL
+        self,
+        true_force_n: Callable[[int], Vector],
+        clock: Clock,
+        seed: int,
+        linearity_rel: float = LINEARITY_REL,
     ) -> None:
+        self.opened = 1
         self._true_force_n = true_force_n
+        self._clock = clock
         self._random = np.random.default_rng((seed, 6))
         self._bow_gf = linearity_rel / _BOW * RATED_GF * self._random.uniform(-1, 1, 3)
         self._offset_gf = STEP_GF * self._random.uniform(-_OFFSET_STEPS, _OFFSET_STEPS, 3)
@@ -61,18 +71,27 @@ class SimulatedSensor:
         self._started_ns: int | None = None
         self._n_sent = 0
 
-    def start(self, t_ns: int) -> None:
-        """Begin to stream; the first sample is taken a period later."""
-        self._started_ns, self._n_sent = t_ns, 0
+    def write(self, data: bytes) -> None:
+        """Begin to stream on any command; the first sample is taken a period later."""
+        if data:
+            self._started_ns, self._n_sent = self._clock.now_ns(), 0
 
-    def bytes_until(self, t_ns: int) -> bytes:
+    def wait_until_ns(self, t_ns: int) -> None:
+        """Advance the clock to a time [ns]."""
+        self._clock.sleep_until_ns(t_ns)
+
+    def close(self) -> None:
+        """Hold nothing: there is nothing to release."""
+
+    def read(self) -> bytes:
         """Return the lines that have been sent since the last call."""
         if self._started_ns is None:
             return b""
+        now_ns = self._clock.now_ns()
         lines: list[bytes] = []
         while True:
             taken_ns = self._started_ns + round((self._n_sent + 1) * self._period_ns)
-            if taken_ns + TRANSMISSION_NS > t_ns:
+            if taken_ns + TRANSMISSION_NS > now_ns:
                 return b"".join(lines)
             self._n_sent += 1
             sensor_us = self._t_first_us + self._n_sent * _PERIOD_NS // 1000
@@ -85,36 +104,3 @@ class SimulatedSensor:
         reading_gf = load_gf + self._bow_gf * (share - share**3) + self._offset_gf + noise_gf
         counted_gf = STEP_GF * np.rint(reading_gf / STEP_GF)
         return [int(value) for value in np.clip(counted_gf, -RATED_GF, RATED_GF)]
-
-
-class SimulatedPort:
-    """Serial port connected to a simulated force sensor, in virtual time.
-
-    Args:
-        sensor: The sensor.
-        clock: Virtual clock.
-
-    Attributes:
-        opened: Number of times it was opened.
-    """
-
-    def __init__(self, sensor: SimulatedSensor, clock: Clock) -> None:
-        self._sensor = sensor
-        self._clock = clock
-        self.opened = 1
-
-    def read(self) -> bytes:
-        """Return the bytes that have arrived."""
-        return self._sensor.bytes_until(self._clock.now_ns())
-
-    def write(self, data: bytes) -> None:
-        """Start the stream on any command."""
-        if data:
-            self._sensor.start(self._clock.now_ns())
-
-    def wait_until_ns(self, t_ns: int) -> None:
-        """Advance the clock to a time [ns]."""
-        self._clock.sleep_until_ns(t_ns)
-
-    def close(self) -> None:
-        """Hold nothing: there is nothing to release."""

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 from footsense.cli.lab.group import lab
 from footsense.config import DEFAULT, load_config
-from footsense.daemon.estimation import load_network
+from footsense.daemon.models import load_models
 from footsense.daemon.service import open_service
 from footsense.errors import FootsenseError, ModelError
 from footsense.estimation.faults.imputation import Imputation
@@ -276,9 +276,9 @@ def test_a_robot_walks_on_feet_of_another_type(built: Built, folder: Path, tmp_p
         f"buses: [{{device: sim, legs: {{lf: 0, rr: 1}}}}]\ncan: {{interface: virtual}}\nfoot_type: {folder}\n"
     )
     with open_service(load_config(config), load_scene("tripod"), real_time=False) as robot:
-        statistics = RunStatistics(robot.legs, robot.scan_source.true_force_n)
+        statistics = RunStatistics(robot.legs, robot.true_force_n)
         robot.observers.append(statistics)
-        robot.run(lambda: robot.scan_source.clock.now_ns() > 2_000_000_000)
+        robot.run(until_ns=2_000_000_000)
     assert robot.network.card.foot_type == "large-3x3"
     found: dict[str, Any] = statistics.summary()
     assert found["faults"] == 0
@@ -310,7 +310,7 @@ def test_a_foot_type_that_nobody_built_is_one_clear_error() -> None:
         ("./large-3x3", "lab build"),
     ):
         with pytest.raises(ModelError, match=f"foot_type: no foot type {name}: .*{remedy}"):
-            load_network(msgspec.structs.replace(DEFAULT, foot_type=name))
+            load_models(msgspec.structs.replace(DEFAULT, foot_type=name))
 
 
 def test_evaluate_prints_the_figures_as_json(built: Built, folder: Path) -> None:

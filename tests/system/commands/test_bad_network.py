@@ -14,7 +14,7 @@ import pytest
 from onnx import TensorProto, helper
 
 from footsense.config import DEFAULT
-from footsense.daemon.estimation import load_network
+from footsense.daemon.models import load_models
 from footsense.errors import ModelError
 from footsense.foot.files.checksum_trailer import add_checksum
 from footsense.foot.files.network_card import INPUT_ORDER, OUTPUT_ORDER
@@ -90,7 +90,7 @@ def network_file(
 def refused(folder: Path) -> str:
     """Return the one line with which the network in a folder is refused."""
     with pytest.raises(ModelError) as caught:
-        load_network(msgspec.structs.replace(DEFAULT, model=str(folder / "network.onnx")))
+        load_models(msgspec.structs.replace(DEFAULT, model=str(folder / "network.onnx")))
     line = str(caught.value)
     assert "\n" not in line
     return line

@@ -15,8 +15,8 @@ from footsense.cli import main
 from footsense.config import DEFAULT
 from footsense.daemon.can_output import can_sink
 from footsense.errors import HardwareError
+from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
-from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.sim.clock import VirtualClock
 from tests.system.command import TIMEOUT_S, footsense, one_line_error
@@ -43,9 +43,9 @@ def gapped(walk: Path, tmp_path: Path) -> Path:
         for entry in replay.entries():
             assert isinstance(entry, NumberedCycle)
             if entry.counter == N_BEFORE + N_LOST:
-                recording.add_loss(LostCycles(entry.counter, entry.cycle.forces.t_sent_ns, N_LOST))
+                recording.add(LostCycles(entry.counter, entry.cycle.forces.t_sent_ns, N_LOST))
             if not N_BEFORE <= entry.counter < N_BEFORE + N_LOST:
-                recording.add_cycle(entry)
+                recording.add(entry)
         recording.finish()
     return path
 
@@ -99,6 +99,7 @@ def test_a_number_out_of_range_is_a_usage_error(tmp_path: Path, arguments: tuple
         (("calibrate", "a.mcap", "--feet", "feet"), "--calibrations"),
         (("evaluate", "a.mcap", "--pack", "feet/foot-0007"), "--calibration"),
         (("lab", "response", "--rung", "full"), "--level"),
+        (("lab", "tolerance", "--campaign", "one"), "--file"),
     ],
     ids=str,
 )

@@ -5,7 +5,7 @@ from pathlib import Path
 import can
 import pytest
 
-from firmware_interface import can_events
+from firmware_interface import can_commands
 from footsense.config import DEFAULT
 from footsense.daemon.service import open_service
 from footsense.frames import CommandKind, Cycle, Result, State
@@ -32,15 +32,15 @@ class Controller:
     def observe(self, cycle: Cycle) -> None:
         self.states.append(State(int(cycle.forces.state[1])))
         while (message := self._bus.recv(timeout=0)) is not None:
-            if message.arbitration_id == can_events.ANSWER_ID + NODE_LM:
-                answer = can_events.decode_answer(message.arbitration_id, bytes(message.data))
+            if message.arbitration_id == can_commands.ANSWER_ID + NODE_LM:
+                answer = can_commands.decode_answer(message.arbitration_id, bytes(message.data))
                 self.answers.append((CommandKind(answer.kind), Result(answer.result)))
         kind = self._commands.get(cycle.scan.sequence)
         if kind is not None:
-            data = can_events.encode_command(NODE_LM, self._counter, kind)
+            data = can_commands.encode_command(NODE_LM, self._counter, kind)
             self._counter += 1
             self._bus.send(
-                can.Message(arbitration_id=can_events.COMMAND_ID + NODE_LM, data=data, is_extended_id=False)
+                can.Message(arbitration_id=can_commands.COMMAND_ID + NODE_LM, data=data, is_extended_id=False)
             )
 
     def close(self) -> None:
@@ -63,8 +63,7 @@ def test_a_tare_is_granted_unloaded_and_refused_loaded(scene: str) -> None:
     ):
         controller = Controller(bus, {20: CommandKind.TARE, 60: CommandKind.TARE, 90: CommandKind.STOP})
         service.observers.append(controller)
-        clock = service.scan_source.clock
-        service.run(lambda: clock.now_ns() > 2_500_000_000)
+        service.run(until_ns=2_500_000_000)
     assert controller.answers == [
         (CommandKind.TARE, Result.DONE),
         (CommandKind.TARE, Result.DONE),
@@ -82,7 +81,6 @@ def test_a_leg_in_the_air_is_stopped() -> None:
     ):
         controller = Controller(bus, {20: CommandKind.STOP})
         service.observers.append(controller)
-        clock = service.scan_source.clock
-        service.run(lambda: clock.now_ns() > 1_000_000_000)
+        service.run(until_ns=1_000_000_000)
     assert controller.answers == [(CommandKind.TARE, Result.DONE), (CommandKind.STOP, Result.DONE)]
     assert controller.states[-1] is State.STOPPED

@@ -233,10 +233,9 @@ def test_can_and_metrics_show_it(tmp_path: Path) -> None:
     scene = msgspec.structs.replace(WALK, faults=(scene_faults.BrokenRow(row=1, **ON_LEG),))
     log = tmp_path / "can.log"
     with open_service(ROBOT, scene, real_time=False, can_log=log) as service:
-        clock = service.scan_source.clock
         metrics = MetricsObserver(service.legs, service.sink.stats, tmp_path / "counters")
         service.observers.append(metrics)
-        service.run(lambda: clock.now_ns() > 1_000_000_000)
+        service.run(until_ns=1_000_000_000)
         registry = CollectorRegistry()
         registry.register(CountersCollector(tmp_path / "counters"))
         faults_total = {

@@ -113,15 +113,14 @@ def walk(publish: str, script: list[Fault]) -> Invariants:
     )
     scene = msgspec.structs.replace(SCENE, faults=tuple(script))
     with open_service(config, scene, real_time=False) as service:
-        clock = service.scan_source.clock
-        assert service.scan_source.true_force_n is not None
+        assert service.true_force_n is not None
         assert service.can is not None
-        seen = Invariants(rules, script, service.scan_source.true_force_n)
+        seen = Invariants(rules, script, service.true_force_n)
         service.can.controller.on_delivered = seen.on_delivered
         ends_s = max(seen.recovered_s, ends_s + 2.1, TARED_S)
         tail = Tail(ends_s)
         service.observers += [seen, tail]
-        service.run(lambda: clock.now_ns() > (ends_s + TAIL_S) * 1e9)
+        service.run(until_ns=(ends_s + TAIL_S) * 1e9)
         grown = blocks() - tail.blocks
     assert seen.violations == []
     assert set(tail.state) <= set(USABLE)

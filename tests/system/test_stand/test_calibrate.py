@@ -18,8 +18,8 @@ from footsense.daemon.test_stand import StandSession
 from footsense.errors import CalibrationError
 from footsense.foot.files.calibration_reader import read_calibration
 from footsense.frames import Cycle
+from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_records import NumberedCycle
-from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.reference.sensor_mounting import NEWTON_PER
 from footsense.sim.scene import Scene
@@ -54,8 +54,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 500_000_000
     run = StandSession(test_stand=STAND, leg="lf", foot="foot-0007", session="one")
     with open_service(CONFIG, scene, record=path, real_time=False, test_stand=run) as service:
-        clock = service.scan_source.clock
-        service.run(lambda: clock.now_ns() >= end_ns)
+        service.run(until_ns=end_ns)
     return path
 
 
@@ -69,7 +68,7 @@ def rewritten(
         header = {**recording.header, "reference": described, "session": path.stem}
         copy = McapFile(file.fileno(), header)
         for number, cycle in enumerate(recording):
-            copy.add_cycle(NumberedCycle(number, change(cycle)))
+            copy.add(NumberedCycle(number, change(cycle)))
         copy.finish()
     return path
 

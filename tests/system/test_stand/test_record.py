@@ -18,6 +18,7 @@ from footsense.calibration.session.recorded_session import read_session
 from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE
 from footsense.foot.files.calibration_reader import read_calibration
 from footsense.recording.replay import Replay
+from footsense.sim.clock import VirtualClock
 from footsense.sim.scene import load_scene
 from footsense.sim.test_stand.reference_sensor import SimulatedSensor
 from tests.system.command import TIMEOUT_S, footsense, one_line_error
@@ -167,7 +168,8 @@ def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
     """
     path, out = scene(tmp_path, 20 * SIX, dwell_s=0.8), tmp_path / "one.mcap"
     stick = load_scene(str(path)).load.build(1_000_000_000)
-    sensor = SimulatedSensor(lambda t_ns: stick.contact("lf", t_ns).force_n, 1, 0.0)
+    clock = VirtualClock()
+    sensor = SimulatedSensor(lambda t_ns: stick.contact("lf", t_ns).force_n, clock, 1, 0.0)
     line, its_end = os.openpty()
     tty.setraw(its_end)
     described = f"""kind: serial, device: {os.ttyname(its_end)}, rate_hz: 200, start: "S\\r\\n",
@@ -182,11 +184,12 @@ def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
             ready, _, _ = select.select([terminal, line], [], [])
             if line in ready:
                 asked += os.read(line, 64)
-                sensor.start(0)
+                sensor.write(b"S")
             if terminal in ready:
                 drawn += os.read(terminal, 65536)
                 if shown_s := re.findall(rb"session one, (\d+\.\d) s", drawn[-65536:]):
-                    os.write(line, sensor.bytes_until(round(float(shown_s[-1]) * 1e9)))
+                    clock.sleep_until_ns(round(float(shown_s[-1]) * 1e9))
+                    os.write(line, sensor.read())
         os.close(line)
         while b": gone" not in drawn:
             drawn += os.read(terminal, 65536)

@@ -11,15 +11,16 @@ from footsense.acquisition.leg_group import BusReadings
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.frames import Reading
-from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
+from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
+from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
-from footsense.sim.faults.bus_faults import FailingBus
 from footsense.sim.faults.chip_faults import failing_chips
 from footsense.sim.faults.line_capacitance import pin_capacitance_pf
 from footsense.sim.faults.scene_faults import Leg, OnChips, OnWires
+from footsense.sim.faults.wire_faults import WireFaults
 
 LEGS = {"lf": 0, "lm": 1, "lr": 2}
 #: A different capacitance for every element, so that a swap shows [pF].
@@ -49,16 +50,8 @@ class Robot:
             converter = SimulatedFdc1004(partial(column_pf, switch), None)
             own = [f for f in script if isinstance(f, OnChips) and f.leg == leg]
             chips[channel] = failing_chips(converter, (switch,), own, rng)
-        bus = FailingBus(
-            SimulatedBus(self.clock, 400_000, 0, mux, chips),
-            self.clock,
-            mux,
-            LEGS,
-            [f for f in script if isinstance(f, OnWires)],
-            TIMEOUT_NS,
-            0,
-            rng,
-        )
+        faults = WireFaults([f for f in script if isinstance(f, OnWires)], LEGS, TIMEOUT_NS, rng)
+        bus = SimulatedBus(self.clock, 400_000, 0, mux, chips, faults)
         plan = scan_plan("lo_shu", 400)
         self.scanner = BusScanner(UpstreamBus(bus, 0x71, mux if reset else None), self.clock, LEGS, plan)
         self.scanner.start()

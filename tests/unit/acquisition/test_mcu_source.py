@@ -1,7 +1,6 @@
 """Frames out of a microcontroller's stream, in virtual time, whatever happens to it and to the line."""
 
-from collections.abc import Mapping
-from typing import Any
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,9 +9,9 @@ from numpy.typing import NDArray
 from firmware_interface.serial_frames import NO_VALUE, RECORD_BITS, Record, encode_record, pack_values
 from footsense.acquisition.mcu_source import McuSource
 from footsense.frames import LEGS, CapFrame, Reading
-from footsense.sim.bus.serial_line import LineFaults, SimulatedLine
 from footsense.sim.chips.mcu import SimulatedMcu
 from footsense.sim.clock import VirtualClock
+from tests.support.failing_line import FailingLine, LineFaults
 
 MS, S = 1_000_000, 1_000_000_000
 RATE_HZ, BAUD = 200.0, 921_600
@@ -29,14 +28,28 @@ class Robot:
 
     Args:
         faults: What goes wrong on the line.
-        mcu: Settings of the controller.
+        step_us: Time from element to element [us].
+        starts_us: Clock of the controller at the begin [us].
+        silent: Legs that do not answer from 1 s to 2 s.
     """
 
-    def __init__(self, faults: LineFaults | None = None, mcu: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self,
+        faults: LineFaults = LineFaults(),  # noqa: B008 - a tuple
+        *,
+        step_us: int = 0,
+        starts_us: int = 0,
+        silent: tuple[str, ...] = (),
+    ) -> None:
         self.clock = VirtualClock()
-        feet = {leg: lambda t_ns, n=n: elements_pf(n, t_ns) for n, leg in enumerate(LEGS)}
-        self.mcu = SimulatedMcu(feet, **(mcu or {}))
-        line = SimulatedLine(self.mcu, self.clock, rate_hz=RATE_HZ, baud=BAUD, faults=faults or LineFaults())
+
+        def reading_pf(leg: str, t_ns: int) -> NDArray[np.float64]:
+            silent_now = leg in silent and S <= t_ns < 2 * S
+            return np.full(9, np.nan) if silent_now else elements_pf(LEGS.index(leg), t_ns)
+
+        mcu = SimulatedMcu({leg: partial(reading_pf, leg) for leg in LEGS}, step_us=step_us)
+        mcu.started_ns = -round(starts_us * 1000 / (1 + 40e-6))  # its clock is fast by 40 ppm
+        line = FailingLine(mcu, self.clock, rate_hz=RATE_HZ, baud=BAUD, faults=faults)
         wire_ns = RECORD_BITS * S // BAUD
         self.source = McuSource(line, self.clock, LEGS, rate_hz=RATE_HZ, wire_ns=wire_ns)
 
@@ -59,7 +72,7 @@ def late_ns(frame: CapFrame) -> NDArray[np.float64]:
 @pytest.mark.parametrize("starts_us", [0, 2**32 - 2_000_000])
 def test_every_element_lands_at_its_place_and_time(step_us: int, starts_us: int) -> None:
     """To 60 us, past the wrap of the clock; a frame goes on when its last record is there."""
-    robot = Robot(mcu={"step_us": step_us, "starts_us": starts_us})
+    robot = Robot(step_us=step_us, starts_us=starts_us)
     frames = robot.run(4 * S)
     assert len(frames) == pytest.approx(790, abs=2)
     way_ns = 6 * 52 * 10 * S / BAUD
@@ -117,8 +130,7 @@ def test_unplugged_no_leg_answers_and_time_goes_on() -> None:
 
 def test_a_leg_that_does_not_answer_says_so_and_delays_nobody() -> None:
     """Its record comes, without values."""
-    robot = Robot()
-    robot.mcu.silent_ns["rm"] = (1 * S, 2 * S)
+    robot = Robot(silent=("rm",))
     frames = robot.run(3 * S)
     silent = np.array([(frame.reading[4] == Reading.NO_ANSWER).all() for _, frame in frames])
     assert silent.sum() == pytest.approx(200, abs=1)

@@ -15,7 +15,8 @@ from footsense.acquisition.transports import UpstreamBus
 from footsense.errors import BusTimeoutError, HardwareError, NackError
 from footsense.frames import Reading
 from footsense.ports import Transaction
-from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
+from footsense.sim.bus.i2c_bus import SimulatedBus
+from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from tests.contract.boards import AD7746, FDC1004, Robot, distinct
 

@@ -20,8 +20,6 @@ class FlakyBus:
             raise BusError("not heard")
         return b""
 
-    def close(self) -> None: ...
-
 
 def test_a_selection_that_may_have_been_taken_is_written_again() -> None:
     """After a failure neither the old legs nor the new ones count as connected."""

@@ -29,7 +29,7 @@ _LIGHT = 0.3 * _TRAINING[::12]
 def _read(loads: LoadSet, foot: FootParameters | None) -> Vector:
     """Return what a robot makes of loads [N], shape (n, 3)."""
     stray_pf = np.zeros(9) if foot is None else foot.stray_pf
-    card = design().trained_inputs
+    card = design().network(1).card.trained_inputs
     closure_um = card.design.closure_um(loads.capacitance_pf - stray_pf, loads.baseline_pf - stray_pf)
     feet = CalibratedFeet(design().network(len(loads)), [foot], len(loads))
     gain_rel = np.ones(9) if foot is None else foot.gain_rel

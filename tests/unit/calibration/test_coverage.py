@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from footsense.calibration.session.coverage import MIN_ELEVATION_DEG, Coverage
-from footsense.calibration.session.reference_checks import reference_check
+from footsense.calibration.session.reference_checks import reference_findings
 from footsense.config.test_stand import Axes, Simulated, StandConfig
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.reference.sensor_mounting import NEWTON_PER, SensorMounting
@@ -76,7 +76,7 @@ def judged(
         "mount_deg": mount_deg,
     }
     test_stand = StandConfig(axes=Axes(**dict(zip("xyz", axes, strict=True))), **described)
-    return reference_check(test_stand)(np.asarray(reading_n), np.asarray(estimate_n))
+    return reference_findings(test_stand, np.asarray(reading_n), np.asarray(estimate_n))
 
 
 @pytest.mark.parametrize("seed", range(5))

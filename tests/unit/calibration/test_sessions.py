@@ -21,17 +21,7 @@ def session(name: str, number: int) -> RecordedSession:
     loads = load_set(made(1), _FORCE_N[number::3])
     one = [
         CalibrationLoad(
-            0,
-            1.0,
-            force_n,
-            np.full(3, 0.01),
-            pressed_pf,
-            unloaded_pf,
-            np.zeros(9),
-            np.zeros(3),
-            200,
-            40,
-            False,
+            (0, 1_000_000_000), force_n, np.full(3, 0.01 / np.sqrt(200)), pressed_pf, unloaded_pf, 0.0
         )
         for force_n, pressed_pf, unloaded_pf in zip(
             loads.force_n, loads.capacitance_pf, loads.baseline_pf, strict=True

@@ -19,13 +19,8 @@ from firmware_interface.can_codes import (
     Result,
     State,
 )
-from firmware_interface.can_events import (
-    UNSOLICITED,
-    decode_answer,
-    decode_fault,
-    decode_heartbeat,
-    encode_command,
-)
+from firmware_interface.can_commands import UNSOLICITED, decode_answer, encode_command
+from firmware_interface.can_events import decode_fault, decode_heartbeat
 from firmware_interface.can_frames import decode_force, decode_quality
 from firmware_interface.crc8 import protect
 from footsense.frames import BaselineDrift, Command, CommandResult

@@ -13,7 +13,8 @@ from firmware_interface.can_baseline import BASELINE_ID, encode_baseline
 from firmware_interface.can_codes import NODE_IDS, BaselineStatus, Cause, Flag, NmtState, State
 from firmware_interface.can_events import FAULT_ID, HEARTBEAT_ID, encode_fault, encode_heartbeat
 from footsense.can.python_can import open_wire
-from footsense.cli.monitor.command import monitor, snapshot_json
+from footsense.cli.monitor.command import monitor
+from footsense.cli.monitor.json_values import snapshot_json
 from footsense.cli.monitor.table import monitor_table
 from footsense.client import LegForce, LegReport, LinkLimits, LinkStatus, Reports
 from footsense.daemon.can_listener import LegSnapshot, Listener

@@ -8,7 +8,8 @@ import gc
 import subprocess
 import sys
 
-from footsense.clock import LATENCY_BOUNDS_S, MonotonicClock, gc_disabled, process_age_ns, resident_mib
+from footsense.clock import MonotonicClock, gc_disabled, process_age_ns, resident_mib
+from footsense.ports import LATENCY_BOUNDS_S
 
 #: Limits as a user has them, whoever runs the test: neither rights nor what root may do without them.
 WITHOUT_RIGHTS = """

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from footsense.config import DEFAULT
-from footsense.daemon import loop
 from footsense.daemon.service import open_service
 from footsense.sim.scene import load_scene
 
@@ -25,12 +24,11 @@ def test_the_loop_leaves_nothing_to_collect(faults: str, tmp_path: Path) -> None
     )
     cycles = iter(range(80))
     with open_service(DEFAULT, load_scene(str(scene)), real_time=False) as service:
-        parts = (service.source, service.pipeline, service.sink, service.observers, service.scan_source.clock)
-        loop.run(*parts, stop=lambda: next(cycles) >= 30)
+        service.run_on(service.source, stop=lambda: next(cycles) >= 30)
         gc.collect()
         gc.disable()
         try:
-            loop.run(*parts, stop=lambda: next(cycles, None) is None)
+            service.run_on(service.source, stop=lambda: next(cycles, None) is None)
             assert gc.collect() == 0
         finally:
             gc.enable()

@@ -21,19 +21,21 @@ from firmware_interface.can_codes import (
     State,
     phase_of,
 )
-from firmware_interface.can_events import (
+from firmware_interface.can_commands import (
     ANSWER_ID,
     COMMAND_ID,
-    FAULT_ID,
-    HEARTBEAT_ID,
     UNSOLICITED,
     UnknownCommandError,
     decode_answer,
     decode_command,
-    decode_fault,
-    decode_heartbeat,
     encode_answer,
     encode_command,
+)
+from firmware_interface.can_events import (
+    FAULT_ID,
+    HEARTBEAT_ID,
+    decode_fault,
+    decode_heartbeat,
     encode_fault,
     encode_heartbeat,
 )
@@ -43,11 +45,10 @@ from firmware_interface.can_frames import (
     ForceQualityEncoder,
     decode_force,
     decode_quality,
-    encode_force,
-    encode_quality,
 )
 from firmware_interface.crc8 import FrameError, protect
 from firmware_interface.socketcan import pack_frame
+from tests.support.can_frames import encode_force, encode_quality
 
 VECTORS = json.loads((Path(__file__).parents[3] / "firmware_interface/vectors/can_frames.json").read_text())
 DECODERS: list[Callable[[int, bytes], object]] = [

@@ -6,7 +6,6 @@ import re
 import signal
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -119,7 +118,7 @@ def test_a_writer_never_counts_a_cycle_that_a_crash_would_lose(tmp_path: Path) -
         writer = PipeWriter(file.fileno())
         for number in range(500):
             one = cycle(number)
-            pipe.send(one._replace(forces=replace(one.forces, t_sent_ns=1_000 + number)))
+            pipe.send(one._replace(forces=one.forces._replace(t_sent_ns=1_000 + number)))
             writer.feed(os.read(read_end, 1 << 20))
             if writer.n_cycles not in seen:
                 seen.add(writer.n_cycles)

@@ -1,7 +1,6 @@
 """A recording gives back every bit that it was given, or says what it cannot give."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +11,10 @@ from mcap.reader import make_reader
 
 from footsense.errors import RecordingError
 from footsense.frames import Cause, CommandResult, Cycle, Result
-from footsense.recording import messages
 from footsense.recording.compare import compare, same_machine
+from footsense.recording.container import messages
+from footsense.recording.container.mcap_writer import McapFile
+from footsense.recording.cycle_fields import NOT_RECORDED
 from footsense.recording.cycle_records import (
     LostCycles,
     NumberedCycle,
@@ -23,7 +24,6 @@ from footsense.recording.cycle_records import (
     unpack,
 )
 from footsense.recording.machine import platform_versions
-from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 from tests.support.cycles import LEGS, TARE, cycle, read_until_damage, same, write
@@ -184,9 +184,9 @@ def test_replay_counts_what_was_lost(scratch: Path) -> None:
     """The source gives the scans on both sides of a gap, and tells the gap with the scan after it."""
     with scratch.open("wb") as file:
         recording = McapFile(file.fileno(), {"legs": ",".join(LEGS)})
-        recording.add_cycle(NumberedCycle(0, cycle(0)))
-        recording.add_loss(LostCycles(4, 0, 3))
-        recording.add_cycle(NumberedCycle(4, cycle(4)))
+        recording.add(NumberedCycle(0, cycle(0)))
+        recording.add(LostCycles(4, 0, 3))
+        recording.add(NumberedCycle(4, cycle(4)))
         recording.finish()
     source = ReplaySource(Replay(scratch))
     seen = [(scan.sequence, source.lost) for scan in iter(source.read, None)]
@@ -224,7 +224,7 @@ def test_a_recording_from_before_there_were_causes(scratch: Path) -> None:
         for name in [key for key in message[leg] if key == "cause" or key.startswith("baseline_")]:
             del message[leg][name]
     old = messages.decode_force(json.dumps(message).encode(), LEGS)
-    assert set(old.cause.tolist()) == {messages.NOT_RECORDED}
+    assert set(old.cause.tolist()) == {NOT_RECORDED}
     assert np.isnan(old.baseline.mean_pf).all()
     assert compare(old, cycle(0).forces, exact=True, legs=LEGS) is None
     assert json.loads(messages.encode_force(old, LEGS)) == message
@@ -243,7 +243,7 @@ def test_integers_of_numpy_are_packed_as_numbers() -> None:
 
 def test_a_recording_with_the_older_names_is_the_same() -> None:
     """A baseline that is still called zero, and causes by their older names."""
-    forces = replace(cycle(0).forces, cause=np.full(len(LEGS), Cause.BUS_STUCK, np.uint8))
+    forces = cycle(0).forces._replace(cause=np.full(len(LEGS), Cause.BUS_STUCK, np.uint8))
     data = messages.encode_force(forces, LEGS)
     old = data.replace(b'"baseline_', b'"zero_').replace(b"BUS_STUCK", b"LINE_HELD")
     assert old != data

@@ -25,7 +25,6 @@ from footsense.sim.test_stand.reference_sensor import (
     COLUMNS,
     RATE_HZ,
     TRANSMISSION_NS,
-    SimulatedPort,
     SimulatedSensor,
 )
 
@@ -127,8 +126,8 @@ def stream_of(times: SampleTimes) -> SampleStream:
     )
 
 
-class UnpluggablePort(SimulatedPort):
-    """A simulated port that loses what the sensor sends while it is unplugged."""
+class UnpluggableSensor(SimulatedSensor):
+    """A simulated sensor that loses what it sends while it is unplugged."""
 
     unplugged = False
 
@@ -139,11 +138,11 @@ class UnpluggablePort(SimulatedPort):
 
 def simulated_stand(
     columns: tuple[str, ...] = COLUMNS,
-) -> tuple[VirtualClock, UnpluggablePort, SerialReference]:
+) -> tuple[VirtualClock, UnpluggableSensor, SerialReference]:
     """Return a simulated sensor that feels one newton upwards, and what reads it."""
     clock = VirtualClock()
     clock.sleep_until_ns(10**12)
-    port = UnpluggablePort(SimulatedSensor(lambda _: np.array([0.0, 0.0, 1.0]), 3, 0.0), clock)
+    port = UnpluggableSensor(lambda _: np.array([0.0, 0.0, 1.0]), clock, 3, 0.0)
     reference = SerialReference(
         port, LineDecoder(columns, ","), stream_of(SampleTimes(RATE_HZ, TRANSMISSION_NS)), b"S"
     )
@@ -229,12 +228,12 @@ def test_a_clock_that_jumps_is_followed_anew(jumps_at: int, caplog: pytest.LogCa
 def test_a_sensor_that_makes_no_sense_ends_the_run(sent: bytes, says: str) -> None:
     """Silence from the beginning, and another format, are said in one line with what to check."""
 
-    class Port(SimulatedPort):
+    class Port(SimulatedSensor):
         def read(self) -> bytes:
             return sent
 
     clock, _, _ = simulated_stand()
-    port = Port(SimulatedSensor(lambda _: np.zeros(3), 1), clock)
+    port = Port(lambda _: np.zeros(3), clock, 1)
     reference = SerialReference(port, LineDecoder(COLUMNS, ","), stream_of(SampleTimes(200.0, 0)), b"S")
     with pytest.raises(SensorError, match=says):
         watched(clock, reference, 20.0)
@@ -251,12 +250,14 @@ def test_the_simulated_sensor_is_that_of_the_data_sheet() -> None:
         ) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
             return load_gf * NEWTON_PER["gf"]
 
-        sensor = SimulatedSensor(felt_n, seed)
-        sensor.start(0)
+        clock = VirtualClock()
+        sensor = SimulatedSensor(felt_n, clock, seed)
+        sensor.write(b"S")
         read = {}
         for number, share in enumerate((0.0, 0.577, 1.2)):
             load_gf[:] = -share * rated_gf
-            lines = sensor.bytes_until((number + 1) * 3_000_000_000).decode().split()[2:]
+            clock.sleep_until_ns((number + 1) * 3_000_000_000)
+            lines = sensor.read().decode().split()[2:]
             read[share] = np.array([line.split(",")[1:] for line in lines], float)
         assert (read[0.0] % [4, 4, 12] == 0).all()
         bent_gf = read[0.577].mean(axis=0) - read[0.0].mean(axis=0) - 0.577 * rated_gf

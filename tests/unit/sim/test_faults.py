@@ -7,16 +7,17 @@ import pytest
 
 from footsense.errors import BusError, BusTimeoutError, ConfigError, NackError
 from footsense.ports import Transaction
-from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedMux
+from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.line_switch import FLOATING_ROW_PF, LineStates, SimulatedLineSwitch
+from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
-from footsense.sim.faults.bus_faults import FailingBus
 from footsense.sim.faults.chip_faults import failing_chips
 from footsense.sim.faults.damage import OPEN_PF
 from footsense.sim.faults.line_capacitance import SHORT_PF, pin_capacitance_pf
 from footsense.sim.faults.scene_faults import OnChips, OnWires
+from footsense.sim.faults.wire_faults import WireFaults
 from footsense.sim.foot.warming import DRIFT_PF_PER_K, WarmingFoot
 from footsense.sim.scene import load_scene
 from footsense.sim.scene_effects import Warming
@@ -47,8 +48,8 @@ class Bench:
             )
             for leg in (0, 1)
         }
-        bus = SimulatedBus(self.clock, 400_000, 0, self.mux, legs)
-        self.bus = FailingBus(bus, self.clock, self.mux, {"lf": 0, "lm": 1}, on_wires, TIMEOUT_NS, 0, rng)
+        faults = WireFaults(on_wires, {"lf": 0, "lm": 1}, TIMEOUT_NS, rng)
+        self.bus = SimulatedBus(self.clock, 400_000, 0, self.mux, legs, faults)
 
     def at(self, t_s: float) -> "Bench":
         self.clock.sleep_until_ns(round(t_s * S_NS))

@@ -1,14 +1,13 @@
 """What a person reads of the legs: lines of the journal, and the status line of systemd."""
 
 import logging
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from footsense.frames import Cause, Cycle, Flag, State
 from footsense.telemetry.journal import Journal
-from footsense.telemetry.systemd import SystemdNotifier, SystemdObserver
+from footsense.telemetry.systemd import SystemdObserver
 from tests.support.cycles import LEGS, cycle
 
 SECOND_NS = 1_000_000_000
@@ -19,8 +18,7 @@ def at(t_s: float, state: State, cause: Cause = Cause.NONE, flags: int = 0) -> C
     plain = cycle(0)
     states, causes = np.full(6, State.VALID, np.uint8), np.zeros(6, np.uint8)
     states[1], causes[1] = state, cause
-    forces = replace(
-        plain.forces,
+    forces = plain.forces._replace(
         t_sent_ns=round(t_s * SECOND_NS),
         state=states,
         cause=causes,
@@ -73,11 +71,11 @@ def test_a_leg_that_flickers_fills_no_journal(caplog: pytest.LogCaptureFixture) 
     assert lines(caplog)[-1] == "WARNING leg lm: 20 more changes within the minute"
 
 
-class Told(SystemdNotifier):
-    """A way to systemd that keeps what is said."""
+class Told(SystemdObserver):
+    """An observer that keeps what systemd would be told."""
 
     def __init__(self) -> None:
-        super().__init__({})
+        super().__init__(LEGS, {})
         self.said: list[str] = []
 
     def send(self, **assignments: str) -> None:
@@ -90,5 +88,5 @@ class Told(SystemdNotifier):
 def test_the_status_line_says_what_was_not_granted(flags: int, begins: str) -> None:
     """`systemctl status` shows it without a look at CAN or the metrics."""
     told = Told()
-    SystemdObserver(told, LEGS).observe(at(1, State.ABSENT, flags=flags))
+    told.observe(at(1, State.ABSENT, flags=flags))
     assert told.said == [f"READY=1\nSTATUS={begins}, lm absent, lr valid, rf valid, rm valid, rr valid"]

@@ -5,7 +5,6 @@ import subprocess
 import sys
 from bisect import bisect_left
 from collections.abc import Iterator
-from dataclasses import replace
 from enum import IntEnum
 from pathlib import Path
 
@@ -14,7 +13,6 @@ import pytest
 from prometheus_client import CollectorRegistry
 
 from firmware_interface.can_codes import Phase
-from footsense.clock import WakeupLatency
 from footsense.errors import FootsenseError
 from footsense.frames import (
     BaselineDrift,
@@ -31,6 +29,7 @@ from footsense.frames import (
     Result,
     State,
 )
+from footsense.ports import WakeupLatency
 from footsense.telemetry.exporter import CountersCollector
 from footsense.telemetry.metric_families import STATE_SETS
 from footsense.telemetry.metrics import MetricsObserver
@@ -212,8 +211,7 @@ def test_a_leg_is_shown_with_phase_cause_contact_and_baseline(
         np.array([-0.003, np.nan]),
         np.array([500 * MS, 0]),
     )
-    told = replace(
-        plain.forces,
+    told = plain.forces._replace(
         cause=np.array([Cause.NONE, Cause.ELEMENT_SHORTED], np.uint8),
         flags=np.array([Flag.CONTACT | Flag.DEGRADED_TIMING, 0], np.uint8),
         baseline=baseline,
@@ -231,7 +229,7 @@ def test_a_leg_is_shown_with_phase_cause_contact_and_baseline(
     assert get("footsense_baseline_worst_offset_farads", lf) == pytest.approx(-3e-15)
     assert get("footsense_baseline_age_seconds", lf) == pytest.approx(1.5)
     assert math.isnan(get("footsense_baseline_age_seconds", rr) or 0)
-    off = replace(told, flags=np.zeros(2, np.uint8), cause=np.zeros(2, np.uint8))
+    off = told._replace(flags=np.zeros(2, np.uint8), cause=np.zeros(2, np.uint8))
     metrics.observe(plain._replace(forces=off))
     assert get("footsense_leg_contact", lf) == 0
     assert codes_set(scraped, "footsense_leg_cause", "rr", Cause) == [Cause.NONE]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, encode_force, encode_quality
+from firmware_interface.can_frames import FORCE_ID, QUALITY_ID
 from firmware_interface.socketcan import pack_frame
 from footsense.frames import LEGS, BaselineDrift, ContactFrame, Cycle, State
 from footsense.sim.faults.scene_faults import Absent, CanDown, ElementDrifts, Fault, StuckSda
@@ -11,6 +11,7 @@ from footsense.validation.invariants import Invariants
 from footsense.validation.random_faults import random_faults
 from footsense.validation.soak_plan import day
 from footsense.validation.tolerances import Rules
+from tests.support.can_frames import encode_force, encode_quality
 
 MS = 1_000_000
 RULES = Rules(legs=LEGS, period_s=0.024, max_age_s=0.09, gait_period_s=1.0, from_s=0.0)

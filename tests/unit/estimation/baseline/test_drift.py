@@ -9,14 +9,14 @@ from footsense.estimation.baseline.drift import (
     DRIFT_PF2_PER_S,
     FASTEST_PF_PER_S,
     MARGIN_PF,
-    BaselineLimits,
     LegBaseline,
     baseline_sigma_pf,
 )
+from footsense.estimation.baseline.tare import TareLimits
 from footsense.frames import BaselineStatus
 
 UNLOADED_PF = np.full(9, 5.4)
-LIMITS = BaselineLimits(noise_limit_ff=5.0, unloaded_limit_rel=0.03)
+LIMITS = TareLimits(window_frames=4, noise_limit_ff=5.0, unloaded_limit_rel=0.03)
 S = 1_000_000_000
 
 

@@ -3,6 +3,7 @@
 Only chips and buses are left out: what the converters would read at each conversion is computed once for a stride.
 """
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,8 +11,9 @@ import pytest
 
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.config import DEFAULT, Config
-from footsense.daemon.estimation import load_network, pipeline_for
+from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.foot_types import released_path
+from footsense.daemon.models import load_models
 from footsense.estimation.faults.calibration_monitor import REFERENCE_STRIDES
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
@@ -28,7 +30,7 @@ LEAD_IN = 20
 NOISE_PF, SCATTER_REL = 0.47e-3, 0.05
 RM = LEGS.index("rm")
 
-NETWORK = load_network(DEFAULT)
+MODELS = load_models(DEFAULT)
 
 
 @cache
@@ -63,7 +65,7 @@ def walk(
         In which of those strides each leg raised the alarm, and the forces along the last such leg in the
         stride after that [N].
     """
-    pipeline = pipeline_for(config, NETWORK, 0)
+    pipeline = pipeline_for(replace(MODELS, config=config), 0)
     rng = np.random.default_rng(2)
     softness = np.broadcast_to(then, len(LEGS))
     unloaded_pf, sound_pf = stride_pf(1.0)

@@ -2,13 +2,23 @@
 
 import json
 from collections.abc import Sequence
+from typing import Annotated
 
+import msgspec
 import numpy as np
 
 from footsense.frames import Reference
-from footsense.recording.messages import dump, floats, wholes
+from footsense.recording.container.messages import dump
 
 _FORCE_KEYS = ("fx_n", "fy_n", "fz_n")
+
+
+class _Sample(msgspec.Struct):
+    t_ns: Annotated[int, msgspec.Meta(ge=-(1 << 63), le=(1 << 63) - 1)]
+    fx_n: float | None
+    fy_n: float | None
+    fz_n: float | None
+    saturated: bool
 
 
 def encode_reference(reference: Reference) -> list[tuple[int, bytes]]:
@@ -21,19 +31,12 @@ def encode_reference(reference: Reference) -> list[tuple[int, bytes]]:
 
 
 def decode_reference(samples: Sequence[bytes]) -> Reference:
-    """Return the samples that `encode_reference` wrote.
-
-    Raises:
-        TypeError: `saturated` is neither true nor false.
-    """
-    rows = [json.loads(sample) for sample in samples]
-    if not all(isinstance(row["saturated"], bool) for row in rows):
-        raise TypeError("true or false is expected")
-    shape = len(rows), 3
+    """Return the samples that `encode_reference` wrote."""
+    rows = msgspec.convert([json.loads(sample) for sample in samples], list[_Sample])
     return Reference(
-        wholes([row["t_ns"] for row in rows], np.int64, shape[:1]),
-        floats([[row[key] for key in _FORCE_KEYS] for row in rows] or np.empty(shape), shape),
-        np.array([row["saturated"] for row in rows], np.bool_),
+        np.array([row.t_ns for row in rows], np.int64),
+        np.array([[row.fx_n, row.fy_n, row.fz_n] for row in rows], np.float64).reshape(-1, 3),
+        np.array([row.saturated for row in rows], np.bool_),
     )
 
 

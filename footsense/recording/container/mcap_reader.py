@@ -5,33 +5,32 @@ missing checksums and lost chunks; so everything is counted and checked here, an
 byte.
 """
 
-import json
 import os
 import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import msgspec
 from mcap.exceptions import McapError
-from mcap.records import Channel, Chunk, DataEnd, Message, Metadata
+from mcap.records import Chunk, DataEnd, Metadata
 from mcap.records import Header as McapHeader
 from mcap.stream_reader import StreamReader, breakup_chunk
 from zstandard import ZstdError, frame_content_size
 
 from footsense.errors import RecordingError
-from footsense.frames import LEGS, CapFrame, Command, CommandResult, Cycle
-from footsense.recording import messages
+from footsense.frames import LEGS
+from footsense.recording.container.cycle_assembly import CycleAssembly
+from footsense.recording.container.mcap_writer import HEADER_CRC, METADATA, PROFILE, header_crc
 from footsense.recording.cycle_records import LostCycles, NumberedCycle, require
-from footsense.recording.mcap_writer import HEADER_CRC, METADATA, PROFILE, header_crc
-from footsense.recording.reference_messages import decode_reference
 
 #: Largest chunk that is unpacked [bytes]; footsense's have 64 KiB.
 MAX_CHUNK_BYTES = 1 << 24
 
 #: Errors of the libraries below on damaged bytes.
 _DAMAGE = (
-    *(McapError, ZstdError, ValueError, LookupError, TypeError, AttributeError, OverflowError),
-    *(MemoryError, RecursionError, EOFError, struct.error),
+    *(McapError, ZstdError, msgspec.MsgspecError, ValueError, LookupError, TypeError, AttributeError),
+    *(OverflowError, MemoryError, RecursionError, EOFError, struct.error),
 )
 
 _Record = Any  # the library is not typed
@@ -113,19 +112,33 @@ def read_entries(path: Path, legs: tuple[str, ...]) -> Iterator[NumberedCycle | 
     """
     with path.open("rb") as file:
         bounded = _Bounded(file)
-        assembly = _CycleAssembly(legs)
+        assembly = CycleAssembly(legs)
         good = 0
         try:
             for record in StreamReader(bounded, emit_chunks=True, validate_crcs=True).records:
                 if isinstance(record, Chunk):
-                    yield from assembly.take(_contents(record))
+                    for content in _contents(record):
+                        entry = assembly.take(content)
+                        if entry is not None:
+                            yield entry
                 elif isinstance(record, DataEnd):
                     require(record.data_section_crc != 0, "the checksum of the file is missing")
                     return
                 good = file.tell()
         except _DAMAGE as error:
-            raise RecordingError(f"{path}: {assembly.damage_text(good, bounded.size, error)}") from None
-        raise RecordingError(f"{path}: {assembly.damage_text(good, bounded.size, ValueError('no end mark'))}")
+            raise RecordingError(f"{path}: {_damage_text(assembly, good, bounded.size, error)}") from None
+        raise RecordingError(
+            f"{path}: {_damage_text(assembly, good, bounded.size, ValueError('no end mark'))}"
+        )
+
+
+def _damage_text(assembly: CycleAssembly, good: int, size: int, error: Exception) -> str:
+    """Return a message about the damage."""
+    why = " ".join(str(error).split())[:80] or "the file ends there"
+    return (
+        f"cut short or damaged at byte {good} of {size} ({why}): {assembly.n_cycles} cycles are whole, up to "
+        f"{assembly.span_ns * 1e-9:.3f} s after the first; what follows is lost"
+    )
 
 
 def _contents(chunk: _Record) -> list[_Record]:
@@ -137,86 +150,3 @@ def _contents(chunk: _Record) -> list[_Record]:
         "a chunk is not packed as it says",
     )
     return list(breakup_chunk(chunk, validate_crc=True))
-
-
-class _CycleAssembly:
-    """Assembles cycles from their messages, and detects missing ones."""
-
-    def __init__(self, legs: tuple[str, ...]) -> None:
-        self._legs = legs
-        self._topics: dict[int, str] = {}
-        self._expected = 0
-        self._scan: CapFrame | None = None
-        self._commands: list[Command] = []
-        self._outcomes: list[CommandResult] = []
-        self._samples: list[bytes] = []
-        self._temperature_event: dict[str, Any] | None = None
-        self._has_reference = False
-        self._n_cycles = 0
-        self._t_first_ns = 0
-        self._t_last_ns = 0
-
-    def take(self, records: list[_Record]) -> Iterator[NumberedCycle | LostCycles]:
-        for record in records:
-            if isinstance(record, Channel):
-                self._topics[record.id] = record.topic
-                self._has_reference |= record.topic == messages.REFERENCE
-            elif isinstance(record, Message):
-                whole = self._message(self._topics[record.channel_id], record)
-                if whole is not None:
-                    yield whole
-
-    def _message(self, topic: str, message: _Record) -> NumberedCycle | LostCycles | None:
-        event = json.loads(message.data) if topic == messages.EVENT else {}
-        if event.get("event") == "loss":
-            self._expected += messages.whole(event["n_cycles"])
-        require(message.sequence == self._expected & 0xFFFF_FFFF, "cycles are missing")
-        match topic, event.get("event"):
-            case messages.EVENT, "loss":
-                return LostCycles(self._expected, message.log_time, event["n_cycles"])
-            case messages.EVENT, "command":
-                self._commands.append(messages.decode_command(event, self._legs))
-            case messages.EVENT, "outcome":
-                self._outcomes.append(messages.decode_outcome(event, self._legs))
-            case messages.EVENT, "temperature":
-                self._temperature_event = event
-            case messages.REFERENCE, None:
-                self._samples.append(message.data)
-            case messages.SCAN, None:
-                require(self._scan is None, "forces are missing")
-                self._scan = messages.decode_scan(message.data, self._legs)
-            case messages.FORCE, None:
-                return self._cycle(message.data)
-        return None
-
-    def _cycle(self, data: bytes) -> NumberedCycle:
-        forces = messages.decode_force(data, self._legs)
-        if self._scan is None:
-            raise ValueError("a scan is missing")
-        # Every cycle of a test stand's recording has a reference, possibly without samples.
-        reference = decode_reference(self._samples) if self._has_reference else None
-        temperature_c = (
-            messages.decode_temperature(self._temperature_event, self._legs)
-            if self._temperature_event
-            else None
-        )
-        cycle = Cycle(
-            self._scan, tuple(self._commands), forces, tuple(self._outcomes), reference, temperature_c
-        )
-        numbered = NumberedCycle(self._expected, cycle)
-        self._scan, self._temperature_event = None, None
-        self._commands, self._outcomes, self._samples = [], [], []
-        self._expected += 1
-        self._t_first_ns = forces.t_sent_ns if self._n_cycles == 0 else self._t_first_ns
-        self._t_last_ns = forces.t_sent_ns
-        self._n_cycles += 1
-        return numbered
-
-    def damage_text(self, good: int, size: int, error: Exception) -> str:
-        """Return a message about the damage."""
-        t_s = (self._t_last_ns - self._t_first_ns) * 1e-9
-        why = " ".join(str(error).split())[:80] or "the file ends there"
-        return (
-            f"cut short or damaged at byte {good} of {size} ({why}): "
-            f"{self._n_cycles} cycles are whole, up to {t_s:.3f} s after the first; what follows is lost"
-        )

@@ -15,9 +15,9 @@ from collections.abc import Mapping
 
 from mcap.writer import CompressionType, Writer
 
-from footsense.recording import messages
+from footsense.recording.container import event_messages, messages
+from footsense.recording.container.reference_messages import encode_reference, reference_schema
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
-from footsense.recording.reference_messages import encode_reference, reference_schema
 
 #: Profile of the container, which identifies footsense's files.
 PROFILE = "footsense"
@@ -88,16 +88,21 @@ class McapFile:
         """Number of bytes handed to the kernel."""
         return self._stream.n_written
 
-    def add_cycle(self, numbered: NumberedCycle) -> None:
-        """Write the messages of one cycle."""
-        counter, (scan, commands, forces, outcomes, reference, temperature_c) = numbered
+    def add(self, entry: NumberedCycle | LostCycles) -> None:
+        """Write the messages of one cycle, or that cycles are missing at this place."""
+        if isinstance(entry, LostCycles):
+            self._add(messages.EVENT, entry.counter, entry.t_ns, event_messages.loss_event(entry.n_cycles))
+            return
+        counter, (scan, commands, forces, outcomes, reference, temperature_c) = entry
         t_ns = forces.t_sent_ns
         for command in commands:
-            self._add(messages.EVENT, counter, t_ns, messages.command_event(command, self._legs))
+            self._add(messages.EVENT, counter, t_ns, event_messages.command_event(command, self._legs))
         for outcome in outcomes:
-            self._add(messages.EVENT, counter, t_ns, messages.outcome_event(outcome, self._legs))
+            self._add(messages.EVENT, counter, t_ns, event_messages.outcome_event(outcome, self._legs))
         if temperature_c is not None:
-            self._add(messages.EVENT, counter, t_ns, messages.temperature_event(temperature_c, self._legs))
+            self._add(
+                messages.EVENT, counter, t_ns, event_messages.temperature_event(temperature_c, self._legs)
+            )
         if reference is not None:
             # The topic identifies recordings of a test stand, so it is registered with the first reference.
             if messages.REFERENCE not in self._channels:
@@ -106,10 +111,6 @@ class McapFile:
                 self._add(messages.REFERENCE, counter, sample_ns, sample)
         self._add(messages.SCAN, counter, t_ns, messages.encode_scan(scan, self._legs))
         self._add(messages.FORCE, counter, t_ns, messages.encode_force(forces, self._legs))
-
-    def add_loss(self, loss: LostCycles) -> None:
-        """Write that cycles are missing at this place."""
-        self._add(messages.EVENT, loss.counter, loss.t_ns, messages.loss_event(loss.n_cycles))
 
     def _register(self, topic: str, schema: bytes) -> None:
         schema_id = self._writer.register_schema(f"footsense.{topic[1:]}", "jsonschema", schema)

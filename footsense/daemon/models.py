@@ -1,14 +1,48 @@
-"""The calibrations of the feet that are mounted on a robot."""
+"""The network and the calibrations of the feet that are mounted on a robot."""
 
 import logging
+from dataclasses import dataclass
 from pathlib import Path
 
 from footsense.config import Config
-from footsense.daemon.foot_types import foot_type_of
+from footsense.daemon.foot_types import artefact_path, check_foot_type, foot_type_of
 from footsense.errors import ModelError
+from footsense.estimation.network import Network
 from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
 
 _log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Models:
+    """Models of a robot's feet.
+
+    Attributes:
+        config: The robot.
+        network: Network of the calibrations, of the configuration, or of the foot type.
+        calibrations: Calibrations of the feet by leg.
+        n_rows: Rows of a network call: one per leg, two per leg for whole scans.
+    """
+
+    config: Config
+    network: Network
+    calibrations: dict[str, FootCalibration]
+    n_rows: int
+
+
+def load_models(config: Config) -> Models:
+    """Return the network and the calibrations of a robot.
+
+    Raises:
+        ModelError: One is missing, damaged, or made for another foot type.
+    """
+    calibrations = load_calibrations(config)
+    path = Path(config.model) if config.model else artefact_path(config, "network.onnx")
+    path = next((calibration.network for calibration in calibrations.values()), path)
+    n_rows = len(config.legs) * (1 if config.publish == "element" else 2)
+    network = Network(path, n_rows)
+    check_foot_type(path, network.card.foot_type, config)
+    return Models(config, network, calibrations, n_rows)
 
 
 def load_calibrations(config: Config) -> dict[str, FootCalibration]:

@@ -16,8 +16,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from footsense.errors import BusError, BusTimeoutError
-from footsense.ports import I2cBus, Transaction
-from footsense.sim.bus.i2c_bus import SimulatedMux
+from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults.scene_faults import ArbitrationLost, MuxReset, OnWires, StuckSda, StuckUpstreamBus
 from footsense.sim.faults.schedule import Schedule
@@ -28,71 +27,60 @@ KERNEL_RETRIES = 1
 _LOST_AFTER_NS = 25_000
 
 
-class FailingBus:
-    """A simulated bus with faults.
+class WireFaults:
+    """Faults of the wires of one bus.
 
     Args:
-        bus: The bus without faults.
-        clock: Its clock.
-        mux: Its mux.
+        faults: The faults.
         channels: Mux channel of each leg.
-        faults: Its faults.
         timeout_ns: Timeout of the adapter for a held line [ns].
-        host_cost_ns: Cost of a transaction on the host [ns].
         rng: Source of lost arbitrations.
     """
 
     def __init__(
         self,
-        bus: I2cBus,
-        clock: VirtualClock,
-        mux: SimulatedMux,
-        channels: Mapping[str, int],
         faults: Sequence[OnWires],
+        channels: Mapping[str, int],
         timeout_ns: int,
-        host_cost_ns: int,
         rng: np.random.Generator,
     ) -> None:
-        self._bus = bus
-        self._clock = clock
-        self._mux = mux
-        self._timeout_ns = timeout_ns
-        self._host_cost_ns = host_cost_ns
-        self._rng = rng
         self._channels = dict(channels)
+        self._timeout_ns = timeout_ns
+        self._rng = rng
         self._faults = Schedule((fault.span_ns, fault) for fault in faults if not isinstance(fault, MuxReset))
         self._resets_ns = deque(sorted(fault.at_ns for fault in faults if isinstance(fault, MuxReset)))
 
-    def transfer(self, transaction: Transaction) -> bytes:
-        """Do one I2C transaction and return the bytes read, unless a simulated bus fault prevents it.
+    def act(self, clock: VirtualClock, mux: SimulatedMux, host_cost_ns: int) -> None:
+        """Return if the next transaction passes, after the attempts that failed before it.
+
+        Args:
+            clock: Clock of the bus, moved by the failed attempts.
+            mux: Mux of the bus, which a fault may reset.
+            host_cost_ns: Cost of a transaction on the host [ns].
 
         Raises:
             BusTimeoutError: SDA is held low.
             BusError: Arbitration was lost more often than the kernel retries.
         """
-        t_ns = self._clock.now_ns()
+        t_ns = clock.now_ns()
         while self._resets_ns and self._resets_ns[0] <= t_ns:
             self._resets_ns.popleft()
-            self._mux.control = 0
+            mux.pulse()
         acting = self._faults.at(t_ns)
         if not acting:
-            return self._bus.transfer(transaction)
+            return
         lost = [fault.rate_rel for fault in acting if isinstance(fault, ArbitrationLost)]
-        if any(self._holds(fault) for fault in acting):
-            self._clock.advance_ns(self._host_cost_ns + self._timeout_ns)
+        if any(self._holds(fault, mux.control) for fault in acting):
+            clock.advance_ns(host_cost_ns + self._timeout_ns)
             raise BusTimeoutError("timeout, SDA or SCL is held low")
         for _ in range(1 + KERNEL_RETRIES):
             if not any(self._rng.random() < rate_rel for rate_rel in lost):
-                return self._bus.transfer(transaction)
-            self._clock.advance_ns(self._host_cost_ns + _LOST_AFTER_NS)
+                return
+            clock.advance_ns(host_cost_ns + _LOST_AFTER_NS)
         raise BusError("arbitration lost: another master is on this bus")
 
-    def close(self) -> None:
-        """Close the simulated bus."""
-        self._bus.close()
-
-    def _holds(self, fault: OnWires) -> bool:
+    def _holds(self, fault: OnWires, selection: int) -> bool:
         """Return whether an acting fault holds a line of the bus."""
         if isinstance(fault, StuckSda):
-            return bool(self._mux.control >> self._channels[fault.leg] & 1)
+            return bool(selection >> self._channels[fault.leg] & 1)
         return isinstance(fault, StuckUpstreamBus)

@@ -1,6 +1,6 @@
-"""The time of an I2C transaction on the wire.
+"""The time of an I2C transaction and the bits of a CAN frame on the wire.
 
-A byte is nine clocks (eight bits and the acknowledge); START, repeated START and STOP are counted as one clock
+On I2C a byte is nine clocks (eight bits and the acknowledge); START, repeated START and STOP are counted as one clock
 each; between two transactions the bus rests for tBUF. `README.md` in this folder derives the scan period from it.
 """
 
@@ -44,3 +44,24 @@ def wire_time_ns(bits: int, rate_hz: int) -> int:
         51300
     """
     return bits * 1_000_000_000 // rate_hz + BUS_FREE_NS
+
+
+#: Frames of a leg in a cycle: `Force` and `Quality`.
+FRAMES_PER_LEG = 2
+
+
+def frame_bits(n_data: int) -> int:
+    """Return the maximum length of a frame with an 11-bit id, stuff bits and interframe space included [bits].
+
+    Args:
+        n_data: Bytes of data.
+
+    Example:
+        >>> frame_bits(8)
+        135
+    """
+    return 8 * n_data + 47 + (34 + 8 * n_data - 1) // 4
+
+
+#: Bits of a frame with eight bytes of data.
+LONGEST_FRAME_BITS = frame_bits(8)

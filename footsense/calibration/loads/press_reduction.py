@@ -1,0 +1,110 @@
+"""Reduction of one press to a calibration load: reasons for rejection, and means over the dwell."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from footsense.calibration.loads.calibration_load import (
+    CalibrationLoad,
+    Press,
+    RejectedPress,
+    Rejection,
+    column_means,
+    within,
+)
+from footsense.calibration.loads.dwell import (
+    MIN_DWELL_S,
+    UnloadedMeans,
+    longest_dwell,
+    sample_period_ns,
+    unloaded_means,
+)
+from footsense.calibration.loads.reference_lag import lag_s
+from footsense.frames import Mask, Reading
+
+#: Smallest force of a load [N]: a sensor for 80 N resolves 0.12 N, averaged over a dwell a tenth of that.
+_MIN_FORCE_N = 0.1
+#: Least share of the expected samples and scans.
+_PRESENT_REL = 0.9
+
+
+def reduce_press(press: Press) -> CalibrationLoad | RejectedPress:
+    """Return the calibration load of a recorded press, or why it gives none."""
+    before = unloaded_means(press, press.before_ns)
+    dwell_ns = longest_dwell(press, before)
+    return next(_rejections(press, before, dwell_ns), None) or _means(press, dwell_ns, before)
+
+
+def _rejections(press: Press, before: UnloadedMeans, dwell_ns: tuple[int, int]) -> Iterator[RejectedPress]:
+    """Yield why a press gives no load, causes before their consequences."""
+    reading = press.reading[within(press.t_ns, press.pressed_ns)]
+    over = (reading == Reading.OVER_RANGE).any(axis=0)
+    silent = (reading != Reading.OK).mean(axis=0) > 1 - _PRESENT_REL
+    # An element that was not read unloaded, or not in the dwell, is unknown as well.
+    dwell_pf = press.capacitance_pf[within(press.t_ns, dwell_ns)]
+    silent |= np.isnan(before.capacitance_pf) | (len(dwell_pf) > 0) & np.isnan(dwell_pf).all(axis=0)
+    if over.any():
+        reason = f"element {_elements(over)} at the end of the converter's range"
+        yield RejectedPress(Rejection.OVER_RANGE, reason)
+    if silent.any():
+        yield RejectedPress(Rejection.NOT_READ, f"element {_elements(silent)} did not answer")
+    if before.n_samples == 0:
+        yield RejectedPress(
+            Rejection.REFERENCE_MISSING, "no unsaturated reference sample just before the press"
+        )
+    dwell_s, pressed_s = _seconds(dwell_ns), _seconds(press.pressed_ns)
+    dwelt = dwell_s >= MIN_DWELL_S
+    samples = within(press.reference.t_ns, dwell_ns if dwelt else press.pressed_ns)
+    if press.reference.saturated[samples].any():
+        largest_n = np.abs(press.reference.force_n[samples]).max()
+        yield RejectedPress(
+            Rejection.REFERENCE_SATURATED, f"an axis is at the end of its range, {largest_n:.1f} N"
+        )
+    expected = round((dwell_s if dwelt else pressed_s) * 1e9 / sample_period_ns(press.reference))
+    if samples.sum() < _PRESENT_REL * expected:
+        yield RejectedPress(
+            Rejection.REFERENCE_MISSING, f"{samples.sum()} of about {expected} samples are there"
+        )
+    if not dwelt:
+        reason = f"still for {dwell_s:.2f} s of {pressed_s:.2f} s, at least {MIN_DWELL_S:g} s are needed"
+        rejection = Rejection.TOO_SHORT if pressed_s < 2 * MIN_DWELL_S else Rejection.SLIPPED
+        yield RejectedPress(rejection, reason)
+
+
+def _means(press: Press, dwell_ns: tuple[int, int], before: UnloadedMeans) -> CalibrationLoad | RejectedPress:
+    """Return the means over a dwell minus the means of the unloaded spans before and after it."""
+    scans, samples = within(press.t_ns, dwell_ns), within(press.reference.t_ns, dwell_ns)
+    baseline_pf, offset_sum_n, offset_samples = (
+        before.capacitance_pf,
+        press.offset_sum_n,
+        press.offset_samples,
+    )
+    after = None if press.after_ns is None else unloaded_means(press, press.after_ns)
+    if after is not None and after.n_samples and not np.isnan(after.capacitance_pf).any():
+        share = (sum(dwell_ns) // 2 - before.t_ns) / (after.t_ns - before.t_ns)
+        baseline_pf = baseline_pf + share * (after.capacitance_pf - before.capacitance_pf)
+        offset_sum_n = offset_sum_n + after.n_samples * after.force_n
+        offset_samples += after.n_samples
+    offset_n = offset_sum_n / offset_samples
+    dwell_n = press.reference.force_n[samples]
+    force_n = dwell_n.mean(axis=0) - offset_n
+    magnitude_n = float(np.linalg.norm(force_n))
+    if magnitude_n < _MIN_FORCE_N:
+        reason = f"the reference measured {magnitude_n:.3f} N, at least {_MIN_FORCE_N:g} N are needed"
+        return RejectedPress(Rejection.TOO_LIGHT, reason)
+    return CalibrationLoad(
+        dwell_ns=dwell_ns,
+        force_n=force_n,
+        sigma_n=dwell_n.std(axis=0) / np.sqrt(len(dwell_n)),
+        capacitance_pf=column_means(press.capacitance_pf[scans]),
+        baseline_pf=baseline_pf,
+        lag_s=lag_s(press, dwell_ns, baseline_pf, offset_n, force_n),
+    )
+
+
+def _seconds(span_ns: tuple[int, int]) -> float:
+    return (span_ns[1] - span_ns[0]) / 1e9
+
+
+def _elements(which: Mask) -> str:
+    return ", ".join(map(str, np.flatnonzero(which)))

@@ -1,0 +1,66 @@
+"""`footsense lab response`: the foot's answer to one load."""
+
+from pathlib import Path
+
+import click
+
+from footsense.cli.lab.options import models_option, released_folder
+from footsense.cli.options import echo_json, json_option
+from footsense.errors import FootsenseError
+
+
+def _direction(_: click.Context, __: click.Parameter, text: str) -> tuple[float, float]:
+    """Return the two angles of a direction [deg].
+
+    Raises:
+        click.BadParameter: They are not two numbers.
+    """
+    try:
+        azimuth, elevation = map(float, text.split(","))
+    except ValueError as error:
+        raise click.BadParameter(f"two angles in degrees, such as 0,45; got {text!r}") from error
+    return azimuth, elevation
+
+
+@click.command()
+@click.option(
+    "--direction",
+    "direction_deg",
+    required=True,
+    callback=_direction,
+    metavar="T1,T2",
+    help="Azimuth and elevation of the force [deg].",
+)
+@click.option("--force-n", type=float, required=True, help="Its magnitude [N].")
+@click.option("--level", default="contact", show_default=True, help="half-space, linear, contact or full.")
+@models_option
+@json_option
+def response(
+    *,
+    direction_deg: tuple[float, float],
+    force_n: float,
+    level: str,
+    models: Path | None,
+    as_json: bool,
+) -> None:
+    """Print closures and capacitances of the nine elements under one centred load."""  # noqa: DOC501 - click shows this text
+    from footsense.lab.evaluation.evaluate_models import open_models
+    from footsense.lab.fidelity.levels import response_to
+    from footsense.lab.foot_file import FOOT_FILE, load_foot
+
+    folder = models or released_folder()
+    table, _ = open_models(folder)
+    try:
+        found = response_to(table, load_foot(folder / FOOT_FILE), direction_deg, force_n, level)
+    except ValueError as error:
+        raise FootsenseError(str(error)) from error
+    if as_json:
+        echo_json(found)
+        return
+    click.echo(
+        f"{level}: {force_n:g} N at {direction_deg[0]:g}, {direction_deg[1]:g} deg; row 0 forward, column 0 left"
+    )
+    for what, unit in (("closure_um", "um"), ("capacitance_pf", "pF")):
+        click.echo(f"{what.partition('_')[0]} [{unit}]")
+        for row in found[what]:
+            click.echo("  " + "  ".join(f"{value:8.3f}" for value in row))

@@ -1,0 +1,36 @@
+"""A leg on CAN as plain values for JSON."""
+
+from typing import Any
+
+from firmware_interface.can_codes import Flag, phase_of
+from footsense.cli.monitor.table import cause_text
+from footsense.daemon.can_listener import LegSnapshot
+
+
+def snapshot_json(snapshot: LegSnapshot) -> dict[str, Any]:
+    """Return a leg as plain values; None and NaN stand for unknown values."""
+    leg, force, report, n_force_frames = snapshot
+    known = snapshot.is_current
+    return {
+        "leg": leg,
+        "link": force.status.name.lower(),
+        "forces": n_force_frames,
+        "phase": phase_of(force.state).name.lower() if known else None,
+        "state": force.state.name.lower() if known else None,
+        "cause": cause_text(snapshot),
+        "usable": force.usable,
+        "force_n": [round(value, 3) + 0.0 for value in force.force_n],
+        "sigma_n": [round(value, 3) for value in force.sigma_n],
+        "age_ms": None if force.age_ns is None else round(force.age_ns * 1e-6, 1),
+        "contact": bool(force.flags & Flag.CONTACT) if force.usable else None,
+        "simulated": bool(force.flags & Flag.SIMULATED) if known else None,
+        "elements_out": [e for e in range(9) if force.fault_mask >> e & 1] if known else None,
+        "baseline": {
+            "status": None if report.baseline is None else report.baseline.name.lower(),
+            "mean_ff": round(report.mean_pf * 1e3, 1),
+            "worst_ff": round(report.worst_pf * 1e3, 1),
+            "moved_s_ago": None if report.moved_ago_ns is None else round(report.moved_ago_ns * 1e-9, 1),
+        },
+        "heartbeat": None if report.node_state is None else report.node_state.name.lower(),
+        "degraded_timing": report.degraded_timing,
+    }

@@ -1,0 +1,1 @@
+"""A recording as an MCAP container: its messages, its writer, and its checked reader."""

@@ -1,0 +1,104 @@
+"""Cycles out of the messages of a recording."""
+
+import json
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+from mcap.records import Channel, Message
+
+from footsense.frames import CapFrame, Command, CommandResult, ContactFrame, Cycle, Vector
+from footsense.recording.container import event_messages, messages
+from footsense.recording.container.reference_messages import decode_reference
+from footsense.recording.cycle_fields import Count
+from footsense.recording.cycle_records import LostCycles, NumberedCycle, require
+
+
+@dataclass(slots=True)
+class _Parts:
+    """The messages of a cycle that have come so far."""
+
+    scan: CapFrame | None = None
+    commands: list[Command] = field(default_factory=list)
+    outcomes: list[CommandResult] = field(default_factory=list)
+    samples: list[bytes] = field(default_factory=list)
+    temperature_c: Vector | None = None
+
+
+class CycleAssembly:
+    """Assembles cycles from their messages, and detects missing ones.
+
+    Args:
+        legs: Name of each row of the frames.
+
+    Attributes:
+        n_cycles: Whole cycles so far.
+        span_ns: Time from the first to the last of them [ns].
+    """
+
+    def __init__(self, legs: tuple[str, ...]) -> None:
+        self.n_cycles = 0
+        self.span_ns = 0
+        self._legs = legs
+        self._topics: dict[int, str] = {}
+        self._expected = 0
+        self._parts = _Parts()
+        self._t_first_ns: int | None = None
+
+    def take(self, record: Any) -> NumberedCycle | LostCycles | None:  # noqa: ANN401 - the library is not typed
+        """Return the cycle or the loss that a record of the container completes, if any.
+
+        Raises:
+            ValueError: Cycles, a scan or forces are missing, or a message is damaged. Damage has other errors too.
+        """
+        if isinstance(record, Channel):
+            self._topics[record.id] = record.topic
+        elif isinstance(record, Message):
+            return self._message(self._topics[record.channel_id], record)
+        return None
+
+    def _message(self, topic: str, message: Message) -> NumberedCycle | LostCycles | None:
+        parts = self._parts
+        event = json.loads(message.data) if topic == messages.EVENT else {}
+        if event.get("event") == "loss":
+            self._expected += msgspec.convert(event["n_cycles"], Count)
+        require(message.sequence == self._expected & 0xFFFF_FFFF, "cycles are missing")
+        match topic, event.get("event"):
+            case messages.EVENT, "loss":
+                return LostCycles(self._expected, message.log_time, event["n_cycles"])
+            case messages.EVENT, "command":
+                parts.commands.append(event_messages.decode_command(event, self._legs))
+            case messages.EVENT, "outcome":
+                parts.outcomes.append(event_messages.decode_outcome(event, self._legs))
+            case messages.EVENT, "temperature":
+                parts.temperature_c = event_messages.decode_temperature(event, self._legs)
+            case messages.REFERENCE, None:
+                parts.samples.append(message.data)
+            case messages.SCAN, None:
+                require(parts.scan is None, "forces are missing")
+                parts.scan = messages.decode_scan(message.data, self._legs)
+            case messages.FORCE, None:
+                return self._cycle(messages.decode_force(message.data, self._legs))
+        return None
+
+    def _cycle(self, forces: ContactFrame) -> NumberedCycle:
+        """Return the cycle that its forces complete.
+
+        Raises:
+            ValueError: Its scan is missing.
+        """
+        parts, self._parts = self._parts, _Parts()
+        if parts.scan is None:
+            raise ValueError("a scan is missing")
+        # Every cycle of a test stand's recording has a reference, possibly without samples.
+        has_reference = messages.REFERENCE in self._topics.values()
+        reference = decode_reference(parts.samples) if has_reference else None
+        cycle = Cycle(
+            parts.scan, tuple(parts.commands), forces, tuple(parts.outcomes), reference, parts.temperature_c
+        )
+        if self._t_first_ns is None:
+            self._t_first_ns = forces.t_sent_ns
+        self.span_ns = forces.t_sent_ns - self._t_first_ns
+        self.n_cycles += 1
+        self._expected += 1
+        return NumberedCycle(self._expected - 1, cycle)

@@ -1,0 +1,178 @@
+"""Scans and forces as JSON, and the schemas of all messages, by which Foxglove and PlotJuggler show them.
+
+A float is written with the fewest digits that give the same 64 bits back; NaN is null, and infinity, for
+which JSON has no word, is the number 1e999.
+
+Every scan is written in full, also where forces go out after each conversion and one ninth of it is new: the
+container's compression finds repetitions, and writing the changes alone would save a tenth of the file.
+
+Recordings from before causes and baselines were recorded lack these entries: they are read as `NOT_RECORDED` and as
+no baseline, are not compared, and stay out when the recording is recovered. Older names of entries and causes are read
+as their present ones.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import cache
+from operator import attrgetter
+from typing import Annotated, Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.frames import (
+    ELEMENTS,
+    BaselineStatus,
+    CapFrame,
+    ContactFrame,
+)
+from footsense.recording.cycle_fields import FIELDS, NOT_RECORDED, Count, CycleField, forces_of, scan_of
+
+SCAN, FORCE, EVENT, REFERENCE = "/scan", "/force", "/event", "/reference"
+
+#: Names of causes in recordings whose baseline is still called zero.
+_OLD_CAUSES = {"LINE_HELD": "BUS_STUCK", "GARBLED": "CORRUPT", "HELD_UP": "DELAYED", "GAP_SHUT": "GAP_CLOSED"}
+
+#: Entries of a leg that recordings from before causes and baselines lack, and their values there.
+_NOT_YET_RECORDED = {
+    "cause": None,
+    "baseline_status": BaselineStatus.NONE.name,
+    "baseline_mean_pf": None,
+    "baseline_worst_pf": None,
+    "baseline_moved_ns": 0,
+}
+
+#: Name of each code, and code of each name, by enumeration.
+_NAMES = {
+    field.names: {**{code: code.name for code in field.names}, NOT_RECORDED: None}
+    for field in FIELDS.values()
+    if field.names is not None
+}
+_CODES = {names: {name: code for code, name in of_code.items()} for names, of_code in _NAMES.items()}
+
+_SCAN_FIELDS = {path: field for path, field in FIELDS.items() if path.startswith("scan.")}
+_FORCE_FIELDS = {path: field for path, field in FIELDS.items() if path not in _SCAN_FIELDS}
+_FIRST_FORCE_FIELDS = {
+    path: field for path, field in _FORCE_FIELDS.items() if field.keys[0] not in _NOT_YET_RECORDED
+}
+
+
+def encode_scan(scan: CapFrame, legs: Sequence[str]) -> bytes:
+    """Return a scan as a JSON object with one entry per leg."""
+    return dump({"sequence": scan.sequence, **_leg_objects(scan, legs, _SCAN_FIELDS)})
+
+
+def encode_force(forces: ContactFrame, legs: Sequence[str]) -> bytes:
+    """Return forces as a JSON object with one entry per leg."""
+    is_old = (forces.cause == NOT_RECORDED).all()
+    rows = _leg_objects(forces, legs, _FIRST_FORCE_FIELDS if is_old else _FORCE_FIELDS)
+    return dump({"sequence": forces.sequence, "t_sent_ns": forces.t_sent_ns, **rows})
+
+
+def _leg_objects(
+    frame: CapFrame | ContactFrame, legs: Sequence[str], fields: Mapping[str, CycleField]
+) -> dict[str, dict[str, Any]]:
+    """Return the fields of each leg by their keys."""
+    objects: dict[str, dict[str, Any]] = {leg: {} for leg in legs}
+    for path, field in fields.items():
+        column = attrgetter(path.partition(".")[2])(frame).tolist()
+        for entries, value in zip(objects.values(), column, strict=True):
+            if len(field.keys) > 1:
+                entries.update(zip(field.keys, value, strict=True))
+            else:
+                entries[field.keys[0]] = value if field.names is None else _NAMES[field.names][value]
+    return objects
+
+
+def decode_scan(data: bytes, legs: Sequence[str]) -> CapFrame:
+    """Return the scan that `encode_scan` wrote."""
+    message = json.loads(data)
+    rows = [message[leg] for leg in legs]
+    arrays = {path: _array(field, rows) for path, field in _SCAN_FIELDS.items()}
+    return scan_of(msgspec.convert(message["sequence"], Count), arrays)
+
+
+def decode_force(data: bytes, legs: Sequence[str]) -> ContactFrame:
+    """Return the forces that `encode_force` wrote."""
+    message = json.loads(data)
+    rows = [{**_NOT_YET_RECORDED, **_renamed(message[leg])} for leg in legs]
+    arrays = {path: _array(field, rows) for path, field in _FORCE_FIELDS.items()}
+    sequence, t_sent_ns = (msgspec.convert(message[key], Count) for key in ("sequence", "t_sent_ns"))
+    return forces_of(sequence, t_sent_ns, arrays)
+
+
+def _array(field: CycleField, rows: list[dict[str, Any]]) -> NDArray[Any]:
+    """Return a field of all legs as an array, null as NaN.
+
+    Raises:
+        MsgspecError: An entry is no such number.
+        LookupError: An entry is missing, or no such name.
+        ValueError: There are not so many entries.
+    """
+    values = [[row[key] for key in field.keys] for row in rows]
+    if field.names is not None:
+        codes = _CODES[field.names]
+        return np.array([codes[name] for (name,) in values], field.kind)
+    checked = msgspec.convert(values, _json_type(field))
+    return np.array(checked, field.kind).reshape(len(rows), *field.shape)
+
+
+@cache
+def _json_type(field: CycleField) -> Any:  # noqa: ANN401 - a type
+    """Return the type of the numbers of a field, by leg and key."""
+    entry: Any = float | None
+    if field.most is not None:
+        entry = Annotated[int, msgspec.Meta(ge=0, le=int(field.most))]
+    elif field.kind == "<i8":
+        entry = int
+    if field.shape == (ELEMENTS,):
+        entry = list[entry]
+    return list[list[entry]]
+
+
+def _renamed(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a leg's entries with the present names for the older ones."""
+    if "zero_status" not in row:
+        return row
+    row = {key.replace("zero_", "baseline_", 1): value for key, value in row.items()}
+    return {**row, "cause": _OLD_CAUSES.get(row["cause"], row["cause"])}
+
+
+def dump(message: dict[str, Any]) -> bytes:
+    """Return a message as JSON."""
+    # Only numbers and the names of legs and states stand in these messages, so no text can be hit.
+    return (
+        json.dumps(message, separators=(",", ":"))
+        .replace("NaN", "null")
+        .replace("Infinity", "1e999")
+        .encode()
+    )
+
+
+def schemas(legs: Sequence[str]) -> dict[str, bytes]:
+    """Return the JSON schema of each topic."""
+    number, whole, text = {"type": ["number", "null"]}, {"type": "integer"}, {"type": "string"}
+
+    def leg(fields: Mapping[str, CycleField]) -> dict[str, Any]:
+        properties: dict[str, Any] = {}
+        for field in fields.values():
+            value: dict[str, Any] = text if field.names else number if field.kind == "<f8" else whole
+            if field.shape == (ELEMENTS,):
+                value = {"type": "array", "items": value, "minItems": ELEMENTS, "maxItems": ELEMENTS}
+            properties |= dict.fromkeys(field.keys, value)
+        return record(**properties)
+
+    def record(**properties: Any) -> dict[str, Any]:  # noqa: ANN401 - a JSON schema is any JSON
+        return {"type": "object", "properties": properties}
+
+    topics = {
+        SCAN: record(sequence=whole, **dict.fromkeys(legs, leg(_SCAN_FIELDS))),
+        FORCE: record(sequence=whole, t_sent_ns=whole, **dict.fromkeys(legs, leg(_FORCE_FIELDS))),
+        EVENT: record(
+            **dict.fromkeys(("event", "command", "leg", "result", "reason"), text),
+            n_cycles=whole,
+            temperature_c=record(**dict.fromkeys(legs, number)),
+        ),
+    }
+    return {topic: json.dumps(schema).encode() for topic, schema in topics.items()}

@@ -1,0 +1,51 @@
+"""The feet of a simulated robot on the board `mcu`: a microcontroller scans all of them."""
+
+import numpy as np
+
+from firmware_interface.serial_frames import ELEMENTS
+from footsense.frames import Vector
+from footsense.sim.chips.electronics import WiredFoot
+from footsense.sim.chips.line_switch import LineStates
+from footsense.sim.chips.mcu import Elements, SimulatedMcu
+from footsense.sim.robot import SimulatedRobot
+from footsense.sim.scene import Scene
+
+#: Share of a scan's time in which the elements are converted, one after the other.
+_CONVERTING_REL = 0.9
+_ROWS = _COLUMNS = 3
+#: One row selected, the others waiting.
+_ALONE = [LineStates(0, 1 << row, 0b111 & ~(1 << row)) for row in range(_ROWS)]
+#: Random stream of the noise, beside those of the legs.
+_NOISE_DRAW = 6
+
+
+def simulated_mcu(robot: SimulatedRobot, scene: Scene, rate_hz: float) -> SimulatedMcu:
+    """Return a microcontroller on a simulated robot, whose buses are not used then.
+
+    Args:
+        robot: The robot.
+        scene: The scene.
+        rate_hz: Scans per second [Hz].
+    """
+    noise = np.random.default_rng((scene.seed, _NOISE_DRAW)) if scene.effects.converter_noise else None
+    return SimulatedMcu(
+        {name: _measured(leg.wired, scene.effects.stray_pf) for name, leg in robot.legs.items()},
+        step_us=round(_CONVERTING_REL * 1e6 / rate_hz / ELEMENTS),
+        noise=noise,
+    )
+
+
+def _measured(foot: WiredFoot, stray_pf: float) -> Elements:
+    """Return the elements of a foot as electronics without a fault of their own measure them, row by row."""
+
+    def elements_pf(t_ns: int) -> Vector:
+        element_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)]
+        return np.array(
+            [
+                foot.damage.pin_pf(column, element_pf[column::_COLUMNS], states, t_ns)
+                for states in _ALONE
+                for column in range(_COLUMNS)
+            ]
+        )
+
+    return elements_pf
