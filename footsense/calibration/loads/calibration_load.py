@@ -65,9 +65,8 @@ class Press(NamedTuple):
         before_ns: Start and end of the unloaded span before it [ns].
         pressed_ns: Start and end of the press [ns].
         after_ns: Start and end of the unloaded span after it [ns]; None if there is none.
-        offset_sum_n: Sum of the reference samples in the unloaded spans of the last seconds, `before_ns` included [N],
-            shape (3,): the offset drifts less than one span's noise.
-        offset_samples: Number of those samples.
+        offset_n: Unsaturated reference samples in the unloaded spans of the last seconds, `before_ns` included [N],
+            shape (n, 3): the offset drifts less than one span's noise.
     """
 
     t_ns: Stamps
@@ -77,14 +76,24 @@ class Press(NamedTuple):
     before_ns: tuple[int, int]
     pressed_ns: tuple[int, int]
     after_ns: tuple[int, int] | None
-    offset_sum_n: Vector
-    offset_samples: int
+    offset_n: Vector
 
 
 def column_means(values: Vector) -> Vector:
     """Return the mean of each column over the rows that are not NaN, shape (columns,); NaN where all are."""
     n = (~np.isnan(values)).sum(axis=0)
     return np.where(n > 0, np.nansum(values, axis=0) / np.maximum(n, 1), np.nan)
+
+
+def column_deviations(values: Vector) -> Vector:
+    """Return the standard deviation of each column over the rows that are not NaN, shape (columns,)."""
+    deviations: Vector = np.sqrt(column_means((values - column_means(values)) ** 2))
+    return deviations
+
+
+def unsaturated_n(reference: Reference, span_ns: tuple[int, int]) -> Vector:
+    """Return the samples in a span [ns] with no axis at the end of its range [N], shape (n, 3)."""
+    return reference.force_n[within(reference.t_ns, span_ns) & ~reference.saturated]
 
 
 def within(t_ns: Stamps, span_ns: tuple[int, int]) -> Mask:

@@ -5,14 +5,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.missing_sets import COLUMNS, ROWS
-from footsense.frames import ELEMENTS, BaselineDrift, Cause, Codes, Mask, Reading, State
+from footsense.estimation.faults.missing_sets import BITS, COLUMNS, ROWS
+from footsense.frames import BaselineDrift, Cause, Codes, Mask, Reading, State
 
 #: Largest distance of an element's drift from the mean of its leg's [pF]: all drift by 30 fF over 20 K, and elements
 #: differ in that by a fifth.
 DRIFT_LIMIT_PF = 20e-3
-
-_BITS = (1 << np.arange(ELEMENTS)).astype(np.uint16)
 
 #: State and cause of a leg by the readings of its elements, the most severe last.
 _BY_READING = {
@@ -59,7 +57,7 @@ def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
         >>> bin(int(fault_mask(unusable)[0]))
         '0b100000001'
     """
-    masks: NDArray[np.uint16] = unusable @ _BITS
+    masks: NDArray[np.uint16] = unusable @ BITS
     return masks
 
 
