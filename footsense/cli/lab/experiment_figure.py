@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from footsense.lab.studies.page import panels
+from footsense.lab.studies.plots import panels
 from footsense.validation.virtual_experiment import ALL_LOADS, LOAD_COUNTS, FootResult
 
 #: The paper's errors on its fabricated foot.

@@ -151,7 +151,6 @@ def _estimators(feet: list[FootResult]) -> dict[str, dict[str, int | OverFeet]]:
 STUDY = Study(
     name="experiment",
     title="The experiment, on simulated feet",
-    results=Results,
     compute=compute,
     command="experiment",
 )

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from footsense.acquisition.linux_i2c import LinuxI2cBus, adapters, kernel_drivers
+from footsense.acquisition.linux.linux_i2c import LinuxI2cBus, adapters, kernel_drivers
 from footsense.acquisition.probe.address_scan import probe_addresses
 from footsense.acquisition.probe.bus_scan import ChannelScan, scan_bus
 from footsense.acquisition.probe.bus_scan import scan_adapters as scan_leg_adapters
