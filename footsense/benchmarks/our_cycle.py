@@ -72,7 +72,7 @@ class _Recording(Observer):
     """An observer that copies every cycle into a pipe, as the recorder does."""
 
     def __init__(self, pipe: int, legs: tuple[str, ...]) -> None:
-        self._pipe = CyclePipe(pipe, legs, {}, blocking=False)
+        self._pipe = CyclePipe(pipe, {"legs": ",".join(legs)}, blocking=False)
 
     def observe(self, cycle: Cycle) -> None:
         """Copy the forces of one cycle."""

@@ -49,7 +49,6 @@ def _camel(name: str) -> str:
 STUDY = Study(
     name="faults",
     title="Effect of every fault",
-    results=FaultResults,
     compute=compute,
     names={
         "BREAKS_AT_S": f"{BREAKS_AT_S:g}",
