@@ -16,8 +16,9 @@ import numpy as np
 from footsense.estimation.faults.imputation import Imputation
 from footsense.foot.files.checksum_trailer import add_checksum
 from footsense.foot.files.network_card import FORMAT, INPUT_ORDER, INPUT_UNIT, OUTPUT_ORDER, OUTPUT_UNIT
+from footsense.foot.force_errors import Errors
 from footsense.foot.response_table import FootResponse
-from footsense.lab.evaluation.evaluate import Errors, Readout
+from footsense.lab.evaluation.evaluate import Readout
 from footsense.lab.evaluation.evaluate_models import (
     ALONE,
     HELD_OUT_CASES,

@@ -205,7 +205,6 @@ def compute(context: StudyContext) -> tuple[TradeoffResults, Figures]:
 STUDY = Study(
     name="tradeoff",
     title="Latency against error",
-    results=TradeoffResults,
     compute=compute,
     names={
         "BUS_HZ": BUS_HZ,

@@ -18,7 +18,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from footsense.errors import ModelError
 from footsense.foot.files.network_card import METADATA_KEY
-from footsense.lab.response import SYMMETRIES
+from footsense.lab.symmetry import SYMMETRIES
 from footsense.lab.training.network import (
     N_SYMMETRIES,
     SEEN,
