@@ -28,7 +28,7 @@ from footsense.frames import CapFrame, Cycle, Flag, Vector
 from footsense.ports import Observer
 from footsense.recording.cycle_pipe import CyclePipe
 from footsense.sim.clock import VirtualClock
-from footsense.sim.scene import load_scene
+from footsense.sim.scene_files import load_scene
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.metrics import MetricsObserver
 from footsense.telemetry.systemd import SystemdObserver

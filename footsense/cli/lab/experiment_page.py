@@ -18,8 +18,9 @@ from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.training.paper_procedure import EPOCHS
 from footsense.lab.training.per_foot_network import per_foot_force_n
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES, FootTolerances
+from footsense.validation.processes import in_processes
 from footsense.validation.test_stand_trial import FootBatch
-from footsense.validation.virtual_experiment import ALL_LOADS, LOAD_COUNTS, FootResult, run_experiment
+from footsense.validation.virtual_experiment import ALL_LOADS, LOAD_COUNTS, FootResult, evaluate_foot
 
 #: Feet of a full run, and of a quick one with one of so many loads.
 N_FEET, QUICK_N_FEET, _QUICK_EVERY = 20, 2, 7
@@ -112,7 +113,8 @@ def compute(
     n_feet = n_feet or (QUICK_N_FEET if context.quick else N_FEET)
     network = partial(per_foot_force_n, context.response.design, epochs=epochs)
     feet: list[FootResult] = []
-    for one in run_experiment(batch, range(n_feet), network, jobs=jobs or os.cpu_count() or 1, every=every):
+    evaluate = partial(evaluate_foot, batch, per_foot_network=network, every=every)
+    for one in in_processes(evaluate, range(n_feet), jobs or os.cpu_count() or 1):
         feet.append(one)
         context.say(_line(one))
     if not feet:

@@ -9,6 +9,7 @@ import click
 
 from footsense.cli.lab import options
 from footsense.cli.options import Decorator, echo_json, json_option
+from footsense.errors import FootsenseError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -74,36 +75,51 @@ def study(*, name: str, models: Path | None, output: Path | None, quick: bool) -
 
 
 def _named(name: str, words: str, *own_options: Decorator) -> click.Command:
-    """Return the dedicated command of a study, with `own_options` beside `--output` and `--quick`."""
+    """Return the dedicated command of a study with these options."""
 
     def run(*, output: Path | None, quick: bool, models: Path | None = None, as_json: bool = False) -> None:
         write_study(name, models, output, quick=quick, as_json=as_json)
 
     run.__doc__ = words
-    for option in (*own_options, options.output_option, options.quick_option):
-        run = option(run)
-    return click.command(name)(run)
+    command = click.command(name)(run)
+    for option in own_options:
+        option(command)
+    return command
 
+
+_STUDY_OPTIONS = (options.models_option, options.output_option, options.quick_option, json_option)
 
 fidelity = _named(
     "fidelity",
     "Print time and error of the four models of the foot, and draw one against the other.",
-    *(options.models_option, json_option),
+    *_STUDY_OPTIONS,
 )
 cramer_rao = _named(
     "cramer-rao",
     "Print the Cramer-Rao bound over the loading range, and the network's error over it.",
-    *(options.models_option, json_option),
+    *_STUDY_OPTIONS,
 )
 tradeoff = _named(
     "tradeoff",
     "Print what rate, averaging, publish mode and network size cost in latency and bring in error.",
-    *(options.models_option, json_option),
+    *_STUDY_OPTIONS,
 )
 faults = _named(
     "faults",
     "Walk with every fault that a scene can have, and print detection, recovery and effect on the other legs.",
+    options.output_option,
+    click.option("--quick", is_flag=True, help="A few faults, in seconds."),
 )
+
+
+def _renamed_file(_: click.Context, __: click.Parameter, given: str | None) -> None:
+    """Answer the former name of `--file`.
+
+    Raises:
+        FootsenseError: It is used.
+    """
+    if given is not None:
+        raise FootsenseError("`--campaign` is now `--file`")
 
 
 @click.command()
@@ -112,6 +128,7 @@ faults = _named(
     metavar="ADDRESS",
     help="Of a dask cluster, such as tcp://host:8786; without it two processes on this machine.",
 )
+@click.option("--campaign", hidden=True, expose_value=False, callback=_renamed_file)
 @click.option(
     "--file",
     type=click.Path(dir_okay=False, path_type=Path),

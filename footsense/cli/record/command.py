@@ -21,7 +21,8 @@ from footsense.daemon.simulation import is_simulated
 from footsense.daemon.test_stand import StandSensor, StandSession, is_live
 from footsense.errors import CalibrationError, ConfigError
 from footsense.frames import LEGS
-from footsense.sim.scene import Scene, load_scene
+from footsense.sim.scene import Scene
+from footsense.sim.scene_files import load_scene
 from footsense.sim.test_stand.press_sequence import PressSequence
 
 _NS_PER_S = 1_000_000_000

@@ -14,7 +14,7 @@ from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
 from footsense.frames import Cycle
 from footsense.ports import Observer
-from footsense.sim.scene import load_scene
+from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 
 if TYPE_CHECKING:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 
 import numpy as np
 
@@ -120,7 +121,8 @@ def _probe_legs(
             places.append((leg, report.bus.device, channel, chips))
     if config.serial is not None:
         places = [(name, config.serial.device, "mcu", None) for name in config.legs]
-    stray_pf, unloaded_pf = unloaded_capacitance_pf(load_models(config))
+    # By the configuration and the design alone, without the calibrations.
+    stray_pf, unloaded_pf = unloaded_capacitance_pf(replace(load_models(config), calibrations={}))
     for row, place in enumerate(places):
         scans = None if feet is None or np.isin(feet[row].reading, _SILENT).all() else feet[row]
         faults: tuple[FootFault, ...] = ()

@@ -33,7 +33,7 @@ from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork, onnx_model
 from footsense.lab.training.network import N_SYMMETRIES, SEEN, Weights
 from footsense.lab.training.train import MASKS, predict
-from footsense.sim.scene import load_scene
+from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 from tests.lab.released import FOOT_DESIGN as SHIPPED
 from tests.lab.released import RELEASED
