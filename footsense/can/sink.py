@@ -72,7 +72,7 @@ class CanSink:
         self._clock = clock
         self._legs = [CanLeg(row, node) for row, node in enumerate(nodes)]
         self._encoder = ForceQualityEncoder(nodes)
-        self._commands = CanCommands(self._channel, nodes, clock, self.stats)
+        self._commands = CanCommands(self._channel, nodes, clock)
         self._counter = 0  # of every Force and Quality of a scan
         self._first = 0  # start of the frames that are sent first [bytes]
         self._reported: list[list[int]] = []  # states, masks and causes without an outstanding report

@@ -18,10 +18,9 @@ from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     rms_mn,
 )
 from footsense.benchmarks.latency_vs_error.publishing import published_forces
-from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
-from footsense.lab.studies.page import panels
-from footsense.ports import Estimator
+from footsense.lab.studies.page import StudyContext
+from footsense.lab.studies.plots import panels
 from footsense.sim.loads.ground_load import Ramp
 
 #: Load of the standing feet of which the noise is measured [N].
@@ -52,22 +51,19 @@ class OperatingPoint:
     walk: LatencyAndErrors
 
 
-def operating_points(
-    rate_sps: int, foot: Foot, truth: TrueLoads, network: Estimator, trained: TrainedInputs
-) -> list[OperatingPoint]:
+def operating_points(rate_sps: int, truth: TrueLoads, context: StudyContext) -> list[OperatingPoint]:
     """Return the operating points at one rate: a walk and standing feet, published every few conversions.
 
     Args:
         rate_sps: Conversions per second.
-        foot: Make of the feet.
         truth: True loads of the walking feet.
-        network: The network.
-        trained: Inputs that it was trained for.
+        context: Response table and network.
     """
     standing_feet: Sequence[FootLoad] = [partial(Ramp(STANDING_N, 0).contact, leg) for leg in NODE_IDS]
+    foot, order = Foot(context.response), ORDERS["lo_shu"]
     walk, standing = (
         published_forces(
-            convert(foot, feet, ORDERS["lo_shu"], rate_sps, truth.end_ns, seed), network, trained
+            convert(foot, feet, order, rate_sps, truth.end_ns, seed), context.network, context.trained_inputs
         )
         for seed, feet in enumerate((truth.feet, standing_feet), _SEED)
     )

@@ -1,6 +1,5 @@
 """Study `tradeoff`: latency against error of the whole chain, from conversion to the force that a consumer holds."""
 
-import json
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,7 +17,6 @@ from footsense.benchmarks.latency_vs_error.latency_and_errors import (
 )
 from footsense.benchmarks.latency_vs_error.loads import LoadCase, load_cases, measured_truth
 from footsense.benchmarks.latency_vs_error.publishing import published_forces
-from footsense.foot.files.network_card import TrainedInputs, read_card
 from footsense.foot.specimen import Foot
 from footsense.lab.studies.page import Figures, Study, StudyContext
 
@@ -108,7 +106,7 @@ _METHODS: dict[str, tuple[int | None, int, tuple[str, ...]]] = {
 }
 
 
-def _load_result(load: LoadCase, context: StudyContext, trained: TrainedInputs) -> LoadResult:
+def _load_result(load: LoadCase, context: StudyContext) -> LoadResult:
     """Return the results of every publishing method under one load."""
     foot, truth = Foot(context.response), load.truth
     readings = {
@@ -117,7 +115,9 @@ def _load_result(load: LoadCase, context: StudyContext, trained: TrainedInputs) 
     methods = []
     for method, (degree, every, orders) in _METHODS.items():
         for order in orders:
-            published = published_forces(readings[order], context.network, trained, degree).every(every)
+            published = published_forces(
+                readings[order], context.network, context.trained_inputs, degree
+            ).every(every)
             settling = None
             if load.starts_ns is not None:
                 each_ms = settling_ms(published, truth, load.starts_ns)
@@ -129,16 +129,14 @@ def _load_result(load: LoadCase, context: StudyContext, trained: TrainedInputs) 
 
 def compute(context: StudyContext) -> tuple[TradeoffResults, Figures]:
     """Publish the forces of all loads by every method, and of the walk at every operating point."""
-    trained = read_card(json.dumps(context.network.card), str(context.models)).trained_inputs
     size = QUICK if context.quick else FULL
     loads = {}
     for name, load in load_cases(size.strides, size.phases).items():
-        loads[name] = _load_result(load, context, trained)
+        loads[name] = _load_result(load, context)
         context.say(f"tradeoff: {name}")
-    foot, truth = Foot(context.response), measured_truth(size.strides)
-    points = []
+    truth, points = measured_truth(size.strides), []
     for rate_sps in size.rates_sps:
-        points += operating_points(rate_sps, foot, truth, context.network, trained)
+        points += operating_points(rate_sps, truth, context)
         context.say(f"tradeoff: {rate_sps} S/s")
     results = TradeoffResults(
         step_ms=pace(400).step_ns * 1e-6,
@@ -153,7 +151,6 @@ def compute(context: StudyContext) -> tuple[TradeoffResults, Figures]:
 STUDY = Study(
     name="tradeoff",
     title="Latency against error",
-    results=TradeoffResults,
     compute=compute,
     names={
         "BUS_HZ": BUS_HZ,

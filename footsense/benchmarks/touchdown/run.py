@@ -1,6 +1,5 @@
 """Frames of the daemon's pipeline for feet that touch down, at the pace of the study `tradeoff`."""
 
-import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +11,6 @@ from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import sensitivity
-from footsense.foot.files.network_card import read_card
 from footsense.foot.gap_contact import capacitance_pf
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, Flag, Mask, Reading, Stamps, Vector
@@ -99,15 +97,14 @@ def _readings(foot: Foot, steps: Steps, t_ns: Stamps, rng: np.random.Generator) 
 
 def _pipeline(context: StudyContext, n_feet: int) -> Pipeline:
     """Return the daemon's pipeline of as many legs as there are feet."""
-    network = context.network
-    card = read_card(json.dumps(network.card), str(context.models)).trained_inputs
+    network, trained = context.network, context.trained_inputs
     scan_ns = ELEMENTS * pace(_RATE_SPS).step_ns
     return Pipeline(
         network,
-        card,
+        trained,
         np.zeros((n_feet, ELEMENTS)),
-        np.full((n_feet, ELEMENTS), card.design.unloaded_pf),
-        sensitivity=sensitivity(network, 1, card.moments),
+        np.full((n_feet, ELEMENTS), trained.design.unloaded_pf),
+        sensitivity=sensitivity(network, 1, trained.moments),
         tare=TareLimits(window_frames=8, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
         contact=ContactLimits(threshold_n=CONTACT_N),
         scan_ns=scan_ns,

@@ -23,16 +23,8 @@ from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
 from footsense.telemetry.exporter import CountersCollector
 from footsense.telemetry.metrics import MetricsObserver
-from footsense.validation.fault_trial import (
-    BREAKS_AT_S,
-    LEG,
-    PASSES_AT_S,
-    WALK,
-    FaultFigures,
-    PublishedWalk,
-    figures,
-    walk,
-)
+from footsense.validation.faults.fault_trial import LEG, FaultFigures, figures
+from footsense.validation.faults.published_walk import BREAKS_AT_S, PASSES_AT_S, WALK, PublishedWalk, walk
 
 DBC = Path(firmware_interface.__file__).parent / "footsense.dbc"
 

@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.rest import at_rest
-from footsense.lab.evaluation.evaluate import Errors, errors
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels
+from footsense.foot.force_errors import Errors, errors
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.plots import panels
 from footsense.lab.training.export import onnx_model
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
@@ -29,8 +30,6 @@ GAITS, QUICK_GAITS, RESTS, QUICK_RESTS, TRAINING_SEED, TEST_SEED = 300, 20, 20_0
 CONVERSIONS, LOADED_N = 1100, 0.1
 #: Legs in a call, runs in a timing, and timings; the fastest counts, because other processes only add time.
 LEGS, RUNS, TIMINGS = 6, 200, 25
-
-_FIGURE = "network-size.png"
 #: Kinds of test loads.
 _TESTS = {"gaits": "random gaits", "rest": "loads at rest"}
 
@@ -92,11 +91,8 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Train, test and time a network of every size."""
     response, loads = context.response, context.foot_design.loads
     design = response.design
-    channels, steps, n_gaits, n_rests = (
-        (QUICK_CHANNELS, QUICK_STEPS, QUICK_GAITS, QUICK_RESTS)
-        if context.quick
-        else (CHANNELS, STEPS, GAITS, RESTS)
-    )
+    quick = QUICK_CHANNELS, QUICK_STEPS, QUICK_GAITS, QUICK_RESTS
+    channels, steps, n_gaits, n_rests = quick if context.quick else (CHANNELS, STEPS, GAITS, RESTS)
     gaits, test_gaits = (
         random_gaits(response, seed, n, CONVERSIONS, loads.max_n)
         for seed, n in ((TRAINING_SEED, n_gaits), (TEST_SEED, n_gaits // 4))
@@ -136,21 +132,19 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         from_n=loads.min_judged_n,
         sizes=sizes,
     )
-    return results, {_FIGURE: _figure(sizes)}
+    return results, {"network-size.png": _figure(sizes)}
 
 
 def _figure(sizes: list[Size]) -> Figure:
     """Draw the direction error over weights and over microseconds."""
     figure, axes = panels(2, 8.8, 4.0, sharey=True)
-    for panel, x in zip(
-        axes, ([size.weights for size in sizes], [size.run_us for size in sizes]), strict=True
-    ):
+    for panel, quantity in zip(axes, ("weights", "run_us"), strict=True):
+        x = [getattr(size, quantity) for size in sizes]
         for (name, words), colour in zip(_TESTS.items(), ("C0", "C3"), strict=True):
             rows = [getattr(size, name) for size in sizes]
-            panel.loglog(x, [row.direction_deg for row in rows], "o-", color=colour, label=f"{words}, mean")
-            panel.loglog(
-                x, [row.direction_p95_deg for row in rows], "^:", color=colour, label=f"{words}, p95", ms=4
-            )
+            mean, p95 = [row.direction_deg for row in rows], [row.direction_p95_deg for row in rows]
+            panel.loglog(x, mean, "o-", color=colour, label=f"{words}, mean")
+            panel.loglog(x, p95, "^:", color=colour, label=f"{words}, p95", ms=4)
         panel.grid(alpha=0.3, which="both")
     axes[0].set(xlabel="weights", ylabel="direction error [deg]")
     axes[1].set(xlabel="six legs, one thread [us]")
@@ -158,9 +152,4 @@ def _figure(sizes: list[Size]) -> Figure:
     return figure
 
 
-STUDY = Study(
-    name="network-size",
-    title="How many weights",
-    results=Results,
-    compute=compute,
-)
+STUDY = Study(name="network-size", title="How many weights", compute=compute)
