@@ -134,9 +134,10 @@ def _walked(
 
 def _estimated(context: StudyContext, window: Window) -> Load:
     """Return the network's loads, in calls of bounded size."""
+    some = [slice(first, first + _AT_ONCE) for first in range(0, len(window.missing), _AT_ONCE)]
     parts = [
-        context.network.estimate(Window(*(part[first : first + _AT_ONCE] for part in window)))
-        for first in range(0, len(window.missing), _AT_ONCE)
+        context.network.estimate(Window(window.closure_rel[k], window.age_s[k], window.missing[k]))
+        for k in some
     ]
     return Load(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
@@ -178,7 +179,8 @@ def _errors(
 def _normals(point: Vector) -> Vector:
     """Return the normals of stereographic contact points, shapes (n, 2) and (n, 3)."""
     square = (point**2).sum(axis=1, keepdims=True)
-    return np.hstack([2.0 * point, 1.0 - square]) / (1.0 + square)
+    normal: Vector = np.hstack([2.0 * point, 1.0 - square]) / (1.0 + square)
+    return normal
 
 
 def _friction(ratio: Vector, normal: Vector) -> Vector:
@@ -250,4 +252,4 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     return Results(n_gaits=n_gaits, gaits=rows, rest=_at_rest(context)), {}
 
 
-STUDY = Study(name="gaits", title="Force in motion", compute=compute)
+STUDY = Study(name="gaits", title="Force in motion", compute=compute, command="gaits")
