@@ -32,7 +32,6 @@ from footsense.lab.training.windowed_network import (
     run,
     seen_index,
 )
-from footsense.ports import Window
 
 #: Share of the windows with something missing, and of those of feet at rest.
 _MASKED_SHARE, _REST_SHARE = 0.15, 0.25
@@ -114,15 +113,37 @@ def whole_windows(gaits: GaitReadings) -> NDArray[np.bool_]:
     return whole
 
 
-def loaded_windows(gaits: GaitReadings, from_n: float) -> tuple[Window, Vector]:
-    """Return the whole windows of gaits under at least so large a true force [N], and these forces, shape (rows, 3)."""
-    loaded = np.linalg.norm(gaits.force_n, axis=2) >= from_n
-    gait, time = np.nonzero(whole_windows(gaits) & loaded)
-    since = age_table()[gaits.order[gait], time % ELEMENTS][:, None] + ELEMENTS * np.arange(READINGS)[:, None]
-    closure_rel = gaits.closure_rel[gait[:, None, None], time[:, None, None] - since].astype(np.float64)
-    age_s = since * gaits.step_s[gait, None, None] + gaits.lead_s[gait, time][:, None, None]
-    force_n = gaits.force_n[gait, time].astype(np.float64)
-    return Window(closure_rel, age_s, np.zeros((len(gait), ELEMENTS), bool)), force_n
+class GaitWindows(NamedTuple):
+    """All whole windows of some gaits, n of them.
+
+    Attributes:
+        gait: Row of the gait of each, shape (n,).
+        closure_rel: Closures over the gap, newest first [1], shape (n, 3, 9).
+        age_s: Ages of the readings at sending [s], same shape.
+        force_n: True force [N], shape (n, 3).
+        normal: True normal of the contact, shape (n, 3).
+    """
+
+    gait: NDArray[np.intp]
+    closure_rel: Vector
+    age_s: Vector
+    force_n: Vector
+    normal: Vector
+
+
+def windows_of(gaits: GaitReadings) -> GaitWindows:
+    """Return all whole windows, in the order of gaits and times."""
+    gait, time = np.nonzero(whole_windows(gaits))
+    oldest = ELEMENTS * np.arange(READINGS)[:, None]
+    since = age_table()[gaits.order[gait], time % ELEMENTS][:, None] + oldest
+    age_s = since * gaits.step_s[gait][:, None, None] + gaits.lead_s[gait, time][:, None, None]
+    return GaitWindows(
+        gait,
+        gaits.closure_rel[gait[:, None, None], time[:, None, None] - since].astype(np.float64),
+        age_s,
+        gaits.force_n[gait, time].astype(np.float64),
+        gaits.normal[gait, time].astype(np.float64),
+    )
 
 
 class _Data(NamedTuple):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from footsense.lab.training.gait_readings import ORDERS, GaitReadings, elements_of
-from footsense.lab.training.train_windowed import loaded_windows
+from footsense.lab.training.train_windowed import windows_of
 
 pytestmark = pytest.mark.lab
 
@@ -30,9 +30,9 @@ def numbered(order: int) -> GaitReadings:
 @pytest.mark.parametrize("order", range(len(ORDERS)))
 def test_a_window_holds_the_last_three_readings_of_every_element(order: int) -> None:
     """The newest first, each as old as the conversions since; the force is that of the asked time."""
-    window, force_n = loaded_windows(numbered(order), 0.0)
+    window = windows_of(numbered(order))
     now = window.closure_rel.max(axis=(1, 2))
-    np.testing.assert_allclose(force_n[:, 2], now / 100, rtol=1e-6)
+    np.testing.assert_allclose(window.force_n[:, 2], now / 100, rtol=1e-6)
     np.testing.assert_allclose(
         window.age_s, (now[:, None, None] - window.closure_rel) * STEP_S + LEAD_S, rtol=1e-6
     )
@@ -41,11 +41,9 @@ def test_a_window_holds_the_last_three_readings_of_every_element(order: int) -> 
     np.testing.assert_array_equal(
         elements_of(order, N)[numbers], np.broadcast_to(np.arange(9), numbers.shape)
     )
-    assert not window.missing.any()
 
 
-def test_only_loaded_and_whole_windows_count() -> None:
-    """From the least force on, and none with a newest reading beyond the range."""
-    window, _ = loaded_windows(numbered(0), 0.4)
-    now = window.closure_rel.max(axis=(1, 2))
-    np.testing.assert_array_equal(now, [*range(40, BEYOND), *range(BEYOND + 9, N)])
+def test_only_whole_windows_count() -> None:
+    """None with a newest reading beyond the range, and none of the first scans."""
+    now = windows_of(numbered(0)).closure_rel.max(axis=(1, 2))
+    np.testing.assert_array_equal(now, [*range(30, BEYOND), *range(BEYOND + 9, N)])

@@ -11,14 +11,16 @@ from matplotlib.figure import Figure
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.rest import at_rest
 from footsense.foot.force_errors import Errors, errors
+from footsense.frames import ELEMENTS
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.export import onnx_model
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
 from footsense.lab.training.train import moments
-from footsense.lab.training.train_windowed import WindowProtocol, loaded_windows, train_windowed
+from footsense.lab.training.train_windowed import WindowProtocol, train_windowed, windows_of
 from footsense.lab.training.windowed_network import predict
+from footsense.ports import Window
 
 #: Channels of each hidden layer, eight units each.
 CHANNELS, QUICK_CHANNELS = (4, 8, 14, 20, 28, 40), (4, 8)
@@ -102,13 +104,20 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         for seed, n in ((TRAINING_SEED, n_rests), (TEST_SEED, n_rests // 4))
     )
     context.say(f"network-size: {n_gaits} gaits and {n_rests} loads at rest for training")
+    walked = windows_of(test_gaits)
+    loaded = np.linalg.norm(walked.force_n, axis=1) >= LOADED_N
+    none_missing = np.zeros((int(loaded.sum()), ELEMENTS), bool)
     counted = np.linalg.norm(test_rest.force_n, axis=1) >= loads.min_judged_n
-    closure_rel = measured_closure_rel(
-        design, test_rest.closure_um[counted], np.random.default_rng(TEST_SEED)
-    )
+    rng = np.random.default_rng(TEST_SEED)
     tests = {
-        "gaits": loaded_windows(test_gaits, LOADED_N),
-        "rest": (at_rest(closure_rel), test_rest.force_n[counted]),
+        "gaits": (
+            walked.force_n[loaded],
+            Window(walked.closure_rel[loaded], walked.age_s[loaded], none_missing),
+        ),
+        "rest": (
+            test_rest.force_n[counted],
+            at_rest(measured_closure_rel(design, test_rest.closure_um[counted], rng)),
+        ),
     }
     imputation = Imputation(moments(rest.with_symmetric_copies().closure_um / design.gap_um))
     trained = []
@@ -121,7 +130,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     for weights, time_us in zip(trained, times_us, strict=True):
         judged = {
             name: errors(force_n, predict(weights, window).force_n)
-            for name, (window, force_n) in tests.items()
+            for name, (force_n, window) in tests.items()
         }
         sizes.append(Size(channels=weights.channels, weights=weights.size, run_us=time_us, **judged))
     results = Results(
