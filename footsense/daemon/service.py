@@ -180,7 +180,7 @@ def _metrics(
             Path(config.metrics.counters),
             wakeups=wakeups,
             missed_deadlines=lambda: scan.source.missed_deadlines,
-            n_lost_scans=lambda: recorder.lost if recorder else 0,
+            n_lost_cycles=lambda: recorder.lost if recorder else 0,
             n_lost_lines=n_lost_lines,
         )
     except FootsenseError as error:

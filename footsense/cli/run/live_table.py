@@ -55,7 +55,7 @@ class LiveTable(LiveView):
                 cells.append(Text(f"{true_n[row, 2]:.3f}", "dim"))
             table.add_row(*cells, f"{forces.age_ns[row] * 1e-6:.1f}" if force_n else EMPTY)
         head = Text.assemble(
-            ("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s   scan {forces.sequence}", "dim")
+            ("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s   cycle {forces.sequence}", "dim")
         )
         return Group(head, Text(), table)
 
