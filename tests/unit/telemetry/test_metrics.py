@@ -89,17 +89,17 @@ def codes_set(scraped: CollectorRegistry, name: str, leg: str, codes: type[IntEn
     return [code for code, value in values.items() if value]
 
 
-def test_scan_period_and_age_are_histograms_in_seconds(
+def test_cycle_period_and_age_are_histograms_in_seconds(
     metrics: MetricsObserver, scraped: CollectorRegistry
 ) -> None:
-    """The first scan has no period; a leg that was not measured has no age; a bound belongs to its bucket."""
+    """The first cycle has no period; a leg that was not measured has no age; a bound belongs to its bucket."""
     both, one = (State.VALID, State.VALID), (State.VALID, State.ABSENT)
-    for t_ms, states, age_ms in ((1000, both, 12), (1022.5, one, 13), (1500, one, 900)):
+    for t_ms, states, age_ms in ((1000, both, 12), (1011, one, 13), (1500, one, 900)):
         metrics.observe(cycle(t_ms, states, age_ms))
     get = scraped.get_sample_value
     assert get("footsense_cycles_total") == 3
-    assert get("footsense_cycle_period_seconds_bucket", {"le": "0.0225"}) == 1
-    assert get("footsense_cycle_period_seconds_bucket", {"le": "0.02"}) == 0
+    assert get("footsense_cycle_period_seconds_bucket", {"le": "0.011"}) == 1
+    assert get("footsense_cycle_period_seconds_bucket", {"le": "0.0105"}) == 0
     assert get("footsense_cycle_period_seconds_count") == 2
     assert get("footsense_cycle_period_seconds_sum") == pytest.approx(0.5)
     assert get("footsense_frame_age_seconds_count", {"leg": "lf"}) == 3
@@ -112,7 +112,7 @@ def test_scan_period_and_age_are_histograms_in_seconds(
 def test_a_fault_counts_once_per_fall_and_the_state_is_shown(
     metrics: MetricsObserver, scraped: CollectorRegistry
 ) -> None:
-    """A wire that breaks twice is two faults, each of several scans; a tare is none; the other leg has none."""
+    """A wire that breaks twice is two faults, each of several cycles; a tare is none; the other leg has none."""
     for state in (
         State.TARING,
         State.VALID,
