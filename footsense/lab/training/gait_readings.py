@@ -20,7 +20,7 @@ from footsense.sim.loads.random_gait import RandomGait
 #: Orders of the conversions that a window may come from; almost all robots use the first.
 ORDERS: NDArray[np.intp] = np.array([(5, 0, 7, 6, 4, 2, 1, 8, 3), tuple(range(ELEMENTS))], np.intp)
 #: Share of the gaits that are read in the second order, and of those whose converters are slower, or sent later.
-_RASTER_SHARE, _SLOW_SHARE, _LATE_SHARE = 0.15, 0.2, 0.2
+_RASTER_SHARE, _SLOW_SHARE, _LATE_SHARE = 0.1, 0.15, 0.15
 #: Share of the gaits on rubber that creeps and lags, and the most of it over that of the simulated rubber [1].
 _VISCOUS_SHARE, _MOST_VISCOUS = 0.3, 1.5
 #: Time of a conversion and from its middle to the sending of a force, at 400 conversions a second [s].
@@ -30,7 +30,7 @@ _SLOWEST_REL, _LATEST_S = 5.0, 8e-3
 #: Standard deviation of the converter's clock [1], and of the time of sending [s].
 _CLOCK_REL, _JITTER_S = 0.01, 3e-5
 #: Drift of a baseline since it was last followed [pF, rms], and share of the gaits with one.
-_DRIFT_PF, _DRIFT_SHARE = 0.5e-3, 0.5
+_DRIFT_PF, _DRIFT_SHARE = 0.3e-3, 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,8 +41,9 @@ class GaitReadings:
         order: Row of `ORDERS` of each gait, shape (m,).
         step_s: Time of a conversion of each gait [s], shape (m,).
         lead_s: Time from the middle of each conversion to sending [s], shape (m, n).
-        closure_rel: Measured closure of the conversion's own element over the gap [1], shape (m, n); NaN beyond the
-            converter's range.
+        closure_rel: Measured closure of the conversion's own element over the gap [1], shape (m, n); at most that at
+            the end of the converter's range.
+        in_range: Whether the conversion was within the converter's range, shape (m, n).
         force_n: True force at sending [N], shape (m, n, 3).
         normal: True normal of the contact at sending, shape (m, n, 3); up in the air.
     """
@@ -51,6 +52,7 @@ class GaitReadings:
     step_s: Vector
     lead_s: Vector
     closure_rel: NDArray[np.float32]
+    in_range: NDArray[np.bool_]
     force_n: NDArray[np.float32]
     normal: NDArray[np.float32]
 
@@ -95,16 +97,16 @@ def one_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: fl
     closure_um[loaded] = sensed_closure_um(Foot(response), normal[loaded], force_n[loaded])
     element = elements_of(order, n)
     capacitance_pf = design.capacitance_pf(closure_um[np.arange(n), element])
-    measured_pf = capacitance_pf + NOISE_PF * rng.normal(size=n)
+    measured_pf = np.minimum(capacitance_pf + NOISE_PF * rng.normal(size=n), FULL_SCALE_PF)
     off_pf = float(np.hypot(BASELINE_NOISE_PF, _DRIFT_PF if rng.random() < _DRIFT_SHARE else 0.0))
     own_baseline_pf = design.unloaded_pf + off_pf * rng.normal(size=ELEMENTS)
     closure_rel = design.closure_um(measured_pf, own_baseline_pf[element]) / design.gap_um
-    closure_rel[measured_pf >= FULL_SCALE_PF] = np.nan
     return GaitReadings(
         order=np.array([order]),
         step_s=np.array([step_s]),
         lead_s=lead_s[None],
         closure_rel=closure_rel[None].astype(np.float32),
+        in_range=(measured_pf < FULL_SCALE_PF)[None],
         force_n=sent.force_n[None].astype(np.float32),
         normal=sent.normal[None].astype(np.float32),
     )

@@ -1,6 +1,6 @@
 """Training of the windowed network: Muon on random windows of random gaits and of loads at rest, from one seed.
 
-Every batch draws its windows, its missing elements and its gains. A share of the windows is of feet at rest, drawn
+Every batch draws its windows and its missing elements. A share of the windows is of feet at rest, drawn
 from the wide loads of `load_cases`, whose readings differ by noise alone. Loss, whitening and linear start are those
 of `train`; beside the force, contact point and friction ratio are learnt where the foot carries a load.
 """
@@ -39,8 +39,6 @@ _MASKED_SHARE, _REST_SHARE = 0.15, 0.25
 _TEMPERING, _SQUARED = 0.25, 100.0
 #: Weight of contact point and friction ratio, and normal force from which they are learnt [N].
 _CONTACT_WEIGHT, _LOADED_N = 0.25, 0.02
-#: Spread of the gains: bounds of a draw that is uniform in the logarithm [1].
-_SPREAD_REL = (1e-3, 1.5e-2)
 #: Shares of the windows in the air, just after lift-off and long after, that are used.
 _JUST_LIFTED_SHARE, _AIR_SHARE = 0.4, 0.02
 #: Conversions before the first window of a gait, and of a whole window.
@@ -108,10 +106,10 @@ def contact_of(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
 
 
 def whole_windows(gaits: GaitReadings) -> NDArray[np.bool_]:
-    """Tell after which conversions a whole window is within the converter's range, shape (m, n)."""
-    bad = np.isnan(gaits.closure_rel).cumsum(axis=1)
-    whole = np.zeros(bad.shape, bool)
-    whole[:, _WARM_UP:] = bad[:, _WARM_UP:] == bad[:, _WARM_UP - _WINDOW : -_WINDOW]
+    """Tell after which conversions the newest reading of every element is within its range, shape (m, n)."""
+    beyond = (~gaits.in_range).cumsum(axis=1)
+    whole = np.zeros(beyond.shape, bool)
+    whole[:, _WARM_UP:] = beyond[:, _WARM_UP:] == beyond[:, _WARM_UP - ELEMENTS : -ELEMENTS]
     return whole
 
 
@@ -149,7 +147,7 @@ def _data(gaits: GaitReadings, rest: LeaningCases, design: CapacitorDesign, impu
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
     single = jnp.float32
     return _Data(
-        closure_rel=jnp.asarray(np.nan_to_num(gaits.closure_rel).ravel(), single),
+        closure_rel=jnp.asarray(gaits.closure_rel.ravel(), single),
         force_n=jnp.asarray(gaits.force_n.reshape(-1, 3), single),
         contact=jnp.asarray(contact.reshape(-1, 4), single),
         loaded=jnp.asarray((pressing_n.ravel() > _LOADED_N)[:, None], single),
@@ -200,15 +198,12 @@ def _rest_windows(data: _Data, key: jax.Array, n: int) -> tuple[Any, ...]:
 
 def _batch(data: _Data, n_times: int, n: int, key: jax.Array) -> Batch:
     """Return a random batch."""
-    k1, k2, k3, k4, k5, k6 = jax.random.split(key, 6)
+    k1, k2, k3, k4 = jax.random.split(key, 4)
     n_rest = round(_REST_SHARE * n)
     parts = zip(_gait_windows(data, n_times, k1, n - n_rest), _rest_windows(data, k2, n_rest), strict=True)
     closure_rel, age_s, force_n, contact, loaded = (jnp.concatenate(pair) for pair in parts)
-    low, high = (float(np.log(bound)) for bound in _SPREAD_REL)
-    spread_rel = jnp.exp(jax.random.uniform(k3, (n, 1), minval=low, maxval=high))
-    closure_rel = closure_rel * (1.0 + spread_rel * jax.random.normal(k4, (n, ELEMENTS)))[:, None]
-    which = jax.random.randint(k5, (n,), 1, len(data.masks))
-    which = jnp.where(jax.random.uniform(k6, (n,)) < _MASKED_SHARE, which, 0)
+    which = jax.random.randint(k3, (n,), 1, len(data.masks))
+    which = jnp.where(jax.random.uniform(k4, (n,)) < _MASKED_SHARE, which, 0)
     closure_rel = jnp.einsum("nab,nsb->nsa", data.fill[which], closure_rel)
     return Batch(features(closure_rel, age_s, data.masks[which]), force_n, contact, loaded)
 
