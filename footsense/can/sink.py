@@ -152,6 +152,7 @@ class CanSink:
             self._flags,
             masks,
         )
+        self.stats.published += 1
         self._counter = (self._counter + 1) % COUNTER_PERIOD
         # A full queue drops frames at its front or refuses them at its end: rotate, so that it strikes each leg.
         self._first = (self._first + _PAIR_BYTES) % len(forces)

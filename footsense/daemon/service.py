@@ -69,10 +69,10 @@ class Service(Loop):
             self.run_on(self.source, lambda: stop() or self.clock.now_ns() >= until_ns)
 
     def figures(self) -> dict[str, object]:
-        """Return the counts of frames sent and of frames, commands and cycles lost."""
+        """Return the counts of forces published, of frames sent, and of frames, commands and cycles lost."""
         stats = self.sink.stats
         return {
-            "can": {"sent": stats.sent, "dropped": stats.dropped, "rejected_commands": stats.rejected},
+            "can": {"published": stats.published, "sent": stats.sent, "dropped": stats.dropped, "rejected_commands": stats.rejected},
             "cycles_not_recorded": self.recorder.lost if self.recorder else None,
         }
 

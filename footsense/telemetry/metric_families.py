@@ -33,6 +33,7 @@ STATE_SETS: dict[str, tuple[str, type[IntEnum], str]] = {
 
 #: Counters of the CAN channel, by field of `CanStatistics`.
 CAN_COUNTERS = {
+    "published": ("footsense_published_forces_total", "Forces of all legs published, on CAN or dropped."),
     "sent": ("footsense_can_sent_frames_total", "Frames handed to CAN."),
     "dropped": ("footsense_can_dropped_frames_total", "Frames that CAN did not take; never sent late."),
     "received": ("footsense_can_received_frames_total", "Command frames that arrived."),

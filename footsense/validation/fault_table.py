@@ -18,7 +18,7 @@ from footsense.validation.fault_trial import (
     PASSES_AT_S,
     WALK,
     FaultFigures,
-    PublishedWalk,
+    WalkFrames,
     figures,
     walk,
 )
@@ -124,7 +124,7 @@ def rows(report: Callable[[str], None], *, quick: bool = False) -> dict[str, Fau
     return found
 
 
-def _without_fault(whole: PublishedWalk) -> FaultFigures:
+def _without_fault(whole: WalkFrames) -> FaultFigures:
     """Return the figures of a walk without a fault, with the leg's largest error over its sigma."""
     row = whole.legs.index(LEG)
     late = whole.t_sent_ns > BREAKS_AT_S * 1e9

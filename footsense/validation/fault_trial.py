@@ -38,19 +38,19 @@ _USABLE = [int(state) for state in USABLE]
 _KEPT = ("t_sent_ns", "t_ns", "state", "cause", "fault_mask", "force_n", "sigma_n")
 
 
-class PublishedWalk(NamedTuple):
-    """Published frames of one walk, shape (frames, legs, ...) each.
+class WalkFrames(NamedTuple):
+    """Frames of one walk, one for each conversion, shape (frames, legs, ...) each.
 
     Attributes:
         legs: Names of the legs.
         t_sent_ns: Time of sending [ns], shape (frames,).
-        t_ns: Time of the forces [ns].
+        t_ns: Time of the newest readings [ns].
         state: `State` of each leg.
         cause: `Cause` of each leg.
         fault_mask: Elements that are not usable.
         force_n: Forces [N], NaN without one.
         sigma_n: Their standard deviations [N].
-        true_force_n: True forces at `t_ns` [N].
+        true_force_n: True forces at the time of sending [N].
     """
 
     legs: tuple[str, ...]
@@ -102,8 +102,8 @@ class _Observer(Observer):
         self.frames.append(cycle.forces)
 
 
-def walk(*faults: Fault, config: Config = DEFAULT, effects: Effects = WALK.effects) -> PublishedWalk:
-    """Return the published frames of a walk with faults.
+def walk(*faults: Fault, config: Config = DEFAULT, effects: Effects = WALK.effects) -> WalkFrames:
+    """Return the frames of a walk with faults.
 
     Raises:
         ConfigError: The robot has no such leg or bus.
@@ -117,13 +117,13 @@ def walk(*faults: Fault, config: Config = DEFAULT, effects: Effects = WALK.effec
         true_force_n = running.true_force_n
         assert true_force_n is not None, "a scene is simulated"
         frames = observer.frames
-        true_n = [[true_force_n(int(t))[row] for row, t in enumerate(frame.t_ns)] for frame in frames]
+        true_n = [true_force_n(frame.t_sent_ns) for frame in frames]
     arrays = {name: np.array([getattr(frame, name) for frame in frames]) for name in _KEPT}
-    return PublishedWalk(legs=running.legs, true_force_n=np.array(true_n), **arrays)
+    return WalkFrames(legs=running.legs, true_force_n=np.array(true_n), **arrays)
 
 
 def figures(
-    broken: PublishedWalk, whole: PublishedWalk, begin_s: float, end_s: float | None, leg: str = LEG
+    broken: WalkFrames, whole: WalkFrames, begin_s: float, end_s: float | None, leg: str = LEG
 ) -> FaultFigures:
     """Return the effect of a fault.
 
@@ -167,7 +167,7 @@ def _most_frequent(values: NDArray[np.unsignedinteger], otherwise: int) -> int:
     return int(Counter(values.tolist()).most_common(1)[0][0]) if len(values) else int(otherwise)
 
 
-def _longest_gap_s(walked: PublishedWalk, row: int, from_s: float) -> float:
+def _longest_gap_s(walked: WalkFrames, row: int, from_s: float) -> float:
     """Return the longest time between two usable forces of a leg from the last one before a time on [s]."""
     usable = np.isin(walked.state[:, row], _USABLE)
     t_s = walked.t_sent_ns[usable] * 1e-9

@@ -29,7 +29,7 @@ from footsense.validation.fault_trial import (
     PASSES_AT_S,
     WALK,
     FaultFigures,
-    PublishedWalk,
+    WalkFrames,
     figures,
     walk,
 )
@@ -104,17 +104,17 @@ ON_FOOT: dict[Fault, Expected] = {
 
 
 @pytest.fixture(scope="module")
-def whole() -> PublishedWalk:
+def whole() -> WalkFrames:
     """The walk in which nothing breaks."""
     return walk(config=ROBOT)
 
 
-def trial(fault: Fault, whole: PublishedWalk) -> tuple[PublishedWalk, FaultFigures]:
+def trial(fault: Fault, whole: WalkFrames) -> tuple[WalkFrames, FaultFigures]:
     broken = walk(fault, config=ROBOT)
     return broken, figures(broken, whole, fault.at_s, getattr(fault, "until_s", None))
 
 
-def touches_no_other_leg(broken: PublishedWalk, whole: PublishedWalk) -> bool:
+def touches_no_other_leg(broken: WalkFrames, whole: WalkFrames) -> bool:
     others = [row for row, leg in enumerate(whole.legs) if leg != LEG]
     n = min(len(broken.t_sent_ns), len(whole.t_sent_ns))
     same = [
@@ -130,7 +130,7 @@ def touches_no_other_leg(broken: PublishedWalk, whole: PublishedWalk) -> bool:
     ("fault", "expected"), [*ON_CHIPS.items(), *ON_FOOT.items()], ids=lambda value: type(value).__name__
 )
 def test_a_fault_is_named_passes_and_touches_no_other_leg(
-    fault: Fault, expected: Expected, whole: PublishedWalk
+    fault: Fault, expected: Expected, whole: WalkFrames
 ) -> None:
     """State, cause and elements as the table has them, in time; never a number where the state forbids one."""
     broken, seen = trial(fault, whole)
@@ -146,7 +146,7 @@ def test_a_fault_is_named_passes_and_touches_no_other_leg(
     assert np.isfinite(broken.force_n[~forbidden]).all()
 
 
-def test_two_broken_rows_are_more_than_can_be_estimated(whole: PublishedWalk) -> None:
+def test_two_broken_rows_are_more_than_can_be_estimated(whole: WalkFrames) -> None:
     """No force, and the mask names all six."""
     broken = walk(
         scene_faults.BrokenRow(row=0, **ON_LEG), scene_faults.BrokenRow(row=2, **ON_LEG), config=ROBOT
@@ -156,7 +156,7 @@ def test_two_broken_rows_are_more_than_can_be_estimated(whole: PublishedWalk) ->
     assert touches_no_other_leg(broken, whole)
 
 
-def test_what_is_left_of_a_foot_is_worth_having(whole: PublishedWalk) -> None:
+def test_what_is_left_of_a_foot_is_worth_having(whole: WalkFrames) -> None:
     """Without a row the force is off by less than a tenth of the load, and its sigma is larger."""
     broken = walk(scene_faults.BrokenRow(row=1, **ON_LEG), config=ROBOT)
     row = whole.legs.index(LEG)
@@ -168,7 +168,7 @@ def test_what_is_left_of_a_foot_is_worth_having(whole: PublishedWalk) -> None:
     assert np.mean(np.abs(error_n) <= 5.0 * broken.sigma_n[late, row]) > 0.95
 
 
-def test_a_leg_that_holds_the_bus_costs_the_others_three_frames(whole: PublishedWalk) -> None:
+def test_a_leg_that_holds_the_bus_costs_the_others_three_frames(whole: WalkFrames) -> None:
     """Two timeouts of 20 ms, what was being read, and a scan; one more timeout at each later try; it is tared anew."""
     broken, seen = trial(scene_faults.StuckSda(**PASSING), whole)
     assert (seen.state, seen.cause) == (State.ABSENT, Cause.BUS_STUCK)
@@ -180,7 +180,7 @@ def test_a_leg_that_holds_the_bus_costs_the_others_three_frames(whole: Published
     assert (broken.state[broken.t_sent_ns > BREAKS_AT_S * 1e9][:, others] == State.VALID).all()
 
 
-def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(whole: PublishedWalk) -> None:
+def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(whole: WalkFrames) -> None:
     """Nothing else disconnects it; every leg says why, and all come back when it lets go."""
     bus = msgspec.structs.replace(ROBOT.buses[0], mux=Mux())
     broken = walk(scene_faults.StuckSda(**PASSING), config=msgspec.structs.replace(ROBOT, buses=(bus,)))
@@ -191,7 +191,7 @@ def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(wh
     assert figures(broken, whole, BREAKS_AT_S, PASSES_AT_S).recovery_s is not None
 
 
-def test_a_trunk_that_is_held_low_stops_all_and_all_come_back(whole: PublishedWalk) -> None:
+def test_a_trunk_that_is_held_low_stops_all_and_all_come_back(whole: WalkFrames) -> None:
     """The RESET pin is of no help there; the next try that gets through brings every leg back at once."""
     broken = walk(scene_faults.StuckUpstreamBus(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + 0.1), config=ROBOT)
     seen = figures(broken, whole, BREAKS_AT_S, BREAKS_AT_S + 0.1)
@@ -204,7 +204,7 @@ def test_a_trunk_that_is_held_low_stops_all_and_all_come_back(whole: PublishedWa
     [scene_faults.MuxReset(at_s=BREAKS_AT_S), scene_faults.ArbitrationLost(at_s=BREAKS_AT_S, rate_rel=0.02)],
     ids=lambda fault: type(fault).__name__,
 )
-def test_what_a_second_try_mends_is_never_seen(fault: Fault, whole: PublishedWalk) -> None:
+def test_what_a_second_try_mends_is_never_seen(fault: Fault, whole: WalkFrames) -> None:
     """A mux that forgot its channels, a transaction that another master took: no frame is lost or held up."""
     seen = trial(fault, whole)[1]
     assert (seen.state, seen.cause, seen.lost_frames) == (State.VALID, Cause.NONE, 0)
@@ -216,7 +216,7 @@ def test_what_a_second_try_mends_is_never_seen(fault: Fault, whole: PublishedWal
     [scene_faults.NackAtRandom(rate_rel=0.05, **PASSING), scene_faults.CorruptReads(rate_rel=0.2, **PASSING)],
     ids=lambda fault: type(fault).__name__,
 )
-def test_what_fails_now_and_then_makes_no_error_without_its_sigma(fault: Fault, whole: PublishedWalk) -> None:
+def test_what_fails_now_and_then_makes_no_error_without_its_sigma(fault: Fault, whole: WalkFrames) -> None:
     """A force that is further off than any is in a walk in which nothing fails has the sigma for it."""
     broken, seen = trial(fault, whole)
     row = whole.legs.index(LEG)
