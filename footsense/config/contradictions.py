@@ -64,7 +64,9 @@ def _board(config: Config) -> Iterator[Problem]:
     if config.scan != Scan():
         yield Problem("scan", "the microcontroller scans at serial.rate_hz; take scan away")
     if config.publish_every != PUBLISH_EVERY:
-        yield Problem("publish_every", "every record of the microcontroller is published; take publish_every away")
+        yield Problem(
+            "publish_every", "every record of the microcontroller is published; take publish_every away"
+        )
     for path, leg, _ in _repeated((f"serial.legs[{n}]", leg, "") for n, leg in enumerate(serial.legs)):
         yield Problem(path, f"{leg} is named twice")
 

@@ -37,9 +37,7 @@ class OperatingPoint(NamedTuple):
 OPERATING_POINTS = {
     "low-noise": OperatingPoint(100, 4, 32.0, 100.0, 0.7, "weighing and calibrating, feet at rest"),
     "default": OperatingPoint(400, 4, 8.7, 35.0, 1.4, "walking, the default"),
-    "low-latency": OperatingPoint(
-        400, 1, 4.6, 32.0, 1.4, "control of a walk, six legs need 1 Mbit/s of CAN"
-    ),
+    "low-latency": OperatingPoint(400, 1, 4.6, 32.0, 1.4, "control of a walk, six legs need 1 Mbit/s of CAN"),
 }
 
 

@@ -72,7 +72,12 @@ class Service(Loop):
         """Return the counts of forces published, of frames sent, and of frames, commands and cycles lost."""
         stats = self.sink.stats
         return {
-            "can": {"published": stats.published, "sent": stats.sent, "dropped": stats.dropped, "rejected_commands": stats.rejected},
+            "can": {
+                "published": stats.published,
+                "sent": stats.sent,
+                "dropped": stats.dropped,
+                "rejected_commands": stats.rejected,
+            },
             "cycles_not_recorded": self.recorder.lost if self.recorder else None,
         }
 

@@ -13,7 +13,25 @@ PERIOD_BOUNDS_S = [
     *(0.012, 0.015, 0.02, 0.03, 0.05, 0.1, 0.12, 0.15, 0.5),
 ]
 AGE_BOUNDS_S = [
-    *(0.001, 0.002, 0.003, 0.0035, 0.004, 0.005, 0.006, 0.008, 0.01, 0.012, 0.015, 0.02, 0.03, 0.05, 0.1, 0.2, 0.5),
+    *(
+        0.001,
+        0.002,
+        0.003,
+        0.0035,
+        0.004,
+        0.005,
+        0.006,
+        0.008,
+        0.01,
+        0.012,
+        0.015,
+        0.02,
+        0.03,
+        0.05,
+        0.1,
+        0.2,
+        0.5,
+    ),
 ]
 
 #: States that are faults.
@@ -62,11 +80,19 @@ def service_metrics(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | No
     return [
         *(_wakeup_metrics(wakeup_bounds_s) if wakeup_bounds_s is not None else ()),
         _family("footsense_degraded_timing", "1 while the loop lacks the scheduling it asked for."),
-        _family("footsense_cycles_total", "Forces estimated: one a conversion, or one a record of a microcontroller."),
         _family(
-            "footsense_cycle_period_seconds", "Time from one estimate of the forces to the next.", {}, PERIOD_BOUNDS_S
+            "footsense_cycles_total",
+            "Forces estimated: one a conversion, or one a record of a microcontroller.",
         ),
-        _family("footsense_frame_age_seconds", "Age of a leg's newest reading at its estimate.", leg, AGE_BOUNDS_S),
+        _family(
+            "footsense_cycle_period_seconds",
+            "Time from one estimate of the forces to the next.",
+            {},
+            PERIOD_BOUNDS_S,
+        ),
+        _family(
+            "footsense_frame_age_seconds", "Age of a leg's newest reading at its estimate.", leg, AGE_BOUNDS_S
+        ),
         *(
             _family(name, meaning, {**leg, label: _names(codes)})
             for name, (label, codes, meaning) in STATE_SETS.items()

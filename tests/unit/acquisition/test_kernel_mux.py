@@ -183,7 +183,9 @@ def test_readings_since_the_last_check_are_taken_back() -> None:
     robot = Robot(distinct)
     robot.read(20)
     robot.switches[3][0].ignores_writes_ns = [(robot.clock.now_ns(), math.inf)]
-    lost = [frame.reading[3] == Reading.MISCONFIGURED for frame in (robot.scanner.read() for _ in range(9 * 12))]
+    lost = [
+        frame.reading[3] == Reading.MISCONFIGURED for frame in (robot.scanner.read() for _ in range(9 * 12))
+    ]
     assert next(elements for elements in lost if elements.any()).all()
 
 

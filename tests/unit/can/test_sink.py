@@ -53,7 +53,9 @@ def test_each_leg_sends_force_and_quality_with_one_counter(request: pytest.Fixtu
     robot.close()
 
 
-def test_every_fourth_cycle_sends_forces_and_the_others_what_else_is_due(request: pytest.FixtureRequest) -> None:
+def test_every_fourth_cycle_sends_forces_and_the_others_what_else_is_due(
+    request: pytest.FixtureRequest,
+) -> None:
     """The first one, then each fourth; the counter goes on by one, and heartbeats keep their time."""
     robot = Robot(request.node.nodeid, every=4)
     for t_ms in range(2, 202):
@@ -69,7 +71,9 @@ def test_every_fourth_cycle_sends_forces_and_the_others_what_else_is_due(request
     robot.close()
 
 
-@pytest.mark.parametrize("change", [{"state": State.STALE}, {"mask": 4}, {"cause": Cause.DELAYED}, {"flags": 1}])
+@pytest.mark.parametrize(
+    "change", [{"state": State.STALE}, {"mask": 4}, {"cause": Cause.DELAYED}, {"flags": 1}]
+)
 def test_a_change_is_sent_at_once(request: pytest.FixtureRequest, change: dict[str, Any]) -> None:
     """Whichever cycle it falls on; the fourth cycle after it is the next one without a change."""
     for at in range(1, 5):

@@ -295,7 +295,9 @@ def test_two_services_do_not_count_into_one_file(metrics: MetricsObserver, tmp_p
     with pytest.raises(FootsenseError, match="another running service counts into this file"):
         MetricsObserver(LEGS, CanStatistics(), tmp_path / "counters")
     families, cells = read_counters(tmp_path / "counters")
-    assert cells[sum(family.n_cells for family in families[: _place(families, "footsense_cycles_total")])] == 1
+    assert (
+        cells[sum(family.n_cells for family in families[: _place(families, "footsense_cycles_total")])] == 1
+    )
 
 
 def _place(families: list[MetricFamily], name: str) -> int:

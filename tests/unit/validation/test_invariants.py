@@ -14,9 +14,7 @@ from footsense.validation.tolerances import Rules
 from tests.support.can_frames import encode_force, encode_quality
 
 MS = 1_000_000
-RULES = Rules(
-    legs=LEGS, period_s=0.024, max_age_s=0.09, gait_period_s=1.0, from_s=0.0, frames_per_force=1
-)
+RULES = Rules(legs=LEGS, period_s=0.024, max_age_s=0.09, gait_period_s=1.0, from_s=0.0, frames_per_force=1)
 
 
 def watching(*script: Fault, rules: Rules = RULES) -> Invariants:
