@@ -18,7 +18,8 @@ from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.models import load_models
 from footsense.daemon.simulation import simulated_robot
 from footsense.frames import USABLE, Flag
-from footsense.sim.scene import Scene, load_scene
+from footsense.sim.scene import Scene
+from footsense.sim.scene_files import load_scene
 
 _SCANS = 40
 _HOST_COSTS_US = (0, 40, 100)

@@ -79,7 +79,7 @@ class CanSink:
         self._clock = clock
         self._legs = [CanLeg(row, node) for row, node in enumerate(nodes)]
         self._encoder = ForceQualityEncoder(nodes)
-        self._commands = CanCommands(self._channel, nodes, clock, self.stats)
+        self._commands = CanCommands(self._channel, nodes, clock)
         self._every = every
         self._n_cycles = every - 1  # since the last forces
         self._early = False  # the last forces were sent for a change

@@ -1,17 +1,14 @@
 """Settings that are each valid and contradict each other: path in the file, and remedy."""
 
 import math
-from collections.abc import Hashable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from ipaddress import IPv4Address, IPv6Address, ip_address
-from typing import TypeVar
 
 from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.config.boards import BOARDS
 from footsense.config.schema import PUBLISH_EVERY, Config
 from footsense.config.sections import PCA9685_ALLCALL, Bus, Leg, Scan
 from footsense.strict_yaml import Problem
-
-T = TypeVar("T", bound=Hashable)
 
 #: Largest share of the bus for forces; the rest is the robot's.
 _CAN_SHARE = 0.7
@@ -117,15 +114,14 @@ def _addresses(bus: Bus, path: str, board: str) -> Iterator[Problem]:
                     f"{device.name} answers at 0x70 too (ALLCALL): every channel switch would reach the servos; "
                     "strap the TCA9548A to 0x71 to 0x77",
                 )
-    leg_devices = BOARDS[board].leg_devices.items()
-    remedy = "move it to another address or another bus"
-    taken = [("", address, f"the {name} of every leg; {remedy}") for address, name in leg_devices]
-    taken.append(("", bus.mux.address, "the multiplexer; change one of them"))
-    names = {f"{path}.other_devices[{k}].address": device.name for k, device in enumerate(bus.other_devices)}
-    for where, device in zip(names, bus.other_devices, strict=True):
-        taken.append((where, device.address, f"{device.name}; change one of them, or name a device once"))
-    for where, address, owner in _repeated(taken):
-        yield Problem(where, f"{names[where]} answers at {address:#04x}, as does {owner}")
+    owners = {bus.mux.address: "the multiplexer; change one of them"}
+    for address, name in BOARDS[board].leg_devices.items():
+        owners[address] = f"the {name} of every leg; move it to another address or another bus"
+    for k, device in enumerate(bus.other_devices):
+        if owner := owners.get(device.address):
+            message = f"{device.name} answers at {device.address:#04x}, as does {owner}"
+            yield Problem(f"{path}.other_devices[{k}].address", message)
+        owners.setdefault(device.address, f"{device.name}; change one of them, or name a device once")
 
 
 def _timing(config: Config) -> Iterator[Problem]:
@@ -188,9 +184,9 @@ def _feet(config: Config) -> Iterator[Problem]:
             )
 
 
-def _repeated(entries: Iterable[tuple[str, T, str]]) -> Iterator[tuple[str, T, str]]:
+def _repeated(entries: Iterable[tuple[str, int | str, str]]) -> Iterator[tuple[str, int | str, str]]:
     """Yield path and value of every entry with the value of an earlier one, and the owner of the earlier one."""
-    owner_of: dict[T, str] = {}
+    owner_of: dict[int | str, str] = {}
     for path, value, owner in entries:
         if value in owner_of:
             yield path, value, owner_of[value]

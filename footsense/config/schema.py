@@ -6,22 +6,9 @@ from typing import Annotated, Literal
 from msgspec import Meta, Struct
 
 from firmware_interface.chips import ad7746, fdc1004
+from footsense.config import sections
 from footsense.config.boards import BOARDS
-from footsense.config.sections import (
-    Baseline,
-    Bus,
-    Can,
-    Contact,
-    FootId,
-    Leg,
-    Metrics,
-    Realtime,
-    Scan,
-    Serial,
-    StrayPf,
-    Tare,
-    UnloadedPf,
-)
+from footsense.foot.files.calibration_format import FootId
 from footsense.frames import ELEMENTS
 
 #: Default of `publish_every`: 92 forces a second, 30 % of 500 kbit/s for six legs.
@@ -59,17 +46,17 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     board: Literal["fdc1004", "ad7746", "mcu"] = "fdc1004"
-    buses: Annotated[tuple[Bus, ...], Meta(max_length=6)] = ()
-    serial: Serial | None = None
-    can: Annotated[Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
-    scan: Scan = Scan()
+    buses: Annotated[tuple[sections.Bus, ...], Meta(max_length=6)] = ()
+    serial: sections.Serial | None = None
+    can: Annotated[sections.Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
+    scan: sections.Scan = sections.Scan()
     publish_every: Annotated[int, Meta(ge=1, le=36)] = PUBLISH_EVERY
-    tare: Tare = Tare()
-    baseline: Baseline = Baseline()
-    contact: Contact = Contact()
+    tare: sections.Tare = sections.Tare()
+    baseline: sections.Baseline = sections.Baseline()
+    contact: sections.Contact = sections.Contact()
     max_age_ms: Annotated[int, Meta(ge=1, le=10_000)] | None = None
-    stray_pf: dict[Leg, StrayPf] = {}
-    unloaded_pf: dict[Leg, UnloadedPf] = {}
+    stray_pf: dict[sections.Leg, sections.StrayPf] = {}
+    unloaded_pf: dict[sections.Leg, sections.UnloadedPf] = {}
     foot_type: Annotated[
         str,
         Meta(
@@ -78,11 +65,11 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         ),
     ] = "aoyagi-3x3"
     model: Annotated[str, Meta(min_length=1)] | None = None
-    feet: dict[Leg, FootId] = {}
+    feet: dict[sections.Leg, FootId] = {}
     body_weight_n: Annotated[float, Meta(gt=0.0, le=1000.0)] | None = None
     calibrations: Annotated[str, Meta(min_length=1)] | None = None
-    metrics: Metrics | None = None
-    realtime: Realtime | None = None
+    metrics: sections.Metrics | None = None
+    realtime: sections.Realtime | None = None
 
     @property
     def legs(self) -> tuple[str, ...]:

@@ -9,11 +9,11 @@ from typing import NamedTuple
 from firmware_interface.serial_frames import RECORD_BITS
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.bus_timing import Timing
-from footsense.acquisition.linux_i2c import LinuxI2cBus
+from footsense.acquisition.linux.linux_i2c import LinuxI2cBus
+from footsense.acquisition.linux.serial_port import SerialLink
 from footsense.acquisition.mcu_source import McuSource
 from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import ScanPlan, scan_plan
-from footsense.acquisition.serial_port import SerialLink
 from footsense.acquisition.transports import KernelMux, Transport, UpstreamBus
 from footsense.clock import MonotonicClock
 from footsense.config import Config
@@ -117,7 +117,7 @@ def _transport(bus: Bus, stack: ExitStack) -> Transport:
     line = None
     if bus.mux.reset is not None:
         # Only a robot with a RESET line pays for gpiod: 1 MB and 5 ms.
-        from footsense.acquisition.gpio import LinuxResetLine
+        from footsense.acquisition.linux.gpio import LinuxResetLine
 
         line = LinuxResetLine.open(bus.mux.reset.device, bus.mux.reset.line)
         stack.callback(line.close)

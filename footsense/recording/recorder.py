@@ -96,7 +96,8 @@ class Recorder:
         check_target(path)
         self._path = path.absolute()
         self._writer, fd = _start_writer(self._path)
-        self._pipe = CyclePipe(fd, legs, header, blocking=blocking, on_broken=self._log_failure)
+        header = {**header, "legs": ",".join(legs)}
+        self._pipe = CyclePipe(fd, header, blocking=blocking, on_broken=self._log_failure)
         self._n_written: int | None = None
         self._report = b""
         self.observe = self._pipe.send  # the loop calls it every cycle

@@ -19,7 +19,8 @@ from footsense.frames import USABLE, ContactFrame, Cycle, State, Vector
 from footsense.ports import Observer
 from footsense.sim.can.interface import AS_DEPLOYED
 from footsense.sim.faults.scene_faults import CanFault, Fault
-from footsense.validation.tolerances import Rules, Spans, tolerated_delays_s, tolerated_spans_s
+from footsense.sim.faults.schedule import Schedule
+from footsense.validation.tolerances import Rules, tolerated_delays_s, tolerated_spans_s
 
 _NS_PER_S = 1_000_000_000
 #: Name of each leg by its node id.
@@ -83,7 +84,7 @@ class Invariants(Observer):
         self._rules = rules
         self._true_force_n = true_force_n
         spans_of = [tolerated_spans_s(rules, script, leg) for leg in rules.legs]
-        self._tolerated = [Spans(spans_s) for spans_s in spans_of]
+        self._tolerated = [Schedule((span_s, span_s) for span_s in spans_s) for spans_s in spans_of]
         self.recovered_s = max((until_s for spans_s in spans_of for _, until_s in spans_s), default=0.0)
         self._can_broken_s = [
             (fault.at_s, fault.until_s + CAN_RECOVERY_S)
@@ -127,7 +128,7 @@ class Invariants(Observer):
             age_ns = frame.t_sent_ns - t_ns
             if is_usable and age_ns > rules.max_age_s * _NS_PER_S:
                 self._violate("no force above its age limit", t_s, name, f"{age_ns / 1e6:.1f} ms")
-            if is_usable or t_s < rules.from_s or self._tolerated[leg].contain(t_s):
+            if is_usable or t_s < rules.from_s or self._tolerated[leg].at(t_s):
                 self._good_s[leg] = t_s
             elif t_s - self._good_s[leg] > self._on_time_s + self._delay_s(self._good_s[leg], t_s):
                 detail = f"{State(state).name}, cause {frame.cause[leg]}"

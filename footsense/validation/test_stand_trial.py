@@ -21,7 +21,8 @@ from footsense.daemon.test_stand import StandSession
 from footsense.frames import Vector
 from footsense.sim.loads.ground_load import ContactSource
 from footsense.sim.scene import Scene
-from footsense.sim.scene_effects import Effects, Fabrication
+from footsense.sim.scene_effects import Effects
+from footsense.sim.scene_fabrication import Fabrication
 from footsense.sim.scene_loads import CalibrationLoads, Unloaded
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 from footsense.sim.test_stand.reference_sensor import RATED_GF, TRANSMISSION_NS

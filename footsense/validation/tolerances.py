@@ -1,6 +1,5 @@
 """Tolerances of a walk with faults: spans in which a leg may lack a force, and delays that a held bus may cause."""
 
-from bisect import bisect_left
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -41,23 +40,6 @@ class Rules(NamedTuple):
     frames_per_force: int
     stands_s: tuple[tuple[float, float], ...] = ()
     bitrate: int = 500_000
-
-
-class Spans:
-    """Disjoint spans of time in ascending order.
-
-    Args:
-        spans_s: Start and end of each [s].
-    """
-
-    def __init__(self, spans_s: Sequence[tuple[float, float]]) -> None:
-        self._begins_s = [begin_s for begin_s, _ in spans_s]
-        self._ends_s = [end_s for _, end_s in spans_s]
-
-    def contain(self, t_s: float) -> bool:
-        """Return whether a time lies in one of the spans, their ends included."""
-        following = bisect_left(self._ends_s, t_s)
-        return following < len(self._begins_s) and self._begins_s[following] <= t_s
 
 
 def tolerated_spans_s(rules: Rules, script: Sequence[Fault], leg: str) -> list[tuple[float, float]]:

@@ -9,7 +9,8 @@ from footsense.benchmarks.latency_vs_error.chain import pace
 from footsense.benchmarks.touchdown.run import ELEMENT, FRAME, METHODS, Run, run
 from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, TOUCHDOWNS, TREMOR_N, Steps
 from footsense.frames import Mask, Vector
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.plots import panels
 
 #: Feet of each manner, and length of the run [s].
 _FULL, _QUICK = (6, 25.0), (2, 4.0)
@@ -178,7 +179,6 @@ def compute(context: StudyContext) -> tuple[TouchdownResults, Figures]:
 STUDY = Study(
     name="touchdown",
     title="Touchdown: element by element, scan by scan",
-    results=TouchdownResults,
     compute=compute,
     names={
         "FRAME": FRAME,

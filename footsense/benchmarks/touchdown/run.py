@@ -1,6 +1,5 @@
 """Frames of the daemon's pipeline for feet that touch down, at the pace of the study `tradeoff`."""
 
-import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +14,6 @@ from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import sensitivity
-from footsense.foot.files.network_card import read_card
 from footsense.foot.gap_contact import capacitance_pf
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, Flag, Mask, Reading, Stamps, Vector
@@ -108,7 +106,7 @@ def _readings(foot: Foot, steps: Steps, t_ns: Stamps, rng: np.random.Generator) 
 def _pipeline(context: StudyContext, method: str, n_feet: int) -> Pipeline:
     """Return the daemon's pipeline of as many legs as there are feet."""
     network = context.network
-    card = read_card(json.dumps(network.card), str(context.models)).trained_inputs
+    card = context.trained_inputs
     design, step_ns = card.design, pace(_RATE_SPS).step_ns
     unloaded_rel = float(design.plate_distance_um(np.array([design.unloaded_pf]))[0]) / design.gap_um
     noise_rel = fdc1004.RATES[_RATE_SPS].noise_ff * 1e-3 / design.unloaded_pf * unloaded_rel

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 
 import numpy as np
 
-from footsense.acquisition.linux_i2c import LinuxI2cBus, adapters, kernel_drivers
+from footsense.acquisition.linux.linux_i2c import LinuxI2cBus, adapters, kernel_drivers
 from footsense.acquisition.probe.address_scan import probe_addresses
 from footsense.acquisition.probe.bus_scan import ChannelScan, scan_bus
 from footsense.acquisition.probe.bus_scan import scan_adapters as scan_leg_adapters
@@ -120,7 +121,8 @@ def _probe_legs(
             places.append((leg, report.bus.device, channel, chips))
     if config.serial is not None:
         places = [(name, config.serial.device, "mcu", None) for name in config.legs]
-    stray_pf, unloaded_pf = unloaded_capacitance_pf(load_models(config))
+    # By the configuration and the design alone, without the calibrations.
+    stray_pf, unloaded_pf = unloaded_capacitance_pf(replace(load_models(config), calibrations={}))
     for row, place in enumerate(places):
         scans = None if feet is None or np.isin(feet[row].reading, _SILENT).all() else feet[row]
         faults: tuple[FootFault, ...] = ()

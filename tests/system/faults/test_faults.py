@@ -24,16 +24,8 @@ from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
 from footsense.telemetry.exporter import CountersCollector
 from footsense.telemetry.metrics import MetricsObserver
-from footsense.validation.fault_trial import (
-    BREAKS_AT_S,
-    LEG,
-    PASSES_AT_S,
-    WALK,
-    FaultFigures,
-    WalkFrames,
-    figures,
-    walk,
-)
+from footsense.validation.faults.fault_trial import LEG, FaultFigures, figures
+from footsense.validation.faults.published_walk import BREAKS_AT_S, PASSES_AT_S, WALK, PublishedWalk, walk
 
 DBC = Path(firmware_interface.__file__).parent / "footsense.dbc"
 
@@ -105,17 +97,17 @@ ON_FOOT: dict[Fault, Expected] = {
 
 
 @pytest.fixture(scope="module")
-def whole() -> WalkFrames:
+def whole() -> PublishedWalk:
     """The walk in which nothing breaks."""
     return walk(config=ROBOT)
 
 
-def trial(fault: Fault, whole: WalkFrames) -> tuple[WalkFrames, FaultFigures]:
+def trial(fault: Fault, whole: PublishedWalk) -> tuple[PublishedWalk, FaultFigures]:
     broken = walk(fault, config=ROBOT)
     return broken, figures(broken, whole, fault.at_s, getattr(fault, "until_s", None))
 
 
-def touches_no_other_leg(broken: WalkFrames, whole: WalkFrames) -> bool:
+def touches_no_other_leg(broken: PublishedWalk, whole: PublishedWalk) -> bool:
     others = [row for row, leg in enumerate(whole.legs) if leg != LEG]
     n = min(len(broken.t_sent_ns), len(whole.t_sent_ns))
     same = [
@@ -133,7 +125,7 @@ def touches_no_other_leg(broken: WalkFrames, whole: WalkFrames) -> bool:
     ("fault", "expected"), [*ON_CHIPS.items(), *ON_FOOT.items()], ids=lambda value: type(value).__name__
 )
 def test_a_fault_is_named_passes_and_touches_no_other_leg(
-    fault: Fault, expected: Expected, whole: WalkFrames
+    fault: Fault, expected: Expected, whole: PublishedWalk
 ) -> None:
     """State, cause and elements as the table has them, in time; never a number where the state forbids one."""
     broken, seen = trial(fault, whole)
@@ -149,7 +141,7 @@ def test_a_fault_is_named_passes_and_touches_no_other_leg(
     assert np.isfinite(broken.force_n[~forbidden]).all()
 
 
-def test_two_broken_rows_are_more_than_can_be_estimated(whole: WalkFrames) -> None:
+def test_two_broken_rows_are_more_than_can_be_estimated(whole: PublishedWalk) -> None:
     """No force, and the mask names all six."""
     broken = walk(
         scene_faults.BrokenRow(row=0, **ON_LEG), scene_faults.BrokenRow(row=2, **ON_LEG), config=ROBOT
@@ -159,7 +151,7 @@ def test_two_broken_rows_are_more_than_can_be_estimated(whole: WalkFrames) -> No
     assert touches_no_other_leg(broken, whole)
 
 
-def test_what_is_left_of_a_foot_is_worth_having(whole: WalkFrames) -> None:
+def test_what_is_left_of_a_foot_is_worth_having(whole: PublishedWalk) -> None:
     """Without a row the force is off by less than a tenth of the load, and its sigma is larger."""
     broken = walk(scene_faults.BrokenRow(row=1, **ON_LEG), config=ROBOT)
     row = whole.legs.index(LEG)
@@ -171,7 +163,7 @@ def test_what_is_left_of_a_foot_is_worth_having(whole: WalkFrames) -> None:
     assert np.mean(np.abs(error_n) <= 5.0 * broken.sigma_n[late, row]) > 0.95
 
 
-def test_a_leg_that_holds_the_bus_costs_the_others_two_timeouts(whole: WalkFrames) -> None:
+def test_a_leg_that_holds_the_bus_costs_the_others_two_timeouts(whole: PublishedWalk) -> None:
     """Twice 20 ms, and a pause as long as a window; one more timeout at each later try; it is tared anew."""
     broken, seen = trial(scene_faults.StuckSda(**PASSING), whole)
     assert (seen.state, seen.cause) == (State.ABSENT, Cause.BUS_STUCK)
@@ -184,7 +176,7 @@ def test_a_leg_that_holds_the_bus_costs_the_others_two_timeouts(whole: WalkFrame
     assert (broken.state[broken.t_sent_ns > (BREAKS_AT_S + 0.12) * 1e9][:, others] == State.VALID).all()
 
 
-def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(whole: WalkFrames) -> None:
+def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(whole: PublishedWalk) -> None:
     """Nothing else disconnects it; every leg says why, and all come back when it lets go."""
     bus = msgspec.structs.replace(ROBOT.buses[0], mux=Mux())
     broken = walk(scene_faults.StuckSda(**PASSING), config=msgspec.structs.replace(ROBOT, buses=(bus,)))
@@ -195,7 +187,7 @@ def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(wh
     assert figures(broken, whole, BREAKS_AT_S, PASSES_AT_S).recovery_s is not None
 
 
-def test_a_trunk_that_is_held_low_stops_all_and_all_come_back(whole: WalkFrames) -> None:
+def test_a_trunk_that_is_held_low_stops_all_and_all_come_back(whole: PublishedWalk) -> None:
     """The RESET pin is of no help there; the next try that gets through brings every leg back at once."""
     broken = walk(scene_faults.StuckUpstreamBus(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + 0.1), config=ROBOT)
     seen = figures(broken, whole, BREAKS_AT_S, BREAKS_AT_S + 0.1)
@@ -208,7 +200,7 @@ def test_a_trunk_that_is_held_low_stops_all_and_all_come_back(whole: WalkFrames)
     [scene_faults.MuxReset(at_s=BREAKS_AT_S), scene_faults.ArbitrationLost(at_s=BREAKS_AT_S, rate_rel=0.02)],
     ids=lambda fault: type(fault).__name__,
 )
-def test_what_a_second_try_mends_is_never_seen(fault: Fault, whole: WalkFrames) -> None:
+def test_what_a_second_try_mends_is_never_seen(fault: Fault, whole: PublishedWalk) -> None:
     """A mux that forgot its channels, a transaction that another master took: no frame is lost or held up."""
     seen = trial(fault, whole)[1]
     assert (seen.state, seen.cause, seen.lost_frames) == (State.VALID, Cause.NONE, 0)
@@ -220,7 +212,7 @@ def test_what_a_second_try_mends_is_never_seen(fault: Fault, whole: WalkFrames) 
     [scene_faults.NackAtRandom(rate_rel=0.05, **PASSING), scene_faults.CorruptReads(rate_rel=0.2, **PASSING)],
     ids=lambda fault: type(fault).__name__,
 )
-def test_what_fails_now_and_then_makes_no_error_without_its_sigma(fault: Fault, whole: WalkFrames) -> None:
+def test_what_fails_now_and_then_makes_no_error_without_its_sigma(fault: Fault, whole: PublishedWalk) -> None:
     """A force that is further off than any is in a walk in which nothing fails has the sigma for it."""
     broken, seen = trial(fault, whole)
     row = whole.legs.index(LEG)

@@ -25,7 +25,8 @@ from footsense.recording.cycle_records import (
 )
 from footsense.recording.machine import platform_versions
 from footsense.recording.recover import recover
-from footsense.recording.replay import Replay, ReplayClock, ReplaySource
+from footsense.recording.replay import Replay
+from footsense.recording.replay_source import ReplayClock, ReplaySource
 from tests.support.cycles import LEGS, TARE, cycle, read_until_damage, same, write
 
 

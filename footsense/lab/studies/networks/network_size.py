@@ -8,8 +8,9 @@ import numpy as np
 import onnxruntime
 from matplotlib.figure import Figure
 
-from footsense.lab.evaluation.evaluate import Errors, errors
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels
+from footsense.foot.force_errors import Errors, errors
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.plots import panels
 from footsense.lab.training.export import onnx_model
 from footsense.lab.training.load_cases import Cases, measured_closure_rel, paper_verification, random_loads
 from footsense.lab.training.network import Weights
@@ -25,8 +26,6 @@ CASES, QUICK_CASES, TRAINING_SEED, TEST_SEED = 20_000, 2000, 11, 12
 WEIGHT_LIMIT = 2000
 #: Runs in one timing, and timings; the fastest counts, because other processes only add time.
 RUNS, TIMINGS = 200, 25
-
-_FIGURE = "network-size.png"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,10 +71,7 @@ def run_us(models: list[bytes]) -> list[float]:
     timers = []
     for model in models:
         session = onnxruntime.InferenceSession(model, options, ["CPUExecutionProvider"])
-        row = {
-            offered.name: np.zeros([n if isinstance(n, int) else 1 for n in offered.shape], np.float32)
-            for offered in session.get_inputs()
-        }
+        row = dict.fromkeys(("closure_rel", "missing"), np.zeros((1, 9), np.float32))
         timers.append(Timer(partial(session.run, None, row)))
     fastest = np.min([[timer.timeit(RUNS) for timer in timers] for _ in range(TIMINGS)], axis=0)
     return [1e6 * float(seconds) / RUNS for seconds in fastest]
@@ -86,9 +82,8 @@ def train_sizes(context: StudyContext, channels: tuple[int, ...], cases: int, st
     training = random_loads(context.response, context.foot_design.loads, cases, TRAINING_SEED)
     trained = []
     for c in channels:
-        trained.append(
-            train(training, context.response.design, Protocol(channels=c, steps=steps, batch=BATCH))
-        )
+        protocol = Protocol(channels=c, steps=steps, batch=BATCH)
+        trained.append(train(training, context.response.design, protocol))
         context.say(f"network-size: {trained[-1].size} weights trained")
     return trained
 
@@ -96,9 +91,8 @@ def train_sizes(context: StudyContext, channels: tuple[int, ...], cases: int, st
 def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Train, test and time a network of every size."""
     response, loads = context.response, context.foot_design.loads
-    channels, steps, n = (
-        (QUICK_CHANNELS, QUICK_STEPS, QUICK_CASES) if context.quick else (CHANNELS, STEPS, CASES)
-    )
+    quick = QUICK_CHANNELS, QUICK_STEPS, QUICK_CASES
+    channels, steps, n = quick if context.quick else (CHANNELS, STEPS, CASES)
     drawn = random_loads(response, loads, n // 4, TEST_SEED)
     counted = np.linalg.norm(drawn.force_n, axis=1) >= loads.min_judged_n
     tests = Cases(drawn.force_n[counted], drawn.closure_um[counted]), paper_verification(response)
@@ -114,24 +108,22 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
             errors(force_n, predict(weights, closure_rel)[0]) for force_n, closure_rel in measured
         )
         sizes.append(Size(channels=c, weights=weights.size, run_us=time_us, random=random, paper=paper))
-    return Results(steps=steps, cases=n, from_n=loads.min_judged_n, sizes=sizes), {_FIGURE: _figure(sizes)}
+    return Results(steps=steps, cases=n, from_n=loads.min_judged_n, sizes=sizes), {
+        "network-size.png": _figure(sizes)
+    }
 
 
 def _figure(sizes: list[Size]) -> Figure:
     """Draw the direction error over weights and over microseconds."""
     figure, axes = panels(2, 8.8, 4.0, sharey=True)
-    for panel, x in zip(
-        axes, ([size.weights for size in sizes], [size.run_us for size in sizes]), strict=True
-    ):
-        for name, colour, words in (
-            ("random", "C0", "random loads"),
-            ("paper", "C3", "the paper's 180, centred"),
-        ):
+    drawn = (("random", "C0", "random loads"), ("paper", "C3", "the paper's 180, centred"))
+    for panel, quantity in zip(axes, ("weights", "run_us"), strict=True):
+        x = [getattr(size, quantity) for size in sizes]
+        for name, colour, words in drawn:
             rows = [getattr(size, name) for size in sizes]
-            panel.loglog(x, [row.direction_deg for row in rows], "o-", color=colour, label=f"{words}, mean")
-            panel.loglog(
-                x, [row.direction_p95_deg for row in rows], "^:", color=colour, label=f"{words}, p95", ms=4
-            )
+            mean, p95 = [row.direction_deg for row in rows], [row.direction_p95_deg for row in rows]
+            panel.loglog(x, mean, "o-", color=colour, label=f"{words}, mean")
+            panel.loglog(x, p95, "^:", color=colour, label=f"{words}, p95", ms=4)
         panel.grid(alpha=0.3, which="both")
     axes[0].axvline(WEIGHT_LIMIT, color="k", ls="--", lw=1, label=f"{WEIGHT_LIMIT} weights")
     axes[0].set(xlabel="weights", ylabel="direction error [deg]")
@@ -140,9 +132,4 @@ def _figure(sizes: list[Size]) -> Figure:
     return figure
 
 
-STUDY = Study(
-    name="network-size",
-    title="How many weights",
-    results=Results,
-    compute=compute,
-)
+STUDY = Study(name="network-size", title="How many weights", compute=compute)
