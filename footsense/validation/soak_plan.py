@@ -26,7 +26,7 @@ class Stretch(msgspec.Struct, frozen=True, kw_only=True):
     seed: int = 0
     hours: float
     rate_sps: int = 400
-    publish_every: int = DEFAULT.publish_every
+    publish_every: int = 4
     stands_s: tuple[tuple[float, float], ...] = ()
     kelvin: float = 0.0
 
