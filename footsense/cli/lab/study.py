@@ -1,4 +1,4 @@
-"""`footsense lab study`, `fidelity`, `cramer-rao`, `tradeoff`, `faults`, `tolerance`: one study each."""
+"""`footsense lab study`, `fidelity`, `cramer-rao`, `gaits`, `tradeoff`, `faults`, `tolerance`: one study each."""
 
 from dataclasses import replace
 from functools import partial
@@ -99,9 +99,14 @@ cramer_rao = _named(
     "Print the Cramer-Rao bound over the loading range, and the network's error over it.",
     *_STUDY_OPTIONS,
 )
+gaits = _named(
+    "gaits",
+    "Print the network's errors on gaits that it was not trained on, and at rest.",
+    *_STUDY_OPTIONS,
+)
 tradeoff = _named(
     "tradeoff",
-    "Print what rate, averaging, publish mode and network size cost in latency and bring in error.",
+    "Print what conversion rate and publishing rate cost in latency and bring in error.",
     *_STUDY_OPTIONS,
 )
 faults = _named(

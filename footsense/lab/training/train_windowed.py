@@ -113,6 +113,39 @@ def whole_windows(gaits: GaitReadings) -> NDArray[np.bool_]:
     return whole
 
 
+class GaitWindows(NamedTuple):
+    """All whole windows of some gaits, n of them.
+
+    Attributes:
+        gait: Row of the gait of each, shape (n,).
+        closure_rel: Closures over the gap, newest first [1], shape (n, 3, 9).
+        age_s: Ages of the readings at sending [s], same shape.
+        force_n: True force [N], shape (n, 3).
+        normal: True normal of the contact, shape (n, 3).
+    """
+
+    gait: NDArray[np.intp]
+    closure_rel: Vector
+    age_s: Vector
+    force_n: Vector
+    normal: Vector
+
+
+def windows_of(gaits: GaitReadings) -> GaitWindows:
+    """Return all whole windows, in the order of gaits and times."""
+    gait, time = np.nonzero(whole_windows(gaits))
+    oldest = ELEMENTS * np.arange(READINGS)[:, None]
+    since = age_table()[gaits.order[gait], time % ELEMENTS][:, None] + oldest
+    age_s = since * gaits.step_s[gait][:, None, None] + gaits.lead_s[gait, time][:, None, None]
+    return GaitWindows(
+        gait,
+        gaits.closure_rel[gait[:, None, None], time[:, None, None] - since].astype(np.float64),
+        age_s,
+        gaits.force_n[gait, time].astype(np.float64),
+        gaits.normal[gait, time].astype(np.float64),
+    )
+
+
 class _Data(NamedTuple):
     """Constants of a training run on the device."""
 
