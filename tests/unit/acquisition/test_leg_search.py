@@ -173,14 +173,15 @@ def scripts(draw: st.DrawFn) -> list[OnChips | OnWires]:
 def test_whatever_breaks_a_reading_is_right_or_missing_and_all_come_back(
     script: list[OnChips | OnWires],
 ) -> None:
-    """No exception, no wrong number, every stamp younger than its scan; all is well some seconds after the last."""
+    """No exception, no wrong number, no stamp older than its scan; all is well some seconds after the last."""
     robot = Robot(script)
     while robot.clock.now_ns() < WORKS_AGAIN_S * 1e9:
         scan = robot.scan()
         ok = scan.reading == Reading.OK
         np.testing.assert_array_equal(scan.capacitance_pf[ok], np.tile(DISTINCT_PF, (3, 1))[ok])
         assert np.isnan(scan.capacitance_pf[~ok]).all()
-        assert (robot.clock.now_ns() - scan.t_ns[ok] < 60_000_000).all()
+        # A scan, and two timeouts of each leg.
+        assert (robot.clock.now_ns() - scan.t_ns[ok] < 25_000_000 + 6 * TIMEOUT_NS).all()
     scan = robot.scan()
     while (scan.reading != Reading.OK).any():
         assert robot.clock.now_ns() < (WORKS_AGAIN_S + 20.0) * 1e9
