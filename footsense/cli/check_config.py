@@ -82,9 +82,9 @@ def _weight(config: Config) -> str:
 
 
 def _forces(config: Config) -> str:
-    if config.publish == "element":
-        return "one after every conversion, as of the time of sending"
-    return "one after every scan, as of the time of sending"
+    n = config.frames_per_force
+    each = "record of the microcontroller" if config.serial is not None else "conversion"
+    return f"one of {n} {each}s on CAN, a change at once" if n > 1 else f"one on CAN for every {each}"
 
 
 def _bus_line(bus: Bus, config: Config) -> str:

@@ -1,11 +1,12 @@
 """Settings that are each valid and contradict each other: path in the file, and remedy."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from ipaddress import IPv4Address, IPv6Address, ip_address
 
 from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.config.boards import BOARDS
-from footsense.config.schema import Config
+from footsense.config.schema import PUBLISH_EVERY, Config
 from footsense.config.sections import PCA9685_ALLCALL, Bus, Leg, Scan
 from footsense.strict_yaml import Problem
 
@@ -59,8 +60,10 @@ def _board(config: Config) -> Iterator[Problem]:
         yield Problem("buses", "the board mcu has no I2C bus; take buses away, or use another board")
     if config.scan != Scan():
         yield Problem("scan", "the microcontroller scans at serial.rate_hz; take scan away")
-    if config.publish == "element":
-        yield Problem("publish", "the microcontroller sends whole scans; use publish: frame")
+    if config.publish_every != PUBLISH_EVERY:
+        yield Problem(
+            "publish_every", "every record of the microcontroller is published; take publish_every away"
+        )
     legs = ((f"serial.legs[{n}]", leg, "") for n, leg in enumerate(serial.legs))
     yield from _repeated(legs, "{} is named twice")
 
@@ -137,14 +140,16 @@ def _can(config: Config) -> Iterator[Problem]:
             "can.channel",
             f"{can.channel} is no IPv4 multicast address, as udp_multicast needs one; use 239.74.163.2",
         )
-    # Forces after every conversion are nine times as many as after every scan.
-    per_s = config.rate_sps if config.publish == "element" else 1e3 / config.shortest_scan_ms
+    per_s = config.forces_hz
     bits_per_s = len(config.legs) * FRAMES_PER_LEG * LONGEST_FRAME_BITS * per_s
-    if can.interface == "socketcan" and bits_per_s > _CAN_SHARE * can.bitrate:
+    share = bits_per_s / (_CAN_SHARE * can.bitrate)
+    if can.interface == "socketcan" and share > 1.0:
+        fewer = f"publish_every: {math.ceil(share * config.publish_every)}"
         yield Problem(
             "can.bitrate",
             f"{len(config.legs)} legs at {per_s:.0f} forces/s take {bits_per_s * 1e-3:.0f} kbit/s, more than "
-            f"{_CAN_SHARE:.0%} of {can.bitrate * 1e-3:.0f} kbit/s; use 1000000, or publish: frame",
+            f"{_CAN_SHARE:.0%} of {can.bitrate * 1e-3:.0f} kbit/s; "
+            f"use 1000000, or {fewer if config.serial is None else 'fewer records'}",
         )
 
 

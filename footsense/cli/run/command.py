@@ -51,7 +51,7 @@ class FirstFrame(Observer):
     + ".",
 )
 @options.duration_option("Stop after this time of the robot.")
-@click.option("--record", type=options.FILE, help="Record every scan and force to this .mcap file.")
+@click.option("--record", type=options.FILE, help="Record every reading and force to this .mcap file.")
 @options.can_log_option
 @click.option(
     "--summary", type=click.Choice(["text", "json"]), help="Print figures at the end; no live table."

@@ -55,7 +55,7 @@ class LiveTable(LiveView):
         columns["age [ms]"] = (">8", lambda row: f"{forces.age_ns[row] * 1e-6:.1f}" if usable[row] else EMPTY)
         table = leg_table({leg: row for row, leg in enumerate(self._legs)}, columns)
         head = Text.assemble(
-            ("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s   scan {forces.sequence}", "dim")
+            ("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s   cycle {forces.sequence}", "dim")
         )
         return Group(head, Text(), table)
 
