@@ -67,7 +67,7 @@ def test_the_daemon_keeps_the_same_pace() -> None:
         "--operating-point", "low-latency", "--scene", "measured_walk", "--duration", "3", "--fast"
     )
     step_ns, lead_ns = pace(400)
-    assert figures["scan_rate_hz"] == pytest.approx(1e9 / step_ns, rel=0.03)
+    assert figures["cycle_rate_hz"] == pytest.approx(1e9 / step_ns, rel=0.03)
     assert figures["age_ms"]["p50"] == pytest.approx(lead_ns * 1e-6, abs=0.1)
 
 

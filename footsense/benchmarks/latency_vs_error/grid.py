@@ -18,7 +18,9 @@ from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     rms_mn,
 )
 from footsense.benchmarks.latency_vs_error.publishing import published_forces
+from footsense.config import DEFAULT
 from footsense.foot.specimen import Foot
+from footsense.frames import ELEMENTS
 from footsense.lab.studies.page import StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.sim.loads.ground_load import Ramp
@@ -26,7 +28,7 @@ from footsense.sim.loads.ground_load import Ramp
 #: Load of the standing feet of which the noise is measured [N].
 STANDING_N = (0.1, 0.05, 0.5)
 #: Conversions for each published force: all, the daemon's default, and one force for each scan.
-PUBLISH_EVERY = (1, 4, 9)
+PUBLISH_EVERY = (1, DEFAULT.publish_every, ELEMENTS)
 _SEED = 5
 
 

@@ -8,7 +8,12 @@ import numpy as np
 from firmware_interface.wire_timing import LONGEST_FRAME_BITS
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.benchmarks.latency_vs_error.chain import BUS_HZ, HOST_COST_NS, convert, pace
-from footsense.benchmarks.latency_vs_error.grid import OperatingPoint, grid_figure, operating_points
+from footsense.benchmarks.latency_vs_error.grid import (
+    PUBLISH_EVERY,
+    OperatingPoint,
+    grid_figure,
+    operating_points,
+)
 from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     SIGMA_MULTIPLES,
     LatencyAndErrors,
@@ -98,8 +103,7 @@ _SEED = 3
 #: Publishing methods by name: degree of the extrapolation, conversions for each force, and orders of the scan.
 _METHODS: dict[str, tuple[int | None, int, tuple[str, ...]]] = {
     EVERY: (None, 1, ("raster", "lo_shu")),
-    "every 4th": (None, 4, ("lo_shu",)),
-    "every 9th": (None, 9, ("lo_shu",)),
+    **{f"every {n}th": (None, n, ("lo_shu",)) for n in PUBLISH_EVERY[1:]},
     SKEWED: (0, 1, ("raster", "lo_shu")),
     LINES: (1, 1, ("lo_shu",)),
     PARABOLAS: (2, 1, ("lo_shu",)),
