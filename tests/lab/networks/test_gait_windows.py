@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from footsense.lab.training.gait_readings import ORDERS, GaitReadings, elements_of
-from footsense.lab.training.train_windowed import windows_of
+from footsense.lab.training.gait_windows import windows_of
 
 pytestmark = pytest.mark.lab
 
