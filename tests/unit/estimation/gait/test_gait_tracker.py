@@ -1,5 +1,6 @@
 """Gait semantics: what is said of feet that touch, carry, lean and lift; no event twice, NaN where there is nothing."""
 
+import itertools
 import math
 
 import numpy as np
@@ -147,7 +148,7 @@ class AnyGait(RuleBasedStateMachine):
         for leg in range(LEGS):
             own = [event for event in self.robot.events if event.leg == leg and event.kind != EventKind.SLIP]
             lifts = [event for event in own if event.kind == EventKind.LIFT_OFF]
-            for before, event in zip(own, own[1:], strict=False):
+            for before, event in itertools.pairwise(own):
                 assert event.t_ns > before.t_ns
                 assert (before.kind, event.kind) != (EventKind.LIFT_OFF, EventKind.LIFT_OFF)
             assert len(lifts) <= len(own) - len(lifts)
