@@ -58,7 +58,7 @@ class RoughStance:
             stiffness_n_per_mm=rng.uniform(*_STIFFNESS[is_soft]),
             creep_mm_per_s=_CREEP[is_soft],
         )
-        self._t_s: Vector = STEP_S * np.arange(round(self.duration_s / STEP_S) + 2)
+        self._t_s = np.asarray(STEP_S * np.arange(round(self.duration_s / STEP_S) + 2), np.float64)
         loads = stance.loads(self._t_s)
         self._pressing_n = np.einsum("ij,ij->i", loads.normal, loads.force_n)
         stone = rng.random() < _STONE_SHARE
