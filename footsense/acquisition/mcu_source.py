@@ -8,29 +8,19 @@ reads NO_ANSWER. Without any record, frames without a reading are returned.
 import logging
 from collections import Counter, deque
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.serial_decoder import SerialDecoder
-from firmware_interface.serial_frames import (
-    N_CODES,
-    NO_VALUE,
-    NoValue,
-    Record,
-    RecordFlag,
-    pack_values,
-)
-from footsense.acquisition.scan_plan import ORDERS
+from firmware_interface.serial_frames import NO_VALUE, Record, pack_values
+from footsense.acquisition.mcu_scan import McuScan, difference_us, readings
 from footsense.clock_map import ClockMap
-from footsense.frames import ELEMENTS, CapFrame, Codes, Reading, Stamps, Vector
+from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Clock, SerialPort
 
 _NS_PER_US = 1000
 _NS_PER_S = 1_000_000_000
-_PF_PER_AF = 1e-6
-_LO_SHU = int(RecordFlag.LO_SHU)  # a plain number: an enumeration's arithmetic costs a microsecond
 
 #: Silence after which a leg counts as absent: three scans, and longer than an FTDI adapter holds bytes back.
 _SILENT_SCANS, _MIN_SILENT_NS = 3, 25_000_000
@@ -41,29 +31,9 @@ _LONGEST_SCANS = 1.5
 #: Shortest time between two log lines about losses, and between two looks for them.
 _LOG_NS, _LOOK_NS = 10 * _NS_PER_S, _NS_PER_S
 
-_NO_VALUE_ENDS = NO_VALUE + N_CODES
-_READING_OF_CODE = np.full(N_CODES, Reading.CORRUPT, np.uint8)
-_READING_OF_CODE[list(NoValue)] = list(NoValue)
 _CORRUPT = pack_values([NO_VALUE + Reading.CORRUPT] * ELEMENTS)
 
-#: Position of each element in the scan, by order flag, shape (2, 9).
-_POSITIONS = np.array([np.argsort(ORDERS[order]) for order in ("raster", "lo_shu")])
-
 _log = logging.getLogger(__name__)
-
-
-class _Scan(NamedTuple):
-    """The records of one scan that have arrived.
-
-    Attributes:
-        t_us: Its time in the controller's clock [us], not unwrapped.
-        t_ns: The same in this machine's clock [ns].
-        records: Record of each leg by its row.
-    """
-
-    t_us: int
-    t_ns: int
-    records: dict[int, Record]
 
 
 class McuSource:
@@ -98,7 +68,7 @@ class McuSource:
         self._map = ClockMap()
         self._opened = port.opened
         self._unwrapped_us = 0
-        self._scan: _Scan | None = None
+        self._scan: McuScan | None = None
         self._frames: deque[CapFrame] = deque()
         self._sequence = 0
         self._last_t_us: int | None = None  # of the scan that was returned last
@@ -170,21 +140,21 @@ class McuSource:
                 if self._last_t_us is not None and self._is_near(record.t_us, self._last_t_us):
                     self.n_unused += 1  # its scan was returned
                     continue
-                scan = self._scan = _Scan(record.t_us, self._t_ns(record, now_ns), {})
+                scan = self._scan = McuScan(record.t_us, self._t_ns(record, now_ns), {})
             scan.records[row] = record
             if scan.records.keys() >= self._expected:
                 self._emit(now_ns)
 
     def _is_near(self, t_us: int, other_us: int) -> bool:
         """Return whether two times belong to one scan."""
-        return abs(_difference_us(t_us, other_us)) < self._half_scan_us
+        return abs(difference_us(t_us, other_us)) < self._half_scan_us
 
     def _t_ns(self, record: Record, now_ns: int) -> int:
         """Return the time of a record's first conversion in this machine's clock [ns].
 
         A record cannot be sent before its last conversion: the arrival is compared with that.
         """
-        self._unwrapped_us += _difference_us(record.t_us, self._unwrapped_us)
+        self._unwrapped_us += difference_us(record.t_us, self._unwrapped_us)
         lasts_ns = (ELEMENTS - 1) * record.step_us * _NS_PER_US
         return self._map.map(self._unwrapped_us * _NS_PER_US + lasts_ns, now_ns - self._wire_ns) - lasts_ns
 
@@ -200,7 +170,7 @@ class McuSource:
         reading[list(sending)] = Reading.DELAYED
         if self._scan is not None:
             rows = list(self._scan.records)
-            t_ns[rows], capacitance_pf[rows], reading[rows] = _readings(self._scan, now_ns)
+            t_ns[rows], capacitance_pf[rows], reading[rows] = readings(self._scan, now_ns)
             self._last_t_us, self._scan = self._scan.t_us, None
             if not sending <= set(rows):
                 self.missed_deadlines += 1
@@ -216,35 +186,3 @@ class McuSource:
             _log.warning("serial line of the microcontroller: %s", counts)
             self._logged = losses
         self._log_at_ns = now_ns + (_LOG_NS if new else _LOOK_NS)
-
-
-def _difference_us(t_us: int, other_us: int) -> int:
-    """Return t - other of a 32-bit counter, -2^31 to 2^31 - 1 [us]."""
-    return (t_us - other_us + (1 << 31)) % (1 << 32) - (1 << 31)
-
-
-def _readings(scan: _Scan, now_ns: int) -> tuple[Stamps, Vector, Codes]:
-    """Return stamps [ns], capacitances [pF] and readings of the legs of a scan, shape (records, 9) each.
-
-    A record whose last conversion would be in the future is corrupt: its times are wrong.
-    """
-    records = scan.records.values()
-    values_af = np.frombuffer(b"".join(record.values for record in records), "<i4").reshape(-1, ELEMENTS)
-    after_us, step_us, order = np.array(
-        [
-            (_difference_us(record.t_us, scan.t_us), record.step_us, record.flags & _LO_SHU)
-            for record in records
-        ]
-    ).T
-    ahead = scan.t_ns + _NS_PER_US * (ELEMENTS - 1) * step_us > now_ns
-    t_ns = scan.t_ns + _NS_PER_US * (after_us[:, None] + step_us[:, None] * _POSITIONS[order])
-    capacitance_pf = values_af * _PF_PER_AF
-    reading = np.zeros(values_af.shape, np.uint8)
-    without = values_af < _NO_VALUE_ENDS
-    if without.any() or ahead.any():
-        reading[without] = _READING_OF_CODE[values_af[without] - NO_VALUE]
-        reading[ahead] = Reading.CORRUPT
-        without |= ahead[:, None]
-        capacitance_pf[without] = np.nan
-        t_ns[without & (reading != Reading.OVER_RANGE)] = 0
-    return t_ns, capacitance_pf, reading

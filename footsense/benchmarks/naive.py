@@ -8,8 +8,6 @@ import importlib.util
 import json
 import os
 import socket
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -42,21 +40,9 @@ def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
                 bus.transfer(read)
 
 
-@contextmanager
-def naive_cycle(config: Config) -> Iterator["NaiveCycle | None"]:
-    """Build the cycle of a straightforward program, the yardstick for the daemon's cycle.
-
-    Yields:
-        The cycle, or None where cantools is not installed: the robot does not need it.
-    """
-    if importlib.util.find_spec("cantools") is None:
-        yield None
-        return
-    import cantools
-
-    yield NaiveCycle(
-        config, cantools.database.load_file(Path(firmware_interface.__file__).parent / "footsense.dbc")
-    )
+def has_cantools() -> bool:
+    """Return whether cantools is installed, which the naive cycle needs and the robot does not."""
+    return importlib.util.find_spec("cantools") is not None
 
 
 class NaiveCycle:
@@ -64,16 +50,18 @@ class NaiveCycle:
 
     Args:
         config: The robot.
-        database: The DBC, loaded by cantools.
     """
 
-    def __init__(self, config: Config, database: Any) -> None:  # noqa: ANN401 - cantools is not typed
+    def __init__(self, config: Config) -> None:
+        import cantools
         from can import Message
         from can.interfaces.socketcan.socketcan import build_can_frame
         from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
         self._message, self._frame = Message, build_can_frame
-        self._database = database
+        self._database = cantools.database.load_file(
+            Path(firmware_interface.__file__).parent / "footsense.dbc"
+        )
         self._legs = config.legs
         # A configuration of one leg gives a pipeline and a network of one row.
         single = [
@@ -98,8 +86,8 @@ class NaiveCycle:
             alone = slice(row, row + 1)
             own = CapFrame(scan.sequence, scan.t_ns[alone], scan.capacitance_pf[alone], scan.reading[alone])
             forces, _ = self._pipelines[row].process(own, now_ns)
-            self._send(channel, f"Force{leg.capitalize()}", self._force_signals(forces))
-            self._send(channel, f"Quality{leg.capitalize()}", self._quality_signals(forces))
+            self._send(channel, f"Force{leg.capitalize()}", _force_signals(forces))
+            self._send(channel, f"Quality{leg.capitalize()}", _quality_signals(forces))
             self._count(leg, forces)
             record[leg] = {
                 "scan_t_ns": own.t_ns[0].tolist(),
@@ -120,24 +108,6 @@ class NaiveCycle:
         for axis, force_n in zip("xyz", forces.force_n[0], strict=True):
             self._force.labels(leg=leg, axis=axis).set(float(force_n))
 
-    def _force_signals(self, forces: ContactFrame) -> dict[str, float]:
-        force_n = np.nan_to_num(forces.force_n[0], nan=-32.768)
-        axes = dict(zip(("ForceX", "ForceY", "ForceZ"), force_n.round(3).tolist(), strict=True))
-        return {"State": int(forces.state[0]), **axes}
-
-    def _quality_signals(self, forces: ContactFrame) -> dict[str, float]:
-        sigma_n = np.nan_to_num(forces.sigma_n[0], nan=1.022)
-        flags = Flag(int(forces.flags[0]))
-        return {
-            "Simulated": int(Flag.SIMULATED in flags),
-            "DegradedTiming": int(Flag.DEGRADED_TIMING in flags),
-            "TareRefused": int(Flag.TARE_REFUSED in flags),
-            "Contact": int(Flag.CONTACT in flags),
-            "Age": float(forces.age_ns[0]) * 1e-6,
-            "FaultMask": int(forces.fault_mask[0]),
-            **dict(zip(("SigmaX", "SigmaY", "SigmaZ"), sigma_n.tolist(), strict=True)),
-        }
-
     def _send(self, channel: socket.socket, name: str, signals: dict[str, float]) -> None:
         message = self._database.get_message_by_name(name)
         values = {"CHECKSUM": 0, "COUNTER": self._counter, **signals}
@@ -145,3 +115,23 @@ class NaiveCycle:
         frame = self._message(arbitration_id=message.frame_id, data=data, is_extended_id=False)
         channel.send(self._frame(frame))
         self._sent.inc()
+
+
+def _force_signals(forces: ContactFrame) -> dict[str, float]:
+    force_n = np.nan_to_num(forces.force_n[0], nan=-32.768)
+    axes = dict(zip(("ForceX", "ForceY", "ForceZ"), force_n.round(3).tolist(), strict=True))
+    return {"State": int(forces.state[0]), **axes}
+
+
+def _quality_signals(forces: ContactFrame) -> dict[str, float]:
+    sigma_n = np.nan_to_num(forces.sigma_n[0], nan=1.022)
+    flags = Flag(int(forces.flags[0]))
+    return {
+        "Simulated": int(Flag.SIMULATED in flags),
+        "DegradedTiming": int(Flag.DEGRADED_TIMING in flags),
+        "TareRefused": int(Flag.TARE_REFUSED in flags),
+        "Contact": int(Flag.CONTACT in flags),
+        "Age": float(forces.age_ns[0]) * 1e-6,
+        "FaultMask": int(forces.fault_mask[0]),
+        **dict(zip(("SigmaX", "SigmaY", "SigmaZ"), sigma_n.tolist(), strict=True)),
+    }

@@ -18,7 +18,8 @@ from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.models import load_models
 from footsense.daemon.simulation import simulated_robot
 from footsense.frames import USABLE, Flag
-from footsense.sim.scene import Scene, load_scene
+from footsense.sim.scene import Scene
+from footsense.sim.scene_files import load_scene
 
 _SCANS = 40
 _HOST_COSTS_US = (0, 40, 100)
@@ -67,10 +68,9 @@ def _scan(config: Config, host_cost_us: int) -> dict[str, float | None]:
     """Return scan periods of six legs at 400 kHz, ours and the naive loop's, with their ratios to the limits."""
     scene = replace(load_scene("hanging"), host_cost_us=float(host_cost_us))
     with open_scan_source(config, scene) as scan_source:
-        scan_source.source.read()
+        scan_source.read_scans(1)
         start_ns = scan_source.clock.now_ns()
-        for _ in range(_SCANS):
-            scan_source.source.read()
+        scan_source.read_scans(_SCANS)
         period_ns = (scan_source.clock.now_ns() - start_ns) / _SCANS
     # Two buses are scanned side by side also by a naive program with two threads.
     naive_ns = _naive_ns(config, scene) if config.buses[0].channels else None

@@ -25,7 +25,7 @@ import click
 import footsense
 from footsense.config import DEFAULT
 from footsense.daemon.service import open_service
-from footsense.sim.scene import load_scene
+from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 
 #: Scans before anything is counted: a second of walk, which includes the tare.

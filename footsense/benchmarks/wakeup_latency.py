@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from footsense.benchmarks.c_floor import has_c_floor, round_ns
-from footsense.benchmarks.cycle import PRIORITY, WARM_UP, Loopback, our_cycle, sent_ns, tared_floor
+from footsense.benchmarks.our_cycle import PRIORITY, WARM_UP, Loopback, our_cycle, sent_ns, tared_floor
 from footsense.clock import MonotonicClock, gc_disabled, request_realtime
 from footsense.errors import FootsenseError
 from footsense.frames import CapFrame
@@ -53,13 +53,18 @@ def wakeup_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, A
     with contextlib.ExitStack() as stack:
         loops = {name: stack.enter_context(_process(target, scans)) for name, target in serve.items()}
         (port, refusals), *_ = [_answer(loop) for loop in loops.values()]
-        stack.enter_context(_scraped(port))
+        over = threading.Event()
+        scraper = threading.Thread(target=_scrape, args=(port, over))
+        scraper.start()
+        stack.callback(scraper.join)
+        stack.callback(over.set)
         figures["fifo"] = not refusals
         figures["not_granted"] = refusals
         for case in ("quiet", "loaded"):
             if case == "loaded":
                 for _ in range(2):
-                    stack.enter_context(_busy())
+                    busy = stack.enter_context(subprocess.Popen([sys.executable, "-S", "-c", _SPIN]))  # noqa: S603
+                    stack.callback(busy.kill)
             late_ns: dict[str, list[int]] = {name: [] for name in loops}
             for _, (name, loop) in itertools.product(range(_BLOCKS), loops.items()):
                 loop.send(n)
@@ -103,32 +108,11 @@ def _answer(loop: Connection) -> Any:  # noqa: ANN401 - what the loop sends
         raise FootsenseError("a loop of the benchmark ended by itself") from None
 
 
-@contextlib.contextmanager
-def _busy() -> Iterator[None]:
-    with subprocess.Popen([sys.executable, "-S", "-c", _SPIN]) as process:  # noqa: S603 - our own line
-        try:
-            yield
-        finally:
-            process.kill()
-
-
-@contextlib.contextmanager
-def _scraped(port: int) -> Iterator[None]:
+def _scrape(port: int, over: threading.Event) -> None:
     """Read the metrics again and again, as Prometheus does, but more often."""
-    over = threading.Event()
-
-    def scrape() -> None:
-        while not over.wait(_SCRAPE_PERIOD_S):
-            with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
-                answer.read()
-
-    thread = threading.Thread(target=scrape)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
+    while not over.wait(_SCRAPE_PERIOD_S):
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
+            answer.read()
 
 
 def _rounds(played: list[tuple[CapFrame, int]]) -> Iterator[tuple[CapFrame, int]]:

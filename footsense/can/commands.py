@@ -9,7 +9,7 @@ from firmware_interface.can_codes import Result
 from firmware_interface.crc8 import FrameError, next_counter
 from firmware_interface.socketcan import pack_frame
 from footsense.can.channel import CanChannel
-from footsense.frames import CanStatistics, Command, CommandKind, CommandResult
+from footsense.frames import Command, CommandKind, CommandResult
 from footsense.ports import Clock
 
 #: The same command with the same counter within this time is a repetition; later, it comes from a restarted consumer.
@@ -18,7 +18,7 @@ _REPEAT_NS = 1_000_000_000
 
 @dataclass(slots=True)
 class _LegCommands:
-    """Command state of one leg: node id, last command, and commands that still wait for an answer."""
+    """The last command to a leg, and the commands that still wait for an answer."""
 
     row: int
     node: int
@@ -28,6 +28,12 @@ class _LegCommands:
     #: Counters of the commands without an answer of each kind, oldest first.
     pending: defaultdict[CommandKind, list[int]] = field(default_factory=lambda: defaultdict(list))
 
+    def answer_frame(self, result: int, kind: int, command_counter: int) -> bytes:
+        """Return the CAN frame of the next answer."""
+        data = can_commands.encode_answer(self.node, self.answer_counter, result, kind, command_counter)
+        self.answer_counter = next_counter(self.answer_counter)
+        return pack_frame(can_commands.ANSWER_ID + self.node, data)
+
 
 class CanCommands:
     """Receives the commands to the legs of one CAN channel and answers them.
@@ -36,16 +42,14 @@ class CanCommands:
         channel: The channel.
         nodes: CAN node id of each leg.
         clock: Times the repetitions.
-        stats: Statistics; counts rejected commands.
 
     Attributes:
         unsolicited: Results without a command of a consumer that were not sent yet, by row: the tare after a start.
     """
 
-    def __init__(self, channel: CanChannel, nodes: Sequence[int], clock: Clock, stats: CanStatistics) -> None:
+    def __init__(self, channel: CanChannel, nodes: Sequence[int], clock: Clock) -> None:
         self._channel = channel
         self._clock = clock
-        self._stats = stats
         self._legs = [_LegCommands(row, node) for row, node in enumerate(nodes)]
         self._of_id = {can_commands.COMMAND_ID + leg.node: leg for leg in self._legs}
         self.unsolicited: dict[int, tuple[Result, CommandKind]] = {}
@@ -76,7 +80,7 @@ class CanCommands:
             if counter not in leg.pending[kind]:  # so the list cannot outgrow the counter's range
                 leg.pending[kind].append(counter)
             commands.append(Command(kind, leg.row))
-        self._stats.rejected += len(frames) - len(commands)
+        self._channel.stats.rejected += len(frames) - len(commands)
         return commands
 
     def answer(self, outcome: CommandResult) -> None:
@@ -98,15 +102,9 @@ class CanCommands:
     def unsolicited_frames(self, room: int) -> list[bytes]:
         """Return at most `room` unsolicited results as frames."""
         return [
-            self._frame(self._legs[row], *self.unsolicited.pop(row), can_commands.UNSOLICITED)
+            self._legs[row].answer_frame(*self.unsolicited.pop(row), can_commands.UNSOLICITED)
             for row in list(self.unsolicited)[:room]
         ]
 
     def _answer(self, leg: _LegCommands, result: int, kind: int, command_counter: int) -> None:
-        self._channel.send(self._frame(leg, result, kind, command_counter), self._clock.now_ns())
-
-    @staticmethod
-    def _frame(leg: _LegCommands, result: int, kind: int, command_counter: int) -> bytes:
-        data = can_commands.encode_answer(leg.node, leg.answer_counter, result, kind, command_counter)
-        leg.answer_counter = next_counter(leg.answer_counter)
-        return pack_frame(can_commands.ANSWER_ID + leg.node, data)
+        self._channel.send(leg.answer_frame(result, kind, command_counter), self._clock.now_ns())

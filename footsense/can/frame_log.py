@@ -24,8 +24,8 @@ LOG_SUFFIXES = (".log", ".asc", ".blf")
 #: Time [ns] and length [bytes] of the frames of one call, before them.
 RECORD_HEAD = struct.Struct("<qI")
 
-#: Size of the pipe [bytes], the most that Linux grants a user by default: two minutes of scans, or 14 s of forces
-#: after every conversion.
+#: Size of the pipe [bytes], the most that Linux grants a user by default: a minute of forces, or 14 s
+#: with `publish_every: 1`.
 PIPE_BYTES = 1 << 20
 
 #: Longest wait for the writer after the pipe was closed [s].

@@ -14,7 +14,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from footsense.benchmarks.cycle import WARM_UP, cycle_figures, recorded_scans
+from footsense.benchmarks.cycle import cycle_figures
+from footsense.benchmarks.our_cycle import WARM_UP, recorded_scans
 from footsense.benchmarks.scan import conversion_limit_ms, publish_age_ms, scan_figures
 from footsense.benchmarks.wakeup_latency import wakeup_latency_figures
 from footsense.cli.options import echo_json, json_option

@@ -16,7 +16,6 @@ _RENAMED = {
     "--pokes": "--loads",
     "--feet": "--calibrations",
     "--rung": "--level",
-    "--campaign": "--file",
 }
 
 #: How click's messages begin: "No such command 'bench'", "No such option: --packs", "'quiet' is not one of".

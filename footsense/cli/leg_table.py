@@ -1,8 +1,11 @@
 """Tables with one row per leg, at most 80 columns wide: the same columns and colours in every command."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import TypeVar
 
+from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
@@ -22,25 +25,29 @@ _PHASE_STYLES = {
 #: Cell without a value.
 EMPTY = Text("-", "dim")
 
-#: Columns of `force_cells`.
-FORCE_COLUMNS = {f"{axis} [N]": ">7" for axis in ("fx", "fy", "fz")}
+Leg = TypeVar("Leg")
+#: Alignment and least width, such as ">7", and the cell of a leg, by the title of the column.
+LegColumns = Mapping[str, tuple[str, Callable[[Leg], RenderableType]]]
 
 
-def leg_table(columns: dict[str, str]) -> Table:
-    """Return an empty table whose first column is the leg.
+def leg_table(legs: Mapping[str, Leg], columns: LegColumns[Leg]) -> Table:
+    """Return a table with one row per leg, the name of the leg first.
 
     Args:
-        columns: Alignment and least width of every other column by its title, such as ">7".
+        legs: What is known of each leg, by its name.
+        columns: The other columns.
     """
     table = Table(box=None, pad_edge=False, padding=(0, 1))
     table.add_column("leg")
-    for title, form in columns.items():
+    for title, (form, _) in columns.items():
         table.add_column(
             escape(title),
             justify="right" if form[0] == ">" else "left",
             min_width=int(form[1:]),
             no_wrap=True,
         )
+    for name, leg in legs.items():
+        table.add_row(name, *(cell(leg) for _, cell in columns.values()))
     return table
 
 
@@ -49,19 +56,28 @@ def state_text(state: State) -> Text:
     return Text(words(state.name), _PHASE_STYLES[phase_of(state)])
 
 
-def force_cells(force_n: Iterable[float] | None) -> list[str | Text]:
-    """Return the components of a force [N]; one that rounds to zero has no sign, which would flicker.
+def force_columns(force_n: Callable[[Leg], Sequence[float]]) -> LegColumns[Leg]:
+    """Return the columns of a force's components [N], empty for NaN.
+
+    A component that rounds to zero has no sign, which would flicker.
+
+    Args:
+        force_n: Returns the force on a leg [N].
 
     Example:
-        >>> force_cells((-0.0004, -0.0006, 1.0))
+        >>> [cell((-0.0004, -0.0006, 1.0)) for _, cell in force_columns(tuple).values()]
         ['+0.000', '-0.001', '+1.000']
     """
-    return [EMPTY] * 3 if force_n is None else [f"{round(value, 3) + 0.0:+.3f}" for value in force_n]
+
+    def cell(leg: Leg, axis: int) -> str | Text:
+        return number(round(force_n(leg)[axis], 3) + 0.0, "+.3f")
+
+    return {f"{name} [N]": (">7", partial(cell, axis=axis)) for axis, name in enumerate(("fx", "fy", "fz"))}
 
 
-def number(value: float, form: str) -> str | Text:
-    """Return a number in the format `form`, NaN as an empty cell."""
-    return EMPTY if math.isnan(value) else format(value, form)
+def number(value: float | None, form: str, scale: float = 1.0) -> str | Text:
+    """Return a number times `scale` in the format `form`; None and NaN as an empty cell."""
+    return EMPTY if value is None or math.isnan(value) else format(value * scale, form)
 
 
 def words(name: str) -> str:

@@ -6,23 +6,13 @@ from typing import Annotated, Literal
 from msgspec import Meta, Struct
 
 from firmware_interface.chips import ad7746, fdc1004
+from footsense.config import sections
 from footsense.config.boards import BOARDS
-from footsense.config.sections import (
-    Baseline,
-    Bus,
-    Can,
-    Contact,
-    FootId,
-    Leg,
-    Metrics,
-    Realtime,
-    Scan,
-    Serial,
-    StrayPf,
-    Tare,
-    UnloadedPf,
-)
+from footsense.foot.files.calibration_format import FootId
 from footsense.frames import ELEMENTS
+
+#: Default of `publish_every`: 92 forces a second, 30 % of 500 kbit/s for six legs.
+PUBLISH_EVERY = 4
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -34,8 +24,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         serial: Line to the microcontroller; with board `mcu` only.
         can: CAN channel for the forces. No default: a robot whose forces stay in the process would look healthy.
         scan: Rate and order of the conversions.
-        publish: `frame` estimates and sends a force with every scan, `element` with every conversion; either as of the
-            time of sending.
+        publish_every: Conversions per force on CAN; a change of a leg's state is sent at once. With board `mcu` every
+            record is sent.
         tare: Conditions for a tare.
         baseline: Tracking of the baseline between tares.
         contact: Contact detection.
@@ -56,17 +46,17 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     board: Literal["fdc1004", "ad7746", "mcu"] = "fdc1004"
-    buses: Annotated[tuple[Bus, ...], Meta(max_length=6)] = ()
-    serial: Serial | None = None
-    can: Annotated[Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
-    scan: Scan = Scan()
-    publish: Literal["frame", "element"] = "frame"
-    tare: Tare = Tare()
-    baseline: Baseline = Baseline()
-    contact: Contact = Contact()
+    buses: Annotated[tuple[sections.Bus, ...], Meta(max_length=6)] = ()
+    serial: sections.Serial | None = None
+    can: Annotated[sections.Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
+    scan: sections.Scan = sections.Scan()
+    publish_every: Annotated[int, Meta(ge=1, le=36)] = PUBLISH_EVERY
+    tare: sections.Tare = sections.Tare()
+    baseline: sections.Baseline = sections.Baseline()
+    contact: sections.Contact = sections.Contact()
     max_age_ms: Annotated[int, Meta(ge=1, le=10_000)] | None = None
-    stray_pf: dict[Leg, StrayPf] = {}
-    unloaded_pf: dict[Leg, UnloadedPf] = {}
+    stray_pf: dict[sections.Leg, sections.StrayPf] = {}
+    unloaded_pf: dict[sections.Leg, sections.UnloadedPf] = {}
     foot_type: Annotated[
         str,
         Meta(
@@ -75,11 +65,11 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         ),
     ] = "aoyagi-3x3"
     model: Annotated[str, Meta(min_length=1)] | None = None
-    feet: dict[Leg, FootId] = {}
+    feet: dict[sections.Leg, FootId] = {}
     body_weight_n: Annotated[float, Meta(gt=0.0, le=1000.0)] | None = None
     calibrations: Annotated[str, Meta(min_length=1)] | None = None
-    metrics: Metrics | None = None
-    realtime: Realtime | None = None
+    metrics: sections.Metrics | None = None
+    realtime: sections.Realtime | None = None
 
     @property
     def legs(self) -> tuple[str, ...]:
@@ -94,6 +84,17 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         if self.serial is not None:
             return 1e3 / self.serial.rate_hz
         return ELEMENTS * self.rate.conversion_ns * 1e-6
+
+    @property
+    def frames_per_force(self) -> int:
+        """Return the frames of the scanner for each force on CAN: conversions, or a microcontroller's records."""
+        return self.publish_every if self.serial is None else 1
+
+    @property
+    def forces_hz(self) -> float:
+        """Return the forces of a leg on CAN in a second, at most, while no state changes."""
+        frames_hz = self.rate_sps if self.serial is None else self.serial.rate_hz
+        return frames_hz / self.frames_per_force
 
     @property
     def rate_sps(self) -> int:

@@ -1,4 +1,4 @@
-"""From configuration to scans: buses of the robot or of its simulation, and the scanner over them."""
+"""From configuration to frames: buses of the robot or of its simulation, and the scanner over them."""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -9,17 +9,17 @@ from typing import NamedTuple
 from firmware_interface.serial_frames import RECORD_BITS
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.bus_timing import Timing
-from footsense.acquisition.linux_i2c import LinuxI2cBus
+from footsense.acquisition.linux.linux_i2c import LinuxI2cBus
+from footsense.acquisition.linux.serial_port import SerialLink
 from footsense.acquisition.mcu_source import McuSource
 from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import ScanPlan, scan_plan
-from footsense.acquisition.serial_port import SerialLink
 from footsense.acquisition.transports import KernelMux, Transport, UpstreamBus
 from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.config.sections import Bus, Serial
 from footsense.daemon.simulation import simulated_robot
-from footsense.frames import Vector
+from footsense.frames import ELEMENTS, CapFrame, Vector
 from footsense.ports import Clock, SerialPort, WakeupLatency
 from footsense.sim.bus.serial_line import SimulatedLine
 from footsense.sim.robot import SimulatedRobot
@@ -34,11 +34,12 @@ SLOW_REL = 0.9
 
 @dataclass(frozen=True, slots=True)
 class ScanSource:
-    """An open source of scans.
+    """An open source of frames.
 
     Attributes:
         source: The scanner, started.
         clock: Clock of its time stamps.
+        frames_per_scan: Frames in which every element is read once: nine single conversions, or a whole scan.
         response_sha256: Hash of the response table of the simulated feet, None on a real robot.
         true_force_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
         wakeups: Wake-up latency of the thread of each bus; none in virtual time.
@@ -48,10 +49,20 @@ class ScanSource:
 
     source: RobotScanner | McuSource
     clock: Clock
+    frames_per_scan: int = 1
     response_sha256: str | None = None
     true_force_n: Callable[[int], Vector] | None = None
     wakeups: tuple[WakeupLatency, ...] = ()
     temperature_c: Callable[[], Vector] | None = None
+
+    def read_scans(self, n: int) -> list[CapFrame]:
+        """Read `n` scans, and return the last frame of each."""
+        scans: list[CapFrame] = []
+        while len(scans) < n:
+            frame = self.source.read()
+            if frame.sequence % self.frames_per_scan == 0:
+                scans.append(frame)
+        return scans
 
 
 def scan_plan_for(config: Config) -> ScanPlan:
@@ -106,7 +117,7 @@ def _transport(bus: Bus, stack: ExitStack) -> Transport:
     line = None
     if bus.mux.reset is not None:
         # Only a robot with a RESET line pays for gpiod: 1 MB and 5 ms.
-        from footsense.acquisition.gpio import LinuxResetLine
+        from footsense.acquisition.linux.gpio import LinuxResetLine
 
         line = LinuxResetLine.open(bus.mux.reset.device, bus.mux.reset.line)
         stack.callback(line.close)
@@ -182,7 +193,7 @@ def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack
     for bus, clock, transport in buses:
         channels = bus.channels or {leg: channel for channel, leg in enumerate(bus.legs)}
         scanners.append(BusScanner(transport, clock, channels, plan))
-    source = RobotScanner(scanners, element_wise=config.publish == "element")
+    source = RobotScanner(scanners)
     stack.callback(source.close)
     source.start()
     for bus, scanner in zip(config.buses, scanners, strict=True):
@@ -190,6 +201,7 @@ def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack
     return ScanSource(
         source,
         MonotonicClock(),
+        ELEMENTS,
         wakeups=tuple(bus.clock.wakeups for bus in buses if isinstance(bus.clock, MonotonicClock)),
         temperature_c=source.temperature_c if plan.board.thermometer else None,
     )

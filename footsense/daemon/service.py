@@ -69,10 +69,15 @@ class Service(Loop):
             self.run_on(self.source, lambda: stop() or self.clock.now_ns() >= until_ns)
 
     def figures(self) -> dict[str, object]:
-        """Return the counts of frames sent and of frames, commands and cycles lost."""
+        """Return the counts of forces published, of frames sent, and of frames, commands and cycles lost."""
         stats = self.sink.stats
         return {
-            "can": {"sent": stats.sent, "dropped": stats.dropped, "rejected_commands": stats.rejected},
+            "can": {
+                "published": stats.published,
+                "sent": stats.sent,
+                "dropped": stats.dropped,
+                "rejected_commands": stats.rejected,
+            },
             "cycles_not_recorded": self.recorder.lost if self.recorder else None,
         }
 
@@ -180,7 +185,7 @@ def _metrics(
             Path(config.metrics.counters),
             wakeups=wakeups,
             missed_deadlines=lambda: scan.source.missed_deadlines,
-            n_lost_scans=lambda: recorder.lost if recorder else 0,
+            n_lost_cycles=lambda: recorder.lost if recorder else 0,
             n_lost_lines=n_lost_lines,
         )
     except FootsenseError as error:

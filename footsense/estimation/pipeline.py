@@ -17,7 +17,7 @@ from footsense.estimation.baseline.unloaded import UnloadedFeet
 from footsense.estimation.faults.calibration_monitor import CalibrationMonitor
 from footsense.estimation.faults.consistency import ConsistencyResult, ConsistencyTest
 from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.open_elements import missing_elements
+from footsense.estimation.faults.missing_sets import missing_elements
 from footsense.estimation.faults.status import (
     RANGE_END_PF,
     ElementClassifier,

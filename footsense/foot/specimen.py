@@ -80,7 +80,10 @@ class Foot:
             ValueError: As `FootResponse.free_closure_um`.
         """
         free_um = self.response.free_closure_um(normal @ self._mount.T, force_n @ self._mount.T)
-        free_um *= self._softness
+        return self._limited_um(self._softness * free_um)
+
+    def _limited_um(self, free_um: Vector) -> Vector:
+        """Return closures of the cells limited to the gaps [um], shape (n, 324), of free ones of that shape."""
         if not self._contact:
             return np.minimum(free_um, self._gap_of_cell_um)
         return gap_contact.contact_closures_um(free_um, self._gap_of_cell_um, self._compliance_um_per_n)
@@ -90,6 +93,10 @@ class Foot:
         if not force_n.any():  # a foot in swing costs nothing
             return np.tile(self.unloaded_pf, (len(force_n), 1))
         return self._capacitance_pf(self.cells_um(normal, force_n))
+
+    def capacitance_of_free_pf(self, free_um: Vector) -> Vector:
+        """Return the capacitance [pF], shape (n, 9), of closures of the cells as if no gap could close, (n, 324)."""
+        return self._capacitance_pf(self._limited_um(free_um))
 
     def _capacitance_pf(self, cells_um: Vector) -> Vector:
         """Return the capacitance of closures [um] of the cells, shapes (..., 324) and (..., 9)."""

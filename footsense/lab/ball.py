@@ -9,8 +9,6 @@ import numpy as np
 from footsense.foot.directions import tangent_frame
 from footsense.frames import Vector
 
-__all__ = ["circle", "rim", "touch"]
-
 
 def touch(normal: Vector) -> tuple[Vector, Vector]:
     """Return the place of contacts on the map, right and up, shape (...).

@@ -17,8 +17,9 @@ from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.rest import at_rest
 from footsense.foot.files.checksum_trailer import add_checksum
 from footsense.foot.files.network_card import FORMAT, INPUTS, OUTPUTS
+from footsense.foot.force_errors import Errors
 from footsense.foot.response_table import FootResponse
-from footsense.lab.evaluation.evaluate import Errors, Readout
+from footsense.lab.evaluation.evaluate import Readout
 from footsense.lab.evaluation.evaluate_models import (
     ALONE,
     HELD_OUT_CASES,

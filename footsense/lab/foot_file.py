@@ -27,15 +27,11 @@ def load_foot(source: Path | bytes) -> FootDesign:
     Raises:
         ConfigError: It is missing, is not such YAML, does not fit, or contradicts itself.
     """
-    return load(source, FootDesign, check=first_contradiction)
-
-
-def first_contradiction(design: FootDesign) -> Problem | None:
-    """Return the first contradiction of a foot whose numbers are each right by themselves, None if there is none."""
-    return next(_contradictions(design), None)
+    return load(source, FootDesign, check=lambda design: next(_contradictions(design), None))
 
 
 def _contradictions(design: FootDesign) -> Iterator[Problem]:
+    """Yield the contradictions of a foot whose numbers are each right by themselves."""
     yield from _on_the_sheet(design)
     yield from _between_the_electrodes(design)
     yield from _on_the_converter(design)

@@ -2,8 +2,8 @@
 
 from typing import Any
 
+from footsense.foot.force_errors import Errors
 from footsense.foot.response_table import FootResponse
-from footsense.lab.evaluation.evaluate import Errors
 from footsense.lab.evaluation.evaluate_models import HELD_OUT_CASES, as_markdown
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.geometry import FootDesign

@@ -9,11 +9,9 @@ import json
 import sys
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
-from timeit import default_timer
 from typing import Any
 
 from footsense.errors import FootsenseError
@@ -24,6 +22,7 @@ from footsense.lab.template import render
 
 _LAB_STUDIES = {
     "released": "accuracy.released",
+    "gaits": "accuracy.gaits",
     "sensors": "accuracy.sensors",
     "paper-procedure": "networks.paper_procedure",
     "hidden-layers": "networks.hidden_layers",
@@ -72,27 +71,21 @@ def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STU
         raise FootsenseError(f"the study {name} is now {_RENAMED[name]}")
     if name not in studies:
         raise FootsenseError(f"no study {name!r}: there are {', '.join(studies)}")
-    module = import_module(studies[name])
-    if isinstance(study := getattr(module, "STUDY", None), Study):
-        return study.page(context)
-    return timed_page(module.page, context)
+    study: Study = import_module(studies[name]).STUDY
+    return study.page(context)
 
 
-def timed_page(study: Callable[[StudyContext], Page], context: StudyContext) -> Page:
-    """Return a study's page with the computing time [s] and the SHA-256 of the network added."""
-    started = default_timer()
-    page = study(context)
-    about = {"network_sha256": context.network_sha256, "quick": context.quick}
-    return replace(page, seconds=default_timer() - started, values={**page.values, **about})
+def _json(path: Path) -> dict[str, Any]:
+    """Return a JSON object from a file; empty if the file is missing or damaged."""
+    try:
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, json.JSONDecodeError):
+        return {}
 
 
 def page_values(name: str, folder: Path) -> dict[str, Any]:
     """Return the JSON of a page in a folder; empty if the page is missing or damaged."""
-    try:
-        (folder / f"{name}.md").stat()
-        return dict(json.loads((folder / f"{name}.json").read_text(encoding="utf-8")))
-    except (OSError, json.JSONDecodeError):
-        return {}
+    return _json(folder / f"{name}.json") if (folder / f"{name}.md").exists() else {}
 
 
 def is_made(name: str, folder: Path, context: StudyContext) -> bool:
@@ -112,8 +105,7 @@ def why_stale(name: str, folder: Path, context: StudyContext, studies: Mapping[s
 
 def noted_stale(folder: Path) -> dict[str, str]:
     """Return the reasons of the stale pages that a folder keeps."""
-    path = folder / STALE
-    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
+    return _json(folder / STALE)
 
 
 def make_report(
@@ -151,9 +143,8 @@ def make_report(
             report(f"{name}: kept")
             continue
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
-            seconds = process.submit(
-                _write_page, name, studies, context.models, folder, quick=context.quick
-            ).result()
+            made = process.submit(_write_page, name, studies, context.models, folder, quick=context.quick)
+            seconds = made.result()
         report(f"{name}: {seconds:.0f} s")
     return bind(folder, context)
 
@@ -180,11 +171,12 @@ def bind(folder: Path, context: StudyContext) -> Path:
     """
     made = [name for name in (*STUDIES, *OTHERS) if is_made(name, folder, context)]
     left_out = [name for name in (*STUDIES, *OTHERS) if name not in made]
-    values = {name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in made}
+    values = {name: page_values(name, folder) for name in made}
     pages = [(folder / f"{name}.md").read_text(encoding="utf-8").strip() for name in made]
     titles = [page.partition("\n")[0].removeprefix("## ") for page in pages]
     studies_s = sum(value["seconds"] for value in values.values())
-    build_s = _build_s(folder, context)
+    built = _json(folder / BUILD)
+    build_s = built["seconds"] if built.get("network_sha256") == context.network_sha256 else None
     if build_s is not None and not left_out:
         values["report"] = {"minutes": (build_s + studies_s) / 60.0}
     names = {
@@ -200,15 +192,6 @@ def bind(folder: Path, context: StudyContext) -> Path:
     path = folder / README
     path.write_text(render(__name__, names) + "\n", encoding="utf-8")
     return path
-
-
-def _build_s(folder: Path, context: StudyContext) -> float | None:
-    """Return the build time of this network [s]; None if unknown."""
-    try:
-        built = json.loads((folder / BUILD).read_text(encoding="utf-8"))
-    except (OSError, json.JSONDecodeError):
-        return None
-    return float(built["seconds"]) if built["network_sha256"] == context.network_sha256 else None
 
 
 def _anchor(title: str) -> str:

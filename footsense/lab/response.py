@@ -16,7 +16,6 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.directions import tangent_frame
 from footsense.foot.response_table import FootResponse, n_products, series_basis
@@ -25,7 +24,8 @@ from footsense.frames import Vector
 from footsense.lab.fem.adjoint import ClassField, class_field
 from footsense.lab.fem.elasticity import Layer
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_grid
-from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
+from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.symmetry_classes import SOLVED, Parity, add_compliance, add_series, transposed_series
 from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, FootDesign
 
 #: Total degree of the series. Higher ones fit the mesh's noise; see `interpolation_rel` in the provenance.
@@ -35,22 +35,6 @@ PATCH_REL = 0.1
 #: Decimals that are kept of the table [um/N]: a parallel solve differs from run to run by 1e-9, and two builds are to
 #: give the same bytes. What is cut off is below 0.1 nm per newton.
 DECIMALS = 6
-
-#: The eight symmetries of the square, each as a 3 x 3 matrix that maps the foot frame onto itself.
-SYMMETRIES: tuple[Vector, ...] = tuple(
-    np.array(matrix, dtype=np.float64)
-    for sx in (1, -1)
-    for sy in (1, -1)
-    for matrix in ([[sx, 0, 0], [0, sy, 0], [0, 0, 1]], [[0, sx, 0], [sy, 0, 0], [0, 0, 1]])
-)
-
-
-def element_map(symmetry: Vector) -> NDArray[np.intp]:
-    """Return m with: element e of the foot comes to lie on element m[e] when the foot is mapped by `symmetry`."""
-    row, column = np.divmod(np.arange(9), 3)
-    place = symmetry[:2, :2] @ np.stack([1 - row, 1 - column])
-    mapped: NDArray[np.intp] = (3 * (1 - place[0]) + (1 - place[1])).astype(np.intp)
-    return mapped
 
 
 def fit_class(field: ClassField, degree: int = DEGREE) -> Vector:
@@ -73,47 +57,11 @@ def fit_class(field: ClassField, degree: int = DEGREE) -> Vector:
     return series
 
 
-def _swapped(degree: int) -> NDArray[np.intp]:
-    """Return where the product T_j T_i of each product T_i T_j stands in the series."""
-    i, j = product_powers(degree)
-    place = {pair: number for number, pair in enumerate(zip(i.tolist(), j.tolist(), strict=True))}
-    return np.array([place[b, a] for a, b in zip(i.tolist(), j.tolist(), strict=True)], np.intp)
-
-
-def transposed_series(series: Vector, degree: int) -> Vector:
-    """Return a foot's response series with x and y exchanged, shape (products, 9, 9, 3)."""
-    return series[_swapped(degree)].transpose(0, 2, 1, 3)[..., [1, 0, 2]]
-
-
-def add_series(classes: dict[Parity, Vector], degree: int) -> Vector:
-    """Return the series of single cells from the solved symmetry classes, shapes (products, 9, 9, 3).
-
-    A single cell is a quarter of the sum of the four loads that put it and its mirror images together with the signs
-    of each class.
-    """
-    even_odd = classes[Parity(1, -1)]
-    total = sum(classes.values()) + transposed_series(even_odd, degree)
-    single: Vector = total / 4.0
-    return single
-
-
-def add_compliance(classes: dict[Parity, Vector]) -> Vector:
-    """Return the closure of all cells under a force on one of the quarter, shape (9, 9, 18, 18).
-
-    Args:
-        classes: Closure of one cell of the quarter under a force on another, shapes (9, 9, 9, 9).
-    """
-    transposed = classes[Parity(1, -1)].transpose(1, 0, 3, 2)
-    parts = [*classes.items(), (Parity(-1, 1), transposed)]
-    whole: Vector = np.sum([parity.unfold(part, 2) for parity, part in parts], axis=0) / 4.0
-    return whole
-
-
 def patch_mean(point_series: Vector, normal: Vector, radius_mm: float, foot_design: FootDesign) -> Vector:
     """Return the mean of the point response over a Hertz patch, p ~ sqrt(1 - r^2/a^2), on the sphere.
 
     Args:
-        point_series: Coefficients of G0, shape (products, m).
+        point_series: Coefficients of G0 of degree `DEGREE`, shape (products, m).
         normal: Normals at the centre of the patch, shape (n, 3).
         radius_mm: Radius a of the patch [mm].
         foot_design: The foot, for its radius.
@@ -127,20 +75,14 @@ def patch_mean(point_series: Vector, normal: Vector, radius_mm: float, foot_desi
     turn = 2.0 * np.pi * np.arange(12) / 12.0
     radial = np.sqrt(1.0 - s**2) * radius_mm / foot_design.ball_radius_mm
     first, second = tangent_frame(normal)
-    degree = _degree_of(point_series)
     basis = np.zeros((len(normal), len(point_series)))
     for distance, part in zip(radial, share, strict=True):
         for angle in turn:
             sideways = np.cos(angle) * first + np.sin(angle) * second
             around = np.sqrt(1.0 - distance**2) * normal + distance * sideways
-            basis += part / 12.0 * series_basis(around, degree, FIT_ELEVATION_DEG)
+            basis += part / 12.0 * series_basis(around, DEGREE, FIT_ELEVATION_DEG)
     mean: Vector = basis @ point_series
     return mean
-
-
-def _degree_of(series: Vector) -> int:
-    """Return the degree whose number of products the series has."""
-    return next(degree for degree in range(64) if n_products(degree) == len(series))
 
 
 def disc_normals(lowest_deg: float, rings: int = 40, spokes: int = 96) -> Vector:

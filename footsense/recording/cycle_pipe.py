@@ -6,7 +6,7 @@ full is lost, counted, and its loss recorded before the next cycle that finds ro
 
 import os
 import select
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 from footsense.frames import Cycle
 from footsense.recording.cycle_records import LostCycles, pack_cycle, pack_header, pack_loss
@@ -17,8 +17,7 @@ class CyclePipe:
 
     Args:
         fd: The descriptor, nothing written to it yet; closed by `close`.
-        legs: Name of the leg in each row of the frames.
-        header: Entries of the recording's header.
+        header: Entries of the recording's header; `legs` names the rows of the frames.
         blocking: Whether a full pipe makes the sender wait.
         on_broken: Called once when the reader has ended.
 
@@ -31,7 +30,6 @@ class CyclePipe:
     def __init__(
         self,
         fd: int,
-        legs: Sequence[str],
         header: Mapping[str, str],
         *,
         blocking: bool,
@@ -46,7 +44,7 @@ class CyclePipe:
         self.lost = 0
         self.broken = False
         # Before the pipe stops blocking: the header needs room, whatever its length.
-        self._write(pack_header({**header, "legs": ",".join(legs)}))
+        self._write(pack_header(header))
         os.set_blocking(fd, blocking)
 
     def send(self, cycle: Cycle) -> None:
@@ -56,9 +54,7 @@ class CyclePipe:
             3 us for six legs, unless `blocking`.
         """
         self._t_ns = cycle.forces.t_sent_ns
-        record = pack_cycle(self.n_cycles, cycle)
-        if self._unreported:
-            record = pack_loss(LostCycles(self.n_cycles, self._t_ns, self._unreported)) + record
+        record = self._loss() + pack_cycle(self.n_cycles, cycle)
         self.n_cycles += 1
         if self._write(record):
             self._unreported = 0
@@ -66,12 +62,12 @@ class CyclePipe:
             self._unreported += 1
             self.lost += 1
 
-    def _write(self, record: bytes) -> bool:
-        """Write a record; send the unsent rest of the previous one first.
+    def _loss(self) -> bytes:
+        """Return the record of the cycles that were lost since the last one that found room, if any."""
+        return pack_loss(LostCycles(self.n_cycles, self._t_ns, self._unreported)) if self._unreported else b""
 
-        Returns:
-            Whether the record was accepted; if not, none of it was written.
-        """
+    def _write(self, record: bytes) -> bool:
+        """Write a record, and return whether it was accepted; the unsent rest of the previous one goes first."""
         try:
             if self._rest:
                 self._rest = self._rest[os.write(self._fd, self._rest) :]
@@ -85,20 +81,12 @@ class CyclePipe:
                 self.broken = True
                 self._on_broken()
             return False
-        if n < len(record):
-            self._rest = record[n:]
+        self._rest = record[n:]
         return True
 
     def close(self, timeout_s: float) -> None:
-        """Write the rest, a last loss included, and close the pipe.
-
-        Args:
-            timeout_s: Longest wait for room [s]; what found none by then is lost.
-        """
-        left = memoryview(self._rest)
-        if self._unreported:
-            loss = pack_loss(LostCycles(self.n_cycles, self._t_ns, self._unreported))
-            left = memoryview(self._rest + loss)
+        """Write the rest, a last loss included, and close the pipe; a rest without room for `timeout_s` is lost."""
+        left = memoryview(self._rest + self._loss())
         os.set_blocking(self._fd, False)
         room = select.poll()
         room.register(self._fd, select.POLLOUT)

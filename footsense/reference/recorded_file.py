@@ -8,8 +8,8 @@ import numpy as np
 from footsense.errors import SensorError
 from footsense.frames import Reference, Vector
 from footsense.reference.record_columns import TIMES, largest_plausible
-from footsense.reference.sample_stream import SensorStatistics
 from footsense.reference.sensor_mounting import SensorMounting
+from footsense.reference.sensor_statistics import SensorStatistics
 
 
 class FileReference:

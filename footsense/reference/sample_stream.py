@@ -1,7 +1,6 @@
 """Conversion of a streaming force sensor's records to timed forces, and supervision of the stream."""
 
 import logging
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,6 +9,7 @@ from footsense.frames import Reference
 from footsense.reference.record_decoder import SensorRecords
 from footsense.reference.sample_times import SampleTimes
 from footsense.reference.sensor_mounting import SensorMounting
+from footsense.reference.sensor_statistics import SensorStatistics
 
 #: Silence that is logged, and silence from the start on that is an error [ns].
 _SILENT_NS = 500_000_000
@@ -18,29 +18,6 @@ _NEVER_NS = 3_000_000_000
 _WRONG_FORMAT_BYTES = 4096
 
 _log = logging.getLogger(__name__)
-
-
-@dataclass(slots=True)
-class SensorStatistics:
-    """Counts of a force sensor so far.
-
-    Attributes:
-        n_samples: Samples received.
-        n_missing: Samples lost, by their times and sequence numbers.
-        n_bad: Lines, records or packets that could not be decoded.
-        n_saturated: Samples with a saturated axis.
-        n_jumps: Jumps of its clock.
-        n_opened: Openings of its line.
-        residual_ms: Uncertainty of the times [ms].
-    """
-
-    n_samples: int = 0
-    n_missing: int = 0
-    n_bad: int = 0
-    n_saturated: int = 0
-    n_jumps: int = 0
-    n_opened: int = 0
-    residual_ms: float = 0.0
 
 
 class SampleStream:

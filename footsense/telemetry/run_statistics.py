@@ -1,4 +1,4 @@
-"""Statistics of a run: scan rate, age, states, and the force error where the true force is known.
+"""Statistics of a run: rate of the cycles, age, states, and the force error where the true force is known.
 
 The error is taken against the true force at the time of sending, so that a measurement's age counts. All statistics
 are kept in fixed tables: a day of walking takes no more memory than a minute.
@@ -31,7 +31,7 @@ class RunStatistics(Observer):
     def __init__(self, legs: tuple[str, ...], true_force_n: Callable[[int], Vector] | None) -> None:
         self._legs = legs
         self._true_force_n = true_force_n
-        self._scans = 0
+        self._cycles = 0
         self._first_ns = self._last_ns = 0
         self._states = np.zeros((len(legs), len(State)), np.int64)
         self._age_ms = Histogram(_AGE_BIN_MS, 500.0)
@@ -42,10 +42,10 @@ class RunStatistics(Observer):
     def observe(self, cycle: Cycle) -> None:
         """Add one cycle to the statistics of the run."""
         forces = cycle.forces
-        if self._scans == 0:
+        if self._cycles == 0:
             self._first_ns = forces.t_sent_ns
         self._last_ns = forces.t_sent_ns
-        self._scans += 1
+        self._cycles += 1
         self._states[np.arange(len(self._legs)), forces.state] += 1
         valid = np.isin(forces.state, list(USABLE))
         if not valid.any():
@@ -64,8 +64,8 @@ class RunStatistics(Observer):
         """Return the statistics as plain values; None for a figure without samples."""
         span_s = (self._last_ns - self._first_ns) * 1e-9
         summary: dict[str, object] = {
-            "scans": self._scans,
-            "scan_rate_hz": (self._scans - 1) / span_s if span_s > 0 else None,
+            "cycles": self._cycles,
+            "cycle_rate_hz": (self._cycles - 1) / span_s if span_s > 0 else None,
             "age_ms": {"p50": self._age_ms.quantile(0.5), "p99": self._age_ms.quantile(0.99)},
             "states": {
                 leg: {State(s).name.lower(): int(n) for s, n in enumerate(counts) if n}

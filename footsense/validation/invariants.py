@@ -19,7 +19,8 @@ from footsense.frames import USABLE, ContactFrame, Cycle, State, Vector
 from footsense.ports import Observer
 from footsense.sim.can.interface import AS_DEPLOYED
 from footsense.sim.faults.scene_faults import CanFault, Fault
-from footsense.validation.tolerances import Rules, Spans, tolerated_delays_s, tolerated_spans_s
+from footsense.sim.faults.schedule import Schedule
+from footsense.validation.tolerances import Rules, tolerated_delays_s, tolerated_spans_s
 
 _NS_PER_S = 1_000_000_000
 #: Name of each leg by its node id.
@@ -34,7 +35,7 @@ _KEPT = 20
 #: its carrier once a second.
 CAN_RECOVERY_S = 2.0
 
-#: Delay of the next frame by the search for a leg [s]; considerable only against a single conversion.
+#: Delay of the next cycle by the search for a leg [s].
 _SEARCH_DELAY_S = 1.5e-3
 #: Frames ahead of one on the wire: a full queue and the mailboxes, each of which loses to another node's [bits].
 _DRAIN_BITS = 2 * (AS_DEPLOYED.queue_frames + AS_DEPLOYED.mailboxes) * LONGEST_FRAME_BITS
@@ -59,7 +60,7 @@ class Violation(NamedTuple):
 
 
 class Invariants(Observer):
-    """Checker of a simulated walk: observes each published force frame, and listens on the CAN bus.
+    """Checker of a simulated walk: observes each cycle, and listens on the CAN bus.
 
     Args:
         rules: Limits of the walk.
@@ -75,15 +76,15 @@ class Invariants(Observer):
         n_beyond: Those with an error beyond 5 sigma, by axis, shape (3,).
         n_received: Frames of `Force` that reached the other nodes.
         n_missed: Frames of `Force` that were lost while CAN was broken.
-        longest_gap_s: Longest time between two frames [s].
-        n_states: Number of leg frames by state.
+        longest_gap_s: Longest time between two cycles [s].
+        n_states: Number of cycles of a leg by state.
     """
 
     def __init__(self, rules: Rules, script: Sequence[Fault], true_force_n: Callable[[int], Vector]) -> None:
         self._rules = rules
         self._true_force_n = true_force_n
         spans_of = [tolerated_spans_s(rules, script, leg) for leg in rules.legs]
-        self._tolerated = [Spans(spans_s) for spans_s in spans_of]
+        self._tolerated = [Schedule((span_s, span_s) for span_s in spans_s) for spans_s in spans_of]
         self.recovered_s = max((until_s for spans_s in spans_of for _, until_s in spans_s), default=0.0)
         self._can_broken_s = [
             (fault.at_s, fault.until_s + CAN_RECOVERY_S)
@@ -95,9 +96,10 @@ class Invariants(Observer):
         self._last: tuple[int, int] | None = None  # sequence, t_sent_ns
         self._counters: dict[int, tuple[int, int]] = {}  # by node: counter, t_ns
         self._on_time_s = 1.1 * rules.period_s + _SEARCH_DELAY_S
-        # A full queue holds frames of so many cycles: two of six legs, three of three legs.
-        n_cycles = math.ceil(AS_DEPLOYED.queue_frames / (FRAMES_PER_LEG * len(rules.legs)))
-        self._longest_wait_s = n_cycles * rules.period_s + _DRAIN_BITS / rules.bitrate
+        # A full queue holds so many forces: two of six legs, three of three legs.
+        n_forces = math.ceil(AS_DEPLOYED.queue_frames / (FRAMES_PER_LEG * len(rules.legs)))
+        force_period_s = rules.frames_per_force * rules.period_s
+        self._longest_wait_s = n_forces * force_period_s + _DRAIN_BITS / rules.bitrate
         self.violations: list[Violation] = []
         self.n_violations: Counter[str] = Counter()
         self.n_cycles = self.n_checked = self.n_received = self.n_missed = 0
@@ -106,7 +108,7 @@ class Invariants(Observer):
         self.n_states: Counter[int] = Counter()
 
     def observe(self, cycle: Cycle) -> None:
-        """Check the states, values, ages and errors of the forces in a published frame."""
+        """Check the states, values, ages and errors of the forces of a cycle."""
         frame, rules = cycle.forces, self._rules
         t_s = frame.t_sent_ns / _NS_PER_S
         self.n_cycles += 1
@@ -126,7 +128,7 @@ class Invariants(Observer):
             age_ns = frame.t_sent_ns - t_ns
             if is_usable and age_ns > rules.max_age_s * _NS_PER_S:
                 self._violate("no force above its age limit", t_s, name, f"{age_ns / 1e6:.1f} ms")
-            if is_usable or t_s < rules.from_s or self._tolerated[leg].contain(t_s):
+            if is_usable or t_s < rules.from_s or self._tolerated[leg].at(t_s):
                 self._good_s[leg] = t_s
             elif t_s - self._good_s[leg] > self._on_time_s + self._delay_s(self._good_s[leg], t_s):
                 detail = f"{State(state).name}, cause {frame.cause[leg]}"
@@ -186,12 +188,10 @@ class Invariants(Observer):
         sigma_n: list[list[float]],
     ) -> None:
         """Count errors beyond 5 sigma of the legs that have a force."""
-        sent_ns = frame.t_sent_ns
-        valid_ns = {leg: sent_ns if self._rules.element else int(frame.t_ns[leg]) for leg in usable}
-        true_n = {t_ns: self._true_force_n(t_ns).tolist() for t_ns in set(valid_ns.values())}
+        true_n = self._true_force_n(frame.t_sent_ns).tolist()
         self.n_checked += len(usable)
-        for leg, t_ns in valid_ns.items():
-            for axis, true_axis_n in enumerate(true_n[t_ns][leg]):
+        for leg in usable:
+            for axis, true_axis_n in enumerate(true_n[leg]):
                 if abs(force_n[leg][axis] - true_axis_n) > _SIGMAS * sigma_n[leg][axis]:
                     self.n_beyond[axis] += 1
 

@@ -6,20 +6,13 @@ import msgspec
 import numpy as np
 
 from footsense.frames import ELEMENTS
-from footsense.sim.faults.scene_faults import (
-    ArbitrationLost,
-    CanFault,
-    CanQueueFull,
-    ElementDrifts,
-    Fault,
-    OnChips,
-    OnFoot,
-    OnWires,
-)
+from footsense.sim.faults import scene_faults
 
 #: Kinds of faults of a leg or its bus, kinds of faults of CAN, and the share of the latter.
-ON_ROBOT: tuple[type[Fault], ...] = get_args(OnChips | OnFoot | OnWires)
-ON_CAN: tuple[type[Fault], ...] = get_args(CanFault)
+ON_ROBOT: tuple[type[scene_faults.Fault], ...] = get_args(
+    scene_faults.OnChips | scene_faults.OnFoot | scene_faults.OnWires
+)
+ON_CAN: tuple[type[scene_faults.Fault], ...] = get_args(scene_faults.CanFault)
 _SHARE_OF_CAN = 0.2
 #: Rates of lost acknowledges and corrupt reads.
 GRADES_REL = (0.01, 0.05, 0.3)
@@ -29,32 +22,32 @@ _MOST_CONTENDED_REL = 0.05
 IDS = (0x000, 0x183, 0x7FF)
 #: More than a bus carries at 500 kbit/s.
 _FLOOD_HZ = 5_000.0
-_SHORTEST_S, _LONGEST_S = 0.05, 6.0
+#: Durations of a fault, and mean time between two starts [s].
+_SHORTEST_S, _LONGEST_S, _EVERY_S = 0.05, 6.0, 30.0
 
 
 def random_faults(
-    rng: np.random.Generator, legs: tuple[str, ...], from_s: float, until_s: float, every_s: float = 30.0
-) -> tuple[Fault, ...]:
+    rng: np.random.Generator, legs: tuple[str, ...], from_s: float, until_s: float
+) -> tuple[scene_faults.Fault, ...]:
     """Return faults of 0.05 s to 6 s at independent times.
 
     Args:
         rng: Source of randomness.
         legs: Legs that may have a fault.
-        from_s: Earliest begin [s].
+        from_s: Earliest start [s].
         until_s: Latest end [s].
-        every_s: Mean time between two begins [s].
     """
-    script: list[Fault] = []
+    script: list[scene_faults.Fault] = []
     at_s = from_s
     while True:
-        at_s = round(at_s + rng.exponential(every_s), 4)
+        at_s = round(at_s + rng.exponential(_EVERY_S), 4)
         lasts_s = round(float(np.exp(rng.uniform(np.log(_SHORTEST_S), np.log(_LONGEST_S)))), 4)
         if at_s + lasts_s >= until_s:
             return tuple(script)
         script += random_fault(rng, str(rng.choice(legs)), at_s, lasts_s)
 
 
-def random_fault(rng: np.random.Generator, leg: str, at_s: float, lasts_s: float) -> list[Fault]:
+def random_fault(rng: np.random.Generator, leg: str, at_s: float, lasts_s: float) -> list[scene_faults.Fault]:
     """Return a fault of any kind, as `fault_of` does.
 
     Args:
@@ -81,19 +74,19 @@ def random_fault(rng: np.random.Generator, leg: str, at_s: float, lasts_s: float
     )
 
 
-def fault_of(kind: type[Fault], **values: Any) -> list[Fault]:  # noqa: ANN401 - a field of any fault
+def fault_of(kind: type[scene_faults.Fault], **values: Any) -> list[scene_faults.Fault]:  # noqa: ANN401 - a field of any fault
     """Return a fault without lasting effect: two for an element that drifts, the second back to the begin.
 
     Args:
         kind: Class of the fault.
         values: Values of all fields that any fault has; others than those of the class are ignored.
     """
-    if kind is CanQueueFull:
+    if kind is scene_faults.CanQueueFull:
         values["rate_hz"] = _FLOOD_HZ
-    if kind is ArbitrationLost:
+    if kind is scene_faults.ArbitrationLost:
         values["rate_rel"] = min(values["rate_rel"], _MOST_CONTENDED_REL)
     fault = kind(**{name: values[name] for name in kind.__struct_fields__ if name in values})
-    if not isinstance(fault, ElementDrifts):
+    if not isinstance(fault, scene_faults.ElementDrifts):
         return [fault]
     half_s = round(0.5 * (fault.at_s + values["until_s"]), 4)
     back = msgspec.structs.replace(

@@ -17,7 +17,8 @@ from footsense.frames import State
 from footsense.sim.scene import Scene
 from footsense.validation.invariants import Invariants, Violation
 from footsense.validation.random_faults import random_faults
-from footsense.validation.soak_plan import IDLE_TRAFFIC, LEAD_IN_S, Stretch, robot_and_scene
+from footsense.validation.soak_plan import Stretch
+from footsense.validation.soak_scene import IDLE_TRAFFIC, LEAD_IN_S, robot_and_scene
 from footsense.validation.tolerances import Rules
 
 _NS_PER_S = 1_000_000_000
@@ -44,11 +45,11 @@ class StretchResult(msgspec.Struct, frozen=True, kw_only=True):
         virtual_s: Virtual time [s].
         wall_s: Computing time [s].
         n_faults: Faults in it.
-        n_cycles: Published frames.
-        n_states: Leg frames by state.
+        n_cycles: Cycles of the loop, one for each conversion.
+        n_states: Cycles of the legs by state.
         n_violations: Violations by invariant.
         violations: The first violations.
-        longest_gap_s: Longest time between two frames [s].
+        longest_gap_s: Longest time between two cycles [s].
         beyond_rel: Share of the usable forces with an error beyond 5 sigma, by axis [1].
         calibrated_rel: The same of the walk without faults.
         n_received: Frames of `Force` that arrived on CAN.
@@ -89,7 +90,7 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
         max_age_s=config.stale_after_ms * 1e-3,
         gait_period_s=stretch.gait_period_s,
         from_s=LEAD_IN_S + 1.0,
-        element=stretch.publish == "element",
+        frames_per_force=config.frames_per_force,
         bitrate=config.can.bitrate,
     )
     calm, _ = _walk(config, calm_scene, rules, calm_s)

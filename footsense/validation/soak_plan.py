@@ -3,20 +3,10 @@
 import msgspec
 import numpy as np
 
-from footsense.config import DEFAULT, Config
-from footsense.sim.faults.scene_faults import CanTraffic
-from footsense.sim.scene import Scene
-from footsense.sim.scene_effects import Effects, Warming
-from footsense.sim.scene_loads import Stand, Tripod
-
 #: Hours of a day at the full rate.
 _FAST_HOURS = 4.0
 #: Stretches with a stand, and begin and end of the stand [s].
 _N_STANDS, _STAND_S = 2, (1200.0, 3000.0)
-#: Time at the begin in which all feet are in the air [s].
-LEAD_IN_S = 1.0
-#: Rare frames of another node, with the lowest priority: CAN is simulated only with traffic or faults on it.
-IDLE_TRAFFIC = CanTraffic(at_s=0.0, can_id=0x7FF, rate_hz=0.1)
 
 
 class Stretch(msgspec.Struct, frozen=True, kw_only=True):
@@ -27,7 +17,7 @@ class Stretch(msgspec.Struct, frozen=True, kw_only=True):
         seed: Seed of everything random.
         hours: Duration [h].
         rate_sps: Conversions per second; at 100 the robot walks at a quarter of its pace.
-        publish: `frame` or `element`.
+        publish_every: Conversions per force on CAN.
         stands_s: Spans in which the robot stands [s].
         kelvin: Warming over ten minutes [K].
     """
@@ -36,32 +26,32 @@ class Stretch(msgspec.Struct, frozen=True, kw_only=True):
     seed: int = 0
     hours: float
     rate_sps: int = 400
-    publish: str = "frame"
+    publish_every: int = 4
     stands_s: tuple[tuple[float, float], ...] = ()
     kelvin: float = 0.0
 
     @property
     def gait_period_s(self) -> float:
-        """Gait period [s]: as many scans at every rate."""
+        """Gait period [s]: as many conversions at every rate."""
         return 1.2 * 400 / self.rate_sps
 
 
 def day(hours: float, seed: int) -> list[Stretch]:
     """Return the stretches of a walk.
 
-    A day has four hours at 400 S/s, one of them with a force after each conversion, two of them with warming and
+    A day has four hours at 400 S/s, one of them with a force on CAN for each conversion, two of them with warming and
     cooling, and the rest at 100 S/s, which takes a third of the computing time, with two stands. Up to four hours are
-    three stretches: whole scans and single conversions at 400 S/s, whole scans at 100 S/s.
+    three stretches: 400 S/s, the same with each force on CAN, and 100 S/s.
     """
     if hours <= _FAST_HOURS:
         third = hours / 3.0
         plan = [
             Stretch(hours=third),
-            Stretch(hours=third, publish="element"),
+            Stretch(hours=third, publish_every=1),
             Stretch(hours=third, rate_sps=100),
         ]
     else:
-        plan = [Stretch(hours=1.0, publish="element")]
+        plan = [Stretch(hours=1.0, publish_every=1)]
         plan += [Stretch(hours=1.0, kelvin=kelvin) for kelvin in (0.0, 20.0, -20.0)]
         for number, begun in enumerate(np.arange(_FAST_HOURS, hours, 2.0).tolist()):
             length = min(2.0, hours - begun)
@@ -71,45 +61,3 @@ def day(hours: float, seed: int) -> list[Stretch]:
         msgspec.structs.replace(stretch, number=number, seed=1000 * seed + number)
         for number, stretch in enumerate(plan)
     ]
-
-
-def robot_and_scene(stretch: Stretch, *, calm_rel: float | None = None) -> tuple[Config, Scene]:
-    """Return the robot configuration of a stretch, and the simulated scene without faults.
-
-    Args:
-        stretch: The stretch.
-        calm_rel: Share of the time in which the warming is over; None for all of it. A warmer foot reads too small a
-            force, which no sigma covers: the walk of comparison needs the whole warming.
-    """
-    bitrate = 1_000_000 if stretch.publish == "element" else DEFAULT.can.bitrate
-    config = msgspec.structs.replace(
-        DEFAULT,
-        scan=msgspec.structs.replace(DEFAULT.scan, rate_sps=stretch.rate_sps),
-        publish=stretch.publish,
-        can=msgspec.structs.replace(DEFAULT.can, bitrate=bitrate),
-    )
-    ten_minutes_s = 600.0 * (1.0 if calm_rel is None else calm_rel)
-    scene = Scene(
-        description="A robot walks for hours, with faults.",
-        load=Tripod(
-            period_s=stretch.gait_period_s,
-            duty_rel=0.6,
-            peak_force_n=0.9,
-            friction_rel=0.15,
-            pitch_deg=10.0,
-            stands=tuple(Stand(from_s=from_s, until_s=until_s) for from_s, until_s in stretch.stands_s),
-        ),
-        lead_in_s=LEAD_IN_S,
-        seed=stretch.seed,
-        gait_table=True,
-        effects=Effects(
-            converter_noise=True,
-            converter_clock_rel=0.01,
-            gap_contact=True,
-            warming=Warming(from_s=ten_minutes_s, over_s=ten_minutes_s, kelvin=stretch.kelvin)
-            if stretch.kelvin
-            else None,
-        ),
-        faults=(IDLE_TRAFFIC,),
-    )
-    return config, scene

@@ -21,7 +21,8 @@ from footsense.daemon.test_stand import StandSession
 from footsense.frames import Vector
 from footsense.sim.loads.ground_load import ContactSource
 from footsense.sim.scene import Scene
-from footsense.sim.scene_effects import Effects, Fabrication
+from footsense.sim.scene_effects import Effects
+from footsense.sim.scene_fabrication import Fabrication
 from footsense.sim.scene_loads import CalibrationLoads, Unloaded
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 from footsense.sim.test_stand.reference_sensor import RATED_GF, TRANSMISSION_NS
@@ -152,7 +153,7 @@ def _config(batch: FootBatch, number: int) -> Config:
         fabrication=Fabrication.with_paper_tolerances(seed=batch.seed, first=number, mounting=0),
     )
     with open_scan_source(config, hanging) as found:
-        scans = [found.source.read() for _ in range(_UNLOADED_SCANS)]
+        scans = found.read_scans(_UNLOADED_SCANS)
     readings_pf = [scan.capacitance_pf[0] for scan in scans if not scan.reading.any()]
     unloaded_pf = tuple(np.mean(readings_pf, axis=0).round(4).tolist())
     return msgspec.structs.replace(config, unloaded_pf={LEG: unloaded_pf})

@@ -6,8 +6,7 @@ for all, and counted.
 """
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -22,7 +21,6 @@ from footsense.daemon.foot_types import foot_type_folder
 from footsense.errors import CalibrationError
 from footsense.foot.force_errors import errors
 from footsense.frames import Vector
-from footsense.validation.processes import in_processes
 from footsense.validation.test_stand_trial import FootBatch, foot_name, run_trial
 
 #: Numbers of loads that a calibration uses; the last is all there are.
@@ -71,34 +69,17 @@ class FootResult(msgspec.Struct, frozen=True, kw_only=True):
     calibrate_s: float
 
 
-def run_experiment(
-    batch: FootBatch,
-    numbers: Sequence[int],
-    per_foot_network: PerFootNetwork | None,
-    *,
-    jobs: int,
-    every: int = 1,
-) -> Iterator[FootResult]:
-    """Press, calibrate and evaluate feet, each in a child process.
+def evaluate_foot(
+    batch: FootBatch, number: int, *, per_foot_network: PerFootNetwork | None, every: int
+) -> FootResult:
+    """Press, calibrate and evaluate one foot.
 
     Args:
-        batch: Batch of the feet.
-        numbers: Their numbers in it.
-        per_foot_network: Trains a network on one foot without a physical model; picklable; None to leave it out.
-        jobs: Number of processes.
+        batch: Batch of the foot.
+        number: Number of the foot in it.
+        per_foot_network: Trains a network on one foot without a physical model; None to leave it out.
         every: Use one of so many presses.
-
-    Returns:
-        Each result as it is done.
     """
-    work = partial(evaluate_foot, batch, per_foot_network=per_foot_network, every=every)
-    return in_processes(work, numbers, jobs)
-
-
-def evaluate_foot(
-    batch: FootBatch, number: int, *, per_foot_network: PerFootNetwork | None, every: int = 1
-) -> FootResult:
-    """Press, calibrate and evaluate one foot; arguments as of `run_experiment`."""
     models = DesignModels.load(foot_type_folder(batch.foot_type))
     with tempfile.TemporaryDirectory(prefix="footsense-test-stand-") as folder:
         trial = run_trial(batch, number, Path(folder), every=every)

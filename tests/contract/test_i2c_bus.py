@@ -4,11 +4,12 @@ import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import cast
 
 import pytest
 import smbus2
 
-from footsense.acquisition.linux_i2c import LinuxI2cBus, adapters, kernel_drivers, shorten_timeout
+from footsense.acquisition.linux.linux_i2c import LinuxI2cBus, adapters, kernel_drivers, shorten_timeout
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus
@@ -42,8 +43,12 @@ class KernelAdapter:
         pass
 
 
+def on_linux(adapter: KernelAdapter) -> LinuxI2cBus:
+    return LinuxI2cBus(cast("smbus2.SMBus", adapter), "/dev/i2c-1")
+
+
 def linux() -> I2cBus:
-    return LinuxI2cBus(KernelAdapter(), "/dev/i2c-1")
+    return on_linux(KernelAdapter())
 
 
 def simulated() -> I2cBus:
@@ -105,13 +110,13 @@ def test_the_kernel_s_errors_get_names(number: int, kind: type[BusError]) -> Non
     adapter = KernelAdapter()
     adapter.fails_with = number
     with pytest.raises(kind, match="/dev/i2c-1, address 0x71"):
-        LinuxI2cBus(adapter, "/dev/i2c-1").transfer(Transaction(MUX, b"\x01"))
+        on_linux(adapter).transfer(Transaction(MUX, b"\x01"))
 
 
 def test_only_portable_transactions_reach_the_kernel() -> None:
     """One write, or one write and one read of the same address with the read last: what all adapters can do."""
     adapter = KernelAdapter()
-    bus = LinuxI2cBus(adapter, "/dev/i2c-1")
+    bus = on_linux(adapter)
     bus.transfer(Transaction(MUX, b"\x01"))
     bus.transfer(Transaction(MUX, b"\x01", 1))
     assert adapter.calls == [[(MUX, 0, 1)], [(MUX, 0, 1), (MUX, 1, 1)]]

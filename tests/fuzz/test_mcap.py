@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
 from footsense.recording.container import event_messages, messages
-from footsense.recording.container.mcap_writer import HEADER_CRC, METADATA, PROFILE, header_crc
+from footsense.recording.container.mcap_header import HEADER_CRC, METADATA, PROFILE, header_crc
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay
 from tests.fuzz.outcome import TRIED, refusal

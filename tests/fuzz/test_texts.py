@@ -14,7 +14,7 @@ from footsense.config import DEFAULT, load_config
 from footsense.daemon.recording_header import recorded_config, recorded_flags
 from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.replay import Replay
-from footsense.sim.scene import load_scene
+from footsense.sim.scene_files import load_scene
 from footsense.telemetry.shared_counters import MetricFamily, SharedCounters, read_counters
 from tests.fuzz.outcome import TRIED, refusal
 

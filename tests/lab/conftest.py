@@ -8,7 +8,8 @@ import pytest
 if TYPE_CHECKING:
     from footsense.foot.response_table import FootResponse
     from footsense.lab.fem.adjoint import ClassField
-    from footsense.lab.fem.quarter import Parity, Quarter
+    from footsense.lab.fem.quarter import Quarter
+    from footsense.lab.fem.symmetry_classes import Parity
 
 collect_ignore_glob = [] if importlib.util.find_spec("ngsolve") else ["test_*.py", "*/test_*.py"]
 
@@ -29,7 +30,8 @@ def mesh() -> Any:
 def quarters(mesh: Any) -> "dict[Parity, Quarter]":
     """Return the factorised symmetry classes of the coarse foot."""
     from footsense.lab.fem.mesh import COARSE
-    from footsense.lab.fem.quarter import SOLVED, Quarter
+    from footsense.lab.fem.quarter import Quarter
+    from footsense.lab.fem.symmetry_classes import SOLVED
     from tests.lab.released import FOOT_DESIGN
 
     return {parity: Quarter(FOOT_DESIGN, COARSE, parity, mesh) for parity in SOLVED}

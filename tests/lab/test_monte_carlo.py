@@ -14,8 +14,8 @@ from footsense.errors import FootsenseError
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate_models import open_models
-from footsense.lab.monte_carlo.resumable_run import Figures, Job, Tolerances, Work, in_turn, run_resumable
-from footsense.lab.monte_carlo.specimens import judge, measure
+from footsense.lab.monte_carlo.resumable_run import Figures, Job, Tolerances, Work, run_resumable
+from footsense.lab.monte_carlo.specimens import measure, readout_errors
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.monte_carlo.sweeps import FEET, FULL, QUICK, TEST_STANDS, SweepResults
 from footsense.lab.monte_carlo.workers import parallel
@@ -32,18 +32,24 @@ JOBS = [Job(Tolerances(gap_um=0.1 * foot), foot) for foot in range(5)]
 
 
 def double(job: Job) -> Figures:
-    """Judge by the number alone; a float that JSON has to bring back to the last bit."""
+    """Evaluate by the number alone; a float that JSON has to bring back to the last bit."""
     return {"twice": 2.0 * job.foot + 0.1}
 
 
 def abs_gap(job: Job) -> Figures:
-    """Judge by what a worker process has to be told of a job."""
+    """Return what a worker process gets of a job."""
     return {"gap_um": abs(job.tolerances.gap_um), "foot": float(job.foot)}
 
 
 def refuses(job: Job) -> Figures:
     """Fail if anything is left to do."""
     raise AssertionError(job)
+
+
+def in_turn(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, Figures], None, None]:
+    """Evaluate the feet one after the other."""
+    for job in jobs:
+        yield job, work(job)
 
 
 def stopped_after_two(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, Figures], None, None]:
@@ -75,18 +81,18 @@ def test_an_interrupted_run_continues_with_the_missing_feet(file: Path) -> None:
         return double(job)
 
     whole = {job: double(job) for job in JOBS}
-    assert run_resumable(ABOUT, JOBS + JOBS, noted, file=file) == whole
+    assert run_resumable(ABOUT, JOBS + JOBS, noted, workers=in_turn, file=file) == whole
     assert asked == JOBS[2:]
-    assert run_resumable(ABOUT, JOBS, refuses, file=file) == whole
+    assert run_resumable(ABOUT, JOBS, refuses, workers=in_turn, file=file) == whole
 
 
 @pytest.mark.parametrize("cut", [1, 30, 10_000])
 def test_a_torn_end_is_done_again(file: Path, cut: int) -> None:
     """However much of the file a killed writer got out: a byte less, half a line, half a header."""
-    whole = run_resumable(ABOUT, JOBS, double, file=file)
+    whole = run_resumable(ABOUT, JOBS, double, workers=in_turn, file=file)
     written = file.read_bytes()
     file.write_bytes(written[: max(10, len(written) - cut)])
-    assert run_resumable(ABOUT, JOBS, double, file=file) == whole
+    assert run_resumable(ABOUT, JOBS, double, workers=in_turn, file=file) == whole
     assert file.read_bytes() == written
 
 
@@ -99,17 +105,17 @@ def test_a_file_of_something_else_is_refused_and_left_alone(file: Path, content:
     file.parent.mkdir()
     file.write_bytes(content)
     with pytest.raises(FootsenseError, match=r"^[^\n]*run\.jsonl is of another run[^\n]*$"):
-        run_resumable(ABOUT, JOBS, double, file=file)
+        run_resumable(ABOUT, JOBS, double, workers=in_turn, file=file)
     assert file.read_bytes() == content
 
 
 def test_a_damaged_line_is_named(file: Path) -> None:
     """A whole line that is no result is no torn end: somebody has been at the file."""
-    run_resumable(ABOUT, JOBS, double, file=file)
+    run_resumable(ABOUT, JOBS, double, workers=in_turn, file=file)
     lines = file.read_bytes().splitlines(keepends=True)
     file.write_bytes(b"".join([*lines[:2], b"{}\n", *lines[2:]]))
     with pytest.raises(FootsenseError, match="line 3"):
-        run_resumable(ABOUT, JOBS, double, file=file)
+        run_resumable(ABOUT, JOBS, double, workers=in_turn, file=file)
 
 
 @pytest.mark.parametrize(
@@ -177,7 +183,7 @@ def test_an_exact_bench_measures_what_the_daemon_senses(released: FootResponse) 
 def test_a_foot_is_judged_the_same_each_time() -> None:
     """A turned mount turns the answer by its angle; a foot's film alone is nothing to a read-out of closures."""
     exact, filmy, turned, again = (
-        judge(Job(tolerances, 5), models=RELEASED, seed=1, epochs=1)
+        readout_errors(Job(tolerances, 5), models=RELEASED, seed=1, epochs=1)
         for tolerances in (
             Tolerances(),
             Tolerances(film_um=0.5),

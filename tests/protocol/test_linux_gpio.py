@@ -2,12 +2,16 @@
 
 import errno
 import os
+from typing import TYPE_CHECKING, cast
 
 import pytest
 from gpiod.line import Direction, Drive, Value
 
-from footsense.acquisition.gpio import SETTINGS, LinuxResetLine
+from footsense.acquisition.linux.gpio import SETTINGS, LinuxResetLine
 from footsense.errors import HardwareError
+
+if TYPE_CHECKING:
+    import gpiod
 
 
 class Line:
@@ -27,6 +31,10 @@ class Line:
         self.released = True
 
 
+def reset_line(line: Line) -> LinuxResetLine:
+    return LinuxResetLine(cast("gpiod.LineRequest", line), "/dev/gpiochip0", 17)
+
+
 def test_the_line_is_an_open_drain_active_low_output_that_is_released() -> None:
     """Driven high, the pin would fight a mux with a lower supply; active at once, it would reset the bus."""
     assert (SETTINGS.direction, SETTINGS.drive) == (Direction.OUTPUT, Drive.OPEN_DRAIN)
@@ -36,7 +44,7 @@ def test_the_line_is_an_open_drain_active_low_output_that_is_released() -> None:
 def test_a_pulse_is_active_then_inactive() -> None:
     """The pin is low for two system calls, and the line stays requested until it is closed."""
     line = Line()
-    reset = LinuxResetLine(line, "/dev/gpiochip0", 17)
+    reset = reset_line(line)
     reset.pulse()
     assert line.values == [(17, Value.ACTIVE), (17, Value.INACTIVE)]
     assert not line.released
@@ -46,7 +54,11 @@ def test_a_pulse_is_active_then_inactive() -> None:
 
 def test_a_line_that_has_gone_is_one_clear_line() -> None:
     """The message names the line."""
-    gone = LinuxResetLine(Line(OSError(errno.ENODEV, os.strerror(errno.ENODEV))), "/dev/gpiochip0", 17)
+    gone = LinuxResetLine(
+        cast("gpiod.LineRequest", Line(OSError(errno.ENODEV, os.strerror(errno.ENODEV)))),
+        "/dev/gpiochip0",
+        17,
+    )
     with pytest.raises(HardwareError, match=r"^/dev/gpiochip0 line 17: No such device$"):
         gone.pulse()
 

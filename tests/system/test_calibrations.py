@@ -143,13 +143,13 @@ def test_a_recording_knows_its_calibrations(tmp_path: Path) -> None:
     write_both(feet)
     run(config(feet, lf="foot-0007", rf="foot-0008"), record=walk)
     result = CliRunner().invoke(replay, [str(walk), "--check"])
-    assert "scans equal bit for bit" in result.output, result.exception
+    assert "cycles equal bit for bit" in result.output, result.exception
     elsewhere = tmp_path / "elsewhere"
     feet.rename(elsewhere)
     result = CliRunner().invoke(replay, [str(walk), "--check"])
     assert "foot-0007: no such calibration" in str(result.exception)
     result = CliRunner().invoke(replay, [str(walk), "--check", "--calibrations", str(elsewhere)])
-    assert "scans equal bit for bit" in result.output, result.exception
+    assert "cycles equal bit for bit" in result.output, result.exception
     calibration(tmp_path / "new", "foot-0007", parameters=true_parameters(0), n_loads=20)
     calibration(tmp_path / "new", "foot-0008", parameters=true_parameters(1))
     result = CliRunner().invoke(replay, [str(walk), "--check", "--calibrations", str(tmp_path / "new")])

@@ -57,7 +57,7 @@ def test_every_frame_decodes_with_plain_cantools_and_is_protected_right(
     for can_id, values in counters.items():
         assert all(b == (a + 1) % 15 for a, b in pairwise(values)), hex(can_id)
     for node in range(1, 7):
-        assert len(counters[0x180 + node]) == len(counters[0x280 + node]) == walk[1]["scans"]
+        assert len(counters[0x180 + node]) == len(counters[0x280 + node]) == walk[1]["cycles"]
     assert n_frames == walk[1]["can"]["sent"]
     assert walk[1]["can"]["dropped"] == 0
 
@@ -65,7 +65,7 @@ def test_every_frame_decodes_with_plain_cantools_and_is_protected_right(
 def test_the_forces_are_those_that_the_feet_felt(walk: tuple[Path, dict[str, Any]]) -> None:
     """Errors against the truth at the time of sending: the age of half a scan is in them, a heel strike too."""
     figures = walk[1]
-    assert figures["scan_rate_hz"] == pytest.approx(40.4, abs=1.0)
+    assert figures["cycle_rate_hz"] == pytest.approx(40.4, abs=1.0)
     assert figures["faults"] == 0
     assert max(figures["force_rmse_n"].values()) < 0.2
     assert figures["direction_error_deg"]["mean"] < 5.0
@@ -93,7 +93,7 @@ def test_the_recording_gives_the_same_forces_again(walk: tuple[Path, dict[str, A
     """Bit for bit, on the machine that made it."""
     result = footsense("replay", walk[0] / "walk.mcap", "--check")
     assert (result.returncode, result.stderr) == (0, "")
-    assert result.stdout == f"{walk[1]['scans']} scans equal bit for bit\n"
+    assert result.stdout == f"{walk[1]['cycles']} cycles equal bit for bit\n"
 
 
 def test_a_recording_that_was_cut_short_is_replayed_as_far_as_it_is_whole(
@@ -106,7 +106,7 @@ def test_a_recording_that_was_cut_short_is_replayed_as_far_as_it_is_whole(
     result = footsense("replay", cut, "--check")
     assert result.returncode == 3
     n_scans = int(result.stdout.split()[0])
-    assert 0.4 < n_scans / walk[1]["scans"] < 0.7
+    assert 0.4 < n_scans / walk[1]["cycles"] < 0.7
     assert "cut" in result.stderr or "end" in result.stderr
     assert "Traceback" not in result.stderr
     assert footsense("recover", cut).returncode in {0, 3}

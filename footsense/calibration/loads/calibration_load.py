@@ -3,9 +3,7 @@
 from enum import StrEnum
 from typing import NamedTuple
 
-import numpy as np
-
-from footsense.frames import Codes, Mask, Reference, Stamps, Vector
+from footsense.frames import Codes, Reference, Stamps, Vector
 
 
 class Rejection(StrEnum):
@@ -65,9 +63,8 @@ class Press(NamedTuple):
         before_ns: Start and end of the unloaded span before it [ns].
         pressed_ns: Start and end of the press [ns].
         after_ns: Start and end of the unloaded span after it [ns]; None if there is none.
-        offset_sum_n: Sum of the reference samples in the unloaded spans of the last seconds, `before_ns` included [N],
-            shape (3,): the offset drifts less than one span's noise.
-        offset_samples: Number of those samples.
+        offset_n: Unsaturated reference samples in the unloaded spans of the last seconds, `before_ns` included [N],
+            shape (n, 3): the offset drifts less than one span's noise.
     """
 
     t_ns: Stamps
@@ -77,17 +74,4 @@ class Press(NamedTuple):
     before_ns: tuple[int, int]
     pressed_ns: tuple[int, int]
     after_ns: tuple[int, int] | None
-    offset_sum_n: Vector
-    offset_samples: int
-
-
-def column_means(values: Vector) -> Vector:
-    """Return the mean of each column over the rows that are not NaN, shape (columns,); NaN where all are."""
-    n = (~np.isnan(values)).sum(axis=0)
-    return np.where(n > 0, np.nansum(values, axis=0) / np.maximum(n, 1), np.nan)
-
-
-def within(t_ns: Stamps, span_ns: tuple[int, int]) -> Mask:
-    """Return which times lie in a span, its ends included [ns]."""
-    inside: Mask = (t_ns >= span_ns[0]) & (t_ns <= span_ns[1])
-    return inside
+    offset_n: Vector

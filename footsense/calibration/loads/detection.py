@@ -10,15 +10,9 @@ from enum import Enum, auto
 
 import numpy as np
 
-from footsense.calibration.loads.calibration_load import (
-    CalibrationLoad,
-    Press,
-    RejectedPress,
-    Rejection,
-    column_means,
-    within,
-)
+from footsense.calibration.loads.calibration_load import CalibrationLoad, Press, RejectedPress, Rejection
 from footsense.calibration.loads.press_reduction import reduce_press
+from footsense.calibration.loads.span_means import column_means, unsaturated_n
 from footsense.frames import Codes, Cycle, Reading, Reference, Vector
 
 _NS_PER_MS = 1_000_000
@@ -60,7 +54,7 @@ class LoadDetector:
         self._row = row
         self._scans: deque[tuple[int, Vector, Codes]] = deque()
         self._reference: deque[Reference] = deque()
-        self._offsets: deque[tuple[int, Vector, int]] = deque()
+        self._offsets: deque[tuple[int, Vector]] = deque()
         self._phase = _Phase.UNLOADED
         self._n_agreeing = 0
         self._baseline_pf: Vector | None = None
@@ -78,11 +72,11 @@ class LoadDetector:
     @property
     def offset_n(self) -> Vector:
         """Unloaded reading of the reference sensor [N], shape (3,); NaN until known."""
-        total_n, n = self._offset_sum()
+        samples_n = self._offset_samples_n()
         if self._phase is _Phase.UNLOADED:
-            now_n, n_now = self._reference_sum(self._before_ns)
-            total_n, n = total_n + now_n, n + n_now
-        return total_n / n if n else np.full(3, np.nan)
+            now_n = unsaturated_n(join_references(self._reference), self._before_ns)
+            samples_n = np.concatenate([samples_n, now_n])
+        return column_means(samples_n)
 
     def take(self, cycle: Cycle) -> CalibrationLoad | RejectedPress | None:
         """Process a cycle; return the load or rejected press that ends with this cycle, or None."""
@@ -129,9 +123,9 @@ class LoadDetector:
         self._peak_rel = 0.0
         while self._offsets and self._offsets[0][0] < self._before_ns[0] - _OFFSET_NS:
             self._offsets.popleft()
-        total_n, n = self._reference_sum(self._before_ns)
-        if n:
-            self._offsets.append((self._before_ns[1], total_n, n))
+        before_n = unsaturated_n(join_references(self._reference), self._before_ns)
+        if len(before_n):
+            self._offsets.append((self._before_ns[1], before_n))
 
     def _await_release(self, t_ns: int, capacitance_pf: Vector) -> RejectedPress | None:
         change_rel = self._change_rel(capacitance_pf)
@@ -178,20 +172,9 @@ class LoadDetector:
             return np.nan
         return float(column_means((capacitance_pf / self._baseline_pf - 1)[:, None])[0])
 
-    def _offset_sum(self) -> tuple[Vector, int]:
-        """Return sum and number of the reference samples in the unloaded spans before the last presses."""
-        total_n = sum((total_n for _, total_n, _ in self._offsets), np.zeros(3))
-        return total_n, sum(n for _, _, n in self._offsets)
-
-    def _reference_sum(self, span_ns: tuple[int, int]) -> tuple[Vector, int]:
-        """Return sum [N], shape (3,), and number of the unsaturated reference samples in a span."""
-        total_n, n = np.zeros(3), 0
-        for block in self._reference:
-            if int(block.t_ns[-1]) >= span_ns[0] and int(block.t_ns[0]) <= span_ns[1]:
-                inside = within(block.t_ns, span_ns) & ~block.saturated
-                total_n += block.force_n[inside].sum(axis=0)
-                n += int(inside.sum())
-        return total_n, n
+    def _offset_samples_n(self) -> Vector:
+        """Return the reference samples in the unloaded spans before the last presses [N], shape (n, 3)."""
+        return np.concatenate([np.zeros((0, 3)), *(samples_n for _, samples_n in self._offsets)])
 
     def _end_press(self, since_ns: int) -> None:
         """Wait for the next press; drop the samples before the release."""
@@ -215,7 +198,7 @@ class LoadDetector:
             self._before_ns,
             (self._pressed_ns, self._released_ns),
             after_ns,
-            *self._offset_sum(),
+            self._offset_samples_n(),
         )
 
 

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.calibration.loads.calibration_load import Press, column_means, within
+from footsense.calibration.loads.calibration_load import Press
+from footsense.calibration.loads.span_means import column_deviations, column_means, unsaturated_n, within
 from footsense.calibration.loads.steady_span import longest_steady
 from footsense.frames import Reference, Stamps, Vector
 
@@ -19,42 +20,40 @@ _FORCE_REL, _CAPACITANCE_REL = 0.04, 0.05
 _NOISE_RANGE = 5.0
 
 
-class UnloadedMeans(NamedTuple):
-    """Means and standard deviations of the readings over an unloaded span, and the span's mean time."""
+class Unloaded(NamedTuple):
+    """Readings over an unloaded span.
+
+    Attributes:
+        t_ns: Mean time of the scans [ns].
+        capacitance_pf: Mean reading of each element [pF], shape (9,).
+        noise_pf: Standard deviation of the readings [pF], shape (9,).
+        force_n: Unsaturated reference samples [N], shape (n, 3).
+    """
 
     t_ns: float
     capacitance_pf: Vector
     noise_pf: Vector
     force_n: Vector
-    noise_n: Vector
-    n_samples: int
 
 
-def unloaded_means(press: Press, span_ns: tuple[int, int]) -> UnloadedMeans:
-    """Return the means over a span [ns] of a press; of the reference without its saturated samples."""
+def unloaded(press: Press, span_ns: tuple[int, int]) -> Unloaded:
+    """Return the readings over an unloaded span [ns] beside a press."""
     inside = within(press.t_ns, span_ns)
     scans = press.capacitance_pf[inside]
-    reference = press.reference
-    samples = reference.force_n[within(reference.t_ns, span_ns) & ~reference.saturated]
-    n, unknown = len(samples), np.full(3, np.nan)
-    return UnloadedMeans(
-        t_ns=float(press.t_ns[inside].mean()) if inside.any() else sum(span_ns) / 2,
-        capacitance_pf=column_means(scans),
-        noise_pf=np.sqrt(column_means((scans - column_means(scans)) ** 2)),
-        force_n=samples.mean(axis=0) if n else unknown,
-        noise_n=samples.std(axis=0) if n else unknown,
-        n_samples=n,
+    t_ns = float(press.t_ns[inside].mean()) if inside.any() else sum(span_ns) / 2
+    return Unloaded(
+        t_ns, column_means(scans), column_deviations(scans), unsaturated_n(press.reference, span_ns)
     )
 
 
-def longest_dwell(press: Press, before: UnloadedMeans) -> tuple[int, int]:
+def longest_dwell(press: Press, before: Unloaded) -> tuple[int, int]:
     """Return start and end of the longest span without motion [ns], equal if there is none."""
     t_ns = press.t_ns[pressed := within(press.t_ns, press.pressed_ns)]
-    force_n = _beside(press.reference, t_ns) - before.force_n
+    force_n = _beside(press.reference, t_ns) - column_means(before.force_n)
     change_pf = press.capacitance_pf[pressed] - before.capacitance_pf
     # A mean of n samples has less noise than each of them.
     n_beside = max(2 * _BESIDE_NS / sample_period_ns(press.reference), 1.0)
-    noise_n = _NOISE_RANGE * before.noise_n / np.sqrt(n_beside)
+    noise_n = _NOISE_RANGE * column_deviations(before.force_n) / np.sqrt(n_beside)
     noise_pf = _NOISE_RANGE * before.noise_pf
     limit_n = _FORCE_REL * np.linalg.norm(force_n, axis=1, keepdims=True) + noise_n
     largest_pf = np.fmax.reduce(np.abs(change_pf), axis=1, keepdims=True)

@@ -4,22 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from footsense.calibration.loads.calibration_load import (
-    CalibrationLoad,
-    Press,
-    RejectedPress,
-    Rejection,
-    column_means,
-    within,
-)
-from footsense.calibration.loads.dwell import (
-    MIN_DWELL_S,
-    UnloadedMeans,
-    longest_dwell,
-    sample_period_ns,
-    unloaded_means,
-)
+from footsense.calibration.loads import dwell
+from footsense.calibration.loads.calibration_load import CalibrationLoad, Press, RejectedPress, Rejection
 from footsense.calibration.loads.reference_lag import lag_s
+from footsense.calibration.loads.span_means import column_means, within
 from footsense.frames import Mask, Reading
 
 #: Smallest force of a load [N]: a sensor for 80 N resolves 0.12 N, averaged over a dwell a tenth of that.
@@ -30,12 +18,12 @@ _PRESENT_REL = 0.9
 
 def reduce_press(press: Press) -> CalibrationLoad | RejectedPress:
     """Return the calibration load of a recorded press, or why it gives none."""
-    before = unloaded_means(press, press.before_ns)
-    dwell_ns = longest_dwell(press, before)
+    before = dwell.unloaded(press, press.before_ns)
+    dwell_ns = dwell.longest_dwell(press, before)
     return next(_rejections(press, before, dwell_ns), None) or _means(press, dwell_ns, before)
 
 
-def _rejections(press: Press, before: UnloadedMeans, dwell_ns: tuple[int, int]) -> Iterator[RejectedPress]:
+def _rejections(press: Press, before: dwell.Unloaded, dwell_ns: tuple[int, int]) -> Iterator[RejectedPress]:
     """Yield why a press gives no load, causes before their consequences."""
     reading = press.reading[within(press.t_ns, press.pressed_ns)]
     over = (reading == Reading.OVER_RANGE).any(axis=0)
@@ -48,44 +36,43 @@ def _rejections(press: Press, before: UnloadedMeans, dwell_ns: tuple[int, int]) 
         yield RejectedPress(Rejection.OVER_RANGE, reason)
     if silent.any():
         yield RejectedPress(Rejection.NOT_READ, f"element {_elements(silent)} did not answer")
-    if before.n_samples == 0:
+    if not len(before.force_n):
         yield RejectedPress(
             Rejection.REFERENCE_MISSING, "no unsaturated reference sample just before the press"
         )
     dwell_s, pressed_s = _seconds(dwell_ns), _seconds(press.pressed_ns)
-    dwelt = dwell_s >= MIN_DWELL_S
+    dwelt = dwell_s >= dwell.MIN_DWELL_S
     samples = within(press.reference.t_ns, dwell_ns if dwelt else press.pressed_ns)
     if press.reference.saturated[samples].any():
         largest_n = np.abs(press.reference.force_n[samples]).max()
         yield RejectedPress(
             Rejection.REFERENCE_SATURATED, f"an axis is at the end of its range, {largest_n:.1f} N"
         )
-    expected = round((dwell_s if dwelt else pressed_s) * 1e9 / sample_period_ns(press.reference))
+    expected = round((dwell_s if dwelt else pressed_s) * 1e9 / dwell.sample_period_ns(press.reference))
     if samples.sum() < _PRESENT_REL * expected:
         yield RejectedPress(
             Rejection.REFERENCE_MISSING, f"{samples.sum()} of about {expected} samples are there"
         )
     if not dwelt:
-        reason = f"still for {dwell_s:.2f} s of {pressed_s:.2f} s, at least {MIN_DWELL_S:g} s are needed"
-        rejection = Rejection.TOO_SHORT if pressed_s < 2 * MIN_DWELL_S else Rejection.SLIPPED
+        reason = (
+            f"still for {dwell_s:.2f} s of {pressed_s:.2f} s, at least {dwell.MIN_DWELL_S:g} s are needed"
+        )
+        rejection = Rejection.TOO_SHORT if pressed_s < 2 * dwell.MIN_DWELL_S else Rejection.SLIPPED
         yield RejectedPress(rejection, reason)
 
 
-def _means(press: Press, dwell_ns: tuple[int, int], before: UnloadedMeans) -> CalibrationLoad | RejectedPress:
+def _means(
+    press: Press, dwell_ns: tuple[int, int], before: dwell.Unloaded
+) -> CalibrationLoad | RejectedPress:
     """Return the means over a dwell minus the means of the unloaded spans before and after it."""
     scans, samples = within(press.t_ns, dwell_ns), within(press.reference.t_ns, dwell_ns)
-    baseline_pf, offset_sum_n, offset_samples = (
-        before.capacitance_pf,
-        press.offset_sum_n,
-        press.offset_samples,
-    )
-    after = None if press.after_ns is None else unloaded_means(press, press.after_ns)
-    if after is not None and after.n_samples and not np.isnan(after.capacitance_pf).any():
+    baseline_pf, offsets_n = before.capacitance_pf, press.offset_n
+    after = None if press.after_ns is None else dwell.unloaded(press, press.after_ns)
+    if after is not None and len(after.force_n) and not np.isnan(after.capacitance_pf).any():
         share = (sum(dwell_ns) // 2 - before.t_ns) / (after.t_ns - before.t_ns)
         baseline_pf = baseline_pf + share * (after.capacitance_pf - before.capacitance_pf)
-        offset_sum_n = offset_sum_n + after.n_samples * after.force_n
-        offset_samples += after.n_samples
-    offset_n = offset_sum_n / offset_samples
+        offsets_n = np.concatenate([offsets_n, after.force_n])
+    offset_n = offsets_n.mean(axis=0)
     dwell_n = press.reference.force_n[samples]
     force_n = dwell_n.mean(axis=0) - offset_n
     magnitude_n = float(np.linalg.norm(force_n))

@@ -133,7 +133,8 @@ def read_session(path: Path, foot: str) -> RecordedSession:
                 now_c = float(entry.cycle.temperature_c[row])
             if n_samples:
                 presses.append(detector.take(entry.cycle))
-                temperatures_c.append(now_c)
+                if math.isfinite(now_c):
+                    temperatures_c.append(now_c)
     except RecordingError as error:
         damage = str(error)
     if not n_samples:
@@ -141,7 +142,6 @@ def read_session(path: Path, foot: str) -> RecordedSession:
             f"{path}: holds no sample of a reference sensor; record it with `footsense record --reference`"
         )
     presses.append(detector.finish())
-    known_c = [temperature_c for temperature_c in temperatures_c if math.isfinite(temperature_c)]
     return RecordedSession(
         path=path,
         sha256=file_sha256(path),
@@ -149,7 +149,7 @@ def read_session(path: Path, foot: str) -> RecordedSession:
         foot=foot,
         foot_type=header.get("foot_type", ""),
         test_stand=_test_stand(header),
-        temperature_c=fmean(known_c) if known_c else None,
+        temperature_c=fmean(temperatures_c) if temperatures_c else None,
         loads=tuple(press for press in presses if isinstance(press, CalibrationLoad)),
         rejected=Counter(press.rejection for press in presses if isinstance(press, RejectedPress)),
         n_lost=n_lost,

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from footsense.calibration.evaluation import Evaluation
-from footsense.cli.evaluate.command import headline, table
 from footsense.cli.evaluate.figures import error_map, histograms, patterns
+from footsense.cli.evaluate.summary import headline, table
 from footsense.foot.directions import azimuth_elevation_deg, directions, normalized
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.parameters import FootParameters

@@ -10,17 +10,17 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from msgspec.structs import asdict
 
+from footsense.cli.lab.experiment_figure import errors_over_loads
 from footsense.errors import FootsenseError
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels
+from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.training.paper_procedure import EPOCHS
 from footsense.lab.training.per_foot_network import per_foot_force_n
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES, FootTolerances
+from footsense.validation.processes import in_processes
 from footsense.validation.test_stand_trial import FootBatch
-from footsense.validation.virtual_experiment import ALL_LOADS, LOAD_COUNTS, FootResult, run_experiment
+from footsense.validation.virtual_experiment import ALL_LOADS, LOAD_COUNTS, FootResult, evaluate_foot
 
 #: Feet of a full run, and of a quick one with one of so many loads.
 N_FEET, QUICK_N_FEET, _QUICK_EVERY = 20, 2, 7
@@ -34,8 +34,6 @@ ESTIMATORS = {
     "linear_per_foot": "linear in ΔC, the foot's own loads",
     "network_per_foot": "network on ΔC, the foot's own loads",
 }
-#: The paper's errors on its fabricated foot.
-_PANELS = (("direction_deg", "direction error [deg]", 15.9), ("magnitude_gf", "magnitude error [gf]", 18.7))
 _FIGURE = "experiment.png"
 _BATCH = FootBatch()
 
@@ -115,7 +113,8 @@ def compute(
     n_feet = n_feet or (QUICK_N_FEET if context.quick else N_FEET)
     network = partial(per_foot_force_n, context.response.design, epochs=epochs)
     feet: list[FootResult] = []
-    for one in run_experiment(batch, range(n_feet), network, jobs=jobs or os.cpu_count() or 1, every=every):
+    evaluate = partial(evaluate_foot, batch, per_foot_network=network, every=every)
+    for one in in_processes(evaluate, range(n_feet), jobs or os.cpu_count() or 1):
         feet.append(one)
         context.say(_line(one))
     if not feet:
@@ -138,7 +137,7 @@ def compute(
         calibrate_s=over_feet(lambda one: one.calibrate_s),
         refused={one.foot: one.refused for one in feet if one.refused},
     )
-    return results, {_FIGURE: _figure(feet)}
+    return results, {_FIGURE: errors_over_loads(feet)}
 
 
 def _estimators(feet: list[FootResult]) -> dict[str, dict[str, int | OverFeet]]:
@@ -151,49 +150,9 @@ def _estimators(feet: list[FootResult]) -> dict[str, dict[str, int | OverFeet]]:
     return found
 
 
-def _figure(feet: Sequence[FootResult]) -> Figure:
-    """Draw the errors over the number of calibration loads: each foot a line, their mean a thicker one."""
-    figure, row = panels(2, 10.0, 4.2)
-    for axes, (error, label, paper) in zip(row, _PANELS, strict=True):
-        _panel(axes, feet, error, paper)
-        axes.set_ylabel(label)
-    return figure
-
-
-def _panel(axes: Axes, feet: Sequence[FootResult], error: str, paper: float) -> None:
-    """Draw one error; the other estimators and the paper's figure as horizontal lines."""
-    counts = (*LOAD_COUNTS, ALL_LOADS)
-    names = [f"calibrated_{n}" for n in counts]
-    lines = np.array(
-        [
-            [getattr(one.errors[name], error) if name in one.errors else np.nan for name in names]
-            for one in feet
-        ]
-    )
-    axes.plot(counts, lines.T, color="0.75", linewidth=0.7)
-    known = ~np.isnan(lines).all(axis=0)
-    mean = np.nanmean(lines[:, known], axis=0)
-    axes.plot(np.array(counts)[known], mean, "o-", color="tab:blue", label="calibrated")
-    for name, color, label in (
-        ("design_only", "tab:red", "design alone"),
-        ("linear_per_foot", "tab:green", "linear, own loads"),
-        ("network_per_foot", "tab:orange", "network, own loads"),
-    ):
-        values = [getattr(one.errors[name], error) for one in feet if name in one.errors]
-        if values:
-            axes.axhline(float(np.mean(values)), color=color, linestyle="--", linewidth=1.0, label=label)
-    axes.axhline(paper, color="k", linestyle=":", linewidth=1.0, label="the paper, made")
-    axes.set(xscale="log", yscale="log", xlabel="loads", xticks=counts)
-    axes.set_xticks([], minor=True)
-    axes.set_xticklabels([str(n) for n in counts])
-    axes.grid(visible=True, which="both", alpha=0.3)
-    axes.legend(fontsize=8)
-
-
 STUDY = Study(
     name="experiment",
     title="The experiment, on simulated feet",
-    results=Results,
     compute=compute,
     command="experiment",
 )

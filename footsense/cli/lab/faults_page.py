@@ -5,8 +5,8 @@ from typing import Any
 
 from footsense.frames import ELEMENTS
 from footsense.lab.studies.page import Figures, Study, StudyContext
-from footsense.validation.fault_table import can_rows, rows
-from footsense.validation.fault_trial import BREAKS_AT_S, DURATION_S, PASSES_AT_S
+from footsense.validation.faults.fault_table import can_rows, rows
+from footsense.validation.faults.published_walk import BREAKS_AT_S, DURATION_S, PASSES_AT_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +49,6 @@ def _camel(name: str) -> str:
 STUDY = Study(
     name="faults",
     title="Effect of every fault",
-    results=FaultResults,
     compute=compute,
     names={
         "BREAKS_AT_S": f"{BREAKS_AT_S:g}",

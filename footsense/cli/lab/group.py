@@ -34,6 +34,7 @@ def _require_extra() -> None:
         study.study,
         study.fidelity,
         study.cramer_rao,
+        study.gaits,
         study.tradeoff,
         study.tolerance,
         study.faults,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 import msgspec
 
-from footsense.cli.lab.options import models_option, released_folder, require_writable, stopwatch_report
+from footsense.cli.lab import options
 from footsense.cli.options import FILE, FOLDER, echo_json, json_option
 from footsense.daemon.foot_types import released_path
 from footsense.errors import FootsenseError
@@ -36,12 +36,12 @@ def build(*, foot: Path | None, out: Path | None, quick: bool) -> None:
     folder = (out or Path("models-quick" if quick else "models")) / foot_design.foot_type
     for known in (folder, released_path(FOOT_FILE, foot_design.foot_type).parent):
         _require_no_other(known / FOOT_FILE, description, foot_design)
-    require_writable(folder)
+    options.require_writable(folder)
     from footsense.lab.build import FULL, QUICK
     from footsense.lab.build import build as build_models
     from footsense.lab.evaluation.evaluate_models import as_markdown
 
-    report = stopwatch_report()
+    report = options.stopwatch_report()
     built = build_models(description, folder, QUICK if quick else FULL, report)
     report(f"wrote {folder}; JAX and ONNX Runtime differ by at most {1000 * built.parity_n:.4f} mN")
     click.echo(as_markdown(built.table))
@@ -63,7 +63,7 @@ def _require_no_other(known: Path, description: Path, foot_design: "FootDesign")
 
 
 @click.command()
-@models_option
+@options.models_option
 @click.option(
     "--protocol",
     type=click.Choice(["table", "paper"]),
@@ -77,7 +77,7 @@ def evaluate(*, models: Path | None, protocol: str, as_json: bool) -> None:
     from footsense.lab.evaluation.evaluate_models import as_json as table_json
     from footsense.lab.evaluation.evaluate_models import as_markdown, evaluate_models, paper_protocol
 
-    folder = models or released_folder()
+    folder = models or options.released_folder()
     table = evaluate_models(folder)
     beside = paper_protocol(folder) if protocol == "paper" else {}
     if as_json:
@@ -90,7 +90,7 @@ def evaluate(*, models: Path | None, protocol: str, as_json: bool) -> None:
 
 @click.command()
 @click.argument("other", type=FOLDER)
-@models_option
+@options.models_option
 def compare(*, other: Path, models: Path | None) -> None:
     """Print how far a build in OTHER is from the released files, and by how much its network is worse.
 
@@ -98,7 +98,7 @@ def compare(*, other: Path, models: Path | None) -> None:
     """  # noqa: DOC501 - click shows this text
     from footsense.lab.evaluation.compare import compare as compare_builds
 
-    differences = compare_builds(models or released_folder(), other)
+    differences = compare_builds(models or options.released_folder(), other)
     for row in differences:
         verdict = "same" if row.same else "DIFFERS"
         click.echo(f"{row.what}: {row.measured:.3g}, tolerated {row.tolerated:.3g}: {verdict}")

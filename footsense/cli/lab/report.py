@@ -4,14 +4,7 @@ from pathlib import Path
 
 import click
 
-from footsense.cli.lab.options import (
-    output_option,
-    quick_option,
-    released_folder,
-    report_folder,
-    require_writable,
-    stopwatch_report,
-)
+from footsense.cli.lab import options
 from footsense.cli.lab.study import DAEMON_STUDIES, EXPERIMENT
 from footsense.cli.options import FOLDER
 from footsense.clock import stopwatch_ns
@@ -24,25 +17,25 @@ from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE, released_path
     type=FOLDER,
     help=f"Folder that the models are built into; without it ./models/{DEFAULT_FOOT_TYPE}.",
 )
-@output_option
-@quick_option
+@options.output_option
+@options.quick_option
 @click.option("--resume", is_flag=True, help="Keep models, and pages that are not stale.")
 @click.option("--stale", is_flag=True, help="Make nothing: list the pages that are stale, and why.")
 def report(*, models: Path | None, output: Path | None, quick: bool, resume: bool, stale: bool) -> None:
     """Build the models from nothing, run every study on them, and bind the pages into one report."""
     if stale:
-        _print_stale(models or released_folder(), output or Path("docs") / "report", quick=quick)
+        _print_stale(models or options.released_folder(), output or Path("docs") / "report", quick=quick)
         return
     folder = models or Path("models") / (f"{DEFAULT_FOOT_TYPE}-quick" if quick else DEFAULT_FOOT_TYPE)
-    require_writable(folder)
-    pages = report_folder(output, quick=quick)
+    options.require_writable(folder)
+    pages = options.report_folder(output, quick=quick)
     from footsense.lab.build import FULL, QUICK, build
     from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
     from footsense.lab.foot_file import FOOT_FILE
     from footsense.lab.report import STUDIES, make_report
     from footsense.lab.studies.page import StudyContext
 
-    say, started_ns, build_s = stopwatch_report(), stopwatch_ns(), None
+    say, started_ns, build_s = options.stopwatch_report(), stopwatch_ns(), None
     if not (resume and all((folder / name).exists() for name in (NETWORK_FILE, RESPONSE_FILE))):
         build(released_path(FOOT_FILE), folder, QUICK if quick else FULL, say)
         build_s = (stopwatch_ns() - started_ns) / 1e9

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from footsense.cli.lab.options import models_option, released_folder
+from footsense.cli.lab import options
 from footsense.cli.options import echo_json, json_option
 from footsense.errors import FootsenseError
 
@@ -33,7 +33,7 @@ def _direction(_: click.Context, __: click.Parameter, text: str) -> tuple[float,
 )
 @click.option("--force-n", type=float, required=True, help="Its magnitude [N].")
 @click.option("--level", default="contact", show_default=True, help="half-space, linear, contact or full.")
-@models_option
+@options.models_option
 @json_option
 def response(
     *,
@@ -48,7 +48,7 @@ def response(
     from footsense.lab.fidelity.levels import response_to
     from footsense.lab.foot_file import FOOT_FILE, load_foot
 
-    folder = models or released_folder()
+    folder = models or options.released_folder()
     table, _ = open_models(folder)
     try:
         found = response_to(table, load_foot(folder / FOOT_FILE), direction_deg, force_n, level)

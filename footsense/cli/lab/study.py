@@ -1,4 +1,4 @@
-"""`footsense lab study`, `fidelity`, `cramer-rao`, `tradeoff`, `faults`, `tolerance`: one study each."""
+"""`footsense lab study`, `fidelity`, `cramer-rao`, `gaits`, `tradeoff`, `faults`, `tolerance`: one study each."""
 
 from dataclasses import replace
 from functools import partial
@@ -7,15 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from footsense.cli.lab.options import (
-    models_option,
-    output_option,
-    quick_option,
-    released_folder,
-    report_folder,
-    stopwatch_report,
-)
+from footsense.cli.lab import options
 from footsense.cli.options import Decorator, echo_json, json_option
+from footsense.errors import FootsenseError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -52,12 +46,12 @@ def write_study(
         as_json: Whether to print JSON.
         bound: Whether the page becomes part of the report.
     """
-    folder = report_folder(output, quick=quick)
+    folder = options.report_folder(output, quick=quick)
     from footsense.lab.report import STUDIES, bind, make_page
     from footsense.lab.studies.page import StudyContext
 
-    say = (lambda _: None) if as_json else stopwatch_report()
-    context = StudyContext(models=models or released_folder(), quick=quick, say=say)
+    say = (lambda _: None) if as_json else options.stopwatch_report()
+    context = StudyContext(models=models or options.released_folder(), quick=quick, say=say)
     page = make_page(study, context, STUDIES | DAEMON_STUDIES) if isinstance(study, str) else study(context)
     page.write(folder)
     if bound:
@@ -72,45 +66,65 @@ def write_study(
 
 @click.command()
 @click.argument("name")
-@models_option
-@output_option
-@quick_option
+@options.models_option
+@options.output_option
+@options.quick_option
 def study(*, name: str, models: Path | None, output: Path | None, quick: bool) -> None:
     """Run the study NAME: its page with tables and figures goes into the report. An unknown name lists all."""
     write_study(name, models, output, quick=quick)
 
 
-def _named(name: str, words: str, *options: Decorator) -> click.Command:
-    """Return the dedicated command of a study, with `options` beside `--output` and `--quick`."""
+def _named(name: str, words: str, *own_options: Decorator) -> click.Command:
+    """Return the dedicated command of a study with these options."""
 
     def run(*, output: Path | None, quick: bool, models: Path | None = None, as_json: bool = False) -> None:
         write_study(name, models, output, quick=quick, as_json=as_json)
 
     run.__doc__ = words
-    for option in (*options, output_option, quick_option):
-        run = option(run)
-    return click.command(name)(run)
+    command = click.command(name)(run)
+    for option in own_options:
+        option(command)
+    return command
 
+
+_STUDY_OPTIONS = (options.models_option, options.output_option, options.quick_option, json_option)
 
 fidelity = _named(
     "fidelity",
     "Print time and error of the four models of the foot, and draw one against the other.",
-    *(models_option, json_option),
+    *_STUDY_OPTIONS,
 )
 cramer_rao = _named(
     "cramer-rao",
     "Print the Cramer-Rao bound over the loading range, and the network's error over it.",
-    *(models_option, json_option),
+    *_STUDY_OPTIONS,
+)
+gaits = _named(
+    "gaits",
+    "Print the network's errors on gaits that it was not trained on, and at rest.",
+    *_STUDY_OPTIONS,
 )
 tradeoff = _named(
     "tradeoff",
-    "Print what rate, averaging, publish mode and network size cost in latency and bring in error.",
-    *(models_option, json_option),
+    "Print what conversion rate and publishing rate cost in latency and bring in error.",
+    *_STUDY_OPTIONS,
 )
 faults = _named(
     "faults",
     "Walk with every fault that a scene can have, and print detection, recovery and effect on the other legs.",
+    options.output_option,
+    click.option("--quick", is_flag=True, help="A few faults, in seconds."),
 )
+
+
+def _renamed_file(_: click.Context, __: click.Parameter, given: str | None) -> None:
+    """Answer the former name of `--file`.
+
+    Raises:
+        FootsenseError: It is used.
+    """
+    if given is not None:
+        raise FootsenseError("`--campaign` is now `--file`")
 
 
 @click.command()
@@ -119,14 +133,15 @@ faults = _named(
     metavar="ADDRESS",
     help="Of a dask cluster, such as tcp://host:8786; without it two processes on this machine.",
 )
+@click.option("--campaign", hidden=True, expose_value=False, callback=_renamed_file)
 @click.option(
     "--file",
     type=click.Path(dir_okay=False, path_type=Path),
     help="File of the finished feet; an interrupted run continues with the others.",
 )
-@models_option
-@output_option
-@quick_option
+@options.models_option
+@options.output_option
+@options.quick_option
 def tolerance(
     *, scheduler: str | None, file: Path | None, models: Path | None, output: Path | None, quick: bool
 ) -> None:

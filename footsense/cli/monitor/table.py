@@ -1,13 +1,10 @@
 """The monitor's picture: above the forces that a consumer may use, below the legs' reports."""
 
-import math
-
 from rich.console import Group
-from rich.table import Table
 from rich.text import Text
 
 from firmware_interface.can_codes import Cause, Flag, NmtState
-from footsense.cli.leg_table import EMPTY, FORCE_COLUMNS, force_cells, leg_table, number, state_text, words
+from footsense.cli.leg_table import EMPTY, LegColumns, force_columns, leg_table, number, state_text, words
 from footsense.client import LinkStatus
 from footsense.daemon.can_listener import LegSnapshot
 
@@ -26,15 +23,16 @@ def monitor_table(legs: list[LegSnapshot], title: str) -> Group:
     """Return the picture of all legs; it fits 80 columns and 20 lines.
 
     Args:
-        legs: What is known of them.
-        title: What is listened to.
+        legs: The legs as their frames show them.
+        title: Channel and time.
     """
     head = Text.assemble(("footsense monitor  ", "bold"), title)
     if any(snapshot.force.flags & Flag.SIMULATED for snapshot in legs):
         head.append("   simulated", "dim")
     if any(snapshot.report.degraded_timing for snapshot in legs):
         head.append("   timing degraded", "bold red")
-    return Group(head, Text(), _forces(legs), Text(), _reports(legs))
+    by_name = {snapshot.leg: snapshot for snapshot in legs}
+    return Group(head, Text(), leg_table(by_name, _FORCES), Text(), leg_table(by_name, _REPORTS))
 
 
 def cause_text(snapshot: LegSnapshot) -> str | None:
@@ -45,53 +43,37 @@ def cause_text(snapshot: LegSnapshot) -> str | None:
     return words(report.cause.name)
 
 
-def _forces(legs: list[LegSnapshot]) -> Table:
-    table = leg_table(
-        {"state": "<15", "link": "<8", **FORCE_COLUMNS, "sigma": ">5", "age [ms]": ">8", "foot": "<4"}
-    )
-    for snapshot in legs:
-        force = snapshot.force
-        state = state_text(force.state) if snapshot.is_current else EMPTY
-        link = Text(force.status.name.lower(), _LINK_STYLES.get(force.status, "bold red"))
-        cells: list[str | Text] = [EMPTY] * 6
-        if force.usable and force.age_ns is not None:
-            cells = [
-                *force_cells(force.force_n),
-                number(max(force.sigma_n), ".3f"),
-                f"{force.age_ns * 1e-6:.1f}",
-            ]
-            cells.append(Text("down", "cyan") if force.flags & Flag.CONTACT else "up")
-        table.add_row(snapshot.leg, state, link, *cells)
-    return table
+def _state(leg: LegSnapshot) -> Text:
+    return state_text(leg.force.state) if leg.is_current else EMPTY
 
 
-def _reports(legs: list[LegSnapshot]) -> Table:
-    table = leg_table(
-        {
-            "cause": "<15",
-            "elements": "<11",
-            "baseline": "<9",
-            "mean fF": ">7",
-            "worst": ">7",
-            "ago [s]": ">7",
-            "node": "<7",
-        }
-    )
-    for snapshot in legs:
-        report = snapshot.report
-        cause = cause_text(snapshot)
-        moved_ago_s = math.nan if report.moved_ago_ns is None else report.moved_ago_ns * 1e-9
-        table.add_row(
-            snapshot.leg,
-            EMPTY if cause is None else Text(cause, "" if report.cause is Cause.NONE else "yellow"),
-            _grid(snapshot.force.fault_mask) if snapshot.is_current else EMPTY,
-            EMPTY if report.baseline is None else words(report.baseline.name),
-            number(report.mean_pf * 1e3, "+.1f"),
-            number(report.worst_pf * 1e3, "+.1f"),
-            number(moved_ago_s, ".1f"),
-            Text("silent", "bold red") if report.node_state is None else _NODE_STATES[report.node_state],
-        )
-    return table
+def _link(leg: LegSnapshot) -> Text:
+    status = leg.force.status
+    return Text(status.name.lower(), _LINK_STYLES.get(status, "bold red"))
+
+
+def _contact(leg: LegSnapshot) -> str | Text:
+    if not leg.force.usable:
+        return EMPTY
+    return Text("down", "cyan") if leg.force.flags & Flag.CONTACT else "up"
+
+
+def _cause(leg: LegSnapshot) -> Text:
+    cause = cause_text(leg)
+    return EMPTY if cause is None else Text(cause, "" if leg.report.cause is Cause.NONE else "yellow")
+
+
+def _elements(leg: LegSnapshot) -> Text:
+    return _grid(leg.force.fault_mask) if leg.is_current else EMPTY
+
+
+def _baseline(leg: LegSnapshot) -> str | Text:
+    return EMPTY if leg.report.baseline is None else words(leg.report.baseline.name)
+
+
+def _node(leg: LegSnapshot) -> str | Text:
+    state = leg.report.node_state
+    return Text("silent", "bold red") if state is None else _NODE_STATES[state]
 
 
 def _grid(mask: int) -> Text:
@@ -103,3 +85,22 @@ def _grid(mask: int) -> Text:
     """
     marks = "".join("x" if mask >> element & 1 else "." for element in range(9))
     return Text(f"{marks[:3]} {marks[3:6]} {marks[6:]}", "yellow" if mask else "dim")
+
+
+_FORCES: LegColumns[LegSnapshot] = {
+    "state": ("<15", _state),
+    "link": ("<8", _link),
+    **force_columns(lambda leg: leg.force.force_n),
+    "sigma": (">5", lambda leg: number(max(leg.force.sigma_n), ".3f")),
+    "age [ms]": (">8", lambda leg: number(leg.force.age_ns, ".1f", 1e-6)),
+    "foot": ("<4", _contact),
+}
+_REPORTS: LegColumns[LegSnapshot] = {
+    "cause": ("<15", _cause),
+    "elements": ("<11", _elements),
+    "baseline": ("<9", _baseline),
+    "mean fF": (">7", lambda leg: number(leg.report.mean_pf, "+.1f", 1e3)),
+    "worst": (">7", lambda leg: number(leg.report.worst_pf, "+.1f", 1e3)),
+    "ago [s]": (">7", lambda leg: number(leg.report.moved_ago_ns, ".1f", 1e-9)),
+    "node": ("<7", _node),
+}

@@ -14,7 +14,7 @@ from footsense.config import DEFAULT, load_config
 from footsense.daemon.probe.bus_probe import probe as probe_robot
 from footsense.daemon.probe.bus_probe import scan_adapters
 from footsense.daemon.simulation import is_simulated
-from footsense.sim.scene import load_scene
+from footsense.sim.scene_files import load_scene
 
 #: Exit code if there is a fault.
 _FAULTY = 1

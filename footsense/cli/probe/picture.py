@@ -1,7 +1,7 @@
 """Picture of a probe: buses, legs, every foot's nine elements, diagnoses, and readings to configure."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 from rich.columns import Columns
 from rich.console import Group, RenderableType
@@ -11,9 +11,10 @@ from rich.text import Text
 
 from firmware_interface.chips import ad7746, adg715, fdc1004
 from footsense.acquisition.probe.address_scan import AddressProbe
-from footsense.cli.leg_table import leg_table, words
+from footsense.acquisition.probe.foot_check import FootScans
+from footsense.cli.leg_table import EMPTY, LegColumns, leg_table, words
 from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
-from footsense.frames import Cause, Reading
+from footsense.frames import Cause, Reading, Vector
 
 _CHIPS = {
     fdc1004.ADDRESS: "FDC1004",
@@ -147,32 +148,37 @@ def _addresses(
 
 def _legs(legs: tuple[ProbedLeg, ...]) -> Table:
     several = len({report.device for report in legs}) > 1
-    table = leg_table(
-        {
-            **({"bus": "<1"} if several else {}),
-            "at": "<1",
-            "answering": "<1",
-            "C0 [pF]": ">1",
-            "noise [fF]": ">1",
-            "foot": "<1",
-        }
-    )
-    for report in legs:
-        chips, foot = Text("-", "dim"), Text("not scanned", "bold red")
-        capacitance, noise = "-", "-"
-        if report.chips is not None:
-            names = _CHIPS if report.chips.outcome is Reading.OK else {}
-            answering = (names.get(address, f"{address:#04x} ?") for address in report.chips.answering)
-            chips = Text(", ".join(answering) or "nobody", "" if names else "bold red")
-        if report.scans is not None:
-            sound = [element for element, (_, faulty) in enumerate(element_marks(report)) if not faulty]
-            if sound:
-                mean_pf, noise_ff = report.scans.mean_pf[sound], report.scans.noise_ff[sound]
-                capacitance, noise = f"{mean_pf.min():.2f}..{mean_pf.max():.2f}", f"{noise_ff.max():.2f}"
-            foot = Text("see below", "bold red") if report.faults else Text("sound", "green")
-        bus = [report.device] * several
-        table.add_row(report.leg, *bus, str(report.channel), chips, capacitance, noise, foot)
-    return table
+    columns: LegColumns[ProbedLeg] = {
+        **({"bus": ("<1", lambda leg: leg.device)} if several else {}),
+        "at": ("<1", lambda leg: str(leg.channel)),
+        "answering": ("<1", _answering),
+        "C0 [pF]": (">1", lambda leg: _of_sound(leg, lambda scans: scans.mean_pf, "{0:.2f}..{1:.2f}")),
+        "noise [fF]": (">1", lambda leg: _of_sound(leg, lambda scans: scans.noise_ff, "{1:.2f}")),
+        "foot": ("<1", _verdict),
+    }
+    return leg_table({report.leg: report for report in legs}, columns)
+
+
+def _answering(leg: ProbedLeg) -> Text:
+    if leg.chips is None:
+        return EMPTY
+    names = _CHIPS if leg.chips.outcome is Reading.OK else {}
+    answering = (names.get(address, f"{address:#04x} ?") for address in leg.chips.answering)
+    return Text(", ".join(answering) or "nobody", "" if names else "bold red")
+
+
+def _of_sound(leg: ProbedLeg, values: Callable[[FootScans], Vector], form: str) -> str:
+    """Return the smallest and largest value of the sound elements as text, "-" without any."""
+    if leg.scans is None:
+        return "-"
+    sound = values(leg.scans)[[not faulty for _, faulty in element_marks(leg)]]
+    return form.format(sound.min(), sound.max()) if sound.size else "-"
+
+
+def _verdict(leg: ProbedLeg) -> Text:
+    if leg.scans is None:
+        return Text("not scanned", "bold red")
+    return Text("see below", "bold red") if leg.faults else Text("sound", "green")
 
 
 def _foot(report: ProbedLeg) -> Text:

@@ -10,7 +10,7 @@ import msgspec
 from rich.console import Console
 
 from footsense.calibration.session.guide import SessionGuide
-from footsense.cli.options import StopRequest, config_option, duration_option, is_paced, pace_option
+from footsense.cli import options
 from footsense.cli.record.table import MESSAGES, RecordTable
 from footsense.cli.test_stand_options import foot_option
 from footsense.config import DEFAULT, Config, load_config
@@ -21,7 +21,8 @@ from footsense.daemon.simulation import is_simulated
 from footsense.daemon.test_stand import StandSensor, StandSession, is_live
 from footsense.errors import CalibrationError, ConfigError
 from footsense.frames import LEGS
-from footsense.sim.scene import Scene, load_scene
+from footsense.sim.scene import Scene
+from footsense.sim.scene_files import load_scene
 from footsense.sim.test_stand.press_sequence import PressSequence
 
 _NS_PER_S = 1_000_000_000
@@ -45,7 +46,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @foot_option
 @click.option("--leg", type=click.Choice(LEGS), default="lf", show_default=True, help="Leg it is wired as.")
 @click.option("--session", help="Name of this mounting of the foot. Default: the name of the file.")
-@config_option("a simulated foot")
+@options.config_option("a simulated foot")
 @click.option("--scene", "scene_name", help="Scene of a simulated test stand: a name, or a YAML file.")
 @click.option(
     "--loads",
@@ -55,8 +56,8 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     show_default=True,
     help="Calibration loads of a complete set.",
 )
-@duration_option("Stop after this time at the latest.")
-@pace_option
+@options.duration_option("Stop after this time at the latest.")
+@options.pace_option
 def record(
     out: Path,
     test_stand_file: Path,
@@ -94,9 +95,9 @@ def record(
                 "--fast: the force sensor runs in real time; only a simulated one or a file can run faster"
             )
         realtime = True
-    paced = is_paced(simulated=scene is not None, realtime=realtime, live=live)
+    paced = options.is_paced(simulated=scene is not None, realtime=realtime, live=live)
     run = StandSession(test_stand=test_stand, leg=leg, foot=foot, session=session)
-    stop = StopRequest()
+    stop = options.StopRequest()
     with ExitStack() as stack:
         service = stack.enter_context(
             open_service(config, scene, record=out, real_time=paced or scene is None, test_stand=run)

@@ -6,16 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from footsense.cli.options import (
-    FILE,
-    StopRequest,
-    can_log_option,
-    config_option,
-    duration_option,
-    echo_json,
-    is_paced,
-    pace_option,
-)
+from footsense.cli import options
 from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
 from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
@@ -23,7 +14,7 @@ from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
 from footsense.frames import Cycle
 from footsense.ports import Observer
-from footsense.sim.scene import load_scene
+from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 
 if TYPE_CHECKING:
@@ -46,7 +37,7 @@ class FirstFrame(Observer):
 
 
 @click.command()
-@config_option("six simulated legs")
+@options.config_option("six simulated legs")
 @click.option(
     "--scene",
     "scene_name",
@@ -59,13 +50,13 @@ class FirstFrame(Observer):
     + "; ".join(f"{name} for {point.purpose}" for name, point in OPERATING_POINTS.items())
     + ".",
 )
-@duration_option("Stop after this time of the robot.")
-@click.option("--record", type=FILE, help="Record every scan and force to this .mcap file.")
-@can_log_option
+@options.duration_option("Stop after this time of the robot.")
+@click.option("--record", type=options.FILE, help="Record every reading and force to this .mcap file.")
+@options.can_log_option
 @click.option(
     "--summary", type=click.Choice(["text", "json"]), help="Print figures at the end; no live table."
 )
-@pace_option
+@options.pace_option
 def run(
     config_file: Path | None,
     scene_name: str | None,
@@ -88,8 +79,8 @@ def run(
         scene_name = _DEFAULT_SCENE
     scene = load_scene(scene_name) if scene_name else None
     live = summary is None and _console().is_terminal
-    paced = is_paced(simulated=scene is not None, realtime=realtime, live=live)
-    stop = StopRequest()
+    paced = options.is_paced(simulated=scene is not None, realtime=realtime, live=live)
+    stop = options.StopRequest()
     with ExitStack() as stack:
         service = stack.enter_context(
             open_service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
@@ -114,7 +105,7 @@ def run(
         "resident_mib": resident_mib(),
     }
     if summary == "json":
-        echo_json(figures)
+        options.echo_json(figures)
     else:
         from footsense.cli.run.summary_text import print_summary
 

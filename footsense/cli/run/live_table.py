@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 
+import numpy as np
 from rich.console import Console, Group, RenderableType
 from rich.progress_bar import ProgressBar
 from rich.text import Text
 
-from footsense.cli.leg_table import EMPTY, FORCE_COLUMNS, force_cells, leg_table, state_text
+from footsense.cli.leg_table import EMPTY, force_columns, leg_table, state_text
 from footsense.cli.live_view import LiveView
 from footsense.frames import USABLE, Cycle, State, Vector
 
@@ -41,21 +42,20 @@ class LiveTable(LiveView):
     def render(self, cycle: Cycle, elapsed_s: float) -> Group:
         """Return title and table; they fit 80 columns."""
         forces = cycle.forces
-        columns = {"state": f"<{_STATE_WIDTH}", **FORCE_COLUMNS, "load": f"<{_BAR_CELLS}"}
+        usable = np.isin(forces.state, list(USABLE))
+        force_n = np.where(usable[:, None], forces.force_n, np.nan)
+        columns: dict[str, tuple[str, Callable[[int], RenderableType]]] = {
+            "state": (f"<{_STATE_WIDTH}", lambda row: state_text(State(int(forces.state[row])))),
+            **force_columns(lambda row: force_n[row].tolist()),
+            "load": (f"<{_BAR_CELLS}", lambda row: _bar(force_n[row, 2]) if usable[row] else ""),
+        }
         if self._true_force_n is not None:
-            columns["true [N]"] = ">8"
             true_n = self._true_force_n(forces.t_sent_ns)
-        table = leg_table(columns | {"age [ms]": ">8"})
-        for row, leg in enumerate(self._legs):
-            state = State(int(forces.state[row]))
-            force_n = forces.force_n[row].tolist() if state in USABLE else None
-            cells: list[RenderableType] = [leg, state_text(state), *force_cells(force_n)]
-            cells.append(_bar(force_n[2]) if force_n else "")
-            if self._true_force_n is not None:
-                cells.append(Text(f"{true_n[row, 2]:.3f}", "dim"))
-            table.add_row(*cells, f"{forces.age_ns[row] * 1e-6:.1f}" if force_n else EMPTY)
+            columns["true [N]"] = (">8", lambda row: Text(f"{true_n[row, 2]:.3f}", "dim"))
+        columns["age [ms]"] = (">8", lambda row: f"{forces.age_ns[row] * 1e-6:.1f}" if usable[row] else EMPTY)
+        table = leg_table({leg: row for row, leg in enumerate(self._legs)}, columns)
         head = Text.assemble(
-            ("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s   scan {forces.sequence}", "dim")
+            ("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s   cycle {forces.sequence}", "dim")
         )
         return Group(head, Text(), table)
 

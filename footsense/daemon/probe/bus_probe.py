@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 
 import numpy as np
 
-from footsense.acquisition.linux_i2c import LinuxI2cBus, adapters, kernel_drivers
+from footsense.acquisition.linux.linux_i2c import LinuxI2cBus, adapters, kernel_drivers
 from footsense.acquisition.probe.address_scan import probe_addresses
 from footsense.acquisition.probe.bus_scan import ChannelScan, scan_bus
 from footsense.acquisition.probe.bus_scan import scan_adapters as scan_leg_adapters
@@ -103,7 +104,7 @@ def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterato
 def _foot_scans(config: Config, scene: Scene | None) -> list[FootScans]:
     """Return the scans of each leg's foot."""
     with open_scan_source(config, scene) as started:
-        frames = [started.source.read() for _ in range(_N_SETTLING + _N_SCANS)][_N_SETTLING:]
+        frames = started.read_scans(_N_SETTLING + _N_SCANS)[_N_SETTLING:]
     capacitance_pf = np.stack([frame.capacitance_pf for frame in frames], axis=1)
     reading = np.stack([frame.reading for frame in frames], axis=1)
     return [FootScans(*of_leg) for of_leg in zip(capacitance_pf, reading, strict=True)]
@@ -120,7 +121,8 @@ def _probe_legs(
             places.append((leg, report.bus.device, channel, chips))
     if config.serial is not None:
         places = [(name, config.serial.device, "mcu", None) for name in config.legs]
-    stray_pf, unloaded_pf = unloaded_capacitance_pf(load_models(config))
+    # By the configuration and the design alone, without the calibrations.
+    stray_pf, unloaded_pf = unloaded_capacitance_pf(replace(load_models(config), calibrations={}))
     for row, place in enumerate(places):
         scans = None if feet is None or np.isin(feet[row].reading, _SILENT).all() else feet[row]
         faults: tuple[FootFault, ...] = ()

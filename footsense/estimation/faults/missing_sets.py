@@ -13,9 +13,13 @@ ROWS, COLUMNS = LINES[:3], LINES[3:]
 #: Every set, the empty one first, shape (16, 9).
 MISSING_SETS: Mask = np.concatenate([np.zeros((1, ELEMENTS), bool), np.eye(ELEMENTS, dtype=bool), LINES])
 
-_BITS = 1 << _ELEMENTS
+#: Bit of each element in a pattern of elements.
+_BITS = (1 << _ELEMENTS).astype(np.uint16)
 _INDEX_OF = np.zeros(1 << ELEMENTS, np.intp)
 _INDEX_OF[MISSING_SETS @ _BITS] = np.arange(len(MISSING_SETS))
+#: Smallest set that contains each of the 512 patterns; the empty one where no set does.
+_PATTERNS = (np.arange(1 << ELEMENTS)[:, None] & _BITS) > 0
+_SMALLEST_AROUND = MISSING_SETS[(~(_PATTERNS[:, None] & ~MISSING_SETS).any(axis=2)).argmax(axis=1)]
 
 
 def missing_set_index(missing: Mask) -> NDArray[np.intp]:
@@ -27,3 +31,31 @@ def missing_set_index(missing: Mask) -> NDArray[np.intp]:
     """
     index: NDArray[np.intp] = _INDEX_OF[missing @ _BITS]
     return index
+
+
+def missing_elements(faulty: Mask) -> Mask:
+    """Return the elements that the network has to do without, shape (legs, 9): a faulty one, or the faulty ones' line.
+
+    A leg whose faulty elements do not lie in one row or column gets none: the network is not trained for that.
+
+    Example:
+        >>> two_of_row_0 = np.zeros((1, 9), bool)
+        >>> two_of_row_0[0, [0, 2]] = True
+        >>> missing_elements(two_of_row_0)[0].astype(int).tolist()
+        [1, 1, 1, 0, 0, 0, 0, 0, 0]
+    """
+    missing: Mask = _SMALLEST_AROUND[faulty @ _BITS]
+    return missing
+
+
+def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
+    """Return bit e for each unusable element e of each leg, shape (legs,).
+
+    Example:
+        >>> unusable = np.zeros((1, 9), bool)
+        >>> unusable[0, [0, 8]] = True
+        >>> bin(int(fault_mask(unusable)[0]))
+        '0b100000001'
+    """
+    masks: NDArray[np.uint16] = unusable @ _BITS
+    return masks

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
-from footsense.estimation.faults.causes import ElementFaults, causes, converter_states, fault_mask
+from footsense.estimation.faults.causes import ElementFaults, causes, converter_states
 from footsense.estimation.faults.consistency import ConsistencyResult
-from footsense.estimation.faults.open_elements import OPEN_REL, floating_pf, missing_elements
+from footsense.estimation.faults.missing_sets import fault_mask, missing_elements
+from footsense.estimation.faults.open_elements import OPEN_REL, floating_pf
 from footsense.estimation.reading_window import Readings
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import USABLE, CapFrame, Codes, Mask, Reading, Stamps, State, Vector

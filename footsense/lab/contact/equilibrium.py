@@ -6,7 +6,6 @@ force out of balance.
 """
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import ngsolve as ng
@@ -20,20 +19,6 @@ MOST_STEPS = 20
 
 class ConvergenceError(ArithmeticError):
     """No equilibrium was found; the message names load and residual."""
-
-
-@dataclass(frozen=True, slots=True)
-class Balance:
-    """Convergence of an equilibrium: Newton steps and residual.
-
-    Attributes:
-        steps: Newton steps, each one factorisation.
-        residual_rel: Norm of the nodal forces out of balance (and of the pressure's equations, 1 mm3 as 1 N) and of
-            the missing force of the floor, over the scale [1].
-    """
-
-    steps: int
-    residual_rel: float
 
 
 class Equilibrium:
@@ -72,14 +57,15 @@ class Equilibrium:
             self._inverse.Update()
         self._body.state.vec.data -= self._inverse * residual
 
-    def solve(self, tolerance_rel: float) -> Balance:
+    def solve(self, tolerance_rel: float) -> int:
         """Find the equilibrium from the present state.
 
         Args:
-            tolerance_rel: Largest residual over the scale [1].
+            tolerance_rel: Largest residual over the scale [1]: the norm of the nodal forces out of balance, of the
+                pressure's equations (1 mm3 as 1 N) and of the missing force of the floor.
 
         Returns:
-            Steps and residual.
+            Newton steps, each one factorisation.
 
         Raises:
             ConvergenceError: The residual is no number, or too large after MOST_STEPS.
@@ -90,7 +76,7 @@ class Equilibrium:
             residual_rel = ng.Norm(residual) / self._scale_n
             # The first residual is that of a guess: small only because the guess may not touch yet.
             if steps > 0 and residual_rel <= tolerance_rel:
-                return Balance(steps, residual_rel)
+                return steps
             if not math.isfinite(residual_rel):
                 break
             if steps < MOST_STEPS:

@@ -8,7 +8,7 @@ import numpy as np
 from footsense.frames import Vector
 from footsense.lab.contact.body import PENETRATION_REL, Body
 from footsense.lab.contact.equilibrium import ConvergenceError, Equilibrium
-from footsense.lab.contact.floor import Floor
+from footsense.lab.contact.floor import Floor, Patch
 from footsense.lab.contact.hertz_floor import HertzFloor
 from footsense.lab.contact.load_case import LoadCase
 from footsense.lab.contact.mesh import ContactMeshSize, build_mesh
@@ -37,11 +37,8 @@ class FullSolution:
         cells_um: Mean closures of 6 x 6 square cells of each element [um], shape (9, 36): flat index 6 ix + iy, cell 0
             the most forward and leftmost.
         penetration_rel: Deepest penetration of a closed gap, over the gap [1]; below 0 while all are open.
-        patch_mm: Radius of the circle with the area that touches the floor [mm].
-        approach_mm: Travel of the floor along the normal since it touched [mm].
-        peak_mpa: Largest contact pressure per undeformed area [MPa].
+        patch: Contact between floor and ball.
         newton_steps: Newton steps of all load steps, each one factorisation.
-        residual_rel: Nodal forces out of balance at the end, over the force [1].
         n_unknowns: Free unknowns.
     """
 
@@ -49,11 +46,8 @@ class FullSolution:
     capacitance_pf: Vector
     cells_um: Vector
     penetration_rel: float
-    patch_mm: float
-    approach_mm: float
-    peak_mpa: float
+    patch: Patch
     newton_steps: int
-    residual_rel: float
     n_unknowns: int
 
 
@@ -68,8 +62,6 @@ class FullFoot:
         finite_strain: Neo-Hookean solids, else Hooke's.
         floor: `solved` for a rigid plane, `hertz` for the Hertz patch's traction.
         gaps: `contact` for gaps that close, `open` for planes that pass through each other.
-        load_steps: Increments of the load, equal in patch area. Slip depends on them, closures hardly: one step or
-            two differ by 0.05 % of the largest at 150 gf.
     """
 
     design: FootDesign
@@ -79,7 +71,6 @@ class FullFoot:
     finite_strain: bool = True
     floor: Literal["solved", "hertz"] = "solved"
     gaps: Literal["contact", "open"] = "contact"
-    load_steps: int = 1
 
     def solve(self, normal: Vector, force_n: Vector) -> FullSolution:
         """Solve the finite-strain contact under one load.
@@ -110,26 +101,23 @@ class FullFoot:
             if stiffenings == MOST_STIFFENINGS:
                 raise ConvergenceError(f"a gap is entered by {body.penetration_rel():.1%} of its height")
             body.stiffen_gaps(STIFFER)
-            newton_steps += equations.solve(WAYPOINT_REL).steps
+            newton_steps += equations.solve(WAYPOINT_REL)
             stiffenings += 1
-        balance = equations.solve(TOLERANCE_REL)
+        newton_steps += equations.solve(TOLERANCE_REL)
         samples_um = sampled_closure_um(self.design, mesh, body.ground, body.leg, half=case.half)
-        cells_um, patch = cell_means(samples_um), floor.patch()
+        cells_um = cell_means(samples_um)
         return FullSolution(
             closure_um=cells_um.mean(axis=1),
             capacitance_pf=capacitance_pf(self.design, samples_um),
             cells_um=cells_um,
             penetration_rel=body.penetration_rel(),
-            patch_mm=patch.radius_mm,
-            approach_mm=patch.approach_mm,
-            peak_mpa=patch.peak_mpa,
-            newton_steps=newton_steps + balance.steps,
-            residual_rel=balance.residual_rel,
+            patch=floor.patch(),
+            newton_steps=newton_steps,
             n_unknowns=equations.n_unknowns,
         )
 
     def _press(self, body: Body, floor: Floor, equations: Equilibrium) -> int:
-        """Raise the load in steps, halving a step that does not converge; return the number of Newton steps.
+        """Raise the load at once, or in halves of a step that does not converge; return the number of Newton steps.
 
         Returns:
             Newton steps of the load steps that held.
@@ -137,7 +125,7 @@ class FullFoot:
         Raises:
             ConvergenceError: A step failed after MOST_HALVINGS.
         """
-        done, stride, halvings, newton_steps = 0.0, 1.0 / self.load_steps, 0, 0
+        done, stride, halvings, newton_steps = 0.0, 1.0, 0, 0
         start = body.state.vec.CreateVector()
         while done < 1.0:
             start.data = body.state.vec
@@ -145,7 +133,7 @@ class FullFoot:
             # Steps equal in patch area: a^2 grows with the force to the 2/3.
             floor.aim(goal**1.5)
             try:
-                newton_steps += equations.solve(WAYPOINT_REL).steps
+                newton_steps += equations.solve(WAYPOINT_REL)
             except ConvergenceError as error:
                 if halvings == MOST_HALVINGS:
                     raise ConvergenceError(f"at {goal**1.5:.0%} of the load: {error}") from error

@@ -14,7 +14,7 @@ from netgen.meshing import MeshingParameters
 
 from footsense.foot.directions import tangent_frame
 from footsense.frames import Vector
-from footsense.lab.fem.solids import NEAR_MM, SIDES, curved_mesh, hemisphere, lies_in, plate, square
+from footsense.lab.fem.solids import NEAR_MM, bodies, curved_mesh, lies_in, square
 from footsense.lab.geometry import FootDesign
 
 #: The mesh is fine out to this many radii of the expected contact patch: finite strain and friction shift it.
@@ -42,17 +42,6 @@ class ContactMeshSize:
     order: int = 2
 
 
-def _bodies(design: FootDesign, size: ContactMeshSize) -> list[Any]:
-    """Return the two hemispheres and the two plates, their materials named."""
-    bodies, half = [], design.sheet_mm / 2.0
-    for side, up in SIDES:
-        flat = up * design.plate_mm
-        level_mm = (min(0.0, flat), max(0.0, flat))
-        bodies.append(hemisphere(design, side, flat, quarter=False))
-        bodies.append(plate(f"pdms_{side}", (-half, -half), half, level_mm, size.plate_mm))
-    return bodies
-
-
 def _halved(shape: Any) -> list[Any]:
     """Return the part with y > 0 as a list of one, or nothing; a shape that is not cut stays itself."""
     low, high = shape.bounding_box
@@ -72,19 +61,13 @@ def _in_cavity(design: FootDesign, low: Any, high: Any) -> bool:
 
 
 def _name_faces(shape: Any, design: FootDesign) -> None:
-    """Name the faces of the weak form: `cavity`, `bars`, `mirror`, `curved_*`; all others are free."""
+    """Name the faces of the weak form beside `curved_*`: `cavity`, `bars`, `mirror`; all others are free."""
     for face in shape.faces:
         low, high = face.bounding_box
         if lies_in(face, "z"):
             face.name = "cavity" if _in_cavity(design, low, high) else "bars"
         elif lies_in(face, "y"):
             face.name = "mirror"
-        elif high.z > design.ball_radius_mm / 2.0:
-            face.name = "curved_leg"
-        elif low.z < -design.ball_radius_mm / 2.0:
-            face.name = "curved_ground"
-        else:
-            face.name = "free"
 
 
 def _mark_bar_edges(shape: Any, design: FootDesign, size: ContactMeshSize) -> None:
@@ -135,7 +118,7 @@ def build_mesh(
         An NGSolve mesh of the materials `rubber_ground`, `pdms_ground`, `rubber_leg`, `pdms_leg`.
     """
     cavities = [square(*centre_mm, design.electrode_mm) for centre_mm in design.centres_mm]
-    shapes = [*_bodies(design, size), *cavities]
+    shapes = [*bodies(design, size.plate_mm, quarter=False), *cavities]
     if half:
         shapes = [part for shape in shapes for part in _halved(shape)]
     shape = occ.Glue(shapes)

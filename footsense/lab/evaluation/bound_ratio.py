@@ -5,12 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footsense.foot.directions import angles_between_deg, directions, paper_directions
+from footsense.foot.direction_sets import paper_directions, random_directions
+from footsense.foot.directions import angles_between_deg
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.evaluation.cramer_rao import Bound, Unknowns, force_bound
+from footsense.lab.evaluation.evaluate import rms
 from footsense.lab.geometry import LoadRange
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
@@ -23,6 +25,8 @@ from footsense.lab.training.load_cases import (
 MAGNITUDES_GF = (20.0, 35.0, 50.0, 75.0, 100.0, 125.0, 150.0)
 #: Leaning loads at each magnitude, before those beyond the converter's range are left out.
 LEANING_LOADS = 1000
+#: Seed of the noise and of the leaning loads.
+_SEED = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,22 +37,22 @@ class ErrorSummary:
         direction_rms_deg: Root of the mean squared angle [deg].
         direction_mean_deg: Mean angle [deg].
         magnitude_rms_gf: Root of the mean squared magnitude error [gf].
-        component_rms_n: The same of each component [N].
+        component_rms_n: Root of the mean squared error of each force component [N].
     """
 
     direction_rms_deg: float
     direction_mean_deg: float
     magnitude_rms_gf: float
-    component_rms_n: tuple[float, float, float]
+    component_rms_n: list[float]
 
     @classmethod
     def of_bound(cls, bound: Bound) -> "ErrorSummary":
         """Return the errors of a read-out that reaches the bound."""
         return cls(
-            _rms(bound.direction_rms_deg),
+            rms(bound.direction_rms_deg),
             float(bound.direction_mean_deg.mean()),
-            _rms(bound.magnitude_gf),
-            _components(bound.component_n),
+            rms(bound.magnitude_gf),
+            [rms(component_n) for component_n in bound.component_n.T],
         )
 
 
@@ -108,23 +112,10 @@ def leaning_contacts(loads: LoadRange, rng: np.random.Generator, n: int) -> tupl
 
     Both are drawn like the random loads of the training.
     """
-    lowest = np.sin(np.radians(loads.min_elevation_deg))
-    elevation = np.degrees(np.arcsin(rng.uniform(lowest, 1.0, n)))
-    direction = directions(rng.uniform(0.0, 360.0, n), elevation)
+    direction = random_directions(rng, n, loads.min_elevation_deg)
     normal = leaning_normals(loads, rng, direction)
-    reached = normal[:, 2] >= lowest
+    reached = normal[:, 2] >= np.sin(np.radians(loads.min_elevation_deg))
     return normal[reached], direction[reached]
-
-
-def _rms(values: Vector) -> float:
-    """Return the root mean square."""
-    return float(np.sqrt(np.mean(values**2)))
-
-
-def _components(values: Vector) -> tuple[float, float, float]:
-    """Return the root mean square of each component over all loads."""
-    x, y, z = (_rms(values[..., axis]) for axis in range(3))
-    return x, y, z
 
 
 def _bin(
@@ -151,7 +142,10 @@ def _bin(
         n=len(force),
         n_saturated=len(in_range) - len(force),
         network=ErrorSummary(
-            _rms(angle), float(angle.mean()), _rms(excess_gf), _components(estimate - force)
+            direction_rms_deg=rms(angle),
+            direction_mean_deg=float(angle.mean()),
+            magnitude_rms_gf=rms(excess_gf),
+            component_rms_n=[rms(off_n) for off_n in (estimate - force).T],
         ),
         leaning=ErrorSummary.of_bound(bound),
         centred=ErrorSummary.of_bound(force_bound(foot, normal, force, Unknowns.CENTRED))
@@ -168,7 +162,6 @@ def crb_ratio(
     *,
     draws: int = 64,
     magnitudes_gf: tuple[float, ...] = MAGNITUDES_GF,
-    seed: int = 1,
 ) -> CrbRatio:
     """Return the errors of a read-out with noise over the Cramer-Rao bound.
 
@@ -178,9 +171,8 @@ def crb_ratio(
         force_of: The read-out: forces [N], shape (n, 3), of noisy closures over the gap, shape (n, 9).
         draws: Draws of the noise per load.
         magnitudes_gf: Magnitudes [gf].
-        seed: Seed of the noise and of the leaning loads.
     """
-    foot, rng = Foot(response), np.random.default_rng(seed)
+    foot, rng = Foot(response), np.random.default_rng(_SEED)
     direction = paper_directions("verification")
     sets = ((direction, direction), leaning_contacts(loads, rng, LEANING_LOADS))
     centred, leaning = (

@@ -27,11 +27,7 @@ from footsense.foot.directions import normalized, tangent_frame
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.training.load_cases import (
-    BASELINE_NOISE_PF,
-    NOISE_PF,
-    sensed_closure_um,
-)
+from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, sensed_closure_um
 
 #: Step of the central differences: of the force relative to its magnitude, of the normal in radians.
 STEP = 1e-4
@@ -65,7 +61,7 @@ class Bound:
     @property
     def magnitude_gf(self) -> Vector:
         """Least rms error of the magnitude [gf], shape (n,)."""
-        along = self._along()
+        along = normalized(self.force_n)
         variance = np.einsum("ni,nij,nj->n", along, self.covariance_n2, along)
         rms: Vector = np.sqrt(variance) / GRAM_FORCE_N
         return rms
@@ -87,13 +83,9 @@ class Bound:
         mean: Vector = np.degrees(np.sqrt(2.0 * large / np.pi) * ellipe(1.0 - small / large))
         return mean
 
-    def _along(self) -> Vector:
-        """Return the directions of the forces, shape (n, 3)."""
-        return normalized(self.force_n)
-
     def _angular_variances(self) -> Vector:
         """Return the direction variances along the error ellipse's axes [rad2], shape (n, 2), smaller first."""
-        across = np.stack(tangent_frame(self._along()), axis=1)
+        across = np.stack(tangent_frame(normalized(self.force_n)), axis=1)
         plane = np.einsum("nai,nij,nbj->nab", across, self.covariance_n2, across)
         squared = (self.force_n**2).sum(axis=1)[:, None]
         variances: Vector = np.maximum(np.linalg.eigvalsh(plane), 0.0) / squared

@@ -8,15 +8,14 @@ import msgspec
 import numpy as np
 
 from footsense.errors import ModelError
+from footsense.foot.force_errors import Errors, errors
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import (
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
-    Errors,
     Readout,
     capacitance_readout,
     elastance_readout,
-    errors,
 )
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import FootDesign, LoadRange

@@ -73,7 +73,7 @@ def ambiguous_loads(foot: Foot, magnitude_gf: float, elevation_deg: Vector) -> t
     Args:
         foot: The specimen.
         magnitude_gf: Magnitude of the centred loads [gf].
-        elevation_deg: Their elevations [deg], shape (n,).
+        elevation_deg: Elevations of the centred loads [deg], shape (n,).
 
     Returns:
         Distance in standard deviations of the noise, and angle between the two forces [deg], shapes (n,).

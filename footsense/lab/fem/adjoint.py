@@ -21,7 +21,8 @@ import numpy as np
 from footsense.foot.directions import normalized
 from footsense.frames import Vector
 from footsense.lab.fem.mesh import quarter_cells
-from footsense.lab.fem.quarter import Parity, Quarter
+from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import UM_PER_MM
 
 #: Order of the quadrature rule whose points on the ground-side surface are the samples.
@@ -45,29 +46,6 @@ class ClassField:
     weight_mm2: Vector
     influence: Vector
     compliance: Vector
-
-
-def surface_samples(mesh: Any, depth_mm: float) -> tuple[Any, Vector, Vector]:
-    """Return quadrature points on the ground-side surface, with inward normals and areas [mm2].
-
-    Args:
-        mesh: A mesh with the face `curved_ground`.
-        depth_mm: Depth of the ball's centre below the middle of the sheet [mm].
-
-    Returns:
-        Points as NGSolve takes them, unit normals of shape (n, 3), areas [mm2] of shape (n,).
-    """
-    rule = ng.IntegrationRule(ng.TRIG, SAMPLE_ORDER)
-    points = mesh.MapToAllElements(rule, mesh.Boundaries("curved_ground"))
-    radial = np.asarray((ng.CF((ng.x, ng.y, ng.z + depth_mm)))(points))
-    # The area element of the curved map: norm of the cross product of its two columns.
-    jacobian = np.asarray(ng.specialcf.JacobianMatrix(3, 2)(points)).reshape(-1, 3, 2)
-    area = np.linalg.norm(np.cross(jacobian[:, :, 0], jacobian[:, :, 1]), axis=1)
-    return (
-        points,
-        -normalized(radial),
-        area * np.tile(np.asarray(rule.weights), len(area) // len(rule.weights)),
-    )
 
 
 def class_field(quarter: Quarter) -> ClassField:
@@ -94,7 +72,12 @@ def sampled_field(quarter: Quarter, functionals: Sequence[Any], scale: float = 1
         functionals: Assembled linear forms.
         scale: Factor on influence and compliance, for their units.
     """
-    points, normal, weight_mm2 = surface_samples(quarter.mesh, quarter.depth_mm)
+    mesh, rule = quarter.mesh, ng.IntegrationRule(ng.TRIG, SAMPLE_ORDER)
+    points = mesh.MapToAllElements(rule, mesh.Boundaries("curved_ground"))
+    radial = np.asarray((ng.CF((ng.x, ng.y, ng.z + quarter.depth_mm)))(points))
+    # The area element of the curved map: norm of the cross product of its two columns.
+    jacobian = np.asarray(ng.specialcf.JacobianMatrix(3, 2)(points)).reshape(-1, 3, 2)
+    area = np.linalg.norm(np.cross(jacobian[:, :, 0], jacobian[:, :, 1]), axis=1)
     rows = np.stack([functional.vec.FV().NumPy() for functional in functionals])
     influence, compliance = [], []
     for functional in functionals:
@@ -103,8 +86,8 @@ def sampled_field(quarter: Quarter, functionals: Sequence[Any], scale: float = 1
         compliance.append(rows @ field.vec.FV().NumPy())
     return ClassField(
         parity=quarter.parity,
-        normal=normal,
-        weight_mm2=weight_mm2,
+        normal=-normalized(radial),
+        weight_mm2=area * np.tile(np.asarray(rule.weights), len(area) // len(rule.weights)),
         influence=np.stack(influence, axis=1) * scale,
         compliance=np.stack(compliance) * scale,
     )

@@ -24,8 +24,9 @@ from netgen.meshing import MeshingParameters
 from footsense.lab.fem.adjoint import ClassField, sampled_field
 from footsense.lab.fem.elasticity import energy, mixed_energy
 from footsense.lab.fem.mesh import MeshSize, name_mirrors
-from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
+from footsense.lab.fem.quarter import Quarter
 from footsense.lab.fem.solids import SIDES, curved_mesh, hemisphere, plate
+from footsense.lab.fem.symmetry_classes import SOLVED, Parity
 from footsense.lab.geometry import FootDesign
 
 #: Mesh of the study; `plate_mm` is that of the block.

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from footsense.foot.directions import directions
 from footsense.frames import Vector
 from footsense.lab.fem.adjoint import closure_field
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
-from footsense.lab.fem.quarter import Parity, Quarter
+from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import FootDesign
 from footsense.lab.response import fit_class, patch_mean
 
@@ -28,12 +30,10 @@ class Centred:
 
     Attributes:
         closure_um: Mean closure of each element [um], shape (loads, 9).
-        elements: Elements of the mesh.
         unknowns: Unknowns of one class.
     """
 
     closure_um: Vector
-    elements: int
     unknowns: int
 
 
@@ -52,26 +52,21 @@ def centred_closures(
         ModelError: The foot cannot be meshed, or its stiffness is singular.
     """
     mesh = build_mesh(design, size)
-    if patch_mm is None:
-        patch_mm = design.patch_mm(1.0)
-    angle = np.radians(elevation_deg)
-    force = np.column_stack([np.cos(angle), np.zeros(len(angle)), np.sin(angle)])
+    force = directions(0.0, elevation_deg)
     upright = min(elevation_deg) >= 90.0
-    total = np.zeros((len(angle), 9))
+    cells = quarter_cells(design)
+    parts = [[cell.name for cell in cells if cell.element == element] for element in _PARTLY]
+    faces = [("|".join(names), design.cell_mm2 * len(names)) for names in parts]
+    total = np.zeros((len(force), 9))
     for parity in (Parity(1, 1),) if upright else (Parity(1, 1), Parity(-1, 1)):
         quarter = Quarter(design, size, parity, mesh)
-        field = closure_field(quarter, _faces(design))
+        field = closure_field(quarter, faces)
         series = fit_class(field)
-        per_newton = patch_mean(series.reshape(len(series), -1), force, patch_mm, design)
-        part = (per_newton.reshape(len(angle), len(_PARTLY), 3) * force[:, None]).sum(axis=2)
+        per_newton = patch_mean(
+            series.reshape(len(series), -1), force, patch_mm or design.patch_mm(1.0), design
+        )
+        part = (per_newton.reshape(len(force), len(_PARTLY), 3) * force[:, None]).sum(axis=2)
         sign = np.ones(9) if parity.x > 0 else _ODD_IN_X
         # The quarter's form is a quarter of the foot's, so its field is four times the foot's.
         total += part[:, _IMAGE_OF] * sign / 4.0
-    return Centred(total, int(mesh.ne), quarter.n_unknowns)
-
-
-def _faces(design: FootDesign) -> list[tuple[str, float]]:
-    """Return for each element the quarter's part: merged cells, and their total area [mm2]."""
-    cells = quarter_cells(design)
-    names = [[cell.name for cell in cells if cell.element == element] for element in _PARTLY]
-    return [("|".join(part), design.cell_mm2 * len(part)) for part in names]
+    return Centred(total, quarter.n_unknowns)

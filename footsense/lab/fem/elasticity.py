@@ -51,8 +51,8 @@ class Layer:
     """A thin bonded layer between both bodies, as a traction law without elements: sideways spread is confined.
 
     Attributes:
-        material: Of the layer.
-        thickness_mm: Its thickness [mm].
+        material: Material of the layer.
+        thickness_mm: Thickness of the layer [mm].
         faces: Faces of the mesh that it covers.
     """
 

@@ -20,7 +20,8 @@ from footsense.foot.symmetry import flat_of_grid
 from footsense.frames import Vector
 from footsense.lab.fem.elasticity import hertz_shape
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells, quarter_grid
-from footsense.lab.fem.quarter import SOLVED, Parity, Quarter
+from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.symmetry_classes import SOLVED, Parity
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
 #: Order that the quadrature of a patch has above that of the elements, which are three times as large and more: with 24

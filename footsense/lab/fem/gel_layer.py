@@ -21,12 +21,11 @@ import ngsolve as ng
 import numpy as np
 
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.foot.response_table import FootResponse
 from footsense.lab.fem.elasticity import Layer
 from footsense.lab.fem.mesh import MeshSize, build_mesh
-from footsense.lab.fem.quarter import Parity, Quarter
+from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import UM_PER_MM, FootDesign, Material
-from footsense.lab.response import make_response
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,14 +60,6 @@ class GelLayerDesign:
             film_eps_r=1.0,
             electrode_area_mm2=self.eps_r * design.electrode_mm**2,
         )
-
-
-def gel_layer_response(design: FootDesign, size: MeshSize, film: GelLayerDesign) -> FootResponse:
-    """Return the response table of the foot with the film; with the free closures of the film.
-
-    Its `design` is still that of the gaps: take `GelLayerDesign.capacitor`.
-    """
-    return make_response(design, size, layer=film.layer)
 
 
 def upright_closure_um(design: FootDesign, size: MeshSize, films: Sequence[GelLayerDesign]) -> list[float]:

@@ -17,7 +17,7 @@ from footsense.errors import ModelError
 from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.symmetry import HALF_SIDE
 from footsense.frames import Vector
-from footsense.lab.fem.solids import NEAR_MM, SIDES, curved_mesh, hemisphere, lies_in, plate, square
+from footsense.lab.fem.solids import NEAR_MM, bodies, curved_mesh, lies_in, square
 from footsense.lab.geometry import FootDesign
 
 #: Nothing of a foot may be thinner [mm]: faces closer than `NEAR_MM` could not be told apart.
@@ -118,16 +118,6 @@ def quarter_grid(per_cell: Vector, design: FootDesign, axis: int) -> Vector:
     return np.take(per_cell, order, axis=axis)
 
 
-def _half(design: FootDesign, side: str, up: float, size: MeshSize) -> list[Any]:
-    """Return hemisphere and plate of the `ground` (up = -1) or `leg` (up = +1) side, named for the weak form."""
-    flat = up * design.plate_mm
-    level_mm = (min(0.0, flat), max(0.0, flat))
-    return [
-        hemisphere(design, side, flat, quarter=True),
-        plate(f"pdms_{side}", (0, 0), design.sheet_mm / 2.0, level_mm, size.plate_mm),
-    ]
-
-
 def _cell_face(cell: Cell, side_mm: float) -> Any:
     """Return a cell as a named face in the plane of the spacer."""
     face = square(cell.x_mm, cell.y_mm, side_mm)
@@ -194,7 +184,7 @@ def build_mesh(design: FootDesign, size: MeshSize) -> Any:
     if not thinnest_mm > _THINNEST_MM:  # NaN is refused too
         raise ModelError(f"no part of a foot is thinner than {_THINNEST_MM:g} mm, got {design}")
     size, step = size.in_foot(design), design.electrode_mm / CELLS_PER_SIDE
-    solids = [solid for side, up in SIDES for solid in _half(design, side, up, size)]
+    solids = bodies(design, size.plate_mm, quarter=True)
     shape = occ.Glue([*solids, *(_cell_face(cell, step) for cell in quarter_cells(design))])
     _name_bars(shape)
     name_mirrors(shape, size)

@@ -18,52 +18,15 @@ Source:
     DESIGN section 6; materials as in `geometry`.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import ngsolve as ng
-import numpy as np
 
 from footsense.errors import ModelError
-from footsense.frames import Vector
 from footsense.lab.fem.elasticity import Layer, energy, mixed_energy
 from footsense.lab.fem.mesh import MeshSize, build_mesh
+from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import FootDesign
-
-
-@dataclass(frozen=True, slots=True)
-class Parity:
-    """How a displacement field goes over under the two mirrors.
-
-    Attributes:
-        x: +1 if the field is its own mirror image under x -> -x, -1 if it is the opposite of it.
-        y: The same under y -> -y.
-    """
-
-    x: int
-    y: int
-
-    def clamped(self, component: int) -> str:
-        """Return the mirror planes on which a component (0..2) of the displacement vanishes, joined by `|`."""
-        planes = []
-        for axis, (plane, parity) in enumerate((("mirror_x", self.x), ("mirror_y", self.y))):
-            if (component == axis) == (parity > 0):
-                planes.append(plane)
-        return "|".join(planes)
-
-    def signs(self, component: int) -> tuple[int, int]:
-        """Return the sign that a component takes in the images under x -> -x and under y -> -y."""
-        return (-self.x if component == 0 else self.x), (-self.y if component == 1 else self.y)
-
-    def unfold(self, quarter: Vector, axis: int = 0) -> Vector:
-        """Return z components on the whole foot from the quarter's; x runs along `axis`, y along the next axis."""
-        half = np.concatenate([quarter, self.x * np.flip(quarter, axis)], axis)
-        return np.concatenate([half, self.y * np.flip(half, axis + 1)], axis + 1)
-
-
-#: The classes that are solved; (-1, 1) is the transpose of (1, -1).
-SOLVED = (Parity(1, 1), Parity(1, -1), Parity(-1, -1))
-
 
 #: Residual of a solve above which the stiffness counts as singular [1]; sound ones leave 1e-12 to 1e-9.
 _WORST_RESIDUAL = 1e-5

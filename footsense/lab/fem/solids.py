@@ -41,7 +41,7 @@ def plate(
     """Return a square plate of PDMS.
 
     Args:
-        name: Its material.
+        name: Name of the plate's material.
         corner_mm: Lowest x and y [mm].
         half_mm: Highest x and y [mm].
         level_mm: z of its lower and upper face [mm].
@@ -51,6 +51,24 @@ def plate(
     solid.mat(name)
     solid.maxh = edge_mm
     return solid
+
+
+def bodies(design: FootDesign, plate_edge_mm: float, *, quarter: bool) -> list[Any]:
+    """Return hemisphere and plate of the ground side, then of the leg side, in contact in the plane z = 0.
+
+    Args:
+        design: The foot.
+        plate_edge_mm: Largest edge of the mesh in the plates [mm].
+        quarter: Whether to cut off x < 0 and y < 0.
+    """
+    half_mm, solids = design.sheet_mm / 2.0, []
+    lowest_mm = 0.0 if quarter else -half_mm
+    for side, up in SIDES:
+        flat_mm = up * design.plate_mm
+        level_mm = (min(0.0, flat_mm), max(0.0, flat_mm))
+        solids.append(hemisphere(design, side, flat_mm, quarter=quarter))
+        solids.append(plate(f"pdms_{side}", (lowest_mm, lowest_mm), half_mm, level_mm, plate_edge_mm))
+    return solids
 
 
 def lies_in(part: Any, axis: str) -> bool:
@@ -79,7 +97,7 @@ def curved_mesh(
 
     Args:
         shape: The shape.
-        parameters: Of the mesher.
+        parameters: Parameters of the mesher.
         order: Polynomial order of the geometry.
         layers: Layers of thin elements at marked edges (hp refinement).
         layer_rel: Thickness of each over that of the next [1].

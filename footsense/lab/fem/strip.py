@@ -16,6 +16,8 @@ from footsense.lab.geometry import FootDesign
 
 #: Layers of thin elements around the corner of the bar, thickness of each over the next, order of the displacement.
 _LAYERS, _LAYER_REL, _ORDER = 4, 0.15, 5
+#: Pressure on top of the rubber [MPa].
+_PRESSURE_MPA = 0.01
 
 
 def _mesh(design: FootDesign, *, solid: bool) -> Any:
@@ -54,13 +56,12 @@ def _mesh(design: FootDesign, *, solid: bool) -> Any:
     return mesh
 
 
-def strip_closure_um(design: FootDesign, *, solid: bool, pressure_mpa: float = 0.01) -> float:
+def strip_closure_um(design: FootDesign, *, solid: bool) -> float:
     """Return the mean closure of the cavity under a uniform pressure [um].
 
     Args:
         design: The foot, for thicknesses, widths and materials.
         solid: Whether the spacer is meshed as PDMS; else it is the law.
-        pressure_mpa: On top of the rubber [MPa].
     """
     mesh = _mesh(design, solid=solid)
     space = ng.VectorH1(mesh, order=_ORDER, dirichletx="mirror", dirichlety="middle")
@@ -69,7 +70,7 @@ def strip_closure_um(design: FootDesign, *, solid: bool, pressure_mpa: float = 0
     form += ng.Variation(energy(design.pdms, u) * ng.dx("pdms") + energy(design.rubber, u) * ng.dx("rubber"))
     if not solid:  # the jump is twice the displacement of one side
         form += 2.0 * design.pdms.confined_mpa / design.spacer_mm * u[1] * v[1] * ng.ds("bar")
-    load = ng.LinearForm(-pressure_mpa * v[1] * ng.ds("pressed")).Assemble()
+    load = ng.LinearForm(-_PRESSURE_MPA * v[1] * ng.ds("pressed")).Assemble()
     form.Assemble()
     moved = ng.GridFunction(space)
     moved.vec.data = form.mat.Inverse(space.FreeDofs(), "sparsecholesky") * load.vec

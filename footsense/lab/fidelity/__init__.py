@@ -1,7 +1,10 @@
 """Four models of the foot, from a formula on paper to finite strain: closures and capacitances of a load.
 
-half_space   a formula: point force on a half-space, a lattice of bars, statics
+half_space   a formula: point force on a half-space, statics
+lattice      the closure of cavities between bars, for the formula
 levels       the models by name, as functions of contact normal and force, and the command `response`
+loads        the loads on which the models are compared
 compare      time of each level, and its difference from the finest
+forward      time of one solve per load, beside the table
 drawing      figures of both
 """

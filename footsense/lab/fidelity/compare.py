@@ -1,59 +1,16 @@
 """Computing time of each fidelity level, and difference from the finest level on the same loads."""
 
-import functools
-import timeit
-from collections.abc import Sequence
 from dataclasses import dataclass
 from timeit import default_timer
 
 import numpy as np
 
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.foot.response_table import FootResponse
+from footsense.foot.force_errors import errors
 from footsense.frames import Vector
-from footsense.lab.evaluation.evaluate import Readout, errors
-from footsense.lab.fem.forward import ForwardFoot
+from footsense.lab.evaluation.evaluate import Readout, rms
 from footsense.lab.fidelity.levels import Answer, FidelityLevel
-from footsense.lab.training.load_cases import paper_training, paper_verification
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Loads:
-    """Contact normals and forces [N] on which fidelity levels are compared.
-
-    Attributes:
-        normal: Inward unit normals, shape (n, 3).
-        force_n: Forces [N], shape (n, 3).
-    """
-
-    normal: Vector
-    force_n: Vector
-
-    def __len__(self) -> int:
-        """Return the number of loads."""
-        return len(self.normal)
-
-
-def paper_loads(response: FootResponse) -> Loads:
-    """Return the paper's 362 + 180 centred loads (section III F)."""
-    force_n = np.concatenate([paper_training(response).force_n, paper_verification(response).force_n])
-    return Loads(force_n / np.linalg.norm(force_n, axis=1, keepdims=True), force_n)
-
-
-def mirrored_loads(cases: Sequence[tuple[float, float, float]]) -> Loads:
-    """Return loads in the plane y = 0, which the full solve meshes half of.
-
-    Args:
-        cases: Elevation of the normal and of the force [deg], magnitude [gf].
-    """
-    of_normal, of_force, magnitude_gf = np.array(cases, dtype=np.float64).T
-
-    def up(elevation_deg: Vector) -> Vector:
-        elevation = np.radians(elevation_deg)
-        return np.column_stack([np.cos(elevation), np.zeros_like(elevation), np.sin(elevation)])
-
-    return Loads(up(of_normal), up(of_force) * magnitude_gf[:, None] * GRAM_FORCE_N)
+from footsense.lab.fidelity.loads import Loads
 
 
 def timed(level: FidelityLevel, loads: Loads, repeats: int = 1) -> tuple[Answer, float]:
@@ -115,80 +72,11 @@ def distance(answer: Answer, finest: Answer, network: Readout, design: Capacitor
     change_pf = finest.capacitance_pf - design.unloaded_pf
     read = errors(sensed_force_n(network, design, finest), sensed_force_n(network, design, answer))
     return Distance(
-        closure_rel=_rms(closure_um) / _rms(finest.closure_um),
+        closure_rel=rms(closure_um) / rms(finest.closure_um),
         closure_max_um=float(np.abs(closure_um).max()),
-        capacitance_rel=_rms(capacitance_pf) / _rms(change_pf),
+        capacitance_rel=rms(capacitance_pf) / rms(change_pf),
         capacitance_max_pf=float(np.abs(capacitance_pf).max()),
         direction_deg=read.direction_deg,
         magnitude_gf=read.magnitude_gf,
         n=len(closure_um),
     )
-
-
-@dataclass(frozen=True, slots=True)
-class ForwardAgainstTable:
-    """One solve per load beside the table of adjoint solves.
-
-    Attributes:
-        factorise_s: Mesh and three factorisations, which both need [s].
-        forward_s: One load by four solves [s].
-        adjoint_s: One adjoint solve, of which a table takes one per cell of the quarter and class [s].
-        table_s: One load by the table, many at once [s].
-        closure_rel: Difference of the closures of cells, rms over rms [1].
-        closure_max_um: The largest difference of an element's closure [um].
-        n: Loads that were solved.
-    """
-
-    factorise_s: float
-    forward_s: float
-    adjoint_s: float
-    table_s: float
-    closure_rel: float
-    closure_max_um: float
-    n: int
-
-    @property
-    def ratio(self) -> float:
-        """Time of a solve over the time of the table [1]."""
-        return self.forward_s / self.table_s
-
-
-def forward_against_table(
-    foot: ForwardFoot, factorise_s: float, response: FootResponse, loads: Loads, n: int
-) -> ForwardAgainstTable:
-    """Time and compare both ways.
-
-    Args:
-        foot: Factorised.
-        factorise_s: Time of the factorisation [s].
-        response: The table.
-        loads: Loads on which the table is timed.
-        n: How many of them, evenly spread, are solved.
-    """
-    once = functools.partial(response.free_closure_um, loads.normal, loads.force_n)
-    tabled, table_s = once(), min(timeit.repeat(once, repeat=3, number=1)) / len(loads)
-    some = np.linspace(0, len(loads) - 1, n).round().astype(int)
-    functionals = [quarter.closure_functional("cell0", 1.0) for quarter in foot.quarters]
-    start = default_timer()
-    for quarter, functional in zip(foot.quarters, functionals, strict=True):
-        quarter.solve(functional)
-    adjoint_s = (default_timer() - start) / len(functionals)
-    start = default_timer()
-    solved = np.stack([foot.cells_um(loads.normal[load], loads.force_n[load]) for load in some])
-    forward_s = (default_timer() - start) / n
-    difference = solved - tabled[some]
-    by_element = difference.reshape(n, 9, -1).mean(axis=-1)
-    return ForwardAgainstTable(
-        factorise_s=factorise_s,
-        forward_s=forward_s,
-        adjoint_s=adjoint_s,
-        table_s=table_s,
-        closure_rel=_rms(difference) / _rms(tabled[some]),
-        closure_max_um=float(np.abs(by_element).max()),
-        n=n,
-    )
-
-
-def _rms(values: Vector) -> float:
-    """Return the root of the mean square."""
-    return float(np.sqrt(np.mean(values**2)))

@@ -5,7 +5,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
 from footsense.frames import Vector
-from footsense.lab.fidelity.compare import Distance, ForwardAgainstTable
+from footsense.lab.fidelity.compare import Distance
+from footsense.lab.fidelity.forward import ForwardAgainstTable
 
 
 def error_against_time(

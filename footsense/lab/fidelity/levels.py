@@ -104,17 +104,15 @@ def fidelity_level(name: str, response: FootResponse, foot_design: FootDesign) -
     Raises:
         ValueError: There is no such level.
     """
-    match name:
-        case "half-space":
-            return partial(half_space, HalfSpace(foot_design))
-        case "linear":
-            return partial(linear, response)
-        case "contact":
-            return partial(gap_contact, Foot(response))
-        case "full":
-            return full(foot_design)
-        case _:
-            raise ValueError(f"no fidelity level {name!r}; there are {', '.join(NAMES)}")
+    if name not in NAMES:
+        raise ValueError(f"no fidelity level {name!r}; there are {', '.join(NAMES)}")
+    levels: dict[str, Callable[[], FidelityLevel]] = {
+        "half-space": lambda: partial(half_space, HalfSpace(foot_design)),
+        "linear": lambda: partial(linear, response),
+        "contact": lambda: partial(gap_contact, Foot(response)),
+        "full": lambda: full(foot_design),
+    }
+    return levels[name]()
 
 
 def response_to(
@@ -130,7 +128,7 @@ def response_to(
         response: The foot's response table.
         foot_design: The foot of the table.
         direction_deg: Azimuth and elevation (theta1, theta2) of the force [deg].
-        force_n: Its magnitude [N].
+        force_n: Magnitude of the force [N].
         name: The fidelity level.
 
     Returns:

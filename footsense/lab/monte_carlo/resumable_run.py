@@ -74,20 +74,10 @@ class _Result:
     figures: Figures
 
 
-#: Judges one foot; picklable, the same result each time.
+#: Evaluates one foot; picklable, the same result each time.
 Work = Callable[[Job], Figures]
 #: Runs the jobs, and yields each as it is finished.
 Workers = Callable[[Work, Sequence[Job]], Generator[tuple[Job, Figures], None, None]]
-
-
-def in_turn(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, Figures], None, None]:
-    """Evaluate the feet one after the other in this process.
-
-    Yields:
-        Each foot with its figures.
-    """
-    for job in jobs:
-        yield job, work(job)
 
 
 def run_resumable(
@@ -95,15 +85,15 @@ def run_resumable(
     jobs: Sequence[Job],
     work: Work,
     *,
-    workers: Workers = in_turn,
+    workers: Workers,
     file: Path | None = None,
 ) -> dict[Job, Figures]:
     """Evaluate all feet that are not in the file yet.
 
     Args:
         about: Description of the run, equal for results that belong together: seed, models.
-        jobs: The feet; one that comes twice is judged once.
-        work: Judges one.
+        jobs: The feet; one that comes twice is evaluated once.
+        work: Evaluates one.
         workers: Run the jobs.
         file: Where results are kept (JSON lines), made if missing; None keeps none.
 

@@ -1,7 +1,7 @@
 """Fabricated feet on an inexact test stand, and the errors of each read-out on them.
 
 Every foot is reproducible by itself, from its number, the run's seed and the tolerances. Two kinds of read-outs
-are judged: those trained on the design, and those trained on the foot's own 362 measured cases.
+are compared: those trained on the design, and those trained on the foot's own 362 measured cases.
 """
 
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ import numpy as np
 from footsense.estimation.rest import at_rest
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.directions import normalized
-from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.foot.force_errors import GRAM_FORCE_N, errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.evaluation.evaluate import Readout, capacitance_readout, elastance_readout, errors
+from footsense.lab.evaluation.evaluate import Readout, capacitance_readout, elastance_readout
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.monte_carlo.resumable_run import Figures, Job, Tolerances
 from footsense.lab.training.export import OnnxNetwork
@@ -36,13 +36,11 @@ class Measured:
 
     Attributes:
         force_n: Forces of the reference sensor [N], shape (n, 3).
-        true_n: True forces [N], shape (n, 3).
         change_pf: Changes of the capacitances [pF], shape (n, 9).
         closure_um: Closures by the designed dimensions [um], shape (n, 9).
     """
 
     force_n: Vector
-    true_n: Vector
     change_pf: Vector
     closure_um: Vector
 
@@ -72,7 +70,6 @@ def measure(
     change_pf += tolerances.reading_pf * noise[2]
     return Measured(
         force_n=true_n + tolerances.reference_rel * REFERENCE_N * noise[3, :, :3],
-        true_n=true_n,
         change_pf=change_pf,
         closure_um=response.design.closure_um(unloaded_pf + change_pf, unloaded_pf),
     )
@@ -119,7 +116,7 @@ def _plain_network(design: CapacitorDesign, cases: Cases, rng: np.random.Generat
     return PaperTraining(design, cases).train([start_layers(rng, (9, *HIDDEN, 3))], epochs)[0]
 
 
-def judge(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
+def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
     """Return the errors of all read-outs on one foot, means over the 180 cases, and the coverage of sigma.
 
     Args:
@@ -150,7 +147,7 @@ def judge(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
         **{name: read(changed_um) for name, read in on_design.readouts.items()},
         "own_closure": elastance_readout(Cases(training.force_n, training.closure_um))(test.closure_um),
         "own_change": capacitance_readout(design, own_changes)(changed_um),
-        "reference": test.true_n,
+        "reference": on_design.verification_n,
     }
     if job.with_network:
         rng = np.random.default_rng((seed, job.foot, 2))
@@ -159,5 +156,5 @@ def judge(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
     for name, estimate in estimates.items():
         row = errors(test.force_n, estimate)
         figures |= {f"{name}_deg": row.direction_deg, f"{name}_gf": row.magnitude_gf}
-    off_rel = np.abs(network_n - test.true_n) / network.estimate(at_rest(closure_rel)).sigma_n
+    off_rel = np.abs(network_n - on_design.verification_n) / network.estimate(at_rest(closure_rel)).sigma_n
     return figures | {f"within_{k}": float((off_rel <= k).mean()) for k in (1, 2)}

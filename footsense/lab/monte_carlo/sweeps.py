@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
-from footsense.lab.monte_carlo.resumable_run import Figures, Job, Tolerances, Workers, run_resumable
-from footsense.lab.monte_carlo.specimens import judge
+from footsense.lab.monte_carlo.resumable_run import Job, Tolerances, Workers, run_resumable
+from footsense.lab.monte_carlo.specimens import readout_errors
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.training.paper_procedure import EPOCHS, QUICK_EPOCHS
 
@@ -101,7 +101,7 @@ class SweepResults:
     Attributes:
         plan: Feet and levels.
         gap_um: The designed gap [um].
-        figures: By sweep, level and name, as `judge` names them.
+        figures: By sweep, level and name, as `readout_errors` names them.
     """
 
     plan: Plan
@@ -116,6 +116,10 @@ class SweepResults:
         """Return a figure's mean over the feet at each level."""
         return [self.over_feet(sweep, level, name).mean for level in self.plan.levels(sweep)]
 
+    def at_level(self, sweep: Sweep, name: str, level: float) -> float:
+        """Return a figure's mean over the feet at a level, interpolated linearly between levels."""
+        return float(np.interp(level, self.plan.levels(sweep), self.means(sweep, name)))
+
     def reached(self, sweep: Sweep, name: str, target: float) -> float | None:
         """Return the lowest level at which a mean reaches a target, interpolated linearly between levels."""
         levels, means = self.plan.levels(sweep), self.means(sweep, name)
@@ -123,11 +127,6 @@ class SweepResults:
             if mean >= target:
                 return float(np.interp(target, means[k - 1 : k + 1], levels[k - 1 : k + 1])) if k else 0.0
         return None
-
-
-def _statistics(feet: list[Figures]) -> dict[str, MeanStd]:
-    """Return the statistics of every figure that all feet have."""
-    return {name: MeanStd.over(foot[name] for foot in feet) for name in feet[0]}
 
 
 def sweep_results(
@@ -152,14 +151,13 @@ def sweep_results(
         "epochs": plan.epochs,
         "models": " ".join(digests),
     }
-    work = partial(judge, models=models, seed=SEED, epochs=plan.epochs)
+    work = partial(readout_errors, models=models, seed=SEED, epochs=plan.epochs)
     jobs = [job for s in (*FEET, *TEST_STANDS) for level in plan.levels(s) for job in plan.jobs(s, level)]
     found = run_resumable(about, jobs, work, workers=workers, file=file)
-    figures = {
-        sweep.what: {
-            f"{level:g}": _statistics([found[job] for job in plan.jobs(sweep, level)])
-            for level in plan.levels(sweep)
-        }
-        for sweep in (*FEET, *TEST_STANDS)
-    }
+    figures: dict[str, dict[str, dict[str, MeanStd]]] = {}
+    for sweep in (*FEET, *TEST_STANDS):
+        for level in plan.levels(sweep):
+            feet = [found[job] for job in plan.jobs(sweep, level)]
+            over_feet = {name: MeanStd.over(foot[name] for foot in feet) for name in feet[0]}
+            figures.setdefault(sweep.what, {})[f"{level:g}"] = over_feet
     return SweepResults(plan=plan, gap_um=gap_um, figures=figures)

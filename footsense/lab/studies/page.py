@@ -7,30 +7,27 @@ again from its JSON without computing anything; a test compares it with the comm
 """
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from timeit import default_timer
-from typing import Any, Generic, TypeVar
+from typing import Any, get_args, get_type_hints
 
 import msgspec
-import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from footsense.foot.files.checksum_trailer import verified_sha256
+from footsense.foot.files.network_card import TrainedInputs, read_card
 from footsense.foot.response_table import FootResponse
 from footsense.lab.code_hash import compute_sha256
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, open_models
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import FootDesign
-from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.template import render
 from footsense.lab.training.export import OnnxNetwork
 
-Results = TypeVar("Results")
 #: Drawings by file name, such as `sensors.png`.
 Figures = dict[str, Figure]
 
@@ -69,6 +66,11 @@ class StudyContext:
         return self._released[1]
 
     @cached_property
+    def trained_inputs(self) -> TrainedInputs:
+        """Capacitors of the released network, and range and moments of its training inputs."""
+        return read_card(json.dumps(self.network.card), str(self.models)).trained_inputs
+
+    @cached_property
     def network_sha256(self) -> str:
         """SHA-256 of the network file, which also identifies the foot: its card holds the response table's hash."""
         path = self.models / NETWORK_FILE
@@ -84,18 +86,21 @@ class Page:
         title: Heading.
         body: Markdown below the heading: question, tables, findings. `![](x.png)` shows a figure.
         figures: The drawings.
-        values: The measured numbers and how they were made, as JSON values.
-        seconds: Time that the study took [s].
+        values: The measured numbers, the time [s], and how they were made, as JSON values.
         command: Subcommand of `footsense lab` that makes the page; empty for `study`.
     """
 
     name: str
     title: str
     body: str
-    figures: Figures = field(default_factory=dict)
-    values: dict[str, Any] = field(default_factory=dict)
-    seconds: float = 0.0
+    figures: Figures
+    values: dict[str, Any]
     command: str = ""
+
+    @property
+    def seconds(self) -> float:
+        """Time that the study took [s]."""
+        return float(self.values["seconds"])
 
     def write(self, folder: Path) -> None:
         """Write `<name>.md`, `<name>.json` and the figures into a folder, made if missing."""
@@ -103,8 +108,7 @@ class Page:
         for file, figure in self.figures.items():
             figure.savefig(folder / file, dpi=110, bbox_inches="tight", metadata={"Software": None})
         (folder / f"{self.name}.md").write_text(self.markdown, encoding="utf-8")
-        record = {"study": self.name, "seconds": round(self.seconds, 1), **self.values}
-        text = json.dumps(record, indent=2) + "\n"
+        text = json.dumps({"study": self.name, **self.values}, indent=2) + "\n"
         (folder / f"{self.name}.json").write_text(text, encoding="utf-8")
 
     @property
@@ -115,22 +119,21 @@ class Page:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Study(Generic[Results]):
-    """One study: computation, result type and page.
+class Study:
+    """One study: computation and page.
 
     Attributes:
         name: Names its command and its files.
         title: Heading of its page.
-        results: Type of the measured numbers: a dataclass that msgspec converts to and from JSON.
-        compute: Measures.
+        compute: Measures; its annotation names the type of the results, a dataclass that msgspec converts to and from
+            JSON.
         names: Names that the template uses and that the module itself does not.
         command: Subcommand of `footsense lab`; empty for `study <name>`.
     """
 
     name: str
     title: str
-    results: type[Results]
-    compute: Callable[[StudyContext], tuple[Results, Figures]]
+    compute: Callable[[StudyContext], tuple[Any, Figures]]
     names: dict[str, Any] = field(default_factory=dict)
     command: str = ""
 
@@ -142,59 +145,32 @@ class Study(Generic[Results]):
             "seconds": round(default_timer() - started, 1),
             "quick": context.quick,
             "network_sha256": context.network_sha256,
-            "code_sha256": compute_sha256(self._module),
-            **msgspec.to_builtins(results, str_keys=True, enc_hook=_plain),
+            "code_sha256": compute_sha256(self._function.__module__),
+            **msgspec.to_builtins(results, str_keys=True, enc_hook=lambda value: value.tolist()),
         }
         return self.rendered(json.loads(json.dumps(values)), figures)
 
     @property
-    def _module(self) -> str:
-        """Name of the module of `compute`, which may be partial."""
-        return str(getattr(self.compute, "func", self.compute).__module__)
+    def _function(self) -> Any:
+        """The function behind `compute`, which may be partial."""
+        return getattr(self.compute, "func", self.compute)
 
     def rendered(self, values: dict[str, Any], figures: Figures | None = None) -> Page:
         """Render the page from stored JSON values, without computing."""
-        results: Any = msgspec.convert(values, self.results, str_keys=True)
+        results_type, _ = get_args(get_type_hints(self._function)["return"])
+        results: Any = msgspec.convert(values, results_type, str_keys=True)
         numbers = {one.name: getattr(results, one.name) for one in fields(results)}
-        names = vars(import_module(self._module)) | numbers | self.names | {"results": results}
-        body = render(self._module, names)
+        module = self._function.__module__
+        names = vars(import_module(module)) | numbers | self.names | {"results": results}
+        body = render(module, names)
         return Page(
             name=self.name,
             title=self.title,
             body=f"{_QUICK}\n\n{body}" if values["quick"] else body,
             figures=figures or {},
             values=values,
-            seconds=values["seconds"],
             command=self.command,
         )
 
 
 _QUICK = "**Quick run: coarse steps, few cases and seeds. Its figures are no results.**"
-
-
-def _plain(value: Any) -> Any:
-    """Convert a numpy value to a builtin Python value."""
-    return value.tolist()
-
-
-def panels(n: int, width: float, height: float, **options: Any) -> tuple[Figure, list[Axes]]:
-    """Return a figure [inch] with n panels in a row, each with a grid.
-
-    Args:
-        n: How many.
-        width: Width of the figure [inch].
-        height: Height of the figure [inch].
-        options: As for `Figure.subplots`.
-    """
-    figure = Figure(figsize=(width, height), layout="constrained")
-    axes = list(np.atleast_1d(figure.subplots(1, n, **options)))
-    for one in axes:
-        one.grid(alpha=0.3)
-    return figure, axes
-
-
-def plot_band(axes: Axes, x: Sequence[float], statistics: Sequence[MeanStd], **options: Any) -> None:
-    """Plot means over x, and one standard deviation to either side as a band."""
-    mean, std = (np.array([getattr(one, name) for one in statistics]) for name in ("mean", "std"))
-    (line,) = axes.plot(x, mean, "o-", ms=4, **options)
-    axes.fill_between(x, mean - std, mean + std, color=line.get_color(), alpha=0.2, lw=0)

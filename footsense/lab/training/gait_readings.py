@@ -4,7 +4,9 @@ Every conversion is one reading of one element at its own time; the truth that b
 which a force estimated from it would be sent. Half a minute of walking is thousands of windows of readings.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -15,7 +17,7 @@ from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, sensed_closure_um
 from footsense.sim.foot.viscoelastic import ViscoelasticElement
-from footsense.sim.loads.random_gait import RandomGait
+from footsense.sim.loads.random_gait import Loads, RandomGait
 
 #: Orders of the conversions that a window may come from; almost all robots use the first.
 ORDERS: NDArray[np.intp] = np.array([(5, 0, 7, 6, 4, 2, 1, 8, 3), tuple(range(ELEMENTS))], np.intp)
@@ -72,8 +74,67 @@ def _with_rubber(t_s: Vector, normal: Vector, force_n: Vector, amount: float) ->
     return normals, forces
 
 
+class Timing(NamedTuple):
+    """How a gait is read.
+
+    Attributes:
+        order: Row of `ORDERS`.
+        step_s: Time of a conversion [s].
+        lead_s: Time from the middle of a conversion to the sending of a force [s].
+        viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
+        drift_pf: Drift of the baselines since they were last followed [pF, rms].
+    """
+
+    order: int = 0
+    step_s: float = STEP_S
+    lead_s: float = LEAD_S
+    viscous_rel: float = 0.0
+    drift_pf: float = 0.0
+
+
+def read_gait(
+    response: FootResponse,
+    loads: Callable[[Vector], Loads],
+    timing: Timing,
+    rng: np.random.Generator,
+    n: int,
+) -> GaitReadings:
+    """Return the readings of one gait, as arrays with a first axis of length 1.
+
+    Args:
+        response: Response of the foot.
+        loads: Returns the loads at some times [s].
+        timing: How it is read.
+        rng: Source of the noise.
+        n: Number of conversions.
+    """
+    design = response.design
+    lead_s = timing.lead_s + _JITTER_S * rng.normal(size=n)
+    t_s: Vector = np.asarray(timing.step_s * np.arange(1.0, n + 1), np.float64)
+    read, sent = loads(t_s), loads(t_s + lead_s)
+    normal, force_n = _with_rubber(t_s, *read, timing.viscous_rel) if timing.viscous_rel else read
+    closure_um = np.zeros((n, ELEMENTS))
+    loaded = force_n.any(axis=1)
+    closure_um[loaded] = sensed_closure_um(Foot(response), normal[loaded], force_n[loaded])
+    element = elements_of(timing.order, n)
+    capacitance_pf = design.capacitance_pf(closure_um[np.arange(n), element])
+    measured_pf = np.minimum(capacitance_pf + NOISE_PF * rng.normal(size=n), FULL_SCALE_PF)
+    off_pf = float(np.hypot(BASELINE_NOISE_PF, timing.drift_pf))
+    baseline_pf = design.unloaded_pf + off_pf * rng.normal(size=ELEMENTS)
+    closure_rel = design.closure_um(measured_pf, baseline_pf[element]) / design.gap_um
+    return GaitReadings(
+        order=np.array([timing.order]),
+        step_s=np.array([timing.step_s]),
+        lead_s=lead_s[None],
+        closure_rel=closure_rel[None].astype(np.float32),
+        in_range=(measured_pf < FULL_SCALE_PF)[None],
+        force_n=sent.force_n[None].astype(np.float32),
+        normal=sent.normal[None].astype(np.float32),
+    )
+
+
 def one_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: float) -> GaitReadings:
-    """Return the readings of one random gait, as arrays with a first axis of length 1.
+    """Return the readings of one random gait at a random timing, as `read_gait`.
 
     Args:
         response: Response of the foot.
@@ -81,35 +142,18 @@ def one_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: fl
         n: Number of conversions.
         max_n: Full load of the foot [N].
     """
-    design = response.design
     order = int(rng.random() < _RASTER_SHARE)
     slower = float(np.exp(rng.uniform(0.0, np.log(_SLOWEST_REL)))) if rng.random() < _SLOW_SHARE else 1.0
     step_s = STEP_S * slower * (1.0 + _CLOCK_REL * rng.normal())
     late_s = rng.uniform(0.0, _LATEST_S) if rng.random() < _LATE_SHARE else 0.0
-    lead_s = LEAD_S + 0.6 * (step_s - STEP_S) + late_s + _JITTER_S * rng.normal(size=n)
-    t_s: Vector = np.asarray(step_s * np.arange(1.0, n + 1), np.float64)
-    gait = RandomGait(rng, max_n, n * step_s)
-    read, sent = gait.loads(t_s), gait.loads(t_s + lead_s)
-    amount = rng.uniform(0.0, _MOST_VISCOUS) if rng.random() < _VISCOUS_SHARE else 0.0
-    normal, force_n = (read.normal, read.force_n) if not amount else _with_rubber(t_s, *read, amount)
-    closure_um = np.zeros((n, ELEMENTS))
-    loaded = force_n.any(axis=1)
-    closure_um[loaded] = sensed_closure_um(Foot(response), normal[loaded], force_n[loaded])
-    element = elements_of(order, n)
-    capacitance_pf = design.capacitance_pf(closure_um[np.arange(n), element])
-    measured_pf = np.minimum(capacitance_pf + NOISE_PF * rng.normal(size=n), FULL_SCALE_PF)
-    off_pf = float(np.hypot(BASELINE_NOISE_PF, _DRIFT_PF if rng.random() < _DRIFT_SHARE else 0.0))
-    own_baseline_pf = design.unloaded_pf + off_pf * rng.normal(size=ELEMENTS)
-    closure_rel = design.closure_um(measured_pf, own_baseline_pf[element]) / design.gap_um
-    return GaitReadings(
-        order=np.array([order]),
-        step_s=np.array([step_s]),
-        lead_s=lead_s[None],
-        closure_rel=closure_rel[None].astype(np.float32),
-        in_range=(measured_pf < FULL_SCALE_PF)[None],
-        force_n=sent.force_n[None].astype(np.float32),
-        normal=sent.normal[None].astype(np.float32),
+    timing = Timing(
+        order=order,
+        step_s=step_s,
+        lead_s=LEAD_S + 0.6 * (step_s - STEP_S) + late_s,
+        viscous_rel=rng.uniform(0.0, _MOST_VISCOUS) if rng.random() < _VISCOUS_SHARE else 0.0,
+        drift_pf=_DRIFT_PF if rng.random() < _DRIFT_SHARE else 0.0,
     )
+    return read_gait(response, RandomGait(rng, max_n, n * step_s).loads, timing, rng, n)
 
 
 def joined(gaits: list[GaitReadings]) -> GaitReadings:

@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.lab.response import SYMMETRIES, element_map
+from footsense.lab.symmetry import SYMMETRIES, element_map
 
 #: Size e below which a pattern means little [1 of the gap]: 40 nm of 20 um.
 SOFT_REL = 2e-3

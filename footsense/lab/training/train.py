@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from footsense.estimation.faults.imputation import Imputation
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
-from footsense.lab.response import SYMMETRIES, element_map
+from footsense.lab.symmetry import SYMMETRIES, element_map
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, Cases
 from footsense.lab.training.network import SEEN, Weights, expand, hidden_input, linear_basis, run
 

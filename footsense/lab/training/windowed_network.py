@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.frames import ELEMENTS
-from footsense.lab.response import SYMMETRIES, element_map
+from footsense.lab.symmetry import SYMMETRIES, element_map
 from footsense.lab.training.network import N_SYMMETRIES, SOFT_REL, linear_basis, relative_index
 from footsense.ports import Load, Window
 

@@ -5,96 +5,20 @@ missing checksums and lost chunks; so everything is counted and checked here, an
 byte.
 """
 
-import os
-import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
-import msgspec
-from mcap.exceptions import McapError
-from mcap.records import Chunk, DataEnd, Metadata
-from mcap.records import Header as McapHeader
+from mcap.records import Chunk, DataEnd
 from mcap.stream_reader import StreamReader, breakup_chunk
-from zstandard import ZstdError, frame_content_size
+from zstandard import frame_content_size
 
 from footsense.errors import RecordingError
-from footsense.frames import LEGS
+from footsense.recording.container.bounded_file import DAMAGE, MAX_CHUNK_BYTES, BoundedFile
 from footsense.recording.container.cycle_assembly import CycleAssembly
-from footsense.recording.container.mcap_writer import HEADER_CRC, METADATA, PROFILE, header_crc
 from footsense.recording.cycle_records import LostCycles, NumberedCycle, require
 
-#: Largest chunk that is unpacked [bytes]; footsense's have 64 KiB.
-MAX_CHUNK_BYTES = 1 << 24
-
-#: Errors of the libraries below on damaged bytes.
-_DAMAGE = (
-    *(McapError, ZstdError, msgspec.MsgspecError, ValueError, LookupError, TypeError, AttributeError),
-    *(OverflowError, MemoryError, RecursionError, EOFError, struct.error),
-)
-
 _Record = Any  # the library is not typed
-
-
-class _Bounded:
-    """File wrapper that limits each read to the end of the file, even for a damaged length."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        self._file = file
-        self.size = os.fstat(file.fileno()).st_size
-
-    def read(self, n: int) -> bytes:
-        """Return `n` bytes, fewer at the end.
-
-        Raises:
-            ValueError: No written record is so large.
-        """
-        if n > MAX_CHUNK_BYTES:
-            raise ValueError("a record is larger than any that is written")
-        return self._file.read(min(n, self.size - self._file.tell()))
-
-
-def read_header(path: Path) -> dict[str, str]:
-    """Return the header of a recording.
-
-    Args:
-        path: The recording.
-
-    Returns:
-        The header; its entry `legs` names the rows of the frames.
-
-    Raises:
-        RecordingError: The file is missing, or not a recording, or its header is damaged.
-    """
-    try:
-        with path.open("rb") as file:
-            records = StreamReader(_Bounded(file), emit_chunks=True).records
-            container = next(records)
-            if not isinstance(container, McapHeader) or container.profile != PROFILE:
-                raise RecordingError(f"{path}: is an MCAP file, but not a recording of footsense")
-            metadata = next(records)
-            header = metadata.metadata if isinstance(metadata, Metadata) else {}
-            if header.get(HEADER_CRC) != header_crc(header) or metadata.name != METADATA:
-                raise RecordingError(f"{path}: the header of the recording is damaged; nothing can be read")
-            _check_legs(path, header.get("legs", ""))
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
-    except (*_DAMAGE, StopIteration):
-        raise RecordingError(f"{path}: is not a recording, or was cut off in its first bytes") from None
-    return {key: value for key, value in header.items() if key != HEADER_CRC}
-
-
-def _check_legs(path: Path, legs: str) -> None:
-    """Check that a header names the rows of the frames.
-
-    Raises:
-        RecordingError: It does not.
-    """
-    names = legs.split(",")
-    if len(set(names)) < len(names) or not set(names) <= set(LEGS):
-        raise RecordingError(
-            f"{path}: the recording names its legs {legs[:40]!r}, not some of {', '.join(LEGS)}"
-        )
 
 
 def read_entries(path: Path, legs: tuple[str, ...]) -> Iterator[NumberedCycle | LostCycles]:
@@ -111,7 +35,7 @@ def read_entries(path: Path, legs: tuple[str, ...]) -> Iterator[NumberedCycle | 
         RecordingError: The file ends before its end mark, or is damaged; the message names the byte.
     """
     with path.open("rb") as file:
-        bounded = _Bounded(file)
+        bounded = BoundedFile(file)
         assembly = CycleAssembly(legs)
         good = 0
         try:
@@ -125,7 +49,7 @@ def read_entries(path: Path, legs: tuple[str, ...]) -> Iterator[NumberedCycle | 
                     require(record.data_section_crc != 0, "the checksum of the file is missing")
                     return
                 good = file.tell()
-        except _DAMAGE as error:
+        except DAMAGE as error:
             raise RecordingError(f"{path}: {_damage_text(assembly, good, bounded.size, error)}") from None
         raise RecordingError(
             f"{path}: {_damage_text(assembly, good, bounded.size, ValueError('no end mark'))}"

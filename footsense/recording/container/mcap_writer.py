@@ -8,25 +8,15 @@ Source:
     MCAP format specification, https://mcap.dev/spec.
 """
 
-import json
 import os
-import zlib
 from collections.abc import Mapping
 
 from mcap.writer import CompressionType, Writer
 
 from footsense.recording.container import event_messages, messages
+from footsense.recording.container.mcap_header import HEADER_CRC, METADATA, PROFILE, header_crc
 from footsense.recording.container.reference_messages import encode_reference, reference_schema
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
-
-#: Profile of the container, which identifies footsense's files.
-PROFILE = "footsense"
-
-#: Name of the metadata record with the header.
-METADATA = "footsense"
-
-#: Key of the header's checksum.
-HEADER_CRC = "crc32"
 
 #: Chunk size before compression [bytes]: about half a second of six legs.
 CHUNK_BYTES = 65_536
@@ -54,12 +44,6 @@ class _UnbufferedFile:
 
     def flush(self) -> None:
         """Do nothing: there is no buffer."""
-
-
-def header_crc(header: Mapping[str, str]) -> str:
-    """Return the checksum of a header, without the checksum entry."""
-    entries = sorted((key, value) for key, value in header.items() if key != HEADER_CRC)
-    return f"{zlib.crc32(json.dumps(entries).encode()):08x}"
 
 
 class McapFile:

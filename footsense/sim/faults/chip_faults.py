@@ -6,6 +6,7 @@ import numpy as np
 
 from footsense.sim.bus.i2c_bus import SimulatedChip
 from footsense.sim.chips.ad7746 import SimulatedAd7746
+from footsense.sim.chips.eeprom import Eeprom
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.faults import scene_faults
@@ -13,23 +14,6 @@ from footsense.sim.faults.schedule import Schedule
 
 _ON_LINES = (scene_faults.NackAtRandom, scene_faults.CorruptReads)
 _ON_CONVERTER = (*_ON_LINES, scene_faults.WrongChip)
-
-
-class _Eeprom:
-    """A 24C02: writes and reads go on from a pointer; each byte in it is its address at first."""
-
-    def __init__(self) -> None:
-        self._pointer = 0
-        self._memory = bytearray(range(256))
-
-    def write(self, data: bytes) -> None:
-        self._pointer = data[0]
-        for value in data[1:]:
-            self._memory[self._pointer] = value
-            self._pointer = (self._pointer + 1) % 256
-
-    def read(self, n: int) -> bytes:
-        return bytes(self._memory[(self._pointer + k) % 256] for k in range(n))
 
 
 class _FailingChip:
@@ -45,7 +29,7 @@ class _FailingChip:
         self._chip = chip
         self._faults = Schedule((fault.span_ns, fault) for fault in faults)
         self._rng = rng
-        self._eeprom = _Eeprom()
+        self._eeprom = Eeprom()
 
     def acknowledges(self, t_ns: int) -> bool:
         lost = False

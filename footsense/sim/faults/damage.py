@@ -7,24 +7,15 @@ import numpy as np
 
 from footsense.foot.specimen import Foot
 from footsense.sim.chips.line_switch import LineStates
+from footsense.sim.faults import scene_faults
 from footsense.sim.faults.line_capacitance import mutual_capacitance_pf, pin_capacitance_pf
-from footsense.sim.faults.scene_faults import (
-    BrokenColumn,
-    BrokenRow,
-    ElementDrifts,
-    ElementOpen,
-    ElementShorted,
-    ElementStuck,
-    GapClosed,
-    OnFoot,
-)
 from footsense.sim.faults.schedule import Schedule
 
 #: Capacitance of an element without electrode, or of a column without line: a piece of trace [pF].
 OPEN_PF = 0.1
 
 _COLUMNS = 3
-_ON_LINES = (BrokenColumn, BrokenRow, ElementShorted)
+_ON_LINES = (scene_faults.BrokenColumn, scene_faults.BrokenRow, scene_faults.ElementShorted)
 
 
 class Damage:
@@ -35,17 +26,20 @@ class Damage:
         foot: The foot.
     """
 
-    def __init__(self, faults: Sequence[OnFoot], foot: Foot) -> None:
+    def __init__(self, faults: Sequence[scene_faults.OnFoot], foot: Foot) -> None:
         self._on_lines = Schedule((fault.span_ns, fault) for fault in faults if isinstance(fault, _ON_LINES))
         self._on_elements = Schedule(
             # What has drifted stays.
-            ((fault.at_ns, math.inf) if isinstance(fault, ElementDrifts) else fault.span_ns, fault)
+            (
+                (fault.at_ns, math.inf) if isinstance(fault, scene_faults.ElementDrifts) else fault.span_ns,
+                fault,
+            )
             for fault in faults
             if not isinstance(fault, _ON_LINES)
         )
         design = foot.response.design
         self._closed_pf = float(design.capacitance_pf(np.full(1, design.gap_um))[0])
-        self._held_pf: dict[ElementStuck, float] = {}
+        self._held_pf: dict[scene_faults.ElementStuck, float] = {}
 
     def elements_pf(self, whole_pf: list[float], t_ns: int) -> list[float]:
         """Return the capacitance of each element of the damaged foot at a time [pF], nine.
@@ -61,14 +55,14 @@ class Damage:
         for fault in acting:
             pf = damaged_pf[fault.element]
             match fault:
-                case ElementDrifts():
+                case scene_faults.ElementDrifts():
                     drift_s = (min(t_ns, fault.until_ns) - fault.at_ns) * 1e-9
                     pf = max(pf + fault.rate_ff_per_s * drift_s * 1e-3, OPEN_PF)
-                case ElementStuck():
+                case scene_faults.ElementStuck():
                     pf = self._held_pf.setdefault(fault, pf)
-                case ElementOpen():
+                case scene_faults.ElementOpen():
                     pf = OPEN_PF
-                case GapClosed():
+                case scene_faults.GapClosed():
                     pf = self._closed_pf
             damaged_pf[fault.element] = pf
         return damaged_pf
@@ -93,10 +87,10 @@ class Damage:
         shorted: list[int] = []
         for fault in self._on_lines.at(t_ns):
             match fault:
-                case BrokenRow(row=row):
+                case scene_faults.BrokenRow(row=row):
                     rows |= 1 << row
-                case BrokenColumn(column=column):
+                case scene_faults.BrokenColumn(column=column):
                     columns |= 1 << column
-                case ElementShorted(element=element):
+                case scene_faults.ElementShorted(element=element):
                     shorted.append(element)
         return rows, columns, shorted

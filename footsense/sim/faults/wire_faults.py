@@ -21,7 +21,7 @@ from footsense.sim.clock import VirtualClock
 from footsense.sim.faults.scene_faults import ArbitrationLost, MuxReset, OnWires, StuckSda, StuckUpstreamBus
 from footsense.sim.faults.schedule import Schedule
 
-#: Retries that `footsense/acquisition/linux_i2c.py` sets.
+#: Retries that `footsense/acquisition/linux/linux_i2c.py` sets.
 KERNEL_RETRIES = 1
 #: Time in a transaction until arbitration is lost: that of the address, at 400 kHz [ns].
 _LOST_AFTER_NS = 25_000

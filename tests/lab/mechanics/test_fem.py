@@ -9,7 +9,8 @@ from msgspec.structs import replace
 
 from footsense.errors import ModelError
 from footsense.lab.fem.mesh import COARSE, build_mesh
-from footsense.lab.fem.quarter import Parity, Quarter
+from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import FootDesign, Material
 from tests.lab.released import FOOT_DESIGN
 from tests.support.analytic_benchmarks import HalfSpace, block_errors

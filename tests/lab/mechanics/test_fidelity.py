@@ -9,7 +9,8 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.fem.forward import ForwardFoot
 from footsense.lab.fem.mesh import COARSE
-from footsense.lab.fidelity.half_space import HalfSpace, lattice_opening_mm
+from footsense.lab.fidelity.half_space import HalfSpace
+from footsense.lab.fidelity.lattice import lattice_opening_mm
 from footsense.lab.fidelity.levels import NAMES, fidelity_level, response_to
 from tests.lab.released import FOOT_DESIGN, RELEASED
 

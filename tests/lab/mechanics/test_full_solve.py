@@ -43,10 +43,10 @@ def test_a_light_load_is_hertz_on_the_linear_foot() -> None:
         UP, force
     )
     a_mm = np.cbrt(0.75 * force[2] * FOOT_DESIGN.ball_radius_mm / FOOT_DESIGN.rubber.hertz_mpa)
-    assert solved.patch_mm == pytest.approx(a_mm, rel=0.04)
-    assert solved.peak_mpa == pytest.approx(1.5 * force[2] / (np.pi * a_mm**2), rel=0.05)
-    assert 1.0 < solved.approach_mm / (a_mm**2 / FOOT_DESIGN.ball_radius_mm) < 1.1
-    assert solved.approach_mm == pytest.approx(linear.approach_mm, rel=0.02)
+    assert solved.patch.radius_mm == pytest.approx(a_mm, rel=0.04)
+    assert solved.patch.peak_mpa == pytest.approx(1.5 * force[2] / (np.pi * a_mm**2), rel=0.05)
+    assert 1.0 < solved.patch.approach_mm / (a_mm**2 / FOOT_DESIGN.ball_radius_mm) < 1.1
+    assert solved.patch.approach_mm == pytest.approx(linear.patch.approach_mm, rel=0.02)
     np.testing.assert_allclose(solved.closure_um, linear.closure_um, atol=0.005 * linear.closure_um.max())
 
 

@@ -15,9 +15,11 @@ from footsense.foot.response_table import FootResponse
 from footsense.lab.fem.adjoint import ClassField
 from footsense.lab.fem.centred import centred_closures
 from footsense.lab.fem.mesh import MeshSize, quarter_cells
-from footsense.lab.fem.quarter import Parity, Quarter
+from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import UM_PER_MM, Material
-from footsense.lab.response import SYMMETRIES, element_map, patch_mean
+from footsense.lab.response import patch_mean
+from footsense.lab.symmetry import SYMMETRIES, element_map
 from tests.lab.released import FOOT_DESIGN
 
 pytestmark = pytest.mark.lab

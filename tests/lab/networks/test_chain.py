@@ -21,19 +21,19 @@ from footsense.errors import FootsenseError, ModelError
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.network import Network
 from footsense.foot.files.network_card import METADATA_KEY, read_card
-from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.foot.force_errors import GRAM_FORCE_N, errors
 from footsense.foot.response_table import FootResponse
 from footsense.lab.build import PARITY_REL, QUICK, Built, build
 from footsense.lab.evaluation.compare import compare
-from footsense.lab.evaluation.evaluate import coverage, errors
+from footsense.lab.evaluation.evaluate import coverage
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.foot_file import load_foot
-from footsense.lab.response import SYMMETRIES, element_map
+from footsense.lab.symmetry import SYMMETRIES, element_map
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork, onnx_model
 from footsense.lab.training.network import N_SYMMETRIES, SEEN, Weights
 from footsense.lab.training.train import MASKS, predict
-from footsense.sim.scene import load_scene
+from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 from tests.lab.released import FOOT_DESIGN as SHIPPED
 from tests.lab.released import RELEASED

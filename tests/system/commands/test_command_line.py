@@ -99,7 +99,6 @@ def test_a_number_out_of_range_is_a_usage_error(tmp_path: Path, arguments: tuple
         (("calibrate", "a.mcap", "--feet", "feet"), "--calibrations"),
         (("evaluate", "a.mcap", "--pack", "feet/foot-0007"), "--calibration"),
         (("lab", "response", "--rung", "full"), "--level"),
-        (("lab", "tolerance", "--campaign", "one"), "--file"),
     ],
     ids=str,
 )

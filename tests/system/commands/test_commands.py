@@ -9,7 +9,7 @@ from firmware_interface import can_commands
 from footsense.config import DEFAULT
 from footsense.daemon.service import open_service
 from footsense.frames import CommandKind, Cycle, Result, State
-from footsense.sim.scene import load_scene
+from footsense.sim.scene_files import load_scene
 
 NODE_LM = 2
 SCENE = """

@@ -33,7 +33,7 @@ SCENE = Scene(
 TARED_S, BREAKS_S = 1.2, 1.3
 #: How long memory is looked at in the end.
 TAIL_S = 0.4
-PERIOD_S = {"frame": 0.02412, "element": 0.0027}
+PERIOD_S = 0.0027
 #: Standard deviations of a count that are chance, and neighbouring frames that count as one.
 CHANCE, AS_ONE = 5.0, 20
 
@@ -88,27 +88,27 @@ class Tail:
         pass
 
 
-def robot(publish: str) -> Config:
+def robot(publish_every: int) -> Config:
     return msgspec.structs.replace(
         DEFAULT,
         buses=(msgspec.structs.replace(DEFAULT.buses[0], legs={"lf": 0, "lm": 1, "rm": 4}),),
-        publish=publish,
+        publish_every=publish_every,
         can=msgspec.structs.replace(DEFAULT.can, bitrate=1_000_000),
     )
 
 
-def walk(publish: str, script: list[Fault]) -> Invariants:
+def walk(publish_every: int, script: list[Fault]) -> Invariants:
     """Walk until all that breaks is over and should be well again, and check all but how often errors are large."""
-    config = robot(publish)
+    config = robot(publish_every)
     script = [CanTraffic(at_s=0.0, can_id=0x7FF, rate_hz=1.0), *script]
     ends_s = max(getattr(fault, "until_s", None) or fault.at_s for fault in script)
     rules = Rules(
         legs=LEGS,
-        period_s=PERIOD_S[publish],
+        period_s=PERIOD_S,
         max_age_s=config.stale_after_ms * 1e-3,
         gait_period_s=0.8,
         from_s=TARED_S,
-        element=publish == "element",
+        frames_per_force=publish_every,
         bitrate=config.can.bitrate,
     )
     scene = msgspec.structs.replace(SCENE, faults=tuple(script))
@@ -136,20 +136,20 @@ def test_every_kind_of_fault_may_break() -> None:
 
 
 def test_a_full_queue_goes_out_after_a_bus_off() -> None:
-    """16 frames are three cycles of three legs: older by a cycle than with six legs."""
-    walk("frame", [CanBusOff(at_s=2.0, until_s=2.5)])
+    """16 frames are three forces of three legs: older by a force than with six legs."""
+    walk(4, [CanBusOff(at_s=2.0, until_s=2.5)])
 
 
-@pytest.mark.parametrize(("publish", "n_walks"), [("frame", 16), ("element", 6)])
-def test_the_invariants_hold_whatever_breaks(publish: str, n_walks: int) -> None:
+@pytest.mark.parametrize(("publish_every", "n_walks"), [(4, 12), (1, 4)])
+def test_the_invariants_hold_whatever_breaks(publish_every: int, n_walks: int) -> None:
     """And no error is beyond 5 sigma more often than in walks in which nothing breaks."""
-    calibrated = walk(publish, [])
+    calibrated = walk(publish_every, [])
     tally: list[Invariants] = []
 
     @settings(max_examples=n_walks, derandomize=True, database=None, deadline=None)
     @given(scripts)
     def whatever_breaks(script: list[Fault]) -> None:
-        tally.append(walk(publish, script))
+        tally.append(walk(publish_every, script))
 
     whatever_breaks()
     n_checked = sum(seen.n_checked for seen in tally)

@@ -3,7 +3,8 @@
 import pytest
 
 from footsense.benchmarks.c_floor import has_c_floor
-from footsense.benchmarks.cycle import WARM_UP, cycle_figures, recorded_scans
+from footsense.benchmarks.cycle import cycle_figures
+from footsense.benchmarks.our_cycle import WARM_UP, recorded_scans
 from footsense.benchmarks.wakeup_latency import wakeup_latency_figures
 from footsense.frames import CapFrame
 

@@ -32,7 +32,7 @@ from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
-from footsense.sim.scene import load_scene
+from footsense.sim.scene_files import load_scene
 from footsense.sim.scene_loads import Constant
 from tests.support.feet import DESIGN
 

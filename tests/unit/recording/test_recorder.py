@@ -88,7 +88,7 @@ def test_a_recording_in_the_making_is_told_from_one_that_was_cut_short(tmp_path:
 def test_a_full_pipe_loses_cycles_and_says_so(tmp_path: Path) -> None:
     """In real time a cycle that finds no room is counted, and recorded as lost before the next one."""
     read_end, write_end = os.pipe()
-    pipe = CyclePipe(write_end, LEGS, {}, blocking=False)
+    pipe = CyclePipe(write_end, {"legs": ",".join(LEGS)}, blocking=False)
     for number in range(100):
         pipe.send(cycle(number))
     lost = pipe.lost
@@ -111,7 +111,7 @@ def test_a_full_pipe_loses_cycles_and_says_so(tmp_path: Path) -> None:
 def test_a_writer_never_counts_a_cycle_that_a_crash_would_lose(tmp_path: Path) -> None:
     """After each cycle: what is counted can be read back, and no more than one that can is not counted."""
     read_end, write_end = os.pipe()
-    pipe = CyclePipe(write_end, LEGS, {}, blocking=False)
+    pipe = CyclePipe(write_end, {"legs": ",".join(LEGS)}, blocking=False)
     path = tmp_path / "walk.mcap.partial"
     seen = set()
     with path.open("wb") as file:
@@ -133,7 +133,7 @@ def test_a_writer_never_counts_a_cycle_that_a_crash_would_lose(tmp_path: Path) -
 def test_a_writer_that_hangs_does_not_hold_up_the_end(blocking: bool) -> None:  # noqa: FBT001 - a case
     """With the pipe full and nobody reading, closing gives up after its timeout, here at once."""
     read_end, write_end = os.pipe()
-    pipe = CyclePipe(write_end, LEGS, {}, blocking=False)
+    pipe = CyclePipe(write_end, {"legs": ",".join(LEGS)}, blocking=False)
     for number in range(100):
         pipe.send(cycle(number))
     os.set_blocking(write_end, blocking)

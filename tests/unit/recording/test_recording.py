@@ -25,7 +25,8 @@ from footsense.recording.cycle_records import (
 )
 from footsense.recording.machine import platform_versions
 from footsense.recording.recover import recover
-from footsense.recording.replay import Replay, ReplayClock, ReplaySource
+from footsense.recording.replay import Replay
+from footsense.recording.replay_source import ReplayClock, ReplaySource
 from tests.support.cycles import LEGS, TARE, cycle, read_until_damage, same, write
 
 
@@ -198,7 +199,7 @@ def test_compare_names_the_first_difference() -> None:
     then, now = cycle(0).forces, cycle(0).forces
     then.force_n[3], now.force_n[3] = (0.1, 0.2, np.nan), (0.1, 0.2 + 5e-4, np.nan)
     found = compare(then, now, exact=True, legs=LEGS)
-    assert found == "scan 0, sent at 0.000 s, leg rf: fy_n was 0.2, is now 0.2005"
+    assert found == "cycle 0, sent at 0.000 s, leg rf: fy_n was 0.2, is now 0.2005"
     now.force_n[:], now.sigma_n[:] = then.force_n, then.sigma_n
     now.force_n[3, 1] += 5e-4
     assert compare(then, now, exact=False, legs=LEGS) is None

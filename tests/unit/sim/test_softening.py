@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from footsense.config import DEFAULT
 from footsense.daemon.acquisition import open_scan_source
-from footsense.sim.scene import Scene, load_scene
+from footsense.sim.scene import Scene
 from footsense.sim.scene_effects import Softening
+from footsense.sim.scene_files import load_scene
 from footsense.sim.scene_loads import Tripod
 from tests.support.feet import DESIGN
 
@@ -24,7 +25,7 @@ def closures_um(scene: Scene) -> NDArray[np.float64]:
     scans = []
     with open_scan_source(ROBOT, scene) as started:
         while started.clock.now_ns() < 2e9:
-            scans.append(started.source.read().capacitance_pf)
+            scans.append(started.read_scans(1)[0].capacitance_pf)
     return DESIGN.plate_distance_um(np.array([DESIGN.unloaded_pf])) - DESIGN.plate_distance_um(
         np.array(scans)
     )

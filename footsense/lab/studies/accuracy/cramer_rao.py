@@ -5,11 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from footsense.foot.directions import angles_between_deg, direction_grid, normalized, paper_directions
+from footsense.foot.direction_sets import direction_grid, paper_directions
+from footsense.foot.directions import angles_between_deg, normalized
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.specimen import Foot
+from footsense.frames import Vector
 from footsense.lab.evaluation.bound_ratio import (
     MAGNITUDES_GF,
     CrbRatio,
@@ -18,6 +19,7 @@ from footsense.lab.evaluation.bound_ratio import (
     leaning_contacts,
 )
 from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound
+from footsense.lab.evaluation.evaluate import rms
 from footsense.lab.evaluation.maximum_likelihood import (
     AZIMUTH_DEG,
     Fit,
@@ -25,7 +27,8 @@ from footsense.lab.evaluation.maximum_likelihood import (
     lifted_normals,
     maximum_likelihood,
 )
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import (
     BASELINE_NOISE_PF,
     NOISE_PF,
@@ -33,20 +36,16 @@ from footsense.lab.training.load_cases import (
     sensed_closure_um,
 )
 
-Vector = NDArray[np.float64]
-
 #: The project's target of the network's error over the bound [1].
 TARGET_RATIO = 1.2
 #: Magnitude of the map [gf], and those of the search for ambiguous loads.
 MAP_GF, AMBIGUOUS_GF = 100.0, (20.0, 50.0, 100.0, 150.0)
 #: Elevations of the centred loads that the search takes [deg].
 ELEVATIONS_DEG = np.arange(40.0, 49.01, 0.5)
-#: Rounds of Gauss-Newton after which the fit is judged.
+#: Rounds of Gauss-Newton after which the fit is evaluated.
 ROUNDS = (1, 2, 4, 12)
 #: Largest misfit of an explained scan: of right fits one in twenty thousand has more.
 EXPLAINED = 5.0
-
-_CURVES, _MAP = "cramer-rao.png", "cramer-rao-map.png"
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +54,7 @@ class Refined:
 
     Attributes:
         explained_rel: Share of the scans with a misfit below `EXPLAINED` [1].
-        ratio: Their rms angle over the bound's [1].
+        ratio: Rms angle of the explained scans over the bound's [1].
     """
 
     explained_rel: float
@@ -81,6 +80,7 @@ class Results:
 
     Attributes:
         ratio: The network beside the bound.
+        crb_ratio: The headline: direction error over the bound's in the worst bin of centred loads [1].
         centred_share: Share of centred loads in the network's training [1].
         noiseless_direction_rms_deg: The network's own error [deg], at each magnitude of the ratio.
         gauss_newton: After each of `ROUNDS`, by kind and magnitude of the loads.
@@ -89,6 +89,7 @@ class Results:
     """
 
     ratio: CrbRatio
+    crb_ratio: float
     centred_share: float
     noiseless_direction_rms_deg: list[float]
     gauss_newton: dict[str, list[Refined]]
@@ -118,8 +119,8 @@ def refined(
     for more in np.diff([0, *ROUNDS]).tolist():
         fit = maximum_likelihood(foot, measured * design.gap_um, (fit.normal, fit.force_n), more)
         good = fit.misfit < EXPLAINED
-        angle, least = angles_between_deg(force, fit.force_n)[good], bound_deg[good]
-        ratio = float(np.sqrt(np.mean(angle**2) / np.mean(least**2))) if good.any() else float("nan")
+        angle_deg = angles_between_deg(force, fit.force_n)
+        ratio = rms(angle_deg[good]) / rms(bound_deg[good]) if good.any() else float("nan")
         after.append(Refined(float(good.mean()), ratio))
     return after
 
@@ -129,7 +130,7 @@ def _noiseless_deg(context: StudyContext, magnitude_gf: float) -> float:
     direction = paper_directions("verification")
     closure_um = sensed_closure_um(Foot(context.response), direction, direction * magnitude_gf * GRAM_FORCE_N)
     estimate = context.network.force_n(closure_um / context.response.design.gap_um)
-    return float(np.sqrt(np.mean(angles_between_deg(direction, estimate) ** 2)))
+    return rms(angles_between_deg(direction, estimate))
 
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
@@ -158,6 +159,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     ).direction_rms_deg
     results = Results(
         ratio=ratio,
+        crb_ratio=ratio.worst,
         centred_share=loads.centred_share,
         noiseless_direction_rms_deg=[_noiseless_deg(context, gf) for gf in magnitudes],
         gauss_newton=gauss_newton,
@@ -165,7 +167,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         ambiguous=ambiguous,
     )
     drawing = _map(azimuth, elevation, bound.reshape(len(azimuth), steps), ambiguous)
-    return results, {_CURVES: _curves(ratio.centred), _MAP: drawing}
+    return results, {"cramer-rao.png": _curves(ratio.centred), "cramer-rao-map.png": drawing}
 
 
 def _curves(bins: Sequence[MagnitudeBin]) -> Figure:
@@ -216,7 +218,6 @@ def _map(azimuth: Vector, elevation: Vector, bound_deg: Vector, ambiguous: dict[
 STUDY = Study(
     name="cramer-rao",
     title="The Cramer-Rao bound",
-    results=Results,
     compute=compute,
     names={"BASELINE_NOISE_PF": BASELINE_NOISE_PF, "NOISE_PF": NOISE_PF},
 )

@@ -1,12 +1,10 @@
 """Hard inputs of the network and of the daemon's pipeline, for the study `hard-cases`."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import onnx
-from numpy.typing import NDArray
 from onnx import TensorProto, numpy_helper
 from onnx.reference import ReferenceEvaluator
 
@@ -15,14 +13,12 @@ from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.rest import at_rest
 from footsense.estimation.sensitivity import sensitivity
-from footsense.foot.files.network_card import INPUTS, read_card
+from footsense.foot.files.network_card import INPUTS
 from footsense.foot.specimen import Foot
-from footsense.frames import CapFrame, ContactFrame, Reading, State
+from footsense.frames import CapFrame, ContactFrame, Reading, State, Vector
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
 from footsense.lab.studies.page import StudyContext
 from footsense.lab.training.load_cases import paper_verification
-
-Vector = NDArray[np.float64]
 
 _SCAN_NS, _MAX_AGE_NS, _WINDOW = 25_000_000, 100_000_000, 4
 #: Scans after a line breaks until its leg has a force again: three readings make a parabola.
@@ -95,9 +91,9 @@ class _Leg:
     """One leg's pipeline with the released network, tared on a free foot."""
 
     def __init__(self, context: StudyContext) -> None:
-        self.design = context.response.design
-        calibration = read_card(json.dumps(context.network.card), str(context.models)).trained_inputs
-        stray_pf, unloaded_pf = np.zeros((1, 9)), np.full((1, 9), self.design.unloaded_pf)
+        design = context.response.design
+        calibration = context.trained_inputs
+        stray_pf, unloaded_pf = np.zeros((1, 9)), np.full((1, 9), design.unloaded_pf)
         self._pipeline = Pipeline(
             context.network,
             calibration,
@@ -125,59 +121,51 @@ class _Leg:
         return self._pipeline.process(scan, t_ns + age_ns)[0]
 
 
+def _answered(
+    name: str,
+    state: State,
+    context: StudyContext,
+    capacitance_pf: Vector,
+    reading: int = Reading.OK,
+    age_ns: int = 0,
+) -> Case:
+    """Return the case of a leg that measures some capacitances [pF] until it has settled, and the expected state."""
+    leg = _Leg(context)
+    for _ in range(_SETTLING):
+        leg.feed(capacitance_pf, reading)
+    frame = leg.feed(capacitance_pf, reading, age_ns)
+    found = State(int(frame.state[0]))
+    force_n, sigma_n = float(frame.force_n[0, 2]), float(frame.sigma_n[0, 2])
+    has_value = state in {State.VALID, State.DEGRADED}
+    said = f"fz = {force_n:.3f} N, sigma {1e3 * sigma_n:.1f} mN" if np.isfinite(force_n) else "no force"
+    held = found is state and bool(np.isfinite(force_n)) is has_value
+    return Case(name, state.name, f"{found.name}, {said}", held)
+
+
 def pipeline_cases(context: StudyContext) -> Iterator[Case]:
     """Yield test cases of broken lines and of loads beyond the training, with leg state and force."""
-    response, design = context.response, context.response.design
+    design = context.response.design
     up = np.array([[0.0, 0.0, 1.0]])
-    felt_pf = Foot(response).capacitance_pf(up, up)[0]
-    free_pf = 0.05 * felt_pf
-    lines = {
-        "one element open": [4],
-        "one row gone": [3, 4, 5],
-        "two elements of different lines open": [0, 4],
-    }
-    broken = {name: np.where(np.isin(np.arange(9), which), free_pf, felt_pf) for name, which in lines.items()}
-    # A row without its line floats: every column sees it beside the row that is selected.
-    broken["one row gone"] = broken["one row gone"] + np.where(
-        np.arange(9) // 3 == 1, 0.0, np.tile(free_pf[3:6], 3)
+    pressed_pf = Foot(context.response).capacitance_pf(up, up)[0]
+    open_pf = 0.05 * pressed_pf
+    middle_pf, row_pf, two_pf = (
+        np.where(np.isin(np.arange(9), elements), open_pf, pressed_pf)
+        for elements in ([4], [3, 4, 5], [0, 4])
     )
-    deep_um = np.full(9, 2.0)
-    deep_um[0] = 0.97 * design.gap_um
-    deepest_um = np.full(9, 0.97 * design.gap_um)
-    pulled_um = np.full(9, -0.3 * design.gap_um)
-    cases: list[tuple[str, State, Vector, int, int]] = [
-        ("1 N upright", State.VALID, felt_pf, Reading.OK, 0),
-        ("one element open", State.DEGRADED, broken["one element open"], Reading.OK, 0),
-        ("one row gone", State.DEGRADED, broken["one row gone"], Reading.OK, 0),
-        (
-            "open on two lines",
-            State.ELEMENT_FAULT,
-            broken["two elements of different lines open"],
-            Reading.OK,
-            0,
-        ),
-        ("one element shorted, beyond the converter", State.SATURATED, felt_pf, Reading.OVER_RANGE, 0),
-        # No load closes one corner alone: something is in its gap, and the force comes from the others.
-        ("one gap closed to 97 %", State.DEGRADED, design.capacitance_pf(deep_um), Reading.OK, 0),
-        ("all gaps closed to 97 %", State.SATURATED, design.capacitance_pf(deepest_um), Reading.OK, 0),
-        (
-            "pulled off by 30 % of the gap",
-            State.OUT_OF_RANGE,
-            design.capacitance_pf(pulled_um),
-            Reading.OK,
-            0,
-        ),
-        ("no answer", State.ABSENT, felt_pf, Reading.NO_ANSWER, 0),
-        ("older than the limit", State.STALE, felt_pf, Reading.OK, _MAX_AGE_NS + 1),
-    ]
-    for name, state, capacitance_pf, reading, age_ns in cases:
-        leg = _Leg(context)
-        for _ in range(_SETTLING):
-            leg.feed(capacitance_pf, reading)
-        frame = leg.feed(capacitance_pf, reading, age_ns)
-        found = State(int(frame.state[0]))
-        force_n, sigma_n = float(frame.force_n[0, 2]), float(frame.sigma_n[0, 2])
-        has_value = state in {State.VALID, State.DEGRADED}
-        said = f"fz = {force_n:.3f} N, sigma {1e3 * sigma_n:.1f} mN" if np.isfinite(force_n) else "no force"
-        held = found is state and bool(np.isfinite(force_n)) is has_value
-        yield Case(name, state.name, f"{found.name}, {said}", held)
+    # A row without its line floats: every column sees it beside the row that is selected.
+    row_pf += np.where(np.arange(9) // 3 == 1, 0.0, np.tile(open_pf[3:6], 3))
+    shut_um, pulled_um = np.full(9, 0.97 * design.gap_um), np.full(9, -0.3 * design.gap_um)
+    one_shut_um = np.where(np.arange(9) == 0, shut_um, 2.0)
+    yield _answered("1 N upright", State.VALID, context, pressed_pf)
+    yield _answered("one element open", State.DEGRADED, context, middle_pf)
+    yield _answered("one row gone", State.DEGRADED, context, row_pf)
+    yield _answered("open on two lines", State.ELEMENT_FAULT, context, two_pf)
+    shorted = "one element shorted, beyond the converter"
+    yield _answered(shorted, State.SATURATED, context, pressed_pf, Reading.OVER_RANGE)
+    # No load closes one corner alone: something is in its gap, and the force comes from the others.
+    one_shut_pf, shut_pf, pulled_pf = map(design.capacitance_pf, (one_shut_um, shut_um, pulled_um))
+    yield _answered("one gap closed to 97 %", State.DEGRADED, context, one_shut_pf)
+    yield _answered("all gaps closed to 97 %", State.SATURATED, context, shut_pf)
+    yield _answered("pulled off by 30 % of the gap", State.OUT_OF_RANGE, context, pulled_pf)
+    yield _answered("no answer", State.ABSENT, context, pressed_pf, Reading.NO_ANSWER)
+    yield _answered("older than the limit", State.STALE, context, pressed_pf, age_ns=_MAX_AGE_NS + 1)

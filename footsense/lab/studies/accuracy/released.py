@@ -5,11 +5,12 @@ from itertools import pairwise
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.rest import at_rest
-from footsense.lab.evaluation.evaluate import Errors, coverage, errors
+from footsense.foot.force_errors import Errors, errors
+from footsense.frames import Vector
+from footsense.lab.evaluation.evaluate import coverage, rms
 from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
     HELD_OUT_SEED,
@@ -17,12 +18,11 @@ from footsense.lab.evaluation.evaluate_models import (
     evaluate_models,
 )
 from footsense.lab.monte_carlo.resumable_run import Tolerances
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
 from footsense.lab.training.train import MASKS
 from footsense.sim.foot.fabrication import fabricate
-
-Vector = NDArray[np.float64]
 
 #: Missing elements, as an index into `MASKS`.
 MISSING_PATTERNS = {
@@ -48,7 +48,6 @@ N_FEET, N_LOADS, _FEET_SEED = 20, 500, 7
 QUICK_FEET = 2
 #: Bins of force for the coverage over the loading range [N].
 BINS_N = (0.0, 0.05, 0.2, 0.5, 1.0, 2.0)
-_FIGURE = "released-sigma.png"
 
 
 #: Shares of errors within one and two sigma, per axis.
@@ -128,7 +127,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
             name: _on_other_feet(context, deviations, n_feet) for name, deviations in FOOT_BATCHES.items()
         },
     )
-    return results, {_FIGURE: _figure(cases.force_n, force_n, sigma_n)}
+    return results, {"released-sigma.png": _figure(cases.force_n, force_n, sigma_n)}
 
 
 def _figure(truth_n: Vector, force_n: Vector, sigma_n: Vector) -> Figure:
@@ -136,7 +135,7 @@ def _figure(truth_n: Vector, force_n: Vector, sigma_n: Vector) -> Figure:
     figure, (axes,) = panels(1, 8.0, 3.6)
     for axis, name in enumerate("xyz"):
         order = np.array_split(np.argsort(sigma_n[:, axis]), 20)
-        stated = [1e3 * np.sqrt(np.mean(sigma_n[part, axis] ** 2)) for part in order]
+        stated = [1e3 * rms(sigma_n[part, axis]) for part in order]
         error = [1e3 * np.percentile(np.abs((truth_n - force_n)[part, axis]), 68.3) for part in order]
         axes.loglog(stated, error, "o-", label=f"f{name}")
     low, high = axes.get_xlim()
@@ -148,9 +147,5 @@ def _figure(truth_n: Vector, force_n: Vector, sigma_n: Vector) -> Figure:
 
 
 STUDY = Study(
-    name="released",
-    title="The released network",
-    results=Results,
-    compute=compute,
-    names={"as_markdown": as_markdown},
+    name="released", title="The released network", compute=compute, names={"as_markdown": as_markdown}
 )

@@ -9,24 +9,22 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from footsense.foot.directions import paper_directions
-from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.foot.hertz import contact_radius_mm
+from footsense.foot.direction_sets import paper_directions
+from footsense.foot.force_errors import GRAM_FORCE_N, errors
 from footsense.foot.symmetry import mirrored_series
-from footsense.lab.evaluation.evaluate import errors
-from footsense.lab.fem.block import BLOCK_SIZE, COARSE_BLOCK, Column, block_fields
+from footsense.frames import Vector
+from footsense.lab.fem.block import BLOCK_SIZE, COARSE_BLOCK, Column, block_fields, half_thickness_mm
 from footsense.lab.fem.mesh import MeshSize
+from footsense.lab.fem.symmetry_classes import add_series, transposed_series
 from footsense.lab.geometry import FootDesign
 from footsense.lab.monte_carlo.statistics import SIGNIFICANT, Difference, MeanStd
-from footsense.lab.response import DEGREE, add_series, fit_class, patch_mean, transposed_series
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels
+from footsense.lab.response import DEGREE, fit_class, patch_mean
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.plots import panels
 from footsense.lab.training.mlp import forward, stack, train, unstack
 from footsense.lab.training.paper_procedure import HIDDEN, starts_of
 from footsense.lab.training.rprop import RPROP
-
-Vector = NDArray[np.float64]
 
 #: Force of the contacts [gf]: patterns are divided by their maximum, so that it sets the size of the patch alone.
 FORCE_GF = 100.0
@@ -40,7 +38,6 @@ NOISE_SEED = 5
 #: Saturated is what gains less than this of the step from 4 to 9 elements [1].
 SATURATED_REL = 0.2
 
-_FIGURE = "sensors.png"
 _TRAINING, _TEST = paper_directions("training"), paper_directions("verification")
 
 
@@ -120,8 +117,8 @@ def sensor_series(foot_design: FootDesign, sensors: Sequence[Sensor], size: Mesh
 def patterns(foot_design: FootDesign, series: Vector, direction: Vector) -> Vector:
     """Return pressures [MPa], shape (n, elements), under centred contacts with a Hertz patch."""
     force_n = FORCE_GF * GRAM_FORCE_N
-    radius_mm = float(contact_radius_mm(force_n, foot_design.ball_radius_mm, foot_design.rubber.hertz_mpa))
-    unit = patch_mean(series.reshape(len(series), -1), direction, radius_mm, foot_design)
+    patch_mm = foot_design.patch_mm(force_n)
+    unit = patch_mean(series.reshape(len(series), -1), direction, patch_mm, foot_design)
     stress_mpa = (unit.reshape(len(direction), -1, 3) * direction[:, None, :]).sum(axis=2)
     pressure_mpa: Vector = -force_n * stress_mpa
     return pressure_mpa
@@ -188,13 +185,13 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         context.say(f"sensors: {name} trained")
     results = Results(
         sheet_mm=foot_design.sheet_mm,
-        thick_mm=2.0 * foot_design.plate_mm + foot_design.spacer_mm,
+        thick_mm=2.0 * half_thickness_mm(foot_design),
         epochs=epochs,
         seeds=seeds,
         clean_deg=clean,
         noisy_deg=noisy,
     )
-    return results, {_FIGURE: _figure(results)}
+    return results, {"sensors.png": _figure(results)}
 
 
 def _figure(results: Results) -> Figure:
@@ -204,11 +201,8 @@ def _figure(results: Results) -> Figure:
     for axes, (title, errors_deg) in zip(row, columns, strict=True):
         for names, marker, label in (("ABCDE", "o-", "1 mm elements"), ("FGH", "s--", "larger elements")):
             drawn = [sensor for sensor in SENSORS if sensor.name in names and sensor.name in errors_deg]
-            number, found = (
-                [sensor.per_side**2 for sensor in drawn],
-                [errors_deg[sensor.name] for sensor in drawn],
-            )
-            mean, std = [one.mean for one in found], [one.std for one in found]
+            number = [sensor.per_side**2 for sensor in drawn]
+            mean, std = ([getattr(errors_deg[one.name], of) for one in drawn] for of in ("mean", "std"))
             axes.errorbar(number, mean, std, fmt=marker, capsize=3, ms=5, label=label)
             for sensor, x, y in zip(drawn, number, mean, strict=True):
                 axes.annotate(sensor.name, (x, y), xytext=(4, 5), textcoords="offset points", fontsize=8)
@@ -233,7 +227,6 @@ def factors(results: Results) -> dict[str, float]:
 STUDY = Study(
     name="sensors",
     title="How many elements, and how large",
-    results=Results,
     compute=compute,
     names={"SIGNIFICANT": SIGNIFICANT},
 )

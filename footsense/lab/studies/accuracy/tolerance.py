@@ -10,67 +10,46 @@ Source:
 from collections.abc import Iterable
 from pathlib import Path
 
-import numpy as np
 from matplotlib.figure import Figure
 
-from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF
-from footsense.lab.monte_carlo.resumable_run import Tolerances, Workers, in_turn
-from footsense.lab.monte_carlo.sweeps import (
-    CAREFUL,
-    EXACT,
-    FEET,
-    FULL,
-    QUICK,
-    TEST_STANDS,
-    TYPICAL,
-    Plan,
-    Sweep,
-    SweepResults,
-    sweep_results,
-)
-from footsense.lab.monte_carlo.workers import parallel
-from footsense.lab.studies.page import Figures, Study, StudyContext, plot_band
+from footsense.lab.evaluation import evaluate
+from footsense.lab.monte_carlo import sweeps
+from footsense.lab.monte_carlo.resumable_run import Tolerances, Workers
+from footsense.lab.monte_carlo.sweeps import Plan, Sweep, SweepResults, sweep_results
+from footsense.lab.monte_carlo.workers import LOCAL_WORKERS, parallel
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.plots import plot_band
 
-#: The paper's mean errors on its fabricated sensor (section V C) [deg, gf].
-MEASURED_DIRECTION_DEG, MEASURED_MAGNITUDE_GF = 15.9, 18.7
-#: Read-outs by the names of `specimens.judge`: trained on the design, and trained on the foot.
+#: Read-outs by the names of `specimens.readout_errors`: trained on the design, and trained on the foot.
 ON_DESIGN = {"network": "released network", "plain": "network on ΔC", "change": "linear on ΔC"}
 ON_FOOT = {"own_network": "network on ΔC", "own_change": "linear on ΔC", "own_closure": "linear on closures"}
-_FEET_FIGURE, _STAND_FIGURE = "tolerance-feet.png", "tolerance-test-stand.png"
-_COLOURS = {
-    "network": "C0",
-    "plain": "C3",
-    "change": "C1",
-    "own_network": "C3",
-    "own_change": "C1",
-    "own_closure": "C2",
-}
+_COLOURS = {"released network": "C0", "linear on ΔC": "C1", "linear on closures": "C2", "network on ΔC": "C3"}
 
 
-def distinct_levels(plan: Plan, sweeps: tuple[Sweep, ...]) -> Iterable[tuple[Sweep, float]]:
+def distinct_levels(plan: Plan, some: tuple[Sweep, ...]) -> Iterable[tuple[Sweep, float]]:
     """Return every level of some sweeps; tolerances that several sweeps share are returned once."""
     levels: dict[Tolerances, tuple[Sweep, float]] = {}
-    for sweep in sweeps:
+    for sweep in some:
         for level in plan.levels(sweep):
             levels.setdefault(sweep.at(level), (sweep, level))
     return levels.values()
 
 
-def _figure(results: SweepResults, sweeps: tuple[Sweep, ...], readouts: dict[str, str]) -> Figure:
+def _figure(results: SweepResults, some: tuple[Sweep, ...], readouts: dict[str, str]) -> Figure:
     """Draw the mean direction error over the level of each imperfection, with the standard deviation between feet."""
     figure = Figure(figsize=(9.0, 5.8), layout="constrained")
     panels = figure.subplots(2, 3, sharey=True).ravel()
-    for axes, sweep in zip(panels, sweeps, strict=False):
+    for axes, sweep in zip(panels, some, strict=False):
         levels = results.plan.levels(sweep)
         for name, label in readouts.items():
             statistics = [results.over_feet(sweep, level, f"{name}_deg") for level in levels]
-            plot_band(axes, levels, statistics, color=_COLOURS[name], label=label)
-        axes.axhline(MEASURED_DIRECTION_DEG, color="k", ls=":", label="the paper, measured")
+            plot_band(axes, levels, statistics, color=_COLOURS[label], label=label)
+        axes.axhline(evaluate.MEASURED_DIRECTION_DEG, color="k", ls=":", label="the paper, measured")
         axes.set(xlabel=f"{sweep.what}, rms", ylim=(0.0, 45.0))
         axes.grid(alpha=0.3)
     for axes in panels[::3]:
         axes.set_ylabel("mean direction error [deg]")
-    if len(sweeps) < len(panels):
+    if len(some) < len(panels):
         panels[-1].axis("off")
         panels[-1].legend(*panels[0].get_legend_handles_labels(), loc="center")
     else:
@@ -88,34 +67,21 @@ def run_study(
         workers: Run the jobs.
         file: As for `sweep_results`.
     """
-    plan = QUICK if context.quick else FULL
+    plan = sweeps.QUICK if context.quick else sweeps.FULL
     results = sweep_results(context.models, context.response.design.gap_um, plan, workers, file)
     context.say(
         f"tolerance: {plan.feet} feet at each level of fabrication, {plan.with_network} at each of the test stand"
     )
     figures = {
-        _FEET_FIGURE: _figure(results, FEET, ON_DESIGN),
-        _STAND_FIGURE: _figure(results, TEST_STANDS, ON_FOOT),
+        "tolerance-feet.png": _figure(results, sweeps.FEET, ON_DESIGN),
+        "tolerance-test-stand.png": _figure(results, sweeps.TEST_STANDS, ON_FOOT),
     }
     return results, figures
 
 
 def compute(context: StudyContext) -> tuple[SweepResults, Figures]:
     """Evaluate the feet by processes on this machine."""
-    return run_study(context, in_turn if context.quick else parallel())
+    return run_study(context, parallel(n_workers=1 if context.quick else LOCAL_WORKERS))
 
 
-STUDY = Study(
-    name="tolerance",
-    title="What fabrication and calibration cost",
-    results=SweepResults,
-    compute=compute,
-    names={
-        "CAREFUL": CAREFUL,
-        "EXACT": EXACT,
-        "PAPER_DIRECTION_DEG": PAPER_DIRECTION_DEG,
-        "PAPER_MAGNITUDE_GF": PAPER_MAGNITUDE_GF,
-        "TYPICAL": TYPICAL,
-        "interp": np.interp,
-    },
-)
+STUDY = Study(name="tolerance", title="What fabrication and calibration cost", compute=compute)

@@ -10,28 +10,21 @@ from itertools import pairwise
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from footsense.foot import gap_contact
-from footsense.foot.directions import (
-    angles_between_deg,
-    direction_grid,
-    normalized,
-    paper_directions,
-    random_directions,
-)
-from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.foot.response_table import FootResponse
-from footsense.lab.evaluation.evaluate import Errors, Readout, elastance_readout, errors
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels
+from footsense.foot.direction_sets import direction_grid, paper_directions, random_directions
+from footsense.foot.directions import angles_between_deg, normalized
+from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
+from footsense.foot.specimen import Foot
+from footsense.frames import Mask, Vector
+from footsense.lab.evaluation.evaluate import Readout, elastance_readout
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
     measured_closure_rel,
     paper_training,
     random_loads,
 )
-
-Vector = NDArray[np.float64]
 
 #: Leaning force [gf]: at a lean of 40 deg its moment makes one newton close gaps on half the sheet.
 LEANING_GF = 20.0
@@ -56,8 +49,6 @@ DRAWS, QUICK_DRAWS = 6, 1
 RANDOM_LOADS, QUICK_RANDOM_LOADS = 10_000, 1000
 SEED = 31
 
-_LEAN_FIGURE, _SECOND_FIGURE = "beyond-lean.png", "beyond-second.png"
-
 
 def normal_to(force: Vector, lean_deg: float, turn_deg: float) -> Vector:
     """Return unit vectors at an angle from forces, shape (n, 3).
@@ -76,32 +67,17 @@ def normal_to(force: Vector, lean_deg: float, turn_deg: float) -> Vector:
     return leaning
 
 
-def sensed_um(response: FootResponse, free_um: Vector) -> Vector:
-    """Return the closures read from capacitance [um], shape (n, 9), under free closures [um], shape (n, 324).
-
-    The free closures of several contacts add up, each patch with its own radius; then the gaps touch.
-    """
-    design = response.design
-    gap_um = np.full(gap_contact.ALL_CELLS, design.gap_um)
-    closed = gap_contact.contact_closures_um(free_um, gap_um, response.compliance_um_per_n)
-    distance_um = design.gap_um - closed + design.film_equivalent_um
-    return design.closure_um(gap_contact.capacitance_pf(design, distance_um), np.full(9, design.unloaded_pf))
-
-
 #: Read-outs under test.
-NETWORK, CENTRED, LEANING = (
-    "released network",
-    "linear, fitted to centred loads",
-    "linear, fitted to leaning loads",
-)
+NETWORK, CENTRED = "released network", "linear, fitted to centred loads"
+LEANING = "linear, fitted to leaning loads"
 
 
-class _Judge:
+class _ReadoutsUnderTest:
     """The read-outs under test, and the noise of the converter."""
 
     def __init__(self, context: StudyContext) -> None:
         self.response, network = context.response, context.network
-        gap_um = self.response.design.gap_um
+        self._foot, gap_um = Foot(self.response), self.response.design.gap_um
         n_random = QUICK_RANDOM_LOADS if context.quick else RANDOM_LOADS
         self._readouts: dict[str, Readout] = {
             NETWORK: lambda closure_um: network.force_n(closure_um / gap_um),
@@ -111,16 +87,12 @@ class _Judge:
             ),
         }
 
-    def measured_um(self, free_um: Vector) -> tuple[Vector, NDArray[np.bool_]]:
+    def measured_um(self, free_um: Vector) -> tuple[Vector, Mask]:
         """Return noisy closures [um], shape (n, 9), and which loads are within the converter's range, shape (n,)."""
         design = self.response.design
-        closure_um = sensed_um(self.response, free_um)
+        closure_um = design.closure_um(self._foot.capacitance_of_free_pf(free_um), self._foot.unloaded_pf)
         noisy = measured_closure_rel(design, closure_um, np.random.default_rng(SEED)) * design.gap_um
         return noisy, design.capacitance_pf(closure_um).max(axis=1) < FULL_SCALE_PF
-
-    def in_range(self, free_um: Vector) -> NDArray[np.bool_]:
-        """Return which loads are within the converter's range, shape (n,)."""
-        return self.measured_um(free_um)[1]
 
     def errors(self, measured_um: Vector, truth_n: Vector) -> dict[str, Errors]:
         """Return the force errors of each read-out on measured closures [um], by the name of the read-out."""
@@ -148,7 +120,7 @@ class Results:
     distance: dict[str, dict[str, Errors]]
 
 
-def leaning(judge: _Judge) -> tuple[list[dict[str, Errors]], list[float]]:
+def leaning(tested: _ReadoutsUnderTest) -> tuple[list[dict[str, Errors]], list[float]]:
     """Return the errors at each lean, and the share of loads of `PAPER_GF` within the converter's range.
 
     108 force directions, the contact to four sides of each.
@@ -158,10 +130,11 @@ def leaning(judge: _Judge) -> tuple[list[dict[str, Errors]], list[float]]:
     found, within = [], []
     for lean_deg in LEANS_DEG:
         normal = np.concatenate([normal_to(direction, lean_deg, 90.0 * turn) for turn in range(4)])
-        measured_um, inside = judge.measured_um(judge.response.free_closure_um(normal, truth_n))
-        found.append(judge.errors(measured_um[inside], truth_n[inside]))
+        measured_um, inside = tested.measured_um(tested.response.free_closure_um(normal, truth_n))
+        found.append(tested.errors(measured_um[inside], truth_n[inside]))
         larger_n = truth_n * (PAPER_GF / LEANING_GF)
-        within.append(float(judge.in_range(judge.response.free_closure_um(normal, larger_n)).mean()))
+        _, inside = tested.measured_um(tested.response.free_closure_um(normal, larger_n))
+        within.append(float(inside.mean()))
     return found, within
 
 
@@ -173,57 +146,57 @@ class _SecondLoads:
         distance_deg: Angle between the contacts [deg], shape (n,).
     """
 
-    def __init__(self, judge: _Judge, draws: int) -> None:
+    def __init__(self, tested: _ReadoutsUnderTest, draws: int) -> None:
         """Draw contacts above the lowest elevation."""
-        self._judge = judge
+        self._tested = tested
         direction = np.tile(paper_directions("verification"), (draws, 1))
         rng = np.random.default_rng(SEED)
         self._normal = random_directions(rng, len(direction), SECOND_MIN_ELEVATION_DEG)
         self._unit_n = FLOOR_GF * GRAM_FORCE_N * self._normal
         self.floor_n = FLOOR_GF * GRAM_FORCE_N * direction
-        self._floor_um = judge.response.free_closure_um(direction, self.floor_n)
+        self._floor_um = tested.response.free_closure_um(direction, self.floor_n)
         self.distance_deg = angles_between_deg(direction, self._normal)
 
-    def measured(self, share: float) -> tuple[Vector, Vector, NDArray[np.bool_]]:
+    def measured(self, share: float) -> tuple[Vector, Vector, Mask]:
         """Return noisy closures [um], the sum of both forces [N], and which loads are in range, for a share."""
         second_n = share * self._unit_n
-        free_um = self._floor_um + self._judge.response.free_closure_um(self._normal, second_n)
-        measured_um, inside = self._judge.measured_um(free_um)
+        free_um = self._floor_um + self._tested.response.free_closure_um(self._normal, second_n)
+        measured_um, inside = self._tested.measured_um(free_um)
         return measured_um, self.floor_n + second_n, inside
 
 
-def _by_distance(judge: _Judge, second: _SecondLoads) -> dict[str, dict[str, Errors]]:
+def _by_distance(tested: _ReadoutsUnderTest, second: _SecondLoads) -> dict[str, dict[str, Errors]]:
     """Return the errors by the angle between the contacts."""
     measured_um, truth_n, inside = second.measured(DISTANCE_SHARE)
     found = {}
     for low, high in pairwise(DISTANCES_DEG):
         here = inside & (second.distance_deg >= low) & (second.distance_deg < high)
         if here.any():
-            found[f"{low:g} to {high:g}"] = judge.errors(measured_um[here], truth_n[here])
+            found[f"{low:g} to {high:g}"] = tested.errors(measured_um[here], truth_n[here])
     return found
 
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Read leaning loads, and second loads beside the floor's."""
-    judge = _Judge(context)
-    lean, within = leaning(judge)
-    context.say(f"beyond: {len(LEANS_DEG)} leans judged")
-    second = _SecondLoads(judge, QUICK_DRAWS if context.quick else DRAWS)
+    tested = _ReadoutsUnderTest(context)
+    lean, within = leaning(tested)
+    context.say(f"beyond: {len(LEANS_DEG)} leans read")
+    second = _SecondLoads(tested, QUICK_DRAWS if context.quick else DRAWS)
     shared = []
     for share in SHARES:
         measured_um, truth_n, inside = second.measured(share)
-        shared.append(judge.errors(measured_um[inside], truth_n[inside]))
+        shared.append(tested.errors(measured_um[inside], truth_n[inside]))
     results = Results(
         arm_mm=context.response.ball_radius_mm * float(np.sin(np.radians(LEANS_DEG[1]))),
         friction_deg=context.foot_design.loads.friction_angle_deg,
         lean=lean,
         in_range_rel=within,
         second=shared,
-        distance=_by_distance(judge, second),
+        distance=_by_distance(tested, second),
     )
     figures = {
-        _LEAN_FIGURE: _curves(LEANS_DEG, "lean of the contact normal [deg]", lean),
-        _SECOND_FIGURE: _curves(SHARES, "second load over the floor's", shared),
+        "beyond-lean.png": _curves(LEANS_DEG, "lean of the contact normal [deg]", lean),
+        "beyond-second.png": _curves(SHARES, "second load over the floor's", shared),
     }
     return results, figures
 
@@ -247,4 +220,4 @@ def _curves(x: Sequence[float], label: str, found: list[dict[str, Errors]]) -> F
     return figure
 
 
-STUDY = Study(name="beyond", title="Beyond one centred force", results=Results, compute=compute)
+STUDY = Study(name="beyond", title="Beyond one centred force", compute=compute)

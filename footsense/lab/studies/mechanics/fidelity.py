@@ -1,30 +1,20 @@
 """Study `fidelity`: time and error of four models of the foot, from a formula to finite strain on a floor."""
 
 from dataclasses import dataclass
-from timeit import default_timer
 
 import ngsolve as ng
 import numpy as np
 from msgspec.structs import replace
 
-from footsense.lab.fem.forward import ForwardFoot
 from footsense.lab.fem.mesh import COARSE, MeshSize
-from footsense.lab.fidelity.compare import (
-    Distance,
-    ForwardAgainstTable,
-    Loads,
-    distance,
-    forward_against_table,
-    mirrored_loads,
-    paper_loads,
-    timed,
-)
+from footsense.lab.fidelity.compare import Distance, distance, timed
 from footsense.lab.fidelity.drawing import error_against_time, pattern_tiles
+from footsense.lab.fidelity.forward import ForwardAgainstTable, forward_against_table
 from footsense.lab.fidelity.half_space import HalfSpace
 from footsense.lab.fidelity.levels import NAMES, Answer, fidelity_level, full, half_space
+from footsense.lab.fidelity.loads import Loads, mirrored_loads, paper_loads
 from footsense.lab.studies.page import Figures, Study, StudyContext
 
-_FIGURE, _PATTERN = "fidelity.png", "fidelity-pattern.png"
 #: Loads of the full solve: elevation of contact normal and of force [deg], magnitude [gf]. The load of the
 #: paper's Fig. 17, one that leans away from the normal, and two that close gaps.
 FULL_CASES = ((45.0, 45.0, 100.0), (70.0, 90.0, 100.0), (90.0, 90.0, 150.0), (60.0, 60.0, 150.0))
@@ -45,16 +35,12 @@ class AgainstFull:
     Attributes:
         distances: Differences from the full solve.
         mesh_rel: Difference of the closures at the first load by the mesh alone, rms over rms [1].
-        physics_rel: The same by finite strain and the floor alone [1].
-        closure_um: Closures of the full solve [um], by load.
-        capacitance_pf: Capacitances of the level [pF], by load.
+        physics_rel: Difference of those closures by finite strain and the floor alone, rms over rms [1].
     """
 
     distances: Distances
     mesh_rel: float
     physics_rel: float
-    closure_um: list[list[float]]
-    capacitance_pf: list[list[float]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,12 +92,10 @@ def _distances(context: StudyContext, answers: dict[str, Answer], finest: Answer
 def _forward(context: StudyContext, loads: Loads) -> ForwardAgainstTable:
     """Solve some loads one by one, on the table's mesh; on a coarse one in the quick form."""
     size = COARSE if context.quick else MeshSize(**context.response.provenance["mesh"])
-    start = default_timer()
-    foot = ForwardFoot(context.foot_design, size)
-    factorise_s = default_timer() - start
-    context.say(f"fidelity: three classes factorised in {factorise_s:.1f} s")
     n = _FORWARD_LOADS_QUICK if context.quick else _FORWARD_LOADS
-    return forward_against_table(foot, factorise_s, context.response, loads, n)
+    forward = forward_against_table(context.foot_design, size, context.response, loads, n)
+    context.say(f"fidelity: three classes factorised in {forward.factorise_s:.1f} s, {n} loads solved")
+    return forward
 
 
 def _formula(context: StudyContext, loads: Loads, contact: Answer) -> tuple[Distances, tuple[float, float]]:
@@ -142,8 +126,6 @@ def _against_full(context: StudyContext, answers: dict[str, Answer]) -> AgainstF
         distances=_distances(context, {name: answers[name] for name in NAMES[:3]}, answers["full"]),
         mesh_rel=_distances(context, {"contact": contact}, reduced)["contact"].closure_rel,
         physics_rel=_distances(context, {"reduced": reduced}, first)["reduced"].closure_rel,
-        closure_um=answers["full"].closure_um.tolist(),
-        capacitance_pf=answers["full"].capacitance_pf.tolist(),
     )
 
 
@@ -160,10 +142,10 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         full = _against_full(context, answers)
         shown, finest, seconds["full"] = full.distances, "full", taken["full"]
         unloaded_pf = context.response.design.unloaded_pf
-        figures[_PATTERN] = pattern_tiles(
+        figures["fidelity-pattern.png"] = pattern_tiles(
             {name: one.capacitance_pf[0].reshape(3, 3) - unloaded_pf for name, one in answers.items()}
         )
-    figures[_FIGURE] = error_against_time(seconds, shown, finest, forward, len(loads))
+    figures["fidelity.png"] = error_against_time(seconds, shown, finest, forward, len(loads))
     formula, carried_rel = _formula(context, loads, cheap["contact"])
     results = Results(
         n_loads=len(loads),
@@ -179,4 +161,4 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     return results, figures
 
 
-STUDY = Study(name="fidelity", title="The fidelity levels", results=Results, compute=compute)
+STUDY = Study(name="fidelity", title="The fidelity levels", compute=compute)

@@ -4,23 +4,27 @@ Source:
     Aoyagi et al., section VI.
 """
 
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from footsense.foot import gap_contact
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.directions import directions, normalized
+from footsense.foot.force_errors import Errors, errors
 from footsense.foot.specimen import Foot
-from footsense.lab.evaluation.evaluate import Errors, elastance_readout, errors
-from footsense.lab.fem.gel_layer import GelLayerDesign, gel_layer_response, upright_closure_um
+from footsense.frames import Vector
+from footsense.lab.evaluation.evaluate import elastance_readout
+from footsense.lab.fem.gel_layer import GelLayerDesign, upright_closure_um
 from footsense.lab.fem.mesh import COARSE, SHIPPED
 from footsense.lab.geometry import Material
 from footsense.lab.monte_carlo.statistics import MeanStd
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels
+from footsense.lab.response import make_response
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
     NOISE_PF,
@@ -31,8 +35,6 @@ from footsense.lab.training.load_cases import (
     sensed_closure_um,
 )
 from footsense.lab.training.paper_procedure import HIDDEN, PaperTraining, starts_of
-
-Vector = NDArray[np.float64]
 
 #: Nothing is singular where the film covers everything: no layers of thin elements.
 FILM_SIZE, QUICK_FILM_SIZE = replace(SHIPPED, layers=0), replace(COARSE, layers=0)
@@ -50,7 +52,6 @@ EPOCHS, QUICK_EPOCHS = 3000, 300
 #: Seed of the converter's noise, and draws of it for the 180 cases.
 NOISE_SEED, DRAWS = 7, 20
 
-_FIGURE = "film.png"
 _UP = np.array([[0.0, 0.0, 1.0]])
 
 
@@ -62,13 +63,13 @@ class Sensor:
         name: Label in the figure.
         capacitor: Electrical design of the elements.
         closure_um: Makes closures as capacitance has them [um], shape (n, 9), of normals and forces [N], (n, 3) each.
-        usable: Tells which loads (normals, forces) are within its range, shape (n,).
+        used_rel: Tells the used part of the range under a load (normal and force, (1, 3) each) [1].
     """
 
     name: str
     capacitor: CapacitorDesign
     closure_um: Callable[[Vector, Vector], Vector]
-    usable: Callable[[Vector, Vector], NDArray[np.bool_]]
+    used_rel: Callable[[Vector, Vector], float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,10 +81,10 @@ class Measured:
         closure_um_per_n: Mean closure of the elements under an upright force [um/N].
         sensitivity_pf_per_n: Mean change of capacitance with it [pF/N].
         range_n: Largest upright force in range [N].
-        low_range_n: The same at an elevation of 45 deg [N].
+        low_range_n: Largest force at an elevation of 45 deg in range [N].
         linear: Errors of the linear read-out of elastance on the paper's protocol, with noise.
         direction_deg: Direction errors of networks on closures.
-        magnitude_gf: Their magnitude errors.
+        magnitude_gf: Magnitude errors of networks on closures.
     """
 
     unloaded_pf: float
@@ -137,21 +138,18 @@ class Results:
 def with_gaps(context: StudyContext) -> Sensor:
     """Return the design with gaps, from the released table."""
     foot = Foot(context.response)
-
-    def usable(normal: Vector, force_n: Vector) -> NDArray[np.bool_]:
-        return np.asarray(foot.capacitance_pf(normal, force_n).max(axis=1) < FULL_SCALE_PF)
-
     return Sensor(
         name="gaps",
         capacitor=context.response.design,
         closure_um=lambda normal, force_n: sensed_closure_um(foot, normal, force_n),
-        usable=usable,
+        used_rel=lambda normal, force_n: float(foot.capacitance_pf(normal, force_n).max() / FULL_SCALE_PF),
     )
 
 
 def with_film(context: StudyContext, film: GelLayerDesign) -> Sensor:
     """Return the design with the film, solved."""
-    response = gel_layer_response(context.foot_design, QUICK_FILM_SIZE if context.quick else FILM_SIZE, film)
+    size = QUICK_FILM_SIZE if context.quick else FILM_SIZE
+    response = make_response(context.foot_design, size, layer=film.layer)
     capacitor = film.capacitor(context.foot_design)
 
     def closure_um(normal: Vector, force_n: Vector) -> Vector:
@@ -159,23 +157,19 @@ def with_film(context: StudyContext, film: GelLayerDesign) -> Sensor:
         sensed = gap_contact.capacitance_pf(capacitor, distance_um)
         return capacitor.closure_um(sensed, np.full(9, capacitor.unloaded_pf))
 
-    def usable(normal: Vector, force_n: Vector) -> NDArray[np.bool_]:
-        strain = np.abs(response.free_closure_um(normal, force_n)).max(axis=1) / capacitor.gap_um
-        return np.asarray(strain < STRAIN_LIMIT_REL)
+    def used_rel(normal: Vector, force_n: Vector) -> float:
+        strain = np.abs(response.free_closure_um(normal, force_n)) / capacitor.gap_um
+        return float(strain.max() / STRAIN_LIMIT_REL)
 
-    return Sensor(name="film", capacitor=capacitor, closure_um=closure_um, usable=usable)
+    return Sensor(name="film", capacitor=capacitor, closure_um=closure_um, used_rel=used_rel)
 
 
 def _range_n(sensor: Sensor, direction: Vector) -> float:
     """Return the largest of `LOADS_N` in range [N], of a centred contact."""
     # A larger load never returns into the range, so bisect.
-    inside, outside = 0, len(LOADS_N)
-    while outside - inside > 1:
-        middle = (inside + outside) // 2
-        if sensor.usable(direction, LOADS_N[middle] * direction)[0]:
-            inside = middle
-        else:
-            outside = middle
+    inside = (
+        bisect_left(LOADS_N, 1.0, lo=1, key=lambda load_n: sensor.used_rel(direction, load_n * direction)) - 1
+    )
     return float(LOADS_N[inside])
 
 
@@ -231,7 +225,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
             for nu, other, closure_um in zip(poissons, films, closures, strict=True)
         },
     )
-    return results, {_FIGURE: _figure(sensors)}
+    return results, {"film.png": _figure(sensors)}
 
 
 def _figure(sensors: Sequence[Sensor]) -> Figure:
@@ -255,7 +249,6 @@ def _figure(sensors: Sequence[Sensor]) -> Figure:
 STUDY = Study(
     name="film",
     title="A soft film without gaps",
-    results=Results,
     compute=compute,
     names={"HIDDEN": HIDDEN, "NOISE_PF": NOISE_PF},
 )

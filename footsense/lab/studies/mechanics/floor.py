@@ -1,21 +1,17 @@
 """Study `floor`: errors of the Hertz patch and of small strain, each against the full solve on one mesh."""
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from footsense.foot.directions import directions
-from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.lab.contact.full_solve import FullFoot, FullSolution
+from footsense.lab.contact.full_solve import FullFoot
 from footsense.lab.contact.mesh import ContactMeshSize
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels
+from footsense.lab.fidelity.loads import mirrored_loads
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.plots import panels
 
-Vector = NDArray[np.float64]
-
-_FIGURE = "floor.png"
 #: Differences on one mesh need no fine one.
 _SIZE, _QUICK_SIZE = (
     ContactMeshSize(bar_mm=1.0, patch_rel=0.4),
@@ -29,48 +25,22 @@ WITHOUT: dict[str, dict[str, Any]] = {
 }
 
 
-class _Load(NamedTuple):
-    """A contact in the mirror plane: normal elevation [deg], force elevation [deg] and force magnitude [gf]."""
-
-    normal_deg: float
-    force_deg: float
-    magnitude_gf: float
-
-    @property
-    def label(self) -> str:
-        """The load in words: elevation [deg], magnitude [gf], and tilt of the normal against the force [deg]."""
-        lean = self.force_deg - self.normal_deg
-        leaning = f", normal {abs(lean):g} deg off" if lean else ""
-        return f"{self.force_deg:g} deg, {self.magnitude_gf:g} gf{leaning}"
-
-    @property
-    def normal(self) -> Vector:
-        """Inward unit normal at the contact, shape (3,)."""
-        return directions(0.0, self.normal_deg)
-
-    @property
-    def force_n(self) -> Vector:
-        """Ground reaction on the foot [N], shape (3,)."""
-        return self.magnitude_gf * GRAM_FORCE_N * directions(0.0, self.force_deg)
-
-    def solve(self, foot: FullFoot) -> FullSolution:
-        """Solve the contact of a foot under this load."""
-        return foot.solve(self.normal, self.force_n)
-
-
-#: Upright and inclined, as heavy as the paper's heaviest, and one that leans by 20 deg, a large deformation.
+#: Elevation of contact normal and of force [deg], magnitude [gf]. Upright and inclined, as heavy as the paper's
+#: heaviest, one that leans by 20 deg, and a large deformation.
 _LOADS = (
-    _Load(90.0, 90.0, 150.0),
-    _Load(45.0, 45.0, 50.0),
-    _Load(45.0, 45.0, 150.0),
-    _Load(80.0, 60.0, 60.0),
-    _Load(90.0, 90.0, 1000.0),
+    (90.0, 90.0, 150.0),
+    (45.0, 45.0, 50.0),
+    (45.0, 45.0, 150.0),
+    (80.0, 60.0, 60.0),
+    (90.0, 90.0, 1000.0),
 )
 
 
-def _difference_rel(other: FullSolution, full: FullSolution) -> float:
-    """Return the largest difference of a mean closure, over the largest closure [1]."""
-    return float(np.abs(other.closure_um - full.closure_um).max() / full.closure_um.max())
+def _label(normal_deg: float, force_deg: float, magnitude_gf: float) -> str:
+    """Return a load in words: elevation [deg], magnitude [gf], and tilt of the normal against the force [deg]."""
+    lean = force_deg - normal_deg
+    leaning = f", normal {abs(lean):g} deg off" if lean else ""
+    return f"{force_deg:g} deg, {magnitude_gf:g} gf{leaning}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,22 +73,27 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Solve every load with everything, and with each part left out."""
     size = _QUICK_SIZE if context.quick else _SIZE
     solved = []
-    for load in _LOADS[:1] if context.quick else _LOADS:
-        full = load.solve(FullFoot(context.foot_design, size=size))
+    cases = _LOADS[:1] if context.quick else _LOADS
+    loads = mirrored_loads(cases)
+    for case, normal, force_n in zip(cases, loads.normal, loads.force_n, strict=True):
+        full = FullFoot(context.foot_design, size=size).solve(normal, force_n)
         others = {
-            name: load.solve(FullFoot(context.foot_design, size=size, **options))
+            name: FullFoot(context.foot_design, size=size, **options).solve(normal, force_n)
             for name, options in WITHOUT.items()
         }
         one = Solved(
-            load=load.label,
-            difference_rel={name: _difference_rel(other, full) for name, other in others.items()},
-            patch_mm=full.patch_mm,
-            hertz_mm=float(context.response.patch_radius_mm(load.normal, load.force_n)),
+            load=_label(*case),
+            difference_rel={
+                name: float(np.abs(other.closure_um - full.closure_um).max() / full.closure_um.max())
+                for name, other in others.items()
+            },
+            patch_mm=full.patch.radius_mm,
+            hertz_mm=float(context.response.patch_radius_mm(normal, force_n)),
             newton_steps=full.newton_steps,
         )
         solved.append(one)
-        context.say(f"floor: {load.label}, {full.n_unknowns} unknowns, {full.newton_steps} Newton steps")
-    return Results(loads=solved), {_FIGURE: _figure(solved)}
+        context.say(f"floor: {one.load}, {full.n_unknowns} unknowns, {full.newton_steps} Newton steps")
+    return Results(loads=solved), {"floor.png": _figure(solved)}
 
 
 def _figure(loads: list[Solved]) -> Figure:
@@ -136,9 +111,4 @@ def _figure(loads: list[Solved]) -> Figure:
     return figure
 
 
-STUDY = Study(
-    name="floor",
-    title="The error of Hertz's patch and of small strain",
-    results=Results,
-    compute=compute,
-)
+STUDY = Study(name="floor", title="The error of Hertz's patch and of small strain", compute=compute)

@@ -14,7 +14,6 @@ from footsense.lab.fidelity.drawing import pattern_tiles
 from footsense.lab.fidelity.levels import NAMES, fidelity_level
 from footsense.lab.studies.page import Figures, Study, StudyContext
 
-_FIGURE = "pattern.png"
 #: The load of Fig. 17: (theta1, theta2) [deg]. Its magnitude is not given; this is the one of the verification [gf].
 DIRECTION_DEG, MAGNITUDE_GF = (0.0, 45.0), 100.0
 
@@ -43,7 +42,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     results = Results(
         unloaded_pf=unloaded_pf, change_pf={name: change.tolist() for name, change in change_pf.items()}
     )
-    return results, {_FIGURE: pattern_tiles(change_pf)}
+    return results, {"pattern.png": pattern_tiles(change_pf)}
 
 
-STUDY = Study(name="pattern", title="The pattern of Fig. 17", results=Results, compute=compute)
+STUDY = Study(name="pattern", title="The pattern of Fig. 17", compute=compute)

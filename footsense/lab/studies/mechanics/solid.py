@@ -8,21 +8,22 @@ from typing import TypeVar
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from footsense.foot.directions import directions
 from footsense.foot.gap_contact import ALL_CELLS, CELLS_PER_SIDE
 from footsense.foot.hertz import contact_radius_mm
 from footsense.foot.response_table import FootResponse
+from footsense.frames import Vector
 from footsense.lab.fem.centred import centred_closures
 from footsense.lab.fem.fringe import element_pf
 from footsense.lab.fem.mesh import COARSE, FINEST, SHIPPED, MeshSize
 from footsense.lab.fem.strip import strip_closure_um
 from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.response import make_response
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import paper_training, paper_verification
 
-Vector = NDArray[np.float64]
 Measured = TypeVar("Measured")
 
 #: The paper's floor (section III A).
@@ -31,18 +32,17 @@ CEMENT = Material(25_000.0, 0.15)
 INCLINED_DEG = 40.0
 #: Elements that close less than this share of the most closed one are left out of relative errors.
 COUNTED_REL = 0.05
-#: Between SHIPPED and FINEST: the reference of the inclined load, which needs two classes.
-_FINER = replace(SHIPPED, bar_mm=0.33, layers=2, layer_rel=0.12)
 _PLAIN = MeshSize(bar_mm=0.67, layers=0, order=2)
+#: The reference of the inclined load, which needs two classes, is `finer`.
 _MESHES = {
     "quadratic, no layers": _PLAIN,
     "quadratic, no layers, finer": replace(_PLAIN, bar_mm=0.33),
     "COARSE": COARSE,
     "SHIPPED": SHIPPED,
-    "finer": _FINER,
+    "finer": replace(SHIPPED, bar_mm=0.33, layers=2, layer_rel=0.12),
+    "FINEST": FINEST,
 }
 _QUICK_MESHES = ("quadratic, no layers", "COARSE")
-FIGURE = "solid.png"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +92,7 @@ class HertzContact:
     corner_um: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Edged:
     """Capacitance of an element with and without edge fields [pF] at one closure, and the closure read [um].
 
@@ -101,7 +101,7 @@ class Edged:
         plates_pf: Capacitance by the plate formula [pF].
         edged_pf: Capacitance with edges [pF].
         read_um: Closure by elastance [um].
-        corrected_um: The same with the stray taken off [um].
+        corrected_um: Closure by elastance with the stray taken off [um].
     """
 
     closed_um: float
@@ -124,7 +124,7 @@ class Results:
         ground_change_rel: Largest relative change of a closure by the material of the ground [1].
         spacer_mm: Thickness of the spacer [mm].
         law_um: Closure of a strip with the spacer as a law [um].
-        solid_um: The same with the spacer meshed [um].
+        solid_um: Closure of a strip with the spacer meshed [um].
         edges: Elements with edges, unloaded first.
         table_rel: Errors that the response table states [1].
         cell_um: Largest variation of the closure inside a cell, rms [um].
@@ -161,14 +161,11 @@ def _worst_rel(closure_um: Vector, best_um: Vector) -> float:
 
 def _meshes(context: StudyContext) -> list[Mesh]:
     """Solve every mesh; the quick form leaves out the fine ones."""
-    both = (90.0,) if context.quick else (90.0, INCLINED_DEG)
-    sizes = {
-        name: (size, both) for name, size in _MESHES.items() if not context.quick or name in _QUICK_MESHES
-    }
-    if not context.quick:
-        sizes["FINEST"] = (FINEST, (90.0,))
     solved = []
-    for name, (size, elevation_deg) in sizes.items():
+    for name, size in _MESHES.items():
+        if context.quick and name not in _QUICK_MESHES:
+            continue
+        elevation_deg = (90.0,) if context.quick or size is FINEST else (90.0, INCLINED_DEG)
         found, taken = _timed(partial(centred_closures, context.foot_design, size, elevation_deg))
         solved.append((name, size, found, taken))
         context.say(f"solid: {name}, {found.unknowns} unknowns, {taken.processor_s:.1f} s")
@@ -206,28 +203,14 @@ def _compare_ground_materials(
 
 def _edges(foot_design: FootDesign) -> list[Edged]:
     """Return elements with edges at three closures."""
-    unloaded_pf, plate_pf = element_pf(foot_design)
-    edges = []
-    for closed_um in (0.0, 5.0, 10.0):
-        edged_pf, plates_pf = element_pf(foot_design, closed_um)
-        read, corrected = (
-            float(
-                foot_design.capacitor.closure_um(
-                    np.array([edged_pf - stray]), np.array([unloaded_pf - stray])
-                )[0]
-            )
-            for stray in (0.0, unloaded_pf - plate_pf)
-        )
-        edges.append(
-            Edged(
-                closed_um=closed_um,
-                plates_pf=plates_pf,
-                edged_pf=edged_pf,
-                read_um=read,
-                corrected_um=corrected,
-            )
-        )
-    return edges
+    capacitor, closed_um = foot_design.capacitor, (0.0, 5.0, 10.0)
+    both_pf = [element_pf(foot_design, one_um) for one_um in closed_um]
+    edged_pf, plates_pf = np.array(both_pf).T
+    stray_pf = edged_pf[0] - plates_pf[0]
+    read_um = capacitor.closure_um(edged_pf, edged_pf[0])
+    corrected_um = capacitor.closure_um(edged_pf - stray_pf, edged_pf[0] - stray_pf)
+    columns = (closed_um, plates_pf.tolist(), edged_pf.tolist(), read_um.tolist(), corrected_um.tolist())
+    return [Edged(*row) for row in zip(*columns, strict=True)]
 
 
 def _cells(response: FootResponse) -> tuple[float, float]:
@@ -236,8 +219,7 @@ def _cells(response: FootResponse) -> tuple[float, float]:
     Upright and inclined loads of 1 N. A closure that varies by a standard deviation s inside a cell raises the mean of
     1/D by s^2/D^2; s^2 = (slope x step)^2 / 12 per direction, the slope by differences of neighbouring cells.
     """
-    angle = np.radians([90.0, INCLINED_DEG])
-    force = np.column_stack([np.cos(angle), np.zeros(2), np.sin(angle)])
+    force = directions(0.0, [90.0, INCLINED_DEG])
     cells_um = np.minimum(response.free_closure_um(force, force), response.design.gap_um)
     grid = cells_um.reshape(2, ALL_CELLS // CELLS_PER_SIDE**2, CELLS_PER_SIDE, CELLS_PER_SIDE)
     variance = sum(np.gradient(grid, axis=axis) ** 2 for axis in (2, 3)) / 12.0
@@ -275,7 +257,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         },
         cell_um=cell_um,
     )
-    return results, {FIGURE: _figure(meshes)}
+    return results, {"solid.png": _figure(meshes)}
 
 
 def _figure(meshes: Sequence[Mesh]) -> Figure:
@@ -301,4 +283,4 @@ def _figure(meshes: Sequence[Mesh]) -> Figure:
     return figure
 
 
-STUDY = Study(name="solid", title="How exact the solid is", results=Results, compute=compute)
+STUDY = Study(name="solid", title="How exact the solid is", compute=compute)

@@ -11,9 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, errors
+from footsense.foot.force_errors import errors
+from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF
 from footsense.lab.monte_carlo.statistics import SIGNIFICANT, Difference, MeanStd
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels, plot_band
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.plots import panels, plot_band
 from footsense.lab.training.load_cases import paper_training, paper_verification
 from footsense.lab.training.mlp import start_layers
 from footsense.lab.training.paper_procedure import EPOCHS, QUICK_EPOCHS, PaperTraining, verification_at
@@ -25,7 +27,6 @@ SEEDS, QUICK_SEEDS = 20, 3
 #: The magnitudes of the training cases [gf].
 TRAINING_GF = (50.0, 150.0)
 
-_FIGURE = "hidden-layers.png"
 _DEPTHS = {"1": "one hidden layer", "2": "two hidden layers"}
 #: Mean errors of each network: name, words, the paper's figure.
 MEASURED = (
@@ -87,23 +88,19 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         ]
         readouts = training.train(starts, epochs)
         at_paper = [errors(paper.force_n, read(paper.closure_um)) for read in readouts]
-        figures = {
-            "direction_deg": [row.direction_deg for row in at_paper],
-            "magnitude_gf": [row.magnitude_gf for row in at_paper],
-            "training_deg": [
-                float(
-                    np.mean([errors(cases.force_n, read(cases.closure_um)).direction_deg for cases in others])
-                )
-                for read in readouts
-            ],
-        }
-        for name, values in figures.items():
+        at_others = [[errors(cases.force_n, read(cases.closure_um)) for cases in others] for read in readouts]
+        figures = (
+            [row.direction_deg for row in at_paper],
+            [row.magnitude_gf for row in at_paper],
+            [float(np.mean([row.direction_deg for row in rows])) for rows in at_others],
+        )
+        for (name, _, _), values in zip(MEASURED, figures, strict=True):
             measured[name][depth] = [
                 MeanStd.over(values[k : k + seeds]) for k in range(0, len(values), seeds)
             ]
         context.say(f"hidden-layers: {len(neurons)} sizes with {words} trained, {seeds} seeds each")
     results = Results(epochs=epochs, seeds=seeds, neurons=neurons, **measured)
-    return results, {_FIGURE: _figure(results)}
+    return results, {"hidden-layers.png": _figure(results)}
 
 
 def _figure(results: Results) -> Figure:
@@ -140,7 +137,6 @@ def differences(neurons: Sequence[int], errors_by_depth: list[ByDepth]) -> dict[
 STUDY = Study(
     name="hidden-layers",
     title="How many hidden layers and neurons",
-    results=Results,
     compute=compute,
     names={"SIGNIFICANT": SIGNIFICANT},
 )

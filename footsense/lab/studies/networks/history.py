@@ -6,21 +6,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.force_errors import errors
 from footsense.foot.specimen import Foot
+from footsense.frames import Vector
 from footsense.lab.creep import ASSUMED, Kelvin, crept_closure, uncrept_closure
-from footsense.lab.evaluation.evaluate import errors
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.training.load_cases import measured_closure_rel, sensed_closure_um
 from footsense.lab.training.scan_network import HIDDEN, train_scans
 from footsense.sim.loads.measured_walk import measured_walk
 from footsense.sim.loads.walk import Walk, smooth_stance
-
-Vector = NDArray[np.float64]
 
 #: A scan of nine conversions on the default board [s].
 PERIOD_S = 24.1e-3
@@ -40,7 +38,6 @@ LOADED_N = 0.1
 OTHER = tuple(Kelvin(share_rel=1.3 * part.share_rel, time_s=1.3 * part.time_s) for part in ASSUMED)
 
 _NS = 1_000_000_000
-_FIGURE = "history.png"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,8 +75,8 @@ def _walks(foot: Foot, draw: Callable[[np.random.Generator], Walk], n: int, seed
     rng = np.random.default_rng(seed)
     normals, forces = [], []
     for _ in range(n):
-        walk, begin_s = draw(rng), rng.uniform(0.0, 1.0)
-        contacts = [walk.contact("lf", round((begin_s + PERIOD_S * k) * _NS)) for k in range(SCANS)]
+        walk, start_s = draw(rng), rng.uniform(0.0, 1.0)
+        contacts = [walk.contact("lf", round((start_s + PERIOD_S * k) * _NS)) for k in range(SCANS)]
         # The foot is unloaded before the first scan: a walk begins in swing, whatever its phase.
         landed = np.cumsum([float(c.force_n[2]) == 0.0 for c in contacts]) > 0
         turn, tilt_deg = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, 10.0)
@@ -164,10 +161,6 @@ class ForceErrors(NamedTuple):
     direction_deg: float
     swing_n: float
 
-    def cells(self) -> list[str]:
-        """Return the three errors as text for a table row: loaded [mN], direction [deg], swing [mN]."""
-        return [f"{1e3 * self.loaded_n:.2f}", f"{self.direction_deg:.3f}", f"{1e3 * self.swing_n:.2f}"]
-
 
 @dataclass(frozen=True, slots=True)
 class Tested:
@@ -247,7 +240,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         without_creep=_errors(test.force_n, elastic),
         readouts=readouts,
     )
-    return results, {_FIGURE: _figure(test.force_n[0], drawn)}
+    return results, {"history.png": _figure(test.force_n[0], drawn)}
 
 
 def _figure(walk_n: Vector, estimates_n: dict[str, Vector]) -> Figure:
@@ -267,10 +260,4 @@ def _figure(walk_n: Vector, estimates_n: dict[str, Vector]) -> Figure:
     return figure
 
 
-STUDY = Study(
-    name="history",
-    title="Does a history pay",
-    results=Results,
-    compute=compute,
-    names={"HIDDEN": HIDDEN},
-)
+STUDY = Study(name="history", title="Does a history pay", compute=compute, names={"HIDDEN": HIDDEN})

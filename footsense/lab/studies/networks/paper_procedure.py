@@ -9,16 +9,16 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from footsense.foot.force_errors import Errors, errors
 from footsense.lab.evaluation.evaluate import (
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
-    Errors,
     capacitance_readout,
     elastance_readout,
-    errors,
 )
 from footsense.lab.monte_carlo.statistics import MeanStd
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels, plot_band
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.plots import panels, plot_band
 from footsense.lab.training.load_cases import paper_training
 from footsense.lab.training.paper_procedure import (
     EPOCHS,
@@ -33,7 +33,6 @@ from footsense.lab.training.paper_procedure import (
 MAGNITUDES_GF = (50.0, 60.0, 70.0, 80.0, 90.0, 100.0, 110.0, 120.0, 130.0, 140.0, 150.0)
 AT_100_GF = MAGNITUDES_GF.index(100.0)
 
-_FIGURE = "paper-procedure.png"
 NAMES: dict[Feed, str] = {"capacitance": "ΔC", "closure": "closures"}
 
 
@@ -90,7 +89,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         points[str(feed)] = rows[AT_100_GF]
         context.say(f"paper-procedure: {len(networks)} networks on {name} trained")
     results = Results(epochs=QUICK_EPOCHS if context.quick else EPOCHS, by_feed=by_feed)
-    return results, {_FIGURE: _figure(by_feed, points)}
+    return results, {"paper-procedure.png": _figure(by_feed, points)}
 
 
 def _figure(by_feed: dict[str, FeedErrors], points: dict[str, list[Errors]]) -> Figure:
@@ -120,9 +119,5 @@ def _figure(by_feed: dict[str, FeedErrors], points: dict[str, list[Errors]]) -> 
 
 
 STUDY = Study(
-    name="paper-procedure",
-    title="The paper's own procedure",
-    results=Results,
-    compute=compute,
-    names={"HIDDEN": HIDDEN},
+    name="paper-procedure", title="The paper's own procedure", compute=compute, names={"HIDDEN": HIDDEN}
 )

@@ -11,9 +11,10 @@ import jax
 import numpy as np
 import optax
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from footsense.lab.studies.page import Figures, Study, StudyContext, panels
+from footsense.frames import Vector
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import paper_training
 from footsense.lab.training.mlp import Layers, Trained, stack, train
 from footsense.lab.training.paper_procedure import HIDDEN, PaperTraining, starts_of
@@ -28,7 +29,6 @@ EPOCHS, QUICK_EPOCHS = 10_000, 1000
 #: Networks, which differ in their start weights; the same for each rule.
 SEEDS, QUICK_SEEDS = 5, 2
 
-_FIGURE = "rprop-speed.png"
 _RPROP = "RPROP"
 
 
@@ -94,7 +94,7 @@ def _descent(
     return RATES[best], trained._replace(losses=losses[best], processor_s=trained.processor_s / len(RATES))
 
 
-def _epochs_to(losses: NDArray[np.float64], goal: NDArray[np.float64]) -> NDArray[np.float64]:
+def _epochs_to(losses: Vector, goal: Vector) -> Vector:
     """Return the epochs until each seed's loss first meets its goal, shape (seeds,); all epochs if never."""
     there = losses <= goal[:, None]
     epochs = np.where(there.any(axis=1), there.argmax(axis=1), losses.shape[1])
@@ -138,7 +138,9 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         context.say(f"rprop-speed: {name}, best of {len(RATES)} rates: {rate:g}")
     runs[_RPROP] = rprop
     epoch_us = {name: 1e6 * _epoch_s(run) for name, run in runs.items()}
-    return Results(epochs=epochs, seeds=seeds, epoch_us=epoch_us, races=races), {_FIGURE: _figure(runs)}
+    return Results(epochs=epochs, seeds=seeds, epoch_us=epoch_us, races=races), {
+        "rprop-speed.png": _figure(runs)
+    }
 
 
 def _figure(runs: dict[str, Trained]) -> Figure:
@@ -160,9 +162,5 @@ def _figure(runs: dict[str, Trained]) -> Figure:
 
 
 STUDY = Study(
-    name="rprop-speed",
-    title="RPROP against back-propagation",
-    results=Results,
-    compute=compute,
-    names={"HIDDEN": HIDDEN},
+    name="rprop-speed", title="RPROP against back-propagation", compute=compute, names={"HIDDEN": HIDDEN}
 )

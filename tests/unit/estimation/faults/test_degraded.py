@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from footsense.estimation.faults.causes import ElementFaults, causes, converter_states, drift_causes
-from footsense.estimation.faults.open_elements import floating_pf, missing_elements
+from footsense.estimation.faults.missing_sets import missing_elements
+from footsense.estimation.faults.open_elements import floating_pf
 from footsense.frames import USABLE, BaselineDrift, CapFrame, Cause, Reading, State
 from tests.support.feet import SCAN_NS, SIGMA_N, WINDOW, Feet
 

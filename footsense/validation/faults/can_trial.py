@@ -9,19 +9,13 @@ import msgspec
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.can_frames import FORCE_ID
 from firmware_interface.socketcan import split_frames
-from footsense.config import DEFAULT, Config
+from footsense.config import DEFAULT
 from footsense.daemon.service import open_service
 from footsense.frames import Cycle
 from footsense.ports import Observer
 from footsense.sim.faults.scene_faults import CanFault
-from footsense.sim.scene import Scene
-from footsense.sim.scene_loads import Tripod
-
-WALK = Scene(
-    description="Six legs walk with a fault of CAN.",
-    load=Tripod(period_s=1.0, duty_rel=0.6, peak_force_n=1.0),
-    lead_in_s=0.4,
-)
+from footsense.sim.scene_effects import Effects
+from footsense.validation.faults.published_walk import WALK
 
 
 class CanFigures(NamedTuple):
@@ -48,62 +42,58 @@ class CanFigures(NamedTuple):
 
 
 class _Consumer(Observer):
-    """Keeps the times at which forces were published and received."""
+    """Keeps the times at which forces were measured and received."""
 
     def __init__(self, legs: tuple[str, ...]) -> None:
-        self._nodes = [NODE_IDS[leg] for leg in legs]
-        self._measured_ns: dict[int, dict[int, int]] = {}  # by time of sending, by node
-        self.received_ns: dict[int, list[int]] = {node: [] for node in self._nodes}
-        self.n_published = 0
+        self.measured_ns: dict[int, dict[int, int]] = {}  # by time of sending, by node
+        self.received_ns: dict[int, list[int]] = {NODE_IDS[leg]: [] for leg in legs}
         self.longest_delay_ns = 0
         self.oldest_ns = 0
 
     def observe(self, cycle: Cycle) -> None:
         forces = cycle.forces
-        self.n_published += len(self._nodes)
-        self._measured_ns[forces.t_sent_ns] = dict(zip(self._nodes, forces.t_ns.tolist(), strict=True))
+        self.measured_ns[forces.t_sent_ns] = dict(zip(self.received_ns, forces.t_ns.tolist(), strict=True))
 
     def on_delivered(self, t_ns: int, handed_ns: int, frame: bytes) -> None:
-        can_id, _ = next(split_frames(frame))
-        node = can_id - FORCE_ID
+        node = next(split_frames(frame))[0] - FORCE_ID
         if node in self.received_ns:
             self.received_ns[node].append(t_ns)
             self.longest_delay_ns = max(self.longest_delay_ns, t_ns - handed_ns)
-            if measured_ns := self._measured_ns[handed_ns][node]:
+            if measured_ns := self.measured_ns[handed_ns][node]:
                 self.oldest_ns = max(self.oldest_ns, t_ns - measured_ns)
 
 
-def can_trial(fault: CanFault, *, duration_s: float, config: Config = DEFAULT) -> CanFigures:
+def can_trial(fault: CanFault, *, duration_s: float) -> CanFigures:
     """Simulate a walk with a CAN fault, and return the effect on the forces of the walk.
 
     Args:
         fault: The fault.
         duration_s: Length of the walk [s].
-        config: The robot.
 
     Raises:
         CanError: The interface is down from the start.
         ModelError: The released network or the response table is missing.
     """
-    consumer = _Consumer(config.legs)
-    with open_service(config, msgspec.structs.replace(WALK, faults=(fault,)), real_time=False) as robot:
+    consumer = _Consumer(DEFAULT.legs)
+    scene = msgspec.structs.replace(WALK, effects=Effects(), faults=(fault,))
+    with open_service(DEFAULT, scene, real_time=False) as robot:
         assert robot.can is not None, "the scene has a fault of CAN"
         controller = robot.can.controller
         controller.on_delivered = consumer.on_delivered
         robot.observers.append(consumer)
         robot.run(until_ns=duration_s * 1e9)
-        n_dropped = robot.sink.stats.dropped
+        stats = robot.sink.stats
     received_ns = consumer.received_ns.values()
     again_ns = [
         min((t_ns for t_ns in of_leg if t_ns > fault.until_ns), default=math.inf) for of_leg in received_ns
     ]
     silences_ns = [after - before for of_leg in received_ns for before, after in itertools.pairwise(of_leg)]
     return CanFigures(
-        received_rel=sum(map(len, received_ns)) / consumer.n_published,
+        received_rel=sum(map(len, received_ns)) / (stats.published * len(received_ns)),
         longest_silence_s=max(silences_ns) / 1e9,
         recovery_s=(max(again_ns) - fault.until_ns) / 1e9 if math.isfinite(max(again_ns)) else None,
         longest_delay_s=consumer.longest_delay_ns / 1e9,
         oldest_s=consumer.oldest_ns / 1e9,
-        n_dropped=n_dropped,
+        n_dropped=stats.dropped,
         n_bus_off=controller.n_bus_off,
     )

@@ -1,33 +1,16 @@
-"""Table of all faults of a scene, one walk each: appearance on CAN, and effect on the other legs."""
+"""All faults of a scene as trials: scripts of one walk each."""
 
 from collections.abc import Callable
-from itertools import islice
 from typing import Any, NamedTuple
 
 import msgspec
-import numpy as np
 
 from footsense.config import DEFAULT, Config
 from footsense.config.sections import Mux
 from footsense.sim.faults import scene_faults as faults
 from footsense.sim.faults.scene_faults import CanFault, Fault
-from footsense.validation.can_trial import CanFigures, can_trial
-from footsense.validation.fault_trial import (
-    BREAKS_AT_S,
-    LEG,
-    PASSES_AT_S,
-    WALK,
-    FaultFigures,
-    PublishedWalk,
-    figures,
-    walk,
-)
-
-#: Length of a walk with a fault of CAN [s]: the kernel checks a carrier once a second, and the daemon opens the
-#: interface again as often.
-_CAN_WALK_S = 4.0
-#: Step between the rows of the quick table.
-_QUICK_STEP = 6
+from footsense.validation.faults.fault_trial import LEG
+from footsense.validation.faults.published_walk import BREAKS_AT_S, PASSES_AT_S
 
 
 class FaultTrial(NamedTuple):
@@ -102,40 +85,3 @@ CAN_TRIALS: dict[str, CanFault] = {
     "another program floods the queue": faults.CanQueueFull(**_SPAN),
     "1000 frames/s before ours": faults.CanTraffic(rate_hz=1000.0, **_SPAN),
 }
-
-
-def rows(report: Callable[[str], None], *, quick: bool = False) -> dict[str, FaultFigures]:
-    """Walk without a fault, then with each fault of legs, buses and feet; return the figures by words.
-
-    Args:
-        report: Called with the words of each row as it is complete.
-        quick: Whether only every sixth fault is walked.
-
-    Raises:
-        ModelError: The released network or the response table is missing.
-    """
-    whole = walk()
-    found = {"nothing": _without_fault(whole)}
-    for trial in islice(TRIALS, None, None, _QUICK_STEP if quick else 1):
-        effects = msgspec.structs.replace(WALK.effects, adapter_timeout_ms=trial.adapter_timeout_ms)
-        broken = walk(*trial.script, config=trial.config, effects=effects)
-        found[trial.words] = figures(broken, whole, BREAKS_AT_S, trial.until_s)
-        report(trial.words)
-    return found
-
-
-def _without_fault(whole: PublishedWalk) -> FaultFigures:
-    """Return the figures of a walk without a fault, with the leg's largest error over its sigma."""
-    row = whole.legs.index(LEG)
-    late = whole.t_sent_ns > BREAKS_AT_S * 1e9
-    over_sigma = np.abs(whole.force_n - whole.true_force_n)[late, row] / whole.sigma_n[late, row]
-    return figures(whole, whole, BREAKS_AT_S, None)._replace(worst_error_sigma=float(over_sigma.max()))
-
-
-def can_rows(report: Callable[[str], None], *, quick: bool = False) -> dict[str, CanFigures]:
-    """Walk with each fault of CAN; return the figures by words. Arguments as of `rows`."""
-    found = {}
-    for words, fault in islice(CAN_TRIALS.items(), None, None, _QUICK_STEP if quick else 1):
-        found[words] = can_trial(fault, duration_s=_CAN_WALK_S)
-        report(words)
-    return found

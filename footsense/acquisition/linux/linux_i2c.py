@@ -8,7 +8,6 @@ import errno
 import fcntl
 import logging
 from pathlib import Path
-from typing import Protocol
 
 import smbus2
 
@@ -40,18 +39,6 @@ _FAILED: dict[int | None, tuple[type[BusError], str]] = {
 }
 
 
-class Adapter(Protocol):
-    """The methods that are used of `smbus2.SMBus`."""
-
-    def i2c_rdwr(self, *messages: smbus2.i2c_msg) -> None:
-        """Do the messages as one transaction."""
-        ...
-
-    def close(self) -> None:
-        """Close the adapter's device file."""
-        ...
-
-
 class LinuxI2cBus:
     """I2C adapter of Linux (i2c-dev), one ioctl per transaction.
 
@@ -60,7 +47,7 @@ class LinuxI2cBus:
         device: Its device file, for messages.
     """
 
-    def __init__(self, adapter: Adapter, device: str) -> None:
+    def __init__(self, adapter: smbus2.SMBus, device: str) -> None:
         self._adapter = adapter
         self._device = device
         self._messages: dict[Transaction, list[smbus2.i2c_msg]] = {}

@@ -4,8 +4,6 @@ The line is requested as an open-drain, active-low output: inactive it is releas
 the pin high, whatever the mux's supply is.
 """
 
-from typing import Protocol
-
 import gpiod
 from gpiod.line import Direction, Drive, Value
 
@@ -14,18 +12,6 @@ from footsense.errors import HardwareError
 SETTINGS = gpiod.LineSettings(
     direction=Direction.OUTPUT, drive=Drive.OPEN_DRAIN, active_low=True, output_value=Value.INACTIVE
 )
-
-
-class Request(Protocol):
-    """The methods that are used of `gpiod.LineRequest`."""
-
-    def set_value(self, line: int, value: Value) -> None:
-        """Drive an output line high or low."""
-        ...
-
-    def release(self) -> None:
-        """Give the line back to the kernel."""
-        ...
 
 
 class LinuxResetLine:
@@ -37,7 +23,7 @@ class LinuxResetLine:
         line: Number of the line on it.
     """
 
-    def __init__(self, request: Request, device: str, line: int) -> None:
+    def __init__(self, request: gpiod.LineRequest, device: str, line: int) -> None:
         self._request = request
         self._device = device
         self._line = line

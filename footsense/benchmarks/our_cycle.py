@@ -1,0 +1,153 @@
+"""One cycle of the service on recorded scans, with everything that it sends to.
+
+A whole cycle: estimate, publish, count, record. It sends to a socket pair, which stands for CAN on any machine, and
+records into a pipe; both are drained between cycles.
+"""
+
+import os
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import numpy as np
+from msgspec.structs import replace
+
+from footsense.benchmarks.c_floor import CFloor
+from footsense.can.socketcan import SocketWire
+from footsense.config import DEFAULT
+from footsense.config.sections import Realtime
+from footsense.daemon.acquisition import open_scan_source
+from footsense.daemon.can_output import can_sink
+from footsense.daemon.estimation import pipeline_for
+from footsense.daemon.loop import Loop
+from footsense.daemon.models import load_models
+from footsense.frames import CapFrame, Cycle, Flag, Vector
+from footsense.ports import Observer
+from footsense.recording.cycle_pipe import CyclePipe
+from footsense.sim.clock import VirtualClock
+from footsense.sim.scene_files import load_scene
+from footsense.telemetry.journal import Journal
+from footsense.telemetry.metrics import MetricsObserver
+from footsense.telemetry.systemd import SystemdObserver
+
+#: Priority of SCHED_FIFO, the default of the service; without it the figures include other processes.
+PRIORITY = Realtime().priority
+#: Scans at the begin, in which the feet are tared.
+WARM_UP = 40
+
+
+class Loopback:
+    """A socket pair and a pipe that take the frames and the record of a cycle."""
+
+    def __init__(self) -> None:
+        self.socket, self._sink = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._drain, self.pipe = os.pipe()
+        os.set_blocking(self._drain, False)
+
+    @property
+    def fds(self) -> tuple[int, int, int, int]:
+        """Both ends of the socket, and the pipe's to write and to read."""
+        return self.socket.fileno(), self._sink.fileno(), self.pipe, self._drain
+
+    def drain(self) -> None:
+        """Discard the frames and the record of a cycle."""
+        with suppress(BlockingIOError):
+            while True:
+                self._sink.recv(64, socket.MSG_DONTWAIT)
+        with suppress(BlockingIOError):
+            os.read(self._drain, 1 << 16)
+
+    def close(self) -> None:
+        """Close the sockets and the pipes of the benchmark."""
+        self.socket.close()
+        self._sink.close()
+        os.close(self._drain)
+        os.close(self.pipe)
+
+
+class _Recording(Observer):
+    """An observer that copies every cycle into a pipe, as the recorder does."""
+
+    def __init__(self, pipe: int, legs: tuple[str, ...]) -> None:
+        self._pipe = CyclePipe(pipe, {"legs": ",".join(legs)}, blocking=False)
+
+    def observe(self, cycle: Cycle) -> None:
+        """Copy the forces of one cycle."""
+        self._pipe.send(cycle)
+
+
+class OurCycle(NamedTuple):
+    """One cycle of the service's pipeline and outputs.
+
+    Attributes:
+        run: Processes a scan at a time [ns].
+        baseline_pf: Returns the baselines at the start of the next cycle [pF], shape (legs, 9).
+        counters: File of its metrics.
+        loopback: Receiver of its frames and records.
+    """
+
+    run: Callable[[CapFrame, int], Cycle]
+    baseline_pf: Callable[[], Vector]
+    counters: Path
+    loopback: Loopback
+
+
+@contextmanager
+def our_cycle() -> Iterator[OurCycle]:
+    """Compose the cycle of the service.
+
+    Yields:
+        The cycle; its counters exist until the end.
+    """
+    clock, loopback = VirtualClock(), Loopback()
+    pipeline = pipeline_for(load_models(DEFAULT), Flag.SIMULATED)
+    wire = SocketWire(loopback.socket, lambda: None)
+    with (
+        TemporaryDirectory(dir="/dev/shm") as folder,
+        can_sink(DEFAULT, clock, None, connect=lambda: wire) as sink,
+    ):
+        counters = Path(folder) / "counters"
+        metrics = MetricsObserver(DEFAULT.legs, sink.stats, counters)
+        observers = (
+            Journal(DEFAULT.legs),
+            SystemdObserver(DEFAULT.legs, {}),
+            metrics,
+            _Recording(loopback.pipe, DEFAULT.legs),
+        )
+
+        loop = Loop(pipeline, sink, observers, clock)
+
+        def run(scan: CapFrame, now_ns: int) -> Cycle:
+            clock.sleep_until_ns(now_ns)
+            return loop.step(scan, tuple(sink.commands()))
+
+        try:
+            yield OurCycle(run, lambda: pipeline.baseline_pf, counters, loopback)
+        finally:
+            metrics.close()
+    loopback.close()
+
+
+def recorded_scans(n: int) -> list[CapFrame]:
+    """Return scans of six walking legs in turn."""
+    with open_scan_source(DEFAULT, replace(load_scene("measured_walk"), host_cost_us=40.0)) as scan_source:
+        return [scan_source.source.read() for _ in range(n)]
+
+
+def sent_ns(scan: CapFrame) -> int:
+    """Return the time of sending the forces of a scan [ns]: 2 ms after the last reading of the scan."""
+    return int(scan.t_ns.max()) + 2_000_000
+
+
+def tared_floor(folder: Path, scans: list[CapFrame]) -> CFloor:
+    """Return the C floor, tared with the first scans as the service does.
+
+    Raises:
+        FootsenseError: It cannot be compiled.
+    """
+    floor = CFloor(folder, DEFAULT, load_models(DEFAULT).network.card.trained_inputs)
+    floor.tare(np.mean([scan.capacitance_pf for scan in scans[: DEFAULT.tare.window_scans]], axis=0))
+    return floor

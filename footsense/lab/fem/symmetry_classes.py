@@ -1,0 +1,83 @@
+"""Symmetry classes of displacement fields: even or odd under the mirrors x -> -x and y -> -y, solved one by one.
+
+A load on one cell is a quarter of the sum of the loads that put the cell and its mirror images together with the signs
+of each class. So the response to it is a quarter of the sum of the classes' responses.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.foot.symmetry import product_powers
+from footsense.frames import Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Parity:
+    """How a displacement field goes over under the two mirrors.
+
+    Attributes:
+        x: +1 if the field is its own mirror image under x -> -x, -1 if it is the opposite of it.
+        y: +1 if the field is its own mirror image under y -> -y, -1 if it is the opposite of it.
+    """
+
+    x: int
+    y: int
+
+    def clamped(self, component: int) -> str:
+        """Return the mirror planes on which a component (0..2) of the displacement vanishes, joined by `|`."""
+        planes = []
+        for axis, (plane, parity) in enumerate((("mirror_x", self.x), ("mirror_y", self.y))):
+            if (component == axis) == (parity > 0):
+                planes.append(plane)
+        return "|".join(planes)
+
+    def signs(self, component: int) -> tuple[int, int]:
+        """Return the sign that a component takes in the images under x -> -x and under y -> -y."""
+        return (-self.x if component == 0 else self.x), (-self.y if component == 1 else self.y)
+
+    def unfold(self, quarter: Vector, axis: int = 0) -> Vector:
+        """Return z components on the whole foot from the quarter's; x runs along `axis`, y along the next axis."""
+        half = np.concatenate([quarter, self.x * np.flip(quarter, axis)], axis)
+        return np.concatenate([half, self.y * np.flip(half, axis + 1)], axis + 1)
+
+
+#: The classes that are solved; (-1, 1) is the transpose of (1, -1).
+SOLVED = (Parity(1, 1), Parity(1, -1), Parity(-1, -1))
+
+
+def _swapped(degree: int) -> NDArray[np.intp]:
+    """Return where the product T_j T_i of each product T_i T_j stands in the series."""
+    i, j = product_powers(degree)
+    place = {pair: number for number, pair in enumerate(zip(i.tolist(), j.tolist(), strict=True))}
+    return np.array([place[b, a] for a, b in zip(i.tolist(), j.tolist(), strict=True)], np.intp)
+
+
+def transposed_series(series: Vector, degree: int) -> Vector:
+    """Return a foot's response series with x and y exchanged, shape (products, 9, 9, 3)."""
+    return series[_swapped(degree)].transpose(0, 2, 1, 3)[..., [1, 0, 2]]
+
+
+def add_series(classes: dict[Parity, Vector], degree: int) -> Vector:
+    """Return the series of single cells from the solved symmetry classes, shapes (products, 9, 9, 3).
+
+    A single cell is a quarter of the sum of the four loads that put it and its mirror images together with the signs
+    of each class.
+    """
+    even_odd = classes[Parity(1, -1)]
+    total = sum(classes.values()) + transposed_series(even_odd, degree)
+    single: Vector = total / 4.0
+    return single
+
+
+def add_compliance(classes: dict[Parity, Vector]) -> Vector:
+    """Return the closure of all cells under a force on one of the quarter, shape (9, 9, 18, 18).
+
+    Args:
+        classes: Closure of one cell of the quarter under a force on another, shapes (9, 9, 9, 9).
+    """
+    transposed = classes[Parity(1, -1)].transpose(1, 0, 3, 2)
+    parts = [*classes.items(), (Parity(-1, 1), transposed)]
+    whole: Vector = np.sum([parity.unfold(part, 2) for parity, part in parts], axis=0) / 4.0
+    return whole

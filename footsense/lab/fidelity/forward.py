@@ -1,0 +1,82 @@
+"""Computing time and accuracy of one solve per load, beside the table of adjoint solves."""
+
+import functools
+import timeit
+from dataclasses import dataclass
+from timeit import default_timer
+
+import numpy as np
+
+from footsense.foot.response_table import FootResponse
+from footsense.lab.evaluation.evaluate import rms
+from footsense.lab.fem.forward import ForwardFoot
+from footsense.lab.fem.mesh import MeshSize
+from footsense.lab.fidelity.loads import Loads
+from footsense.lab.geometry import FootDesign
+
+
+@dataclass(frozen=True, slots=True)
+class ForwardAgainstTable:
+    """One solve per load beside the table of adjoint solves.
+
+    Attributes:
+        factorise_s: Mesh and three factorisations, which both need [s].
+        forward_s: One load by four solves [s].
+        adjoint_s: One adjoint solve, of which a table takes one per cell of the quarter and class [s].
+        table_s: One load by the table, many at once [s].
+        closure_rel: Difference of the closures of cells, rms over rms [1].
+        closure_max_um: The largest difference of an element's closure [um].
+        n: Loads that were solved.
+    """
+
+    factorise_s: float
+    forward_s: float
+    adjoint_s: float
+    table_s: float
+    closure_rel: float
+    closure_max_um: float
+    n: int
+
+    @property
+    def ratio(self) -> float:
+        """Time of a solve over the time of the table [1]."""
+        return self.forward_s / self.table_s
+
+
+def forward_against_table(
+    foot_design: FootDesign, size: MeshSize, response: FootResponse, loads: Loads, n: int
+) -> ForwardAgainstTable:
+    """Time and compare both ways.
+
+    Args:
+        foot_design: The foot.
+        size: Resolution of the mesh of the solves.
+        response: The table.
+        loads: Loads on which the table is timed.
+        n: How many of them, evenly spread, are solved.
+    """
+    start = default_timer()
+    foot = ForwardFoot(foot_design, size)
+    factorise_s = default_timer() - start
+    once = functools.partial(response.free_closure_um, loads.normal, loads.force_n)
+    tabled, table_s = once(), min(timeit.repeat(once, repeat=3, number=1)) / len(loads)
+    some = np.linspace(0, len(loads) - 1, n).round().astype(int)
+    functionals = [quarter.closure_functional("cell0", 1.0) for quarter in foot.quarters]
+    start = default_timer()
+    for quarter, functional in zip(foot.quarters, functionals, strict=True):
+        quarter.solve(functional)
+    adjoint_s = (default_timer() - start) / len(functionals)
+    start = default_timer()
+    solved = np.stack([foot.cells_um(loads.normal[load], loads.force_n[load]) for load in some])
+    forward_s = (default_timer() - start) / n
+    difference = solved - tabled[some]
+    by_element = difference.reshape(n, 9, -1).mean(axis=-1)
+    return ForwardAgainstTable(
+        factorise_s=factorise_s,
+        forward_s=forward_s,
+        adjoint_s=adjoint_s,
+        table_s=table_s,
+        closure_rel=rms(difference) / rms(tabled[some]),
+        closure_max_um=float(np.abs(by_element).max()),
+        n=n,
+    )

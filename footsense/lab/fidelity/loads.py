@@ -1,0 +1,46 @@
+"""Loads on which the models of the foot are compared: the paper's centred ones, and loads in the mirror plane."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from footsense.foot.directions import directions, normalized
+from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.foot.response_table import FootResponse
+from footsense.frames import Vector
+from footsense.lab.training.load_cases import paper_training, paper_verification
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loads:
+    """Contact normals and forces [N] on which fidelity levels are compared.
+
+    Attributes:
+        normal: Inward unit normals, shape (n, 3).
+        force_n: Forces [N], shape (n, 3).
+    """
+
+    normal: Vector
+    force_n: Vector
+
+    def __len__(self) -> int:
+        """Return the number of loads."""
+        return len(self.normal)
+
+
+def paper_loads(response: FootResponse) -> Loads:
+    """Return the paper's 362 + 180 centred loads (section III F)."""
+    force_n = np.concatenate([paper_training(response).force_n, paper_verification(response).force_n])
+    return Loads(normalized(force_n), force_n)
+
+
+def mirrored_loads(cases: Sequence[tuple[float, float, float]]) -> Loads:
+    """Return loads in the plane y = 0, which the full solve meshes half of.
+
+    Args:
+        cases: Elevation of the normal and of the force [deg], magnitude [gf].
+    """
+    normal_deg, force_deg, magnitude_gf = np.array(cases, dtype=np.float64).T
+    force_n = directions(0.0, force_deg) * magnitude_gf[:, None] * GRAM_FORCE_N
+    return Loads(directions(0.0, normal_deg), force_n)

@@ -1,0 +1,255 @@
+"""Study `gaits`: errors of the released network on gaits that it was not trained on, as of the time of sending.
+
+Readings are made by the same foot response that the network was trained on, with noise and timing of the converters;
+the daemon's fault detection and baselines are left out. A second truth, the whole daemon against simulated chips, is
+the row *nothing* of the page of faults.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from footsense.estimation.faults.imputation import Imputation
+from footsense.foot.directions import angles_between_deg
+from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.frames import LEGS, Mask, Vector
+from footsense.lab.evaluation.evaluate_models import HELD_OUT_SEED
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.training.gait_readings import GaitReadings, Timing, joined, random_gaits, read_gait
+from footsense.lab.training.gait_windows import contact_of, windows_of
+from footsense.lab.training.load_cases import measured_closure_rel, paper_verification, random_loads
+from footsense.ports import Load, Window
+from footsense.sim.loads.ground_load import ContactSource, Ramp
+from footsense.sim.loads.measured_walk import measured_walk
+from footsense.sim.loads.random_gait import Loads
+from footsense.sim.loads.walk import Walk, smooth_stance
+
+#: Seed of the gaits that judge; training uses another.
+SEED = 990_001
+#: Random gaits and conversions of each.
+N_GAITS, N_QUICK, CONVERSIONS = 200, 6, 1100
+#: Conversions of a walk, per leg.
+_WALK_CONVERSIONS = 2500
+#: Least force of a direction, of a friction ratio, and least normal force of a contact normal [N].
+LEAST_N, FRICTION_N, NORMAL_N = 0.1, 0.3, 0.5
+#: Windows of one call.
+_AT_ONCE = 20_000
+_START_NS = 200_000_000
+#: Loads at rest.
+_REST_CASES = 6000
+
+
+@dataclass(frozen=True, slots=True)
+class GaitErrors:
+    """Errors over the windows of one load.
+
+    Attributes:
+        name: The load.
+        direction_deg: Direction error from `LEAST_N` on, mean [deg].
+        direction_p95_deg: The same, 95th percentile [deg].
+        rms_mn: Error of the force's components, rms [mN], shape (3,).
+        within_2_sigma: Share of the components within two sigma [1].
+        beyond_5_sigma: Share beyond five [1].
+        friction: Error of the friction ratio's size from `FRICTION_N` on, mean [1].
+        normal_deg: Error of the contact normal from `NORMAL_N` on, mean [deg].
+    """
+
+    name: str
+    direction_deg: float
+    direction_p95_deg: float
+    rms_mn: list[float]
+    within_2_sigma: float
+    beyond_5_sigma: float
+    friction: float
+    normal_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class RestErrors:
+    """Errors of feet at rest.
+
+    Attributes:
+        name: The loads.
+        direction_deg: Direction error, mean [deg].
+        direction_p95_deg: The same, 95th percentile [deg].
+        magnitude_gf: Magnitude error, mean [gf].
+    """
+
+    name: str
+    direction_deg: float
+    direction_p95_deg: float
+    magnitude_gf: float
+
+
+@dataclass(frozen=True, slots=True)
+class Results:
+    """Numbers of the page.
+
+    Attributes:
+        n_gaits: Random gaits.
+        gaits: Errors in motion.
+        rest: Errors at rest.
+    """
+
+    n_gaits: int
+    gaits: list[GaitErrors]
+    rest: list[RestErrors]
+
+
+class _Change(NamedTuple):
+    """A change of the readings before the network sees them: missing elements, and the spread of the gains [1]."""
+
+    missing: Mask
+    gain_rel: float = 0.0
+
+
+_NOTHING = np.zeros(9, bool)
+_NO_CHANGE = _Change(_NOTHING)
+
+
+def _loads_of(source: ContactSource, leg: str) -> Callable[[Vector], Loads]:
+    """Return a leg's loads at some times [s], of a source for single times [ns]."""
+
+    def loads(t_s: Vector) -> Loads:
+        contacts = [source.contact(leg, int(t_ns)) for t_ns in (t_s * 1e9).tolist()]
+        return Loads(np.array([one.normal for one in contacts]), np.array([one.force_n for one in contacts]))
+
+    return loads
+
+
+def _walked(
+    context: StudyContext, source: ContactSource, legs: tuple[str, ...], timing: Timing
+) -> GaitReadings:
+    """Return the readings of some legs in a gait."""
+    n = 400 if context.quick else _WALK_CONVERSIONS
+    return joined(
+        [
+            read_gait(context.response, _loads_of(source, leg), timing, np.random.default_rng((SEED, k)), n)
+            for k, leg in enumerate(legs)
+        ]
+    )
+
+
+def _estimated(context: StudyContext, window: Window) -> Load:
+    """Return the network's loads, in calls of bounded size."""
+    some = [slice(first, first + _AT_ONCE) for first in range(0, len(window.missing), _AT_ONCE)]
+    parts = [
+        context.network.estimate(Window(window.closure_rel[k], window.age_s[k], window.missing[k]))
+        for k in some
+    ]
+    return Load(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+
+def _errors(
+    context: StudyContext, name: str, gaits: GaitReadings, change: _Change = _NO_CHANGE
+) -> GaitErrors:
+    """Return the network's errors on some gaits."""
+    windows = windows_of(gaits)
+    closure_rel, force_n, normal = windows.closure_rel, windows.force_n, windows.normal
+    if change.gain_rel:
+        # A foot of its own for each gait.
+        gains = change.gain_rel * np.random.default_rng(SEED).normal(size=(len(gaits.order), 9))
+        closure_rel = closure_rel * (1.0 + gains[windows.gait])[:, None]
+    imputation = Imputation(context.trained_inputs.moments)
+    missing = np.tile(change.missing, (len(closure_rel), 1))
+    closure_rel = closure_rel @ imputation.matrix(change.missing).T
+    load = _estimated(context, Window(closure_rel, windows.age_s, missing))
+    loaded = np.linalg.norm(force_n, axis=1) > LEAST_N
+    error_n = (load.force_n - force_n)[loaded]
+    off = np.abs(error_n / load.sigma_n[loaded])
+    direction_deg = angles_between_deg(load.force_n[loaded], force_n[loaded])
+    true_contact, pressing_n = contact_of(force_n, normal)
+    firm, firmer = pressing_n > FRICTION_N, pressing_n > NORMAL_N
+    found = _normals(load.contact[:, :2])
+    friction = _friction(load.contact[:, 2:], found) - _friction(true_contact[:, 2:], normal)
+    return GaitErrors(
+        name=name,
+        direction_deg=float(direction_deg.mean()),
+        direction_p95_deg=float(np.percentile(direction_deg, 95)),
+        rms_mn=(1e3 * np.sqrt((error_n**2).mean(axis=0))).tolist(),
+        within_2_sigma=float((off < 2.0).mean()),
+        beyond_5_sigma=float((off > 5.0).mean()),
+        friction=float(np.abs(friction[firm]).mean()),
+        normal_deg=float(angles_between_deg(found[firmer], normal[firmer]).mean()),
+    )
+
+
+def _normals(point: Vector) -> Vector:
+    """Return the normals of stereographic contact points, shapes (n, 2) and (n, 3)."""
+    square = (point**2).sum(axis=1, keepdims=True)
+    normal: Vector = np.hstack([2.0 * point, 1.0 - square]) / (1.0 + square)
+    return normal
+
+
+def _friction(ratio: Vector, normal: Vector) -> Vector:
+    """Return tangential over normal force, shape (n,), of its part in the plane, shape (n, 2)."""
+    along = (normal[:, :2] * ratio).sum(axis=1) / normal[:, 2]
+    size: Vector = np.sqrt((ratio**2).sum(axis=1) + along**2)
+    return size
+
+
+def _at_rest(context: StudyContext) -> list[RestErrors]:
+    """Return the errors of feet at rest, each reading with its own noise."""
+    response, loads = context.response, context.foot_design.loads
+    rng = np.random.default_rng(HELD_OUT_SEED)
+    wide = random_loads(response, loads, 500 if context.quick else _REST_CASES, HELD_OUT_SEED)
+    rows = []
+    for name, cases in (("wide loads", wide), ("the paper's 180", paper_verification(response))):
+        judged = np.linalg.norm(cases.force_n, axis=1) >= loads.min_judged_n
+        force_n, closure_um = cases.force_n[judged], cases.closure_um[judged]
+        readings = [measured_closure_rel(response.design, closure_um, rng) for _ in range(3)]
+        timing = windows_of(_walked(context, Ramp((0.0, 0.0, 0.5), 0), ("rf",), Timing()))
+        age_s = timing.age_s[np.arange(len(force_n)) % len(timing.age_s)]
+        window = Window(np.stack(readings, axis=1), age_s, np.zeros((len(force_n), 9), bool))
+        found_n = _estimated(context, window).force_n
+        direction_deg = angles_between_deg(found_n, force_n)
+        off_n = np.abs(np.linalg.norm(found_n, axis=1) - np.linalg.norm(force_n, axis=1))
+        rows.append(
+            RestErrors(
+                name,
+                float(direction_deg.mean()),
+                float(np.percentile(direction_deg, 95)),
+                float(off_n.mean()) / GRAM_FORCE_N,
+            )
+        )
+    return rows
+
+
+def compute(context: StudyContext) -> tuple[Results, Figures]:
+    """Judge the network on random gaits, on walks, on walks of imperfect feet, and at rest."""
+    n_gaits = N_QUICK if context.quick else N_GAITS
+    random = random_gaits(context.response, SEED, n_gaits, CONVERSIONS, context.foot_design.loads.max_n)
+    context.say("gaits: random gaits read")
+    walk = measured_walk(1.0, 10.0, _START_NS)
+    tripod = Walk(
+        dict.fromkeys(LEGS, smooth_stance(0.6, 1.0, 0.15)),
+        period_ns=1_200_000_000,
+        duty_rel=0.6,
+        pitch_deg=10.0,
+        from_ns=_START_NS,
+    )
+    sides = ("rf", "lf")
+    walked = _walked(context, walk, sides, Timing())
+    middle, row = np.arange(9) == 4, np.arange(9) < 3
+    rows = [
+        _errors(context, "random gaits", random),
+        _errors(context, "measured walk", walked),
+        _errors(context, "tripod", _walked(context, tripod, ("rf",), Timing())),
+        _errors(
+            context, "walk, rubber creeps and lags", _walked(context, walk, sides, Timing(viscous_rel=1.0))
+        ),
+        _errors(context, "walk, middle element missing", walked, _Change(middle)),
+        _errors(context, "walk, row 0 missing", walked, _Change(row)),
+        *(
+            _errors(context, f"walk, gains off by {100 * gain_rel:g} %", walked, _Change(_NOTHING, gain_rel))
+            for gain_rel in (0.003, 0.01, 0.03)
+        ),
+        _errors(context, "random gaits, gains off by 1 %", random, _Change(_NOTHING, 0.01)),
+    ]
+    context.say("gaits: judged in motion")
+    return Results(n_gaits=n_gaits, gaits=rows, rest=_at_rest(context)), {}
+
+
+STUDY = Study(name="gaits", title="Force in motion", compute=compute, command="gaits")

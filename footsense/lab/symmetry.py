@@ -1,0 +1,22 @@
+"""The eight symmetries of the square foot, and the element that each element comes to lie on."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.frames import Vector
+
+#: The eight symmetries of the square, each as a 3 x 3 matrix that maps the foot frame onto itself.
+SYMMETRIES: tuple[Vector, ...] = tuple(
+    np.array(matrix, dtype=np.float64)
+    for sx in (1, -1)
+    for sy in (1, -1)
+    for matrix in ([[sx, 0, 0], [0, sy, 0], [0, 0, 1]], [[0, sx, 0], [sy, 0, 0], [0, 0, 1]])
+)
+
+
+def element_map(symmetry: Vector) -> NDArray[np.intp]:
+    """Return m with: element e of the foot comes to lie on element m[e] when the foot is mapped by `symmetry`."""
+    row, column = np.divmod(np.arange(9), 3)
+    place = symmetry[:2, :2] @ np.stack([1 - row, 1 - column])
+    mapped: NDArray[np.intp] = (3 * (1 - place[0]) + (1 - place[1])).astype(np.intp)
+    return mapped

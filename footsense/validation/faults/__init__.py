@@ -1,0 +1,1 @@
+"""One walk with each fault: appearance on CAN, recovery, and effect on the other legs."""

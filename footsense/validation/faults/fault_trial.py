@@ -1,0 +1,94 @@
+"""Effect of one fault on a walk: detection time, recovery time, errors of the leg and of the others."""
+
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.frames import USABLE, Cause, State
+from footsense.sim.faults.scene_faults import Leg
+from footsense.validation.faults.published_walk import DURATION_S, PublishedWalk
+
+#: The leg with the fault.
+LEG: Leg = "rm"
+_USABLE = [int(state) for state in USABLE]
+
+
+class FaultFigures(NamedTuple):
+    """Effect of a fault on a walk: reported state and cause, detection and recovery time [s], force errors.
+
+    Attributes:
+        state: State of the leg in the second half of the fault; VALID if it never shows.
+        cause: Cause that the leg reported.
+        fault_mask: Elements that it reported.
+        detection_s: Time from the fault to the first frame that shows it [s]; None if none does.
+        recovery_s: Time from its end until the forces of the leg stay valid [s]; None if they do not, or if it never
+            showed.
+        longest_gap_s: Longest time between two forces of any other leg from the fault on [s].
+        lost_frames: Frames that the other legs lost.
+        worst_error_sigma: Largest error of the leg's forces over their sigma while the fault shows [1]; None without a
+            force.
+        others_error_n: Largest error of the forces of the other legs from the fault on [N].
+    """
+
+    state: State
+    cause: Cause
+    fault_mask: int
+    detection_s: float | None
+    recovery_s: float | None
+    longest_gap_s: float
+    lost_frames: int
+    worst_error_sigma: float | None
+    others_error_n: float
+
+
+def figures(broken: PublishedWalk, whole: PublishedWalk, start_s: float, end_s: float | None) -> FaultFigures:
+    """Return the effect of a fault of the leg `LEG`.
+
+    Args:
+        broken: The walk with the fault.
+        whole: The same walk without it.
+        start_s: Start of the fault [s].
+        end_s: End of the fault [s]; None if it stays.
+    """
+    row = broken.legs.index(LEG)
+    others = [number for number in range(len(broken.legs)) if number != row]
+    t_s = broken.t_sent_ns * 1e-9
+    shows = (broken.state[:, row] != State.VALID) & (t_s > start_s)
+    last_s = DURATION_S if end_s is None else end_s
+    lasting = shows & (t_s <= last_s)
+    settled = lasting & (t_s > start_s + 0.5 * (last_s - start_s))
+    lasting = next((frames for frames in (settled, lasting) if frames.any()), shows)
+    showing = np.flatnonzero(shows)
+    recovered = bool(len(showing)) and not shows[-1]
+    over_s = start_s if end_s is None else end_s
+    error_n = np.abs(broken.force_n - broken.true_force_n)
+    affected = shows & np.isin(broken.state[:, row], _USABLE)
+    over_sigma = error_n[affected, row] / broken.sigma_n[affected, row]
+    return FaultFigures(
+        state=State(_most_frequent(broken.state[lasting, row], State.VALID)),
+        cause=Cause(
+            _most_frequent(broken.cause[lasting & (broken.cause[:, row] != Cause.NONE), row], Cause.NONE)
+        ),
+        fault_mask=_most_frequent(broken.fault_mask[lasting, row], 0),
+        detection_s=float(t_s[showing[0]] - start_s) if len(showing) else None,
+        recovery_s=max(float(t_s[showing[-1] + 1] - over_s), 0.0) if recovered else None,
+        longest_gap_s=max(_longest_gap_s(broken, number, start_s) for number in others),
+        lost_frames=len(whole.t_sent_ns) - len(t_s),
+        worst_error_sigma=float(over_sigma.max()) if affected.any() else None,
+        others_error_n=float(np.nanmax(error_n[t_s > start_s][:, others])),
+    )
+
+
+def _most_frequent(values: NDArray[np.unsignedinteger], otherwise: int) -> int:
+    return int(Counter(values.tolist()).most_common(1)[0][0]) if len(values) else int(otherwise)
+
+
+def _longest_gap_s(walked: PublishedWalk, row: int, from_s: float) -> float:
+    """Return the longest time between two usable forces of a leg from the last one before a time on [s]."""
+    usable = np.isin(walked.state[:, row], _USABLE)
+    t_s = walked.t_sent_ns[usable] * 1e-9
+    before = t_s[t_s <= from_s][-1:]
+    ends = np.concatenate((before, t_s[t_s > from_s], walked.t_sent_ns[-1:] * 1e-9))
+    return float(np.diff(ends).max())
