@@ -19,7 +19,7 @@ PEAK_N, PITCH_DEG = 1.0, 10.0
 #: Forces of steps and ramps [N], and their rise times [ns].
 PRESSES_N = ((0.0, 0.0, 0.8), (0.2, 0.1, 0.7), (-0.25, 0.1, 0.6), (0.1, -0.3, 0.7))
 STEP_NS, RAMP_NS = 5_000_000, 200_000_000
-#: Start of the counted time of a walk: every filter has filled by then [ns].
+#: Start of the counted time of a walk: the windows have filled by then [ns].
 _WALK_FROM_NS = 1_100_000_000
 #: Start of the counted time of steps and ramps, start of the first load, end of the counted time [ns].
 _COUNT_FROM_NS, _PRESS_NS, _COUNT_TO_NS = 200_000_000, 300_000_000, 800_000_000

@@ -4,12 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from firmware_interface.chips import fdc1004
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.benchmarks.latency_vs_error.chain import converted_pf, latest, pace
 from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, Steps
-from footsense.estimation.alignment.element_by_element import ElementByElement
-from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline
@@ -18,9 +15,6 @@ from footsense.foot.gap_contact import capacitance_pf
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, Flag, Mask, Reading, Stamps, Vector
 from footsense.lab.studies.page import StudyContext
-
-#: Ways to read a foot.
-FRAME, ELEMENT = METHODS = ("full scan per frame", "element by element")
 
 _RATE_SPS = 400
 _ORDER = ORDERS["lo_shu"]
@@ -49,12 +43,11 @@ class Run:
     swings: Mask
 
 
-def run(context: StudyContext, method: str, steps: Steps, until_s: float, seed: int) -> Run:
-    """Return the frames of feet that touch down.
+def run(context: StudyContext, steps: Steps, until_s: float, seed: int) -> Run:
+    """Return the frames of feet that touch down, one after every conversion.
 
     Args:
         context: Response table and network.
-        method: One of `METHODS`.
         steps: Steps of the feet.
         until_s: End of the run [s].
         seed: Seed of noise and drift.
@@ -63,10 +56,9 @@ def run(context: StudyContext, method: str, steps: Steps, until_s: float, seed: 
     n_feet, n = len(steps.kind), int(until_s * 1e9) // step_ns
     t_ns = np.arange(1, n + 1, dtype=np.int64) * step_ns
     read_pf = _readings(Foot(context.response, contact=False), steps, t_ns, np.random.default_rng(seed))
-    pipeline = _pipeline(context, method, n_feet)
-    each = ELEMENTS if method == FRAME else 1
-    numbers = latest(_ORDER, n)[::each]
-    sent_ns = (t_ns + lead_ns)[ELEMENTS - 1 :: each]
+    pipeline = _pipeline(context, n_feet)
+    numbers = latest(_ORDER, n)
+    sent_ns = (t_ns + lead_ns)[ELEMENTS - 1 :]
     ok = np.full((n_feet, ELEMENTS), Reading.OK, np.uint8)
     contact, force_n = [], []
     for sequence, (number, now_ns) in enumerate(zip(numbers, sent_ns.tolist(), strict=True)):
@@ -103,26 +95,19 @@ def _readings(foot: Foot, steps: Steps, t_ns: Stamps, rng: np.random.Generator) 
     return converted_pf(all_pf, _RATE_SPS, rng)
 
 
-def _pipeline(context: StudyContext, method: str, n_feet: int) -> Pipeline:
+def _pipeline(context: StudyContext, n_feet: int) -> Pipeline:
     """Return the daemon's pipeline of as many legs as there are feet."""
-    network = context.network
-    card = context.trained_inputs
-    design, step_ns = card.design, pace(_RATE_SPS).step_ns
-    unloaded_rel = float(design.plate_distance_um(np.array([design.unloaded_pf]))[0]) / design.gap_um
-    noise_rel = fdc1004.RATES[_RATE_SPS].noise_ff * 1e-3 / design.unloaded_pf * unloaded_rel
-    alignment = (
-        ScanByScan(network, n_feet, card.moments)
-        if method == FRAME
-        else ElementByElement(network, n_feet, card.moments, _ORDER, step_ns, noise_rel)
-    )
+    network, trained = context.network, context.trained_inputs
+    scan_ns = ELEMENTS * pace(_RATE_SPS).step_ns
     return Pipeline(
-        alignment,
-        card,
+        network,
+        trained,
         np.zeros((n_feet, ELEMENTS)),
-        np.full((n_feet, ELEMENTS), design.unloaded_pf),
-        sensitivity=sensitivity(network, 1, card.moments),
+        np.full((n_feet, ELEMENTS), trained.design.unloaded_pf),
+        sensitivity=sensitivity(network, 1, trained.moments),
         tare=TareLimits(window_frames=8, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
         contact=ContactLimits(threshold_n=CONTACT_N),
-        max_age_ns=4 * ELEMENTS * step_ns,
-        settled_ns=4 * ELEMENTS * step_ns,
+        scan_ns=scan_ns,
+        max_age_ns=4 * scan_ns,
+        settled_ns=4 * scan_ns,
     )

@@ -51,7 +51,7 @@ class Steps:
 
     Attributes:
         kind: Number of the manner of each foot, shape (feet,).
-        begins_s: First touch of each step [s], shape (feet, steps).
+        starts_s: First touch of each step [s], shape (feet, steps).
         crossed_s: Time at which each step reaches `CONTACT_N` along the leg [s], same shape.
         normals: Inward normal of each contact, shape (feet, steps, 3).
         upright: Share of the force of each foot that is along its leg [1], shape (feet,).
@@ -63,19 +63,19 @@ class Steps:
         self._force_n, self._rise_s, lean_rad = manner[:, 0], manner[:, 1], np.radians(manner[:, 2])
         n_steps = int((until_s - _FIRST_S) / (_SWING_S[0] + _STANCE_S)) + 1
         cycles_s = rng.uniform(*_SWING_S, (len(manner), n_steps)) + _STANCE_S
-        self.begins_s = _FIRST_S - cycles_s[:, :1] + np.cumsum(cycles_s, axis=1)
-        azimuth_rad = rng.uniform(0, 2 * np.pi, self.begins_s.shape)
+        self.starts_s = _FIRST_S - cycles_s[:, :1] + np.cumsum(cycles_s, axis=1)
+        azimuth_rad = rng.uniform(0, 2 * np.pi, self.starts_s.shape)
         self.upright = np.cos(lean_rad)
         sin, up = np.sin(lean_rad)[:, None], np.broadcast_to(self.upright[:, None], azimuth_rad.shape)
         self.normals = np.stack((sin * np.cos(azimuth_rad), sin * np.sin(azimuth_rad), up), axis=2)
         share = CONTACT_N / (self._force_n * self.upright)
         rises = np.where(self._rise_s <= _EVEN_RISE_S, share, np.arccos(1 - 2 * share) / np.pi)
-        self.crossed_s = self.begins_s + (rises * self._rise_s)[:, None]
+        self.crossed_s = self.starts_s + (rises * self._rise_s)[:, None]
 
     def step(self, t_s: Vector) -> NDArray[np.intp]:
         """Return the number of the last step of each foot at some times, shape (times, feet); -1 before the first."""
         return np.stack(
-            [np.searchsorted(begins_s, t_s, side="right") - 1 for begins_s in self.begins_s], axis=1
+            [np.searchsorted(starts_s, t_s, side="right") - 1 for starts_s in self.starts_s], axis=1
         )
 
     def force_n(self, t_s: Vector) -> Vector:
@@ -101,6 +101,6 @@ class Steps:
     def _since_s(self, t_s: Vector) -> Vector:
         """Return the time since the last touch of each foot [s], shape (times, feet); infinite before the first."""
         step = self.step(t_s)
-        begin_s = np.where(step < 0, -np.inf, self.begins_s[np.arange(step.shape[1]), step])
-        since_s: Vector = t_s[:, None] - begin_s
+        start_s = np.where(step < 0, -np.inf, self.starts_s[np.arange(step.shape[1]), step])
+        since_s: Vector = t_s[:, None] - start_s
         return since_s

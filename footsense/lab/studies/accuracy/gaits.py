@@ -18,8 +18,8 @@ from footsense.frames import LEGS, Mask, Vector
 from footsense.lab.evaluation.evaluate_models import HELD_OUT_SEED
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.training.gait_readings import GaitReadings, Timing, joined, random_gaits, read_gait
+from footsense.lab.training.gait_windows import contact_of, windows_of
 from footsense.lab.training.load_cases import measured_closure_rel, paper_verification, random_loads
-from footsense.lab.training.train_windowed import contact_of, windows_of
 from footsense.ports import Load, Window
 from footsense.sim.loads.ground_load import ContactSource, Ramp
 from footsense.sim.loads.measured_walk import measured_walk
