@@ -110,7 +110,8 @@ _NAN = float("nan")
 class ForceQualityEncoder:
     """Encoder of the `Force` and `Quality` frames of several legs in one pass.
 
-    Six legs make twelve frames, up to once a conversion. One call encodes them all, and the crcs are looked up for one byte of all frames at a time.
+    Six legs make twelve frames, up to once a conversion. One call encodes them all, and the crcs are looked up for one
+    byte of all frames at a time.
 
     Args:
         nodes: CAN node id of each leg, 1..6.

@@ -109,9 +109,7 @@ class CFloor:
         baseline_pf = np.ascontiguousarray(baseline_pf, np.float64)
         self._library.floor_tare(_address(baseline_pf))
 
-    def run(
-        self, scan: CapFrame, codes: NDArray[np.int32], now_ns: int, socket: int, pipe: int
-    ) -> Vector:
+    def run(self, scan: CapFrame, codes: NDArray[np.int32], now_ns: int, socket: int, pipe: int) -> Vector:
         """Run one cycle of the C implementation.
 
         Args:
