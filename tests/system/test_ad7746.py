@@ -68,7 +68,7 @@ def test_it_walks() -> None:
     states = np.array([cycle.forces.state for cycle in watch.cycles[TARED:]])
     assert (states == State.VALID).all()
     assert np.sqrt(np.mean(np.concatenate(errors_n) ** 2)) < 0.03
-    assert 86.0 < len(watch.cycles) / 9.0 < 89.0
+    assert 85.0 < len(watch.cycles) / 9.0 < 89.0
 
 
 def test_each_converter_tells_its_temperature_every_ten_seconds() -> None:
