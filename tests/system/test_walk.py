@@ -41,7 +41,7 @@ def crc8_bitwise(can_id: int, data: bytes) -> int:
 def test_every_frame_decodes_with_plain_cantools_and_is_protected_right(
     walk: tuple[Path, dict[str, Any]],
 ) -> None:
-    """Each crc is right, each counter goes on by one, and forces arrive for each leg once in four conversions, or when a leg changes."""
+    """Each crc is right, each counter goes on by one, and forces arrive with every fourth conversion, or a change."""
     database = cantools.database.load_file(DBC)
     counters: dict[int, list[int]] = defaultdict(list)
     n_frames = 0
