@@ -101,7 +101,7 @@ def _time(
 def _check_same(
     scan: CapFrame,
     ours_n: Vector,
-    floor_n: Vector | None,
+    floor_n: Vector,
     valid: Mask,
 ) -> None:
     """Check that the C floor gives our forces.
@@ -109,18 +109,14 @@ def _check_same(
     Args:
         scan: The scan.
         ours_n: Our forces of the valid legs [N], shape (valid legs, 3).
-        floor_n: Forces of the C floor [N], shape (legs, 3); None without.
+        floor_n: Forces of the C floor [N], shape (legs, 3).
         valid: Validity of each leg, shape (legs,).
 
     Raises:
-        FootsenseError: It gives other forces, or none.
+        FootsenseError: It gives other forces.
     """
-    if floor_n is None:
-        raise FootsenseError(
-            f"scan {scan.sequence}: the floor in C gives no force where every leg is healthy"
-        )
     difference_n = np.abs(ours_n - floor_n[valid]).max(initial=0.0)
     if not difference_n < _SAME_N:
         raise FootsenseError(
-            f"scan {scan.sequence}: the floor in C differs by {difference_n:.2g} N from ours"
+            f"cycle {scan.sequence}: the floor in C differs by {difference_n:.2g} N from ours"
         )

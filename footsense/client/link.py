@@ -34,7 +34,7 @@ class LinkStatus(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class LinkLimits:
-    """Limits for using a force; the defaults suit forces every 25 ms.
+    """Limits for using a force; the defaults suit forces every 11 to 25 ms.
 
     Attributes:
         max_age_ns: A force older than this is stale [ns].
