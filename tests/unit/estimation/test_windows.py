@@ -157,7 +157,7 @@ def test_after_start_elements_come_one_by_one() -> None:
     """STARTING while the first readings come in, then a tare, then VALID; the network never sees a hole."""
     feet = Feet(n_legs=1)
     scan = unread(feet.scan(), 0, reading=Reading.OK)
-    seen = []
+    seen: list[State] = []
     for n in range(9 * (WINDOW + 2)):
         element, now_ns = n % 9, (n + 1) * STEP_NS
         scan.capacitance_pf[0, element], scan.t_ns[0, element] = DESIGN.unloaded_pf, now_ns
