@@ -65,7 +65,7 @@ class Invariants(Observer):
     Args:
         rules: Limits of the walk.
         script: Faults of the walk.
-        true_force_n: Returns the true force on every foot at a time [ns -> N, shape (legs, 3)].
+        true_force_at_time_n: Returns the true force on every foot at a time [ns -> N, shape (legs, 3)].
 
     Attributes:
         recovered_s: Time from which every leg has to be usable for good [s].
@@ -80,9 +80,11 @@ class Invariants(Observer):
         n_states: Number of leg frames by state.
     """
 
-    def __init__(self, rules: Rules, script: Sequence[Fault], true_force_n: Callable[[int], Vector]) -> None:
+    def __init__(
+        self, rules: Rules, script: Sequence[Fault], true_force_at_time_n: Callable[[int], Vector]
+    ) -> None:
         self._rules = rules
-        self._true_force_n = true_force_n
+        self._true_force_at_time_n = true_force_at_time_n
         spans_of = [tolerated_spans_s(rules, script, leg) for leg in rules.legs]
         self._tolerated = [Schedule((span_s, span_s) for span_s in spans_s) for spans_s in spans_of]
         self.recovered_s = max((until_s for spans_s in spans_of for _, until_s in spans_s), default=0.0)
@@ -189,7 +191,7 @@ class Invariants(Observer):
         """Count errors beyond 5 sigma of the legs that have a force."""
         sent_ns = frame.t_sent_ns
         valid_ns = {leg: sent_ns if self._rules.element else int(frame.t_ns[leg]) for leg in usable}
-        true_n = {t_ns: self._true_force_n(t_ns).tolist() for t_ns in set(valid_ns.values())}
+        true_n = {t_ns: self._true_force_at_time_n(t_ns).tolist() for t_ns in set(valid_ns.values())}
         self.n_checked += len(usable)
         for leg, t_ns in valid_ns.items():
             for axis, true_axis_n in enumerate(true_n[t_ns][leg]):
