@@ -36,9 +36,14 @@ class Unloaded(_Load, frozen=True, kw_only=True, tag="unloaded"):
     """All feet in the air."""
 
     def build(self, from_ns: int) -> ground_load.ContactSource:
-        """Return the load from a time on [ns]."""
+        """Return this load, the same at any time."""
         del from_ns
-        return ground_load.Unloaded()
+        return self
+
+    def contact(self, leg: str, t_ns: int) -> ground_load.GroundContact:
+        """Return a contact without force."""
+        del leg, t_ns
+        return ground_load.IN_THE_AIR
 
 
 class Constant(_Load, frozen=True, kw_only=True, tag="constant"):
