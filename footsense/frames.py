@@ -12,42 +12,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface.can_codes import (
-    FAULT_FREE,
-    NODE_IDS,
-    USABLE,
-    BaselineStatus,
-    Cause,
-    CommandKind,
-    Flag,
-    Result,
-    State,
-)
-
-__all__ = [
-    "ELEMENTS",
-    "FAULT_FREE",
-    "LEGS",
-    "USABLE",
-    "BaselineDrift",
-    "BaselineStatus",
-    "CapFrame",
-    "Cause",
-    "Codes",
-    "Command",
-    "CommandKind",
-    "CommandResult",
-    "ContactFrame",
-    "Cycle",
-    "Flag",
-    "Mask",
-    "Reading",
-    "Reference",
-    "Result",
-    "Stamps",
-    "State",
-    "Vector",
-]
+from firmware_interface.can_codes import FAULT_FREE as FAULT_FREE
+from firmware_interface.can_codes import NODE_IDS
+from firmware_interface.can_codes import USABLE as USABLE
+from firmware_interface.can_codes import BaselineStatus as BaselineStatus
+from firmware_interface.can_codes import Cause as Cause
+from firmware_interface.can_codes import CommandKind as CommandKind
+from firmware_interface.can_codes import Flag as Flag
+from firmware_interface.can_codes import Result as Result
+from firmware_interface.can_codes import State as State
 
 #: Arrays by their entries: numbers, truth values, times [ns], and codes of an enumeration.
 Vector = NDArray[np.float64]

@@ -7,13 +7,9 @@ timeout.
 """
 
 import logging
-from collections.abc import Iterable
 
 from firmware_interface.chips import tca9548a
-from footsense.acquisition.boards.board import Board
-from footsense.errors import BusTimeoutError, HardwareError, WrongChipError
 from footsense.frames import Codes, Reading
-from footsense.ports import Clock, I2cBus, Transaction
 
 _log = logging.getLogger(__name__)
 
@@ -67,35 +63,17 @@ class LegConnection:
         self._misses = 0
         self._pause_ns = _FIRST_PAUSE_NS
 
-    def probe(self, bus: I2cBus, board: Board, select: Iterable[Transaction], clock: Clock) -> None:
-        """Look for the leg's chips, set them up, and take the leg into the scan, or put off the next try.
+    def join(self, offset_pf: float) -> None:
+        """Take the leg into the scan: its chips were found and set up.
 
         Args:
-            bus: The bus of the leg's chips; no other leg is connected.
-            board: Its electronics.
-            select: Selects the lines that the other legs have now.
-            clock: The time that the bus lives in.
+            offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
         """
-        now_ns = clock.now_ns()
-        try:
-            board.identify(bus, clock)
-            reading, self.offset_pf = board.configure(bus, clock)
-            for write in select:
-                bus.transfer(write)
-        except BusTimeoutError as error:
-            self.leave(Reading.BUS_STUCK, str(error), now_ns, pauses=STUCK_LEG_PAUSES)
-        except WrongChipError as error:
-            self.leave(Reading.WRONG_CHIP, str(error), now_ns)
-        except HardwareError as error:
-            self.leave(Reading.NO_ANSWER, str(error), now_ns)
-        else:
-            if reading is not Reading.OK:
-                self.leave(reading, _MISSES[reading], now_ns)
-                return
-            _log.info("leg %s: converter and line switches answer on channel %d", self.name, self._channel)
-            self.in_scan = True
-            self.outcome = Reading.OK
-            self._misses = 0
+        _log.info("leg %s: converter and line switches answer on channel %d", self.name, self._channel)
+        self.offset_pf = offset_pf
+        self.in_scan = True
+        self.outcome = Reading.OK
+        self._misses = 0
 
     def count_misses(self, readings: Codes, now_ns: int) -> None:
         """Count scans with a missing reading in a row; after three, leave the leg out for a while.
@@ -114,19 +92,21 @@ class LegConnection:
         self.is_suspect = True
         self._misses += 1
         if self._misses >= _MISSES_ALLOWED:
-            self.leave(missing[0], _MISSES[missing[0]], now_ns)
+            self.leave(missing[0], now_ns)
 
-    def leave(self, outcome: Reading, why: str, now_ns: int, pauses: float = 1.0) -> None:
+    def leave(self, outcome: Reading, now_ns: int, why: str = "", pauses: float = 1.0) -> None:
         """Leave the leg out of the scans, and put off the next try, twice as long each time.
 
         Args:
             outcome: Why.
-            why: The same in words.
             now_ns: The time now [ns].
+            why: The same in words; by default those of the reading.
             pauses: Factor on the pause.
         """
         if outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS:
-            _log.warning("leg %s: %s; left out of the scan and tried again later", self.name, why)
+            _log.warning(
+                "leg %s: %s; left out of the scan and tried again later", self.name, why or _MISSES[outcome]
+            )
         self.in_scan = False
         self.is_suspect = True
         self.outcome = outcome

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 
-from footsense.acquisition.leg_connection import STUCK_BUS_PAUSES, LegConnection
+from footsense.acquisition.leg_connection import STUCK_BUS_PAUSES, STUCK_LEG_PAUSES, LegConnection
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import Transport
-from footsense.errors import BusError, BusTimeoutError
+from footsense.errors import BusError, BusTimeoutError, HardwareError, WrongChipError
 from footsense.frames import Reading
-from footsense.ports import Clock
+from footsense.ports import Clock, I2cBus
 
 
 def probe(
@@ -26,16 +26,37 @@ def probe(
     try:
         bus = transport.connect(leg.selection)
     except BusTimeoutError as error:
-        leg.leave(Reading.BUS_STUCK, str(error), clock.now_ns(), pauses=STUCK_BUS_PAUSES)
+        leg.leave(Reading.BUS_STUCK, clock.now_ns(), str(error), STUCK_BUS_PAUSES)
         for other in others:
             if not other.in_scan:
                 other.retry_at_ns = max(other.retry_at_ns, leg.retry_at_ns)
     except BusError as error:
-        leg.leave(Reading.NO_ANSWER, str(error), clock.now_ns())
+        leg.leave(Reading.NO_ANSWER, clock.now_ns(), str(error))
     else:
-        leg.probe(bus, plan.board, plan.steps[0].select, clock)
+        _set_up(bus, leg, plan, clock)
         if leg.outcome is Reading.BUS_STUCK:
             transport.free()
+
+
+def _set_up(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -> None:
+    """Set up the chips of the leg that is connected alone, and take the leg into the scan, or put off the next try."""
+    now_ns = clock.now_ns()
+    try:
+        plan.board.identify(bus, clock)
+        reading, offset_pf = plan.board.configure(bus, clock)
+        for write in plan.steps[0].select:
+            bus.transfer(write)
+    except BusTimeoutError as error:
+        leg.leave(Reading.BUS_STUCK, now_ns, str(error), STUCK_LEG_PAUSES)
+    except WrongChipError as error:
+        leg.leave(Reading.WRONG_CHIP, now_ns, str(error))
+    except HardwareError as error:
+        leg.leave(Reading.NO_ANSWER, now_ns, str(error))
+    else:
+        if reading is Reading.OK:
+            leg.join(offset_pf)
+        else:
+            leg.leave(reading, now_ns)
 
 
 def probe_due(transport: Transport, legs: Sequence[LegConnection], plan: ScanPlan, clock: Clock) -> None:
@@ -50,8 +71,7 @@ def probe_due(transport: Transport, legs: Sequence[LegConnection], plan: ScanPla
         outcome = leg.outcome
         probe(transport, leg, legs, plan, clock)
         if leg.in_scan:
-            leg.outcome = (
-                outcome  # it does not take part in the conversion that runs, and joins with the next scan
-            )
+            # It does not take part in the conversion that runs, and joins with the next scan.
+            leg.outcome = outcome
         elif leg.outcome is Reading.BUS_STUCK:
             return

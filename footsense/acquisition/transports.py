@@ -102,14 +102,13 @@ class UpstreamBus:
         for leg in legs:
             if not free:
                 why = "the bus is held low and does not get free"
-                leg.leave(Reading.BUS_STUCK, why, clock.now_ns(), pauses=STUCK_BUS_PAUSES)
+                leg.leave(Reading.BUS_STUCK, clock.now_ns(), why, STUCK_BUS_PAUSES)
                 continue
             try:
                 self.connect(leg.selection).transfer(read)
             except BusTimeoutError:
                 free = self.free()
-                why = "holds a line of the bus low"
-                leg.leave(Reading.BUS_STUCK, why, clock.now_ns(), pauses=STUCK_LEG_PAUSES)
+                leg.leave(Reading.BUS_STUCK, clock.now_ns(), pauses=STUCK_LEG_PAUSES)
             except BusError as error:  # of this leg alone, and met by the scan too
                 _log.debug("leg %s: %s", leg.name, error)
 
@@ -156,7 +155,7 @@ class KernelMux:
         """Leave the leg out on whose adapter a transaction timed out: no other leg was connected."""
         del read
         for leg in legs:
-            leg.leave(Reading.BUS_STUCK, "holds a line of the bus low", clock.now_ns())
+            leg.leave(Reading.BUS_STUCK, clock.now_ns())
 
     def close(self) -> None:
         """Do nothing: the kernel owns the mux."""

@@ -62,7 +62,6 @@ def write_calibration(
     network: Path,
     *,
     temperature_c: float | None = None,
-    stiffness_per_k: float | None = None,
     replace: bool = False,
 ) -> FootCalibration:
     """Write a calibration and return it as the robot reads it.
@@ -73,7 +72,6 @@ def write_calibration(
         parameters: Parameters of the foot.
         network: File of the network that they were fitted on, with its checksum.
         temperature_c: Temperature of the foot on the test stand [degC]; None if not measured.
-        stiffness_per_k: Relative increase of the stiffness per kelvin [1/K]; None if not measured.
         replace: Whether an existing calibration of this foot is replaced.
 
     Raises:
@@ -88,7 +86,7 @@ def write_calibration(
             format=calibration_format.FORMAT,
             network_sha256=verified_sha256(content, str(network)),
             temperature_c=temperature_c,
-            stiffness_per_k=stiffness_per_k,
+            stiffness_per_k=None,
             **parameters.as_lists(),
         )
         files = {

@@ -36,7 +36,7 @@ def _summary(models: Models) -> list[str]:
     design = network.card.trained_inputs.design
     return [
         f"{len(config.legs)} legs on the board {config.board}",
-        f"feet: {config.foot_type}, {design.unloaded_pf:.2f} pF per element at rest, gaps of {design.gap_um:g} um",
+        f"feet: {config.foot_type}, {design.unloaded_pf:.2f} pF per unloaded element, gaps of {design.gap_um:g} um",
         f"scan: {_scan(config)}",
         f"forces: {_forces(config)}",
         *(_bus_line(bus, config) for bus in config.buses),

@@ -1,16 +1,13 @@
 """Settings that are each valid and contradict each other: path in the file, and remedy."""
 
-from collections.abc import Hashable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from ipaddress import IPv4Address, IPv6Address, ip_address
-from typing import TypeVar
 
 from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.config.boards import BOARDS
 from footsense.config.schema import Config
 from footsense.config.sections import PCA9685_ALLCALL, Bus, Leg, Scan
 from footsense.strict_yaml import Problem
-
-T = TypeVar("T", bound=Hashable)
 
 #: Largest share of the bus for forces; the rest is the robot's.
 _CAN_SHARE = 0.7
@@ -64,19 +61,17 @@ def _board(config: Config) -> Iterator[Problem]:
         yield Problem("scan", "the microcontroller scans at serial.rate_hz; take scan away")
     if config.publish == "element":
         yield Problem("publish", "the microcontroller sends whole scans; use publish: frame")
-    for path, leg, _ in _repeated((f"serial.legs[{n}]", leg, "") for n, leg in enumerate(serial.legs)):
-        yield Problem(path, f"{leg} is named twice")
+    legs = ((f"serial.legs[{n}]", leg, "") for n, leg in enumerate(serial.legs))
+    yield from _repeated(legs, "{} is named twice")
 
 
 def _between_buses(config: Config) -> Iterator[Problem]:
     buses = list(enumerate(config.buses))
     devices = ((f"buses[{i}].device", bus.device, f"buses[{i}]") for i, bus in buses)
-    for path, device, other in _repeated(devices):
-        remedy = "give each its own, or join their legs under one bus"
-        yield Problem(path, f"{device} is already the device of {other}; {remedy}")
+    remedy = "give each its own, or join their legs under one bus"
+    yield from _repeated(devices, "{} is already the device of {}; " + remedy)
     legs = ((f"buses[{i}].legs.{leg}", leg, f"buses[{i}]") for i, bus in buses for leg in bus.legs)
-    for path, leg, other in _repeated(legs):
-        yield Problem(path, f"{leg} is already a leg of {other}; a leg has one foot, so name it once")
+    yield from _repeated(legs, "{} is already a leg of {}; a leg has one foot, so name it once")
     simulated = [
         {device.startswith("sim") for device in (bus.device, *bus.adapters.values())} for _, bus in buses
     ]
@@ -95,13 +90,11 @@ def _legs_of_bus(bus: Bus, path: str) -> Iterator[Problem]:
             "name an adapter for every leg, or a channel for every leg",
         )
     adapters = ((f"{path}.{leg}", device, f"that of {leg}") for leg, device in bus.adapters.items())
-    for where, device, owner in _repeated([(path, bus.device, "the bus itself"), *adapters]):
-        yield Problem(where, f"{device} is already {owner}; `i2cdetect -l` lists them")
+    devices = [(path, bus.device, "the bus itself"), *adapters]
+    yield from _repeated(devices, "{} is already {}; `i2cdetect -l` lists them")
     free = sorted(set(range(8)) - set(bus.channels.values()))
-    for where, channel, owner in _repeated(
-        (f"{path}.{leg}", channel, leg) for leg, channel in bus.channels.items()
-    ):
-        yield Problem(where, f"channel {channel} is already that of {owner}; free channels are {free}")
+    channels = ((f"{path}.{leg}", channel, leg) for leg, channel in bus.channels.items())
+    yield from _repeated(channels, f"channel {{}} is already that of {{}}; free channels are {free}")
 
 
 def _addresses(bus: Bus, path: str, board: str) -> Iterator[Problem]:
@@ -114,15 +107,14 @@ def _addresses(bus: Bus, path: str, board: str) -> Iterator[Problem]:
                     f"{device.name} answers at 0x70 too (ALLCALL): every channel switch would reach the servos; "
                     "strap the TCA9548A to 0x71 to 0x77",
                 )
-    leg_devices = BOARDS[board].leg_devices.items()
-    remedy = "move it to another address or another bus"
-    taken = [("", address, f"the {name} of every leg; {remedy}") for address, name in leg_devices]
-    taken.append(("", bus.mux.address, "the multiplexer; change one of them"))
-    names = {f"{path}.other_devices[{k}].address": device.name for k, device in enumerate(bus.other_devices)}
-    for where, device in zip(names, bus.other_devices, strict=True):
-        taken.append((where, device.address, f"{device.name}; change one of them, or name a device once"))
-    for where, address, owner in _repeated(taken):
-        yield Problem(where, f"{names[where]} answers at {address:#04x}, as does {owner}")
+    owners = {bus.mux.address: "the multiplexer; change one of them"}
+    for address, name in BOARDS[board].leg_devices.items():
+        owners[address] = f"the {name} of every leg; move it to another address or another bus"
+    for k, device in enumerate(bus.other_devices):
+        if owner := owners.get(device.address):
+            message = f"{device.name} answers at {device.address:#04x}, as does {owner}"
+            yield Problem(f"{path}.other_devices[{k}].address", message)
+        owners.setdefault(device.address, f"{device.name}; change one of them, or name a device once")
 
 
 def _timing(config: Config) -> Iterator[Problem]:
@@ -162,8 +154,8 @@ def _can(config: Config) -> Iterator[Problem]:
 
 
 def _feet(config: Config) -> Iterator[Problem]:
-    for path, foot, other in _repeated((f"feet.{leg}", foot, leg) for leg, foot in config.feet.items()):
-        yield Problem(path, f"{foot} is already mounted on {other}")
+    feet = ((f"feet.{leg}", foot, leg) for leg, foot in config.feet.items())
+    yield from _repeated(feet, "{} is already mounted on {}")
     sections: dict[str, Mapping[Leg, object]] = {
         "feet": config.feet,
         "stray_pf": config.stray_pf,
@@ -188,12 +180,17 @@ def _feet(config: Config) -> Iterator[Problem]:
             )
 
 
-def _repeated(entries: Iterable[tuple[str, T, str]]) -> Iterator[tuple[str, T, str]]:
-    """Yield path and value of every entry with the value of an earlier one, and the owner of the earlier one."""
-    owner_of: dict[T, str] = {}
+def _repeated(entries: Iterable[tuple[str, int | str, str]], message: str) -> Iterator[Problem]:
+    """Yield a problem for every entry, path, value and owner, with the value of an earlier one.
+
+    Args:
+        entries: Path, value and owner of each.
+        message: Text with places for the value and the owner of the earlier entry.
+    """
+    owner_of: dict[int | str, str] = {}
     for path, value, owner in entries:
         if value in owner_of:
-            yield path, value, owner_of[value]
+            yield Problem(path, message.format(value, owner_of[value]))
         owner_of.setdefault(value, owner)
 
 

@@ -8,6 +8,7 @@ from msgspec import Meta, Struct
 from firmware_interface.chips import ad7746, fdc1004
 from footsense.config import sections
 from footsense.config.boards import BOARDS
+from footsense.foot.files.calibration_format import FootId
 from footsense.frames import ELEMENTS
 
 
@@ -64,7 +65,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         ),
     ] = "aoyagi-3x3"
     model: Annotated[str, Meta(min_length=1)] | None = None
-    feet: dict[sections.Leg, sections.FootId] = {}
+    feet: dict[sections.Leg, FootId] = {}
     body_weight_n: Annotated[float, Meta(gt=0.0, le=1000.0)] | None = None
     calibrations: Annotated[str, Meta(min_length=1)] | None = None
     metrics: sections.Metrics | None = None

@@ -20,7 +20,6 @@ StrayPf = Annotated[
 UnloadedPf = Annotated[
     tuple[Annotated[float, Meta(ge=0.1, le=15.0)], ...], Meta(min_length=ELEMENTS, max_length=ELEMENTS)
 ]
-FootId = Annotated[str, Meta(pattern=r"^foot-[0-9]{4}$", description="such as foot-0007")]
 
 
 class Section(Struct, frozen=True, forbid_unknown_fields=True):

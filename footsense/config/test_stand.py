@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import msgspec
-from msgspec import Meta, Struct
+from msgspec import Meta
 
 from footsense import strict_yaml
+from footsense.config.sections import Section
 from footsense.reference.record_columns import TIMES, integer_bits
 
 Column = Literal["time_s", "time_ms", "time_us", "sequence", "fx", "fy", "fz", "saturated", "-"]
@@ -17,11 +18,7 @@ Rate = Annotated[float, Meta(ge=10.0, le=10_000.0)]
 Range = Annotated[float, Meta(gt=0.0, le=1e9)]
 
 
-class _Part(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A part of the file; unknown keys are errors."""
-
-
-class Lines(_Part, frozen=True, tag="lines", tag_field="kind"):
+class Lines(Section, frozen=True, kw_only=True, tag="lines", tag_field="kind"):
     """Records of a force sensor as lines of text.
 
     Attributes:
@@ -33,7 +30,7 @@ class Lines(_Part, frozen=True, tag="lines", tag_field="kind"):
     separator: Annotated[str, Meta(max_length=3)] = ","
 
 
-class Binary(_Part, frozen=True, tag="binary", tag_field="kind"):
+class Binary(Section, frozen=True, kw_only=True, tag="binary", tag_field="kind"):
     """Binary records of one length: sync bytes, values, checksum.
 
     Attributes:
@@ -49,7 +46,7 @@ class Binary(_Part, frozen=True, tag="binary", tag_field="kind"):
     checksum: Literal["none", "sum8", "xor8", "crc16"] = "none"
 
 
-class Serial(_Part, frozen=True, tag="serial", tag_field="kind"):
+class Serial(Section, frozen=True, kw_only=True, tag="serial", tag_field="kind"):
     """A sensor on a serial port.
 
     Attributes:
@@ -71,7 +68,7 @@ class Serial(_Part, frozen=True, tag="serial", tag_field="kind"):
     unit_per_count: Annotated[float, Meta(gt=0.0)] = 1.0
 
 
-class NetFt(_Part, frozen=True, tag="net_ft", tag_field="kind"):
+class NetFt(Section, frozen=True, kw_only=True, tag="net_ft", tag_field="kind"):
     """A sensor that streams over UDP as an ATI Net F/T does (RDT).
 
     Attributes:
@@ -87,7 +84,7 @@ class NetFt(_Part, frozen=True, tag="net_ft", tag_field="kind"):
     port: Annotated[int, Meta(ge=1, le=65_535)] = 49_152
 
 
-class FileSensor(_Part, frozen=True, tag="file", tag_field="kind"):
+class FileSensor(Section, frozen=True, kw_only=True, tag="file", tag_field="kind"):
     """A recorded sensor, played from the first scan on.
 
     Attributes:
@@ -98,7 +95,7 @@ class FileSensor(_Part, frozen=True, tag="file", tag_field="kind"):
     path: Annotated[str, Meta(pattern=r"\.(csv|mcap)$", description="a .csv or .mcap file")]
 
 
-class Simulated(_Part, frozen=True, tag="simulated", tag_field="kind"):
+class Simulated(Section, frozen=True, kw_only=True, tag="simulated", tag_field="kind"):
     """A simulated MINI 4/20 under the simulated foot, in gf; all its axes are opposite to the foot's.
 
     Attributes:
@@ -110,7 +107,7 @@ class Simulated(_Part, frozen=True, tag="simulated", tag_field="kind"):
     linearity_rel: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.015
 
 
-class Axes(_Part, frozen=True):
+class Axes(Section, frozen=True, kw_only=True):
     """Signed sensor axis along each of the foot's (x forward, y left, z up), for the ground reaction on the foot.
 
     A sensor under the foot reads the opposite force: all three have a minus.
@@ -121,7 +118,7 @@ class Axes(_Part, frozen=True):
     z: Axis
 
 
-class StandConfig(_Part, frozen=True):
+class StandConfig(Section, frozen=True, kw_only=True):
     """The force sensor under the foot.
 
     Attributes:

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from footsense.foot.parameters import N_CORRECTION_TERMS, FootParameters, correction_terms
+from footsense.foot.correction_terms import N_CORRECTION_TERMS, correction_terms
+from footsense.foot.parameters import FootParameters
 from footsense.foot.temperature import CalibratedAt, effect
 from footsense.frames import Mask, Vector
 from footsense.ports import Estimator

@@ -67,11 +67,7 @@ class CyclePipe:
         return pack_loss(LostCycles(self.n_cycles, self._t_ns, self._unreported)) if self._unreported else b""
 
     def _write(self, record: bytes) -> bool:
-        """Write a record; send the unsent rest of the previous one first.
-
-        Returns:
-            Whether the record was accepted; if not, none of it was written.
-        """
+        """Write a record, and return whether it was accepted; the unsent rest of the previous one goes first."""
         try:
             if self._rest:
                 self._rest = self._rest[os.write(self._fd, self._rest) :]
@@ -85,16 +81,11 @@ class CyclePipe:
                 self.broken = True
                 self._on_broken()
             return False
-        if n < len(record):
-            self._rest = record[n:]
+        self._rest = record[n:]
         return True
 
     def close(self, timeout_s: float) -> None:
-        """Write the rest, a last loss included, and close the pipe.
-
-        Args:
-            timeout_s: Longest wait for room [s]; what found none by then is lost.
-        """
+        """Write the rest, a last loss included, and close the pipe; a rest without room for `timeout_s` is lost."""
         left = memoryview(self._rest + self._loss())
         os.set_blocking(self._fd, False)
         room = select.poll()

@@ -8,10 +8,11 @@ import numpy as np
 import footsense
 from footsense.calibration.writer import write_calibration
 from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE, released_path
+from footsense.foot.correction_terms import N_CORRECTION_TERMS
 from footsense.foot.files.calibration_format import HeldOut, Manifest
 from footsense.foot.files.calibration_reader import FootCalibration
 from footsense.foot.force_errors import Errors
-from footsense.foot.parameters import N_CORRECTION_TERMS, FootParameters
+from footsense.foot.parameters import FootParameters
 
 #: What the simulator's designed foot reads unloaded [pF].
 REST_PF = 5.387

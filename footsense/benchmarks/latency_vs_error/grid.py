@@ -95,7 +95,7 @@ class WalkAndStand(NamedTuple):
             for readings in (self.walk, self.standing)
         )
         forces_hz = 1e9 / pace(self.rate_sps).step_ns / (1 if publish == "element" else ELEMENTS)
-        standing_n = standing.force_n[standing.sent_ns >= self.truth.begin_ns]
+        standing_n = standing.force_n[standing.sent_ns >= self.truth.start_ns]
         return OperatingPoint(
             rate_sps=self.rate_sps,
             average_scans=average_scans,

@@ -56,21 +56,21 @@ class TrueLoads:
 
     Attributes:
         feet: Load of each foot.
-        begin_ns: Start of the time in which errors count [ns].
+        start_ns: Start of the time in which errors count [ns].
         end_ns: End of it [ns].
         sampled_n: Forces at every `SAMPLE_PERIOD_NS` from time 0 to 30 ms after the end [N], shape (times, feet, 3).
     """
 
     feet: Sequence[FootLoad]
-    begin_ns: int
+    start_ns: int
     end_ns: int
     sampled_n: Vector
 
     @classmethod
-    def sample(cls, feet: Sequence[FootLoad], begin_ns: int, end_ns: int) -> "TrueLoads":
+    def sample(cls, feet: Sequence[FootLoad], start_ns: int, end_ns: int) -> "TrueLoads":
         """Sample the true loads of some feet, to be compared between two times [ns]."""
         read_ns = np.arange(0, end_ns + _AHEAD_MS * 1_000_000, SAMPLE_PERIOD_NS)
-        return cls(feet, begin_ns, end_ns, true_loads(feet, read_ns)[1])
+        return cls(feet, start_ns, end_ns, true_loads(feet, read_ns)[1])
 
 
 def _held_forces(published: PublishedForces, truth: TrueLoads) -> tuple[Vector, Vector, Vector]:
@@ -79,14 +79,14 @@ def _held_forces(published: PublishedForces, truth: TrueLoads) -> tuple[Vector, 
     Returns:
         Times [ms], shape (times,); held forces [N], shape (times, feet, 3); ages of their newest readings [ms].
     """
-    read_ns: Stamps = np.arange(truth.begin_ns, truth.end_ns, SAMPLE_PERIOD_NS)
+    read_ns: Stamps = np.arange(truth.start_ns, truth.end_ns, SAMPLE_PERIOD_NS)
     last = np.searchsorted(published.sent_ns, read_ns, side="right") - 1
     return read_ns / 1e6, published.force_n[last], (read_ns - published.newest_reading_ns[last]) / 1e6
 
 
 def latency_and_errors(published: PublishedForces, truth: TrueLoads) -> LatencyAndErrors:
     """Return latency and errors of published forces between the two times of a truth."""
-    counts = (published.sent_ns >= truth.begin_ns) & (published.sent_ns < truth.end_ns)
+    counts = (published.sent_ns >= truth.start_ns) & (published.sent_ns < truth.end_ns)
     true_n, stamp_n = (true_loads(truth.feet, t[counts])[1] for t in (published.sent_ns, published.valid_ns))
     force_n, sigma_n = published.force_n[counts], published.sigma_n[counts]
     angle_deg = _angles_deg(true_n, force_n)

@@ -66,9 +66,9 @@ def _pressed(title: str, rise_ns: int, n_phases: int) -> LoadCase:
         (force_n, _PRESS_NS + phase * scan_ns // n_phases)
         for force_n, phase in product(PRESSES_N, range(n_phases))
     ]
-    feet = [partial(Ramp(force_n, begin_ns, rise_ns).contact, LEGS[0]) for force_n, begin_ns in cases]
+    feet = [partial(Ramp(force_n, start_ns, rise_ns).contact, LEGS[0]) for force_n, start_ns in cases]
     return LoadCase(
-        title, TrueLoads.sample(feet, _COUNT_FROM_NS, _COUNT_TO_NS), tuple(begin_ns for _, begin_ns in cases)
+        title, TrueLoads.sample(feet, _COUNT_FROM_NS, _COUNT_TO_NS), tuple(start_ns for _, start_ns in cases)
     )
 
 

@@ -1,6 +1,5 @@
 """Study `tradeoff`: latency against error of the whole chain, from conversion to the force that a consumer holds."""
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -28,7 +27,7 @@ from footsense.benchmarks.latency_vs_error.publishing import (
     extrapolated,
     without_alignment,
 )
-from footsense.foot.files.network_card import TrainedInputs, read_card
+from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
 from footsense.lab.studies.networks.network_size import train_sizes
 from footsense.lab.studies.page import Figures, Study, StudyContext
@@ -185,7 +184,7 @@ def _onnx_network(weights: Weights) -> OnnxNetwork:
 
 def compute(context: StudyContext) -> tuple[TradeoffResults, Figures]:
     """Publish the forces of all loads in every way, at every operating point."""
-    card = read_card(json.dumps(context.network.card), str(context.models)).trained_inputs
+    card = context.trained_inputs
     size = QUICK if context.quick else FULL
     loads = {}
     for name, load in load_cases(size.strides, size.phases).items():

@@ -1,6 +1,5 @@
 """Frames of the daemon's pipeline for feet that touch down, at the pace of the study `tradeoff`."""
 
-import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,6 @@ from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import sensitivity
-from footsense.foot.files.network_card import read_card
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, Flag, Mask, Reading, Vector
 from footsense.lab.studies.page import StudyContext
@@ -75,7 +73,7 @@ def run(context: StudyContext, method: str, steps: Steps, until_s: float, seed: 
 def _pipeline(context: StudyContext, method: str, n_feet: int) -> Pipeline:
     """Return the daemon's pipeline of as many legs as there are feet."""
     network = context.network
-    card = read_card(json.dumps(network.card), str(context.models)).trained_inputs
+    card = context.trained_inputs
     design, step_ns = card.design, pace(RATE_SPS).step_ns
     alignment = (
         ScanByScan(network, n_feet, card.moments)

@@ -14,15 +14,16 @@ import numpy as np
 from footsense.calibration.evaluation import DesignModels, Estimates
 from footsense.calibration.fit.correction import fit_correction
 from footsense.calibration.fit.parameter_fit import ParameterFit, fit_parameters
+from footsense.calibration.fit.parameter_vector import GAIN, MOUNT, STIFFNESS, STRAY
 from footsense.calibration.fit.predicted_uncertainty import (
     PredictedUncertainty,
     predict_uncertainty,
     require_identified,
 )
-from footsense.calibration.fit.twin import GAIN, MOUNT, STIFFNESS, STRAY, FootTwin
+from footsense.calibration.fit.session_checks import require_consistent_reference, require_one_foot
+from footsense.calibration.fit.twin import FootTwin
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
-from footsense.calibration.session.reference_checks import require_consistent_reference
 from footsense.errors import CalibrationError
 from footsense.foot.directions import rotation
 from footsense.foot.files.calibration_format import HeldOut
@@ -38,8 +39,6 @@ _MAX_DISTANCE = 12.0
 _MIN_STIFFNESS, _MAX_STIFFNESS = 0.25, 4.0
 #: Share of the loads of a single session that is held out: one in so many.
 _HELD_OUT_OF = 5
-#: Largest difference of an element's unloaded reading between sessions of one foot [1], that of a tare.
-_SAME_FOOT_REL = 0.03
 
 
 class CalibrationResult(NamedTuple):
@@ -76,7 +75,7 @@ def calibrate_sessions(
         CalibrationError: The sessions are of different feet, a foot contradicts its reference, there is no such
             session, or as of `calibrate`.
     """
-    _require_one_foot(sessions)
+    require_one_foot(sessions)
     require_consistent_reference(models, sessions)
     loads = LoadSet.of([load for session in sessions for load in session.loads])
     result = calibrate(models, loads)
@@ -155,29 +154,6 @@ def _estimates(models: DesignModels, loads: LoadSet, foot: FootParameters | None
             "and check that the foot is of this type"
         )
     return estimates
-
-
-def _require_one_foot(sessions: Sequence[RecordedSession]) -> None:
-    """Check by the unloaded readings that all sessions are of one foot.
-
-    Raises:
-        CalibrationError: One is not, or has no accepted load.
-    """
-    first, first_pf = sessions[0], None
-    for session in sessions:
-        if not session.loads:
-            raise CalibrationError(
-                f"{session.path}: no load is accepted; {'; '.join(session.warnings) or 'it has none'}"
-            )
-        unloaded_pf = LoadSet.of(session.loads).unloaded_pf
-        first_pf = unloaded_pf if first_pf is None else first_pf
-        difference_rel = unloaded_pf / first_pf - 1.0
-        worst = int(np.argmax(np.abs(difference_rel)))
-        if abs(difference_rel[worst]) > _SAME_FOOT_REL:
-            raise CalibrationError(
-                f"{session.path}: element {worst} of {session.foot} reads {unloaded_pf[worst]:.3f} pF unloaded, "
-                f"{first_pf[worst]:.3f} pF in {first.path}; two feet with one id? at most {_SAME_FOOT_REL:.0%} differ"
-            )
 
 
 def _held_out(sessions: Sequence[RecordedSession], loads: LoadSet, hold_out: str | None) -> tuple[Mask, str]:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.foot.parameters import N_CORRECTION_TERMS, correction_terms
+from footsense.foot.correction_terms import N_CORRECTION_TERMS, correction_terms
 from footsense.frames import Vector
 
 #: Penalties per load, for features scaled to a root mean square of one.

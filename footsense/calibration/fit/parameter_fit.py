@@ -18,16 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.calibration.fit.twin import (
-    GAIN,
-    GAP,
-    MOUNT,
-    N_PARAMETERS,
-    STIFFNESS,
-    STRAY,
-    ContactLoads,
-    FootTwin,
-)
+from footsense.calibration.fit.parameter_vector import GAIN, GAP, MOUNT, N_PARAMETERS, STIFFNESS, STRAY
+from footsense.calibration.fit.twin import ContactLoads, FootTwin
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.frames import ELEMENTS, Mask, Vector
 

@@ -5,12 +5,13 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.calibration.fit.parameter_fit import PRIOR_SIGMA, ParameterFit
-from footsense.calibration.fit.twin import KINDS, ContactLoads, FootTwin, parameter_names
+from footsense.calibration.fit.parameter_vector import KINDS, parameter_names
+from footsense.calibration.fit.twin import ContactLoads, FootTwin
 from footsense.errors import CalibrationError
-from footsense.foot.directions import angles_between_deg, direction_grid
+from footsense.foot.direction_sets import direction_grid
+from footsense.foot.directions import angles_between_deg
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import element_means
-from footsense.frames import Vector
 
 #: Largest predicted errors with which a calibration is made: an uncalibrated, carelessly made foot is not much worse.
 _MAX_DIRECTION_DEG, _MAX_MAGNITUDE_REL = 4.0, 0.1
@@ -38,13 +39,6 @@ class PredictedUncertainty(NamedTuple):
     not_identified: tuple[str, ...]
 
 
-def evaluation_loads_n() -> Vector:
-    """Return forces from all sides down to 50 deg of elevation, of 50 and 120 gf [N], shape (50, 3)."""
-    ring = direction_grid(30.0 * np.arange(12), [50.0, 70.0])
-    directions = np.vstack([ring, [0.0, 0.0, 1.0]])
-    return np.concatenate([size * GRAM_FORCE_N * directions for size in (50.0, 120.0)])
-
-
 def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertainty:
     """Return the errors to expect, to first order, over draws from the posterior.
 
@@ -55,7 +49,9 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
         twin: Model of the foot.
         fit: Its fitted parameters.
     """
-    force_n = evaluation_loads_n()
+    # From all sides down to 50 deg of elevation, of 50 and 120 gf.
+    directions = np.vstack([direction_grid(30.0 * np.arange(12), [50.0, 70.0]), [0.0, 0.0, 1.0]])
+    force_n = np.concatenate([size * GRAM_FORCE_N * directions for size in (50.0, 120.0)])
     closure_um = element_means(twin.cells_um(fit.parameters, ContactLoads.centred(force_n)))
     force_n = force_n[closure_um.max(axis=1) < _OPEN_REL * twin.gap_um(fit.parameters).min()]
     if not len(force_n):

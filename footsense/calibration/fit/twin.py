@@ -12,17 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footsense.calibration.fit.parameter_vector import GAIN, GAP, MOUNT, N_PARAMETERS, STIFFNESS, STRAY
 from footsense.foot import gap_contact
 from footsense.foot.directions import rotation
 from footsense.foot.response_table import FootResponse
-from footsense.frames import ELEMENTS, Vector
-
-#: Slices of the parameter vector: stray [pF], closure gain minus one [1], gap minus the design's [um], stiffness over
-#: the design's minus one [1], mount as a rotation vector [rad]. All zero is a foot as designed.
-STRAY, GAIN, GAP = slice(0, 9), slice(9, 18), slice(18, 27)
-STIFFNESS, MOUNT = slice(27, 28), slice(28, 31)
-N_PARAMETERS = 31
-KINDS = {"stray": STRAY, "gain": GAIN, "gap": GAP, "stiffness": STIFFNESS, "mount": MOUNT}
+from footsense.frames import Vector
 
 #: Smallest distance of the electrodes [um]; the designed film is as thick as 6.3 um of air.
 _MIN_DISTANCE_UM = 1.0
@@ -98,10 +92,3 @@ class FootTwin:
         lifted[low, :2] = np.sqrt(1.0 - self._min_sine**2) * across
         lifted[low, 2] = self._min_sine
         return lifted
-
-
-def parameter_names() -> list[str]:
-    """Return the names of all parameters, each with element and unit."""
-    kinds = [("stray", "pF"), ("gain", "1"), ("gap", "um")]
-    nines = [f"{kind} of element {element} [{unit}]" for kind, unit in kinds for element in range(ELEMENTS)]
-    return [*nines, "stiffness [1]", *(f"mount about {axis} [rad]" for axis in "xyz")]

@@ -3,9 +3,7 @@
 from enum import StrEnum
 from typing import NamedTuple
 
-import numpy as np
-
-from footsense.frames import Codes, Mask, Reference, Stamps, Vector
+from footsense.frames import Codes, Reference, Stamps, Vector
 
 
 class Rejection(StrEnum):
@@ -77,26 +75,3 @@ class Press(NamedTuple):
     pressed_ns: tuple[int, int]
     after_ns: tuple[int, int] | None
     offset_n: Vector
-
-
-def column_means(values: Vector) -> Vector:
-    """Return the mean of each column over the rows that are not NaN, shape (columns,); NaN where all are."""
-    n = (~np.isnan(values)).sum(axis=0)
-    return np.where(n > 0, np.nansum(values, axis=0) / np.maximum(n, 1), np.nan)
-
-
-def column_deviations(values: Vector) -> Vector:
-    """Return the standard deviation of each column over the rows that are not NaN, shape (columns,)."""
-    deviations: Vector = np.sqrt(column_means((values - column_means(values)) ** 2))
-    return deviations
-
-
-def unsaturated_n(reference: Reference, span_ns: tuple[int, int]) -> Vector:
-    """Return the samples in a span [ns] with no axis at the end of its range [N], shape (n, 3)."""
-    return reference.force_n[within(reference.t_ns, span_ns) & ~reference.saturated]
-
-
-def within(t_ns: Stamps, span_ns: tuple[int, int]) -> Mask:
-    """Return which times lie in a span, its ends included [ns]."""
-    inside: Mask = (t_ns >= span_ns[0]) & (t_ns <= span_ns[1])
-    return inside

@@ -10,15 +10,9 @@ from enum import Enum, auto
 
 import numpy as np
 
-from footsense.calibration.loads.calibration_load import (
-    CalibrationLoad,
-    Press,
-    RejectedPress,
-    Rejection,
-    column_means,
-    unsaturated_n,
-)
+from footsense.calibration.loads.calibration_load import CalibrationLoad, Press, RejectedPress, Rejection
 from footsense.calibration.loads.press_reduction import reduce_press
+from footsense.calibration.loads.span_means import column_means, unsaturated_n
 from footsense.frames import Codes, Cycle, Reading, Reference, Vector
 
 _NS_PER_MS = 1_000_000

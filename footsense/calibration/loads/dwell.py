@@ -4,13 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.calibration.loads.calibration_load import (
-    Press,
-    column_deviations,
-    column_means,
-    unsaturated_n,
-    within,
-)
+from footsense.calibration.loads.calibration_load import Press
+from footsense.calibration.loads.span_means import column_deviations, column_means, unsaturated_n, within
 from footsense.calibration.loads.steady_span import longest_steady
 from footsense.frames import Reference, Stamps, Vector
 

@@ -5,15 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from footsense.calibration.loads import dwell
-from footsense.calibration.loads.calibration_load import (
-    CalibrationLoad,
-    Press,
-    RejectedPress,
-    Rejection,
-    column_means,
-    within,
-)
+from footsense.calibration.loads.calibration_load import CalibrationLoad, Press, RejectedPress, Rejection
 from footsense.calibration.loads.reference_lag import lag_s
+from footsense.calibration.loads.span_means import column_means, within
 from footsense.frames import Mask, Reading
 
 #: Smallest force of a load [N]: a sensor for 80 N resolves 0.12 N, averaged over a dwell a tenth of that.

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from footsense.calibration.loads.calibration_load import Press, within
+from footsense.calibration.loads.calibration_load import Press
+from footsense.calibration.loads.span_means import within
 from footsense.frames import Vector
 
 #: Span of unloaded foot and of dwell used beside each edge, and the least of the unloaded span after it [ns].

@@ -6,16 +6,12 @@ from right. So the checks find wrong units and axes, but no error of the referen
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from msgspec.structs import astuple
 
-from footsense.calibration.evaluation import DesignModels
-from footsense.calibration.loads.load_set import LoadSet
-from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.config.test_stand import StandConfig
-from footsense.errors import CalibrationError
 from footsense.foot.directions import angles_between_deg
 from footsense.frames import Vector
 from footsense.reference.sensor_mounting import NEWTON_PER, rotation_matrix
@@ -45,28 +41,6 @@ def reference_findings(test_stand: StandConfig, reference_n: Vector, estimate_n:
         *_wrong_units(reference_n, estimate_n, test_stand.units),
         *_wrong_axes(reference_n, estimate_n, test_stand),
     ]
-
-
-def require_consistent_reference(models: DesignModels, sessions: Sequence[RecordedSession]) -> None:
-    """Check that the foot contradicts no session's reference.
-
-    Args:
-        models: Models of the foot's type.
-        sessions: Its sessions, each with loads; one whose recording does not describe its test stand is not checked.
-
-    Raises:
-        CalibrationError: It contradicts at least one; the message names each.
-    """
-    found = []
-    for session in sessions:
-        if session.test_stand is None:
-            continue
-        loads = LoadSet.of(session.loads)
-        own_n = models.estimate(loads, None).force_n
-        if findings := reference_findings(session.test_stand, loads.force_n, own_n):
-            found.append(f"{session.path}: {'; '.join(findings)}")
-    if found:
-        raise CalibrationError(f"{'; '.join(found)}; correct the test stand's file, and record again")
 
 
 def _wrong_units(reference_n: Vector, estimate_n: Vector, units: str) -> Iterator[str]:

@@ -1,11 +1,10 @@
-"""States, causes and fault masks of legs in trouble."""
+"""States and causes of legs in trouble."""
 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from footsense.estimation.faults.missing_sets import BITS, COLUMNS, ROWS
+from footsense.estimation.faults.missing_sets import COLUMNS, ROWS
 from footsense.frames import BaselineDrift, Cause, Codes, Mask, Reading, State
 
 #: Largest distance of an element's drift from the mean of its leg's [pF]: all drift by 30 fF over 20 K, and elements
@@ -46,19 +45,6 @@ class ElementFaults(NamedTuple):
     def any(self) -> Mask:
         """Mask of the elements that are open, shorted, stuck or drifting."""
         return self.opened | self.shorted | self.stuck | self.drifting
-
-
-def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
-    """Return bit e for each unusable element e of each leg, shape (legs,).
-
-    Example:
-        >>> unusable = np.zeros((1, 9), bool)
-        >>> unusable[0, [0, 8]] = True
-        >>> bin(int(fault_mask(unusable)[0]))
-        '0b100000001'
-    """
-    masks: NDArray[np.uint16] = unusable @ BITS
-    return masks
 
 
 def converter_states(state: Codes, reading: Codes, faulty: Mask, closed: Mask) -> None:

@@ -86,9 +86,8 @@ class ConsistencyTest:
         self._stuck = np.zeros(shape, bool)
         self._consistent_ns = np.zeros((n_legs, 2), np.int64)  # unloaded, loaded
         self._t_ns = np.zeros(n_legs, np.int64)
-        # Extremes of each element's closures and of their predictions: low, high.
-        self._measured = np.zeros((2, *shape))
-        self._predicted = np.zeros((2, *shape))
+        # Of each element's measured and predicted closures: the smallest and the largest.
+        self._extremes = np.zeros((2, 2, *shape))
 
     @property
     def excluded(self) -> Mask:
@@ -167,8 +166,7 @@ class ConsistencyTest:
         suspected = isolated & ~missing
         if not np.array_equal(suspected, self._suspected[leg]):
             self._suspected[leg], self._suspected_since_ns[leg] = suspected, t_ns
-            self._measured[:, leg], self._predicted[:, leg] = np.inf, np.inf
-            self._measured[1, leg], self._predicted[1, leg] = -np.inf, -np.inf
+            self._extremes[:, 0, leg], self._extremes[:, 1, leg] = np.inf, -np.inf
         rms = float(np.sqrt(np.square(closure_rel[~missing]).mean()))
         inconsistency_rel = float(INCONSISTENCY_REL * excess * _limit(rms) / max(rms, RESIDUAL_LIMIT))
         missing |= isolated
@@ -202,10 +200,12 @@ class ConsistencyTest:
 
     def _widen_ranges(self, leg: int, closure_rel: Vector, measured_rel: Vector, missing: Mask) -> None:
         """Widen the extremes of the measured and of the predicted closures."""
-        predicted = self._predict(closure_rel, missing)
-        for extremes, now in ((self._measured, measured_rel), (self._predicted, predicted)):
-            extremes[0, leg] = np.fmin(extremes[0, leg], now)
-            extremes[1, leg] = np.fmax(extremes[1, leg], now)
+        both, extremes = (
+            np.stack([measured_rel, self._predict(closure_rel, missing)]),
+            self._extremes[:, :, leg],
+        )
+        extremes[:, 0] = np.fmin(extremes[:, 0], both)
+        extremes[:, 1] = np.fmax(extremes[:, 1], both)
 
     def _predict(self, closure_rel: Vector, missing: Mask) -> Vector:
         """Return the closures with the missing ones predicted from the others, shape (9,)."""
@@ -213,7 +213,7 @@ class ConsistencyTest:
         return predicted
 
     def _is_stuck(self) -> Mask:
-        measured, predicted = self._measured[1] - self._measured[0], self._predicted[1] - self._predicted[0]
+        measured, predicted = self._extremes[:, 1] - self._extremes[:, 0]
         stuck: Mask = (predicted > MOVED_REL) & (measured < STUCK_REL * predicted)
         return stuck
 

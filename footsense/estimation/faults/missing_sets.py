@@ -14,11 +14,11 @@ ROWS, COLUMNS = LINES[:3], LINES[3:]
 MISSING_SETS: Mask = np.concatenate([np.zeros((1, ELEMENTS), bool), np.eye(ELEMENTS, dtype=bool), LINES])
 
 #: Bit of each element in a pattern of elements.
-BITS = (1 << _ELEMENTS).astype(np.uint16)
+_BITS = (1 << _ELEMENTS).astype(np.uint16)
 _INDEX_OF = np.zeros(1 << ELEMENTS, np.intp)
-_INDEX_OF[MISSING_SETS @ BITS] = np.arange(len(MISSING_SETS))
+_INDEX_OF[MISSING_SETS @ _BITS] = np.arange(len(MISSING_SETS))
 #: Smallest set that contains each of the 512 patterns; the empty one where no set does.
-_PATTERNS = (np.arange(1 << ELEMENTS)[:, None] & BITS) > 0
+_PATTERNS = (np.arange(1 << ELEMENTS)[:, None] & _BITS) > 0
 _SMALLEST_AROUND = MISSING_SETS[(~(_PATTERNS[:, None] & ~MISSING_SETS).any(axis=2)).argmax(axis=1)]
 
 
@@ -29,7 +29,7 @@ def missing_set_index(missing: Mask) -> NDArray[np.intp]:
         >>> MISSING_SETS[missing_set_index(np.array([[1, 1, 1, 0, 0, 0, 0, 0, 0]], bool))[0]].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
-    index: NDArray[np.intp] = _INDEX_OF[missing @ BITS]
+    index: NDArray[np.intp] = _INDEX_OF[missing @ _BITS]
     return index
 
 
@@ -44,5 +44,18 @@ def missing_elements(faulty: Mask) -> Mask:
         >>> missing_elements(two_of_row_0)[0].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
-    missing: Mask = _SMALLEST_AROUND[faulty @ BITS]
+    missing: Mask = _SMALLEST_AROUND[faulty @ _BITS]
     return missing
+
+
+def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
+    """Return bit e for each unusable element e of each leg, shape (legs,).
+
+    Example:
+        >>> unusable = np.zeros((1, 9), bool)
+        >>> unusable[0, [0, 8]] = True
+        >>> bin(int(fault_mask(unusable)[0]))
+        '0b100000001'
+    """
+    masks: NDArray[np.uint16] = unusable @ _BITS
+    return masks

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
 from footsense.estimation.alignment.scan_by_scan import AlignedSample
-from footsense.estimation.faults.causes import ElementFaults, causes, converter_states, fault_mask
+from footsense.estimation.faults.causes import ElementFaults, causes, converter_states
 from footsense.estimation.faults.consistency import ConsistencyResult
-from footsense.estimation.faults.missing_sets import missing_elements
+from footsense.estimation.faults.missing_sets import fault_mask, missing_elements
 from footsense.estimation.faults.open_elements import OPEN_REL, floating_pf
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import USABLE, CapFrame, Codes, Mask, Reading, Stamps, State, Vector

@@ -17,8 +17,8 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
+from footsense.foot.correction_terms import N_CORRECTION_TERMS
 from footsense.foot.force_errors import Errors
-from footsense.foot.parameters import N_CORRECTION_TERMS
 from footsense.foot.temperature import COLDEST_C, WARMEST_C
 
 FORMAT = 2
@@ -27,7 +27,7 @@ MANIFEST, PARAMETERS, NETWORK, CARD = "manifest.json", "parameters.json", "netwo
 #: Files whose hashes are in the manifest.
 FILES = (PARAMETERS, NETWORK, CARD)
 
-FootId = Annotated[str, Meta(pattern=r"^foot-[0-9]{4}$")]
+FootId = Annotated[str, Meta(pattern=r"^foot-[0-9]{4}$", description="such as foot-0007")]
 Sha256 = Annotated[str, Meta(pattern=r"^[0-9a-f]{64}$")]
 Nine = Annotated[list[float], Meta(min_length=9, max_length=9)]
 Three = Annotated[list[float], Meta(min_length=3, max_length=3)]

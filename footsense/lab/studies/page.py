@@ -19,6 +19,7 @@ import msgspec
 from matplotlib.figure import Figure
 
 from footsense.foot.files.checksum_trailer import verified_sha256
+from footsense.foot.files.network_card import TrainedInputs, read_card
 from footsense.foot.response_table import FootResponse
 from footsense.lab.code_hash import compute_sha256
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, open_models
@@ -63,6 +64,11 @@ class StudyContext:
     def network(self) -> OnnxNetwork:
         """The released network, run by ONNX Runtime."""
         return self._released[1]
+
+    @cached_property
+    def trained_inputs(self) -> TrainedInputs:
+        """Capacitors of the released network, and range and moments of its training inputs."""
+        return read_card(json.dumps(self.network.card), str(self.models)).trained_inputs
 
     @cached_property
     def network_sha256(self) -> str:

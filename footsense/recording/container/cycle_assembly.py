@@ -46,16 +46,10 @@ class CycleAssembly:
         self._t_first_ns: int | None = None
 
     def take(self, record: Any) -> NumberedCycle | LostCycles | None:  # noqa: ANN401 - the library is not typed
-        """Return the cycle or the loss that a record of the container completes, if any.
-
-        Raises:
-            ValueError: Cycles, a scan or forces are missing, or a message is damaged. Damage has other errors too.
-        """
+        """Return the cycle or the loss that a record of the container completes, if any; raise errors on damage."""
         if isinstance(record, Channel):
             self._topics[record.id] = record.topic
-        elif isinstance(record, Message):
-            return self._message(self._topics[record.channel_id], record)
-        return None
+        return self._message(self._topics[record.channel_id], record) if isinstance(record, Message) else None
 
     def _message(self, topic: str, message: Message) -> NumberedCycle | LostCycles | None:
         parts = self._parts

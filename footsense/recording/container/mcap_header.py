@@ -1,22 +1,17 @@
-"""The header of a recording within its MCAP container, and the checked reading of its bytes."""
+"""The header of a recording within its MCAP container."""
 
 import json
-import os
-import struct
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import BinaryIO
 
-import msgspec
-from mcap.exceptions import McapError
 from mcap.records import Header as McapHeader
 from mcap.records import Metadata
 from mcap.stream_reader import StreamReader
-from zstandard import ZstdError
 
 from footsense.errors import RecordingError
 from footsense.frames import LEGS
+from footsense.recording.container.bounded_file import DAMAGE, BoundedFile
 
 #: Profile of the container, which identifies footsense's files.
 PROFILE = "footsense"
@@ -26,33 +21,6 @@ METADATA = "footsense"
 
 #: Key of the header's checksum.
 HEADER_CRC = "crc32"
-
-#: Largest chunk that is unpacked [bytes]; footsense's have 64 KiB.
-MAX_CHUNK_BYTES = 1 << 24
-
-#: Errors of the libraries below on damaged bytes.
-DAMAGE = (
-    *(McapError, ZstdError, msgspec.MsgspecError, ValueError, LookupError, TypeError, AttributeError),
-    *(OverflowError, MemoryError, RecursionError, EOFError, struct.error),
-)
-
-
-class BoundedFile:
-    """File wrapper that limits each read to the end of the file, even for a damaged length."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        self._file = file
-        self.size = os.fstat(file.fileno()).st_size
-
-    def read(self, n: int) -> bytes:
-        """Return `n` bytes, fewer at the end.
-
-        Raises:
-            ValueError: No written record is so large.
-        """
-        if n > MAX_CHUNK_BYTES:
-            raise ValueError("a record is larger than any that is written")
-        return self._file.read(min(n, self.size - self._file.tell()))
 
 
 def header_crc(header: Mapping[str, str]) -> str:

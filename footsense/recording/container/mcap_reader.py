@@ -14,8 +14,8 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from zstandard import frame_content_size
 
 from footsense.errors import RecordingError
+from footsense.recording.container.bounded_file import DAMAGE, MAX_CHUNK_BYTES, BoundedFile
 from footsense.recording.container.cycle_assembly import CycleAssembly
-from footsense.recording.container.mcap_header import DAMAGE, MAX_CHUNK_BYTES, BoundedFile
 from footsense.recording.cycle_records import LostCycles, NumberedCycle, require
 
 _Record = Any  # the library is not typed

@@ -9,13 +9,15 @@ from numpy.typing import NDArray
 from footsense.calibration.fit.calibrate import calibrate
 from footsense.calibration.fit.correction import fit_correction
 from footsense.calibration.fit.parameter_fit import fit_parameters
-from footsense.calibration.fit.twin import GAP, MOUNT, N_PARAMETERS, STIFFNESS, STRAY, ContactLoads, FootTwin
+from footsense.calibration.fit.parameter_vector import GAP, MOUNT, N_PARAMETERS, STIFFNESS, STRAY
+from footsense.calibration.fit.twin import ContactLoads, FootTwin
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
+from footsense.foot.correction_terms import correction_terms
 from footsense.foot.directions import rotation
 from footsense.foot.force_errors import errors
-from footsense.foot.parameters import FootParameters, correction_terms
+from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Deviations, Foot
 from footsense.sim.test_stand.press_sequence import paper_presses
 from tests.support.test_stand_loads import design, load_set, made

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.foot.parameters import N_CORRECTION_TERMS, FootParameters, correction_terms
+from footsense.foot.correction_terms import N_CORRECTION_TERMS, correction_terms
+from footsense.foot.parameters import FootParameters
 from footsense.foot.temperature import CalibratedAt, unknown_temperature_rel
 
 Vector = NDArray[np.float64]

@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.foot.directions import (
-    angles_between_deg,
-    azimuth_elevation_deg,
+from footsense.foot.direction_sets import (
     direction_grid,
-    directions,
     paper_directions,
     random_directions,
     spiral_directions,
-    tangent_frame,
 )
+from footsense.foot.directions import angles_between_deg, azimuth_elevation_deg, directions, tangent_frame
 from footsense.foot.hertz import contact_radius_mm
 
 

@@ -1,6 +1,5 @@
 """Hard inputs of the network and of the daemon's pipeline, for the study `hard-cases`."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -14,7 +13,6 @@ from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import sensitivity
-from footsense.foot.files.network_card import read_card
 from footsense.foot.specimen import Foot
 from footsense.frames import CapFrame, ContactFrame, Reading, State, Vector
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
@@ -90,7 +88,7 @@ class _Leg:
 
     def __init__(self, context: StudyContext) -> None:
         design = context.response.design
-        calibration = read_card(json.dumps(context.network.card), str(context.models)).trained_inputs
+        calibration = context.trained_inputs
         stray_pf, unloaded_pf = np.zeros((1, 9)), np.full((1, 9), design.unloaded_pf)
         alignment = ScanByScan(context.network, 1, calibration.moments)
         self._pipeline = Pipeline(

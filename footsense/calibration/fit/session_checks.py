@@ -1,0 +1,59 @@
+"""Checks of the sessions of a calibration: all are of one foot, and the foot contradicts no reference."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from footsense.calibration.evaluation import DesignModels
+from footsense.calibration.loads.load_set import LoadSet
+from footsense.calibration.session.recorded_session import RecordedSession
+from footsense.calibration.session.reference_checks import reference_findings
+from footsense.errors import CalibrationError
+
+#: Largest difference of an element's unloaded reading between sessions of one foot [1], that of a tare.
+_SAME_FOOT_REL = 0.03
+
+
+def require_one_foot(sessions: Sequence[RecordedSession]) -> None:
+    """Check by the unloaded readings that all sessions are of one foot.
+
+    Raises:
+        CalibrationError: One is not, or has no accepted load.
+    """
+    first, first_pf = sessions[0], None
+    for session in sessions:
+        if not session.loads:
+            raise CalibrationError(
+                f"{session.path}: no load is accepted; {'; '.join(session.warnings) or 'it has none'}"
+            )
+        unloaded_pf = LoadSet.of(session.loads).unloaded_pf
+        first_pf = unloaded_pf if first_pf is None else first_pf
+        difference_rel = unloaded_pf / first_pf - 1.0
+        worst = int(np.argmax(np.abs(difference_rel)))
+        if abs(difference_rel[worst]) > _SAME_FOOT_REL:
+            raise CalibrationError(
+                f"{session.path}: element {worst} of {session.foot} reads {unloaded_pf[worst]:.3f} pF unloaded, "
+                f"{first_pf[worst]:.3f} pF in {first.path}; two feet with one id? at most {_SAME_FOOT_REL:.0%} differ"
+            )
+
+
+def require_consistent_reference(models: DesignModels, sessions: Sequence[RecordedSession]) -> None:
+    """Check that the foot contradicts no session's reference.
+
+    Args:
+        models: Models of the foot's type.
+        sessions: Its sessions, each with loads; one whose recording does not describe its test stand is not checked.
+
+    Raises:
+        CalibrationError: It contradicts at least one; the message names each.
+    """
+    found = []
+    for session in sessions:
+        if session.test_stand is None:
+            continue
+        loads = LoadSet.of(session.loads)
+        own_n = models.estimate(loads, None).force_n
+        if findings := reference_findings(session.test_stand, loads.force_n, own_n):
+            found.append(f"{session.path}: {'; '.join(findings)}")
+    if found:
+        raise CalibrationError(f"{'; '.join(found)}; correct the test stand's file, and record again")
