@@ -4,9 +4,9 @@ import numpy as np
 
 from firmware_interface.serial_frames import ELEMENTS
 from footsense.frames import Vector
-from footsense.sim.chips.electronics import WiredFoot
 from footsense.sim.chips.line_switch import LineStates
 from footsense.sim.chips.mcu import Elements, SimulatedRobotMcu
+from footsense.sim.faults.damage import WiredFoot
 from footsense.sim.robot import SimulatedRobot
 from footsense.sim.scene import Scene
 
@@ -42,7 +42,7 @@ def _measured(foot: WiredFoot, stray_pf: float) -> Elements:
         element_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)]
         return np.array(
             [
-                foot.damage.pin_pf(column, element_pf[column::_COLUMNS], states, t_ns)
+                foot.pin_pf(column, element_pf[column::_COLUMNS], states, t_ns)
                 for states in _ALONE
                 for column in range(_COLUMNS)
             ]

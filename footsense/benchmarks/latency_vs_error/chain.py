@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.chips import fdc1004
 from firmware_interface.schedule import scan_limits
+from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, Stamps, Vector
 from footsense.sim.loads.ground_load import GroundContact
@@ -92,6 +93,13 @@ def converted_pf(capacitance_pf: Vector, rate_sps: int, rng: np.random.Generator
     return quantized_pf
 
 
+def noise_rel(design: CapacitorDesign, rate_sps: int) -> float:
+    """Return the standard deviation of the distance of an unloaded element over its gap [1]."""
+    # dC / C = -d(distance) / distance.
+    rest_um = design.plate_distance_um(np.array([design.unloaded_pf]))[0]
+    return float(fdc1004.RATES[rate_sps].noise_ff * 1e-3 / design.unloaded_pf * rest_um / design.gap_um)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Readings:
     """Readings of some feet, conversion by conversion.
@@ -154,14 +162,11 @@ def convert(
     scanned = np.resize(order, n)[:, None, None]
     read_pf = converted_pf(np.take_along_axis(all_pf, scanned, axis=2)[..., 0], rate_sps, rng)
     design = foot.response.design
-    # dC / C = -d(distance) / distance.
-    rest_um = design.plate_distance_um(np.array([design.unloaded_pf]))[0]
-    noise_rel = fdc1004.RATES[rate_sps].noise_ff * 1e-3 / design.unloaded_pf * rest_um / design.gap_um
     return Readings(
         order=order,
         t_ns=t_ns,
         sent_ns=t_ns + lead_ns,
         distance_rel=design.plate_distance_um(read_pf) / design.gap_um,
         unloaded_rel=design.plate_distance_um(baseline_pf) / design.gap_um,
-        noise_rel=noise_rel,
+        noise_rel=noise_rel(design, rate_sps),
     )

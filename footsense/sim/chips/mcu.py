@@ -50,11 +50,7 @@ class SimulatedRobotMcu:
     """
 
     def __init__(
-        self,
-        legs: Mapping[str, Elements],
-        *,
-        step_us: int = 0,
-        noise: np.random.Generator | None = None,
+        self, legs: Mapping[str, Elements], *, step_us: int = 0, noise: np.random.Generator | None = None
     ) -> None:
         self._legs = dict(legs)
         self._step_us = step_us
