@@ -80,7 +80,9 @@ class Invariants(Observer):
         n_states: Number of leg frames by state.
     """
 
-    def __init__(self, rules: Rules, script: Sequence[Fault], true_force_at_time_n: Callable[[int], Vector]) -> None:
+    def __init__(
+        self, rules: Rules, script: Sequence[Fault], true_force_at_time_n: Callable[[int], Vector]
+    ) -> None:
         self._rules = rules
         self._true_force_at_time_n = true_force_at_time_n
         spans_of = [tolerated_spans_s(rules, script, leg) for leg in rules.legs]
