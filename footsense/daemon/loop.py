@@ -1,4 +1,4 @@
-"""The loop: read a scan, execute commands, estimate, publish, notify the observers.
+"""The loop: read a frame, execute commands, estimate, publish, notify the observers.
 
 It runs the same over hardware, over the simulator and over a recording; all that differs is behind its ports. The
 source sets the pace: a scanner waits for its conversions. Nothing else may run Python in this process while the loop
@@ -17,13 +17,13 @@ from footsense.ports import Clock, ForceSink, FrameSource, Observer, ReferenceSe
 
 @dataclass
 class Loop:
-    """Everything that a scan passes through; the caller closes its objects.
+    """Everything that a frame passes through; the caller closes its objects.
 
     Attributes:
         pipeline: Estimates the contact forces.
         sink: Takes forces, gives commands.
         observers: Notified of every cycle; more may be added between two runs.
-        clock: Clock of the scans' stamps.
+        clock: Clock of the frames' stamps.
         reference: Force sensor of a test stand.
         temperature_c: Returns the last temperature of each leg's converter [degC], shape (legs,), called once a cycle;
             None where no converter has a sensor.
@@ -40,7 +40,7 @@ class Loop:
         """Run cycles until the source ends or `stop` returns true.
 
         Args:
-            source: Source of scans.
+            source: Source of frames.
             stop: Stop condition, called once a cycle.
         """
         last_c: Vector | None = None
