@@ -62,7 +62,7 @@ def calls_per_conversion(n: int = _COUNTED) -> tuple[Calls, Calls]:
         TemporaryDirectory() as folder,
         open_service(DEFAULT, scene, real_time=False, record=Path(folder) / "walk.mcap") as service,
     ):
-        service.observers.append(RunStatistics(service.legs, service.true_force_n))
+        service.observers.append(RunStatistics(service.legs, service.true_force_at_time_n))
         service.run(_after(_WARM_UP))
         sys.setprofile(count)
         try:

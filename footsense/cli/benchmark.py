@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from footsense.benchmarks.cycle import cycle_figures
+from footsense.benchmarks.cycle import compare_cycle_durations
 from footsense.benchmarks.our_cycle import WARM_UP, recorded_frames
 from footsense.benchmarks.scan import age_ms, conversion_limit_ms, scan_figures
 from footsense.benchmarks.wakeup_latency import wakeup_latency_figures
@@ -50,7 +50,7 @@ def benchmark(*, as_json: bool, quick: bool, cycles: int | None) -> None:
         "age_ms": age_ms(),
     }
     scans = recorded_frames(WARM_UP + (cycles or (_QUICK_CYCLES if quick else _CYCLES)))
-    cycle = cycle_figures(scans)
+    cycle = compare_cycle_durations(scans)
     figures |= {
         "cycle_us": cycle,
         "cycle_over_c_floor": cycle.pop("cycle_over_c_floor"),
