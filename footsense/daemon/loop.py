@@ -5,6 +5,7 @@ source sets the pace: a scanner waits for its conversions. Nothing else may run 
 does: recorder and CAN log write in processes of their own, and metrics are served by another.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -36,15 +37,16 @@ class Loop:
     reference: ReferenceSensor | None = None
     temperature_c: Callable[[], Vector] | None = None
 
-    def run_on(self, source: FrameSource, stop: Callable[[], bool]) -> None:
-        """Run cycles until the source ends or `stop` returns true.
+    def run_on(self, source: FrameSource, stop: Callable[[], bool], until_ns: float = math.inf) -> None:
+        """Run cycles until the source ends, `stop` returns true, or the clock has reached a time.
 
         Args:
             source: Source of frames.
             stop: Stop condition, called once a cycle.
+            until_ns: Time of the end [ns].
         """
         last_c: Vector | None = None
-        while not stop():
+        while not stop() and self.clock.now_ns() < until_ns:
             scan = source.read()
             if scan is None:
                 return

@@ -66,7 +66,7 @@ class Service(Loop):
     def run(self, stop: Callable[[], bool] = bool, until_ns: float = math.inf) -> None:
         """Run until `stop` returns true, or until a time of the clock [ns]."""
         with gc_disabled():
-            self.run_on(self.source, lambda: stop() or self.clock.now_ns() >= until_ns)
+            self.run_on(self.source, stop, until_ns)
 
     def figures(self) -> dict[str, object]:
         """Return the counts of forces published, of frames sent, and of frames, commands and cycles lost."""
