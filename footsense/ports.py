@@ -212,7 +212,7 @@ class ForceSink(Protocol):
     """The sink of forces, and source of commands."""
 
     def publish(self, frame: ContactFrame) -> None:
-        """Send the forces of a cycle if they are due; what cannot be sent now is dropped and counted, never sent late."""
+        """Send the forces of a cycle if due; what cannot be sent now is dropped and counted, never sent late."""
         ...
 
     def commands(self) -> list[Command]:
