@@ -164,9 +164,7 @@ class Pipeline:
         missing = self._missing(elements, unloaded)
         closure_rel = unloaded.distance_rel[:, None] - readings.distance_rel
         measured_rel = closure_rel[:, 0]
-        consistency = self._consistency.test(
-            measured_rel, readings.motion_rel, readings.newest_rel, missing, now_ns
-        )
+        consistency = self._consistency.test(measured_rel, readings.motion_rel, missing, now_ns)
         if not consistency.ok:
             self._window.discard(consistency.missing & ~missing)
         consistency, lost = self._with_history(consistency, readings)

@@ -23,7 +23,6 @@ class Readings(NamedTuple):
         newest_ns: Time of each leg's newest reading [ns], shape (legs,); 0 without one.
         oldest_ns: Time of the oldest of the newest readings of each leg's whole elements [ns], shape (legs,).
         motion_rel: Second largest change of an element from one reading to the next [1], shape (legs,).
-        newest_rel: Change of the element that was read last [1], shape (legs,).
     """
 
     distance_rel: Vector
@@ -32,7 +31,6 @@ class Readings(NamedTuple):
     newest_ns: Stamps
     oldest_ns: Stamps
     motion_rel: Vector
-    newest_rel: Vector
 
 
 class ReadingWindow:
@@ -46,7 +44,6 @@ class ReadingWindow:
     def __init__(self, n_legs: int, scan_ns: int) -> None:
         self._distance_rel = np.full((n_legs, READINGS, ELEMENTS), np.nan)
         self._t_ns = np.zeros((n_legs, READINGS, ELEMENTS), np.int64)
-        self._legs = np.arange(n_legs)
         self._longest_ns = np.array(round(LONGEST_REL * scan_ns))
 
     def add(self, distance_rel: Vector, t_ns: Stamps) -> Readings:
@@ -78,7 +75,6 @@ class ReadingWindow:
             np.copyto(kept_rel[:, 2], kept_rel[:, 1], where=alone)
             np.copyto(kept_ns[:, 2], kept_ns[:, 1] - steps_ns[:, 0], where=alone)
             of_whole_ns = np.where(in_order[:, 0], kept_ns[:, 0], newest_ns[:, None])
-        newest_rel = moved_rel[self._legs, 0, kept_ns[:, 0].argmax(axis=1)]
         moved_rel = moved_rel.max(axis=1)
         moved_rel.partition(ELEMENTS - 2, axis=1)
         return Readings(
@@ -88,7 +84,6 @@ class ReadingWindow:
             newest_ns,
             of_whole_ns.min(axis=1),
             moved_rel[:, ELEMENTS - 2],
-            newest_rel,
         )
 
     def discard(self, elements: Mask) -> None:

@@ -49,7 +49,6 @@ class ConsistencyResult(NamedTuple):
     Attributes:
         missing: Elements that the network does without, shape (legs, 9): missing before, or isolated.
         inconsistency_rel: Sigma to add, over the force, for residuals without an excluded element, shape (legs,) [1].
-        unexplained: Legs with residuals that neither motion nor a missing element explains, shape (legs,).
         stuck: Excluded elements that do not follow the load, shape (legs, 9).
         drifting: Excluded elements that follow it with an offset, shape (legs, 9).
         ok: Whether every element is consistent, and none is missing, suspected or excluded.
@@ -57,7 +56,6 @@ class ConsistencyResult(NamedTuple):
 
     missing: Mask
     inconsistency_rel: Vector
-    unexplained: Mask
     stuck: Mask
     drifting: Mask
     ok: bool
@@ -81,7 +79,7 @@ class ConsistencyTest:
         self._residual_matrices = np.stack([self._residual_matrix(missing) for missing in MISSING_SETS])
         self._whole = np.ascontiguousarray(self._residual_matrices[0].T)
         self._residual_and_closure = np.hstack([self._whole, np.eye(ELEMENTS)])
-        self._no_inconsistency, self._no_leg = np.zeros(n_legs), np.zeros(n_legs, bool)
+        self._no_inconsistency = np.zeros(n_legs)
         self._all_trusted = True  # no element is suspected or excluded
         self._suspected = np.zeros(shape, bool)
         self._suspected_since_ns = np.zeros(n_legs, np.int64)
@@ -111,9 +109,7 @@ class ConsistencyTest:
         squares: Vector = both * both @ _SUMS_OF_BOTH
         return squares
 
-    def test(
-        self, closure_rel: Vector, motion_rel: Vector, newest_rel: Vector, missing: Mask, now_ns: int
-    ) -> ConsistencyResult:
+    def test(self, closure_rel: Vector, motion_rel: Vector, missing: Mask, now_ns: int) -> ConsistencyResult:
         """Test the elements of a frame.
 
         Args:
@@ -121,8 +117,6 @@ class ConsistencyTest:
                 tested.
             motion_rel: Second largest change of an element over its last readings [1], shape (legs,): one element
                 alone is no motion.
-            newest_rel: Change of the element that was read last [1], shape (legs,): whether it begins a motion or is
-                wrong, the next reading of another element will tell.
             missing: Missing elements, shape (legs, 9), `excluded` included.
             now_ns: Current time [ns].
         """
@@ -138,40 +132,25 @@ class ConsistencyTest:
             and not np.count_nonzero(missing)
         ):
             self._t_ns = now_ns
-            return ConsistencyResult(missing, self._no_inconsistency, self._no_leg, missing, missing, ok=True)
+            return ConsistencyResult(missing, self._no_inconsistency, missing, missing, ok=True)
         suspicious = ~consistent.all(axis=1) | missing.any(axis=1) | self._suspected.any(axis=1)
-        inconsistency_rel, unexplained = np.zeros(len(closure_rel)), np.zeros(len(closure_rel), bool)
+        inconsistency_rel = np.zeros(len(closure_rel))
         if suspicious.any():
             missing = missing.copy()
             for leg in np.flatnonzero(suspicious).tolist():
-                motion, newest = float(motion_rel[leg]), float(newest_rel[leg])
                 inconsistency_rel[leg] = self._test_leg(
-                    leg, closure_rel[leg], motion, newest, missing[leg], now_ns
-                )
-                unexplained[leg] = inconsistency_rel[leg] > 0.0 and (
-                    self._excess(closure_rel[leg], missing[leg], max(motion, newest)) > 1.0
+                    leg, closure_rel[leg], float(motion_rel[leg]), missing[leg], now_ns
                 )
         self._t_ns = now_ns
         self._all_trusted = not (self._suspected.any() or self._excluded.any())
         if self._excluded.any():
             self._stuck |= self._excluded & self._is_stuck()
         return ConsistencyResult(
-            missing,
-            inconsistency_rel,
-            unexplained,
-            self._stuck.copy(),
-            self._excluded & ~self._stuck,
-            ok=False,
+            missing, inconsistency_rel, self._stuck.copy(), self._excluded & ~self._stuck, ok=False
         )
 
     def _test_leg(
-        self,
-        leg: int,
-        closure_rel: Vector,
-        motion_rel: float,
-        newest_rel: float,
-        missing: Mask,
-        now_ns: int,
+        self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, now_ns: int
     ) -> float:
         """Add the isolated elements to `missing`, shape (9,), and return the inconsistency [1]."""
         if not np.isfinite(closure_rel[~missing]).all():
@@ -185,17 +164,15 @@ class ConsistencyTest:
             if self._excess(closure_rel, missing) <= 1.0:
                 self._suspected[leg] = False
             return 0.0
-        rms = float(np.sqrt(np.square(closure_rel[~missing]).mean()))
-        inconsistency_rel = float(
-            INCONSISTENCY_REL * excess * _limit(rms, motion_rel) / max(rms, RESIDUAL_LIMIT)
-        )
-        if self._excess(closure_rel, missing, max(motion_rel, newest_rel)) <= 1.0:
-            return inconsistency_rel
         isolated = self._isolate(closure_rel, missing, motion_rel)
         suspected = isolated & ~missing
         if not np.array_equal(suspected, self._suspected[leg]):
             self._suspected[leg], self._suspected_since_ns[leg] = suspected, now_ns
             self._extremes[:, 0, leg], self._extremes[:, 1, leg] = np.inf, -np.inf
+        rms = float(np.sqrt(np.square(closure_rel[~missing]).mean()))
+        inconsistency_rel = float(
+            INCONSISTENCY_REL * excess * _limit(rms, motion_rel) / max(rms, RESIDUAL_LIMIT)
+        )
         missing |= isolated
         if not suspected.any():
             return inconsistency_rel
