@@ -74,7 +74,8 @@ def test_another_input_or_output_is_refused_with_what_there_is(
             "type": (name, width, DOUBLE),
             "name": (f"{name}_2", width, FLOAT),
         }[wrong]
-    path = network_file(tmp_path, card(), **{f"{kind}s": values})
+    own_in, own_out = (values, ALL_OUT) if kind == "input" else (ALL_IN, values)
+    path = network_file(tmp_path, card(), inputs=own_in, outputs=own_out)
     with pytest.raises(ModelError) as caught:
         Network(path, 12)
     found = ", ".join(f"{name} [n, {width}] {TYPES[each]}" for name, width, each in values)

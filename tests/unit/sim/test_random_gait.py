@@ -42,7 +42,7 @@ def test_every_load_is_one_of_a_foot_on_the_ground(seed: int) -> None:
 def test_in_the_air_there_is_nothing(seed: int) -> None:
     """Before the first stance and between two: exactly no force, and before the first the normal is up."""
     normal, force_n = gait(seed).loads(T_S)
-    air = ~force_n.any(axis=1)
+    air = np.asarray(~force_n.any(axis=1))
     assert air[T_S < 0.1].all()
     np.testing.assert_array_equal(normal[air & (T_S < 0.1)], np.tile([0.0, 0.0, 1.0], ((T_S < 0.1).sum(), 1)))
 
