@@ -128,10 +128,14 @@ class RoughGait:
         rng: Source of the draws.
         max_n: Full load of the foot [N].
         duration_s: Time to fill with stances [s].
+        friction: Mean coefficient of kinetic friction: that of the other legs' ground; None to draw one.
     """
 
-    def __init__(self, rng: np.random.Generator, max_n: float, duration_s: float) -> None:
-        friction, is_soft = rng.uniform(*_FRICTION), bool(rng.random() < _SOFT_SHARE)
+    def __init__(
+        self, rng: np.random.Generator, max_n: float, duration_s: float, friction: float | None = None
+    ) -> None:
+        friction = rng.uniform(*_FRICTION) if friction is None else friction
+        is_soft = bool(rng.random() < _SOFT_SHARE)
         self._shake = SwingShake(rng, duration_s)
         self.stances: list[tuple[float, RoughStance]] = []
         start_s = rng.uniform(0.1, 0.25)
