@@ -23,7 +23,7 @@ from footsense.sim.scene_files import load_scene
 
 _SCANS = 40
 _HOST_COSTS_US = (0, 40, 100)
-#: Published frames of each leg of which the age is measured, after the tare.
+#: Forces of each leg of which the age is measured, after the tare.
 _AGES = 120
 
 _TWO_BUSES = replace(
@@ -102,12 +102,9 @@ def _best_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
     ).scan_ns
 
 
-def publish_age_ms() -> dict[str, dict[str, float]]:
-    """Return the age of forces at sending [ms] by publish mode, for one bus at 40 us per transaction."""
-    return {mode: _age_ms(replace(DEFAULT, publish=mode)) for mode in ("frame", "element")}
-
-
-def _age_ms(config: Config) -> dict[str, float]:
+def age_ms() -> dict[str, float]:
+    """Return the age of the newest reading at sending [ms], for one bus at 40 us per transaction."""
+    config = DEFAULT
     scene = replace(load_scene("tripod"), host_cost_us=40.0)
     ages_ns: list[int] = []
     with open_scan_source(config, scene) as scan_source:

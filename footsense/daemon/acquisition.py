@@ -41,7 +41,7 @@ class ScanSource:
         clock: Clock of its time stamps.
         frames_per_scan: Frames in which every element is read once: nine single conversions, or a whole scan.
         response_sha256: Hash of the response table of the simulated feet, None on a real robot.
-        true_force_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
+        true_force_at_time_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
         wakeups: Wake-up latency of the thread of each bus; none in virtual time.
         temperature_c: Returns the temperature of each leg's converter [degC], shape (legs,), NaN for none; None where
             no converter has a sensor.
@@ -51,7 +51,7 @@ class ScanSource:
     clock: Clock
     frames_per_scan: int = 1
     response_sha256: str | None = None
-    true_force_n: Callable[[int], Vector] | None = None
+    true_force_at_time_n: Callable[[int], Vector] | None = None
     wakeups: tuple[WakeupLatency, ...] = ()
     temperature_c: Callable[[], Vector] | None = None
 
@@ -165,7 +165,7 @@ def open_scan_source(config: Config, scene: Scene | None) -> Iterator[ScanSource
                 opened,
                 clock=robot.clock,
                 response_sha256=robot.response_sha256,
-                true_force_n=robot.true_force_n,
+                true_force_at_time_n=robot.true_force_at_time_n,
                 wakeups=(),
             )
         yield opened

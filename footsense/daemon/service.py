@@ -46,7 +46,7 @@ class Service(Loop):
 
     Attributes:
         legs: Names of the legs in the order of the rows of every frame.
-        true_force_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
+        true_force_at_time_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
         source: Source of scans, paced by the wall clock if a simulation has to be.
         network: The network in use.
         recorder: Recorder, if the run is recorded.
@@ -57,7 +57,7 @@ class Service(Loop):
     observers: list[Observer]
     reference: "StandSensor | None"
     legs: tuple[str, ...]
-    true_force_n: Callable[[int], Vector] | None
+    true_force_at_time_n: Callable[[int], Vector] | None
     source: FrameSource
     network: Network
     recorder: Recorder | None
@@ -154,7 +154,7 @@ def open_service(
             stack.enter_context(closing_at_end(observer.close))
         yield Service(
             legs=legs,
-            true_force_n=scan.true_force_n,
+            true_force_at_time_n=scan.true_force_at_time_n,
             source=source,
             network=models.network,
             pipeline=pipeline_for(models, flags),

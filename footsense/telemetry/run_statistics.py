@@ -25,12 +25,12 @@ class RunStatistics(Observer):
 
     Args:
         legs: Name of the leg in each row of the frames.
-        true_force_n: Returns the true force on each foot at a time [ns -> N, shape (legs, 3)]; None if unknown.
+        true_force_at_time_n: Returns the true force on each foot at a time [ns -> N, shape (legs, 3)]; None if unknown.
     """
 
-    def __init__(self, legs: tuple[str, ...], true_force_n: Callable[[int], Vector] | None) -> None:
+    def __init__(self, legs: tuple[str, ...], true_force_at_time_n: Callable[[int], Vector] | None) -> None:
         self._legs = legs
-        self._true_force_n = true_force_n
+        self._true_force_at_time_n = true_force_at_time_n
         self._cycles = 0
         self._first_ns = self._last_ns = 0
         self._states = np.zeros((len(legs), len(State)), np.int64)
@@ -51,8 +51,8 @@ class RunStatistics(Observer):
         if not valid.any():
             return
         self._age_ms.add(np.asarray(forces.age_ns[valid] * 1e-6, np.float64))
-        if self._true_force_n is not None:
-            self._compare(forces.force_n[valid], self._true_force_n(forces.t_sent_ns)[valid])
+        if self._true_force_at_time_n is not None:
+            self._compare(forces.force_n[valid], self._true_force_at_time_n(forces.t_sent_ns)[valid])
 
     def _compare(self, estimate_n: Vector, true_n: Vector) -> None:
         self._squared_n2 += np.square(estimate_n - true_n).sum(axis=0)
@@ -73,7 +73,7 @@ class RunStatistics(Observer):
             },
             "faults": int(self._states.sum() - self._states[:, sorted(FAULT_FREE)].sum()),
         }
-        if self._true_force_n is not None:
+        if self._true_force_at_time_n is not None:
             rmse_n = np.sqrt(self._squared_n2 / self._valid).tolist() if self._valid else [None] * 3
             summary["force_rmse_n"] = dict(zip("xyz", rmse_n, strict=True))
             summary["direction_error_deg"] = {

@@ -65,7 +65,7 @@ class Invariants(Observer):
     Args:
         rules: Limits of the walk.
         script: Faults of the walk.
-        true_force_n: Returns the true force on every foot at a time [ns -> N, shape (legs, 3)].
+        true_force_at_time_n: Returns the true force on every foot at a time [ns -> N, shape (legs, 3)].
 
     Attributes:
         recovered_s: Time from which every leg has to be usable for good [s].
@@ -80,9 +80,11 @@ class Invariants(Observer):
         n_states: Number of cycles of a leg by state.
     """
 
-    def __init__(self, rules: Rules, script: Sequence[Fault], true_force_n: Callable[[int], Vector]) -> None:
+    def __init__(
+        self, rules: Rules, script: Sequence[Fault], true_force_at_time_n: Callable[[int], Vector]
+    ) -> None:
         self._rules = rules
-        self._true_force_n = true_force_n
+        self._true_force_at_time_n = true_force_at_time_n
         spans_of = [tolerated_spans_s(rules, script, leg) for leg in rules.legs]
         self._tolerated = [Schedule((span_s, span_s) for span_s in spans_s) for spans_s in spans_of]
         self.recovered_s = max((until_s for spans_s in spans_of for _, until_s in spans_s), default=0.0)
@@ -133,7 +135,7 @@ class Invariants(Observer):
             elif t_s - self._good_s[leg] > self._on_time_s + self._delay_s(self._good_s[leg], t_s):
                 detail = f"{State(state).name}, cause {frame.cause[leg]}"
                 self._violate("the other legs go on", t_s, name, detail)
-        self._check_errors(frame, [leg for leg in range(len(usable)) if usable[leg]], force_n, sigma_n)
+        self._check_errors(frame, np.flatnonzero(usable).tolist())
 
     def on_delivered(self, t_ns: int, handed_ns: int, frame: bytes) -> None:
         """Check a frame that reached the other nodes on CAN.
@@ -177,23 +179,16 @@ class Invariants(Observer):
     def _delay_s(self, from_s: float, until_s: float) -> float:
         """Return the tolerated delay of a frame by faults of a bus [s]."""
         return sum(
-            delay_s for begin_s, end_s, delay_s in self._delays_s if begin_s <= until_s and from_s <= end_s
+            delay_s for start_s, end_s, delay_s in self._delays_s if start_s <= until_s and from_s <= end_s
         )
 
-    def _check_errors(
-        self,
-        frame: ContactFrame,
-        usable: Sequence[int],
-        force_n: list[list[float]],
-        sigma_n: list[list[float]],
-    ) -> None:
+    def _check_errors(self, frame: ContactFrame, usable: Sequence[int]) -> None:
         """Count errors beyond 5 sigma of the legs that have a force."""
-        true_n = self._true_force_n(frame.t_sent_ns).tolist()
+        true_n = self._true_force_at_time_n(frame.t_sent_ns)
         self.n_checked += len(usable)
         for leg in usable:
-            for axis, true_axis_n in enumerate(true_n[leg]):
-                if abs(force_n[leg][axis] - true_axis_n) > _SIGMAS * sigma_n[leg][axis]:
-                    self.n_beyond[axis] += 1
+            error_n = np.abs(frame.force_n[leg] - true_n[leg])
+            self.n_beyond += error_n > _SIGMAS * frame.sigma_n[leg]
 
     def _check_age_on_wire(self, can_id: int, data: bytes, wait_ns: int, t_s: float) -> None:
         quality = decode_quality(can_id, data)

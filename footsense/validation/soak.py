@@ -152,9 +152,9 @@ def _walk(
 ) -> tuple[Invariants, tuple[float, float]]:
     """Walk up to a time [s]; return the checks, and the memory after the first minutes and at the end [MiB]."""
     with open_service(config, scene, real_time=False) as running:
-        assert running.true_force_n is not None, "a scene is simulated"
+        assert running.true_force_at_time_n is not None, "a scene is simulated"
         assert running.can is not None, "the scene has traffic on CAN"
-        checks = Invariants(rules, scene.faults, running.true_force_n)
+        checks = Invariants(rules, scene.faults, running.true_force_at_time_n)
         running.observers.append(checks)
         running.can.controller.on_delivered = checks.on_delivered
         running.run(until_ns=min(_WARM_S, until_s) * _NS_PER_S)

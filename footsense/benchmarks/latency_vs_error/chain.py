@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.chips import fdc1004
 from firmware_interface.schedule import scan_limits
+from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, Stamps, Vector
 from footsense.sim.loads.ground_load import GroundContact
@@ -89,6 +90,13 @@ def converted_pf(capacitance_pf: Vector, rate_sps: int, rng: np.random.Generator
     codes_per_pf = fdc1004.CODES_PER_PF / ((1 << 8) if rate_sps == _ONE_REGISTER_SPS else 1)
     quantized_pf: Vector = np.floor(noisy_pf * codes_per_pf) / codes_per_pf
     return quantized_pf
+
+
+def noise_rel(design: CapacitorDesign, rate_sps: int) -> float:
+    """Return the standard deviation of the distance of an unloaded element over its gap [1]."""
+    # dC / C = -d(distance) / distance.
+    rest_um = design.plate_distance_um(np.array([design.unloaded_pf]))[0]
+    return float(fdc1004.RATES[rate_sps].noise_ff * 1e-3 / design.unloaded_pf * rest_um / design.gap_um)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -206,8 +206,8 @@ class ContactDetector:
         self._lifted_ns = self._window_start_ns = t_ns
         self.noise.interrupt(t_ns)
         self.predicted_noise.interrupt(t_ns)
-        # A foot can be pressed, not pulled: a load below the baseline's error is the overshoot of the parabola through
-        # the lift-off, and a floor there would turn the next reading into a touchdown.
+        # A foot can be pressed, not pulled: a floor below the baseline's error would turn the next reading into a
+        # touchdown.
         self.floor_n = max(load_n, -baseline_n)
         self._highest_before_n = self._highest_n = self.floor_n
 

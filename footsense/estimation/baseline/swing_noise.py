@@ -1,15 +1,19 @@
 """Threshold of contact from the noise and the shake that a signal shows in swing.
 
-The peaks of short blocks of swing are kept, but for the blocks just before a touchdown, which may hold its rise. The
-threshold is the mean peak and five of their standard deviations, or a little over the highest peak of the last minutes.
+The peaks of short blocks of swing are kept, but for the blocks just before a touchdown, which may hold its rise, and
+for those from which the signal does not come back: shake passes, a load that comes slowly stays. The threshold is the
+mean peak and five of their standard deviations, or a little over the highest peak of the last minutes.
 """
 
 import math
+from collections import deque
 
 #: Length of a block: about a scan [ns].
 _BLOCK_NS = 25_000_000
-#: Blocks that wait: the rise of a slow touchdown is not noise.
-_WAITING = 2
+#: Blocks that wait at least, as the rise of a slow touchdown is not noise, and in which shake has to come back.
+_WAITING, _LONGEST = 2, 12
+#: Share of the threshold below which the signal has come back [1].
+_BACK_REL = 1 / 3
 #: Blocks after which the measured threshold applies, and over which peaks are averaged.
 _LEAST, _AVERAGED = 20, 400.0
 #: Standard deviations of the peaks above their mean; the same at most, however high one peak was.
@@ -40,21 +44,22 @@ class SwingNoise:
 
     def interrupt(self, t_ns: int) -> None:
         """Drop the blocks that wait: the foot touches, or swings again from `t_ns` [ns] on."""
-        self._waiting: list[float] = []
-        self._peak_n = -math.inf
+        self._waiting: deque[float] = deque(maxlen=_LONGEST)
+        self._peak_n, self._lowest_n = -math.inf, math.inf
         self._end_ns = t_ns + _BLOCK_NS
 
     def observe(self, above_n: float, t_ns: int) -> None:
         """Add the signal of a foot in swing: load above the floor [N], and its time [ns]."""
-        self._peak_n = max(self._peak_n, above_n)
+        self._peak_n, self._lowest_n = max(self._peak_n, above_n), min(self._lowest_n, above_n)
         if t_ns < self._end_ns:
             return
         waiting = self._waiting
+        is_back = self._lowest_n < _BACK_REL * self.threshold_n
         if self._peak_n > -math.inf:
             waiting.append(max(self._peak_n, 0.0))
-        self._peak_n, self._end_ns = -math.inf, t_ns + _BLOCK_NS
-        if len(waiting) > _WAITING:
-            self.learn(waiting.pop(0))
+        self._peak_n, self._lowest_n, self._end_ns = -math.inf, math.inf, t_ns + _BLOCK_NS
+        while is_back and len(waiting) > _WAITING:
+            self.learn(waiting.popleft())
 
     def learn(self, peak_n: float) -> None:
         """Add the peak [N] of a block of swing."""

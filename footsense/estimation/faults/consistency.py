@@ -21,7 +21,7 @@ import numpy as np
 
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import MISSING_SETS
-from footsense.frames import ELEMENTS, Mask, Stamps, Vector
+from footsense.frames import ELEMENTS, Mask, Vector
 
 #: Limit of an element's residual: over its gap [1], and over the root mean square of the others [1].
 RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL = 0.03, 0.4
@@ -86,7 +86,7 @@ class ConsistencyTest:
         self._excluded = np.zeros(shape, bool)
         self._stuck = np.zeros(shape, bool)
         self._consistent_ns = np.zeros((n_legs, 2), np.int64)  # unloaded, loaded
-        self._t_ns = np.zeros(n_legs, np.int64)
+        self._t_ns = 0
         # Of each element's measured and predicted closures: the smallest and the largest.
         self._extremes = np.zeros((2, 2, *shape))
 
@@ -109,7 +109,7 @@ class ConsistencyTest:
         squares: Vector = both * both @ _SUMS_OF_BOTH
         return squares
 
-    def test(self, closure_rel: Vector, motion_rel: Vector, missing: Mask, t_ns: Stamps) -> ConsistencyResult:
+    def test(self, closure_rel: Vector, motion_rel: Vector, missing: Mask, now_ns: int) -> ConsistencyResult:
         """Test the elements of a frame.
 
         Args:
@@ -118,7 +118,7 @@ class ConsistencyTest:
             motion_rel: Second largest change of an element over its last readings [1], shape (legs,): one element
                 alone is no motion.
             missing: Missing elements, shape (legs, 9), `excluded` included.
-            t_ns: Time of the frame for each leg [ns], shape (legs,).
+            now_ns: Current time [ns].
         """
         residual = np.abs(closure_rel @ self._whole)
         sum_rel2 = np.add.reduce(closure_rel * closure_rel, axis=1, keepdims=True)
@@ -131,7 +131,7 @@ class ConsistencyTest:
             and np.count_nonzero(consistent) == consistent.size
             and not np.count_nonzero(missing)
         ):
-            self._t_ns = t_ns
+            self._t_ns = now_ns
             return ConsistencyResult(missing, self._no_inconsistency, missing, missing, ok=True)
         suspicious = ~consistent.all(axis=1) | missing.any(axis=1) | self._suspected.any(axis=1)
         inconsistency_rel = np.zeros(len(closure_rel))
@@ -139,9 +139,9 @@ class ConsistencyTest:
             missing = missing.copy()
             for leg in np.flatnonzero(suspicious).tolist():
                 inconsistency_rel[leg] = self._test_leg(
-                    leg, closure_rel[leg], float(motion_rel[leg]), missing[leg], int(t_ns[leg])
+                    leg, closure_rel[leg], float(motion_rel[leg]), missing[leg], now_ns
                 )
-        self._t_ns = t_ns
+        self._t_ns = now_ns
         self._all_trusted = not (self._suspected.any() or self._excluded.any())
         if self._excluded.any():
             self._stuck |= self._excluded & self._is_stuck()
@@ -149,12 +149,14 @@ class ConsistencyTest:
             missing, inconsistency_rel, self._stuck.copy(), self._excluded & ~self._stuck, ok=False
         )
 
-    def _test_leg(self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, t_ns: int) -> float:
+    def _test_leg(
+        self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, now_ns: int
+    ) -> float:
         """Add the isolated elements to `missing`, shape (9,), and return the inconsistency [1]."""
         if not np.isfinite(closure_rel[~missing]).all():
             return 0.0
         if self._excluded[leg].any():
-            self._readmit(leg, closure_rel, motion_rel, missing, t_ns)
+            self._readmit(leg, closure_rel, motion_rel, missing, now_ns)
             self._widen_ranges(leg, closure_rel, missing)
         excess = self._excess(closure_rel, missing, motion_rel)
         if excess <= 1.0:
@@ -165,7 +167,7 @@ class ConsistencyTest:
         isolated = self._isolate(closure_rel, missing, motion_rel)
         suspected = isolated & ~missing
         if not np.array_equal(suspected, self._suspected[leg]):
-            self._suspected[leg], self._suspected_since_ns[leg] = suspected, t_ns
+            self._suspected[leg], self._suspected_since_ns[leg] = suspected, now_ns
             self._extremes[:, 0, leg], self._extremes[:, 1, leg] = np.inf, -np.inf
         rms = float(np.sqrt(np.square(closure_rel[~missing]).mean()))
         inconsistency_rel = float(
@@ -175,19 +177,19 @@ class ConsistencyTest:
         if not suspected.any():
             return inconsistency_rel
         self._widen_ranges(leg, closure_rel, missing)
-        if t_ns - self._suspected_since_ns[leg] < self._settled_ns:
+        if now_ns - self._suspected_since_ns[leg] < self._settled_ns:
             return inconsistency_rel
         self._excluded[leg] |= suspected
         self._suspected[leg] = False
         self._consistent_ns[leg] = 0
         return 0.0
 
-    def _readmit(self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, t_ns: int) -> None:
+    def _readmit(self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, now_ns: int) -> None:
         """Count the time for which excluded elements have been consistent, and readmit them after a while."""
         excluded = self._excluded[leg]
         if not np.isfinite(closure_rel[excluded]).all():
             return
-        elapsed_ns = min(t_ns - int(self._t_ns[leg]), self._settled_ns)
+        elapsed_ns = min(now_ns - self._t_ns, self._settled_ns)
         if self._excess(closure_rel, missing & ~excluded, motion_rel) > 1.0:
             # Not all at once: a load in motion is not over at once.
             self._consistent_ns[leg] = np.maximum(self._consistent_ns[leg] - LOSS_RATE * elapsed_ns, 0)

@@ -91,7 +91,7 @@ class ElementClassifier:
         faulty = opened | excluded
         # Pressed or shorted? The other closures tell, and without a baseline there are none.
         missing = missing_elements(faulty | over_range & np.isnan(baseline_pf))
-        # A parabola through an unsettled reading would take the element's return for a load.
+        # In the window, an unsettled reading would be a step of the load.
         settled_pf = np.where(unsettled, np.nan, capacitance_pf)
         return ElementStatus(settled_pf, opened, over_range, faulty, missing, ok=False)
 
@@ -210,6 +210,6 @@ class LegClassifier:
             usable=_IS_USABLE[state],
             fault_mask=fault_mask((reading != 0) | faulty | closed),
             cause=causes(reading, state, faults, drift_cause),
-            t_ns=np.where(readings.oldest_ns > 0, readings.newest_ns, 0),
+            t_ns=readings.newest_ns,
             healthy=False,
         )

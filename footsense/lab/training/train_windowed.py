@@ -34,9 +34,10 @@ from footsense.lab.training.windowed_network import (
 )
 
 #: Share of the windows with something missing, and of those of feet at rest.
-_MASKED_SHARE, _REST_SHARE = 0.15, 0.25
-#: Tempering of the likelihood, and weight of the squared error over the squared force beside it, as in `train`.
-_TEMPERING, _SQUARED = 0.25, 100.0
+_MASKED_SHARE, _REST_SHARE = 0.15, 0.3
+#: Tempering of the likelihood as in `train`, and weight of the squared error over the squared force beside it: lower
+#: than there, as sudden steps, which nothing can tell, would dominate.
+_TEMPERING, _SQUARED = 0.25, 10.0
 #: Weight of contact point and friction ratio, and normal force from which they are learnt [N].
 _CONTACT_WEIGHT, _LOADED_N = 0.25, 0.02
 #: Shares of the windows in the air, just after lift-off and long after, that are used.
@@ -58,10 +59,10 @@ class WindowProtocol:
         seed: Seed of start weights, batches and masks.
     """
 
-    channels: int = 32
-    steps: int = 60_000
-    batch: int = 512
-    rate: float = 1e-2
+    channels: int = 40
+    steps: int = 120_000
+    batch: int = 1024
+    rate: float = 5e-3
     min_force_n: float = 0.3
     seed: int = 20090304
 

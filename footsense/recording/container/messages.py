@@ -50,6 +50,11 @@ _NAMES = {
     if field.names is not None
 }
 _CODES = {names: {name: code for code, name in of_code.items()} for names, of_code in _NAMES.items()}
+# Names in recordings of earlier versions.
+_CODES[BaselineStatus] |= {
+    "TOO_FAR": BaselineStatus.DRIFT_TOO_LARGE,
+    "TOO_FAST": BaselineStatus.DRIFT_TOO_FAST,
+}
 
 _SCAN_FIELDS = {path: field for path, field in FIELDS.items() if path.startswith("scan.")}
 _FORCE_FIELDS = {path: field for path, field in FIELDS.items() if path not in _SCAN_FIELDS}

@@ -82,9 +82,9 @@ def walk(*faults: Fault, config: Config = DEFAULT, effects: Effects = WALK.effec
     with open_service(config, scene, real_time=False) as running:
         running.observers.append(observer)
         running.run(until_ns=DURATION_S * 1e9)
-        true_force_n = running.true_force_n
-        assert true_force_n is not None, "a scene is simulated"
+        true_force_at_time_n = running.true_force_at_time_n
+        assert true_force_at_time_n is not None, "a scene is simulated"
         frames = observer.frames
-        true_n = [true_force_n(frame.t_sent_ns) for frame in frames]
+        true_n = [true_force_at_time_n(frame.t_sent_ns) for frame in frames]
     arrays = {name: np.array([getattr(frame, name) for frame in frames]) for name in _KEPT}
     return PublishedWalk(legs=running.legs, true_force_n=np.array(true_n), **arrays)

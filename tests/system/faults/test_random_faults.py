@@ -18,7 +18,13 @@ from footsense.sim.scene import Scene
 from footsense.sim.scene_effects import Effects
 from footsense.sim.scene_loads import Tripod
 from footsense.validation.invariants import Invariants
-from footsense.validation.random_faults import GRADES_REL, IDS, ON_CAN, ON_ROBOT, fault_of
+from footsense.validation.random_faults import (
+    ON_CAN,
+    ON_ROBOT,
+    OTHER_CAN_IDS,
+    READ_ERROR_RATES_REL,
+    transient_fault,
+)
 from footsense.validation.tolerances import Rules
 
 #: Half of the legs in half of the time: one steps while the other two carry.
@@ -45,7 +51,7 @@ lengths = st.floats(0.002, 0.6).map(lambda t_s: round(t_s, 3))
 def faults(draw: st.DrawFn) -> list[Fault]:
     """A fault of any kind that passes."""
     at_s = draw(times)
-    return fault_of(
+    return transient_fault(
         draw(st.sampled_from(ON_ROBOT + ON_CAN)),
         leg=draw(st.sampled_from(LEGS)),
         at_s=at_s,
@@ -53,10 +59,10 @@ def faults(draw: st.DrawFn) -> list[Fault]:
         element=draw(st.integers(0, 8)),
         row=draw(st.integers(0, 2)),
         column=draw(st.integers(0, 2)),
-        rate_rel=draw(st.sampled_from(GRADES_REL)),
+        rate_rel=draw(st.sampled_from(READ_ERROR_RATES_REL)),
         rate_ff_per_s=draw(st.floats(-800.0, 800.0)),
         unplugged=draw(st.booleans()),
-        can_id=draw(st.sampled_from(IDS)),
+        can_id=draw(st.sampled_from(OTHER_CAN_IDS)),
         rate_hz=draw(st.floats(1.0, 1800.0)),
     )
 
@@ -113,9 +119,9 @@ def walk(publish_every: int, script: list[Fault]) -> Invariants:
     )
     scene = msgspec.structs.replace(SCENE, faults=tuple(script))
     with open_service(config, scene, real_time=False) as service:
-        assert service.true_force_n is not None
+        assert service.true_force_at_time_n is not None
         assert service.can is not None
-        seen = Invariants(rules, script, service.true_force_n)
+        seen = Invariants(rules, script, service.true_force_at_time_n)
         service.can.controller.on_delivered = seen.on_delivered
         ends_s = max(seen.recovered_s, ends_s + 2.1, TARED_S)
         tail = Tail(ends_s)

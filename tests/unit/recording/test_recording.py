@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from footsense.errors import RecordingError
-from footsense.frames import Cause, CommandResult, Cycle, Result
+from footsense.frames import BaselineStatus, Cause, CommandResult, Cycle, Result
 from footsense.recording.compare import compare, same_machine
 from footsense.recording.container import messages
 from footsense.recording.container.mcap_writer import McapFile
@@ -247,6 +247,18 @@ def test_a_recording_with_the_older_names_is_the_same() -> None:
     forces = cycle(0).forces._replace(cause=np.full(len(LEGS), Cause.BUS_STUCK, np.uint8))
     data = messages.encode_force(forces, LEGS)
     old = data.replace(b'"baseline_', b'"zero_').replace(b"BUS_STUCK", b"LINE_HELD")
+    assert old != data
+    assert compare(forces, messages.decode_force(old, LEGS), exact=True, legs=LEGS) is None
+
+
+@pytest.mark.parametrize(("older", "name"), [("TOO_FAR", "DRIFT_TOO_LARGE"), ("TOO_FAST", "DRIFT_TOO_FAST")])
+def test_a_baseline_status_by_its_older_name_is_read(older: str, name: str) -> None:
+    """Recordings are written with the present name only."""
+    forces = cycle(0).forces
+    status = np.full(len(LEGS), BaselineStatus[name], np.uint8)
+    forces = forces._replace(baseline=forces.baseline._replace(status=status))
+    data = messages.encode_force(forces, LEGS)
+    old = data.replace(name.encode(), older.encode())
     assert old != data
     assert compare(forces, messages.decode_force(old, LEGS), exact=True, legs=LEGS) is None
 
