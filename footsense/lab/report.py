@@ -23,6 +23,7 @@ from footsense.lab.template import render
 _LAB_STUDIES = {
     "released": "accuracy.released",
     "gaits": "accuracy.gaits",
+    "gait-semantics": "accuracy.gait_semantics",
     "sensors": "accuracy.sensors",
     "paper-procedure": "networks.paper_procedure",
     "hidden-layers": "networks.hidden_layers",
