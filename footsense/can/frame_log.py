@@ -1,8 +1,8 @@
 """The log of sent CAN frames: checks of its file, and the loop's end of the pipe to its writer.
 
 A busy disk or an absent network drive makes a writer wait, so a process of its own writes the file (`log_writer`), and
-the loop copies a scan's frames into a pipe with one system call. In virtual time the loop waits for room there; in real
-time it never does, and frames without room are counted.
+the loop copies a cycle's frames into a pipe with one system call. In virtual time the loop waits for room there; in
+real time it never does, and frames without room are counted.
 """
 
 import logging

@@ -1,4 +1,4 @@
-"""The daemon, put together: scans in, forces out, and the observers of both."""
+"""The daemon, put together: readings in, forces out, and the observers of both."""
 
 import logging
 import math
@@ -47,7 +47,7 @@ class Service(Loop):
     Attributes:
         legs: Names of the legs in the order of the rows of every frame.
         true_force_at_time_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
-        source: Source of scans, paced by the wall clock if a simulation has to be.
+        source: Source of frames, paced by the wall clock if a simulation has to be.
         network: The network in use.
         recorder: Recorder, if the run is recorded.
         can: Simulated CAN interface of a scene with CAN faults.
@@ -66,7 +66,7 @@ class Service(Loop):
     def run(self, stop: Callable[[], bool] = bool, until_ns: float = math.inf) -> None:
         """Run until `stop` returns true, or until a time of the clock [ns]."""
         with gc_disabled():
-            self.run_on(self.source, lambda: stop() or self.clock.now_ns() >= until_ns)
+            self.run_on(self.source, stop, until_ns)
 
     def figures(self) -> dict[str, object]:
         """Return the counts of forces published, of frames sent, and of frames, commands and cycles lost."""

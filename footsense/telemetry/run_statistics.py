@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from footsense.foot.directions import angles_between_deg
-from footsense.frames import FAULT_FREE, USABLE, Cycle, State, Vector
+from footsense.frames import FAULT_FREE, USABLE, Cycle, Stamps, State, Vector
 from footsense.ports import Observer
 from footsense.telemetry.histogram import Histogram
 
@@ -18,6 +18,8 @@ LOADED_N = 0.1
 
 _DIRECTION_BIN_DEG = 0.02
 _AGE_BIN_MS = 0.05
+#: Cycles that are kept before they are added to the tables.
+_KEPT_CYCLES = 256
 
 
 class RunStatistics(Observer):
@@ -38,6 +40,8 @@ class RunStatistics(Observer):
         self._direction_deg = Histogram(_DIRECTION_BIN_DEG, 180.0)
         self._squared_n2 = np.zeros(3)
         self._valid = 0
+        self._ages_ns: list[Stamps] = []
+        self._pairs_n: list[tuple[Vector, Vector]] = []
 
     def observe(self, cycle: Cycle) -> None:
         """Add one cycle to the statistics of the run."""
@@ -50,18 +54,28 @@ class RunStatistics(Observer):
         valid = np.isin(forces.state, list(USABLE))
         if not valid.any():
             return
-        self._age_ms.add(np.asarray(forces.age_ns[valid] * 1e-6, np.float64))
+        self._ages_ns.append(forces.age_ns[valid])
         if self._true_force_at_time_n is not None:
-            self._compare(forces.force_n[valid], self._true_force_at_time_n(forces.t_sent_ns)[valid])
+            self._pairs_n.append((forces.force_n[valid], self._true_force_at_time_n(forces.t_sent_ns)[valid]))
+        if len(self._ages_ns) >= _KEPT_CYCLES:
+            self._count()
 
-    def _compare(self, estimate_n: Vector, true_n: Vector) -> None:
-        self._squared_n2 += np.square(estimate_n - true_n).sum(axis=0)
-        self._valid += len(estimate_n)
-        loaded = (np.linalg.norm(true_n, axis=1) >= LOADED_N) & estimate_n.any(axis=1)
-        self._direction_deg.add(angles_between_deg(true_n[loaded], estimate_n[loaded]))
+    def _count(self) -> None:
+        """Add the kept cycles to the tables: all at once costs a tenth of one by one."""
+        if self._ages_ns:
+            self._age_ms.add(np.asarray(np.concatenate(self._ages_ns) * 1e-6, np.float64))
+        if self._pairs_n:
+            estimate_n, true_n = (np.concatenate(part) for part in zip(*self._pairs_n, strict=True))
+            self._squared_n2 += np.square(estimate_n - true_n).sum(axis=0)
+            self._valid += len(estimate_n)
+            loaded = (np.linalg.norm(true_n, axis=1) >= LOADED_N) & estimate_n.any(axis=1)
+            self._direction_deg.add(angles_between_deg(true_n[loaded], estimate_n[loaded]))
+        self._ages_ns.clear()
+        self._pairs_n.clear()
 
     def summary(self) -> dict[str, object]:
         """Return the statistics as plain values; None for a figure without samples."""
+        self._count()
         span_s = (self._last_ns - self._first_ns) * 1e-9
         summary: dict[str, object] = {
             "cycles": self._cycles,
