@@ -72,7 +72,7 @@ class LegGait:
                 self.contact = self.raw = False
             return []
         back_dating, was = self._back_dating, self.contact
-        back_dating.add(now_ns, above_n)
+        back_dating.add(now_ns, above_n, contact.load_n - contact.floor_n)
         self.contact, self.raw = contact.in_contact, contact.raw
         noise, predicted = contact.noise, contact.predicted_noise
         self.probability = _probability(
@@ -86,7 +86,7 @@ class LegGait:
             if not was:
                 return []
             self._slip.lift()
-            dated = back_dating.lift_off(predicted.threshold_n)
+            dated = back_dating.lift_off()
             self.lift_off = BackDated(max(dated.t_ns, self.touchdown.t_ns + 1), dated.sigma_s)
             return [(EventKind.LIFT_OFF, self.lift_off)]
         self.ground = ground_of(force_n, sigma_n, point, point_sigma)

@@ -27,6 +27,8 @@ FRICTION_N, NORMAL_N = 0.3, 0.5
 SLID_MM, STUCK_MM = 5.0, 0.3
 #: A slip is false if friction use stayed so far below the ground's coefficient for the last conversions.
 BELOW, LATELY = 0.05, 30
+#: Touchdowns that were said later do not count in the error of the back-dated time [ms].
+_PROMPT_MS = 60.0
 #: Time after a stance in which a word belongs to it [s].
 _AFTER_S = 0.08
 
@@ -43,7 +45,7 @@ class Results:
         delay_p95_ms: The same, 95th percentile [ms].
         missed_touchdowns: Share never said [1].
         false_touchdowns: In swing, in all.
-        touchdown_ms: Error of the back-dated time, rms [ms].
+        touchdown_ms: Error of the back-dated time of those said promptly, rms [ms].
         touchdown_sigmas: The same over its sigma, rms [1].
         n_lift_offs: Lift-offs that were said.
         lift_off_ms: Error of the back-dated time, rms [ms].
@@ -177,7 +179,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     downs = np.array([row for one in flanks for row in one.touchdowns])
     ups = np.array([row for one in flanks for row in one.lift_offs])
     ways_mm = np.array([way for one in slips for way in one.ways_mm])
-    down_ms, up_ms = downs[np.isfinite(downs[:, 0])], ups[np.isfinite(ups[:, 0])]
+    down_ms, up_ms = downs[downs[:, 0] < _PROMPT_MS], ups[np.isfinite(ups[:, 0])]
     frictions, normals_deg, stands, contacts = [], [], [], []
     for one in walks:
         use, pressing_n = _use(one.force_n, one.normal)
