@@ -17,8 +17,8 @@ from footsense.estimation.gait.ground import Ground
 
 #: Conversions of a plateau, and of the rise before it.
 _PLATEAU, _RISE = 7, 8
-#: Tolerance of a ratio: in standard deviations, and its bounds [1].
-_SIGMAS, _LEAST, _MOST = 1.5, 0.02, 0.06
+#: Tolerance of a ratio in standard deviations, its least [1], and those up to which a ratio tells of a slip, and teaches.
+_SIGMAS, _LEAST, _TELLING, _TEACHING = 1.5, 0.02, 0.06, 0.045
 #: Rise of a kink in tolerances.
 _RISE_TOLERANCES = 2.0
 #: Kinks that are remembered, and those at one ratio that make a cone.
@@ -28,7 +28,7 @@ _STATIC_REL = 1.2
 #: Conversions at the cone until a slip is said, and away from it until it is over.
 _SAID, _OVER = 3, 5
 #: Normal force from which friction is learnt [N].
-_FIRM_N = 0.1
+_FIRM_N = 0.15
 
 
 class Friction:
@@ -92,10 +92,16 @@ class SlipDetector:
             if self._ratios:
                 self.lift()
             return False
-        tolerance = min(max(_SIGMAS * ground.friction_use_sigma, _LEAST), _MOST)
-        ratios = self._ratios
-        ratios.append(use)
-        if len(ratios) == _PLATEAU + _RISE:
+        tolerance = max(_SIGMAS * ground.friction_use_sigma, _LEAST)
+        if tolerance > _TELLING:
+            # As in the first scan of a stance; a slide that was said goes on.
+            self._ratios.clear()
+            self._at_cone = 0
+            if self.state is Slip.NONE:
+                self.state = Slip.UNKNOWN
+            return False
+        self._ratios.append(use)
+        if tolerance <= _TEACHING and len(self._ratios) == _PLATEAU + _RISE:
             self._look(tolerance)
         cone = self._friction.coefficient
         if use > cone - tolerance:
