@@ -103,9 +103,9 @@ class BaselineStatus(IntEnum):
     NONE = 0  #: there is no baseline yet
     TRACKING = 1  #: the foot is in confirmed swing, and the baseline tracks it
     HELD = 2  #: the foot is loaded, or its swing is not confirmed: the baseline holds
-    NOT_QUIET = 3  #: refused: the readings move more than noise does
-    TOO_FAR = 4  #: refused: further from the unloaded foot's readings than the limit
-    TOO_FAST = 5  #: refused: faster than temperature can change
+    NOT_QUIET = 3  #: tracking refused: the readings move more than noise does
+    DRIFT_TOO_LARGE = 4  #: tracking refused: further from the free foot's expected readings than the limit
+    DRIFT_TOO_FAST = 5  #: tracking refused: the readings move faster than temperature can move them
 
 
 class CommandKind(IntEnum):

@@ -1,4 +1,4 @@
-"""The CAN frames `Force` and `Quality`, sent for each leg with every scan; in `footsense.dbc` for other tools.
+"""The CAN frames `Force` and `Quality`, sent for each leg together; in `footsense.dbc` for other tools.
 
 Event frames are in `can_events` and `can_commands`, codes in `can_codes`. Everything is little-endian. Byte 0 and the
 low nibble of byte 1 protect a frame as `crc8` describes. "No value" has a code of its own, apart from the code of a
@@ -110,8 +110,8 @@ _NAN = float("nan")
 class ForceQualityEncoder:
     """Encoder of the `Force` and `Quality` frames of several legs in one pass.
 
-    A scan of six legs makes twelve frames, after every conversion in `publish: element`. One call encodes them all, and
-    the crcs are looked up for one byte of all frames at a time.
+    Six legs make twelve frames, up to once a conversion. One call encodes them all, and the crcs are looked up for one
+    byte of all frames at a time.
 
     Args:
         nodes: CAN node id of each leg, 1..6.

@@ -1,4 +1,4 @@
-"""Values that pass between the rooms: a scan of capacitances, the contact forces estimated from it, a cycle of both.
+"""Values that pass between the rooms: capacitances, the contact forces estimated from them, a cycle of both.
 
 A frame holds all legs of the robot, row n for the n-th leg of the configuration, because the network runs once for all
 of them. An entry that was not measured is NaN, never a substitute. Arrays are read-only by agreement: a receiver may
@@ -12,42 +12,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface.can_codes import (
-    FAULT_FREE,
-    NODE_IDS,
-    USABLE,
-    BaselineStatus,
-    Cause,
-    CommandKind,
-    Flag,
-    Result,
-    State,
-)
-
-__all__ = [
-    "ELEMENTS",
-    "FAULT_FREE",
-    "LEGS",
-    "USABLE",
-    "BaselineDrift",
-    "BaselineStatus",
-    "CapFrame",
-    "Cause",
-    "Codes",
-    "Command",
-    "CommandKind",
-    "CommandResult",
-    "ContactFrame",
-    "Cycle",
-    "Flag",
-    "Mask",
-    "Reading",
-    "Reference",
-    "Result",
-    "Stamps",
-    "State",
-    "Vector",
-]
+from firmware_interface.can_codes import FAULT_FREE as FAULT_FREE
+from firmware_interface.can_codes import NODE_IDS
+from firmware_interface.can_codes import USABLE as USABLE
+from firmware_interface.can_codes import BaselineStatus as BaselineStatus
+from firmware_interface.can_codes import Cause as Cause
+from firmware_interface.can_codes import CommandKind as CommandKind
+from firmware_interface.can_codes import Flag as Flag
+from firmware_interface.can_codes import Result as Result
+from firmware_interface.can_codes import State as State
 
 #: Arrays by their entries: numbers, truth values, times [ns], and codes of an enumeration.
 Vector = NDArray[np.float64]
@@ -80,10 +53,13 @@ class Reading(IntEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CapFrame:
-    """One scan of every element of every leg.
+    """The latest reading of every element of every leg.
+
+    A scanner of I2C buses gives a frame for every conversion, with one new reading of each leg; a microcontroller one
+    for every scan, with nine.
 
     Attributes:
-        sequence: Number of the scan since start, from 0, without gaps.
+        sequence: Number of the frame since start, from 0, without gaps.
         t_ns: Middle of each element's conversion [ns, monotonic], shape (legs, 9), int64; 0 where there was none.
         capacitance_pf: Capacitance as converted, stray included [pF], shape (legs, 9), float64, NaN unless OK.
         reading: Result of reading each element, shape (legs, 9), uint8 of `Reading`.
@@ -131,14 +107,12 @@ class BaselineDrift(NamedTuple):
 
 
 class ContactFrame(NamedTuple):
-    """The contact of every leg, as published.
+    """The contact of every leg.
 
     Attributes:
-        sequence: Number of the scan that it was estimated from.
-        t_sent_ns: Time at which it is handed to the sinks [ns, monotonic].
-        t_ns: Time of the measurement [ns], shape (legs,); 0 without one. For whole scans the mean of the elements'
-            stamps, to which all are aligned; for single elements the newest stamp, while the force is predicted to
-            t_sent_ns.
+        sequence: Number of the frame that it was estimated from.
+        t_sent_ns: Time at which it is handed to the sinks, and that the forces are valid for [ns, monotonic].
+        t_ns: Time of each leg's newest reading [ns], shape (legs,); 0 without one.
         force_n: Ground reaction on the foot in the foot frame [N], shape (legs, 3), NaN unless the state is USABLE.
         sigma_n: Standard deviation of each component [N], shape (legs, 3), NaN where the force is.
         state: Whether the force may be used, and if not, why, shape (legs,), uint8 of `State`.
@@ -210,8 +184,8 @@ class Cycle(NamedTuple):
 
     Attributes:
         scan: The readings.
-        commands: Commands executed before the scan was processed.
-        forces: The published contacts.
+        commands: Commands executed before the readings were processed.
+        forces: The contacts; the sink publishes every n-th.
         outcomes: Results of the commands that ended in this cycle.
         reference: Samples of a test stand's force sensor, None without one.
         temperature_c: Temperature of each leg's converter from this cycle on [degC], shape (legs,), NaN for none; None
@@ -231,6 +205,7 @@ class CanStatistics:
     """Numbers of frames and events since the channel was first opened.
 
     Attributes:
+        published: Cycles whose forces were published, whether the channel took them or not.
         sent: Handed to the channel.
         dropped: Refused by the channel, for a full queue or a dead interface, and never sent again.
         received: Arrived under a command id of ours, good or bad.
@@ -242,6 +217,7 @@ class CanStatistics:
         unlogged: Frames that were sent and are not in the log, because its writer was too slow or has ended.
     """
 
+    published: int = 0
     sent: int = 0
     dropped: int = 0
     received: int = 0

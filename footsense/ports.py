@@ -139,10 +139,10 @@ class CanWire(Protocol):
 
 
 class FrameSource(Protocol):
-    """A source of scans: the scanner, or a recording."""
+    """A source of readings: the scanner, or a recording."""
 
     def read(self) -> CapFrame | None:
-        """Wait for the next scan and return it; None at the end of a recording."""
+        """Wait for the next frame and return it; None at the end of a recording."""
         ...
 
     def close(self) -> None:
@@ -212,7 +212,7 @@ class ForceSink(Protocol):
     """The sink of forces, and source of commands."""
 
     def publish(self, frame: ContactFrame) -> None:
-        """Send one frame; a value that cannot be sent now is dropped and counted, never sent late."""
+        """Send the forces of a cycle if due; what cannot be sent now is dropped and counted, never sent late."""
         ...
 
     def commands(self) -> list[Command]:

@@ -47,7 +47,7 @@ typedef struct {
     bool accept_degraded; /* whether forces of state DEGRADED are used; weigh them by sigma_mn */
 } footsense_limits;
 
-/* For forces every 25 ms; max_age_us is the age limit of the service plus the transmission. */
+/* For forces every 11 to 25 ms; max_age_us is the age limit of the service plus the transmission. */
 #define FOOTSENSE_DEFAULT_LIMITS {100000u, 100000u, 3u, 3u, false}
 
 /* A leg's force at one time, and whether it may be used. */

@@ -21,7 +21,7 @@ from footsense.acquisition.transports import Transport
 from footsense.frames import ELEMENTS, Reading
 from footsense.ports import Clock
 
-#: Attempts of a scan on a bus with stuck lines.
+#: Attempts of a conversion on a bus with stuck lines.
 _TRIES = 2
 #: Period of the temperature readings [ns]: each costs its legs two conversions.
 _TEMPERATURE_PERIOD_NS = 10_000_000_000
@@ -78,14 +78,10 @@ class BusScanner:
             leg.retry_at_ns = 0
             probe(self._transport, leg, self.legs, self._plan, self._clock)
 
-    def read(self, n_steps: int = ELEMENTS) -> BusReadings:
-        """Read the next elements of every leg; the conversion after them is then running.
+    def read(self) -> BusReadings:
+        """Read the next element of every leg, and return a copy of the latest readings of all elements.
 
-        Args:
-            n_steps: Number of elements: a whole scan, or 1.
-
-        Returns:
-            A copy of the latest readings of all elements.
+        The conversion after it is then running.
         """
         position = self._position
         for _ in range(_TRIES):
@@ -93,8 +89,7 @@ class BusScanner:
                 if position == 0:
                     self._take_temperatures()
                 self._start_missing()
-                for _ in range(n_steps):
-                    self._step()
+                self._step()
             except BusStuckError:
                 self._position = position
                 for group in self._groups:
@@ -102,10 +97,9 @@ class BusScanner:
             else:
                 break
         else:
-            elements = slice(None) if n_steps > 1 else self._plan.steps[position].element
             for leg in self.legs:
                 reason = Reading.DELAYED if leg.in_scan else leg.outcome
-                self._latest.discard((leg.row, elements), reason)
+                self._latest.discard((leg.row, self._plan.steps[position].element), reason)
         t_ns, capacitance_pf, reading = self._latest
         return BusReadings(t_ns.copy(), capacitance_pf.copy(), reading.copy())
 

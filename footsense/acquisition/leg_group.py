@@ -156,7 +156,7 @@ class LegGroup:
         return legs
 
     def read_temperatures(self, thermometer: Thermometer, legs: Legs) -> None:
-        """Read the converted temperature of the given legs [degC]; the first leg without an answer ends the reading."""
+        """Store the converted temperature of each given leg in the leg [degC]; skip all legs after one that fails."""
         for leg in legs:
             answers = self._exchange(leg.selection, (thermometer.read, thermometer.read))
             if answers is None:
@@ -270,10 +270,10 @@ class LegGroup:
                     leg.outcome = outcome
 
     def _raise_if_stuck(self, error: BusError) -> None:
-        """Leave out the leg that holds a line low, if a timeout says that one does.
+        """Raise on a timeout, which means that SDA or SCL is held low, and leave out the leg that holds it.
 
         Raises:
-            BusStuckError: The other legs have lost time, and the mux its selection.
+            BusStuckError: The error is a timeout. The other legs have lost time, and the mux its selection.
         """
         if isinstance(error, BusTimeoutError):
             read = self._plan.steps[0].select_checks[0].read

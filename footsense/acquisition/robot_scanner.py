@@ -1,12 +1,11 @@
-"""The scans of all I2C buses of the robot in one frame.
+"""The conversions of all I2C buses of the robot in one frame.
 
-Several buses scan at the same time, each in a thread of its own: the adapter's system call releases the interpreter. A
-frame is complete when the slowest bus is.
+Several buses convert at the same time, each in a thread of its own: the adapter's system call releases the interpreter.
+A frame is complete when the slowest bus is.
 """
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from itertools import repeat
 
 import numpy as np
 
@@ -19,12 +18,10 @@ class RobotScanner:
 
     Args:
         buses: One scanner a bus; the rows of a frame are the legs of the first bus, then of the second, and so on.
-        element_wise: Whether `read` returns after every element instead of after every scan.
     """
 
-    def __init__(self, buses: Sequence[BusScanner], *, element_wise: bool = False) -> None:
+    def __init__(self, buses: Sequence[BusScanner]) -> None:
         self._buses = tuple(buses)
-        self._element_wise = element_wise
         self._sequence = 0
         self._pool = (
             ThreadPoolExecutor(len(self._buses), thread_name_prefix="i2c") if len(self._buses) > 1 else None
@@ -52,14 +49,14 @@ class RobotScanner:
             bus.start()
 
     def read(self) -> CapFrame:
-        """Read every element of every leg, or the next one alone beside the latest readings of the others.
+        """Read the next element of every leg, and return it beside the latest readings of the others.
 
-        The first frame is always a whole scan.
+        The first frame is a whole scan.
         """
         read_all = map if self._pool is None else self._pool.map
-        n_steps = 1 if self._element_wise and self._sequence else ELEMENTS
-        scans = read_all(BusScanner.read, self._buses, repeat(n_steps))
-        t_ns, capacitance_pf, reading = map(np.concatenate, zip(*scans, strict=True))
+        for _ in range(1 if self._sequence else ELEMENTS):
+            readings = list(read_all(BusScanner.read, self._buses))
+        t_ns, capacitance_pf, reading = map(np.concatenate, zip(*readings, strict=True))
         frame = CapFrame(self._sequence, t_ns, capacitance_pf, reading)
         self._sequence += 1
         return frame

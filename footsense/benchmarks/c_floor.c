@@ -1,11 +1,11 @@
 /* The floor of `footsense benchmark`: what one cycle of six legs costs where nothing is Python.
  *
  * The same way as the service's, in one call: commands asked for, codes to capacitances to distances, stray and
- * baseline, the elements brought to one time and held against each other, the network two ways for every leg, states,
+ * baseline, the last three readings of every element, the elements held against each other, the network, states,
  * protected CAN frames and those that are due now and then to a socket, counters, and a record into a pipe. It is the
- * way of healthy legs: a leg that is not healthy ends the cycle, and the bench with it. Three things it does not do: its
- * zeros do not follow the feet but are those of the service, it does not say which foot is on the ground, and it does
- * not look for calibrations that age. That is arithmetic on a few hundred numbers; no system call is missing.
+ * way of healthy legs: a leg that is not healthy gets its state, and no other way of estimation. Three things it does
+ * not do: its zeros do not follow the feet but are those of the service, it does not say which foot is on the ground,
+ * and it does not look for calibrations that age. That is arithmetic on a few hundred numbers; no system call is missing.
  * Plain loops that a compiler turns into vector instructions; no library but the C library. Forces are checked against
  * the service's before anything is timed.
  *
@@ -19,7 +19,7 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { LEGS = 6, ELEMENTS = 9, N = LEGS * ELEMENTS, ROWS = 2 * LEGS, SEEN = 19, BUCKETS = 16, EVENTS = 4 };
+enum { LEGS = 6, ELEMENTS = 9, N = LEGS * ELEMENTS, KEPT = 3, SEEN = 7 * ELEMENTS + 2, OUT = 7, BUCKETS = 16, EVENTS = 4 };
 
 /* ------------------------------------------------------------------ what the foot and the network are */
 
@@ -28,22 +28,23 @@ struct foot {
     double gap_um;
     double stray_pf[N], unloaded_pf[N];
     double low_rel[ELEMENTS], high_rel[ELEMENTS];  /* closures that were trained */
-    double max_age_ns;
+    double max_age_ns, longest_ns;                 /* of a reading; between two readings of an element */
     double residual[ELEMENTS][ELEMENTS];           /* of each element, what the others do not predict */
     double limit, limit_rel;                       /* of that: at rest, and over the root of the sum of squares */
 };
 
 struct network {
     float w1[SEEN][UNITS], b1[UNITS], w2[UNITS][UNITS], b2[UNITS];
-    float force[UNITS][3], sigma[UNITS][3], sigma_offset[3], linear[ELEMENTS][3], soft;
+    float out[UNITS][OUT], sigma[UNITS][OUT], sigma_offset[OUT], level[ELEMENTS][3], slope[ELEMENTS][3];
+    float soft, period_s, largest, least_s, ln_low, ln_high;
 };
 
 static struct foot foot;
 static struct network network __attribute__((aligned(64)));
 
 static double rest_rel[N];                       /* plate distance at rest over the gap */
-static double before_rel[N], slope[N];           /* of the reading before */
-static int64_t t_before_ns[N], t_before_that_ns[N];
+static double kept_rel[KEPT][N];                 /* plate distances over the gap, newest first */
+static int64_t kept_ns[KEPT][N];
 static int counter;
 static double period_s[BUCKETS + 1], age_s[LEGS][BUCKETS + 1], scans, state_scans[LEGS];
 static int64_t sent_before_ns, heartbeat_due_ns[LEGS], zero_due_ns[LEGS];
@@ -68,7 +69,6 @@ void floor_set(const struct foot *new_foot, const float *weights)
         const uint8_t bytes[2] = {(uint8_t)id, (uint8_t)(id >> 8)};
         id_crc[id] = crc8(0, bytes, 2);
     }
-    for (int i = 0; i < N; i++) before_rel[i] = slope[i] = NAN;
 }
 
 void floor_tare(const double *baseline_pf)
@@ -96,63 +96,80 @@ static void tanh_all(float *restrict x, int n)
 
 static void layer(const float *restrict in, int n_in, const float *restrict w, const float *restrict b, float *restrict out)
 {
-    for (int row = 0; row < ROWS; row++) memcpy(out + row * UNITS, b, sizeof(float) * UNITS);
-    /* Four rows at a time share each weight that is loaded. */
-    for (int row = 0; row < ROWS; row += 4) {
-        float *restrict o0 = out + row * UNITS, *restrict o1 = o0 + UNITS, *restrict o2 = o1 + UNITS,
-              *restrict o3 = o2 + UNITS;
+    for (int leg = 0; leg < LEGS; leg++) memcpy(out + leg * UNITS, b, sizeof(float) * UNITS);
+    /* Three legs at a time share each weight that is loaded. */
+    for (int leg = 0; leg < LEGS; leg += 3) {
+        float *restrict o0 = out + leg * UNITS, *restrict o1 = o0 + UNITS, *restrict o2 = o1 + UNITS;
         for (int k = 0; k < n_in; k++) {
             const float *restrict wk = w + k * UNITS;
-            const float a0 = in[row * n_in + k], a1 = in[(row + 1) * n_in + k], a2 = in[(row + 2) * n_in + k],
-                        a3 = in[(row + 3) * n_in + k];
+            const float a0 = in[leg * n_in + k], a1 = in[(leg + 1) * n_in + k], a2 = in[(leg + 2) * n_in + k];
             for (int u = 0; u < UNITS; u++) {
                 o0[u] += a0 * wk[u];
                 o1[u] += a1 * wk[u];
                 o2[u] += a2 * wk[u];
-                o3[u] += a3 * wk[u];
             }
         }
     }
-    tanh_all(out, ROWS * UNITS);
+    tanh_all(out, LEGS * UNITS);
 }
 
-static void estimate(float closure_rel[ROWS][ELEMENTS], float force_n[ROWS][3], float sigma_n[ROWS][3])
+static float clipped(float x, float low, float high) { return x < low ? low : x > high ? high : x; }
+
+/* Forces and contacts, of closures and ages of the last readings, newest first; the inputs as in windowed_network.py. */
+static void estimate(const float closure_rel[LEGS][KEPT][ELEMENTS], const float age_s[LEGS][KEPT][ELEMENTS],
+                     float force_n[LEGS][3], float sigma_n[LEGS][3])
 {
-    static float seen[ROWS * SEEN], first[ROWS * UNITS], second[ROWS * UNITS];
-    float square[ROWS], size[ROWS];
-    for (int row = 0; row < ROWS; row++) {
-        float sum = 0;
-        for (int e = 0; e < ELEMENTS; e++) sum += closure_rel[row][e] * closure_rel[row][e];
-        square[row] = sum / ELEMENTS;
-        size[row] = sqrtf(square[row] + network.soft);
-        for (int e = 0; e < ELEMENTS; e++) seen[row * SEEN + e] = closure_rel[row][e] / size[row];
-        seen[row * SEEN + 2 * ELEMENTS] = size[row]; /* between them, nothing is missing: zeros */
+    static float seen[LEGS * SEEN], first[LEGS * UNITS], second[LEGS * UNITS], now_rel[LEGS][ELEMENTS];
+    float size[LEGS];
+    for (int leg = 0; leg < LEGS; leg++) {
+        const float(*v)[ELEMENTS] = closure_rel[leg], (*a)[ELEMENTS] = age_s[leg];
+        float *planes = seen + leg * SEEN, d1[ELEMENTS], d2[ELEMENTS], age[ELEMENTS], period_s = 0, sum = 0;
+        for (int e = 0; e < ELEMENTS; e++) period_s += fmaxf(a[1][e] - a[0][e], network.least_s) / ELEMENTS;
+        for (int e = 0; e < ELEMENTS; e++) {
+            d1[e] = (v[0][e] - v[1][e]) * period_s / fmaxf(a[1][e] - a[0][e], network.least_s);
+            d2[e] = d1[e] - (v[1][e] - v[2][e]) * period_s / fmaxf(a[2][e] - a[1][e], network.least_s);
+            age[e] = a[0][e] / period_s;
+            now_rel[leg][e] = v[0][e] + age[e] * d1[e];
+            sum += v[0][e] * v[0][e] + now_rel[leg][e] * now_rel[leg][e];
+        }
+        size[leg] = sqrtf(sum / (2 * ELEMENTS) + network.soft);
+        for (int e = 0; e < ELEMENTS; e++) {
+            const float plane[6] = {v[0][e], d1[e], age[e] * d1[e], d2[e], age[e] * d2[e], age[e] * age[e] * d2[e]};
+            for (int k = 0; k < 6; k++)
+                planes[k * ELEMENTS + e] = clipped(plane[k] / size[leg], -network.largest, network.largest);
+        }
+        planes[SEEN - 2] = size[leg]; /* before it, nothing is missing: zeros */
+        planes[SEEN - 1] = logf(period_s / network.period_s);
     }
     layer(seen, SEEN, &network.w1[0][0], network.b1, first);
     layer(first, UNITS, &network.w2[0][0], network.b2, second);
-    for (int row = 0; row < ROWS; row++) {
-        float shape[3] = {0}, ln_sigma[3] = {0}, straight[3] = {0};
+    for (int leg = 0; leg < LEGS; leg++) {
+        float out[OUT] = {0}, ln_sigma[OUT] = {0}, square = 0;
         for (int u = 0; u < UNITS; u++)
-            for (int axis = 0; axis < 3; axis++) {
-                shape[axis] += second[row * UNITS + u] * network.force[u][axis];
-                ln_sigma[axis] += second[row * UNITS + u] * network.sigma[u][axis];
+            for (int k = 0; k < OUT; k++) {
+                out[k] += second[leg * UNITS + u] * network.out[u][k];
+                ln_sigma[k] += second[leg * UNITS + u] * network.sigma[u][k];
             }
-        for (int e = 0; e < ELEMENTS; e++)
-            for (int axis = 0; axis < 3; axis++) straight[axis] += closure_rel[row][e] * network.linear[e][axis];
+        for (int e = 0; e < ELEMENTS; e++) square += now_rel[leg][e] * now_rel[leg][e] / ELEMENTS;
         for (int axis = 0; axis < 3; axis++) {
-            force_n[row][axis] = straight[axis] + square[row] / size[row] * shape[axis];
-            sigma_n[row][axis] = size[row] * expf(ln_sigma[axis] + network.sigma_offset[axis]);
+            float straight = 0;
+            for (int e = 0; e < ELEMENTS; e++)
+                straight += now_rel[leg][e] * network.level[e][axis]
+                    + (now_rel[leg][e] - closure_rel[leg][0][e]) * network.slope[e][axis];
+            force_n[leg][axis] = straight + square / size[leg] * out[axis];
+            sigma_n[leg][axis] =
+                size[leg] * expf(clipped(ln_sigma[axis] + network.sigma_offset[axis], network.ln_low, network.ln_high));
         }
     }
 }
 
 /* Whether no element of a leg contradicts the others. */
-static int agree(const double *closure_rel)
+static int agree(const double *closure_rel, double motion_rel)
 {
     double sum = 0;
     int good = 1;
     for (int e = 0; e < ELEMENTS; e++) sum += closure_rel[e] * closure_rel[e];
-    const double limit = foot.limit + foot.limit_rel * sqrt(sum);
+    const double limit = foot.limit + motion_rel + foot.limit_rel * sqrt(sum);
     for (int e = 0; e < ELEMENTS; e++) {
         double residual = 0;
         for (int k = 0; k < ELEMENTS; k++) residual += foot.residual[e][k] * closure_rel[k];
@@ -223,77 +240,68 @@ struct record {
     uint8_t reading[N], state[LEGS], flags[LEGS], cause[LEGS], baseline_status[LEGS];
 };
 
-/* One cycle; returns 0, or 1 + the first leg that gives no force. `force_n` gets shape (legs, 3). */
+/* One cycle; returns 0, or -1 without a record. `force_n` gets shape (legs, 3). */
 int floor_cycle(const int32_t *code, const int64_t *t_ns, int64_t now_ns, int socket, int pipe, double *force_n)
 {
     static struct record record = {.length = sizeof record, .kind = 1};
-    float both_rel[ROWS][ELEMENTS], both_n[ROWS][3], both_sigma_n[ROWS][3];
+    float closures_rel[LEGS][KEPT][ELEMENTS], ages_s[LEGS][KEPT][ELEMENTS], forces_n[LEGS][3], sigmas_n[LEGS][3];
     struct frame frames[2 * LEGS + EVENTS];
-    int unusable = 0;
 
     while (recv(socket, frames, sizeof frames[0], MSG_DONTWAIT) > 0) {} /* commands: none comes */
 
     for (int leg = 0; leg < LEGS; leg++) {
-        const int first = leg * ELEMENTS;
-        int64_t sum_ns = 0, oldest_ns = INT64_MAX;
-        int parabolas = 1, good = 1;
-        double line[ELEMENTS], parabola[ELEMENTS], plain[ELEMENTS], closures_rel[ELEMENTS];
-        for (int i = first; i < first + ELEMENTS; i++) {
-            sum_ns += t_ns[i];
-            oldest_ns = t_ns[i] < oldest_ns ? t_ns[i] : oldest_ns;
-        }
-        const int64_t middle_ns = sum_ns / ELEMENTS;
+        int64_t newest_ns = 0, oldest_ns = INT64_MAX;
+        double newest_rel[ELEMENTS], most_rel = 0, motion_rel = 0; /* the largest change, the second largest */
+        int good = 1;
         for (int e = 0; e < ELEMENTS; e++) {
-            const int i = first + e;
+            const int i = leg * ELEMENTS + e;
             const double pf = code[i] * (1.0 / (1 << 19)) - foot.stray_pf[i];
-            const double rel = foot.pf_um / pf / foot.gap_um;
-            const double elapsed_ns = (double)(t_ns[i] - t_before_ns[i] > 1 ? t_ns[i] - t_before_ns[i] : 1);
-            const double twice_ns = (double)(t_ns[i] - t_before_that_ns[i] > 1 ? t_ns[i] - t_before_that_ns[i] : 1);
-            const double now_slope = (rel - before_rel[i]) / elapsed_ns;
-            const double bend = (now_slope - slope[i]) / twice_ns;
-            const double ahead_ns = (double)(middle_ns - t_ns[i]);
-            plain[e] = rel;
-            line[e] = rel + now_slope * ahead_ns;
-            parabola[e] = line[e] + bend * (ahead_ns * (ahead_ns + elapsed_ns));
-            parabolas &= isfinite(parabola[e]) != 0;
-            good &= isfinite(line[e]) && fabs(ahead_ns) <= 0.75 * elapsed_ns && pf >= 0.5 * foot.unloaded_pf[i];
-            before_rel[i] = rel;
-            slope[i] = now_slope;
-            t_before_that_ns[i] = t_before_ns[i];
-            t_before_ns[i] = t_ns[i];
+            if (t_ns[i] != kept_ns[0][i])
+                for (int k = KEPT - 1; k > 0; k--) {
+                    kept_rel[k][i] = kept_rel[k - 1][i];
+                    kept_ns[k][i] = kept_ns[k - 1][i];
+                }
+            kept_rel[0][i] = foot.pf_um / pf / foot.gap_um;
+            kept_ns[0][i] = t_ns[i];
+            newest_ns = t_ns[i] > newest_ns ? t_ns[i] : newest_ns;
+            oldest_ns = t_ns[i] < oldest_ns ? t_ns[i] : oldest_ns;
+            double moved_rel = 0;
+            for (int k = 1; k < KEPT; k++) {
+                const int64_t between_ns = kept_ns[k - 1][i] - kept_ns[k][i];
+                good &= between_ns > 0 && (double)between_ns <= foot.longest_ns;
+                moved_rel = fmax(moved_rel, fabs(kept_rel[k - 1][i] - kept_rel[k][i]));
+            }
+            motion_rel = fmax(motion_rel, fmin(most_rel, moved_rel));
+            most_rel = fmax(most_rel, moved_rel);
+            for (int k = 0; k < KEPT; k++) {
+                closures_rel[leg][k][e] = (float)(rest_rel[i] - kept_rel[k][i]);
+                ages_s[leg][k][e] = (float)((double)(now_ns - kept_ns[k][i]) * 1e-9);
+            }
+            newest_rel[e] = rest_rel[i] - kept_rel[0][i];
+            good &= pf >= 0.5 * foot.unloaded_pf[i] && newest_rel[e] <= 0.95;
+            good &= newest_rel[e] >= foot.low_rel[e] && newest_rel[e] <= foot.high_rel[e];
             record.capacitance_pf[i] = pf + foot.stray_pf[i];
             record.scan_t_ns[i] = t_ns[i];
         }
-        for (int e = 0; e < ELEMENTS; e++) {
-            const double closure_rel = rest_rel[first + e] - (parabolas ? parabola[e] : line[e]);
-            closures_rel[e] = closure_rel;
-            both_rel[leg][e] = (float)closure_rel;
-            both_rel[LEGS + leg][e] = (float)(rest_rel[first + e] - (parabolas ? line[e] : plain[e]));
-            good &= closure_rel <= 0.95 && closure_rel >= foot.low_rel[e] && closure_rel <= foot.high_rel[e];
-        }
-        good &= agree(closures_rel) && (double)(now_ns - oldest_ns) <= foot.max_age_ns;
-        if (!good && !unusable) unusable = 1 + leg;
-        record.force_t_ns[leg] = middle_ns;
-        record.state[leg] = 1;
+        good &= agree(newest_rel, motion_rel) && (double)(now_ns - oldest_ns) <= foot.max_age_ns;
+        record.force_t_ns[leg] = newest_ns;
+        record.state[leg] = good ? 1 : 10;
     }
-    if (unusable) return unusable;
-    estimate(both_rel, both_n, both_sigma_n);
+    estimate(closures_rel, ages_s, forces_n, sigmas_n);
 
     struct iovec parts[2 * LEGS + EVENTS];
     struct mmsghdr messages[2 * LEGS + EVENTS];
     memset(messages, 0, sizeof messages);
     counter = (counter + 1) % 15;
     for (int leg = 0; leg < LEGS; leg++) {
-        const float *f = both_n[leg];
-        double sigma[3];
+        const float *f = forces_n[leg], *sigma = sigmas_n[leg];
         for (int axis = 0; axis < 3; axis++) {
-            sigma[axis] = hypot(both_sigma_n[leg][axis], f[axis] - both_n[LEGS + leg][axis]);
             force_n[leg * 3 + axis] = record.force_n[leg][axis] = f[axis];
             record.sigma_n[leg][axis] = sigma[axis];
         }
         const int64_t age_ns = now_ns - record.force_t_ns[leg];
         protect(&frames[2 * leg], 0x181 + (uint32_t)leg,
-                (uint64_t)(1 << 4 | counter) | milli(f[0]) << 8 | milli(f[1]) << 24 | milli(f[2]) << 40);
+                (uint64_t)(record.state[leg] << 4 | counter) | milli(f[0]) << 8 | milli(f[1]) << 24 | milli(f[2]) << 40);
         protect(&frames[2 * leg + 1], 0x281 + (uint32_t)leg,
                 (uint64_t)counter | 1 << 4 | (uint64_t)((age_ns + 99999) / 100000) << 8 | sigma_code(sigma[0]) << 29
                     | sigma_code(sigma[1]) << 38 | sigma_code(sigma[2]) << 47);

@@ -15,6 +15,7 @@ from footsense.config import Config
 from footsense.daemon.foot_types import released_path
 from footsense.errors import FootsenseError
 from footsense.estimation.faults.consistency import RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL
+from footsense.estimation.reading_window import LONGEST_REL
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import ELEMENTS, CapFrame, Stamps, Vector
@@ -54,11 +55,17 @@ def _weights(model: bytes) -> dict[str, NDArray[np.float32]]:
         "b1": np.tile(c["b1"], n_turns),
         "w2": w2.reshape(n_units, n_units),
         "b2": np.tile(c["b2"], n_turns),
-        "force": (c["force"] @ c["turns"]).reshape(n_units, 3),
-        "sigma": (c["sigma"] @ c["sizes"]).reshape(n_units, 3),
+        "out": (c["out"] @ c["turns"]).reshape(n_units, -1),
+        "sigma": (c["sigma"] @ c["sizes"]).reshape(n_units, -1),
         "sigma_offset": c["sigma_offset"][c["sigma_axes"]],
-        "linear": (c["linear"] @ c["linear_basis"]).reshape(ELEMENTS, 3),
+        "level": (c["level_of"] @ c["linear"] @ c["linear_basis"]).reshape(ELEMENTS, 3),
+        "slope": (c["slope_of"] @ c["linear"] @ c["linear_basis"]).reshape(ELEMENTS, 3),
         "soft": c["soft"],
+        "period_s": 1.0 / c["per_period"],
+        "largest": c["highest"],
+        "least_s": -c["least_s"],
+        "ln_low": c["ln_lowest"],
+        "ln_high": c["ln_highest"],
     }
 
 
@@ -88,7 +95,7 @@ class CFloor:
                 np.full(n, design.unloaded_pf),
                 calibration.closure_rel_min,
                 calibration.closure_rel_max,
-                [config.stale_after_ms * 1e6],
+                [config.stale_after_ms * 1e6, LONGEST_REL * config.shortest_scan_ms * 1e6],
                 *(residual.ravel(), [RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL / math.sqrt(ELEMENTS)]),
             ]
         )
@@ -102,9 +109,7 @@ class CFloor:
         baseline_pf = np.ascontiguousarray(baseline_pf, np.float64)
         self._library.floor_tare(_address(baseline_pf))
 
-    def run(
-        self, scan: CapFrame, codes: NDArray[np.int32], now_ns: int, socket: int, pipe: int
-    ) -> Vector | None:
+    def run(self, scan: CapFrame, codes: NDArray[np.int32], now_ns: int, socket: int, pipe: int) -> Vector:
         """Run one cycle of the C implementation.
 
         Args:
@@ -115,12 +120,12 @@ class CFloor:
             pipe: File descriptor for the record.
 
         Returns:
-            Forces [N], shape (legs, 3), valid until the next call; None if a leg has none.
+            Forces of healthy legs [N], shape (legs, 3), valid until the next call; of others without meaning.
         """
-        failed = self._library.floor_cycle(
+        self._library.floor_cycle(
             *(codes.ctypes.data, scan.t_ns.ctypes.data, now_ns, socket, pipe, self._force_n.ctypes.data)
         )
-        return None if failed else self._force_n
+        return self._force_n
 
     def pace(
         self, period_ns: int, played: list[tuple[CapFrame, int]], n: int, fds: tuple[int, ...]

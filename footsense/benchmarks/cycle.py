@@ -20,13 +20,15 @@ T = TypeVar("T")
 #: The programs that are timed.
 _PROGRAMS = ("ours", "c_floor", "naive")
 #: Cycles in a row of one program before the turn of the next.
-_RUN = 25
+_CYCLES_PER_TURN = 25
 #: Largest difference between the floor's forces and ours [N]: half a step of the wire.
-_SAME_N = 1e-3
+_MAX_DIFFERENCE_N = 1e-3
 
 
-def cycle_figures(scans: list[CapFrame]) -> dict[str, Any]:
-    """Return the durations of a cycle [us] and their ratios; None without the C floor or the naive program.
+def compare_cycle_durations(scans: list[CapFrame]) -> dict[str, Any]:
+    """Return the durations of a cycle of the daemon, the C floor and the naive program [us], and their ratios.
+
+    Values are None without the C floor or the naive program.
 
     Hot: cycles of one program in a row. Cold: each after a cycle of the naive program, which evicts the caches as the
     rest of a robot's software does.
@@ -37,10 +39,10 @@ def cycle_figures(scans: list[CapFrame]) -> dict[str, Any]:
     Raises:
         FootsenseError: The forces of the C floor are not ours.
     """
-    return {**_figures(scans, _RUN), "cold": _figures(scans, 1)}
+    return {**_duration_quantiles(scans, _CYCLES_PER_TURN), "cold": _duration_quantiles(scans, 1)}
 
 
-def _figures(scans: list[CapFrame], run: int) -> dict[str, float | None]:
+def _duration_quantiles(scans: list[CapFrame], run: int) -> dict[str, float | None]:
     naive = NaiveCycle(DEFAULT) if has_cantools() else None
     with TemporaryDirectory() as folder, our_cycle() as ours:
         floor = tared_floor(Path(folder), scans) if has_c_floor() else None
@@ -101,7 +103,7 @@ def _time(
 def _check_same(
     scan: CapFrame,
     ours_n: Vector,
-    floor_n: Vector | None,
+    floor_n: Vector,
     valid: Mask,
 ) -> None:
     """Check that the C floor gives our forces.
@@ -109,18 +111,14 @@ def _check_same(
     Args:
         scan: The scan.
         ours_n: Our forces of the valid legs [N], shape (valid legs, 3).
-        floor_n: Forces of the C floor [N], shape (legs, 3); None without.
+        floor_n: Forces of the C floor [N], shape (legs, 3).
         valid: Validity of each leg, shape (legs,).
 
     Raises:
-        FootsenseError: It gives other forces, or none.
+        FootsenseError: It gives other forces.
     """
-    if floor_n is None:
-        raise FootsenseError(
-            f"scan {scan.sequence}: the floor in C gives no force where every leg is healthy"
-        )
     difference_n = np.abs(ours_n - floor_n[valid]).max(initial=0.0)
-    if not difference_n < _SAME_N:
+    if not difference_n < _MAX_DIFFERENCE_N:
         raise FootsenseError(
-            f"scan {scan.sequence}: the floor in C differs by {difference_n:.2g} N from ours"
+            f"cycle {scan.sequence}: the floor in C differs by {difference_n:.2g} N from ours"
         )

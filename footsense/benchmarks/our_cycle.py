@@ -1,4 +1,4 @@
-"""One cycle of the service on recorded scans, with everything that it sends to.
+"""One cycle of the service on recorded readings, with everything that it sends to.
 
 A whole cycle: estimate, publish, count, record. It sends to a socket pair, which stands for CAN on any machine, and
 records into a pipe; both are drained between cycles.
@@ -24,7 +24,7 @@ from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
 from footsense.daemon.models import load_models
-from footsense.frames import CapFrame, Cycle, Flag, Vector
+from footsense.frames import ELEMENTS, CapFrame, Cycle, Flag, Vector
 from footsense.ports import Observer
 from footsense.recording.cycle_pipe import CyclePipe
 from footsense.sim.clock import VirtualClock
@@ -35,8 +35,10 @@ from footsense.telemetry.systemd import SystemdObserver
 
 #: Priority of SCHED_FIFO, the default of the service; without it the figures include other processes.
 PRIORITY = Realtime().priority
-#: Scans at the begin, in which the feet are tared.
-WARM_UP = 40
+#: Cycles at the begin, in which the feet are tared.
+WARM_UP = 120
+#: The service, with a force on CAN for every cycle: each cycle does all the work.
+ROBOT = replace(DEFAULT, publish_every=1)
 
 
 class Loopback:
@@ -107,7 +109,7 @@ def our_cycle() -> Iterator[OurCycle]:
     wire = SocketWire(loopback.socket, lambda: None)
     with (
         TemporaryDirectory(dir="/dev/shm") as folder,
-        can_sink(DEFAULT, clock, None, connect=lambda: wire) as sink,
+        can_sink(ROBOT, clock, None, connect=lambda: wire) as sink,
     ):
         counters = Path(folder) / "counters"
         metrics = MetricsObserver(DEFAULT.legs, sink.stats, counters)
@@ -131,23 +133,24 @@ def our_cycle() -> Iterator[OurCycle]:
     loopback.close()
 
 
-def recorded_scans(n: int) -> list[CapFrame]:
-    """Return scans of six walking legs in turn."""
+def recorded_frames(n: int) -> list[CapFrame]:
+    """Return the frames of `n` conversions of six walking legs."""
     with open_scan_source(DEFAULT, replace(load_scene("measured_walk"), host_cost_us=40.0)) as scan_source:
         return [scan_source.source.read() for _ in range(n)]
 
 
 def sent_ns(scan: CapFrame) -> int:
-    """Return the time of sending the forces of a scan [ns]: 2 ms after the last reading of the scan."""
+    """Return the time of sending the forces of a frame [ns]: 2 ms after its newest reading."""
     return int(scan.t_ns.max()) + 2_000_000
 
 
 def tared_floor(folder: Path, scans: list[CapFrame]) -> CFloor:
-    """Return the C floor, tared with the first scans as the service does.
+    """Return the C floor, tared with the first scans as the service is.
 
     Raises:
         FootsenseError: It cannot be compiled.
     """
     floor = CFloor(folder, DEFAULT, load_models(DEFAULT).network.card.trained_inputs)
-    floor.tare(np.mean([scan.capacitance_pf for scan in scans[: DEFAULT.tare.window_scans]], axis=0))
+    tared = scans[: DEFAULT.tare.window_scans * ELEMENTS : ELEMENTS]
+    floor.tare(np.mean([scan.capacitance_pf for scan in tared], axis=0))
     return floor

@@ -23,7 +23,7 @@ from footsense.sim.scene_files import load_scene
 
 _SCANS = 40
 _HOST_COSTS_US = (0, 40, 100)
-#: Published frames of each leg of which the age is measured, after the tare.
+#: Forces of each leg of which the age is measured, after the tare.
 _AGES = 120
 
 _TWO_BUSES = replace(
@@ -68,10 +68,9 @@ def _scan(config: Config, host_cost_us: int) -> dict[str, float | None]:
     """Return scan periods of six legs at 400 kHz, ours and the naive loop's, with their ratios to the limits."""
     scene = replace(load_scene("hanging"), host_cost_us=float(host_cost_us))
     with open_scan_source(config, scene) as scan_source:
-        scan_source.source.read()
+        scan_source.read_scans(1)
         start_ns = scan_source.clock.now_ns()
-        for _ in range(_SCANS):
-            scan_source.source.read()
+        scan_source.read_scans(_SCANS)
         period_ns = (scan_source.clock.now_ns() - start_ns) / _SCANS
     # Two buses are scanned side by side also by a naive program with two threads.
     naive_ns = _naive_ns(config, scene) if config.buses[0].channels else None
@@ -103,12 +102,9 @@ def _best_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
     ).scan_ns
 
 
-def publish_age_ms() -> dict[str, dict[str, float]]:
-    """Return the age of forces at sending [ms] by publish mode, for one bus at 40 us per transaction."""
-    return {mode: _age_ms(replace(DEFAULT, publish=mode)) for mode in ("frame", "element")}
-
-
-def _age_ms(config: Config) -> dict[str, float]:
+def age_ms() -> dict[str, float]:
+    """Return the age of the newest reading at sending [ms], for one bus at 40 us per transaction."""
+    config = DEFAULT
     scene = replace(load_scene("tripod"), host_cost_us=40.0)
     ages_ns: list[int] = []
     with open_scan_source(config, scene) as scan_source:

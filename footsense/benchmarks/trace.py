@@ -1,4 +1,4 @@
-"""Count the modules, functions and calls of one scan: `python -m footsense.benchmarks.trace [--list]`.
+"""Count the modules, functions and calls of one conversion: `python -m footsense.benchmarks.trace [--list]`.
 
 A simulated robot walks, with the CAN sink and the observers of `footsense run --record`: journal, supervision, metrics,
 recorder, run statistics. While the loop runs, the interpreter's profiler hook counts every Python call of `footsense`
@@ -7,9 +7,9 @@ interpreter. Left out: the simulator with its clock (`footsense/sim`), the comma
 What the simulator calls is left out as well: `footsense/foot`, and the register layouts that the simulated chips read
 too. The latter are given as a figure of their own, since a count by file name alone includes them.
 
-A scan of six legs is nine conversions, one turn of the loop, and two frames on CAN per leg. Counted are the scans after
-the tare. A function counts with more than one call in two scans; what runs less often (the calibration monitor, a step
-of drift tracking) is in the total of calls, and marked in the list.
+A conversion of six legs is one turn of the loop; every fourth sends two frames on CAN per leg. Counted are the
+conversions after the tare. A function counts with more than one call in two conversions; what runs less often (the
+frames on CAN, the calibration monitor, a step of drift tracking) is in the total of calls, and marked in the list.
 """
 
 import argparse
@@ -28,11 +28,11 @@ from footsense.daemon.service import open_service
 from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 
-#: Scans before anything is counted: a second of walk, which includes the tare.
-_WARM_UP = 50
-_COUNTED = 500
-#: Calls per scan above which a function counts as part of every scan.
-_RARE_PER_SCAN = 0.5
+#: Conversions before anything is counted: half a second of walk, which includes the tare.
+_WARM_UP = 200
+_COUNTED = 2000
+#: Calls per conversion above which a function counts as steady.
+_RARE = 0.5
 
 _ROOT = Path(footsense.__file__).parent.parent
 _SIMULATOR = f"{_ROOT.as_posix()}/footsense/sim/"
@@ -41,14 +41,14 @@ _LEFT_OUT = ("footsense/sim/", "footsense/cli/", "footsense/benchmarks/")
 Calls = dict[tuple[str, str], float]
 
 
-def calls_per_scan(n_scans: int = _COUNTED) -> tuple[Calls, Calls]:
+def calls_per_conversion(n: int = _COUNTED) -> tuple[Calls, Calls]:
     """Count the calls of a virtual walk.
 
     Args:
-        n_scans: Scans to count.
+        n: Conversions to count.
 
     Returns:
-        Calls per scan by module and qualified name: of the service, and of our code under the simulator.
+        Calls per conversion by module and qualified name: of the service, and of our code under the simulator.
     """
     service_calls: Counter[CodeType] = Counter()
     simulator_calls: Counter[CodeType] = Counter()
@@ -62,14 +62,14 @@ def calls_per_scan(n_scans: int = _COUNTED) -> tuple[Calls, Calls]:
         TemporaryDirectory() as folder,
         open_service(DEFAULT, scene, real_time=False, record=Path(folder) / "walk.mcap") as service,
     ):
-        service.observers.append(RunStatistics(service.legs, service.true_force_n))
+        service.observers.append(RunStatistics(service.legs, service.true_force_at_time_n))
         service.run(_after(_WARM_UP))
         sys.setprofile(count)
         try:
-            service.run(_after(n_scans))
+            service.run(_after(n))
         finally:
             sys.setprofile(None)
-    return _by_function(service_calls, n_scans), _by_function(simulator_calls, n_scans)
+    return _by_function(service_calls, n), _by_function(simulator_calls, n)
 
 
 def _is_simulated(frame: FrameType | None) -> bool:
@@ -79,44 +79,44 @@ def _is_simulated(frame: FrameType | None) -> bool:
     return frame is not None
 
 
-def _by_function(calls: Counter[CodeType], n_scans: int) -> Calls:
+def _by_function(calls: Counter[CodeType], n_conversions: int) -> Calls:
     found: Counter[tuple[str, str]] = Counter()
     for code, n in calls.items():
         path = Path(code.co_filename)
         module = path.relative_to(_ROOT).as_posix() if path.is_relative_to(_ROOT) else ""
         if module.startswith(("footsense/", "firmware_interface/")) and not module.startswith(_LEFT_OUT):
             found[module, code.co_qualname] += n
-    return {function: n / n_scans for function, n in found.items()}
+    return {function: n / n_conversions for function, n in found.items()}
 
 
 def steady_functions(calls: Calls) -> list[tuple[str, str]]:
-    """Return module and qualified name of every function that runs in most scans."""
-    return [function for function, n in calls.items() if n > _RARE_PER_SCAN]
+    """Return module and qualified name of every function that runs steadily."""
+    return [function for function, n in calls.items() if n > _RARE]
 
 
-def _after(n_scans: int) -> Callable[[], bool]:
+def _after(n: int) -> Callable[[], bool]:
     """Return a stop condition that is met after a number of turns of the loop."""
-    turns = iter(range(n_scans))
+    turns = iter(range(n))
     return lambda: next(turns, None) is None
 
 
 def main() -> None:
-    """Print the function calls per scan in total; with `--list` first those of each module and function."""
+    """Print the function calls per conversion in total; with `--list` first those of each module and function."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--list", action="store_true", help="list modules and functions with their calls")
     listed = parser.parse_args().list
-    calls, simulator_calls = calls_per_scan()
+    calls, simulator_calls = calls_per_conversion()
     if listed:
         for module in sorted({module for module, _ in calls}):
             inside = {name: n for (path, name), n in calls.items() if path == module}
             click.echo(f"{sum(inside.values()):8.1f} {module}")
             for name, n in sorted(inside.items(), key=lambda function: -function[1]):
-                click.echo(f"{n:17.2f} {name}{'' if n > _RARE_PER_SCAN else '  (not in every scan)'}")
+                click.echo(f"{n:17.2f} {name}{'' if n > _RARE else '  (rare)'}")
     steady = steady_functions(calls)
     n_modules = len({module for module, _ in steady})
     layouts = sum(n for (module, _), n in simulator_calls.items() if module.startswith("firmware_interface/"))
     click.echo(
-        f"{n_modules} modules, {len(steady)} functions, {sum(calls.values()):.0f} calls per scan of six legs"
+        f"{n_modules} modules, {len(steady)} functions, {sum(calls.values()):.0f} calls per conversion of six legs"
     )
     click.echo(f"(and {layouts:.0f} calls of register layouts by the simulated chips)")
 

@@ -1,7 +1,8 @@
-"""Forces of calibration loads by the network alone and by the foot's calibration, beside the reference.
+"""Compare the network's forces, with and without the foot's calibration, with the reference sensor's.
 
-Both are computed as on the robot: closures against the foot's own unloaded reading, no force outside of the network's
-training range. Errors are compared over the loads that both can read.
+The loads are recorded calibration loads. Both forces are computed as on the robot: closures against the foot's own
+unloaded reading, no force outside of the network's training range. Errors are compared over the loads that both can
+read.
 """
 
 from collections.abc import Callable, Mapping, Sequence

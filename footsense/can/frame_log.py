@@ -1,8 +1,8 @@
 """The log of sent CAN frames: checks of its file, and the loop's end of the pipe to its writer.
 
 A busy disk or an absent network drive makes a writer wait, so a process of its own writes the file (`log_writer`), and
-the loop copies a scan's frames into a pipe with one system call. In virtual time the loop waits for room there; in real
-time it never does, and frames without room are counted.
+the loop copies a cycle's frames into a pipe with one system call. In virtual time the loop waits for room there; in
+real time it never does, and frames without room are counted.
 """
 
 import logging
@@ -24,8 +24,8 @@ LOG_SUFFIXES = (".log", ".asc", ".blf")
 #: Time [ns] and length [bytes] of the frames of one call, before them.
 RECORD_HEAD = struct.Struct("<qI")
 
-#: Size of the pipe [bytes], the most that Linux grants a user by default: two minutes of scans, or 14 s of forces
-#: after every conversion.
+#: Size of the pipe [bytes], the most that Linux grants a user by default: a minute of forces, or 14 s
+#: with `publish_every: 1`.
 PIPE_BYTES = 1 << 20
 
 #: Longest wait for the writer after the pipe was closed [s].

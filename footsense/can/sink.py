@@ -1,12 +1,15 @@
 """Forces to CAN: which frame is sent when.
 
-Each scan sends `Force` and `Quality` of every leg; heartbeats go out at 5 Hz, `Baseline` at 1 Hz, and a fault report
-when the state, the element mask or the cause changes. All frames of a scan go out with one call. The counters advance
-over frames that the channel did not take, so the consumer sees the gap.
+Every n-th cycle sends `Force` and `Quality` of every leg, and so does a cycle in which a leg's state, cause, element
+mask or flags change; heartbeats go out at 5 Hz, `Baseline` at 1 Hz, and a fault report when the state, the mask or the
+cause changes. All frames of a cycle go out with one call. The counters advance over frames that the channel did not
+take, so the consumer sees the gap.
 
-Where the channel takes only a part, the rest of the scan is dropped; each scan begins with another leg, so that a
-full queue costs all legs the same. A leg's Force and Quality are neighbours. A fault report that was not taken is
-sent again with the next scan, with the fault's values of then.
+Changes in two cycles in a row share the frames of the second: six legs take 500 kbit/s for longer than a conversion.
+
+Where the channel takes only a part, the rest of the cycle is dropped; each time another leg is first, so that a full
+queue costs all legs the same. A leg's Force and Quality are neighbours. A fault report that was not taken is sent again
+with the next cycle, with the fault's values of then.
 
 The loop drives all of this, the heartbeats too. It turns even if no leg answers; if it hangs, its heartbeats stop,
 which is their purpose.
@@ -25,7 +28,7 @@ from footsense.can.leg_frames import CanLeg, heartbeat_frame, heartbeat_of_state
 from footsense.frames import CanStatistics, Command, CommandResult, ContactFrame
 from footsense.ports import Clock
 
-#: Most frames beside Force and Quality in one scan; the others wait for the next. The interface's queue has room for
+#: Most frames beside Force and Quality in one cycle; the others wait for the next. The interface's queue has room for
 #: so many (`deploy/80-can0.network`).
 _MOST_EVENTS = 4
 
@@ -46,6 +49,7 @@ class CanSink:
         settings: Settings of the channel.
         legs: Name of the leg in each row of the frames.
         clock: The time of the frames.
+        every: Cycles for each `Force`, at least 1.
 
     Attributes:
         stats: Statistics of the channel.
@@ -56,10 +60,13 @@ class CanSink:
         CanError: The channel is missing or down.
 
     Timing:
-        Never waits. Six legs: 12 frames a scan, 30 heartbeats and 6 baselines a second; one system call a scan.
+        Never waits. Six legs: 12 frames for each force, 30 heartbeats and 6 baselines a second; one system call for all
+        frames of a cycle.
     """
 
-    def __init__(self, settings: ChannelSettings, legs: tuple[str, ...], clock: Clock) -> None:
+    def __init__(
+        self, settings: ChannelSettings, legs: tuple[str, ...], clock: Clock, *, every: int = 1
+    ) -> None:
         self.stats = CanStatistics()
         nodes = [NODE_IDS[leg] for leg in legs]
         boot = can_events.encode_heartbeat(NmtState.BOOT)
@@ -73,11 +80,15 @@ class CanSink:
         self._legs = [CanLeg(row, node) for row, node in enumerate(nodes)]
         self._encoder = ForceQualityEncoder(nodes)
         self._commands = CanCommands(self._channel, nodes, clock)
-        self._counter = 0  # of every Force and Quality of a scan
+        self._every = every
+        self._n_cycles = every - 1  # since the last forces
+        self._early = False  # the last forces were sent for a change
+        self._sent: list[list[int]] = []  # states, masks, causes and flags of the last forces
+        self._counter = 0  # of every Force and Quality of a cycle
         self._first = 0  # start of the frames that are sent first [bytes]
         self._reported: list[list[int]] = []  # states, masks and causes without an outstanding report
         # Due time [ns], period [ns] and row of each heartbeat and baseline, as a heap; the legs' phases are spread over
-        # the period, so that their frames do not pile up in one scan.
+        # the period, so that their frames do not pile up in one cycle.
         now_ns = clock.now_ns()
         self._due = [
             (now_ns + row * period_ns // len(nodes), period_ns, row)
@@ -89,13 +100,51 @@ class CanSink:
         self._closed = False
 
     def publish(self, frame: ContactFrame) -> None:
-        """Send each leg's force and quality, and the fault reports, heartbeats and baselines that are due."""
+        """Send the forces, fault reports, heartbeats and baselines that are due."""
         t_ns = frame.t_sent_ns
-        states, masks = frame.state.tolist(), frame.fault_mask.tolist()
+        present = [frame.state.tolist(), frame.fault_mask.tolist(), frame.cause.tolist()]
         self._flags = frame.flags.tolist()
+        frames: list[bytes] = []
+        n_forces = 0
+        if self._are_forces_due([*present, self._flags]):
+            frames, n_forces = self._force_frames(frame, *present[:2]), 2 * len(self._legs)
+        unreported = [] if present == self._reported else self._unreported(present)
+        reports = unreported[:_MOST_EVENTS]
+        for leg, report in reports:
+            frames.append(leg.fault_frame(*report))
+        room = _MOST_EVENTS - len(reports)
+        if t_ns >= self._due[0][0]:
+            room = self._add_periodic(frames, frame, present[0], room)
+        if self._commands.unsolicited:
+            frames += self._commands.unsolicited_frames(room)
+        if not frames:
+            return
+        taken = self._channel.send(b"".join(frames), t_ns)
+
+        n_reported = min(len(reports), max(0, taken - n_forces))
+        for leg, report in reports[:n_reported]:
+            leg.set_reported(report)
+        if n_reported == len(unreported):
+            self._reported = present
+
+    def _are_forces_due(self, present: list[list[int]]) -> bool:
+        """Return whether the forces of this cycle are to be sent.
+
+        Args:
+            present: States, masks, causes and flags of the legs.
+        """
+        self._n_cycles += 1
+        early = self._n_cycles < self._every
+        if early and (present == self._sent or (self._early and self._n_cycles < 2)):
+            return False
+        self._n_cycles, self._early, self._sent = 0, early, present
+        return True
+
+    def _force_frames(self, frame: ContactFrame, states: list[int], masks: list[int]) -> list[bytes]:
+        """Return the Force and Quality of all legs, another leg first each time."""
         forces = self._encoder.encode(
             self._counter,
-            t_ns,
+            frame.t_sent_ns,
             frame.t_ns.tolist(),
             states,
             frame.force_n.tolist(),
@@ -103,27 +152,11 @@ class CanSink:
             self._flags,
             masks,
         )
+        self.stats.published += 1
         self._counter = (self._counter + 1) % COUNTER_PERIOD
         # A full queue drops frames at its front or refuses them at its end: rotate, so that it strikes each leg.
         self._first = (self._first + _PAIR_BYTES) % len(forces)
-        frames = [forces[self._first :], forces[: self._first]]
-        present = [states, masks, frame.cause.tolist()]
-        unreported = [] if present == self._reported else self._unreported(present)
-        reports = unreported[:_MOST_EVENTS]
-        for leg, report in reports:
-            frames.append(leg.fault_frame(*report))
-        room = _MOST_EVENTS - len(reports)
-        if t_ns >= self._due[0][0]:
-            room = self._add_periodic(frames, frame, states, room)
-        if self._commands.unsolicited:
-            frames += self._commands.unsolicited_frames(room)
-        taken = self._channel.send(b"".join(frames), t_ns)
-
-        n_reported = min(len(reports), max(0, taken - 2 * len(self._legs)))
-        for leg, report in reports[:n_reported]:
-            leg.set_reported(report)
-        if n_reported == len(unreported):
-            self._reported = present
+        return [forces[self._first :], forces[: self._first]]
 
     def commands(self) -> list[Command]:
         """Return the valid commands among the received frames; the others are counted."""

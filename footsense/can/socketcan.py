@@ -1,4 +1,4 @@
-"""All CAN frames of a scan to the kernel with one system call.
+"""All CAN frames of a cycle to the kernel with one system call.
 
 python-can calls select, send and log for each frame, and `socket.send` costs a third more than one `sendmmsg` for all
 (docs/adr/0015), whose arguments are prepared once.
@@ -21,7 +21,7 @@ NO_ROOM = frozenset({errno.ENOBUFS, errno.EAGAIN})
 #: Most frames of one call; six legs send 30 at most.
 MAX_FRAMES = 64
 
-#: Most frames of one `receive`; a full bus of 1 Mbit/s carries fewer in a scan.
+#: Most frames of one `receive`; a full bus of 1 Mbit/s carries fewer in a cycle.
 MAX_DRAINED = 1000
 
 

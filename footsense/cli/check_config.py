@@ -36,7 +36,7 @@ def _summary(models: Models) -> list[str]:
     design = network.card.trained_inputs.design
     return [
         f"{len(config.legs)} legs on the board {config.board}",
-        f"feet: {config.foot_type}, {design.unloaded_pf:.2f} pF per element at rest, gaps of {design.gap_um:g} um",
+        f"feet: {config.foot_type}, {design.unloaded_pf:.2f} pF per unloaded element, gaps of {design.gap_um:g} um",
         f"scan: {_scan(config)}",
         f"forces: {_forces(config)}",
         *(_bus_line(bus, config) for bus in config.buses),
@@ -82,9 +82,9 @@ def _weight(config: Config) -> str:
 
 
 def _forces(config: Config) -> str:
-    if config.publish == "element":
-        return "one after every conversion, as of the time of sending"
-    return "one after every scan, as of the time of sending"
+    n = config.frames_per_force
+    each = "record of the microcontroller" if config.serial is not None else "conversion"
+    return f"one of {n} {each}s on CAN, a change at once" if n > 1 else f"one on CAN for every {each}"
 
 
 def _bus_line(bus: Bus, config: Config) -> str:

@@ -36,9 +36,9 @@ from footsense.recording.replay_source import ReplayClock, ReplaySource
     help="Folder of the calibrations of the recorded feet; default: where it was on the robot.",
 )
 def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, folder: Path | None) -> None:
-    """Run the recorded scans of FILE through the pipeline again and publish the forces.
+    """Run the recorded readings of FILE through the pipeline again and publish the forces.
 
-    The recording brings its configuration; its scans meet the same code as those of a robot.
+    The recording brings its configuration; its readings meet the same code as those of a robot.
     With --check, forces must be equal bit for bit where processor and library versions are those of the
     recording, else to 1 mN. A recording that is cut short is replayed as far as it is whole, and compared up to
     its first gap (exit 3).
@@ -75,7 +75,7 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
                 n_equal += 1
             n_frames += 1
     how = "bit for bit" if exact else "to 1 mN (another processor or library version)"
-    click.echo(f"{n_equal} scans equal {how}" if check else f"{n_frames} scans replayed")
+    click.echo(f"{n_equal} cycles equal {how}" if check else f"{n_frames} cycles replayed")
     _require_whole(file, source, n_equal if check else None)
 
 
@@ -87,7 +87,7 @@ def _require_whole(file: Path, source: ReplaySource, n_equal: int | None) -> Non
     """
     lost = f"{source.lost} cycles were lost when it was recorded" if source.lost else ""
     if lost and n_equal is not None:
-        lost += f", only the {n_equal} scans before the first of them were compared"
+        lost += f", only the {n_equal} cycles before the first of them were compared"
     if source.damage is not None:
         raise RecordingError(f"{source.damage}; before that, {lost}" if lost else str(source.damage))
     if lost:

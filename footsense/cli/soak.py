@@ -32,9 +32,9 @@ from footsense.validation.soak_plan import day
 def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json: Path | None) -> None:
     """Walk for hours with random faults of wires, chips, feet and CAN, and check the invariants.
 
-    Stretches of an hour or two have a process each: at 400 and at 100 conversions a second, with a force after each
-    scan and after each conversion, warmer and colder by 20 K, with two stands of half an hour. Ends with 1 after a
-    violation; its line names the stretch, and --only walks it again.
+    Stretches of an hour or two have a process each: at 400 and at 100 conversions a second, with every fourth and
+    with every force on CAN, warmer and colder by 20 K, with two stands of half an hour. Ends with 1 after a violation;
+    its line names the stretch, and --only walks it again.
     """
     logging.disable(logging.WARNING)  # the faults are on purpose
     stretches = day(hours, seed)
@@ -54,7 +54,7 @@ def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json
     click.echo(
         f"{sum(result.virtual_s for result in results) / 3600.0:.2f} h walked in {wall_s / 60.0:.1f} min, "
         f"{sum(result.n_faults for result in results)} faults, "
-        f"{sum(result.n_cycles for result in results)} frames: {n_violations} violations"
+        f"{sum(result.n_cycles for result in results)} cycles: {n_violations} violations"
     )
     for result in results:
         for rule, t_s, leg, detail in result.violations:
@@ -85,11 +85,12 @@ def _refuse(only: int | None, n_stretches: int, as_json: Path | None) -> None:
 
 def _line(result: StretchResult) -> str:
     stretch = result.stretch
+    every = ["every force on CAN"] if stretch.publish_every == 1 else []
     warmer = [f"{stretch.kelvin:+g} K"] if stretch.kelvin else []
     stand = ["with a stand"] if stretch.stands_s else []
     return (
         f"stretch {stretch.number}: {stretch.hours:g} h "
-        f"{', '.join([f'{stretch.rate_sps} S/s', stretch.publish, *warmer, *stand])}: {result.n_faults} faults, "
+        f"{', '.join([f'{stretch.rate_sps} S/s', *every, *warmer, *stand])}: {result.n_faults} faults, "
         f"{sum(result.n_violations.values())} violations, longest gap {1e3 * result.longest_gap_s:.0f} ms, "
         "{:.1f} to {:.1f} MiB ".format(*result.resident_mib)
         + f"({result.growth_mib_per_h:+.2f} MiB/h), {result.virtual_s / result.wall_s:.1f} x real time"

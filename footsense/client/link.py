@@ -23,7 +23,7 @@ _NO_FORCE = (_NAN, _NAN, _NAN)
 
 
 class LinkStatus(IntEnum):
-    """LinkStatus of a leg's stream of frames."""
+    """Whether the latest force of a leg may be used, judged by the age and sequence of its CAN frames."""
 
     STALE = 0  #: no force for `timeout_ns`, or fewer than `min_good` since then; or the force is too old
     OK = 1  #: the last force is valid, in sequence, and young enough
@@ -34,7 +34,7 @@ class LinkStatus(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class LinkLimits:
-    """Limits for using a force; the defaults suit forces every 25 ms.
+    """Limits for using a force; the defaults suit forces every 11 to 25 ms.
 
     Attributes:
         max_age_ns: A force older than this is stale [ns].

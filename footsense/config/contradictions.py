@@ -1,11 +1,12 @@
 """Settings that are each valid and contradict each other: path in the file, and remedy."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from ipaddress import IPv4Address, IPv6Address, ip_address
 
 from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.config.boards import BOARDS
-from footsense.config.schema import Config
+from footsense.config.schema import PUBLISH_EVERY, Config
 from footsense.config.sections import PCA9685_ALLCALL, Bus, Leg, Scan
 from footsense.strict_yaml import Problem
 
@@ -59,21 +60,21 @@ def _board(config: Config) -> Iterator[Problem]:
         yield Problem("buses", "the board mcu has no I2C bus; take buses away, or use another board")
     if config.scan != Scan():
         yield Problem("scan", "the microcontroller scans at serial.rate_hz; take scan away")
-    if config.publish == "element":
-        yield Problem("publish", "the microcontroller sends whole scans; use publish: frame")
-    for path, leg, _ in _repeated((f"serial.legs[{n}]", leg, "") for n, leg in enumerate(serial.legs)):
-        yield Problem(path, f"{leg} is named twice")
+    if config.publish_every != PUBLISH_EVERY:
+        yield Problem(
+            "publish_every", "every record of the microcontroller is published; take publish_every away"
+        )
+    legs = ((f"serial.legs[{n}]", leg, "") for n, leg in enumerate(serial.legs))
+    yield from _repeated(legs, "{} is named twice")
 
 
 def _between_buses(config: Config) -> Iterator[Problem]:
     buses = list(enumerate(config.buses))
     devices = ((f"buses[{i}].device", bus.device, f"buses[{i}]") for i, bus in buses)
-    for path, device, other in _repeated(devices):
-        remedy = "give each its own, or join their legs under one bus"
-        yield Problem(path, f"{device} is already the device of {other}; {remedy}")
+    remedy = "give each its own, or join their legs under one bus"
+    yield from _repeated(devices, "{} is already the device of {}; " + remedy)
     legs = ((f"buses[{i}].legs.{leg}", leg, f"buses[{i}]") for i, bus in buses for leg in bus.legs)
-    for path, leg, other in _repeated(legs):
-        yield Problem(path, f"{leg} is already a leg of {other}; a leg has one foot, so name it once")
+    yield from _repeated(legs, "{} is already a leg of {}; a leg has one foot, so name it once")
     simulated = [
         {device.startswith("sim") for device in (bus.device, *bus.adapters.values())} for _, bus in buses
     ]
@@ -92,13 +93,11 @@ def _legs_of_bus(bus: Bus, path: str) -> Iterator[Problem]:
             "name an adapter for every leg, or a channel for every leg",
         )
     adapters = ((f"{path}.{leg}", device, f"that of {leg}") for leg, device in bus.adapters.items())
-    for where, device, owner in _repeated([(path, bus.device, "the bus itself"), *adapters]):
-        yield Problem(where, f"{device} is already {owner}; `i2cdetect -l` lists them")
+    devices = [(path, bus.device, "the bus itself"), *adapters]
+    yield from _repeated(devices, "{} is already {}; `i2cdetect -l` lists them")
     free = sorted(set(range(8)) - set(bus.channels.values()))
-    for where, channel, owner in _repeated(
-        (f"{path}.{leg}", channel, leg) for leg, channel in bus.channels.items()
-    ):
-        yield Problem(where, f"channel {channel} is already that of {owner}; free channels are {free}")
+    channels = ((f"{path}.{leg}", channel, leg) for leg, channel in bus.channels.items())
+    yield from _repeated(channels, f"channel {{}} is already that of {{}}; free channels are {free}")
 
 
 def _addresses(bus: Bus, path: str, board: str) -> Iterator[Problem]:
@@ -141,20 +140,22 @@ def _can(config: Config) -> Iterator[Problem]:
             "can.channel",
             f"{can.channel} is no IPv4 multicast address, as udp_multicast needs one; use 239.74.163.2",
         )
-    # Forces after every conversion are nine times as many as after every scan.
-    per_s = config.rate_sps if config.publish == "element" else 1e3 / config.shortest_scan_ms
+    per_s = config.forces_hz
     bits_per_s = len(config.legs) * FRAMES_PER_LEG * LONGEST_FRAME_BITS * per_s
-    if can.interface == "socketcan" and bits_per_s > _CAN_SHARE * can.bitrate:
+    share = bits_per_s / (_CAN_SHARE * can.bitrate)
+    if can.interface == "socketcan" and share > 1.0:
+        fewer = f"publish_every: {math.ceil(share * config.publish_every)}"
         yield Problem(
             "can.bitrate",
             f"{len(config.legs)} legs at {per_s:.0f} forces/s take {bits_per_s * 1e-3:.0f} kbit/s, more than "
-            f"{_CAN_SHARE:.0%} of {can.bitrate * 1e-3:.0f} kbit/s; use 1000000, or publish: frame",
+            f"{_CAN_SHARE:.0%} of {can.bitrate * 1e-3:.0f} kbit/s; "
+            f"use 1000000, or {fewer if config.serial is None else 'fewer records'}",
         )
 
 
 def _feet(config: Config) -> Iterator[Problem]:
-    for path, foot, other in _repeated((f"feet.{leg}", foot, leg) for leg, foot in config.feet.items()):
-        yield Problem(path, f"{foot} is already mounted on {other}")
+    feet = ((f"feet.{leg}", foot, leg) for leg, foot in config.feet.items())
+    yield from _repeated(feet, "{} is already mounted on {}")
     sections: dict[str, Mapping[Leg, object]] = {
         "feet": config.feet,
         "stray_pf": config.stray_pf,
@@ -179,12 +180,17 @@ def _feet(config: Config) -> Iterator[Problem]:
             )
 
 
-def _repeated(entries: Iterable[tuple[str, int | str, str]]) -> Iterator[tuple[str, int | str, str]]:
-    """Yield path and value of every entry with the value of an earlier one, and the owner of the earlier one."""
+def _repeated(entries: Iterable[tuple[str, int | str, str]], message: str) -> Iterator[Problem]:
+    """Yield a problem for every entry, path, value and owner, with the value of an earlier one.
+
+    Args:
+        entries: Path, value and owner of each.
+        message: Text with places for the value and the owner of the earlier entry.
+    """
     owner_of: dict[int | str, str] = {}
     for path, value, owner in entries:
         if value in owner_of:
-            yield path, value, owner_of[value]
+            yield Problem(path, message.format(value, owner_of[value]))
         owner_of.setdefault(value, owner)
 
 

@@ -10,10 +10,12 @@ _RENAMED = {
 #: Keys of earlier versions, each with what replaces it.
 FORMER_KEYS = {key: f"now called {name}" for key, name in _RENAMED.items()} | {
     "average_scans": "forces are no longer averaged; take this key away, and average at the receiver",
+    "publish": "now called publish_every: conversions per force on CAN, 4 by default and 1 for each conversion",
     "gang": "the column-sum scan was removed; take this key away",
 }
 
-_WITHOUT_EFFECT = (("gang", False), ("average_scans", 1))
+#: Recorded forces are compared frame by frame, whatever was published of them.
+_WITHOUT_EFFECT = (("gang", False), ("average_scans", 1), ("publish", "frame"), ("publish", "element"))
 
 
 def with_present_keys(data: object) -> object:

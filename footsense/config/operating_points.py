@@ -1,4 +1,4 @@
-"""Operating points: named settings of conversion rate, averaging and publishing.
+"""Operating points: named settings of conversion rate and publishing.
 
 Measured by `footsense lab tradeoff` on the measured walk of six legs (docs/report, "Latency against error", with all
 other settings); a test compares the figures here with that page.
@@ -18,8 +18,7 @@ class OperatingPoint(NamedTuple):
 
     Attributes:
         rate_sps: Conversions per second, `scan.rate_sps` of the configuration.
-        average_scans: Scans averaged, `average_scans`.
-        publish: Time of sending, `publish`.
+        publish_every: Conversions per force, `publish_every`.
         age_ms: Median age of the measurement behind the force in use by a consumer [ms].
         walk_error_mn: Error of that force on the walk, rms of its length [mN].
         noise_mn: Noise of the force of a foot at rest, rms of its length [mN].
@@ -27,27 +26,23 @@ class OperatingPoint(NamedTuple):
     """
 
     rate_sps: Literal[100, 200, 400]
-    average_scans: int
-    publish: Literal["frame", "element"]
+    publish_every: int
     age_ms: float
     walk_error_mn: float
     noise_mn: float
     purpose: str
 
 
+# Figures of an interim network: take those of docs/report/tradeoff.json once that is made anew.
 OPERATING_POINTS = {
-    "low-noise": OperatingPoint(
-        100, 8, "frame", 423.0, 516.0, 0.13, "weighing and calibrating, feet at rest"
-    ),
-    "default": OperatingPoint(400, 1, "frame", 26.3, 98.0, 1.22, "walking, the default"),
-    "low-latency": OperatingPoint(
-        400, 1, "element", 4.6, 32.0, 1.40, "control of a walk, six legs need 1 Mbit/s of CAN"
-    ),
+    "low-noise": OperatingPoint(100, 4, 32.0, 100.0, 0.7, "weighing and calibrating, feet at rest"),
+    "default": OperatingPoint(400, 4, 8.7, 35.0, 1.4, "walking, the default"),
+    "low-latency": OperatingPoint(400, 1, 4.6, 32.0, 1.4, "control of a walk, six legs need 1 Mbit/s of CAN"),
 }
 
 
 def at_operating_point(config: Config, name: str) -> Config:
-    """Return a configuration with its rate, averaging and publishing replaced by an operating point.
+    """Return a configuration with its rate and publishing replaced by an operating point.
 
     Args:
         config: The robot.
@@ -60,8 +55,7 @@ def at_operating_point(config: Config, name: str) -> Config:
     moved = replace(
         config,
         scan=replace(config.scan, rate_sps=point.rate_sps),
-        average_scans=point.average_scans,
-        publish=point.publish,
+        publish_every=point.publish_every,
     )
     problem = first_contradiction(moved)
     if problem is not None:

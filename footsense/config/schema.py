@@ -11,6 +11,9 @@ from footsense.config.boards import BOARDS
 from footsense.foot.files.calibration_format import FootId
 from footsense.frames import ELEMENTS
 
+#: Default of `publish_every`: 92 forces a second, 30 % of 500 kbit/s for six legs.
+PUBLISH_EVERY = 4
+
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Configuration of the daemon.
@@ -21,8 +24,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         serial: Line to the microcontroller; with board `mcu` only.
         can: CAN channel for the forces. No default: a robot whose forces stay in the process would look healthy.
         scan: Rate and order of the conversions.
-        publish: `frame` estimates and sends a force with every scan, `element` with every conversion; either as of the
-            time of sending.
+        publish_every: Conversions per force on CAN; a change of a leg's state is sent at once. With board `mcu` every
+            record is sent.
         tare: Conditions for a tare.
         baseline: Tracking of the baseline between tares.
         contact: Contact detection.
@@ -47,7 +50,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     serial: sections.Serial | None = None
     can: Annotated[sections.Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
     scan: sections.Scan = sections.Scan()
-    publish: Literal["frame", "element"] = "frame"
+    publish_every: Annotated[int, Meta(ge=1, le=36)] = PUBLISH_EVERY
     tare: sections.Tare = sections.Tare()
     baseline: sections.Baseline = sections.Baseline()
     contact: sections.Contact = sections.Contact()
@@ -81,6 +84,17 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         if self.serial is not None:
             return 1e3 / self.serial.rate_hz
         return ELEMENTS * self.rate.conversion_ns * 1e-6
+
+    @property
+    def frames_per_force(self) -> int:
+        """Return the frames of the scanner for each force on CAN: conversions, or a microcontroller's records."""
+        return self.publish_every if self.serial is None else 1
+
+    @property
+    def forces_hz(self) -> float:
+        """Return the forces of a leg on CAN in a second, at most, while no state changes."""
+        frames_hz = self.rate_sps if self.serial is None else self.serial.rate_hz
+        return frames_hz / self.frames_per_force
 
     @property
     def rate_sps(self) -> int:

@@ -1,4 +1,4 @@
-"""From configuration to scans: buses of the robot or of its simulation, and the scanner over them."""
+"""From configuration to frames: buses of the robot or of its simulation, and the scanner over them."""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -19,7 +19,7 @@ from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.config.sections import Bus, Serial
 from footsense.daemon.simulation import simulated_robot
-from footsense.frames import Vector
+from footsense.frames import ELEMENTS, CapFrame, Vector
 from footsense.ports import Clock, SerialPort, WakeupLatency
 from footsense.sim.bus.serial_line import SimulatedLine
 from footsense.sim.robot import SimulatedRobot
@@ -34,13 +34,14 @@ SLOW_REL = 0.9
 
 @dataclass(frozen=True, slots=True)
 class ScanSource:
-    """An open source of scans.
+    """An open source of frames.
 
     Attributes:
         source: The scanner, started.
         clock: Clock of its time stamps.
+        frames_per_scan: Frames in which every element is read once: nine single conversions, or a whole scan.
         response_sha256: Hash of the response table of the simulated feet, None on a real robot.
-        true_force_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
+        true_force_at_time_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
         wakeups: Wake-up latency of the thread of each bus; none in virtual time.
         temperature_c: Returns the temperature of each leg's converter [degC], shape (legs,), NaN for none; None where
             no converter has a sensor.
@@ -48,10 +49,20 @@ class ScanSource:
 
     source: RobotScanner | McuSource
     clock: Clock
+    frames_per_scan: int = 1
     response_sha256: str | None = None
-    true_force_n: Callable[[int], Vector] | None = None
+    true_force_at_time_n: Callable[[int], Vector] | None = None
     wakeups: tuple[WakeupLatency, ...] = ()
     temperature_c: Callable[[], Vector] | None = None
+
+    def read_scans(self, n: int) -> list[CapFrame]:
+        """Read `n` scans, and return the last frame of each."""
+        scans: list[CapFrame] = []
+        while len(scans) < n:
+            frame = self.source.read()
+            if frame.sequence % self.frames_per_scan == 0:
+                scans.append(frame)
+        return scans
 
 
 def scan_plan_for(config: Config) -> ScanPlan:
@@ -154,7 +165,7 @@ def open_scan_source(config: Config, scene: Scene | None) -> Iterator[ScanSource
                 opened,
                 clock=robot.clock,
                 response_sha256=robot.response_sha256,
-                true_force_n=robot.true_force_n,
+                true_force_at_time_n=robot.true_force_at_time_n,
                 wakeups=(),
             )
         yield opened
@@ -182,7 +193,7 @@ def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack
     for bus, clock, transport in buses:
         channels = bus.channels or {leg: channel for channel, leg in enumerate(bus.legs)}
         scanners.append(BusScanner(transport, clock, channels, plan))
-    source = RobotScanner(scanners, element_wise=config.publish == "element")
+    source = RobotScanner(scanners)
     stack.callback(source.close)
     source.start()
     for bus, scanner in zip(config.buses, scanners, strict=True):
@@ -190,6 +201,7 @@ def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack
     return ScanSource(
         source,
         MonotonicClock(),
+        ELEMENTS,
         wakeups=tuple(bus.clock.wakeups for bus in buses if isinstance(bus.clock, MonotonicClock)),
         temperature_c=source.temperature_c if plan.board.thermometer else None,
     )

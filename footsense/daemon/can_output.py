@@ -41,7 +41,7 @@ def can_sink(
         log_waits=not real_time,
         connect=connect,
     )
-    sink = CanSink(settings, config.legs, clock)
+    sink = CanSink(settings, config.legs, clock, every=config.frames_per_force)
     with closing_at_end(sink.close):
         yield sink
 

@@ -12,7 +12,7 @@ from footsense.config import Config
 from footsense.daemon.models import Models
 from footsense.errors import ConfigError
 from footsense.estimation.baseline.contact import ContactLimits
-from footsense.estimation.baseline.drift import FASTEST_PF_PER_S
+from footsense.estimation.baseline.drift import MAX_DRIFT_PF_PER_S
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.faults.status import RANGE_END_PF
@@ -130,6 +130,6 @@ def _contact_limits(config: Config, design: CapacitorDesign, force_sensitivity: 
             f"contact.threshold_n: {config.contact.threshold_n:g} N are lost in the noise of these feet; "
             f"use at least {least_n:.2g}"
         )
-    drift_n_per_s = _OVER_DRIFT_REL * FASTEST_PF_PER_S * n_per_pf
+    drift_n_per_s = _OVER_DRIFT_REL * MAX_DRIFT_PF_PER_S * n_per_pf
     limits = ContactLimits(threshold_n=config.contact.threshold_n)
     return replace(limits, floor_n_per_s=max(limits.floor_n_per_s, drift_n_per_s))

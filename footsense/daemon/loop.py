@@ -1,10 +1,11 @@
-"""The loop: read a scan, execute commands, estimate, publish, notify the observers.
+"""The loop: read a frame, execute commands, estimate, publish, notify the observers.
 
 It runs the same over hardware, over the simulator and over a recording; all that differs is behind its ports. The
 source sets the pace: a scanner waits for its conversions. Nothing else may run Python in this process while the loop
 does: recorder and CAN log write in processes of their own, and metrics are served by another.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -17,13 +18,13 @@ from footsense.ports import Clock, ForceSink, FrameSource, Observer, ReferenceSe
 
 @dataclass
 class Loop:
-    """Everything that a scan passes through; the caller closes its objects.
+    """Everything that a frame passes through; the caller closes its objects.
 
     Attributes:
         pipeline: Estimates the contact forces.
         sink: Takes forces, gives commands.
         observers: Notified of every cycle; more may be added between two runs.
-        clock: Clock of the scans' stamps.
+        clock: Clock of the frames' stamps.
         reference: Force sensor of a test stand.
         temperature_c: Returns the last temperature of each leg's converter [degC], shape (legs,), called once a cycle;
             None where no converter has a sensor.
@@ -36,15 +37,16 @@ class Loop:
     reference: ReferenceSensor | None = None
     temperature_c: Callable[[], Vector] | None = None
 
-    def run_on(self, source: FrameSource, stop: Callable[[], bool]) -> None:
-        """Run cycles until the source ends or `stop` returns true.
+    def run_on(self, source: FrameSource, stop: Callable[[], bool], until_ns: float = math.inf) -> None:
+        """Run cycles until the source ends, `stop` returns true, or the clock has reached a time.
 
         Args:
-            source: Source of scans.
+            source: Source of frames.
             stop: Stop condition, called once a cycle.
+            until_ns: Time of the end [ns].
         """
         last_c: Vector | None = None
-        while not stop():
+        while not stop() and self.clock.now_ns() < until_ns:
             scan = source.read()
             if scan is None:
                 return

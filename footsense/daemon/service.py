@@ -1,4 +1,4 @@
-"""The daemon, put together: scans in, forces out, and the observers of both."""
+"""The daemon, put together: readings in, forces out, and the observers of both."""
 
 import logging
 import math
@@ -46,8 +46,8 @@ class Service(Loop):
 
     Attributes:
         legs: Names of the legs in the order of the rows of every frame.
-        true_force_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
-        source: Source of scans, paced by the wall clock if a simulation has to be.
+        true_force_at_time_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
+        source: Source of frames, paced by the wall clock if a simulation has to be.
         network: The network in use.
         recorder: Recorder, if the run is recorded.
         can: Simulated CAN interface of a scene with CAN faults.
@@ -57,7 +57,7 @@ class Service(Loop):
     observers: list[Observer]
     reference: "StandSensor | None"
     legs: tuple[str, ...]
-    true_force_n: Callable[[int], Vector] | None
+    true_force_at_time_n: Callable[[int], Vector] | None
     source: FrameSource
     network: Network
     recorder: Recorder | None
@@ -66,13 +66,18 @@ class Service(Loop):
     def run(self, stop: Callable[[], bool] = bool, until_ns: float = math.inf) -> None:
         """Run until `stop` returns true, or until a time of the clock [ns]."""
         with gc_disabled():
-            self.run_on(self.source, lambda: stop() or self.clock.now_ns() >= until_ns)
+            self.run_on(self.source, stop, until_ns)
 
     def figures(self) -> dict[str, object]:
-        """Return the counts of frames sent and of frames, commands and cycles lost."""
+        """Return the counts of forces published, of frames sent, and of frames, commands and cycles lost."""
         stats = self.sink.stats
         return {
-            "can": {"sent": stats.sent, "dropped": stats.dropped, "rejected_commands": stats.rejected},
+            "can": {
+                "published": stats.published,
+                "sent": stats.sent,
+                "dropped": stats.dropped,
+                "rejected_commands": stats.rejected,
+            },
             "cycles_not_recorded": self.recorder.lost if self.recorder else None,
         }
 
@@ -149,7 +154,7 @@ def open_service(
             stack.enter_context(closing_at_end(observer.close))
         yield Service(
             legs=legs,
-            true_force_n=scan.true_force_n,
+            true_force_at_time_n=scan.true_force_at_time_n,
             source=source,
             network=models.network,
             pipeline=pipeline_for(models, flags),
@@ -180,7 +185,7 @@ def _metrics(
             Path(config.metrics.counters),
             wakeups=wakeups,
             missed_deadlines=lambda: scan.source.missed_deadlines,
-            n_lost_scans=lambda: recorder.lost if recorder else 0,
+            n_lost_cycles=lambda: recorder.lost if recorder else 0,
             n_lost_lines=n_lost_lines,
         )
     except FootsenseError as error:

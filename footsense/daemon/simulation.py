@@ -75,7 +75,7 @@ class Paced:
         self._offset_ns: int | None = None
 
     def read(self) -> CapFrame | None:
-        """Return the next scan of the source, delayed until the scan is due by the real clock."""
+        """Return the next frame of the source, delayed until it is due by the real clock."""
         scan = self._source.read()
         if self._offset_ns is None:
             self._offset_ns = self._real.now_ns() - self._played.now_ns()

@@ -82,13 +82,16 @@ def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> S
         case FileSensor() as sensor:
             return FileReference(_recorded(Path(sensor.path), test_stand))
         case Simulated() as sensor:
-            true_force_n = scan_source.true_force_n
-            if true_force_n is None:
+            true_force_at_time_n = scan_source.true_force_at_time_n
+            if true_force_at_time_n is None:
                 raise ConfigError(
                     "sensor.kind: simulated needs a simulated foot; this configuration names real buses"
                 )
             port = simulated.SimulatedSensor(
-                lambda t_ns: true_force_n(t_ns)[row], scan_source.clock, sensor.seed, sensor.linearity_rel
+                lambda t_ns: true_force_at_time_n(t_ns)[row],
+                scan_source.clock,
+                sensor.seed,
+                sensor.linearity_rel,
             )
             stream = _stream("simulated sensor", test_stand, simulated.RATE_HZ, 1.0)
             return SerialReference(port, LineDecoder(simulated.COLUMNS, ","), stream, b"start")

@@ -129,7 +129,9 @@ def _check_shapes(path: Path, kind: str, values: list[Any], needed: Sequence[Sig
     """
     found = [(value.name, value.type, value.shape[1:]) for value in values]
     if found != [(signal.name, "tensor(float)", [signal.width]) for signal in needed]:
-        shown = ", ".join(f"{name} ({kind_of}, {width})" for name, kind_of, width in found)
+        shown = ", ".join(
+            f"{value.name} [{', '.join(map(str, value.shape))}] {value.type}" for value in values
+        )
         wanted = ", ".join(f"{signal.name} [n, {signal.width}]" for signal in needed)
         raise ModelError(f"{path}: its {kind}s are {shown or 'missing'}; the daemon needs float32 {wanted}")
 

@@ -6,6 +6,7 @@ of sending: the network sees the last readings of every element with their ages.
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -153,16 +154,20 @@ class Pipeline:
         The stages: element status, tare, last readings, consistency test, leg status, force, contact and drift,
         calibration monitor.
         """
+        scan = _without_future(scan, now_ns)
         baselines = self._baselines
         elements = self._elements.classify(scan, self._consistency.excluded, baselines.unloaded.baseline_pf)
         pf = elements.capacitance_pf
         results = baselines.tare(pf, scan.reading, scan.t_ns, elements.missing, now_ns)
         unloaded = baselines.unloaded
         readings = self._window.add(self._distance_pf / pf, scan.t_ns)
-        missing, lost = self._missing(elements, unloaded, readings)
+        missing = self._missing(elements, unloaded)
         closure_rel = unloaded.distance_rel[:, None] - readings.distance_rel
         measured_rel = closure_rel[:, 0]
-        consistency = self._consistency.test(measured_rel, readings.motion_rel, missing, readings.newest_ns)
+        consistency = self._consistency.test(measured_rel, readings.motion_rel, missing, now_ns)
+        if not consistency.ok:
+            self._window.discard(consistency.missing & ~missing)
+        consistency, lost = self._with_history(consistency, readings)
         legs = self._legs.classify(
             scan.reading,
             elements,
@@ -193,20 +198,29 @@ class Pipeline:
             baseline=baselines.drift,
         ), results
 
-    def _missing(
-        self, elements: ElementStatus, unloaded: UnloadedFeet, readings: Readings
-    ) -> tuple[Mask, Mask]:
-        """Return the elements to do without, shape (legs, 9), and the legs that have too many of them, shape (legs,).
-
-        An element is missing if it is faulty, excluded, without a baseline, or has not been read three times in a row.
-        """
+    def _missing(self, elements: ElementStatus, unloaded: UnloadedFeet) -> Mask:
+        """Return the elements to do without, shape (legs, 9): faulty, excluded, or without a baseline."""
         if not unloaded.complete:
             self._consistency.reset(unloaded.untared_legs)
-        elif elements.ok and np.count_nonzero(readings.whole) == readings.whole.size:
-            return elements.missing, self._no_leg
-        incomplete = elements.missing | ~readings.whole
-        missing = missing_elements(elements.faulty | unloaded.untared | incomplete)
-        return missing, np.asarray((incomplete & ~missing).any(axis=1))
+        elif elements.ok:
+            return elements.missing
+        return missing_elements(elements.faulty | unloaded.untared)
+
+    def _with_history(
+        self, consistency: ConsistencyResult, readings: Readings
+    ) -> tuple[ConsistencyResult, Mask]:
+        """Return the result with elements added whose readings do not follow on one another, and the lost legs.
+
+        A leg is lost, shape (legs,), until enough of its elements have been read in a row for the network to do without
+        the others.
+        """
+        if np.count_nonzero(readings.whole) == readings.whole.size:
+            return consistency, self._no_leg
+        incomplete = ~readings.whole
+        missing = missing_elements(consistency.missing | incomplete)
+        lost: Mask = np.asarray((incomplete & ~missing).any(axis=1))
+        missing[lost] = consistency.missing[lost]
+        return consistency._replace(missing=missing, ok=False), lost
 
     def _forces(
         self, closure_rel: Vector, age_s: Vector, consistency: ConsistencyResult, legs: LegStatus
@@ -255,6 +269,18 @@ class Pipeline:
             return legs.cause
         unexplained = monitor.stale & legs.usable & (legs.cause == Cause.NONE)
         return np.where(unexplained, np.uint8(Cause.CALIBRATION_STALE), legs.cause)
+
+
+def _without_future(scan: CapFrame, now_ns: int) -> CapFrame:
+    """Return a scan without the readings whose stamps are later than `now_ns`: their times are wrong."""
+    future = scan.t_ns > now_ns
+    if not np.count_nonzero(future):
+        return scan
+    return replace(
+        scan,
+        t_ns=np.where(future, 0, scan.t_ns),
+        capacitance_pf=np.where(future, np.nan, scan.capacitance_pf),
+    )
 
 
 def _usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:

@@ -10,7 +10,7 @@ from footsense.frames import ELEMENTS, Mask, Stamps, Vector
 READINGS = 3
 #: Longest time between two readings of an element, over the time of a scan [1]: after a stall, older readings are not
 #: mixed with newer ones.
-_LONGEST_REL = 1.75
+LONGEST_REL = 1.75
 
 
 class Readings(NamedTuple):
@@ -19,10 +19,10 @@ class Readings(NamedTuple):
     Attributes:
         distance_rel: Plate distances over the gap [1], shape (legs, 3, 9), NaN where there is none.
         t_ns: Middle of each conversion [ns], same shape; 0 where there is none.
-        whole: Elements whose three readings follow on one another, shape (legs, 9).
-        newest_ns: Time of each leg's newest reading [ns], shape (legs,).
-        oldest_ns: Time of the oldest of each leg's newest readings [ns], shape (legs,); 0 without one.
-        motion_rel: Second largest change of an element over its last two readings [1], shape (legs,).
+        whole: Elements whose newest two readings follow on one another, shape (legs, 9).
+        newest_ns: Time of each leg's newest reading [ns], shape (legs,); 0 without one.
+        oldest_ns: Time of the oldest of the newest readings of each leg's whole elements [ns], shape (legs,).
+        motion_rel: Second largest change of an element from one reading to the next [1], shape (legs,).
     """
 
     distance_rel: Vector
@@ -44,10 +44,13 @@ class ReadingWindow:
     def __init__(self, n_legs: int, scan_ns: int) -> None:
         self._distance_rel = np.full((n_legs, READINGS, ELEMENTS), np.nan)
         self._t_ns = np.zeros((n_legs, READINGS, ELEMENTS), np.int64)
-        self._longest_ns = np.array(round(_LONGEST_REL * scan_ns))
+        self._longest_ns = np.array(round(LONGEST_REL * scan_ns))
 
     def add(self, distance_rel: Vector, t_ns: Stamps) -> Readings:
         """Add the readings of a frame that are new, and return all of them.
+
+        If only the newest two readings of an element follow on one another, the second stands for the third as well:
+        over random gaits no error exceeds 7 sigma then, and a third on a line with the two gives up to 370 sigma.
 
         Args:
             distance_rel: Plate distances over the gap [1], shape (legs, 9), NaN where there is none.
@@ -59,19 +62,30 @@ class ReadingWindow:
             np.copyto(kept[:, 2], kept[:, 1], where=new)
             np.copyto(kept[:, 1], kept[:, 0], where=new)
             np.copyto(kept[:, 0], now)
-        between_ns = kept_ns[:, :2] - kept_ns[:, 1:]
+        steps_ns = kept_ns[:, :2] - kept_ns[:, 1:]
         steps_rel = kept_rel[:, :2] - kept_rel[:, 1:]
-        # A NaN makes the sum one.
-        in_order = (between_ns > 0) & (between_ns <= self._longest_ns) & np.isfinite(steps_rel)
-        whole: Mask = in_order[:, 0] & in_order[:, 1]
-        moved_rel = np.abs(steps_rel).max(axis=1)
-        moved_rel[~whole] = 0.0
+        # A NaN makes the difference one.
+        in_order = (steps_ns > 0) & (steps_ns <= self._longest_ns) & np.isfinite(steps_rel)
+        moved_rel = np.abs(steps_rel)
+        of_whole_ns = kept_ns[:, 0]
+        newest_ns = of_whole_ns.max(axis=1)
+        if np.count_nonzero(in_order) != in_order.size:
+            moved_rel[~in_order] = 0.0
+            kept_rel, kept_ns, alone = kept_rel.copy(), kept_ns.copy(), ~in_order[:, 1]
+            np.copyto(kept_rel[:, 2], kept_rel[:, 1], where=alone)
+            np.copyto(kept_ns[:, 2], kept_ns[:, 1] - steps_ns[:, 0], where=alone)
+            of_whole_ns = np.where(in_order[:, 0], kept_ns[:, 0], newest_ns[:, None])
+        moved_rel = moved_rel.max(axis=1)
         moved_rel.partition(ELEMENTS - 2, axis=1)
         return Readings(
             kept_rel,
             kept_ns,
-            whole,
-            kept_ns[:, 0].max(axis=1),
-            kept_ns[:, 0].min(axis=1),
+            in_order[:, 0],
+            newest_ns,
+            of_whole_ns.min(axis=1),
             moved_rel[:, ELEMENTS - 2],
         )
+
+    def discard(self, elements: Mask) -> None:
+        """Forget the newest reading of each element in a mask, shape (legs, 9): it was wrong."""
+        self._distance_rel[:, 0][elements] = np.nan

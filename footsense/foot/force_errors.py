@@ -16,16 +16,16 @@ GRAM_FORCE_N = 9.80665e-3
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Errors over a set of cases.
+    """Mean, 95th percentile and largest error of estimated forces over a set of cases.
 
     Attributes:
-        direction_deg: Mean angle [deg].
-        direction_p95_deg: 95th percentile of the angle [deg].
+        direction_deg: Mean angle between true and estimated force [deg].
+        direction_p95_deg: 95th percentile of that angle [deg].
         direction_max_deg: Largest angle [deg].
-        magnitude_gf: Mean magnitude error [gf].
-        magnitude_p95_gf: 95th percentile of it [gf].
-        magnitude_max_gf: Largest one [gf].
-        n: Cases.
+        magnitude_gf: Mean of the absolute magnitude errors [gf].
+        magnitude_p95_gf: 95th percentile of the magnitude errors [gf].
+        magnitude_max_gf: Largest magnitude error [gf].
+        n: Number of cases.
     """
 
     direction_deg: float

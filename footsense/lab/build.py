@@ -227,7 +227,7 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
         report(f"{recipe.random_loads} random loads, gaps in contact")
         closure_rel = cases.closure_um / design.gap_um
         imputation = Imputation(_rounded_moments(cases.with_symmetric_copies().closure_um / design.gap_um))
-        gaits = random_gaits(response, TRAINING_SEED, recipe.gaits, _CONVERSIONS, loads.max_n)
+        gaits = random_gaits(response, TRAINING_SEED, recipe.gaits, _CONVERSIONS, loads.max_n, jobs=2)
         report(f"{recipe.gaits} random gaits of {_CONVERSIONS} conversions")
         weights = train_windowed(gaits, cases, design, recipe.released, imputation, report)
         report(f"trained on them: {weights.size} weights")

@@ -31,22 +31,22 @@ def compare(
 
     Args:
         recorded: The published frame.
-        recomputed: The frame computed from the same scan now.
+        recomputed: The frame computed from the same readings now.
         exact: Whether forces and sigmas have to be equal bit for bit (NaN equals NaN), else to 1 mN.
         legs: Name of each row.
 
     Returns:
-        The scan, leg, field and both values; None if there is no difference.
+        The cycle, leg, field and both values; None if there is no difference.
     """
     for field in ("sequence", "t_sent_ns"):
         then, now = getattr(recorded, field), getattr(recomputed, field)
         if then != now:
-            return f"scan {recorded.sequence}: {field} was {then}, is now {now}"
+            return f"cycle {recorded.sequence}: {field} was {then}, is now {now}"
     for row, leg in enumerate(legs):
         difference = _leg_difference(recorded, recomputed, row, exact=exact)
         if difference:
             t_s = recorded.t_sent_ns * 1e-9
-            return f"scan {recorded.sequence}, sent at {t_s:.3f} s, leg {leg}: {difference}"
+            return f"cycle {recorded.sequence}, sent at {t_s:.3f} s, leg {leg}: {difference}"
     return None
 
 

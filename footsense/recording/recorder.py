@@ -23,8 +23,7 @@ _log = logging.getLogger(__name__)
 SUFFIX = ".mcap"
 
 #: Size of the pipe [bytes], the most that Linux grants a user by default: 512 cycles of six legs, two to a page. These
-#: are 12 s of whole scans, or 1.4 s of forces after every conversion; the writer empties it five times a second, even
-#: while its disk hangs.
+#: are 1.4 s; the writer empties it five times a second, even while its disk hangs.
 PIPE_BYTES = 1 << 20
 
 #: Longest wait for the writer to read the rest [s].
@@ -101,7 +100,7 @@ class Recorder:
         self._pipe = CyclePipe(fd, header, blocking=blocking, on_broken=self._log_failure)
         self._n_written: int | None = None
         self._report = b""
-        self.observe = self._pipe.send  # the loop calls it after every scan
+        self.observe = self._pipe.send  # the loop calls it every cycle
 
     @property
     def lost(self) -> int:

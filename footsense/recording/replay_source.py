@@ -1,4 +1,4 @@
-"""A recording as the source of scans for the loop of the service, and as its clock."""
+"""A recording as the source of frames for the loop of the service, and as its clock."""
 
 from footsense.errors import RecordingError
 from footsense.frames import CapFrame, Command, Cycle
@@ -7,13 +7,13 @@ from footsense.recording.replay import Replay
 
 
 class ReplaySource:
-    """The scans of a recording, as a `FrameSource`.
+    """The readings of a recording, as a `FrameSource`.
 
     Args:
         replay: The recording.
 
     Attributes:
-        cycle: The recorded cycle of the last scan; None before the first.
+        cycle: The recorded cycle of the last frame; None before the first.
         lost: Cycles missing in the recording before that one; states after a loss may differ from the recorded ones.
         damage: The error that ended the recording early; None without one.
     """
@@ -26,7 +26,7 @@ class ReplaySource:
         self.damage: RecordingError | None = None
 
     def read(self) -> CapFrame | None:
-        """Return the next scan; None at the end, and where the recording is damaged (see `damage`)."""
+        """Return the next frame; None at the end, and where the recording is damaged (see `damage`)."""
         try:
             for entry in self._entries:
                 if isinstance(entry, NumberedCycle):
@@ -39,7 +39,7 @@ class ReplaySource:
         return None
 
     def commands(self) -> list[Command]:
-        """Return the commands executed before the last scan, once."""
+        """Return the commands executed before the last frame, once."""
         commands, self._commands = list(self._commands), ()
         return commands
 

@@ -1,4 +1,4 @@
-"""Records of a force sensor as lines of text."""
+"""Decode the records of a reference force sensor that sends lines of text."""
 
 from collections.abc import Sequence
 

@@ -3,9 +3,9 @@
 import numpy as np
 
 from footsense.foot.specimen import Foot
-from footsense.sim.chips.electronics import WiredFoot, electronics
+from footsense.sim.chips.electronics import electronics
 from footsense.sim.faults.chip_faults import failing_chips
-from footsense.sim.faults.damage import Damage
+from footsense.sim.faults.damage import WiredFoot
 from footsense.sim.faults.scene_faults import OnChips, OnFoot
 from footsense.sim.foot.viscoelastic import ViscoelasticElement
 from footsense.sim.foot.warming import WarmingFoot
@@ -53,8 +53,8 @@ class SimulatedLeg:
         # Faults draw from a stream of their own, so that converters make the same noise with and without them.
         noise, faults, drift = ((scene.seed, number, *stream) for stream in ((), (1,), (2,)))
         own = [fault for fault in scene.faults if getattr(fault, "leg", None) == leg]
-        damage = Damage([fault for fault in own if isinstance(fault, OnFoot)], foot)
-        self.wired = WiredFoot(self._elements_pf, damage)
+        on_foot = [fault for fault in own if isinstance(fault, OnFoot)]
+        self.wired = WiredFoot(self._whole_pf, on_foot, foot)
         self.chips = failing_chips(
             *electronics(board, self.wired, effects, noise),
             [fault for fault in own if isinstance(fault, OnChips)],
@@ -65,8 +65,8 @@ class SimulatedLeg:
             WarmingFoot(effects.warming, np.random.default_rng(drift)) if effects.warming else None
         )
 
-    def _elements_pf(self, t_ns: int) -> list[float]:
-        """Return the capacitance of each element at a time [pF], nine, stray not included."""
+    def _whole_pf(self, t_ns: int) -> list[float]:
+        """Return the capacitance of each element without damage at a time [pF], nine, stray not included."""
         softness = 1.0 if self._warming is None else self._warming.softness(t_ns)
         if self._softening is not None:
             softness *= self._softening.softness(t_ns)
@@ -82,7 +82,7 @@ class SimulatedLeg:
         if self._warming is not None:
             drift_pf = self._warming.drift_pf(t_ns)
             element_pf = [pf + by_pf for pf, by_pf in zip(element_pf, drift_pf, strict=True)]
-        return self.wired.damage.elements_pf(element_pf, t_ns)
+        return element_pf
 
     def _solid_pf(self, contact: GroundContact) -> list[float]:
         """Return the capacitances under a load [pF], nine; a load that stays is computed once."""

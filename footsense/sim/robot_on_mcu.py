@@ -4,9 +4,9 @@ import numpy as np
 
 from firmware_interface.serial_frames import ELEMENTS
 from footsense.frames import Vector
-from footsense.sim.chips.electronics import WiredFoot
 from footsense.sim.chips.line_switch import LineStates
-from footsense.sim.chips.mcu import Elements, SimulatedMcu
+from footsense.sim.chips.mcu import Elements, SimulatedRobotMcu
+from footsense.sim.faults.damage import WiredFoot
 from footsense.sim.robot import SimulatedRobot
 from footsense.sim.scene import Scene
 
@@ -19,7 +19,7 @@ _ALONE = [LineStates(0, 1 << row, 0b111 & ~(1 << row)) for row in range(_ROWS)]
 _NOISE_DRAW = 6
 
 
-def simulated_mcu(robot: SimulatedRobot, scene: Scene, rate_hz: float) -> SimulatedMcu:
+def simulated_mcu(robot: SimulatedRobot, scene: Scene, rate_hz: float) -> SimulatedRobotMcu:
     """Return a microcontroller on a simulated robot, whose buses are not used then.
 
     Args:
@@ -28,7 +28,7 @@ def simulated_mcu(robot: SimulatedRobot, scene: Scene, rate_hz: float) -> Simula
         rate_hz: Scans per second [Hz].
     """
     noise = np.random.default_rng((scene.seed, _NOISE_DRAW)) if scene.effects.converter_noise else None
-    return SimulatedMcu(
+    return SimulatedRobotMcu(
         {name: _measured(leg.wired, scene.effects.stray_pf) for name, leg in robot.legs.items()},
         step_us=round(_CONVERTING_REL * 1e6 / rate_hz / ELEMENTS),
         noise=noise,
@@ -42,7 +42,7 @@ def _measured(foot: WiredFoot, stray_pf: float) -> Elements:
         element_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)]
         return np.array(
             [
-                foot.damage.pin_pf(column, element_pf[column::_COLUMNS], states, t_ns)
+                foot.pin_pf(column, element_pf[column::_COLUMNS], states, t_ns)
                 for states in _ALONE
                 for column in range(_COLUMNS)
             ]

@@ -8,7 +8,8 @@ from msgspec import Meta
 from footsense.frames import LEGS
 from footsense.sim.loads import ground_load
 from footsense.sim.loads.measured_walk import measured_walk
-from footsense.sim.loads.walk import Walk, smooth_stance
+from footsense.sim.loads.smooth_stance import smooth_stance
+from footsense.sim.loads.walk import Walk
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 
 Force = Annotated[float, Meta(ge=0.0, le=2.0)]
@@ -36,9 +37,14 @@ class Unloaded(_Load, frozen=True, kw_only=True, tag="unloaded"):
     """All feet in the air."""
 
     def build(self, from_ns: int) -> ground_load.ContactSource:
-        """Return the load from a time on [ns]."""
+        """Return this load, the same at any time."""
         del from_ns
-        return ground_load.Unloaded()
+        return self
+
+    def contact(self, leg: str, t_ns: int) -> ground_load.GroundContact:
+        """Return a contact without force."""
+        del leg, t_ns
+        return ground_load.IN_THE_AIR
 
 
 class Constant(_Load, frozen=True, kw_only=True, tag="constant"):

@@ -7,12 +7,32 @@ from typing import Literal
 from firmware_interface.can_codes import FAULT_FREE, BaselineStatus, Cause, Phase, Result, State
 from footsense.telemetry.shared_counters import MetricFamily
 
-#: Close together around one conversion of 2.5 ms, and around nine of 2.5 ms and of 11 ms.
+#: Close together around one conversion of 2.5, 5, 10 and 11 ms.
 PERIOD_BOUNDS_S = [
-    *(0.002, 0.0025, 0.0027, 0.003, 0.004, 0.005, 0.01, 0.02, 0.0225, 0.023, 0.024, 0.026, 0.03, 0.05),
-    *(0.09, 0.1, 0.11, 0.15, 0.5),
+    *(0.002, 0.0025, 0.0026, 0.0027, 0.0028, 0.003, 0.004, 0.005, 0.0055, 0.006, 0.01, 0.0105, 0.011, 0.0115),
+    *(0.012, 0.015, 0.02, 0.03, 0.05, 0.1, 0.12, 0.15, 0.5),
 ]
-AGE_BOUNDS_S = [0.001, 0.002, 0.005, 0.01, 0.012, 0.014, 0.016, 0.02, 0.025, 0.03, 0.04, 0.05, 0.1, 0.2, 0.5]
+AGE_BOUNDS_S = [
+    *(
+        0.001,
+        0.002,
+        0.003,
+        0.0035,
+        0.004,
+        0.005,
+        0.006,
+        0.008,
+        0.01,
+        0.012,
+        0.015,
+        0.02,
+        0.03,
+        0.05,
+        0.1,
+        0.2,
+        0.5,
+    ),
+]
 
 #: States that are faults.
 FAULTS = [state for state in State if state not in FAULT_FREE]
@@ -31,6 +51,7 @@ STATE_SETS: dict[str, tuple[str, type[IntEnum], str]] = {
 
 #: Counters of the CAN channel, by field of `CanStatistics`.
 CAN_COUNTERS = {
+    "published": ("footsense_published_forces_total", "Forces of all legs published, on CAN or dropped."),
     "sent": ("footsense_can_sent_frames_total", "Frames handed to CAN."),
     "dropped": ("footsense_can_dropped_frames_total", "Frames that CAN did not take; never sent late."),
     "received": ("footsense_can_received_frames_total", "Command frames that arrived."),
@@ -59,17 +80,25 @@ def service_metrics(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | No
     return [
         *(_wakeup_metrics(wakeup_bounds_s) if wakeup_bounds_s is not None else ()),
         _family("footsense_degraded_timing", "1 while the loop lacks the scheduling it asked for."),
-        _family("footsense_scans_total", "Scans published."),
         _family(
-            "footsense_scan_period_seconds", "Time from one published scan to the next.", {}, PERIOD_BOUNDS_S
+            "footsense_cycles_total",
+            "Forces estimated: one a conversion, or one a record of a microcontroller.",
         ),
-        _family("footsense_frame_age_seconds", "Age of a leg's measurement at sending.", leg, AGE_BOUNDS_S),
+        _family(
+            "footsense_cycle_period_seconds",
+            "Time from one estimate of the forces to the next.",
+            {},
+            PERIOD_BOUNDS_S,
+        ),
+        _family(
+            "footsense_frame_age_seconds", "Age of a leg's newest reading at its estimate.", leg, AGE_BOUNDS_S
+        ),
         *(
             _family(name, meaning, {**leg, label: _names(codes)})
             for name, (label, codes, meaning) in STATE_SETS.items()
         ),
         _family("footsense_leg_contact", "1 while the foot is in contact with the ground.", leg),
-        _family("footsense_leg_scans_total", "Scans by the leg's state.", states),
+        _family("footsense_leg_cycles_total", "Estimates by the leg's state.", states),
         _family(
             "footsense_faults_total", "Transitions of a leg into a fault.", {**leg, "kind": _names(FAULTS)}
         ),
@@ -78,14 +107,14 @@ def service_metrics(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | No
         _family("footsense_baseline_worst_offset_farads", f"Largest element's {offset}", leg),
         _family("footsense_baseline_age_seconds", "Time since the last tare or move; NaN if never.", leg),
         *(_family(name, meaning) for name, meaning in CAN_COUNTERS.values()),
-        _family("footsense_recorder_lost_scans_total", "Scans missing in the recording."),
+        _family("footsense_recorder_lost_cycles_total", "Cycles missing in the recording."),
         _family("footsense_log_lost_lines_total", "Log lines dropped because their reader was slow."),
     ]
 
 
 def _wakeup_metrics(bounds_s: Sequence[float]) -> list[MetricFamily]:
     latency = "Time from the deadline of a sleeping thread to its wake-up."
-    missed = "Scans given up because a wake-up came too late; never made up for."
+    missed = "Conversions given up because a wake-up came too late; never made up for."
     return [
         _family("footsense_wakeup_latency_seconds", latency, {}, bounds_s),
         _family("footsense_overruns_total", "Deadlines that had passed before the thread could sleep."),

@@ -1,7 +1,7 @@
 """The service's counters, and how a cycle changes them.
 
 Counting happens in the loop and costs some microseconds a cycle; `footsense exporter` serves the counters. Histograms
-and counts of scans change with every cycle; the counts of others and the gauges that move all the time are copied ten
+and counts of cycles change with every cycle; the counts of others and the gauges that move all the time are copied ten
 times a second.
 """
 
@@ -41,8 +41,8 @@ class MetricsObserver(Observer):
         can: Counts of the CAN channel.
         path: File of the counters, from which `footsense exporter` reads them.
         wakeups: Wake-up latency of each thread's clock; none in virtual time, and then no metrics of it.
-        missed_deadlines: Returns how many scans were given up because a wake-up came too late, since start.
-        n_lost_scans: Returns how many scans are missing in the recording, since start.
+        missed_deadlines: Returns how many conversions were given up because a wake-up came too late, since start.
+        n_lost_cycles: Returns how many cycles are missing in the recording, since start.
         n_lost_lines: Returns how many lines the log has dropped, since start.
 
     Raises:
@@ -60,7 +60,7 @@ class MetricsObserver(Observer):
         *,
         wakeups: Sequence[WakeupLatency] = (),
         missed_deadlines: Callable[[], int] = int,
-        n_lost_scans: Callable[[], int] = int,
+        n_lost_cycles: Callable[[], int] = int,
         n_lost_lines: Callable[[], int] = int,
     ) -> None:
         self._counters = SharedCounters(service_metrics(legs, wakeups[0].bounds_s if wakeups else None), path)
@@ -68,17 +68,17 @@ class MetricsObserver(Observer):
         self._can = can
         self._wakeups = wakeups
         self._missed_deadlines = missed_deadlines
-        self._n_lost_scans = n_lost_scans
+        self._n_lost_cycles = n_lost_cycles
         self._n_lost_lines = n_lost_lines
         self._t_sent_ns: int | None = None
         self._copy_due_ns: int | None = None
         self._last: tuple[bytes, bytes, bytes] | None = None
         self._states = [-1] * len(legs)
         self._fault_column = {state.value: column for column, state in enumerate(FAULTS)}
-        self._period = self._first["footsense_scan_period_seconds"]
+        self._period = self._first["footsense_cycle_period_seconds"]
         width = len(AGE_BOUNDS_S) + 2
         self._ages = [self._first["footsense_frame_age_seconds"] + row * width for row in range(len(legs))]
-        self._scan_cells: list[int] = []
+        self._cycle_cells: list[int] = []
         self._can_cells = [(self._first[name], field) for field, (name, _) in CAN_COUNTERS.items()]
         self._state_cells: dict[str, list[int]] = {}
 
@@ -100,7 +100,7 @@ class MetricsObserver(Observer):
         if present != self._last:
             self._last = present
             self._update_states(forces)
-        for cell in self._scan_cells:
+        for cell in self._cycle_cells:
             cells[cell] += 1
         if self._copy_due_ns is None or sent_ns >= self._copy_due_ns:
             self._copy_due_ns = sent_ns + _COPY_PERIOD_NS
@@ -115,16 +115,16 @@ class MetricsObserver(Observer):
         self._counters.close()
 
     def _update_states(self, forces: ContactFrame) -> None:
-        """Update states, causes and flags, and choose the counters of the scans to come."""
+        """Update states, causes and flags, and choose the counters of the cycles to come."""
         states, flags = forces.state.tolist(), forces.flags.tolist()
         self._set_states("footsense_leg_state", states)
         self._set_states("footsense_leg_phase", [_PHASES[state] for state in states])
         self._set_states("footsense_leg_cause", forces.cause.tolist())
         self._set("footsense_leg_contact", [bool(flag & _CONTACT) for flag in flags])
         self._set("footsense_degraded_timing", [any(flag & _DEGRADED_TIMING for flag in flags)])
-        by_state, n_states = self._first["footsense_leg_scans_total"], len(State)
-        self._scan_cells = [self._first["footsense_scans_total"]]
-        self._scan_cells += [by_state + row * n_states + state for row, state in enumerate(states)]
+        by_state, n_states = self._first["footsense_leg_cycles_total"], len(State)
+        self._cycle_cells = [self._first["footsense_cycles_total"]]
+        self._cycle_cells += [by_state + row * n_states + state for row, state in enumerate(states)]
         for row, (state, before) in enumerate(zip(states, self._states, strict=True)):
             column = self._fault_column.get(state)
             if state != before and column is not None:
@@ -137,7 +137,7 @@ class MetricsObserver(Observer):
         baseline, cells = forces.baseline, self._counters.cells
         for cell, field in self._can_cells:
             cells[cell] = getattr(self._can, field)
-        self._set("footsense_recorder_lost_scans_total", [self._n_lost_scans()])
+        self._set("footsense_recorder_lost_cycles_total", [self._n_lost_cycles()])
         self._set("footsense_log_lost_lines_total", [self._n_lost_lines()])
         self._set_states("footsense_baseline_status", baseline.status.tolist())
         self._set("footsense_baseline_mean_offset_farads", (baseline.mean_pf * _FARADS_PER_PF).tolist())

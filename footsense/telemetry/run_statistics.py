@@ -1,4 +1,4 @@
-"""Statistics of a run: scan rate, age, states, and the force error where the true force is known.
+"""Statistics of a run: rate of the cycles, age, states, and the force error where the true force is known.
 
 The error is taken against the true force at the time of sending, so that a measurement's age counts. All statistics
 are kept in fixed tables: a day of walking takes no more memory than a minute.
@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from footsense.foot.directions import angles_between_deg
-from footsense.frames import FAULT_FREE, USABLE, Cycle, State, Vector
+from footsense.frames import FAULT_FREE, USABLE, Cycle, Stamps, State, Vector
 from footsense.ports import Observer
 from footsense.telemetry.histogram import Histogram
 
@@ -18,6 +18,8 @@ LOADED_N = 0.1
 
 _DIRECTION_BIN_DEG = 0.02
 _AGE_BIN_MS = 0.05
+#: Cycles that are kept before they are added to the tables.
+_KEPT_CYCLES = 256
 
 
 class RunStatistics(Observer):
@@ -25,47 +27,59 @@ class RunStatistics(Observer):
 
     Args:
         legs: Name of the leg in each row of the frames.
-        true_force_n: Returns the true force on each foot at a time [ns -> N, shape (legs, 3)]; None if unknown.
+        true_force_at_time_n: Returns the true force on each foot at a time [ns -> N, shape (legs, 3)]; None if unknown.
     """
 
-    def __init__(self, legs: tuple[str, ...], true_force_n: Callable[[int], Vector] | None) -> None:
+    def __init__(self, legs: tuple[str, ...], true_force_at_time_n: Callable[[int], Vector] | None) -> None:
         self._legs = legs
-        self._true_force_n = true_force_n
-        self._scans = 0
+        self._true_force_at_time_n = true_force_at_time_n
+        self._cycles = 0
         self._first_ns = self._last_ns = 0
         self._states = np.zeros((len(legs), len(State)), np.int64)
         self._age_ms = Histogram(_AGE_BIN_MS, 500.0)
         self._direction_deg = Histogram(_DIRECTION_BIN_DEG, 180.0)
         self._squared_n2 = np.zeros(3)
         self._valid = 0
+        self._ages_ns: list[Stamps] = []
+        self._pairs_n: list[tuple[Vector, Vector]] = []
 
     def observe(self, cycle: Cycle) -> None:
         """Add one cycle to the statistics of the run."""
         forces = cycle.forces
-        if self._scans == 0:
+        if self._cycles == 0:
             self._first_ns = forces.t_sent_ns
         self._last_ns = forces.t_sent_ns
-        self._scans += 1
+        self._cycles += 1
         self._states[np.arange(len(self._legs)), forces.state] += 1
         valid = np.isin(forces.state, list(USABLE))
         if not valid.any():
             return
-        self._age_ms.add(np.asarray(forces.age_ns[valid] * 1e-6, np.float64))
-        if self._true_force_n is not None:
-            self._compare(forces.force_n[valid], self._true_force_n(forces.t_sent_ns)[valid])
+        self._ages_ns.append(forces.age_ns[valid])
+        if self._true_force_at_time_n is not None:
+            self._pairs_n.append((forces.force_n[valid], self._true_force_at_time_n(forces.t_sent_ns)[valid]))
+        if len(self._ages_ns) >= _KEPT_CYCLES:
+            self._count()
 
-    def _compare(self, estimate_n: Vector, true_n: Vector) -> None:
-        self._squared_n2 += np.square(estimate_n - true_n).sum(axis=0)
-        self._valid += len(estimate_n)
-        loaded = (np.linalg.norm(true_n, axis=1) >= LOADED_N) & estimate_n.any(axis=1)
-        self._direction_deg.add(angles_between_deg(true_n[loaded], estimate_n[loaded]))
+    def _count(self) -> None:
+        """Add the kept cycles to the tables: all at once costs a tenth of one by one."""
+        if self._ages_ns:
+            self._age_ms.add(np.asarray(np.concatenate(self._ages_ns) * 1e-6, np.float64))
+        if self._pairs_n:
+            estimate_n, true_n = (np.concatenate(part) for part in zip(*self._pairs_n, strict=True))
+            self._squared_n2 += np.square(estimate_n - true_n).sum(axis=0)
+            self._valid += len(estimate_n)
+            loaded = (np.linalg.norm(true_n, axis=1) >= LOADED_N) & estimate_n.any(axis=1)
+            self._direction_deg.add(angles_between_deg(true_n[loaded], estimate_n[loaded]))
+        self._ages_ns.clear()
+        self._pairs_n.clear()
 
     def summary(self) -> dict[str, object]:
         """Return the statistics as plain values; None for a figure without samples."""
+        self._count()
         span_s = (self._last_ns - self._first_ns) * 1e-9
         summary: dict[str, object] = {
-            "scans": self._scans,
-            "scan_rate_hz": (self._scans - 1) / span_s if span_s > 0 else None,
+            "cycles": self._cycles,
+            "cycle_rate_hz": (self._cycles - 1) / span_s if span_s > 0 else None,
             "age_ms": {"p50": self._age_ms.quantile(0.5), "p99": self._age_ms.quantile(0.99)},
             "states": {
                 leg: {State(s).name.lower(): int(n) for s, n in enumerate(counts) if n}
@@ -73,7 +87,7 @@ class RunStatistics(Observer):
             },
             "faults": int(self._states.sum() - self._states[:, sorted(FAULT_FREE)].sum()),
         }
-        if self._true_force_n is not None:
+        if self._true_force_at_time_n is not None:
             rmse_n = np.sqrt(self._squared_n2 / self._valid).tolist() if self._valid else [None] * 3
             summary["force_rmse_n"] = dict(zip("xyz", rmse_n, strict=True))
             summary["direction_error_deg"] = {

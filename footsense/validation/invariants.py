@@ -35,7 +35,7 @@ _KEPT = 20
 #: its carrier once a second.
 CAN_RECOVERY_S = 2.0
 
-#: Delay of the next frame by the search for a leg [s]; considerable only against a single conversion.
+#: Delay of the next cycle by the search for a leg [s].
 _SEARCH_DELAY_S = 1.5e-3
 #: Frames ahead of one on the wire: a full queue and the mailboxes, each of which loses to another node's [bits].
 _DRAIN_BITS = 2 * (AS_DEPLOYED.queue_frames + AS_DEPLOYED.mailboxes) * LONGEST_FRAME_BITS
@@ -60,12 +60,12 @@ class Violation(NamedTuple):
 
 
 class Invariants(Observer):
-    """Checker of a simulated walk: observes each published force frame, and listens on the CAN bus.
+    """Checker of a simulated walk: observes each cycle, and listens on the CAN bus.
 
     Args:
         rules: Limits of the walk.
         script: Faults of the walk.
-        true_force_n: Returns the true force on every foot at a time [ns -> N, shape (legs, 3)].
+        true_force_at_time_n: Returns the true force on every foot at a time [ns -> N, shape (legs, 3)].
 
     Attributes:
         recovered_s: Time from which every leg has to be usable for good [s].
@@ -76,13 +76,15 @@ class Invariants(Observer):
         n_beyond: Those with an error beyond 5 sigma, by axis, shape (3,).
         n_received: Frames of `Force` that reached the other nodes.
         n_missed: Frames of `Force` that were lost while CAN was broken.
-        longest_gap_s: Longest time between two frames [s].
-        n_states: Number of leg frames by state.
+        longest_gap_s: Longest time between two cycles [s].
+        n_states: Number of cycles of a leg by state.
     """
 
-    def __init__(self, rules: Rules, script: Sequence[Fault], true_force_n: Callable[[int], Vector]) -> None:
+    def __init__(
+        self, rules: Rules, script: Sequence[Fault], true_force_at_time_n: Callable[[int], Vector]
+    ) -> None:
         self._rules = rules
-        self._true_force_n = true_force_n
+        self._true_force_at_time_n = true_force_at_time_n
         spans_of = [tolerated_spans_s(rules, script, leg) for leg in rules.legs]
         self._tolerated = [Schedule((span_s, span_s) for span_s in spans_s) for spans_s in spans_of]
         self.recovered_s = max((until_s for spans_s in spans_of for _, until_s in spans_s), default=0.0)
@@ -96,9 +98,10 @@ class Invariants(Observer):
         self._last: tuple[int, int] | None = None  # sequence, t_sent_ns
         self._counters: dict[int, tuple[int, int]] = {}  # by node: counter, t_ns
         self._on_time_s = 1.1 * rules.period_s + _SEARCH_DELAY_S
-        # A full queue holds frames of so many cycles: two of six legs, three of three legs.
-        n_cycles = math.ceil(AS_DEPLOYED.queue_frames / (FRAMES_PER_LEG * len(rules.legs)))
-        self._longest_wait_s = n_cycles * rules.period_s + _DRAIN_BITS / rules.bitrate
+        # A full queue holds so many forces: two of six legs, three of three legs.
+        n_forces = math.ceil(AS_DEPLOYED.queue_frames / (FRAMES_PER_LEG * len(rules.legs)))
+        force_period_s = rules.frames_per_force * rules.period_s
+        self._longest_wait_s = n_forces * force_period_s + _DRAIN_BITS / rules.bitrate
         self.violations: list[Violation] = []
         self.n_violations: Counter[str] = Counter()
         self.n_cycles = self.n_checked = self.n_received = self.n_missed = 0
@@ -107,7 +110,7 @@ class Invariants(Observer):
         self.n_states: Counter[int] = Counter()
 
     def observe(self, cycle: Cycle) -> None:
-        """Check the states, values, ages and errors of the forces in a published frame."""
+        """Check the states, values, ages and errors of the forces of a cycle."""
         frame, rules = cycle.forces, self._rules
         t_s = frame.t_sent_ns / _NS_PER_S
         self.n_cycles += 1
@@ -132,7 +135,7 @@ class Invariants(Observer):
             elif t_s - self._good_s[leg] > self._on_time_s + self._delay_s(self._good_s[leg], t_s):
                 detail = f"{State(state).name}, cause {frame.cause[leg]}"
                 self._violate("the other legs go on", t_s, name, detail)
-        self._check_errors(frame, [leg for leg in range(len(usable)) if usable[leg]], force_n, sigma_n)
+        self._check_errors(frame, np.flatnonzero(usable).tolist())
 
     def on_delivered(self, t_ns: int, handed_ns: int, frame: bytes) -> None:
         """Check a frame that reached the other nodes on CAN.
@@ -176,25 +179,16 @@ class Invariants(Observer):
     def _delay_s(self, from_s: float, until_s: float) -> float:
         """Return the tolerated delay of a frame by faults of a bus [s]."""
         return sum(
-            delay_s for begin_s, end_s, delay_s in self._delays_s if begin_s <= until_s and from_s <= end_s
+            delay_s for start_s, end_s, delay_s in self._delays_s if start_s <= until_s and from_s <= end_s
         )
 
-    def _check_errors(
-        self,
-        frame: ContactFrame,
-        usable: Sequence[int],
-        force_n: list[list[float]],
-        sigma_n: list[list[float]],
-    ) -> None:
+    def _check_errors(self, frame: ContactFrame, usable: Sequence[int]) -> None:
         """Count errors beyond 5 sigma of the legs that have a force."""
-        sent_ns = frame.t_sent_ns
-        valid_ns = {leg: sent_ns if self._rules.element else int(frame.t_ns[leg]) for leg in usable}
-        true_n = {t_ns: self._true_force_n(t_ns).tolist() for t_ns in set(valid_ns.values())}
+        true_n = self._true_force_at_time_n(frame.t_sent_ns)
         self.n_checked += len(usable)
-        for leg, t_ns in valid_ns.items():
-            for axis, true_axis_n in enumerate(true_n[t_ns][leg]):
-                if abs(force_n[leg][axis] - true_axis_n) > _SIGMAS * sigma_n[leg][axis]:
-                    self.n_beyond[axis] += 1
+        for leg in usable:
+            error_n = np.abs(frame.force_n[leg] - true_n[leg])
+            self.n_beyond += error_n > _SIGMAS * frame.sigma_n[leg]
 
     def _check_age_on_wire(self, can_id: int, data: bytes, wait_ns: int, t_s: float) -> None:
         quality = decode_quality(can_id, data)

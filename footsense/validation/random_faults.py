@@ -15,15 +15,15 @@ ON_ROBOT: tuple[type[scene_faults.Fault], ...] = get_args(
 ON_CAN: tuple[type[scene_faults.Fault], ...] = get_args(scene_faults.CanFault)
 _SHARE_OF_CAN = 0.2
 #: Rates of lost acknowledges and corrupt reads.
-GRADES_REL = (0.01, 0.05, 0.3)
+READ_ERROR_RATES_REL = (0.01, 0.05, 0.3)
 #: Largest rate of lost arbitrations; beyond, the bus belongs to the other master.
-_MOST_CONTENDED_REL = 0.05
+_MAX_ARBITRATION_LOSS_REL = 0.05
 #: Ids of another node on CAN: above all of ours in priority, among them, and below.
-IDS = (0x000, 0x183, 0x7FF)
+OTHER_CAN_IDS = (0x000, 0x183, 0x7FF)
 #: More than a bus carries at 500 kbit/s.
 _FLOOD_HZ = 5_000.0
 #: Durations of a fault, and mean time between two starts [s].
-_SHORTEST_S, _LONGEST_S, _EVERY_S = 0.05, 6.0, 30.0
+_MIN_DURATION_S, _MAX_DURATION_S, _MEAN_INTERVAL_S = 0.05, 6.0, 30.0
 
 
 def random_faults(
@@ -40,15 +40,17 @@ def random_faults(
     script: list[scene_faults.Fault] = []
     at_s = from_s
     while True:
-        at_s = round(at_s + rng.exponential(_EVERY_S), 4)
-        lasts_s = round(float(np.exp(rng.uniform(np.log(_SHORTEST_S), np.log(_LONGEST_S)))), 4)
+        at_s = round(at_s + rng.exponential(_MEAN_INTERVAL_S), 4)
+        lasts_s = round(float(np.exp(rng.uniform(np.log(_MIN_DURATION_S), np.log(_MAX_DURATION_S)))), 4)
         if at_s + lasts_s >= until_s:
             return tuple(script)
-        script += random_fault(rng, str(rng.choice(legs)), at_s, lasts_s)
+        script += random_transient_fault(rng, str(rng.choice(legs)), at_s, lasts_s)
 
 
-def random_fault(rng: np.random.Generator, leg: str, at_s: float, lasts_s: float) -> list[scene_faults.Fault]:
-    """Return a fault of any kind, as `fault_of` does.
+def random_transient_fault(
+    rng: np.random.Generator, leg: str, at_s: float, lasts_s: float
+) -> list[scene_faults.Fault]:
+    """Return a random fault of any kind that leaves no lasting effect; two faults for a drifting element.
 
     Args:
         rng: Source of randomness.
@@ -58,7 +60,7 @@ def random_fault(rng: np.random.Generator, leg: str, at_s: float, lasts_s: float
     """
     kinds = ON_CAN if rng.random() < _SHARE_OF_CAN else ON_ROBOT
     kind = kinds[int(rng.integers(len(kinds)))]
-    return fault_of(
+    return transient_fault(
         kind,
         leg=leg,
         at_s=at_s,
@@ -66,16 +68,16 @@ def random_fault(rng: np.random.Generator, leg: str, at_s: float, lasts_s: float
         element=int(rng.integers(ELEMENTS)),
         row=int(rng.integers(3)),
         column=int(rng.integers(3)),
-        rate_rel=float(rng.choice(GRADES_REL)),
+        rate_rel=float(rng.choice(READ_ERROR_RATES_REL)),
         rate_ff_per_s=float(rng.uniform(-800.0, 800.0)) / max(lasts_s, 1.0),
         unplugged=bool(rng.integers(2)),
-        can_id=int(rng.choice(IDS)),
+        can_id=int(rng.choice(OTHER_CAN_IDS)),
         rate_hz=float(rng.uniform(1.0, 1800.0)),
     )
 
 
-def fault_of(kind: type[scene_faults.Fault], **values: Any) -> list[scene_faults.Fault]:  # noqa: ANN401 - a field of any fault
-    """Return a fault without lasting effect: two for an element that drifts, the second back to the begin.
+def transient_fault(kind: type[scene_faults.Fault], **values: Any) -> list[scene_faults.Fault]:  # noqa: ANN401 - a field of any fault
+    """Return a fault that leaves no lasting effect; two for an element that drifts, the second one back to the start.
 
     Args:
         kind: Class of the fault.
@@ -84,7 +86,7 @@ def fault_of(kind: type[scene_faults.Fault], **values: Any) -> list[scene_faults
     if kind is scene_faults.CanQueueFull:
         values["rate_hz"] = _FLOOD_HZ
     if kind is scene_faults.ArbitrationLost:
-        values["rate_rel"] = min(values["rate_rel"], _MOST_CONTENDED_REL)
+        values["rate_rel"] = min(values["rate_rel"], _MAX_ARBITRATION_LOSS_REL)
     fault = kind(**{name: values[name] for name in kind.__struct_fields__ if name in values})
     if not isinstance(fault, scene_faults.ElementDrifts):
         return [fault]

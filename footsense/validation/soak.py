@@ -45,11 +45,11 @@ class StretchResult(msgspec.Struct, frozen=True, kw_only=True):
         virtual_s: Virtual time [s].
         wall_s: Computing time [s].
         n_faults: Faults in it.
-        n_cycles: Published frames.
-        n_states: Leg frames by state.
+        n_cycles: Cycles of the loop, one for each conversion.
+        n_states: Cycles of the legs by state.
         n_violations: Violations by invariant.
         violations: The first violations.
-        longest_gap_s: Longest time between two frames [s].
+        longest_gap_s: Longest time between two cycles [s].
         beyond_rel: Share of the usable forces with an error beyond 5 sigma, by axis [1].
         calibrated_rel: The same of the walk without faults.
         n_received: Frames of `Force` that arrived on CAN.
@@ -90,7 +90,7 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
         max_age_s=config.stale_after_ms * 1e-3,
         gait_period_s=stretch.gait_period_s,
         from_s=LEAD_IN_S + 1.0,
-        element=stretch.publish == "element",
+        frames_per_force=config.frames_per_force,
         bitrate=config.can.bitrate,
     )
     calm, _ = _walk(config, calm_scene, rules, calm_s)
@@ -152,9 +152,9 @@ def _walk(
 ) -> tuple[Invariants, tuple[float, float]]:
     """Walk up to a time [s]; return the checks, and the memory after the first minutes and at the end [MiB]."""
     with open_service(config, scene, real_time=False) as running:
-        assert running.true_force_n is not None, "a scene is simulated"
+        assert running.true_force_at_time_n is not None, "a scene is simulated"
         assert running.can is not None, "the scene has traffic on CAN"
-        checks = Invariants(rules, scene.faults, running.true_force_n)
+        checks = Invariants(rules, scene.faults, running.true_force_at_time_n)
         running.observers.append(checks)
         running.can.controller.on_delivered = checks.on_delivered
         running.run(until_ns=min(_WARM_S, until_s) * _NS_PER_S)

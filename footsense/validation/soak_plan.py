@@ -17,7 +17,7 @@ class Stretch(msgspec.Struct, frozen=True, kw_only=True):
         seed: Seed of everything random.
         hours: Duration [h].
         rate_sps: Conversions per second; at 100 the robot walks at a quarter of its pace.
-        publish: `frame` or `element`.
+        publish_every: Conversions per force on CAN.
         stands_s: Spans in which the robot stands [s].
         kelvin: Warming over ten minutes [K].
     """
@@ -26,32 +26,32 @@ class Stretch(msgspec.Struct, frozen=True, kw_only=True):
     seed: int = 0
     hours: float
     rate_sps: int = 400
-    publish: str = "frame"
+    publish_every: int = 4
     stands_s: tuple[tuple[float, float], ...] = ()
     kelvin: float = 0.0
 
     @property
     def gait_period_s(self) -> float:
-        """Gait period [s]: as many scans at every rate."""
+        """Gait period [s]: as many conversions at every rate."""
         return 1.2 * 400 / self.rate_sps
 
 
 def day(hours: float, seed: int) -> list[Stretch]:
     """Return the stretches of a walk.
 
-    A day has four hours at 400 S/s, one of them with a force after each conversion, two of them with warming and
+    A day has four hours at 400 S/s, one of them with a force on CAN for each conversion, two of them with warming and
     cooling, and the rest at 100 S/s, which takes a third of the computing time, with two stands. Up to four hours are
-    three stretches: whole scans and single conversions at 400 S/s, whole scans at 100 S/s.
+    three stretches: 400 S/s, the same with each force on CAN, and 100 S/s.
     """
     if hours <= _FAST_HOURS:
         third = hours / 3.0
         plan = [
             Stretch(hours=third),
-            Stretch(hours=third, publish="element"),
+            Stretch(hours=third, publish_every=1),
             Stretch(hours=third, rate_sps=100),
         ]
     else:
-        plan = [Stretch(hours=1.0, publish="element")]
+        plan = [Stretch(hours=1.0, publish_every=1)]
         plan += [Stretch(hours=1.0, kelvin=kelvin) for kelvin in (0.0, 20.0, -20.0)]
         for number, begun in enumerate(np.arange(_FAST_HOURS, hours, 2.0).tolist()):
             length = min(2.0, hours - begun)

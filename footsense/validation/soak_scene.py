@@ -23,11 +23,11 @@ def robot_and_scene(stretch: Stretch, *, calm_rel: float | None = None) -> tuple
         calm_rel: Share of the time in which the warming is over; None for all of it. A warmer foot reads too small a
             force, which no sigma covers: the walk of comparison needs the whole warming.
     """
-    bitrate = 1_000_000 if stretch.publish == "element" else DEFAULT.can.bitrate
+    bitrate = 1_000_000 if stretch.publish_every == 1 else DEFAULT.can.bitrate
     config = msgspec.structs.replace(
         DEFAULT,
         scan=msgspec.structs.replace(DEFAULT.scan, rate_sps=stretch.rate_sps),
-        publish=stretch.publish,
+        publish_every=stretch.publish_every,
         can=msgspec.structs.replace(DEFAULT.can, bitrate=bitrate),
     )
     ten_minutes_s = 600.0 * (1.0 if calm_rel is None else calm_rel)

@@ -5,30 +5,30 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footsense.frames import ELEMENTS
 from footsense.sim.faults.scene_faults import ArbitrationLost, CanFault, Fault, StuckSda, StuckUpstreamBus
 
 #: Longest pause until a leg is tried again [s], and after it held a line of the bus [s]; duration of the try [s]; gait
 #: periods until it is tared after that.
 _PAUSE_S, _STUCK_PAUSE_S, _TRY_S, _TARE_PERIODS = 4.0, 16.0, 1.0, 3.0
-#: Delay by the timeouts of each leg that holds the bus [s]; the same beyond a repeated scan, where that takes longer
-#: [s]; delay by a stuck upstream bus in all [s].
-_STUCK_LEG_DELAY_S, _TIMEOUTS_DELAY_S, _STUCK_BUS_DELAY_S = 0.085, 0.06, 0.45
-#: Delay of a leg whose transaction lost the arbitration twice [s], or in scans: this one, and two until its elements
-#: can be aligned again.
-_ARBITRATION_DELAY_S, _ARBITRATION_DELAY_SCANS = 0.08, 3.3
+#: Delay by the timeouts of each leg that holds the bus [s]; delay by a stuck upstream bus in all [s].
+_STUCK_LEG_DELAY_S, _STUCK_BUS_DELAY_S = 0.085, 0.45
+#: Delay of a leg whose transaction lost the arbitration twice, in scans: this one, and two until its elements have been
+#: read three times in a row again.
+_ARBITRATION_DELAY_SCANS = 3.4
 
 
 class Rules(NamedTuple):
-    """Limits for the forces of a walk: legs, frame period [s], age limit [s], gait timing and CAN bit rate.
+    """Limits for the forces of a walk: legs, period of the cycles [s], age limit [s], gait timing and CAN bit rate.
 
     Attributes:
         legs: Names of the legs.
-        period_s: Period of the frames without faults [s].
+        period_s: Period of the cycles without faults, one for each conversion [s].
         max_age_s: Age limit of a force [s].
         gait_period_s: Gait period: each leg is in swing once in it [s].
         from_s: Time from which every leg is tared [s].
+        frames_per_force: Cycles for each force on CAN.
         stands_s: Spans without any swing [s].
-        element: Whether a force is valid for the time of its sending.
         bitrate: Bit rate of CAN [bit/s].
     """
 
@@ -37,8 +37,8 @@ class Rules(NamedTuple):
     max_age_s: float
     gait_period_s: float
     from_s: float
+    frames_per_force: int
     stands_s: tuple[tuple[float, float], ...] = ()
-    element: bool = False
     bitrate: int = 500_000
 
 
@@ -76,17 +76,16 @@ def tolerated_delays_s(script: Sequence[Fault], period_s: float) -> list[tuple[f
 
     Args:
         script: Faults of the walk.
-        period_s: Period of the frames without faults [s].
+        period_s: Period of the cycles without faults [s].
     """
-    leg_s = max(_STUCK_LEG_DELAY_S, _TIMEOUTS_DELAY_S + period_s)
-    arbitration_s = max(_ARBITRATION_DELAY_S, _ARBITRATION_DELAY_SCANS * period_s)
+    arbitration_s = _ARBITRATION_DELAY_SCANS * ELEMENTS * period_s
     recovery_s = _STUCK_PAUSE_S + _TRY_S
     delays = []
     for fault in script:
         if isinstance(fault, StuckSda | StuckUpstreamBus | ArbitrationLost):
             until_s = np.inf if fault.until_s is None else fault.until_s
             after_s, delay_s = {
-                StuckSda: (recovery_s, leg_s),
+                StuckSda: (recovery_s, _STUCK_LEG_DELAY_S),
                 StuckUpstreamBus: (recovery_s, _STUCK_BUS_DELAY_S),
                 ArbitrationLost: (arbitration_s, arbitration_s),
             }[type(fault)]

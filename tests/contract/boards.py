@@ -13,7 +13,7 @@ from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.errors import BusError, BusTimeoutError
-from footsense.frames import CapFrame, Reading
+from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.chips.ad7746 import MutualCapacitance, SimulatedAd7746
@@ -150,7 +150,6 @@ class Robot:
         rate_sps: int | None = None,
         order: str = "lo_shu",
         clock_error_rel: float = 0.0,
-        element_wise: bool = False,
     ) -> None:
         self.converters: list[SimulatedFdc1004 | SimulatedAd7746] = []
         self.switches: list[list[SimulatedLineSwitch]] = []
@@ -179,7 +178,7 @@ class Robot:
         self.board = board
         self.clock = JoinedClock(clocks)
         self.buses = scanners
-        self.scanner = RobotScanner(scanners, element_wise=element_wise)
+        self.scanner = RobotScanner(scanners)
         self.scanner.start()
 
     def chips(self, leg: int) -> list[SimulatedFdc1004 | SimulatedAd7746 | SimulatedLineSwitch]:
@@ -197,10 +196,16 @@ class Robot:
         assert np.isnan(frame.capacitance_pf[~ok]).all()
         assert ((frame.t_ns > 0) == np.isin(frame.reading, list(CONVERTED))).all()
 
+    def convert(self) -> CapFrame:
+        frame = self.scanner.read()
+        self.clock.now_ns()
+        return frame
+
     def read(self, n: int = 1) -> CapFrame:
+        """Return the frame that completes a scan, the last of `n` scans."""
         for _ in range(n):
-            frame = self.scanner.read()
-            self.clock.now_ns()
+            while (frame := self.convert()).sequence % ELEMENTS:
+                pass
         return frame
 
     def period_ns(self, n: int = 20) -> float:

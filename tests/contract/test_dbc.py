@@ -148,10 +148,10 @@ def test_flags_are_single_bits_and_the_words_are_the_commands() -> None:
 
 
 def test_cyclic_frames_tell_their_period_and_the_others_have_none() -> None:
-    """Heartbeats come at 5 Hz, baselines at 1 Hz, forces at the scan rate of the default board."""
+    """Heartbeats come at 5 Hz, baselines at 1 Hz, forces with every fourth conversion of the default board."""
     assert {m.name: m.cycle_time for m in DBC.messages if m.cycle_time} == {
         name + leg: period
-        for name, period in (("Force", 25), ("Quality", 25), ("Baseline", 1000), ("Heartbeat", 200))
+        for name, period in (("Force", 11), ("Quality", 11), ("Baseline", 1000), ("Heartbeat", 200))
         for leg in LEGS
     }
 

@@ -23,4 +23,4 @@ def test_the_golden_walk_gives_the_same_forces() -> None:
     """Bit for bit on the machine that recorded it, to 1 mN on any other."""
     result = footsense("replay", GOLDEN, "--check")
     assert (result.returncode, result.stderr) == (0, "")
-    assert result.stdout.startswith(f"{len(list(Replay(GOLDEN)))} scans equal")
+    assert result.stdout.startswith(f"{len(list(Replay(GOLDEN)))} cycles equal")

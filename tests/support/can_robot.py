@@ -72,6 +72,7 @@ class Robot:
         legs: tuple[str, ...] = ("lf",),
         log_file: Path | None = None,
         wire: NarrowWire | None = None,
+        every: int = 1,
     ) -> None:
         self.clock = FakeClock()
         self.consumer = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True)
@@ -81,7 +82,7 @@ class Robot:
             log_file=log_file,
             connect=None if wire is None else lambda: wire.open(self.clock.t_ns),
         )
-        self.sink = CanSink(settings, legs, self.clock)
+        self.sink = CanSink(settings, legs, self.clock, every=every)
         self.legs = legs
         self.heard()
 

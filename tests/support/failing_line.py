@@ -8,7 +8,7 @@ import numpy as np
 
 from footsense.ports import Clock
 from footsense.sim.bus.serial_line import SimulatedLine
-from footsense.sim.chips.mcu import SimulatedMcu
+from footsense.sim.chips.mcu import SimulatedRobotMcu
 from footsense.sim.faults.schedule import Span, during
 
 
@@ -40,7 +40,7 @@ class FailingLine(SimulatedLine):
     """
 
     def __init__(
-        self, mcu: SimulatedMcu, clock: Clock, *, rate_hz: float, baud: int, faults: LineFaults
+        self, mcu: SimulatedRobotMcu, clock: Clock, *, rate_hz: float, baud: int, faults: LineFaults
     ) -> None:
         super().__init__(mcu, clock, rate_hz=rate_hz, baud=baud)
         self._faults = faults

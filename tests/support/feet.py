@@ -1,7 +1,6 @@
 """Feet whose closures are given, and a pipeline whose network adds them up."""
 
 import numpy as np
-from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from numpy.typing import NDArray
 
 from footsense.estimation.baseline.contact import ContactLimits
@@ -11,6 +10,7 @@ from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import CapFrame, ContactFrame, Flag, Result
+from footsense.ports import Estimator, Load, Window
 
 DESIGN = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
 WINDOW = 4
@@ -25,21 +25,35 @@ ALIKE = np.ones((9, 9)) + 1e-6 * np.eye(9)
 
 
 class SumOfClosures:
-    """An estimator whose every force is the sum of the closures, and less sure with each that is missing."""
+    """An estimator whose every force is the sum of the newest closures, less certain with each missing element.
 
-    def estimate(
-        self, closure_rel: NDArray[np.float64], missing: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        assert np.isfinite(closure_rel).all(), "the network must never see a number that is none"
-        assert missing.dtype == bool
-        force_n = np.repeat(closure_rel.sum(axis=1, keepdims=True), 3, axis=1)
-        return force_n, SIGMA_N * (1 + missing.sum(axis=1, keepdims=True))
+    Attributes:
+        window: Window of the last call.
+    """
+
+    window: Window
+
+    def estimate(self, window: Window) -> Load:
+        """Return the load of every row, after checking that a network could use the window."""
+        rows = len(window.closure_rel)
+        assert window.closure_rel.shape == window.age_s.shape == (rows, 3, 9)
+        assert np.isfinite(window.closure_rel).all(), "the network must never see a closure that is no number"
+        assert np.isfinite(window.age_s).all()
+        assert (np.diff(window.age_s, axis=1) > 0.0).all(), "readings are newest first"
+        assert window.missing.shape == (rows, 9)
+        assert window.missing.dtype == bool
+        self.window = window
+        force_n = np.repeat(window.closure_rel[:, 0].sum(axis=1, keepdims=True), 3, axis=1)
+        sigma_n = SIGMA_N * (1 + window.missing.sum(axis=1, keepdims=True))
+        return Load(force_n, sigma_n, np.zeros((rows, 4)), np.ones((rows, 4)))
 
 
-def pipeline(n_legs: int = 2, stray_pf: float = 0.0, **own: NDArray[np.float64]) -> Pipeline:
+def pipeline(
+    estimator: Estimator, n_legs: int = 2, stray_pf: float = 0.0, **own: NDArray[np.float64]
+) -> Pipeline:
     """Return one of feet as designed; `own` says otherwise of their `gap_um` and `gain_rel`."""
     return Pipeline(
-        ScanByScan(SumOfClosures(), n_legs, ALIKE),
+        estimator,
         TrainedInputs(
             design=DESIGN,
             closure_rel_min=np.full(9, -0.05),
@@ -51,6 +65,7 @@ def pipeline(n_legs: int = 2, stray_pf: float = 0.0, **own: NDArray[np.float64])
         sensitivity=Sensitivity(load_n=9.0, baseline_n=BASELINE_N),
         tare=TareLimits(window_frames=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
         contact=ContactLimits(threshold_n=0.03),
+        scan_ns=SCAN_NS,
         max_age_ns=MAX_AGE_NS,
         settled_ns=MAX_AGE_NS,
         flags=Flag.SIMULATED,
@@ -62,8 +77,15 @@ def pipeline(n_legs: int = 2, stray_pf: float = 0.0, **own: NDArray[np.float64])
 class Feet:
     """Makes scans of feet whose closures are given, and feeds them to a pipeline."""
 
-    def __init__(self, n_legs: int = 2, stray_pf: float = 0.0, **own: NDArray[np.float64]) -> None:
-        self.pipeline = pipeline(n_legs, stray_pf, **own)
+    def __init__(
+        self,
+        n_legs: int = 2,
+        stray_pf: float = 0.0,
+        estimator: SumOfClosures | None = None,
+        **own: NDArray[np.float64],
+    ) -> None:
+        self.estimator = estimator or SumOfClosures()
+        self.pipeline = pipeline(self.estimator, n_legs, stray_pf, **own)
         self.n_legs = n_legs
         self.stray_pf = stray_pf
         self.sequence = 0

@@ -94,7 +94,8 @@ class Standing:
         now_ns = self.t_ns + 2_000_000
         self.outcomes += self.tracker.tare(capacitance_pf, reading, self._stamps, missing, now_ns)
         closure_rel = DESIGN.closure_um(capacitance_pf, self.tracker.unloaded.baseline_pf) / DESIGN.gap_um
-        self.tracker.observe(closure_rel, None, capacitance_pf, self._stamps, missing, now_ns)
+        unpredicted_n = np.full(len(capacitance_pf), np.nan)
+        self.tracker.observe(closure_rel, unpredicted_n, capacitance_pf, self._stamps, missing, now_ns)
 
     def tared(self) -> "Standing":
         """Hang in the air until the tare is done and the swing confirmed."""

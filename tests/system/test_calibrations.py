@@ -70,17 +70,16 @@ def run(robot: Config, record: Path | None = None) -> Last:
 
 
 def test_feet_with_calibrations_say_what_they_feel(tmp_path: Path) -> None:
-    """Whole scan or single elements: both legs valid, and within the sum of what calibration and network may leave.
+    """Both legs valid, and within the sum of what calibration and network may leave.
 
     Sigma is that of a foot whose temperature nobody knows, 2.5 % of the force, and little else.
     """
     write_both(tmp_path)
     robot = config(tmp_path, lf="foot-0007", rf="foot-0008")
-    for publish in ("frame", "element"):
-        forces = run(msgspec.structs.replace(robot, publish=publish)).cycle.forces
-        assert forces.state.tolist() == [State.VALID, State.VALID]
-        assert np.abs(forces.force_n - FORCE_N).max() < 0.02
-        assert forces.sigma_n.max() < 0.05 * np.linalg.norm(FORCE_N)
+    forces = run(robot).cycle.forces
+    assert forces.state.tolist() == [State.VALID, State.VALID]
+    assert np.abs(forces.force_n - FORCE_N).max() < 0.02
+    assert forces.sigma_n.max() < 0.05 * np.linalg.norm(FORCE_N)
     without = msgspec.structs.replace(
         robot, calibrations=None, tare=msgspec.structs.replace(robot.tare, unloaded_limit_rel=1.0)
     )
@@ -143,13 +142,13 @@ def test_a_recording_knows_its_calibrations(tmp_path: Path) -> None:
     write_both(feet)
     run(config(feet, lf="foot-0007", rf="foot-0008"), record=walk)
     result = CliRunner().invoke(replay, [str(walk), "--check"])
-    assert "scans equal bit for bit" in result.output, result.exception
+    assert "cycles equal bit for bit" in result.output, result.exception
     elsewhere = tmp_path / "elsewhere"
     feet.rename(elsewhere)
     result = CliRunner().invoke(replay, [str(walk), "--check"])
     assert "foot-0007: no such calibration" in str(result.exception)
     result = CliRunner().invoke(replay, [str(walk), "--check", "--calibrations", str(elsewhere)])
-    assert "scans equal bit for bit" in result.output, result.exception
+    assert "cycles equal bit for bit" in result.output, result.exception
     calibration(tmp_path / "new", "foot-0007", parameters=true_parameters(0), n_loads=20)
     calibration(tmp_path / "new", "foot-0008", parameters=true_parameters(1))
     result = CliRunner().invoke(replay, [str(walk), "--check", "--calibrations", str(tmp_path / "new")])

@@ -20,7 +20,7 @@ from footsense.daemon.simulation import simulated_robot
 from footsense.errors import ConfigError
 from footsense.estimation.pipeline import Pipeline
 from footsense.frames import LEGS, CapFrame, Cause, ContactFrame, Reading, State
-from footsense.sim.chips.mcu import SimulatedMcu
+from footsense.sim.chips.mcu import SimulatedRobotMcu
 from footsense.sim.faults.scene_faults import ElementOpen, StuckSda
 from footsense.sim.robot import SimulatedRobot
 from footsense.sim.robot_on_mcu import simulated_mcu
@@ -85,7 +85,7 @@ def test_a_walk_is_felt_as_it_is_and_through_a_line_that_fails() -> None:
             continue
         good = np.isin(forces.state, sorted(USABLE))
         true_force_n = np.stack(
-            [feet.robot.true_force_n(int(t_ns))[leg] for leg, t_ns in enumerate(forces.t_ns)]
+            [feet.robot.true_force_at_time_n(int(t_ns))[leg] for leg, t_ns in enumerate(forces.t_ns)]
         )
         errors_n.append(np.where(good[:, None], forces.force_n - true_force_n, 0.0))
         ages_ns.append(forces.age_ns[good])
@@ -133,7 +133,7 @@ def plugged(path: Path) -> Iterator[Line]:
 def test_over_a_real_terminal(tmp_path: Path) -> None:
     """The port, the decoder and the clock together: every scan is a frame, out is out, and back is back."""
     unloaded_pf = np.linspace(5.0, 5.8, 9)
-    mcu = SimulatedMcu(dict.fromkeys(LEGS, lambda _: unloaded_pf), step_us=500)
+    mcu = SimulatedRobotMcu(dict.fromkeys(LEGS, lambda _: unloaded_pf), step_us=500)
     clock = HurriedClock()
     with plugged(tmp_path / "usb-mcu") as line:
         device = line.plug()

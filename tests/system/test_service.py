@@ -92,7 +92,7 @@ def test_it_gets_ready_shows_metrics_and_stops_cleanly(tmp_path: Path, config: t
     assert (daemon.returncode, errors) == (0, "")
     for name in (
         "footsense_up 1.0",
-        *("footsense_scan_period_seconds_bucket", "footsense_frame_age_seconds_bucket"),
+        *("footsense_cycle_period_seconds_bucket", "footsense_frame_age_seconds_bucket"),
         *("footsense_faults_total", "footsense_can_sent_frames_total", "footsense_can_dropped_frames_total"),
     ):
         assert name in text

@@ -100,7 +100,7 @@ def test_a_replay_is_as_warm_as_the_walk_was(tmp_path: Path) -> None:
     recorded = [cycle.temperature_c for cycle in Replay(walk) if cycle.temperature_c is not None]
     np.testing.assert_array_equal(recorded, told)
     result = CliRunner().invoke(replay, [str(walk), "--check"])
-    assert "scans equal bit for bit" in result.output, result.exception
+    assert "cycles equal bit for bit" in result.output, result.exception
     old = tmp_path / "old.mcap"
     with old.open("wb") as file:
         recording = McapFile(file.fileno(), Replay(walk).header)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.chips import fdc1004
 from firmware_interface.schedule import scan_limits
+from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, Stamps, Vector
 from footsense.sim.loads.ground_load import GroundContact
@@ -67,19 +68,18 @@ def pace(rate_sps: int) -> Pace:
     return Pace(limits.scan_ns // ELEMENTS, wait_ns + limits.readout_ns // ELEMENTS)
 
 
-def latest(order: Sequence[int], n: int, back: int = 0) -> NDArray[np.intp]:
+def latest(order: Sequence[int], n: int) -> NDArray[np.intp]:
     """Return the number of the latest conversion of every element, after each of `n` conversions.
 
     Args:
         order: Elements in the order of the scan.
         n: Conversions.
-        back: 0 for the latest conversion of an element, 1 for the one before, and so on.
 
     Returns:
-        Numbers, shape (conversions, 9); the first `back` + 1 scans, which have not all of them, are left out.
+        Numbers, shape (conversions, 9), from the end of the first scan on.
     """
-    now = np.arange((back + 1) * ELEMENTS - 1, n)[:, None]
-    return now - (now - np.argsort(order)) % ELEMENTS - back * ELEMENTS
+    now = np.arange(ELEMENTS - 1, n)[:, None]
+    return now - (now - np.argsort(order)) % ELEMENTS
 
 
 def converted_pf(capacitance_pf: Vector, rate_sps: int, rng: np.random.Generator) -> Vector:
@@ -92,6 +92,13 @@ def converted_pf(capacitance_pf: Vector, rate_sps: int, rng: np.random.Generator
     return quantized_pf
 
 
+def noise_rel(design: CapacitorDesign, rate_sps: int) -> float:
+    """Return the standard deviation of the distance of an unloaded element over its gap [1]."""
+    # dC / C = -d(distance) / distance.
+    rest_um = design.plate_distance_um(np.array([design.unloaded_pf]))[0]
+    return float(fdc1004.RATES[rate_sps].noise_ff * 1e-3 / design.unloaded_pf * rest_um / design.gap_um)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Readings:
     """Readings of some feet, conversion by conversion.
@@ -102,7 +109,6 @@ class Readings:
         sent_ns: Time at which a force that ends with it is sent [ns], same shape.
         distance_rel: Distance of the plates over the gap [1], shape (conversions, feet).
         unloaded_rel: The same at the tare [1], shape (feet, 9).
-        noise_rel: Standard deviation of one distance [1].
     """
 
     order: tuple[int, ...]
@@ -110,16 +116,16 @@ class Readings:
     sent_ns: Stamps
     distance_rel: Vector
     unloaded_rel: Vector
-    noise_rel: float
 
-    def elements(self, back: int = 0) -> tuple[Vector, Stamps]:
-        """Return the newest reading of every element after each conversion, with the time stamps.
+    def elements(self) -> tuple[Vector, Stamps]:
+        """Return the newest reading of every element after each conversion from the first scan on.
 
         Returns:
-            Distances [1], shape (conversions, feet, 9), and stamps [ns], shape (conversions, 9).
+            Distances [1] and time stamps [ns], shape (conversions, feet, 9) each.
         """
-        numbers = latest(self.order, len(self.t_ns), back)
-        return self.distance_rel[numbers].swapaxes(1, 2), self.t_ns[numbers]
+        numbers = latest(self.order, len(self.t_ns))
+        distance_rel = self.distance_rel[numbers].swapaxes(1, 2)
+        return distance_rel, np.broadcast_to(self.t_ns[numbers][:, None], distance_rel.shape)
 
 
 def true_loads(feet: Sequence[FootLoad], t_ns: Stamps) -> tuple[Vector, Vector]:
@@ -154,14 +160,10 @@ def convert(
     scanned = np.resize(order, n)[:, None, None]
     read_pf = converted_pf(np.take_along_axis(all_pf, scanned, axis=2)[..., 0], rate_sps, rng)
     design = foot.response.design
-    # dC / C = -d(distance) / distance.
-    rest_um = design.plate_distance_um(np.array([design.unloaded_pf]))[0]
-    noise_rel = fdc1004.RATES[rate_sps].noise_ff * 1e-3 / design.unloaded_pf * rest_um / design.gap_um
     return Readings(
         order=order,
         t_ns=t_ns,
         sent_ns=t_ns + lead_ns,
         distance_rel=design.plate_distance_um(read_pf) / design.gap_um,
         unloaded_rel=design.plate_distance_um(baseline_pf) / design.gap_um,
-        noise_rel=noise_rel,
     )

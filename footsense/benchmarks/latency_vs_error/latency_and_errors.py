@@ -16,7 +16,7 @@ LOADED_N, CONTACT_N = 0.1, 0.02
 SIGMA_MULTIPLES = (1, 2, 3, 5)
 #: Period at which a consumer reads the last force [ns].
 SAMPLE_PERIOD_NS = 1_000_000
-#: Shifts of the truth in the search for the lag [ms]: later, for a prediction that overshoots, and earlier.
+#: Shifts of the truth in the search for the lag [ms]: later, for a force that runs ahead, and earlier.
 _AHEAD_MS, _BEHIND_MS = 30, 600
 
 
@@ -25,7 +25,6 @@ class LatencyAndErrors:
     """Latency and errors of one publishing method under one load; *held*: at any time, of the last force sent.
 
     Attributes:
-        age_ms: Age of the newest reading when its force is sent, median [ms].
         age_held_ms: Age of the newest reading in the held force, median and 99th percentile [ms].
         error_mn: Error of fx, fy, fz at the time of sending, rms [mN].
         error_norm_mn: Length of that error, rms [mN].
@@ -34,11 +33,9 @@ class LatencyAndErrors:
         held_direction_deg: Angle of the held force to the true one, mean [deg].
         share_within_sigma: Share of force components, feet in contact, with an error within each of `SIGMA_MULTIPLES`
             at the time of sending [1].
-        share_within_sigma_at_stamp: The same for the error at the time that the force is valid for.
         lag_ms: Shift of the truth that fits the held force best [ms].
     """
 
-    age_ms: float
     age_held_ms: tuple[float, float]
     error_mn: tuple[float, float, float]
     error_norm_mn: float
@@ -46,7 +43,6 @@ class LatencyAndErrors:
     held_error_norm_mn: float
     held_direction_deg: float
     share_within_sigma: tuple[float, ...]
-    share_within_sigma_at_stamp: tuple[float, ...]
     lag_ms: float
 
 
@@ -56,21 +52,21 @@ class TrueLoads:
 
     Attributes:
         feet: Load of each foot.
-        begin_ns: Start of the time in which errors count [ns].
+        start_ns: Start of the time in which errors count [ns].
         end_ns: End of it [ns].
         sampled_n: Forces at every `SAMPLE_PERIOD_NS` from time 0 to 30 ms after the end [N], shape (times, feet, 3).
     """
 
     feet: Sequence[FootLoad]
-    begin_ns: int
+    start_ns: int
     end_ns: int
     sampled_n: Vector
 
     @classmethod
-    def sample(cls, feet: Sequence[FootLoad], begin_ns: int, end_ns: int) -> "TrueLoads":
+    def sample(cls, feet: Sequence[FootLoad], start_ns: int, end_ns: int) -> "TrueLoads":
         """Sample the true loads of some feet, to be compared between two times [ns]."""
         read_ns = np.arange(0, end_ns + _AHEAD_MS * 1_000_000, SAMPLE_PERIOD_NS)
-        return cls(feet, begin_ns, end_ns, true_loads(feet, read_ns)[1])
+        return cls(feet, start_ns, end_ns, true_loads(feet, read_ns)[1])
 
 
 def _held_forces(published: PublishedForces, truth: TrueLoads) -> tuple[Vector, Vector, Vector]:
@@ -79,30 +75,28 @@ def _held_forces(published: PublishedForces, truth: TrueLoads) -> tuple[Vector, 
     Returns:
         Times [ms], shape (times,); held forces [N], shape (times, feet, 3); ages of their newest readings [ms].
     """
-    read_ns: Stamps = np.arange(truth.begin_ns, truth.end_ns, SAMPLE_PERIOD_NS)
+    read_ns: Stamps = np.arange(truth.start_ns, truth.end_ns, SAMPLE_PERIOD_NS)
     last = np.searchsorted(published.sent_ns, read_ns, side="right") - 1
     return read_ns / 1e6, published.force_n[last], (read_ns - published.newest_reading_ns[last]) / 1e6
 
 
 def latency_and_errors(published: PublishedForces, truth: TrueLoads) -> LatencyAndErrors:
     """Return latency and errors of published forces between the two times of a truth."""
-    counts = (published.sent_ns >= truth.begin_ns) & (published.sent_ns < truth.end_ns)
-    true_n, stamp_n = (true_loads(truth.feet, t[counts])[1] for t in (published.sent_ns, published.valid_ns))
-    force_n, sigma_n = published.force_n[counts], published.sigma_n[counts]
+    counts = (published.sent_ns >= truth.start_ns) & (published.sent_ns < truth.end_ns)
+    true_n = true_loads(truth.feet, published.sent_ns[counts])[1]
+    force_n = published.force_n[counts]
     angle_deg = _angles_deg(true_n, force_n)
     read_ms, held_n, age_held_ms = _held_forces(published, truth)
     first = round(read_ms[0])
     true_read_n = truth.sampled_n[first : first + len(read_ms)]
     return LatencyAndErrors(
-        age_ms=float(np.median(published.sent_ns[counts] - published.newest_reading_ns[counts])) * 1e-6,
         age_held_ms=(float(np.median(age_held_ms)), float(np.percentile(age_held_ms, 99))),
         error_mn=tuple((1e3 * np.sqrt(((force_n - true_n) ** 2).mean(axis=(0, 1)))).tolist()),
         error_norm_mn=rms_mn(force_n - true_n),
         direction_deg=(float(angle_deg.mean()), float(np.percentile(angle_deg, 95))),
         held_error_norm_mn=rms_mn(held_n - true_read_n),
         held_direction_deg=float(_angles_deg(true_read_n, held_n).mean()),
-        share_within_sigma=_within(true_n, force_n, sigma_n),
-        share_within_sigma_at_stamp=_within(stamp_n, force_n, sigma_n),
+        share_within_sigma=_within(true_n, force_n, published.sigma_n[counts]),
         lag_ms=_lag_ms(held_n, truth.sampled_n, first),
     )
 

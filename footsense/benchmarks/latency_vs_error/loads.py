@@ -12,14 +12,15 @@ from footsense.benchmarks.latency_vs_error.latency_and_errors import TrueLoads
 from footsense.frames import ELEMENTS, LEGS
 from footsense.sim.loads.ground_load import GroundContact, Ramp
 from footsense.sim.loads.measured_walk import measured_walk
-from footsense.sim.loads.walk import Walk, smooth_stance
+from footsense.sim.loads.smooth_stance import smooth_stance
+from footsense.sim.loads.walk import Walk
 
 #: Largest vertical force of a walk [N] and lean of its legs [deg].
 PEAK_N, PITCH_DEG = 1.0, 10.0
 #: Forces of steps and ramps [N], and their rise times [ns].
 PRESSES_N = ((0.0, 0.0, 0.8), (0.2, 0.1, 0.7), (-0.25, 0.1, 0.6), (0.1, -0.3, 0.7))
 STEP_NS, RAMP_NS = 5_000_000, 200_000_000
-#: Start of the counted time of a walk: every filter has filled by then [ns].
+#: Start of the counted time of a walk: the windows have filled by then [ns].
 _WALK_FROM_NS = 1_100_000_000
 #: Start of the counted time of steps and ramps, start of the first load, end of the counted time [ns].
 _COUNT_FROM_NS, _PRESS_NS, _COUNT_TO_NS = 200_000_000, 300_000_000, 800_000_000
@@ -66,9 +67,9 @@ def _pressed(title: str, rise_ns: int, n_phases: int) -> LoadCase:
         (force_n, _PRESS_NS + phase * scan_ns // n_phases)
         for force_n, phase in product(PRESSES_N, range(n_phases))
     ]
-    feet = [partial(Ramp(force_n, begin_ns, rise_ns).contact, LEGS[0]) for force_n, begin_ns in cases]
+    feet = [partial(Ramp(force_n, start_ns, rise_ns).contact, LEGS[0]) for force_n, start_ns in cases]
     return LoadCase(
-        title, TrueLoads.sample(feet, _COUNT_FROM_NS, _COUNT_TO_NS), tuple(begin_ns for _, begin_ns in cases)
+        title, TrueLoads.sample(feet, _COUNT_FROM_NS, _COUNT_TO_NS), tuple(start_ns for _, start_ns in cases)
     )
 
 

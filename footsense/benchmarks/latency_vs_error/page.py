@@ -1,10 +1,6 @@
 """Study `tradeoff`: latency against error of the whole chain, from conversion to the force that a consumer holds."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +8,12 @@ import numpy as np
 from firmware_interface.wire_timing import LONGEST_FRAME_BITS
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.benchmarks.latency_vs_error.chain import BUS_HZ, HOST_COST_NS, convert, pace
-from footsense.benchmarks.latency_vs_error.grid import OperatingPoint, WalkAndStand, grid_figure
+from footsense.benchmarks.latency_vs_error.grid import (
+    PUBLISH_EVERY,
+    OperatingPoint,
+    grid_figure,
+    operating_points,
+)
 from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     SIGMA_MULTIPLES,
     LatencyAndErrors,
@@ -20,41 +21,27 @@ from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     settling_ms,
 )
 from footsense.benchmarks.latency_vs_error.loads import LoadCase, load_cases, measured_truth
-from footsense.benchmarks.latency_vs_error.publishing import (
-    PublishedForces,
-    by_element,
-    by_frame,
-    extrapolated,
-    without_alignment,
-)
-from footsense.foot.files.network_card import TrainedInputs
+from footsense.benchmarks.latency_vs_error.publishing import published_forces
 from footsense.foot.specimen import Foot
-from footsense.lab.studies.networks.network_size import train_sizes
 from footsense.lab.studies.page import Figures, Study, StudyContext
-from footsense.lab.training.export import OnnxNetwork, onnx_model
-from footsense.lab.training.network import Weights
+
+#: Publishing methods that the text of the page compares.
+EVERY, SKEWED = "every conversion", "newest readings as they are"
+LINES, PARABOLAS = "extrapolated by lines", "extrapolated by parabolas"
 
 
 class Size(NamedTuple):
-    """Size of the study `tradeoff`: numbers of strides, phases, rates, networks and training steps.
+    """Size of the study `tradeoff`: numbers of strides and phases, and rates.
 
     Attributes:
         strides: Strides of a walk that are counted.
         phases: Phases of a scan at which a foot is pressed.
         rates_sps: Conversions per second.
-        averaged: Numbers of scans that are averaged.
-        channels: Channels of the networks that are trained.
-        cases: Loads in their training.
-        training_steps: Steps of their training.
     """
 
     strides: int
     phases: int
     rates_sps: tuple[int, ...]
-    averaged: tuple[int, ...]
-    channels: tuple[int, ...]
-    cases: int
-    training_steps: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,15 +78,14 @@ class LoadResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TradeoffResults:
-    """Results of the study `tradeoff`: age and error of the forces by load, operating point and network.
+    """Results of the study `tradeoff`: age and error of the forces by load and by operating point.
 
     Attributes:
         step_ms: From one conversion to the next at 400 S/s [ms].
         lead_ms: From the middle of a conversion to the sending of its force [ms].
         size: Size of the study.
         loads: Results under each load.
-        points: Rates, averaging and publish modes with the shipped network.
-        sizes: Networks of other sizes at 400 S/s.
+        points: Rates of conversions and of publishing.
     """
 
     step_ms: float
@@ -107,44 +93,35 @@ class TradeoffResults:
     size: Size
     loads: dict[str, LoadResult]
     points: list[OperatingPoint]
-    sizes: list[OperatingPoint]
 
 
-FULL = Size(
-    strides=4,
-    phases=6,
-    rates_sps=(400, 200, 100),
-    averaged=(1, 2, 4, 8),
-    channels=(2, 8),
-    cases=10_000,
-    training_steps=2000,
-)
-QUICK = Size(
-    strides=1, phases=2, rates_sps=(400,), averaged=(1, 2), channels=(4,), cases=2000, training_steps=1000
-)
+FULL = Size(strides=4, phases=6, rates_sps=(400, 200, 100))
+QUICK = Size(strides=1, phases=2, rates_sps=(400,))
 
 _SEED = 3
 
-#: Publishing methods by name, with the orders of the scan in which they are tried.
-_METHODS: dict[str, tuple[Callable[..., PublishedForces], tuple[str, ...]]] = {
-    "frame": (by_frame, ("raster", "lo_shu")),
-    "element": (by_element, ("raster", "lo_shu")),
-    "frame, skew left in": (without_alignment, ("raster", "lo_shu")),
-    "element, by lines": (partial(extrapolated, degree=1), ("lo_shu",)),
-    "element, by parabolas": (partial(extrapolated, degree=2), ("lo_shu",)),
+#: Publishing methods by name: degree of the extrapolation, conversions for each force, and orders of the scan.
+_METHODS: dict[str, tuple[int | None, int, tuple[str, ...]]] = {
+    EVERY: (None, 1, ("raster", "lo_shu")),
+    **{f"every {n}th": (None, n, ("lo_shu",)) for n in PUBLISH_EVERY[1:]},
+    SKEWED: (0, 1, ("raster", "lo_shu")),
+    LINES: (1, 1, ("lo_shu",)),
+    PARABOLAS: (2, 1, ("lo_shu",)),
 }
 
 
-def _load_result(load: LoadCase, context: StudyContext, card: TrainedInputs) -> LoadResult:
+def _load_result(load: LoadCase, context: StudyContext) -> LoadResult:
     """Return the results of every publishing method under one load."""
     foot, truth = Foot(context.response), load.truth
     readings = {
         name: convert(foot, truth.feet, order, 400, truth.end_ns, _SEED) for name, order in ORDERS.items()
     }
     methods = []
-    for method, (publish, orders) in _METHODS.items():
+    for method, (degree, every, orders) in _METHODS.items():
         for order in orders:
-            published = publish(readings[order], context.network, card)
+            published = published_forces(
+                readings[order], context.network, context.trained_inputs, degree
+            ).every(every)
             settling = None
             if load.starts_ns is not None:
                 each_ms = settling_ms(published, truth, load.starts_ns)
@@ -154,52 +131,25 @@ def _load_result(load: LoadCase, context: StudyContext, card: TrainedInputs) -> 
     return LoadResult(title=load.title, n_feet=len(truth.feet), methods=methods)
 
 
-def _points(
-    context: StudyContext, size: Size, card: TrainedInputs
-) -> tuple[list[OperatingPoint], list[OperatingPoint]]:
-    """Return rates, averaging and publish modes with the shipped network, and networks of other sizes."""
-    foot, truth = Foot(context.response), measured_truth(size.strides)
-    weights = context.network.card["training"]["weights"]
-    feet = {rate: WalkAndStand.at(rate, foot, truth) for rate in size.rates_sps}
-    points = []
-    for rate in size.rates_sps:
-        for n_averaged, publish in (*((n, "frame") for n in size.averaged), (1, "element")):
-            points.append(feet[rate].operating_point(context.network, card, n_averaged, publish, weights))
-        context.say(f"tradeoff: {rate} S/s")
-    sizes = [
-        feet[400].operating_point(_onnx_network(trained), card, 1, publish, trained.size)
-        for trained in train_sizes(context, size.channels, size.cases, size.training_steps)
-        for publish in ("frame", "element")
-    ]
-    return points, sizes
-
-
-def _onnx_network(weights: Weights) -> OnnxNetwork:
-    """Export trained weights to ONNX, and return the network loaded in ONNX Runtime."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "network.onnx"
-        path.write_bytes(onnx_model(weights, {}).SerializeToString())
-        return OnnxNetwork(path)
-
-
 def compute(context: StudyContext) -> tuple[TradeoffResults, Figures]:
-    """Publish the forces of all loads in every way, at every operating point."""
-    card = context.trained_inputs
+    """Publish the forces of all loads by every method, and of the walk at every operating point."""
     size = QUICK if context.quick else FULL
     loads = {}
     for name, load in load_cases(size.strides, size.phases).items():
-        loads[name] = _load_result(load, context, card)
+        loads[name] = _load_result(load, context)
         context.say(f"tradeoff: {name}")
-    points, sizes = _points(context, size, card)
+    truth, points = measured_truth(size.strides), []
+    for rate_sps in size.rates_sps:
+        points += operating_points(rate_sps, truth, context)
+        context.say(f"tradeoff: {rate_sps} S/s")
     results = TradeoffResults(
         step_ms=pace(400).step_ns * 1e-6,
         lead_ms=pace(400).lead_ns * 1e-6,
         size=size,
         loads=loads,
         points=points,
-        sizes=sizes,
     )
-    return results, {"tradeoff.png": grid_figure(points, sizes)}
+    return results, {"tradeoff.png": grid_figure(points)}
 
 
 STUDY = Study(

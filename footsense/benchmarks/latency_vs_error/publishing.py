@@ -1,119 +1,97 @@
-"""Forces of readings, aligned and inferred by the daemon's own code, or by simpler methods for comparison."""
+"""Forces of readings: the daemon's, by the network over the last readings, and simpler ones for comparison."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from footsense.benchmarks.latency_vs_error.chain import Readings
-from footsense.estimation.alignment.element_by_element import ElementByElement
-from footsense.estimation.alignment.scan_by_scan import ScanByScan
+from footsense.estimation.reading_window import READINGS, ReadingWindow
+from footsense.estimation.rest import at_rest
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import ELEMENTS, Stamps, Vector
-from footsense.ports import Estimator
+from footsense.ports import Estimator, Window
+
+#: Conversions before the first one that ends a whole window, counted from the end of the first scan.
+_FILLING = (READINGS - 1) * ELEMENTS
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PublishedForces:
-    """Published forces [N] with standard deviations [N] and time stamps [ns].
+class PublishedForces(NamedTuple):
+    """Published forces [N] as of sending, with standard deviations [N].
 
     Attributes:
         sent_ns: Time of sending [ns], shape (forces,).
         newest_reading_ns: Time of the newest reading in each [ns], same shape.
-        valid_ns: Time that each force is valid for [ns], same shape: `newest_reading_ns`, or `sent_ns` of a
-            prediction.
         force_n: Forces [N], shape (forces, feet, 3).
-        sigma_n: Their standard deviations [N], same shape.
+        sigma_n: Standard deviations of the forces [N], same shape.
     """
 
     sent_ns: Stamps
     newest_reading_ns: Stamps
-    valid_ns: Stamps
     force_n: Vector
     sigma_n: Vector
 
-
-def by_frame(
-    readings: Readings, network: Estimator, card: TrainedInputs, n_averaged: int = 1
-) -> PublishedForces:
-    """Return the forces of `publish: frame`: one for each scan."""
-    alignment = ScanByScan(network, len(readings.unloaded_rel), card.moments, n_averaged)
-    return _aligned(readings, alignment, card, each=ELEMENTS)
+    def every(self, n: int) -> "PublishedForces":
+        """Return the forces of every n-th conversion."""
+        return PublishedForces(
+            self.sent_ns[::n], self.newest_reading_ns[::n], self.force_n[::n], self.sigma_n[::n]
+        )
 
 
-def by_element(readings: Readings, network: Estimator, card: TrainedInputs) -> PublishedForces:
-    """Return the forces of `publish: element`: one for each conversion."""
-    step_ns = int(readings.t_ns[1] - readings.t_ns[0])
-    alignment = ElementByElement(
-        network, len(readings.unloaded_rel), card.moments, readings.order, step_ns, readings.noise_rel
-    )
-    return _aligned(readings, alignment, card, each=1)
+def windows(readings: Readings) -> Window:
+    """Return the daemon's windows of all feet after each conversion from the third scan on.
 
-
-def _aligned(
-    readings: Readings, alignment: ScanByScan | ElementByElement, card: TrainedInputs, each: int
-) -> PublishedForces:
-    """Return the forces of the daemon after each conversion, or after each `each`-th."""
+    One row for each conversion and foot, the foot fast; no element is missing.
+    """
     n_feet = len(readings.unloaded_rel)
-    nothing, everyone = np.zeros((n_feet, ELEMENTS), bool), np.ones(n_feet, bool)
-    sent_ns = readings.sent_ns[ELEMENTS - 1 :: each]
-    values, stamps = (part[::each] for part in readings.elements())
-    t_ns, force_n, sigma_n = [], [], []
-    for now_ns, distance_rel, stamps_ns in zip(sent_ns.tolist(), values, stamps, strict=True):
-        sample = alignment.align(distance_rel, np.tile(stamps_ns, (n_feet, 1)), now_ns, nothing)
-        closure_rel = _trained(readings.unloaded_rel - sample.distance_rel, card)
-        force, sigma = alignment.estimate(closure_rel, readings.unloaded_rel, everyone, nothing)
-        t_ns.append(int(sample.t_ns[0]))
-        force_n.append(force)
-        sigma_n.append(sigma)
-    newest_ns = np.array(t_ns)
-    valid_ns = sent_ns if each == 1 else newest_ns
-    return PublishedForces(sent_ns, newest_ns, valid_ns, np.array(force_n), np.array(sigma_n))
+    kept = ReadingWindow(n_feet, ELEMENTS * int(readings.t_ns[1] - readings.t_ns[0]))
+    closure_rel, age_s = [], []
+    for distance_rel, t_ns, now_ns in zip(
+        *readings.elements(), readings.sent_ns[ELEMENTS - 1 :], strict=True
+    ):
+        last = kept.add(distance_rel, t_ns)
+        closure_rel.append(readings.unloaded_rel[:, None] - last.distance_rel)
+        age_s.append((now_ns - last.t_ns) * 1e-9)
+    closures_rel = np.concatenate(closure_rel[_FILLING:])
+    return Window(closures_rel, np.concatenate(age_s[_FILLING:]), np.zeros(closures_rel[:, 0].shape, bool))
 
 
-def without_alignment(readings: Readings, network: Estimator, card: TrainedInputs) -> PublishedForces:
-    """Return the forces of whole scans whose elements count as simultaneous, for comparison."""
-    values, stamps = readings.elements()
-    middle_ns = stamps[::ELEMENTS].mean(axis=1).astype(np.int64)
-    force_n, sigma_n = _inferred(values[::ELEMENTS], readings, network, card)
-    return PublishedForces(readings.sent_ns[ELEMENTS - 1 :: ELEMENTS], middle_ns, middle_ns, force_n, sigma_n)
+def extrapolated(window: Window, degree: int) -> Vector:
+    """Return each element's closure at age zero [1], shape (rows, 9), by a polynomial through its last readings.
+
+    Args:
+        window: The last readings.
+        degree: 0 for the newest reading as it is, 1 for a line through two, 2 for a parabola through three.
+    """
+    readings = range(degree + 1)
+    now_rel = np.zeros(window.missing.shape)
+    for k in readings:
+        weight = np.ones(window.missing.shape)
+        for other in readings:
+            if other != k:
+                weight *= window.age_s[:, other] / (window.age_s[:, other] - window.age_s[:, k])
+        now_rel += weight * window.closure_rel[:, k]
+    return now_rel
 
 
-def extrapolated(readings: Readings, network: Estimator, card: TrainedInputs, degree: int) -> PublishedForces:
-    """Return the forces after each conversion with every element extrapolated by itself, for comparison.
+def published_forces(
+    readings: Readings, network: Estimator, trained: TrainedInputs, degree: int | None = None
+) -> PublishedForces:
+    """Return the forces after each conversion from the third scan on.
 
     Args:
         readings: The readings.
         network: The network.
-        card: The inputs that it was trained for.
-        degree: 1: along the line through the last two readings; 2: along the parabola through the last three.
+        trained: Inputs that the network was trained for, to which closures are clipped.
+        degree: None for the daemon's forces. For comparison, the closures of a foot at rest: extrapolated to the time
+            of sending by polynomials of this degree.
     """
-    first = (degree + 1) * ELEMENTS - 1
-    sent_ns = readings.sent_ns[first:]
-    (y0, t0), (y1, t1), *older = (
-        (values[-len(sent_ns) :], stamps[-len(sent_ns) :, None] * 1e-9)
-        for values, stamps in map(readings.elements, range(degree + 1))
+    window = windows(readings)
+    if degree is not None:
+        window = at_rest(extrapolated(window, degree))
+    closure_rel = np.clip(window.closure_rel, trained.closure_rel_min, trained.closure_rel_max)
+    load = network.estimate(window._replace(closure_rel=closure_rel))
+    force_n, sigma_n = (
+        part.reshape(-1, len(readings.unloaded_rel), 3) for part in (load.force_n, load.sigma_n)
     )
-    to_s = sent_ns[:, None, None] * 1e-9
-    slope = (y0 - y1) / (t0 - t1)
-    values = y0 + slope * (to_s - t0)
-    for y2, t2 in older:
-        bend = (slope - (y1 - y2) / (t1 - t2)) / (t0 - t2)
-        values = values + bend * (to_s - t0) * (to_s - t1)
-    return PublishedForces(
-        sent_ns, readings.t_ns[first:], sent_ns, *_inferred(values, readings, network, card)
-    )
-
-
-def _trained(closure_rel: Vector, card: TrainedInputs) -> Vector:
-    """Return relative closures [1] clipped to the training range, as in the estimation pipeline."""
-    limited: Vector = np.clip(closure_rel, card.closure_rel_min, card.closure_rel_max)
-    return limited
-
-
-def _inferred(
-    distance_rel: Vector, readings: Readings, network: Estimator, card: TrainedInputs
-) -> tuple[Vector, Vector]:
-    """Return forces and sigmas [N], shape (forces, feet, 3), of distances [1], shape (forces, feet, 9)."""
-    closure_rel = _trained(readings.unloaded_rel - distance_rel, card).reshape(-1, ELEMENTS)
-    force_n, sigma_n = network.estimate(closure_rel, np.zeros(closure_rel.shape, bool))
-    return force_n.reshape(*distance_rel.shape[:2], 3), sigma_n.reshape(*distance_rel.shape[:2], 3)
+    first = READINGS * ELEMENTS - 1
+    return PublishedForces(readings.sent_ns[first:], readings.t_ns[first:], force_n, sigma_n)

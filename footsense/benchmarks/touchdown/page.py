@@ -6,8 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from footsense.benchmarks.latency_vs_error.chain import pace
-from footsense.benchmarks.touchdown.run import ELEMENT, FRAME, METHODS, Run, run
-from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, TOUCHDOWNS, TREMOR_N, Steps
+from footsense.benchmarks.touchdown.manners import TOUCHDOWNS
+from footsense.benchmarks.touchdown.run import Run, run
+from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, TREMOR_N, Steps
 from footsense.frames import Mask, Vector
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.studies.plots import panels
@@ -27,7 +28,7 @@ _P50P99 = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Latencies:
-    """Latencies and error of one method in one manner of touchdown.
+    """Latencies and error in one manner of touchdown.
 
     Attributes:
         contact_ms: Latency of the flag CONTACT, from a load of `CONTACT_N` on [ms].
@@ -42,7 +43,7 @@ class Latencies:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FalseReports:
-    """False reports of one method; numbers in swing, and in the first 0.1 s after lift-off.
+    """False reports; numbers in swing, and in the first 0.1 s after lift-off.
 
     Attributes:
         minutes: Time in swing of all feet [min].
@@ -61,28 +62,28 @@ class FalseReports:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchdownResults:
-    """Results of the study, by method.
+    """Results of the study.
 
     Attributes:
         n_touchdowns: Touchdowns of each manner.
-        latencies: Latencies of each manner.
+        latencies: Latencies by manner of touchdown.
         median_ms: Median latency over all manners, of the flag (`contact`) and of the force (`force`) [ms].
         false_reports: False reports.
     """
 
     n_touchdowns: int
-    latencies: dict[str, dict[str, Latencies]]
-    median_ms: dict[str, dict[str, float]]
-    false_reports: dict[str, FalseReports]
+    latencies: dict[str, Latencies]
+    median_ms: dict[str, float]
+    false_reports: FalseReports
 
 
-#: Latencies of one method after each touchdown, of the flag and of the force [ms].
+#: Latencies after each touchdown, of the flag and of the force [ms].
 _Each = tuple[Vector, Vector]
 
 
-def _first_ms(reported: Mask, sent_s: Vector, begins_s: Vector, crossed_s: Vector) -> Vector:
+def _first_ms(reported: Mask, sent_s: Vector, starts_s: Vector, crossed_s: Vector) -> Vector:
     """Return the latency of the first report of one foot, shape (frames,), after each touchdown [ms]."""
-    first = [np.flatnonzero(reported & (sent_s > begin_s))[0] for begin_s in begins_s.tolist()]
+    first = [np.flatnonzero(reported & (sent_s > start_s))[0] for start_s in starts_s.tolist()]
     latencies_ms: Vector = 1e3 * (sent_s[first] - crossed_s)
     return latencies_ms
 
@@ -92,7 +93,7 @@ def _latencies(result: Run, steps: Steps, until_s: float, kind: int) -> tuple[_E
     contact_ms, force_ms, squares_n2 = [], [], []
     for foot in np.flatnonzero(steps.kind == kind).tolist():
         complete = steps.crossed_s[foot] < until_s - 2 * _AFTER_S
-        times = result.sent_s, steps.begins_s[foot, complete], steps.crossed_s[foot, complete]
+        times = result.sent_s, steps.starts_s[foot, complete], steps.crossed_s[foot, complete]
         contact_ms.append(_first_ms(result.contact[:, foot], *times))
         force_ms.append(_first_ms(result.force_n[:, foot] > CONTACT_N, *times))
         error_n = result.force_n[:, foot] - result.true_force_n[:, foot]
@@ -125,20 +126,15 @@ def _false_reports(result: Run) -> FalseReports:
     )
 
 
-def _figure(latencies: dict[str, dict[str, _Each]]) -> Figure:
+def _figure(latencies: dict[str, _Each]) -> Figure:
     """Draw the share of reported touchdowns over the time since."""
     figure, axes = panels(2, 9.0, 3.4, sharey=True)
-    lines = (
-        (FRAME, 0, "tab:gray", "-", FRAME),
-        (ELEMENT, 0, "tab:blue", "-", ELEMENT),
-        (ELEMENT, 1, "tab:blue", ":", f"{ELEMENT}, by its force"),
-    )
     for axis, speed in zip(axes, ("hard", "soft"), strict=True):
-        for method, report, colour, style, label in lines:
-            kinds = [each[report] for kind, each in latencies[method].items() if kind.startswith(speed)]
+        for report, (style, label) in enumerate((("-", "Contact"), (":", "force"))):
+            kinds = [each[report] for kind, each in latencies.items() if kind.startswith(speed)]
             all_ms = np.sort(np.concatenate(kinds))
             share = 100 * np.arange(1, len(all_ms) + 1) / len(all_ms)
-            axis.step(all_ms, share, style, where="post", color=colour, label=label)
+            axis.step(all_ms, share, style, where="post", color="tab:blue", label=label)
         axis.set(title=f"{speed} touchdowns", xlabel=f"time since {1e3 * CONTACT_N:g} mN [ms]", xlim=(0, 45))
     axes[0].set_ylabel("reported touchdowns [%]")
     axes[0].legend(fontsize=8, loc="lower right")
@@ -146,43 +142,31 @@ def _figure(latencies: dict[str, dict[str, _Each]]) -> Figure:
 
 
 def compute(context: StudyContext) -> tuple[TouchdownResults, Figures]:
-    """Let feet touch down, read by whole scans and by single elements."""
+    """Let feet touch down, and estimate after every conversion."""
     n_feet, until_s = _QUICK if context.quick else _FULL
     steps = Steps(n_feet, until_s, np.random.default_rng(_SEED))
-    latencies: dict[str, dict[str, Latencies]] = {}
-    every: dict[str, dict[str, _Each]] = {}
-    false_reports = {}
-    for method in METHODS:
-        result = run(context, method, steps, until_s, _SEED)
-        latencies[method], every[method] = {}, {}
-        for kind, name in enumerate(TOUCHDOWNS):
-            each, error_mn = _latencies(result, steps, until_s, kind)
-            contact_ms, force_ms = map(_p50_p99, each)
-            latencies[method][name] = Latencies(contact_ms=contact_ms, force_ms=force_ms, error_mn=error_mn)
-            every[method][name] = each
-        false_reports[method] = _false_reports(result)
-        context.say(f"touchdown: {method}")
-    median_ms = {
-        method: {
-            report: float(np.median(np.concatenate([each[k] for each in of.values()])))
-            for k, report in enumerate(("contact", "force"))
-        }
-        for method, of in every.items()
-    }
-    n_touchdowns = len(every[FRAME][next(iter(TOUCHDOWNS))][0])
+    result = run(context, steps, until_s, _SEED)
+    latencies: dict[str, Latencies] = {}
+    every: dict[str, _Each] = {}
+    for kind, name in enumerate(TOUCHDOWNS):
+        every[name], error_mn = _latencies(result, steps, until_s, kind)
+        contact_ms, force_ms = map(_p50_p99, every[name])
+        latencies[name] = Latencies(contact_ms=contact_ms, force_ms=force_ms, error_mn=error_mn)
+    reports = zip(("contact", "force"), zip(*every.values(), strict=True), strict=True)
     results = TouchdownResults(
-        n_touchdowns=n_touchdowns, latencies=latencies, median_ms=median_ms, false_reports=false_reports
+        n_touchdowns=len(every[next(iter(TOUCHDOWNS))][0]),
+        latencies=latencies,
+        median_ms={report: float(np.median(np.concatenate(kinds))) for report, kinds in reports},
+        false_reports=_false_reports(result),
     )
     return results, {_FIGURE: _figure(every)}
 
 
 STUDY = Study(
     name="touchdown",
-    title="Touchdown: element by element, scan by scan",
+    title="Touchdown",
     compute=compute,
     names={
-        "FRAME": FRAME,
-        "ELEMENT": ELEMENT,
         "TOUCHDOWNS": TOUCHDOWNS,
         "contact_mn": 1e3 * CONTACT_N,
         "tremor_mn": 1e3 * TREMOR_N,

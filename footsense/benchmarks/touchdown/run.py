@@ -4,30 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from firmware_interface.chips import fdc1004
-from footsense.acquisition.scan_plan import ORDERS
-from footsense.benchmarks.latency_vs_error.chain import converted_pf, latest, pace
+from footsense.benchmarks.latency_vs_error.chain import latest, pace
+from footsense.benchmarks.touchdown.readings import ORDER, RATE_SPS, readings_pf
 from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, Steps
-from footsense.estimation.alignment.element_by_element import ElementByElement
-from footsense.estimation.alignment.scan_by_scan import ScanByScan
 from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import sensitivity
-from footsense.foot.gap_contact import capacitance_pf
 from footsense.foot.specimen import Foot
-from footsense.frames import ELEMENTS, CapFrame, Flag, Mask, Reading, Stamps, Vector
+from footsense.frames import ELEMENTS, CapFrame, Flag, Mask, Reading, Vector
 from footsense.lab.studies.page import StudyContext
-
-#: Ways to read a foot.
-FRAME, ELEMENT = METHODS = ("full scan per frame", "element by element")
-
-_RATE_SPS = 400
-_ORDER = ORDERS["lo_shu"]
-#: 20 K in ten minutes at 1.5 fF/K, and the difference between elements in that [pF/s, 1].
-_DRIFT_PF_PER_S, _DRIFT_SPREAD_REL = -1.5e-3 * 20 / 600, 0.2
-#: Force at which the response is linearised [N].
-_PROBE_N = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,24 +35,22 @@ class Run:
     swings: Mask
 
 
-def run(context: StudyContext, method: str, steps: Steps, until_s: float, seed: int) -> Run:
-    """Return the frames of feet that touch down.
+def run(context: StudyContext, steps: Steps, until_s: float, seed: int) -> Run:
+    """Return the frames of feet that touch down, one after every conversion.
 
     Args:
         context: Response table and network.
-        method: One of `METHODS`.
         steps: Steps of the feet.
         until_s: End of the run [s].
         seed: Seed of noise and drift.
     """
-    step_ns, lead_ns = pace(_RATE_SPS)
+    step_ns, lead_ns = pace(RATE_SPS)
     n_feet, n = len(steps.kind), int(until_s * 1e9) // step_ns
     t_ns = np.arange(1, n + 1, dtype=np.int64) * step_ns
-    read_pf = _readings(Foot(context.response, contact=False), steps, t_ns, np.random.default_rng(seed))
-    pipeline = _pipeline(context, method, n_feet)
-    each = ELEMENTS if method == FRAME else 1
-    numbers = latest(_ORDER, n)[::each]
-    sent_ns = (t_ns + lead_ns)[ELEMENTS - 1 :: each]
+    read_pf = readings_pf(Foot(context.response, contact=False), steps, t_ns, np.random.default_rng(seed))
+    pipeline = _pipeline(context, n_feet)
+    numbers = latest(ORDER, n)
+    sent_ns = (t_ns + lead_ns)[ELEMENTS - 1 :]
     ok = np.full((n_feet, ELEMENTS), Reading.OK, np.uint8)
     contact, force_n = [], []
     for sequence, (number, now_ns) in enumerate(zip(numbers, sent_ns.tolist(), strict=True)):
@@ -79,50 +63,19 @@ def run(context: StudyContext, method: str, steps: Steps, until_s: float, seed: 
     return Run(sent_s, np.array(contact), np.array(force_n), true_force_n, steps.swings(sent_s))
 
 
-def _readings(foot: Foot, steps: Steps, t_ns: Stamps, rng: np.random.Generator) -> Vector:
-    """Return the reading of each conversion [pF], shape (conversions, feet), with drift, tremor, noise and step."""
-    design = foot.response.design
-    t_s = t_ns / 1e9
-    n_feet, element = len(steps.kind), np.resize(_ORDER, len(t_ns))
-    spread = 1.0 + _DRIFT_SPREAD_REL * rng.standard_normal((n_feet, ELEMENTS))
-    drift_pf_per_s = _DRIFT_PF_PER_S * spread
-    # No gap closes, so that closures are proportional to the force.
-    normals = steps.normals.reshape(-1, 3)
-    cells_um = foot.cells_um(normals, normals * _PROBE_N).reshape(*steps.normals.shape[:2], -1)
-    cells_um_per_n = cells_um / _PROBE_N
-    up_n = np.array([[0.0, 0.0, _PROBE_N]])
-    pf_per_n = (foot.capacitance_pf(up_n / _PROBE_N, up_n)[0] - foot.unloaded_pf) / _PROBE_N
-    force_n, step = steps.force_n(t_s), steps.step(t_s)
-    all_pf = foot.unloaded_pf[element][:, None].repeat(n_feet, axis=1)
-    for loaded in np.array_split(np.argwhere(force_n), 64):  # in parts, for the memory of all cells
-        at, feet = loaded.T
-        closure_um = cells_um_per_n[feet, step[at, feet]] * force_n[at, feet][:, None]
-        distance_um = design.gap_um - closure_um + design.film_equivalent_um
-        all_pf[at, feet] = capacitance_pf(design, distance_um)[np.arange(len(at)), element[at]]
-    all_pf += drift_pf_per_s.T[element] * t_s[:, None] + steps.tremor_n(t_s) * pf_per_n[element][:, None]
-    return converted_pf(all_pf, _RATE_SPS, rng)
-
-
-def _pipeline(context: StudyContext, method: str, n_feet: int) -> Pipeline:
+def _pipeline(context: StudyContext, n_feet: int) -> Pipeline:
     """Return the daemon's pipeline of as many legs as there are feet."""
-    network = context.network
-    card = context.trained_inputs
-    design, step_ns = card.design, pace(_RATE_SPS).step_ns
-    unloaded_rel = float(design.plate_distance_um(np.array([design.unloaded_pf]))[0]) / design.gap_um
-    noise_rel = fdc1004.RATES[_RATE_SPS].noise_ff * 1e-3 / design.unloaded_pf * unloaded_rel
-    alignment = (
-        ScanByScan(network, n_feet, card.moments)
-        if method == FRAME
-        else ElementByElement(network, n_feet, card.moments, _ORDER, step_ns, noise_rel)
-    )
+    network, trained = context.network, context.trained_inputs
+    scan_ns = ELEMENTS * pace(RATE_SPS).step_ns
     return Pipeline(
-        alignment,
-        card,
+        network,
+        trained,
         np.zeros((n_feet, ELEMENTS)),
-        np.full((n_feet, ELEMENTS), design.unloaded_pf),
-        sensitivity=sensitivity(network, 1, card.moments),
+        np.full((n_feet, ELEMENTS), trained.design.unloaded_pf),
+        sensitivity=sensitivity(network, 1, trained.moments),
         tare=TareLimits(window_frames=8, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
         contact=ContactLimits(threshold_n=CONTACT_N),
-        max_age_ns=4 * ELEMENTS * step_ns,
-        settled_ns=4 * ELEMENTS * step_ns,
+        scan_ns=scan_ns,
+        max_age_ns=4 * scan_ns,
+        settled_ns=4 * scan_ns,
     )

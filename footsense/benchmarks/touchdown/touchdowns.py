@@ -1,10 +1,9 @@
 """Loads of feet that touch down repeatedly in one manner, each foot at different times."""
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.benchmarks.touchdown.manners import TOUCHDOWNS
 from footsense.frames import Mask, Vector
 
 #: Load from which a foot counts as in contact [N].
@@ -19,28 +18,6 @@ _EVEN_RISE_S = 0.01
 TREMOR_N, _TREMOR_HZ, _TREMOR_S = CONTACT_N / 4, 25.0, 0.05
 
 
-class Touchdown(NamedTuple):
-    """A manner of touching down.
-
-    Attributes:
-        force_n: Full load [N].
-        rise_s: Time to the full load [s].
-        lean_deg: Distance of the contact from the middle of the ball [deg], to any side.
-    """
-
-    force_n: float
-    rise_s: float
-    lean_deg: float
-
-
-TOUCHDOWNS = {
-    "hard, upright": Touchdown(0.5, 5e-3, 0.0),
-    "hard, leaning by 25 deg": Touchdown(0.5, 5e-3, 25.0),
-    "soft, upright": Touchdown(1.0, 0.144, 0.0),
-    "soft, leaning by 25 deg": Touchdown(1.0, 0.144, 25.0),
-}
-
-
 class Steps:
     """Steps of some feet at random times, all of one foot in the same manner.
 
@@ -51,7 +28,7 @@ class Steps:
 
     Attributes:
         kind: Number of the manner of each foot, shape (feet,).
-        begins_s: First touch of each step [s], shape (feet, steps).
+        starts_s: First touch of each step [s], shape (feet, steps).
         crossed_s: Time at which each step reaches `CONTACT_N` along the leg [s], same shape.
         normals: Inward normal of each contact, shape (feet, steps, 3).
         upright: Share of the force of each foot that is along its leg [1], shape (feet,).
@@ -63,19 +40,19 @@ class Steps:
         self._force_n, self._rise_s, lean_rad = manner[:, 0], manner[:, 1], np.radians(manner[:, 2])
         n_steps = int((until_s - _FIRST_S) / (_SWING_S[0] + _STANCE_S)) + 1
         cycles_s = rng.uniform(*_SWING_S, (len(manner), n_steps)) + _STANCE_S
-        self.begins_s = _FIRST_S - cycles_s[:, :1] + np.cumsum(cycles_s, axis=1)
-        azimuth_rad = rng.uniform(0, 2 * np.pi, self.begins_s.shape)
+        self.starts_s = _FIRST_S - cycles_s[:, :1] + np.cumsum(cycles_s, axis=1)
+        azimuth_rad = rng.uniform(0, 2 * np.pi, self.starts_s.shape)
         self.upright = np.cos(lean_rad)
         sin, up = np.sin(lean_rad)[:, None], np.broadcast_to(self.upright[:, None], azimuth_rad.shape)
         self.normals = np.stack((sin * np.cos(azimuth_rad), sin * np.sin(azimuth_rad), up), axis=2)
         share = CONTACT_N / (self._force_n * self.upright)
         rises = np.where(self._rise_s <= _EVEN_RISE_S, share, np.arccos(1 - 2 * share) / np.pi)
-        self.crossed_s = self.begins_s + (rises * self._rise_s)[:, None]
+        self.crossed_s = self.starts_s + (rises * self._rise_s)[:, None]
 
     def step(self, t_s: Vector) -> NDArray[np.intp]:
         """Return the number of the last step of each foot at some times, shape (times, feet); -1 before the first."""
         return np.stack(
-            [np.searchsorted(begins_s, t_s, side="right") - 1 for begins_s in self.begins_s], axis=1
+            [np.searchsorted(starts_s, t_s, side="right") - 1 for starts_s in self.starts_s], axis=1
         )
 
     def force_n(self, t_s: Vector) -> Vector:
@@ -101,6 +78,6 @@ class Steps:
     def _since_s(self, t_s: Vector) -> Vector:
         """Return the time since the last touch of each foot [s], shape (times, feet); infinite before the first."""
         step = self.step(t_s)
-        begin_s = np.where(step < 0, -np.inf, self.begins_s[np.arange(step.shape[1]), step])
-        since_s: Vector = t_s[:, None] - begin_s
+        start_s = np.where(step < 0, -np.inf, self.starts_s[np.arange(step.shape[1]), step])
+        since_s: Vector = t_s[:, None] - start_s
         return since_s

@@ -84,11 +84,12 @@ class LoadDetector:
             self._reference.append(cycle.reference)
         scan, row = cycle.scan, self._row
         stamps = scan.t_ns[row]
-        # With `publish: element` most of a cycle's scan is the previous one's; a scan without stamps was not read.
-        t_ns = int(stamps.mean()) if stamps.all() else cycle.forces.t_sent_ns
-        if (stamps.all() and int(stamps.min()) <= self._newest_ns) or t_ns <= self._newest_ns:
+        # A scan counts once all its elements have been read anew; those without a stamp were not read.
+        read_ns = stamps[stamps > 0]
+        t_ns = int(read_ns.mean()) if read_ns.size else cycle.forces.t_sent_ns
+        if int(read_ns.min(initial=t_ns)) <= self._newest_ns:
             return None
-        self._newest_ns = max(int(stamps.max()), t_ns)
+        self._newest_ns = int(read_ns.max(initial=t_ns))
         capacitance_pf = np.where(scan.reading[row] == Reading.OK, scan.capacitance_pf[row], np.nan)
         self._scans.append((t_ns, capacitance_pf, scan.reading[row]))
         match self._phase:

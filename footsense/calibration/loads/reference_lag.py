@@ -16,7 +16,7 @@ from footsense.frames import Vector
 _BESIDE_NS, _MIN_AFTER_NS = 200_000_000, 100_000_000
 _STEP_NS = 1_000_000
 #: Smallest lag that is reported [s]: less than one scan of the slowest board, 0.1 s.
-_REPORTED_S = 0.06
+_MIN_REPORTED_LAG_S = 0.06
 _MIN_PRESSES = 5
 
 
@@ -57,7 +57,7 @@ def lag_message(lags_s: Sequence[float]) -> str:
     """Return a warning for the median lag of a session's presses [s]; empty if it is small or from too few presses."""
     known = [lag for lag in lags_s if np.isfinite(lag)]
     median_s = float(np.median(known)) if len(known) >= _MIN_PRESSES else 0.0
-    if abs(median_s) < _REPORTED_S:
+    if abs(median_s) < _MIN_REPORTED_LAG_S:
         return ""
     side, size = ("behind", "small") if median_s > 0 else ("ahead of", "large")
     ms = f"{1e3 * abs(median_s):.0f} ms"

@@ -25,10 +25,10 @@ N_BANDS = 2
 #: Lowest elevation of the protocol [deg].
 MIN_ELEVATION_DEG = 40.0
 #: Share of the directions to cover [1]; the last 5 % cost as many loads as all others.
-COMPLETE_REL = 0.95
+COMPLETE_COVERAGE_REL = 0.95
 
 _HEXAGONAL_DENSITY = 2 * math.pi / math.sqrt(27)
-_LENIENCE = 1.6
+_REACH_FACTOR = 1.6
 _N_DIRECTIONS = 400
 
 
@@ -63,7 +63,7 @@ class Coverage:
         per_band = max(wanted / N_BANDS, 1.0)
         cap_sr = 2 * math.pi * (1 - math.sin(math.radians(MIN_ELEVATION_DEG)))
         self.reach_deg = math.degrees(
-            _LENIENCE * math.sqrt(_HEXAGONAL_DENSITY * cap_sr / (math.pi * per_band))
+            _REACH_FACTOR * math.sqrt(_HEXAGONAL_DENSITY * cap_sr / (math.pi * per_band))
         )
         self.counts = [0] * len(BANDS_GF)
         # Angle from each direction to the nearest load of each band.
@@ -82,8 +82,8 @@ class Coverage:
         self._nearest_deg[band] = np.minimum(self._nearest_deg[band], angle_deg)
 
     @property
-    def shares_rel(self) -> list[float]:
-        """Share of the directions that each band covers [1]."""
+    def covered_directions_rel(self) -> list[float]:
+        """Share of the force directions that the loads of each magnitude band cover [1], in the order of `BANDS_GF`."""
         return [float(share) for share in (self._nearest_deg <= self.reach_deg).mean(axis=1)]
 
     def covers(self, band: int, direction: Vector) -> bool:
@@ -93,13 +93,13 @@ class Coverage:
     @property
     def complete(self) -> bool:
         """Whether there are enough loads, spread over the directions in two bands."""
-        fullest = sorted(self.shares_rel)[-N_BANDS:]
-        return self.n_loads >= self._wanted and min(fullest) >= COMPLETE_REL
+        fullest = sorted(self.covered_directions_rel)[-N_BANDS:]
+        return self.n_loads >= self._wanted and min(fullest) >= COMPLETE_COVERAGE_REL
 
     @property
     def next(self) -> NextLoad:
         """The next load: in the emptier of the two fullest bands, the direction farthest from every load."""
-        shares = self.shares_rel
+        shares = self.covered_directions_rel
         # Of equally empty bands the outer ones come first: those of the paper's training set.
         fullest = sorted(range(len(BANDS_GF)), key=lambda band: (-shares[band], band == 1, band))[:N_BANDS]
         band = min(fullest, key=lambda band: shares[band])
@@ -109,7 +109,8 @@ class Coverage:
     def summary(self) -> str:
         """Return the progress in one line."""
         shares = ", ".join(
-            f"{100 * share:.0f} % at {gf:.0f} gf" for gf, share in zip(BANDS_GF, self.shares_rel, strict=True)
+            f"{100 * share:.0f} % at {gf:.0f} gf"
+            for gf, share in zip(BANDS_GF, self.covered_directions_rel, strict=True)
         )
         return f"{self.n_loads} of {self._wanted} loads; directions covered: {shares}"
 

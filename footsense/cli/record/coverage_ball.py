@@ -60,7 +60,7 @@ def discs(coverage: Coverage, loads_n: Vector, target: NextLoad, glyphs: Glyphs)
     next_cell = (nearest_band(target.magnitude_gf), *_cell(target.azimuth_deg, target.elevation_deg))
     titles = [
         f"{gf:.0f} gf: {100 * share:.0f} %".center(COLUMNS)
-        for gf, share in zip(BANDS_GF, coverage.shares_rel, strict=True)
+        for gf, share in zip(BANDS_GF, coverage.covered_directions_rel, strict=True)
     ]
     lines = [Text("   ".join(titles), "bold")]
     for row in range(_ROWS):

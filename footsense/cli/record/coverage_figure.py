@@ -37,7 +37,7 @@ def draw_coverage(path: Path, coverage: Coverage, loads_n: Vector, title: str) -
             [90.0 - ring for ring in _RINGS_DEG], [f"{ring:g}" for ring in _RINGS_DEG], fontsize=7
         )
         axes.set_thetagrids([0, 90, 180, 270], ["forward", "left", "rear", "right"], fontsize=8)
-        share = 100 * coverage.shares_rel[band]
+        share = 100 * coverage.covered_directions_rel[band]
         axes.set_title(f"about {band_gf:.0f} gf: {own.sum()} loads, {share:.0f} % covered", fontsize=10)
     figure.suptitle(
         f"{title}: rings of elevation [deg], each load covers {coverage.reach_deg:.0f} deg", fontsize=10

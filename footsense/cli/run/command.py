@@ -51,7 +51,7 @@ class FirstFrame(Observer):
     + ".",
 )
 @options.duration_option("Stop after this time of the robot.")
-@click.option("--record", type=options.FILE, help="Record every scan and force to this .mcap file.")
+@click.option("--record", type=options.FILE, help="Record every reading and force to this .mcap file.")
 @options.can_log_option
 @click.option(
     "--summary", type=click.Choice(["text", "json"]), help="Print figures at the end; no live table."
@@ -85,7 +85,7 @@ def run(
         service = stack.enter_context(
             open_service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )
-        statistics = RunStatistics(service.legs, service.true_force_n)
+        statistics = RunStatistics(service.legs, service.true_force_at_time_n)
         service.observers.append(statistics)
         first = FirstFrame()
         service.observers.append(first)
@@ -93,7 +93,7 @@ def run(
             from footsense.cli.run.live_table import LiveTable
 
             title = f"{scene_name}, simulated" if scene else "on the robot"
-            table = LiveTable(_console(), service.legs, title, service.true_force_n)
+            table = LiveTable(_console(), service.legs, title, service.true_force_at_time_n)
             stack.callback(table.close)
             service.observers.append(table)
         service.run(lambda: stop.requested, service.clock.now_ns() + duration_s * _NS_PER_S)

@@ -24,7 +24,7 @@ class LiveTable(LiveView):
         console: Terminal to draw on.
         legs: Names of the legs in the order of the frames' rows.
         title: Source of the frames.
-        true_force_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
+        true_force_at_time_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
     """
 
     def __init__(
@@ -32,12 +32,12 @@ class LiveTable(LiveView):
         console: Console,
         legs: tuple[str, ...],
         title: str,
-        true_force_n: Callable[[int], Vector] | None,
+        true_force_at_time_n: Callable[[int], Vector] | None,
     ) -> None:
         super().__init__(console, _PERIOD_NS)
         self._legs = legs
         self._title = title
-        self._true_force_n = true_force_n
+        self._true_force_at_time_n = true_force_at_time_n
 
     def render(self, cycle: Cycle, elapsed_s: float) -> Group:
         """Return title and table; they fit 80 columns."""
@@ -49,13 +49,13 @@ class LiveTable(LiveView):
             **force_columns(lambda row: force_n[row].tolist()),
             "load": (f"<{_BAR_CELLS}", lambda row: _bar(force_n[row, 2]) if usable[row] else ""),
         }
-        if self._true_force_n is not None:
-            true_n = self._true_force_n(forces.t_sent_ns)
+        if self._true_force_at_time_n is not None:
+            true_n = self._true_force_at_time_n(forces.t_sent_ns)
             columns["true [N]"] = (">8", lambda row: Text(f"{true_n[row, 2]:.3f}", "dim"))
         columns["age [ms]"] = (">8", lambda row: f"{forces.age_ns[row] * 1e-6:.1f}" if usable[row] else EMPTY)
         table = leg_table({leg: row for row, leg in enumerate(self._legs)}, columns)
         head = Text.assemble(
-            ("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s   scan {forces.sequence}", "dim")
+            ("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s   cycle {forces.sequence}", "dim")
         )
         return Group(head, Text(), table)
 

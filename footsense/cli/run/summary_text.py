@@ -15,8 +15,8 @@ def print_summary(console: Console, figures: dict[str, Any]) -> None:
     table.add_column()
 
     row = table.add_row
-    rate_hz = figures["scan_rate_hz"]
-    row("scans", f"{figures['scans']}" + (f" at {rate_hz:.1f} Hz" if rate_hz else ""))
+    rate_hz = figures["cycle_rate_hz"]
+    row("cycles", f"{figures['cycles']}" + (f" at {rate_hz:.1f} Hz" if rate_hz else ""))
     rmse_n = figures.get("force_rmse_n")
     if rmse_n is not None and rmse_n["x"] is not None:
         row(

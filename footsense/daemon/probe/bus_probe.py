@@ -104,7 +104,7 @@ def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterato
 def _foot_scans(config: Config, scene: Scene | None) -> list[FootScans]:
     """Return the scans of each leg's foot."""
     with open_scan_source(config, scene) as started:
-        frames = [started.source.read() for _ in range(_N_SETTLING + _N_SCANS)][_N_SETTLING:]
+        frames = started.read_scans(_N_SETTLING + _N_SCANS)[_N_SETTLING:]
     capacitance_pf = np.stack([frame.capacitance_pf for frame in frames], axis=1)
     reading = np.stack([frame.reading for frame in frames], axis=1)
     return [FootScans(*of_leg) for of_leg in zip(capacitance_pf, reading, strict=True)]

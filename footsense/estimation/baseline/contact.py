@@ -2,8 +2,9 @@
 
 The load is compared with a floor, not with the baseline. In swing the floor follows the load down once that has been
 low for 50 ms, and up by at most `floor_n_per_s`; in stance it stands still. So drift, which is slow, never makes
-contact, however far it goes, and a touchdown, which is fast, is detected in the first reading that is `threshold_n`
-above the floor. A load that rises more slowly than `floor_n_per_s` cannot be told from drift and is not detected.
+contact, however far it goes, and a touchdown, which is fast, is detected in the first reading that is the threshold
+above the floor. The threshold follows from the noise and the shake of earlier swings (`swing_noise.py`). A load that
+rises more slowly than `floor_n_per_s` cannot be told from drift and is not detected.
 
 Contact ends when the load is back within `lift_n` of the floor. After a long stance that may never happen: the baseline
 has drifted meanwhile, and creep of the rubber recovers over minutes. So contact also ends when the load has fallen fast
@@ -16,6 +17,7 @@ One element alone makes no contact: the load is a trimmed mean, without the larg
 import math
 from dataclasses import dataclass
 
+from footsense.estimation.baseline.swing_noise import SwingNoise
 from footsense.frames import CommandKind, Vector
 
 #: A fall ends contact below this share of the mean load over the last second or so [1].
@@ -30,8 +32,15 @@ _CREEP_S = 100.0
 #: Time for which a load has to be low before the floor follows it down: a negative glitch must not make contact later.
 _LOW_NS = 50_000_000
 
-#: A predicted contact is held for this time: by then every element has been read again.
-_PREDICTED_HOLD_NS = 30_000_000
+#: Least measured threshold over the configured one [1].
+_LEAST_REL = 0.15
+
+#: A contact as short as this, that never came above so many times the thresholds, was shake.
+_SHORT_NS, _WEAK_REL = 60_000_000, 2.0
+
+#: Contact is held for this time after the last load: by then every element has been read again. Elements that are read
+#: one after the other, of a load that falls or rises fast, ring.
+_HOLD_NS = 24_000_000
 #: After lift-off a prediction overshoots for this time, and predicts no contact.
 _OVERSHOOT_NS = 100_000_000
 
@@ -44,7 +53,7 @@ class ContactLimits:
     """Thresholds of contact and of confirmed swing.
 
     Attributes:
-        threshold_n: Load above the floor that is contact [N].
+        threshold_n: Load above the floor that is contact, until swings have shown their noise and shake [N].
         floor_n_per_s: Fastest rise of the floor [N/s]: five times the fastest drift, a fiftieth of a slow load.
         confirmed_s: Time after lift-off from which a swing is confirmed [s]: most of the rubber's quick recovery is
             over by then, and half the swing of a fast gait is left.
@@ -53,11 +62,6 @@ class ContactLimits:
     threshold_n: float
     floor_n_per_s: float = 0.5e-3
     confirmed_s: float = 0.2
-
-    @property
-    def lift_n(self) -> float:
-        """Load above the floor below which contact ends [N]: half of `threshold_n`, as hysteresis."""
-        return self.threshold_n / 2
 
 
 def trimmed_means(closure_rel: Vector) -> list[float]:
@@ -92,30 +96,40 @@ class ContactDetector:
     Attributes:
         limits: Thresholds.
         in_contact: Whether the foot is in contact; False where that is not known.
+        raw: Whether the newest load alone is above the threshold.
         in_swing: Whether swing is confirmed: lifted for `confirmed_s`, and the load not about to touch.
         load_n: Load along the leg above its baseline [N], NaN where it is not known.
         drift_n: Largest load that drift and creep alone could produce now [N].
+        floor_n: Load of the foot in swing [N].
+        noise: Threshold of the load.
+        predicted_noise: Threshold of the predicted load.
     """
 
     def __init__(self, limits: ContactLimits) -> None:
         self.limits = limits
-        self._threshold_n, self._lift_n = limits.threshold_n, limits.lift_n
+        least_n = _LEAST_REL * limits.threshold_n
+        self.noise, self.predicted_noise = (SwingNoise(limits.threshold_n, least_n) for _ in range(2))
+        self._explained_n = limits.threshold_n / 2
         self._creep_load_n = 0.0
         self.drift_n = 0.0
         self.reset(0)
 
     def reset(self, t_ns: int) -> None:
         """Discard the history: at `t_ns` [ns] the leg got a new baseline, or has been silent for long."""
-        self.in_contact = False
+        self.in_contact = self.raw = False
         self.in_swing = False
         self.load_n = math.nan
-        self._floor_n = 0.0
+        self.floor_n = 0.0
         self._recent_n = 0.0
+        self._touched_ns = t_ns
+        self._peak_n = self._predicted_peak_n = 0.0
+        self.noise.interrupt(t_ns)
+        self.predicted_noise.interrupt(t_ns)
         # The highest load of the last _LOW_NS to twice that, in two windows.
         self._highest_before_n = self._highest_n = math.inf
         self._window_start_ns = t_ns
         self._t_ns = self._lifted_ns = t_ns
-        self._predicted_ns = t_ns - _PREDICTED_HOLD_NS
+        self._loaded_ns = t_ns
 
     def observe(
         self, load_n: float, baseline_n: float, t_ns: int, now_ns: int, predicted_n: float = math.nan
@@ -139,32 +153,43 @@ class ContactDetector:
         elapsed_s = (t_ns - self._t_ns) * 1e-9 if t_ns > self._t_ns else 0.0
         self._t_ns = t_ns
         self.drift_n = baseline_n + _CREEP_REL * self._creep_load_n
-        floor_n = self._floor_n
+        floor_n = self.floor_n
         above_n = load_n - floor_n
+        predicted_above_n = predicted_n - floor_n
+        noise, predicted_noise = self.noise, self.predicted_noise
+        is_predicted = (
+            predicted_above_n > predicted_noise.threshold_n and t_ns - self._lifted_ns > _OVERSHOOT_NS
+        )
+        self.raw = above_n > noise.threshold_n or is_predicted
         if self.in_contact:
+            lift_n = 0.5 * noise.threshold_n
             # Measured above the baseline if the floor is below it: a foot must be able to leave contact.
             fallen = (
-                load_n < _FALLEN_REL * self._recent_n
-                and load_n - max(floor_n, 0.0) < self._lift_n + self.drift_n
+                load_n < _FALLEN_REL * self._recent_n and load_n - max(floor_n, 0.0) < lift_n + self.drift_n
             )
-            # A predicted contact is held: the elements that show it have yet to be read.
-            if (fallen or above_n < self._lift_n) and t_ns - self._predicted_ns >= _PREDICTED_HOLD_NS:
+            if not (fallen or above_n < lift_n):
+                self._loaded_ns = t_ns
+            elif t_ns - self._loaded_ns >= _HOLD_NS:
                 self._lift_off(load_n, baseline_n, t_ns)
-        elif above_n > self._threshold_n:
+        elif self.raw:
             self.in_contact = True
-        elif predicted_n - floor_n > self._threshold_n and t_ns - self._lifted_ns > _OVERSHOOT_NS:
-            self.in_contact = True
-            self._predicted_ns = t_ns
+            self._touched_ns = self._loaded_ns = t_ns
+            self._peak_n, self._predicted_peak_n = above_n, predicted_above_n
+            noise.interrupt(t_ns)
+            predicted_noise.interrupt(t_ns)
         else:
+            noise.observe(above_n, t_ns)
+            if t_ns - self._lifted_ns > _OVERSHOOT_NS:
+                predicted_noise.observe(predicted_above_n, t_ns)
             if t_ns - self._window_start_ns > _LOW_NS:
                 self._highest_before_n = self._highest_n
                 self._highest_n, self._window_start_ns = load_n, t_ns
             self._highest_n = max(self._highest_n, load_n)
             highest_n = max(self._highest_n, self._highest_before_n)
-            self._floor_n = min(highest_n, floor_n + self.limits.floor_n_per_s * elapsed_s)
+            self.floor_n = min(highest_n, floor_n + self.limits.floor_n_per_s * elapsed_s)
         self.in_swing = (
             not self.in_contact
-            and load_n - self._floor_n < self._lift_n / 2
+            and load_n - self.floor_n < 0.5 * self._explained_n
             and (t_ns - self._lifted_ns) * 1e-9 >= self.limits.confirmed_s
         )
         pressing_n = max(load_n, 0.0)
@@ -173,16 +198,23 @@ class ContactDetector:
 
     def _lift_off(self, load_n: float, baseline_n: float, t_ns: int) -> None:
         self.in_contact = False
+        if t_ns - self._touched_ns < _SHORT_NS:
+            peaks = (self.noise, self._peak_n), (self.predicted_noise, self._predicted_peak_n)
+            if all(peak_n < _WEAK_REL * noise.threshold_n for noise, peak_n in peaks):
+                for noise, peak_n in peaks:
+                    noise.learn(peak_n)
         self._lifted_ns = self._window_start_ns = t_ns
-        # A foot can be pressed, not pulled: a load below the baseline's error is the overshoot of the parabola through
-        # the lift-off, and a floor there would turn the next reading into a touchdown.
-        self._floor_n = max(load_n, -baseline_n)
-        self._highest_before_n = self._highest_n = self._floor_n
+        self.noise.interrupt(t_ns)
+        self.predicted_noise.interrupt(t_ns)
+        # A foot can be pressed, not pulled: a floor below the baseline's error would turn the next reading into a
+        # touchdown.
+        self.floor_n = max(load_n, -baseline_n)
+        self._highest_before_n = self._highest_n = self.floor_n
 
     @property
     def explained_by_drift(self) -> bool:
         """Whether drift and creep could explain the whole load; False where the load is not known."""
-        return abs(self.load_n) <= self._lift_n + self.drift_n
+        return abs(self.load_n) <= self._explained_n + self.drift_n
 
     def refusal(self, kind: CommandKind) -> str | None:
         """Return the reason to refuse a command now, or None if the command may be executed.

@@ -4,9 +4,9 @@ A tare gives a baseline, and temperature moves it: by about 1.5 fF/K on every el
 followed every slow reading would follow a robot that stands, and its load would fade within minutes. So it follows only
 in confirmed swing, and even there only as fast as temperature moves:
 
-- as a Kalman filter whose process is drift, but within `MARGIN_PF` of an anchor that runs after it at
-  `FASTEST_PF_PER_S`. Over any time T a baseline moves by at most 2 MARGIN_PF + FASTEST_PF_PER_S T, whatever the
-  readings do: 2 fF + 0.15 fF/s, or 1.3 mN + 0.1 mN/s.
+- as a Kalman filter whose process is drift, but within `MAX_ANCHOR_DISTANCE_PF` of an anchor that runs after it at
+  `MAX_DRIFT_PF_PER_S`. Over any time T a baseline moves by at most 2 MAX_ANCHOR_DISTANCE_PF + MAX_DRIFT_PF_PER_S T,
+  whatever the readings do: 2 fF + 0.15 fF/s, or 1.3 mN + 0.1 mN/s.
 - never farther from the free foot's expected readings than a tare may be.
 
 It uses the reading before the last one, once the last one has confirmed that the foot was still in swing.
@@ -23,19 +23,19 @@ from footsense.estimation.baseline.tare import TareLimits
 from footsense.frames import ELEMENTS, BaselineStatus, Mask, Stamps, Vector
 
 #: Fastest drift [pF/s]: 0.1 K/s of a foot that comes from the sun into the shade, at 1.5 fF/K.
-FASTEST_PF_PER_S = 0.15e-3
+MAX_DRIFT_PF_PER_S = 0.15e-3
 #: Largest distance of a baseline from its anchor [pF]: a few times the noise of a filtered reading.
-MARGIN_PF = 1e-3
+MAX_ANCHOR_DISTANCE_PF = 1e-3
 #: Growth of the variance [pF^2/s]: 20 K in ten minutes, which are 30 fF, are two standard deviations.
 DRIFT_PF2_PER_S = 15e-3**2 / 600
 #: Largest drift by temperature [pF]: 20 K.
-FARTHEST_PF = 30e-3
+MAX_DRIFT_PF = 30e-3
 #: Variance of one reading [pF^2]: twice the noise of the fastest conversion, for what moves a foot in swing.
 _READING_PF2 = 1e-3**2
 #: Variance of a tare's mean [pF^2].
 _TARE_PF2 = 0.2e-3**2
 #: Share of the newest step in the mean square of the steps, by which a quiet foot is recognised [1].
-_NEWEST_REL = 0.2
+_NEWEST_STEP_WEIGHT = 0.2
 
 
 def baseline_sigma_pf(variance_pf2: Vector | float, updated_ns: Stamps | int, now_ns: int) -> Vector:
@@ -69,7 +69,7 @@ class LegBaseline:
 
     def __init__(self, unloaded_pf: Vector, limits: TareLimits) -> None:
         self._unloaded_pf = unloaded_pf
-        self._farthest_pf = limits.unloaded_limit_rel * unloaded_pf
+        self._unloaded_limit_pf = limits.unloaded_limit_rel * unloaded_pf
         self._limits = limits
         self.discard()
 
@@ -121,7 +121,9 @@ class LegBaseline:
             self._before = before
             return False
         step_pf2 = 0.5 * step_pf * step_pf
-        self._step_pf2 = np.where(known, self._step_pf2 + _NEWEST_REL * (step_pf2 - self._step_pf2), 0.0)
+        self._step_pf2 = np.where(
+            known, self._step_pf2 + _NEWEST_STEP_WEIGHT * (step_pf2 - self._step_pf2), 0.0
+        )
         if math.sqrt(self._step_pf2.max()) * 1e3 > self._limits.noise_limit_ff:
             self.status = BaselineStatus.NOT_QUIET
             return False
@@ -137,21 +139,23 @@ class LegBaseline:
 
     def _move(self, reading_pf: Vector, known: Mask, t_ns: int) -> None:
         elapsed_s = max(t_ns - self.updated_ns, 0) * 1e-9
-        reach_pf = FASTEST_PF_PER_S * elapsed_s
+        reach_pf = MAX_DRIFT_PF_PER_S * elapsed_s
         anchor_pf = self._anchor_pf + _clipped(self.baseline_pf - self._anchor_pf, -reach_pf, reach_pf)
         variance_pf2 = self.variance_pf2 + DRIFT_PF2_PER_S * elapsed_s
         gain = variance_pf2 / (variance_pf2 + _READING_PF2)
         innovation_pf = reading_pf - self.baseline_pf
         wanted_pf = _clipped(
-            self.baseline_pf + gain * innovation_pf, anchor_pf - MARGIN_PF, anchor_pf + MARGIN_PF
+            self.baseline_pf + gain * innovation_pf,
+            anchor_pf - MAX_ANCHOR_DISTANCE_PF,
+            anchor_pf + MAX_ANCHOR_DISTANCE_PF,
         )
         distance_pf = np.abs(wanted_pf - self._unloaded_pf)
-        too_far = (distance_pf > self._farthest_pf) & (
+        outside_limit = (distance_pf > self._unloaded_limit_pf) & (
             distance_pf > np.abs(self.baseline_pf - self._unloaded_pf)
         )
-        if too_far.any():
-            self.status = BaselineStatus.TOO_FAR
-        followed = known & np.isfinite(innovation_pf) & ~too_far
+        if outside_limit.any():
+            self.status = BaselineStatus.DRIFT_TOO_LARGE
+        followed = known & np.isfinite(innovation_pf) & ~outside_limit
         moved_pf = np.where(followed, wanted_pf - self.baseline_pf, 0.0)
         innovation_sum_pf = float(np.abs(np.where(followed, innovation_pf, 0.0)).sum())
         self.baseline_pf = self.baseline_pf + moved_pf
@@ -166,7 +170,7 @@ class LegBaseline:
 
     def _adopt(self, reading_pf: Vector, step_pf2: Vector) -> None:
         """Give a baseline to elements that came back after the tare and are now unloaded and quiet."""
-        free = np.abs(reading_pf - self._unloaded_pf) <= self._farthest_pf
+        free = np.abs(reading_pf - self._unloaded_pf) <= self._unloaded_limit_pf
         quiet = np.sqrt(step_pf2) * 1e3 <= self._limits.noise_limit_ff
         adopted = np.isnan(self.baseline_pf) & free & quiet
         self.baseline_pf = np.where(adopted, reading_pf, self.baseline_pf)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, trimmed_means
-from footsense.estimation.baseline.drift import FARTHEST_PF, LegBaseline, baseline_sigma_pf
+from footsense.estimation.baseline.drift import MAX_DRIFT_PF, LegBaseline, baseline_sigma_pf
 from footsense.estimation.baseline.tare import TareLimits, Tares
 from footsense.estimation.baseline.unloaded import unloaded_feet
 from footsense.estimation.faults.causes import SILENT, drift_causes
@@ -45,7 +45,7 @@ _SIGMA_PERIOD_NS = 100_000_000
 
 # Plain numbers: an enumeration's arithmetic costs a microsecond each time.
 _CONTACT, _TARE_REFUSED = int(Flag.CONTACT), int(Flag.TARE_REFUSED)
-_HELD, _TOO_FAST = BaselineStatus.HELD, BaselineStatus.TOO_FAST
+_HELD, _DRIFT_TOO_FAST = BaselineStatus.HELD, BaselineStatus.DRIFT_TOO_FAST
 
 
 class BaselineTracker:
@@ -200,7 +200,7 @@ class BaselineTracker:
             if in_contact or not (track and contact.in_swing):
                 held = _HELD
             elif not contact.explained_by_drift:
-                held = _TOO_FAST
+                held = _DRIFT_TOO_FAST
             else:
                 swinging.append(leg)
                 continue
@@ -234,7 +234,7 @@ class BaselineTracker:
         self._sigma_due_ns = (now_ns // _SIGMA_PERIOD_NS + 1) * _SIGMA_PERIOD_NS
         sigma_pf = baseline_sigma_pf(self._variance_pf2, self._updated_ns, self._sigma_due_ns)
         n_per_pf = self._closure_per_pf * self._sensitivity.load_n
-        self._max_errors_n = [n_per_pf * min(3.0 * sigma, FARTHEST_PF) for sigma in sigma_pf.tolist()]
+        self._max_errors_n = [n_per_pf * min(3.0 * sigma, MAX_DRIFT_PF) for sigma in sigma_pf.tolist()]
         self.sigma_n = (sigma_pf * self._closure_per_pf)[:, None] * self._sensitivity.baseline_n
 
     def _gather(self) -> None:

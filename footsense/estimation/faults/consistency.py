@@ -21,7 +21,7 @@ import numpy as np
 
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import MISSING_SETS
-from footsense.frames import ELEMENTS, Mask, Stamps, Vector
+from footsense.frames import ELEMENTS, Mask, Vector
 
 #: Limit of an element's residual: over its gap [1], and over the root mean square of the others [1].
 RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL = 0.03, 0.4
@@ -35,6 +35,8 @@ MOVED_REL = 0.08
 READMITTED_AFTER_NS = 300_000_000
 #: Rate at which it loses that time while it is inconsistent [1].
 LOSS_RATE = 4
+#: Time for which residuals have to have the same cause before it is acted on, over the time of a step [1].
+HOLD_REL = 0.25
 #: An element that moves less than this share of what the others predict is stuck [1].
 STUCK_REL = 0.3
 
@@ -49,6 +51,7 @@ class ConsistencyResult(NamedTuple):
     Attributes:
         missing: Elements that the network does without, shape (legs, 9): missing before, or isolated.
         inconsistency_rel: Sigma to add, over the force, for residuals without an excluded element, shape (legs,) [1].
+        unexplained: Legs with residuals that neither motion nor a missing element explains, shape (legs,).
         stuck: Excluded elements that do not follow the load, shape (legs, 9).
         drifting: Excluded elements that follow it with an offset, shape (legs, 9).
         ok: Whether every element is consistent, and none is missing, suspected or excluded.
@@ -56,6 +59,7 @@ class ConsistencyResult(NamedTuple):
 
     missing: Mask
     inconsistency_rel: Vector
+    unexplained: Mask
     stuck: Mask
     drifting: Mask
     ok: bool
@@ -79,17 +83,19 @@ class ConsistencyTest:
         self._residual_matrices = np.stack([self._residual_matrix(missing) for missing in MISSING_SETS])
         self._whole = np.ascontiguousarray(self._residual_matrices[0].T)
         self._residual_and_closure = np.hstack([self._whole, np.eye(ELEMENTS)])
-        self._no_inconsistency = np.zeros(n_legs)
+        self._no_inconsistency, self._no_leg = np.zeros(n_legs), np.zeros(n_legs, bool)
+        self._unexplained = self._no_leg
         self._all_trusted = True  # no element is suspected or excluded
+        self._hold_ns = round(HOLD_REL * settled_ns)
+        self._inconsistent = np.zeros(n_legs, bool)
         self._suspected = np.zeros(shape, bool)
         self._suspected_since_ns = np.zeros(n_legs, np.int64)
         self._excluded = np.zeros(shape, bool)
         self._stuck = np.zeros(shape, bool)
         self._consistent_ns = np.zeros((n_legs, 2), np.int64)  # unloaded, loaded
-        self._t_ns = np.zeros(n_legs, np.int64)
-        # Extremes of each element's closures and of their predictions: low, high.
-        self._measured = np.zeros((2, *shape))
-        self._predicted = np.zeros((2, *shape))
+        self._t_ns = 0
+        # Of each element's measured and predicted closures: the smallest and the largest.
+        self._extremes = np.zeros((2, 2, *shape))
 
     @property
     def excluded(self) -> Mask:
@@ -110,7 +116,7 @@ class ConsistencyTest:
         squares: Vector = both * both @ _SUMS_OF_BOTH
         return squares
 
-    def test(self, closure_rel: Vector, motion_rel: Vector, missing: Mask, t_ns: Stamps) -> ConsistencyResult:
+    def test(self, closure_rel: Vector, motion_rel: Vector, missing: Mask, now_ns: int) -> ConsistencyResult:
         """Test the elements of a frame.
 
         Args:
@@ -119,7 +125,7 @@ class ConsistencyTest:
             motion_rel: Second largest change of an element over its last readings [1], shape (legs,): one element
                 alone is no motion.
             missing: Missing elements, shape (legs, 9), `excluded` included.
-            t_ns: Time of the frame for each leg [ns], shape (legs,).
+            now_ns: Current time [ns].
         """
         residual = np.abs(closure_rel @ self._whole)
         sum_rel2 = np.add.reduce(closure_rel * closure_rel, axis=1, keepdims=True)
@@ -132,64 +138,75 @@ class ConsistencyTest:
             and np.count_nonzero(consistent) == consistent.size
             and not np.count_nonzero(missing)
         ):
-            self._t_ns = t_ns
-            return ConsistencyResult(missing, self._no_inconsistency, missing, missing, ok=True)
+            self._t_ns = now_ns
+            return ConsistencyResult(missing, self._no_inconsistency, self._no_leg, missing, missing, ok=True)
         suspicious = ~consistent.all(axis=1) | missing.any(axis=1) | self._suspected.any(axis=1)
         inconsistency_rel = np.zeros(len(closure_rel))
+        self._unexplained = np.zeros(len(closure_rel), bool)
         if suspicious.any():
             missing = missing.copy()
             for leg in np.flatnonzero(suspicious).tolist():
                 inconsistency_rel[leg] = self._test_leg(
-                    leg, closure_rel[leg], float(motion_rel[leg]), missing[leg], int(t_ns[leg])
+                    leg, closure_rel[leg], float(motion_rel[leg]), missing[leg], now_ns
                 )
-        self._t_ns = t_ns
+        self._t_ns = now_ns
         self._all_trusted = not (self._suspected.any() or self._excluded.any())
         if self._excluded.any():
             self._stuck |= self._excluded & self._is_stuck()
         return ConsistencyResult(
-            missing, inconsistency_rel, self._stuck.copy(), self._excluded & ~self._stuck, ok=False
+            missing,
+            inconsistency_rel,
+            self._unexplained,
+            self._stuck.copy(),
+            self._excluded & ~self._stuck,
+            ok=False,
         )
 
-    def _test_leg(self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, t_ns: int) -> float:
+    def _test_leg(
+        self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, now_ns: int
+    ) -> float:
         """Add the isolated elements to `missing`, shape (9,), and return the inconsistency [1]."""
         if not np.isfinite(closure_rel[~missing]).all():
             return 0.0
         if self._excluded[leg].any():
-            self._readmit(leg, closure_rel, motion_rel, missing, t_ns)
+            self._readmit(leg, closure_rel, motion_rel, missing, now_ns)
             self._widen_ranges(leg, closure_rel, missing)
         excess = self._excess(closure_rel, missing, motion_rel)
         if excess <= 1.0:
             # What motion could explain neither clears a suspicion nor feeds it.
             if self._excess(closure_rel, missing) <= 1.0:
-                self._suspected[leg] = False
+                self._suspected[leg] = self._inconsistent[leg] = False
             return 0.0
         isolated = self._isolate(closure_rel, missing, motion_rel)
         suspected = isolated & ~missing
-        if not np.array_equal(suspected, self._suspected[leg]):
-            self._suspected[leg], self._suspected_since_ns[leg] = suspected, t_ns
-            self._measured[:, leg], self._predicted[:, leg] = np.inf, np.inf
-            self._measured[1, leg], self._predicted[1, leg] = -np.inf, -np.inf
+        if not self._inconsistent[leg] or not np.array_equal(suspected, self._suspected[leg]):
+            self._inconsistent[leg] = True
+            self._suspected[leg], self._suspected_since_ns[leg] = suspected, now_ns
+            self._extremes[:, 0, leg], self._extremes[:, 1, leg] = np.inf, -np.inf
         rms = float(np.sqrt(np.square(closure_rel[~missing]).mean()))
         inconsistency_rel = float(
             INCONSISTENCY_REL * excess * _limit(rms, motion_rel) / max(rms, RESIDUAL_LIMIT)
         )
+        if now_ns - self._suspected_since_ns[leg] < self._hold_ns:
+            return inconsistency_rel
         missing |= isolated
         if not suspected.any():
+            self._unexplained[leg] = True
             return inconsistency_rel
         self._widen_ranges(leg, closure_rel, missing)
-        if t_ns - self._suspected_since_ns[leg] < self._settled_ns:
+        if now_ns - self._suspected_since_ns[leg] < self._settled_ns:
             return inconsistency_rel
         self._excluded[leg] |= suspected
         self._suspected[leg] = False
         self._consistent_ns[leg] = 0
         return 0.0
 
-    def _readmit(self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, t_ns: int) -> None:
+    def _readmit(self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, now_ns: int) -> None:
         """Count the time for which excluded elements have been consistent, and readmit them after a while."""
         excluded = self._excluded[leg]
         if not np.isfinite(closure_rel[excluded]).all():
             return
-        elapsed_ns = min(t_ns - int(self._t_ns[leg]), self._settled_ns)
+        elapsed_ns = min(now_ns - self._t_ns, self._settled_ns)
         if self._excess(closure_rel, missing & ~excluded, motion_rel) > 1.0:
             # Not all at once: a load in motion is not over at once.
             self._consistent_ns[leg] = np.maximum(self._consistent_ns[leg] - LOSS_RATE * elapsed_ns, 0)
@@ -204,10 +221,12 @@ class ConsistencyTest:
 
     def _widen_ranges(self, leg: int, closure_rel: Vector, missing: Mask) -> None:
         """Widen the extremes of the measured and of the predicted closures."""
-        predicted = self._predict(closure_rel, missing)
-        for extremes, now in ((self._measured, closure_rel), (self._predicted, predicted)):
-            extremes[0, leg] = np.fmin(extremes[0, leg], now)
-            extremes[1, leg] = np.fmax(extremes[1, leg], now)
+        both, extremes = (
+            np.stack([closure_rel, self._predict(closure_rel, missing)]),
+            self._extremes[:, :, leg],
+        )
+        extremes[:, 0] = np.fmin(extremes[:, 0], both)
+        extremes[:, 1] = np.fmax(extremes[:, 1], both)
 
     def _predict(self, closure_rel: Vector, missing: Mask) -> Vector:
         """Return the closures with the missing ones predicted from the others, shape (9,)."""
@@ -215,7 +234,7 @@ class ConsistencyTest:
         return predicted
 
     def _is_stuck(self) -> Mask:
-        measured, predicted = self._measured[1] - self._measured[0], self._predicted[1] - self._predicted[0]
+        measured, predicted = self._extremes[:, 1] - self._extremes[:, 0]
         stuck: Mask = (predicted > MOVED_REL) & (measured < STUCK_REL * predicted)
         return stuck
 

@@ -91,7 +91,7 @@ class ElementClassifier:
         faulty = opened | excluded
         # Pressed or shorted? The other closures tell, and without a baseline there are none.
         missing = missing_elements(faulty | over_range & np.isnan(baseline_pf))
-        # A parabola through an unsettled reading would take the element's return for a load.
+        # In the window, an unsettled reading would be a step of the load.
         settled_pf = np.where(unsettled, np.nan, capacitance_pf)
         return ElementStatus(settled_pf, opened, over_range, faulty, missing, ok=False)
 
@@ -196,7 +196,7 @@ class LegClassifier:
         kept = ~consistency.missing
         closed = measured_rel > self._gap_closed_rel
         state = self._valid.copy()
-        state[~kept.all(axis=1) | (consistency.inconsistency_rel > 0.0)] = State.DEGRADED
+        state[~kept.all(axis=1) | consistency.unexplained] = State.DEGRADED
         state[(out_of_range & kept).any(axis=1)] = State.OUT_OF_RANGE
         state[(now_ns - readings.oldest_ns > self._max_age_ns) | lost] = State.STALE
         for leg, untared_state in untared_legs.items():
@@ -210,6 +210,6 @@ class LegClassifier:
             usable=_IS_USABLE[state],
             fault_mask=fault_mask((reading != 0) | faulty | closed),
             cause=causes(reading, state, faults, drift_cause),
-            t_ns=np.where(readings.oldest_ns > 0, readings.newest_ns, 0),
+            t_ns=readings.newest_ns,
             healthy=False,
         )

@@ -3,7 +3,7 @@
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 import numpy as np
@@ -22,6 +22,7 @@ from footsense.foot.files.calibration_format import (
 from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.parameters import FootParameters
 from footsense.foot.temperature import STIFFNESS_PER_K, CalibratedAt
+from footsense.frames import Vector
 
 #: Largest file that is read [bytes]; a network has 18 thousand.
 MAX_BYTES = 1 << 24
@@ -97,13 +98,8 @@ def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> F
             f"{found.network_sha256[:12]}; calibrate the foot on this one"
         )
     try:
-        values: dict[str, Any] = {
-            name: np.array(value) if isinstance(value, list) else value
-            for name, value in msgspec.structs.asdict(found).items()
-            if name in FootParameters.__slots__
-        }
-        parameters = FootParameters(**values)
-    except ValueError as error:
+        parameters = msgspec.convert(found, FootParameters, from_attributes=True, dec_hook=_array)
+    except msgspec.ValidationError as error:
         raise ModelError(f"{folder / PARAMETERS}: {error}") from None
     return FootCalibration(
         folder=folder,
@@ -116,6 +112,10 @@ def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> F
             STIFFNESS_PER_K if found.stiffness_per_k is None else found.stiffness_per_k,
         ),
     )
+
+
+def _array(_: type, values: list[float]) -> Vector:
+    return np.array(values)
 
 
 def _edited(path: Path, expected: str) -> str:

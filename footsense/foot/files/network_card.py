@@ -110,12 +110,7 @@ class Card(msgspec.Struct, frozen=True):
     def trained_inputs(self) -> TrainedInputs:
         """Capacitors and training inputs, for the pipeline."""
         return TrainedInputs(
-            design=CapacitorDesign(
-                gap_um=self.gap_um,
-                film_um=self.film_um,
-                film_eps_r=self.film_eps_r,
-                electrode_area_mm2=self.electrode_area_mm2,
-            ),
+            design=msgspec.convert(self, CapacitorDesign, from_attributes=True),
             closure_rel_min=np.array(self.closure_rel_min),
             closure_rel_max=np.array(self.closure_rel_max),
             moments=np.array(self.moments),

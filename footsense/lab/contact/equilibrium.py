@@ -14,7 +14,7 @@ import numpy as np
 from footsense.lab.contact.body import Body
 
 #: Most Newton steps of one load step; a sound one needs about six.
-MOST_STEPS = 20
+MAX_NEWTON_STEPS = 20
 
 
 class ConvergenceError(ArithmeticError):
@@ -68,10 +68,10 @@ class Equilibrium:
             Newton steps, each one factorisation.
 
         Raises:
-            ConvergenceError: The residual is no number, or too large after MOST_STEPS.
+            ConvergenceError: The residual is no number, or too large after MAX_NEWTON_STEPS.
         """
         residual_rel = math.inf
-        for steps in range(MOST_STEPS + 1):
+        for steps in range(MAX_NEWTON_STEPS + 1):
             residual = self._residual()
             residual_rel = ng.Norm(residual) / self._scale_n
             # The first residual is that of a guess: small only because the guess may not touch yet.
@@ -79,7 +79,7 @@ class Equilibrium:
                 return steps
             if not math.isfinite(residual_rel):
                 break
-            if steps < MOST_STEPS:
+            if steps < MAX_NEWTON_STEPS:
                 self._step(residual)
         raise ConvergenceError(
             f"residual {residual_rel:.1e} of the force, wanted {tolerance_rel:.1e}, after {steps} Newton steps"

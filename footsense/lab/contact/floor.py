@@ -34,8 +34,8 @@ class Floor(Protocol):
     def work(self, u: Any, v: Any) -> Any:
         """Return the integral of the floor's work along v; u is the displacement relative to the floor."""
 
-    def aim(self, fraction: float) -> None:
-        """Prescribe a fraction of the force [1], and move the floor to a position estimated for this fraction."""
+    def set_load_fraction(self, fraction: float) -> None:
+        """Prescribe a fraction of the load case's force [1], and move the floor close to where it exerts that force."""
 
     def settle(self) -> None:
         """Take the present state as the start of the next load step."""

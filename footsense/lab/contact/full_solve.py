@@ -21,7 +21,7 @@ TOLERANCE_REL = 1e-6
 #: Residual of the load steps on the way [1].
 WAYPOINT_REL = 1e-3
 #: A load step that does not converge is halved this often before the load is given up.
-MOST_HALVINGS = 4
+MAX_STEP_HALVINGS = 4
 #: Factor by which the gaps are stiffened when they are entered too deep, and how often. Gaps that start stiff make
 #: their points of contact flicker from step to step.
 STIFFER, MOST_STIFFENINGS = 9.0, 3
@@ -123,7 +123,7 @@ class FullFoot:
             Newton steps of the load steps that held.
 
         Raises:
-            ConvergenceError: A step failed after MOST_HALVINGS.
+            ConvergenceError: A step failed after MAX_STEP_HALVINGS.
         """
         done, stride, halvings, newton_steps = 0.0, 1.0, 0, 0
         start = body.state.vec.CreateVector()
@@ -131,11 +131,11 @@ class FullFoot:
             start.data = body.state.vec
             goal = min(done + stride, 1.0)
             # Steps equal in patch area: a^2 grows with the force to the 2/3.
-            floor.aim(goal**1.5)
+            floor.set_load_fraction(goal**1.5)
             try:
                 newton_steps += equations.solve(WAYPOINT_REL)
             except ConvergenceError as error:
-                if halvings == MOST_HALVINGS:
+                if halvings == MAX_STEP_HALVINGS:
                     raise ConvergenceError(f"at {goal**1.5:.0%} of the load: {error}") from error
                 body.state.vec.data = start
                 stride, halvings = stride / 2.0, halvings + 1

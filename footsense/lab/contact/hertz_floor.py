@@ -33,8 +33,8 @@ class HertzFloor:
         traction = self._fraction * ng.CF(tuple(self._case.force_n)) * self._weight
         return ng.InnerProduct(traction, v) * self._surface
 
-    def aim(self, fraction: float) -> None:
-        """Exert this fraction of the force."""
+    def set_load_fraction(self, fraction: float) -> None:
+        """Exert this fraction of the load case's force."""
         self._fraction.Set(fraction)
 
     def settle(self) -> None:

@@ -87,8 +87,8 @@ class PlaneFloor:
         area = ng.Integrate(touching * self._surface, self._mesh) / self._case.share
         return math.sqrt(area / math.pi)
 
-    def aim(self, fraction: float) -> None:
-        """Prescribe this fraction of the force, and press until the patch has the size that Hertz predicts.
+    def set_load_fraction(self, fraction: float) -> None:
+        """Prescribe this fraction of the load case's force, and press until the patch has the size that Hertz predicts.
 
         A Newton step depends on which points touch, not on how hard: with the right patch it nearly arrives.
         """

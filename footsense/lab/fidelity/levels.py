@@ -24,10 +24,10 @@ from footsense.frames import Vector
 from footsense.lab.fidelity.half_space import HalfSpace
 from footsense.lab.geometry import FootDesign
 
-#: Cheapest first.
-NAMES = ("half-space", "linear", "contact", "full")
+#: Names of the fidelity levels, cheapest first.
+LEVEL_NAMES = ("half-space", "linear", "contact", "full")
 #: Largest contact patch, over the ball's radius [1]: Hertz assumes a small one.
-MOST_PATCH_REL = 0.3
+MAX_PATCH_RADIUS_REL = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,15 +97,15 @@ def fidelity_level(name: str, response: FootResponse, foot_design: FootDesign) -
     """Return the function that computes a foot's response at the named fidelity level.
 
     Args:
-        name: One of `NAMES`.
+        name: One of `LEVEL_NAMES`.
         response: The foot's response table.
         foot_design: The foot of the table.
 
     Raises:
         ValueError: There is no such level.
     """
-    if name not in NAMES:
-        raise ValueError(f"no fidelity level {name!r}; there are {', '.join(NAMES)}")
+    if name not in LEVEL_NAMES:
+        raise ValueError(f"no fidelity level {name!r}; there are {', '.join(LEVEL_NAMES)}")
     levels: dict[str, Callable[[], FidelityLevel]] = {
         "half-space": lambda: partial(half_space, HalfSpace(foot_design)),
         "linear": lambda: partial(linear, response),
@@ -148,10 +148,10 @@ def response_to(
         raise ValueError(f"an elevation is between 0 and 90 deg, got {direction_deg[1]:g}")
     normal = directions(*np.array(direction_deg)[:, None])
     patch_mm = float(response.patch_radius_mm(normal, force_n * normal)[0])
-    if patch_mm > MOST_PATCH_REL * response.ball_radius_mm:
+    if patch_mm > MAX_PATCH_RADIUS_REL * response.ball_radius_mm:
         raise ValueError(
             f"{force_n:g} N would flatten the ball over {patch_mm:.1f} mm; the models hold up to "
-            f"{MOST_PATCH_REL * response.ball_radius_mm:g} mm"
+            f"{MAX_PATCH_RADIUS_REL * response.ball_radius_mm:g} mm"
         )
     answer = fidelity_level(name, response, foot_design)(normal, force_n * normal)
     return {

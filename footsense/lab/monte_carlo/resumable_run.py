@@ -26,14 +26,14 @@ class Tolerances(FootTolerances):
 
     Attributes:
         reading_pf: Noise of each capacitance reading [pF].
-        repeat_rel: Repeatability of each capacitance change, relative to it [1].
-        reference_rel: Error of the reference sensor's force components, in its resolutions [1].
+        repeatability_rel: Rms scatter of each repeated capacitance change, relative to it [1].
+        reference_resolutions: Rms error of each force component of the reference sensor, in its resolutions [1].
         stick_deg: Angle between contact normal and force of a load that was meant to be centred [deg].
     """
 
     reading_pf: float = 0.0
-    repeat_rel: float = 0.0
-    reference_rel: float = 0.0
+    repeatability_rel: float = 0.0
+    reference_resolutions: float = 0.0
     stick_deg: float = 0.0
 
     def plus(self, other: "Tolerances", factor: float) -> Self:

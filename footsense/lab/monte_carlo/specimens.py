@@ -66,10 +66,12 @@ def measure(
     unknown = normal @ mount[2] < np.sin(np.radians(response.min_elevation_deg))
     normal[unknown] = direction[unknown]
     unloaded_pf = foot.unloaded_pf
-    change_pf = (foot.capacitance_pf(normal, true_n) - unloaded_pf) * (1.0 + tolerances.repeat_rel * noise[1])
+    change_pf = (foot.capacitance_pf(normal, true_n) - unloaded_pf) * (
+        1.0 + tolerances.repeatability_rel * noise[1]
+    )
     change_pf += tolerances.reading_pf * noise[2]
     return Measured(
-        force_n=true_n + tolerances.reference_rel * REFERENCE_N * noise[3, :, :3],
+        force_n=true_n + tolerances.reference_resolutions * REFERENCE_N * noise[3, :, :3],
         change_pf=change_pf,
         closure_um=response.design.closure_um(unloaded_pf + change_pf, unloaded_pf),
     )

@@ -20,7 +20,7 @@ EXACT = Tolerances()
 #: A plausible foot of soft lithography; those of the paper's are not published.
 TYPICAL = Tolerances(gap_um=1.0, film_um=1.0, stray_pf=0.05, stiffness_rel=0.1, mount_deg=2.0)
 #: A careful test stand: the paper's meter and reference sensor, and a stick set by hand.
-CAREFUL = Tolerances(reading_pf=0.001, repeat_rel=0.02, reference_rel=0.5, stick_deg=1.0)
+CAREFUL = Tolerances(reading_pf=0.001, repeatability_rel=0.02, reference_resolutions=0.5, stick_deg=1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,8 +54,8 @@ FEET = (
 )
 TEST_STANDS = (
     Sweep(what="reading [fF]", step=Tolerances(reading_pf=0.001), levels=(1.0, 5.0, 20.0)),
-    Sweep(what="repeatability of ΔC [%]", step=Tolerances(repeat_rel=0.01), levels=(2.0, 5.0, 20.0)),
-    Sweep(what="reference [resolutions]", step=Tolerances(reference_rel=1.0), levels=(0.5, 1.0, 3.0)),
+    Sweep(what="repeatability of ΔC [%]", step=Tolerances(repeatability_rel=0.01), levels=(2.0, 5.0, 20.0)),
+    Sweep(what="reference [resolutions]", step=Tolerances(reference_resolutions=1.0), levels=(0.5, 1.0, 3.0)),
     Sweep(what="stick [deg]", step=Tolerances(stick_deg=1.0), levels=(1.0, 2.0, 5.0, 8.0)),
     Sweep(what="all of it, times careful", step=CAREFUL, levels=(1.0, 2.0, 4.0), base=TYPICAL),
 )

@@ -12,12 +12,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from numpy.typing import NDArray
 
 from footsense.estimation.faults.imputation import Imputation
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.frames import ELEMENTS, Vector
-from footsense.lab.training.gait_readings import LEAD_S, ORDERS, STEP_S, GaitReadings
+from footsense.lab.training.gait_readings import LEAD_S, STEP_S, GaitReadings
+from footsense.lab.training.gait_windows import WINDOW, age_table, contact_of, whole_windows
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, LeaningCases
 from footsense.lab.training.network import linear_basis
 from footsense.lab.training.train import MASKS
@@ -34,15 +34,14 @@ from footsense.lab.training.windowed_network import (
 )
 
 #: Share of the windows with something missing, and of those of feet at rest.
-_MASKED_SHARE, _REST_SHARE = 0.15, 0.25
-#: Tempering of the likelihood, and weight of the squared error over the squared force beside it, as in `train`.
-_TEMPERING, _SQUARED = 0.25, 100.0
+_MASKED_SHARE, _REST_SHARE = 0.15, 0.3
+#: Tempering of the likelihood as in `train`, and weight of the squared error over the squared force beside it: lower
+#: than there, as sudden steps, which nothing can tell, would dominate.
+_TEMPERING, _SQUARED = 0.25, 10.0
 #: Weight of contact point and friction ratio, and normal force from which they are learnt [N].
 _CONTACT_WEIGHT, _LOADED_N = 0.25, 0.02
 #: Shares of the windows in the air, just after lift-off and long after, that are used.
 _JUST_LIFTED_SHARE, _AIR_SHARE = 0.4, 0.02
-#: Conversions before the first window of a gait, and of a whole window.
-_WARM_UP, _WINDOW = 30, READINGS * ELEMENTS
 #: Steps that are compiled into one call.
 _STEPS_AT_ONCE = 500
 
@@ -60,10 +59,10 @@ class WindowProtocol:
         seed: Seed of start weights, batches and masks.
     """
 
-    channels: int = 32
-    steps: int = 60_000
-    batch: int = 512
-    rate: float = 1e-2
+    channels: int = 40
+    steps: int = 120_000
+    batch: int = 1024
+    rate: float = 5e-3
     min_force_n: float = 0.3
     seed: int = 20090304
 
@@ -86,64 +85,6 @@ class Batch(NamedTuple):
     force_n: Any
     contact: Any
     loaded: Any
-
-
-def age_table() -> NDArray[np.intp]:
-    """Return the conversions since each element was read, shape (orders, 9 of the last conversion, 9 elements)."""
-    place = np.argsort(ORDERS, axis=1)
-    phases = np.arange(ELEMENTS)
-    ages: NDArray[np.intp] = (phases[None, :, None] - place[:, None, :]) % ELEMENTS
-    return ages
-
-
-def contact_of(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
-    """Return contact point and friction ratio, shape (..., 4), and the normal force [N], shape (...), of loads."""
-    pressing_n = (force_n * normal).sum(axis=-1)
-    point = normal[..., :2] / (1.0 + normal[..., 2:])
-    safe_n = np.where(pressing_n > 0.0, pressing_n, 1.0)[..., None]
-    ratio = np.where(pressing_n[..., None] > 0.0, force_n / safe_n - normal, 0.0)[..., :2]
-    return np.concatenate([point, ratio], axis=-1), pressing_n
-
-
-def whole_windows(gaits: GaitReadings) -> NDArray[np.bool_]:
-    """Tell after which conversions the newest reading of every element is within its range, shape (m, n)."""
-    beyond = (~gaits.in_range).cumsum(axis=1)
-    whole = np.zeros(beyond.shape, bool)
-    whole[:, _WARM_UP:] = beyond[:, _WARM_UP:] == beyond[:, _WARM_UP - ELEMENTS : -ELEMENTS]
-    return whole
-
-
-class GaitWindows(NamedTuple):
-    """All whole windows of some gaits, n of them.
-
-    Attributes:
-        gait: Row of the gait of each, shape (n,).
-        closure_rel: Closures over the gap, newest first [1], shape (n, 3, 9).
-        age_s: Ages of the readings at sending [s], same shape.
-        force_n: True force [N], shape (n, 3).
-        normal: True normal of the contact, shape (n, 3).
-    """
-
-    gait: NDArray[np.intp]
-    closure_rel: Vector
-    age_s: Vector
-    force_n: Vector
-    normal: Vector
-
-
-def windows_of(gaits: GaitReadings) -> GaitWindows:
-    """Return all whole windows, in the order of gaits and times."""
-    gait, time = np.nonzero(whole_windows(gaits))
-    oldest = ELEMENTS * np.arange(READINGS)[:, None]
-    since = age_table()[gaits.order[gait], time % ELEMENTS][:, None] + oldest
-    age_s = since * gaits.step_s[gait][:, None, None] + gaits.lead_s[gait, time][:, None, None]
-    return GaitWindows(
-        gait,
-        gaits.closure_rel[gait[:, None, None], time[:, None, None] - since].astype(np.float64),
-        age_s,
-        gaits.force_n[gait, time].astype(np.float64),
-        gaits.normal[gait, time].astype(np.float64),
-    )
 
 
 class _Data(NamedTuple):
@@ -172,8 +113,8 @@ def _data(gaits: GaitReadings, rest: LeaningCases, design: CapacitorDesign, impu
     rest_contact, _ = contact_of(rest.force_n, rest.normal)
     rng = np.random.default_rng(1)
     carries = pressing_n > 0.0
-    load = np.concatenate([np.zeros((len(carries), _WINDOW), int), carries.cumsum(axis=1)], axis=1)
-    lately = load[:, _WINDOW:] > load[:, :-_WINDOW]
+    load = np.concatenate([np.zeros((len(carries), WINDOW), int), carries.cumsum(axis=1)], axis=1)
+    lately = load[:, WINDOW:] > load[:, :-WINDOW]
     drawn = rng.random(carries.shape)
     share = np.where(carries, 1.0, np.where(lately, _JUST_LIFTED_SHARE, _AIR_SHARE))
     where = np.flatnonzero((whole_windows(gaits) & (drawn < share)).ravel())

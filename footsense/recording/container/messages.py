@@ -3,8 +3,8 @@
 A float is written with the fewest digits that give the same 64 bits back; NaN is null, and infinity, for
 which JSON has no word, is the number 1e999.
 
-Every scan is written in full, also where forces go out after each conversion and one ninth of it is new: the
-container's compression finds repetitions, and writing the changes alone would save a tenth of the file.
+The readings of all elements are written with every conversion, of which one ninth is new: the container's compression
+finds repetitions, and writing the changes alone would save a tenth of the file.
 
 Recordings from before causes and baselines were recorded lack these entries: they are read as `NOT_RECORDED` and as
 no baseline, are not compared, and stay out when the recording is recovered. Older names of entries and causes are read
@@ -50,6 +50,11 @@ _NAMES = {
     if field.names is not None
 }
 _CODES = {names: {name: code for code, name in of_code.items()} for names, of_code in _NAMES.items()}
+# Names in recordings of earlier versions.
+_CODES[BaselineStatus] |= {
+    "TOO_FAR": BaselineStatus.DRIFT_TOO_LARGE,
+    "TOO_FAST": BaselineStatus.DRIFT_TOO_FAST,
+}
 
 _SCAN_FIELDS = {path: field for path, field in FIELDS.items() if path.startswith("scan.")}
 _FORCE_FIELDS = {path: field for path, field in FIELDS.items() if path not in _SCAN_FIELDS}

@@ -10,33 +10,15 @@ Source:
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import Protocol
 
 from firmware_interface.chips import tca9548a
 from firmware_interface.wire_timing import nack_bits, transaction_bits, wire_time_ns
 from footsense.errors import NackError
 from footsense.ports import Transaction
+from footsense.sim.chips.chip import SimulatedChip
 from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults.wire_faults import WireFaults
-
-
-class SimulatedChip(Protocol):
-    """A chip on the bus; times are the end of the transaction's last clock [ns]."""
-
-    address: int
-
-    def acknowledges(self, t_ns: int) -> bool:
-        """Return whether the chip acknowledges its address."""
-        ...
-
-    def write(self, data: bytes, t_ns: int) -> None:
-        """Receive the bytes of a write."""
-        ...
-
-    def read(self, n: int, t_ns: int) -> bytes:
-        """Return the next `n` bytes."""
-        ...
 
 
 @cache
@@ -97,18 +79,16 @@ class SimulatedBus:
         if not chips:
             self.clock.sleep_until_ns(t_start_ns + wire_time_ns(nack_bits(), self._rate_hz))
             raise NackError(f"no acknowledge from {address:#04x}")
-        lasts_ns = _wire_time_ns(len(data), n_read, self._rate_hz)
-        t_end_ns = t_start_ns + lasts_ns
-        self.clock.advance_ns(self._host_cost_ns + lasts_ns)
+        t_end_ns = t_start_ns + _wire_time_ns(len(data), n_read, self._rate_hz)
+        self.clock.sleep_until_ns(t_end_ns)
         if data:
             for chip in chips:
                 chip.write(data, t_end_ns)
         if n_read == 0:
             return b""
         answer = chips[0].read(n_read, t_end_ns)
-        if len(chips) > 1:
-            for chip in chips[1:]:
-                answer = bytes(a & b for a, b in zip(answer, chip.read(n_read, t_end_ns), strict=True))
+        for chip in chips[1:]:
+            answer = bytes(a & b for a, b in zip(answer, chip.read(n_read, t_end_ns), strict=True))
         return answer
 
     def _connect(self, address: int) -> tuple[SimulatedChip, ...]:

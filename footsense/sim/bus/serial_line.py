@@ -7,7 +7,7 @@ from collections import deque
 
 from firmware_interface.serial_frames import FRAME_BYTES, RECORD_BITS
 from footsense.ports import Clock
-from footsense.sim.chips.mcu import SimulatedMcu
+from footsense.sim.chips.mcu import SimulatedRobotMcu
 
 
 class SimulatedLine:
@@ -23,7 +23,7 @@ class SimulatedLine:
         opened: Times that it has been opened.
     """
 
-    def __init__(self, mcu: SimulatedMcu, clock: Clock, *, rate_hz: float, baud: int) -> None:
+    def __init__(self, mcu: SimulatedRobotMcu, clock: Clock, *, rate_hz: float, baud: int) -> None:
         self.opened = 1
         self._mcu = mcu
         self._clock = clock

@@ -169,7 +169,9 @@ class _Socket:
         """
         del t_ns
         self._can.advance()
-        self._check()
+        if self.gone or not self._can.up:
+            code = errno.ENXIO if self.gone else errno.ENETDOWN
+            raise OSError(code, os.strerror(code))
         for start in range(0, len(frames), FRAME_BYTES):
             if not self._can.take(frames[start : start + FRAME_BYTES]):
                 return start // FRAME_BYTES
@@ -193,8 +195,3 @@ class _Socket:
         """Release the socket; its frames stay in the queue."""
         if self in self._sockets:
             self._sockets.remove(self)
-
-    def _check(self) -> None:
-        code = errno.ENXIO if self.gone else 0 if self._can.up else errno.ENETDOWN
-        if code:
-            raise OSError(code, os.strerror(code))

@@ -1,8 +1,5 @@
 """The boards of a leg: a converter, its line switches, and the foot that it measures through them."""
 
-from collections.abc import Callable
-from typing import NamedTuple
-
 import numpy as np
 
 from firmware_interface.chips import adg715
@@ -14,7 +11,7 @@ from footsense.sim.chips.ad7746 import (
 )
 from footsense.sim.chips.fdc1004 import CinCapacitance, SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
-from footsense.sim.faults.damage import Damage
+from footsense.sim.faults.damage import WiredFoot
 from footsense.sim.scene_effects import Effects
 
 #: Temperature of a scene that does not change it [deg C].
@@ -23,18 +20,6 @@ ROOM_C = 25.0
 _COLUMNS = 3
 #: Random streams of a leg besides that of its noise.
 _CAPDAC_DRAW, _THERMOMETER_DRAW = 4, 5
-
-
-class WiredFoot(NamedTuple):
-    """The foot behind the electronics of a leg.
-
-    Attributes:
-        elements_pf: Returns the capacitance of each element at a time [ns], stray not included [pF], nine.
-        damage: Faults of the foot and of its lines.
-    """
-
-    elements_pf: Callable[[int], list[float]]
-    damage: Damage
 
 
 def electronics(
@@ -77,7 +62,7 @@ def _column_pins(foot: WiredFoot, rows: SimulatedLineSwitch, stray_pf: float) ->
         column_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)[cin::_COLUMNS]]
         total_pf = 0.0
         for share, states in rows.between(t_start_ns, t_end_ns):
-            total_pf += share * foot.damage.pin_pf(cin, column_pf, states, t_ns)
+            total_pf += share * foot.pin_pf(cin, column_pf, states, t_ns)
         return total_pf
 
     return pin_pf
@@ -93,7 +78,7 @@ def _crossings(foot: WiredFoot, rows: SimulatedLineSwitch, columns: SimulatedLin
         for row_share, row_states in rows.between(t_start_ns, t_end_ns):
             since_ns = max(row_states.since_ns, t_start_ns)
             for column_share, column_states in columns.between(since_ns, until_ns):
-                pf, to_ground = foot.damage.mutual_pf(element_pf, row_states, column_states, t_ns)
+                pf, to_ground = foot.mutual_pf(element_pf, row_states, column_states, t_ns)
                 total_pf += row_share * column_share * pf
                 shorted |= to_ground
             until_ns = since_ns

@@ -36,8 +36,8 @@ _CLOCK_ERROR_REL = 40e-6
 Elements = Callable[[int], Vector]
 
 
-class SimulatedMcu:
-    """Simulated microcontroller that scans all legs and sends serial records.
+class SimulatedRobotMcu:
+    """Simulated microcontroller of a robot: scans all legs and sends a serial record for each.
 
     Args:
         legs: Capacitances of each leg, by its name.
@@ -50,11 +50,7 @@ class SimulatedMcu:
     """
 
     def __init__(
-        self,
-        legs: Mapping[str, Elements],
-        *,
-        step_us: int = 0,
-        noise: np.random.Generator | None = None,
+        self, legs: Mapping[str, Elements], *, step_us: int = 0, noise: np.random.Generator | None = None
     ) -> None:
         self._legs = dict(legs)
         self._step_us = step_us

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from footsense.sim.bus.i2c_bus import SimulatedChip
 from footsense.sim.chips.ad7746 import SimulatedAd7746
+from footsense.sim.chips.chip import SimulatedChip
 from footsense.sim.chips.eeprom import Eeprom
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch

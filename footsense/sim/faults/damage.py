@@ -1,7 +1,7 @@
 """Damage of a foot and of the lines to it, in the capacitances that a converter measures."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -18,15 +18,19 @@ _COLUMNS = 3
 _ON_LINES = (scene_faults.BrokenColumn, scene_faults.BrokenRow, scene_faults.ElementShorted)
 
 
-class Damage:
-    """Simulated damage of one foot: changes its capacitances by the faults of elements and lines.
+class WiredFoot:
+    """The foot of a leg behind its lines, with the damage of both.
 
     Args:
+        whole_pf: Returns the capacitance of each element without damage at a time [ns], stray not included [pF], nine.
         faults: Faults on this foot.
         foot: The foot.
     """
 
-    def __init__(self, faults: Sequence[scene_faults.OnFoot], foot: Foot) -> None:
+    def __init__(
+        self, whole_pf: Callable[[int], list[float]], faults: Sequence[scene_faults.OnFoot], foot: Foot
+    ) -> None:
+        self._whole_pf = whole_pf
         self._on_lines = Schedule((fault.span_ns, fault) for fault in faults if isinstance(fault, _ON_LINES))
         self._on_elements = Schedule(
             # What has drifted stays.
@@ -41,13 +45,9 @@ class Damage:
         self._closed_pf = float(design.capacitance_pf(np.full(1, design.gap_um))[0])
         self._held_pf: dict[scene_faults.ElementStuck, float] = {}
 
-    def elements_pf(self, whole_pf: list[float], t_ns: int) -> list[float]:
-        """Return the capacitance of each element of the damaged foot at a time [pF], nine.
-
-        Args:
-            whole_pf: Capacitance of each element of the whole foot [pF], nine.
-            t_ns: The time [ns].
-        """
+    def elements_pf(self, t_ns: int) -> list[float]:
+        """Return the capacitance of each element at a time [ns], stray not included [pF], nine."""
+        whole_pf = self._whole_pf(t_ns)
         acting = self._on_elements.at(t_ns)
         if not acting:
             return whole_pf

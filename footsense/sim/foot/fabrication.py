@@ -12,8 +12,8 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations
 from footsense.frames import ELEMENTS, Vector
 
-#: Least gap, film and stiffness over the designed one [1]; a draw below is repeated.
-LEAST_REL = 0.25
+#: Smallest drawn gap, film and stiffness, relative to the designed one [1]; a smaller draw is repeated.
+MIN_DRAWN_REL = 0.25
 #: Lowest elevation of the paper's loads [deg].
 LOWEST_LOAD_DEG = 40.0
 
@@ -59,12 +59,12 @@ def fabricate(response: FootResponse, tolerances: FootTolerances, seed: int, foo
     gap, film, stray, stiffness, mount = (
         np.random.default_rng(stream) for stream in np.random.SeedSequence((seed, foot)).spawn(5)
     )
-    design, out = response.design, LEAST_REL - 1.0
+    design, min_deviation_rel = response.design, MIN_DRAWN_REL - 1.0
     return Deviations(
-        gap_um=_drawn(gap, tolerances.gap_um, ELEMENTS, out * design.gap_um),
-        film_um=_drawn(film, tolerances.film_um, ELEMENTS, out * design.film_um),
+        gap_um=_drawn(gap, tolerances.gap_um, ELEMENTS, min_deviation_rel * design.gap_um),
+        film_um=_drawn(film, tolerances.film_um, ELEMENTS, min_deviation_rel * design.film_um),
         stray_pf=_drawn(stray, tolerances.stray_pf, ELEMENTS, -np.inf),
-        stiffness_rel=float(_drawn(stiffness, tolerances.stiffness_rel, 1, out)[0]),
+        stiffness_rel=float(_drawn(stiffness, tolerances.stiffness_rel, 1, min_deviation_rel)[0]),
         mount=_mount(mount, tolerances.mount_deg, LOWEST_LOAD_DEG - response.min_elevation_deg),
     )
 

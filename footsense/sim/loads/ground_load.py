@@ -37,15 +37,6 @@ _UP = np.array([0.0, 0.0, 1.0])
 IN_THE_AIR = GroundContact(_UP, np.zeros(3))
 
 
-class Unloaded:
-    """All feet in the air."""
-
-    def contact(self, leg: str, t_ns: int) -> GroundContact:
-        """Return a contact without force."""
-        del leg, t_ns
-        return IN_THE_AIR
-
-
 class Ramp:
     """One force on every foot, through the centre of its ball, that rises linearly from zero and stays.
 

@@ -64,17 +64,17 @@ class PressSequence:
         turn = np.radians(lean_deg) * np.sqrt(0.5) * np.random.default_rng(seed).normal(size=direction.shape)
         self._normal = normalized(direction + np.cross(turn, direction))
         self._from_ns, self._rise_ns, self._dwell_ns = from_ns, rise_ns, dwell_ns
-        self._lasts_ns = 2 * rise_ns + dwell_ns + pause_ns
+        self._press_period_ns = 2 * rise_ns + dwell_ns + pause_ns
 
     @property
     def ends_ns(self) -> int:
         """End of the pause after the last press [ns]."""
-        return self._from_ns + len(self._force_n) * self._lasts_ns
+        return self._from_ns + len(self._force_n) * self._press_period_ns
 
     def contact(self, leg: str, t_ns: int) -> GroundContact:
         """Return the contact at a time [ns], the same for every leg."""
         del leg
-        number, since_ns = divmod(t_ns - self._from_ns, self._lasts_ns)
+        number, since_ns = divmod(t_ns - self._from_ns, self._press_period_ns)
         pressed_ns = 2 * self._rise_ns + self._dwell_ns
         if not 0 <= number < len(self._force_n) or since_ns >= pressed_ns:
             return IN_THE_AIR

@@ -33,9 +33,9 @@ COLUMNS = ("time_us", "fx", "fy", "fz")
 TRANSMISSION_NS = 2_083_000
 #: Noise that dithers the quantisation, so that averaging helps [steps].
 _NOISE_STEPS = 0.5
-#: Largest offset of the unloaded sensor [steps], and error of its clock [1].
-_OFFSET_STEPS = 10.0
-_CLOCK_REL = 50e-6
+#: Largest offset of the unloaded sensor [steps], and largest error of its clock [1].
+_MAX_OFFSET_STEPS = 10.0
+_MAX_CLOCK_ERROR_REL = 50e-6
 #: Largest value of u - u^3, at u = 1 / sqrt(3).
 _BOW = 2.0 / (3.0 * math.sqrt(3.0))
 
@@ -44,7 +44,7 @@ class SimulatedSensor:
     """One simulated specimen of a force sensor, with its errors, at the end of a serial line.
 
     Args:
-        true_force_n: Ground reaction on the foot at a time [N], shape (3,).
+        true_force_at_time_n: Ground reaction on the foot at a time [N], shape (3,).
         clock: Virtual clock.
         seed: Seed of the specimen and its noise.
         linearity_rel: Largest nonlinearity over the rated value [1].
@@ -55,18 +55,18 @@ class SimulatedSensor:
 
     def __init__(
         self,
-        true_force_n: Callable[[int], Vector],
+        true_force_at_time_n: Callable[[int], Vector],
         clock: Clock,
         seed: int,
         linearity_rel: float = LINEARITY_REL,
     ) -> None:
         self.opened = 1
-        self._true_force_n = true_force_n
+        self._true_force_at_time_n = true_force_at_time_n
         self._clock = clock
         self._random = np.random.default_rng((seed, 6))
         self._bow_gf = linearity_rel / _BOW * RATED_GF * self._random.uniform(-1, 1, 3)
-        self._offset_gf = STEP_GF * self._random.uniform(-_OFFSET_STEPS, _OFFSET_STEPS, 3)
-        self._period_ns = _PERIOD_NS * (1 + self._random.uniform(-_CLOCK_REL, _CLOCK_REL))
+        self._offset_gf = STEP_GF * self._random.uniform(-_MAX_OFFSET_STEPS, _MAX_OFFSET_STEPS, 3)
+        self._period_ns = _PERIOD_NS * (1 + self._random.uniform(-_MAX_CLOCK_ERROR_REL, _MAX_CLOCK_ERROR_REL))
         self._t_first_us = int(self._random.integers(0, 1_000_000_000))
         self._started_ns: int | None = None
         self._n_sent = 0
@@ -98,7 +98,7 @@ class SimulatedSensor:
             lines.append(b"%d,%d,%d,%d\r\n" % (sensor_us, *self._counted_gf(taken_ns)))
 
     def _counted_gf(self, t_ns: int) -> list[int]:
-        load_gf = -self._true_force_n(t_ns) / GRAM_FORCE_N
+        load_gf = -self._true_force_at_time_n(t_ns) / GRAM_FORCE_N
         share = np.clip(load_gf / RATED_GF, -1, 1)
         noise_gf = _NOISE_STEPS * STEP_GF * self._random.normal(size=3)
         reading_gf = load_gf + self._bow_gf * (share - share**3) + self._offset_gf + noise_gf

@@ -42,7 +42,7 @@ class CanFigures(NamedTuple):
 
 
 class _Consumer(Observer):
-    """Keeps the times at which forces were published and received."""
+    """Keeps the times at which forces were measured and received."""
 
     def __init__(self, legs: tuple[str, ...]) -> None:
         self.measured_ns: dict[int, dict[int, int]] = {}  # by time of sending, by node
@@ -82,18 +82,18 @@ def can_trial(fault: CanFault, *, duration_s: float) -> CanFigures:
         controller.on_delivered = consumer.on_delivered
         robot.observers.append(consumer)
         robot.run(until_ns=duration_s * 1e9)
-        n_dropped = robot.sink.stats.dropped
+        stats = robot.sink.stats
     received_ns = consumer.received_ns.values()
     again_ns = [
         min((t_ns for t_ns in of_leg if t_ns > fault.until_ns), default=math.inf) for of_leg in received_ns
     ]
     silences_ns = [after - before for of_leg in received_ns for before, after in itertools.pairwise(of_leg)]
     return CanFigures(
-        received_rel=sum(map(len, received_ns)) / (len(consumer.measured_ns) * len(received_ns)),
+        received_rel=sum(map(len, received_ns)) / (stats.published * len(received_ns)),
         longest_silence_s=max(silences_ns) / 1e9,
         recovery_s=(max(again_ns) - fault.until_ns) / 1e9 if math.isfinite(max(again_ns)) else None,
         longest_delay_s=consumer.longest_delay_ns / 1e9,
         oldest_s=consumer.oldest_ns / 1e9,
-        n_dropped=n_dropped,
+        n_dropped=stats.dropped,
         n_bus_off=controller.n_bus_off,
     )

@@ -1,7 +1,7 @@
-"""The published frames of a simulated walk with faults.
+"""The frames of a simulated walk with faults, one for each conversion.
 
 Everything runs in virtual time: the same walk gives the same frames every time. The host costs nothing, so that the
-number of transactions moves no conversion: an unaffected leg gives the same forces to the bit.
+number of transactions moves no conversion: an unaffected leg gives the same readings to the bit.
 """
 
 from typing import NamedTuple
@@ -35,18 +35,18 @@ _KEPT = ("t_sent_ns", "t_ns", "state", "cause", "fault_mask", "force_n", "sigma_
 
 
 class PublishedWalk(NamedTuple):
-    """Published frames of one walk, shape (frames, legs, ...) each.
+    """Frames of one walk, shape (frames, legs, ...) each.
 
     Attributes:
         legs: Names of the legs.
         t_sent_ns: Time of sending [ns], shape (frames,).
-        t_ns: Time of the forces [ns].
+        t_ns: Time of the newest readings [ns].
         state: `State` of each leg.
         cause: `Cause` of each leg.
         fault_mask: Elements that are not usable.
         force_n: Forces [N], NaN without one.
         sigma_n: Their standard deviations [N].
-        true_force_n: True forces at `t_ns` [N].
+        true_force_n: True forces at the time of sending [N].
     """
 
     legs: tuple[str, ...]
@@ -71,7 +71,7 @@ class _Observer(Observer):
 
 
 def walk(*faults: Fault, config: Config = DEFAULT, effects: Effects = WALK.effects) -> PublishedWalk:
-    """Return the published frames of a walk with faults.
+    """Return the frames of a walk with faults.
 
     Raises:
         ConfigError: The robot has no such leg or bus.
@@ -82,9 +82,9 @@ def walk(*faults: Fault, config: Config = DEFAULT, effects: Effects = WALK.effec
     with open_service(config, scene, real_time=False) as running:
         running.observers.append(observer)
         running.run(until_ns=DURATION_S * 1e9)
-        true_force_n = running.true_force_n
-        assert true_force_n is not None, "a scene is simulated"
+        true_force_at_time_n = running.true_force_at_time_n
+        assert true_force_at_time_n is not None, "a scene is simulated"
         frames = observer.frames
-        true_n = [[true_force_n(int(t))[row] for row, t in enumerate(frame.t_ns)] for frame in frames]
+        true_n = [true_force_at_time_n(frame.t_sent_ns) for frame in frames]
     arrays = {name: np.array([getattr(frame, name) for frame in frames]) for name in _KEPT}
     return PublishedWalk(legs=running.legs, true_force_n=np.array(true_n), **arrays)

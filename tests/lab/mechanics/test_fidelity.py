@@ -11,7 +11,7 @@ from footsense.lab.fem.forward import ForwardFoot
 from footsense.lab.fem.mesh import COARSE
 from footsense.lab.fidelity.half_space import HalfSpace
 from footsense.lab.fidelity.lattice import lattice_opening_mm
-from footsense.lab.fidelity.levels import NAMES, fidelity_level, response_to
+from footsense.lab.fidelity.levels import LEVEL_NAMES, fidelity_level, response_to
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab
@@ -82,7 +82,7 @@ def test_the_response_to_a_load_straight_up(released: FootResponse) -> None:
 
 def test_loads_beyond_the_models_are_refused(released: FootResponse) -> None:
     """One line each."""
-    with pytest.raises(ValueError, match=f"no fidelity level 'exact'; there are {', '.join(NAMES)}"):
+    with pytest.raises(ValueError, match=f"no fidelity level 'exact'; there are {', '.join(LEVEL_NAMES)}"):
         fidelity_level("exact", released, FOOT_DESIGN)
     with pytest.raises(ValueError, match="more than 0 N"):
         response_to(released, FOOT_DESIGN, (0.0, 90.0), 0.0)

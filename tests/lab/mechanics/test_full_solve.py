@@ -58,7 +58,7 @@ def test_the_spacer_carries_the_prescribed_force() -> None:
     body = Body(FOOT_DESIGN, mesh, COARSE.order, case.axes)
     floor = PlaneFloor(case, body, COARSE.patch_rel * case.hertz_mm)
     form = body.form(floor, finite_strain=True, gap_contact=False)
-    floor.aim(1.0)
+    floor.set_load_fraction(1.0)
     Equilibrium(body, form, 0.5).solve(1e-6)
     jump = body.ground - body.leg
     pdms = FOOT_DESIGN.pdms
@@ -150,7 +150,7 @@ def test_half_and_whole_foot_agree() -> None:
 
 def test_a_load_that_does_not_converge_is_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
     """The error names the load and the residual."""
-    monkeypatch.setattr(equilibrium, "MOST_STEPS", 0)
-    monkeypatch.setattr(full_solve, "MOST_HALVINGS", 0)
+    monkeypatch.setattr(equilibrium, "MAX_NEWTON_STEPS", 0)
+    monkeypatch.setattr(full_solve, "MAX_STEP_HALVINGS", 0)
     with pytest.raises(ConvergenceError, match=r"at 100% of the load: residual .* after 0 Newton steps"):
         FullFoot(FOOT_DESIGN, size=COARSE).solve(UP, UP)

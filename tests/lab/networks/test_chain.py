@@ -276,7 +276,7 @@ def test_a_robot_walks_on_feet_of_another_type(built: Built, folder: Path, tmp_p
         f"buses: [{{device: sim, legs: {{lf: 0, rr: 1}}}}]\ncan: {{interface: virtual}}\nfoot_type: {folder}\n"
     )
     with open_service(load_config(config), load_scene("tripod"), real_time=False) as robot:
-        statistics = RunStatistics(robot.legs, robot.true_force_n)
+        statistics = RunStatistics(robot.legs, robot.true_force_at_time_n)
         robot.observers.append(statistics)
         robot.run(until_ns=2_000_000_000)
     assert robot.network.card.foot_type == "large-3x3"

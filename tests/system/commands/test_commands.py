@@ -61,7 +61,7 @@ def test_a_tare_is_granted_unloaded_and_refused_loaded(scene: str) -> None:
         can.Bus(interface="virtual", channel=DEFAULT.can.channel) as bus,
         open_service(DEFAULT, load_scene(scene), real_time=False) as service,
     ):
-        controller = Controller(bus, {20: CommandKind.TARE, 60: CommandKind.TARE, 90: CommandKind.STOP})
+        controller = Controller(bus, {180: CommandKind.TARE, 540: CommandKind.TARE, 810: CommandKind.STOP})
         service.observers.append(controller)
         service.run(until_ns=2_500_000_000)
     assert controller.answers == [
@@ -79,7 +79,7 @@ def test_a_leg_in_the_air_is_stopped() -> None:
         can.Bus(interface="virtual", channel=DEFAULT.can.channel) as bus,
         open_service(DEFAULT, load_scene("hanging"), real_time=False) as service,
     ):
-        controller = Controller(bus, {20: CommandKind.STOP})
+        controller = Controller(bus, {180: CommandKind.STOP})
         service.observers.append(controller)
         service.run(until_ns=1_000_000_000)
     assert controller.answers == [(CommandKind.TARE, Result.DONE), (CommandKind.STOP, Result.DONE)]

@@ -1,7 +1,8 @@
 """What breaks shows as the right state and cause, passes by itself, and touches no other leg.
 
 The host costs nothing in these walks, so that no transaction more or less moves a conversion, and "untouched" can be
-taken at its word: the other legs' forces are the same bits at the same times as in a walk in which nothing breaks.
+taken at its word: the other legs' readings and states are the same bits at the same times as in a walk in which nothing
+breaks. Forces are those of the time of sending, which the transactions with the broken leg do move.
 """
 
 from pathlib import Path
@@ -111,11 +112,13 @@ def touches_no_other_leg(broken: PublishedWalk, whole: PublishedWalk) -> bool:
     n = min(len(broken.t_sent_ns), len(whole.t_sent_ns))
     same = [
         np.array_equal(getattr(broken, name)[:n, others], getattr(whole, name)[:n, others], equal_nan=True)
-        for name in ("t_ns", "state", "cause", "force_n")
+        for name in ("t_ns", "state", "cause")
     ]
+    other_n = np.nan_to_num(np.abs(broken.force_n[:n, others] - whole.force_n[:n, others]))
+    at_once = broken.t_sent_ns[:n] == whole.t_sent_ns[:n]
     # The zeros of those in the air follow in turn: with one less, a turn comes sooner.
-    sigma_n = np.nan_to_num(broken.sigma_n[:n, others] - whole.sigma_n[:n, others])
-    return len(whole.t_sent_ns) - n <= 1 and all(same) and bool((np.abs(sigma_n) < 1e-6).all())
+    close = other_n <= np.where(at_once[:, None, None], 1e-6, np.nan_to_num(whole.sigma_n[:n, others]))
+    return len(whole.t_sent_ns) - n <= 1 and all(same) and bool(close.all())
 
 
 @pytest.mark.parametrize(
@@ -160,16 +163,17 @@ def test_what_is_left_of_a_foot_is_worth_having(whole: PublishedWalk) -> None:
     assert np.mean(np.abs(error_n) <= 5.0 * broken.sigma_n[late, row]) > 0.95
 
 
-def test_a_leg_that_holds_the_bus_costs_the_others_three_frames(whole: PublishedWalk) -> None:
-    """Two timeouts of 20 ms, what was being read, and a scan; one more timeout at each later try; it is tared anew."""
+def test_a_leg_that_holds_the_bus_costs_the_others_two_timeouts(whole: PublishedWalk) -> None:
+    """Twice 20 ms, and a pause as long as a window; one more timeout at each later try; it is tared anew."""
     broken, seen = trial(scene_faults.StuckSda(**PASSING), whole)
     assert (seen.state, seen.cause) == (State.ABSENT, Cause.BUS_STUCK)
     assert seen.recovery_s is not None
     assert seen.recovery_s < TARED_S
-    assert seen.longest_gap_s < 0.09
-    assert seen.lost_frames <= 3
+    assert seen.longest_gap_s < 0.07
+    assert seen.lost_frames <= 18
     others = [row for row, leg in enumerate(whole.legs) if leg != LEG]
-    assert (broken.state[broken.t_sent_ns > BREAKS_AT_S * 1e9][:, others] == State.VALID).all()
+    # After the stall each element is read three times before its readings make a window again.
+    assert (broken.state[broken.t_sent_ns > (BREAKS_AT_S + 0.12) * 1e9][:, others] == State.VALID).all()
 
 
 def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(whole: PublishedWalk) -> None:
@@ -200,7 +204,7 @@ def test_what_a_second_try_mends_is_never_seen(fault: Fault, whole: PublishedWal
     """A mux that forgot its channels, a transaction that another master took: no frame is lost or held up."""
     seen = trial(fault, whole)[1]
     assert (seen.state, seen.cause, seen.lost_frames) == (State.VALID, Cause.NONE, 0)
-    assert seen.longest_gap_s < 0.026
+    assert seen.longest_gap_s < 0.004
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def replays(path: Path, *options: str | Path) -> None:
     """Check that a recording is whole and gives the same forces again."""
     result = footsense("replay", path, "--check", *options)
     assert (result.returncode, result.stderr) == (0, "")
-    assert re.match(r"[1-9]\d* scans equal bit for bit", result.stdout)
+    assert re.match(r"[1-9]\d* cycles equal bit for bit", result.stdout)
 
 
 def wait_until_recording(daemon: Daemon, path: Path) -> None:

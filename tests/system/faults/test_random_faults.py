@@ -18,7 +18,13 @@ from footsense.sim.scene import Scene
 from footsense.sim.scene_effects import Effects
 from footsense.sim.scene_loads import Tripod
 from footsense.validation.invariants import Invariants
-from footsense.validation.random_faults import GRADES_REL, IDS, ON_CAN, ON_ROBOT, fault_of
+from footsense.validation.random_faults import (
+    ON_CAN,
+    ON_ROBOT,
+    OTHER_CAN_IDS,
+    READ_ERROR_RATES_REL,
+    transient_fault,
+)
 from footsense.validation.tolerances import Rules
 
 #: Half of the legs in half of the time: one steps while the other two carry.
@@ -33,7 +39,7 @@ SCENE = Scene(
 TARED_S, BREAKS_S = 1.2, 1.3
 #: How long memory is looked at in the end.
 TAIL_S = 0.4
-PERIOD_S = {"frame": 0.02412, "element": 0.0027}
+PERIOD_S = 0.0027
 #: Standard deviations of a count that are chance, and neighbouring frames that count as one.
 CHANCE, AS_ONE = 5.0, 20
 
@@ -45,7 +51,7 @@ lengths = st.floats(0.002, 0.6).map(lambda t_s: round(t_s, 3))
 def faults(draw: st.DrawFn) -> list[Fault]:
     """A fault of any kind that passes."""
     at_s = draw(times)
-    return fault_of(
+    return transient_fault(
         draw(st.sampled_from(ON_ROBOT + ON_CAN)),
         leg=draw(st.sampled_from(LEGS)),
         at_s=at_s,
@@ -53,10 +59,10 @@ def faults(draw: st.DrawFn) -> list[Fault]:
         element=draw(st.integers(0, 8)),
         row=draw(st.integers(0, 2)),
         column=draw(st.integers(0, 2)),
-        rate_rel=draw(st.sampled_from(GRADES_REL)),
+        rate_rel=draw(st.sampled_from(READ_ERROR_RATES_REL)),
         rate_ff_per_s=draw(st.floats(-800.0, 800.0)),
         unplugged=draw(st.booleans()),
-        can_id=draw(st.sampled_from(IDS)),
+        can_id=draw(st.sampled_from(OTHER_CAN_IDS)),
         rate_hz=draw(st.floats(1.0, 1800.0)),
     )
 
@@ -88,34 +94,34 @@ class Tail:
         pass
 
 
-def robot(publish: str) -> Config:
+def robot(publish_every: int) -> Config:
     return msgspec.structs.replace(
         DEFAULT,
         buses=(msgspec.structs.replace(DEFAULT.buses[0], legs={"lf": 0, "lm": 1, "rm": 4}),),
-        publish=publish,
+        publish_every=publish_every,
         can=msgspec.structs.replace(DEFAULT.can, bitrate=1_000_000),
     )
 
 
-def walk(publish: str, script: list[Fault]) -> Invariants:
+def walk(publish_every: int, script: list[Fault]) -> Invariants:
     """Walk until all that breaks is over and should be well again, and check all but how often errors are large."""
-    config = robot(publish)
+    config = robot(publish_every)
     script = [CanTraffic(at_s=0.0, can_id=0x7FF, rate_hz=1.0), *script]
     ends_s = max(getattr(fault, "until_s", None) or fault.at_s for fault in script)
     rules = Rules(
         legs=LEGS,
-        period_s=PERIOD_S[publish],
+        period_s=PERIOD_S,
         max_age_s=config.stale_after_ms * 1e-3,
         gait_period_s=0.8,
         from_s=TARED_S,
-        element=publish == "element",
+        frames_per_force=publish_every,
         bitrate=config.can.bitrate,
     )
     scene = msgspec.structs.replace(SCENE, faults=tuple(script))
     with open_service(config, scene, real_time=False) as service:
-        assert service.true_force_n is not None
+        assert service.true_force_at_time_n is not None
         assert service.can is not None
-        seen = Invariants(rules, script, service.true_force_n)
+        seen = Invariants(rules, script, service.true_force_at_time_n)
         service.can.controller.on_delivered = seen.on_delivered
         ends_s = max(seen.recovered_s, ends_s + 2.1, TARED_S)
         tail = Tail(ends_s)
@@ -136,20 +142,20 @@ def test_every_kind_of_fault_may_break() -> None:
 
 
 def test_a_full_queue_goes_out_after_a_bus_off() -> None:
-    """16 frames are three cycles of three legs: older by a cycle than with six legs."""
-    walk("frame", [CanBusOff(at_s=2.0, until_s=2.5)])
+    """16 frames are three forces of three legs: older by a force than with six legs."""
+    walk(4, [CanBusOff(at_s=2.0, until_s=2.5)])
 
 
-@pytest.mark.parametrize(("publish", "n_walks"), [("frame", 16), ("element", 6)])
-def test_the_invariants_hold_whatever_breaks(publish: str, n_walks: int) -> None:
+@pytest.mark.parametrize(("publish_every", "n_walks"), [(4, 12), (1, 4)])
+def test_the_invariants_hold_whatever_breaks(publish_every: int, n_walks: int) -> None:
     """And no error is beyond 5 sigma more often than in walks in which nothing breaks."""
-    calibrated = walk(publish, [])
+    calibrated = walk(publish_every, [])
     tally: list[Invariants] = []
 
     @settings(max_examples=n_walks, derandomize=True, database=None, deadline=None)
     @given(scripts)
     def whatever_breaks(script: list[Fault]) -> None:
-        tally.append(walk(publish, script))
+        tally.append(walk(publish_every, script))
 
     whatever_breaks()
     n_checked = sum(seen.n_checked for seen in tally)

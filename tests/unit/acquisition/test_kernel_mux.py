@@ -17,7 +17,7 @@ from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import KernelMux
 from footsense.errors import BusError, BusTimeoutError, NackError
-from footsense.frames import CapFrame, Reading
+from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.bus.kernel_mux import SimulatedKernelMuxLeg
@@ -58,8 +58,6 @@ class Robot:
         host_cost_ns: int = 0,
         order: str = "lo_shu",
         board: Board = FDC1004,
-        *,
-        element_wise: bool = False,
     ) -> None:
         self.clock = VirtualClock()
         mux = SimulatedMux(0x71)
@@ -73,12 +71,14 @@ class Robot:
         channels = {name: channel for channel, name in enumerate(self.legs)}
         plan = scan_plan(order, board.rates_sps[0], board.name)
         self.bus = BusScanner(KernelMux(tuple(self.legs.values())), self.clock, channels, plan)
-        self.scanner = RobotScanner([self.bus], element_wise=element_wise)
+        self.scanner = RobotScanner([self.bus])
         self.scanner.start()
 
     def read(self, n: int = 1) -> CapFrame:
+        """Return the frame that completes a scan, the last of `n` scans."""
         for _ in range(n):
-            frame = self.scanner.read()
+            while (frame := self.scanner.read()).sequence % ELEMENTS:
+                pass
         return frame
 
 
@@ -88,10 +88,9 @@ def distinct(element: int, t_ns: int) -> float:
 
 @both
 @pytest.mark.parametrize("order", ["lo_shu", "raster"])
-@pytest.mark.parametrize("element_wise", [False, True])
-def test_every_element_lands_at_its_place(board: Board, order: str, *, element_wise: bool) -> None:
+def test_every_element_lands_at_its_place(board: Board, order: str) -> None:
     """Distinct capacitances come out where they belong, on every leg."""
-    frame = Robot(distinct, order=order, board=board, element_wise=element_wise).read(10)
+    frame = Robot(distinct, order=order, board=board).read(10)
     assert (frame.reading == Reading.OK).all()
     np.testing.assert_allclose(frame.capacitance_pf, np.tile(DISTINCT_PF, (6, 1)), atol=2**-11)
 
@@ -181,35 +180,35 @@ def test_lines_are_checked_of_one_leg_a_scan_and_settings_after_all_lines(order:
 
 def test_readings_since_the_last_check_are_taken_back() -> None:
     """A line switch that ignores its writes is noticed in the middle of a scan: all nine elements are discarded."""
-    robot = Robot(distinct, element_wise=True)
-    robot.read(9 * 20)
+    robot = Robot(distinct)
+    robot.read(20)
     robot.switches[3][0].ignores_writes_ns = [(robot.clock.now_ns(), math.inf)]
-    lost = [frame.reading[3] == Reading.MISCONFIGURED for frame in (robot.read() for _ in range(9 * 12))]
+    lost = [
+        frame.reading[3] == Reading.MISCONFIGURED for frame in (robot.scanner.read() for _ in range(9 * 12))
+    ]
     assert next(elements for elements in lost if elements.any()).all()
 
 
 def test_conversions_are_discarded_after_a_delay_of_the_loop_and_not_before() -> None:
     """A delay of one and a half steps is none yet: legs are served one after the other, and wait for up to a step."""
-    robot = Robot(distinct, host_cost_ns=40_000, element_wise=True)
-    robot.read(18)
+    robot = Robot(distinct, host_cost_ns=40_000)
+    robot.read(2)
     for delay_ns, missed in ((5_000_000, 0), (200_000_000, 1)):
         robot.clock.advance_ns(delay_ns)
-        frame = robot.read(9)
+        frame = robot.read()
         assert robot.scanner.missed_deadlines == missed
         assert (frame.reading == Reading.OK).all()
 
 
-@pytest.mark.parametrize("element_wise", [False, True])
 @pytest.mark.parametrize("error", [NackError("gone"), BusTimeoutError("stuck")])
-def test_without_a_leg_in_the_scan_frames_keep_their_pace(error: BusError, *, element_wise: bool) -> None:
-    """No leg answers: a frame still takes its conversions' time, and time passes while a line is stuck."""
-    robot = Robot(distinct, element_wise=element_wise)
+def test_without_a_leg_in_the_scan_frames_keep_their_pace(error: BusError) -> None:
+    """No leg answers: a scan still takes its conversions' time, and time passes while a line is stuck."""
+    robot = Robot(distinct)
     for leg in robot.legs.values():
         leg.failing = dict.fromkeys(range(leg.n, leg.n + 10_000), error)
-    n_frames = 180 if element_wise else 20
-    robot.read(n_frames)
+    robot.read(20)
     start_ns = robot.clock.now_ns()
-    frame = robot.read(n_frames)
+    frame = robot.read(20)
     assert (frame.reading != Reading.OK).all()
     assert robot.clock.now_ns() - start_ns >= 20 * 9 * FDC1004.conversion_ns
 
@@ -239,21 +238,14 @@ def test_acknowledges_that_are_lost_while_the_bus_is_measured_do_not_end_the_sta
 
 @both
 @settings(max_examples=40, deadline=None)
-@given(
-    st.dictionaries(st.integers(40, 400), st.sampled_from(["nack", "timeout", "error"]), max_size=6),
-    st.booleans(),
-)
-def test_whatever_fails_a_reading_is_right_or_missing(
-    board: Board,
-    failing: dict[int, str],
-    element_wise: bool,  # noqa: FBT001
-) -> None:
+@given(st.dictionaries(st.integers(40, 400), st.sampled_from(["nack", "timeout", "error"]), max_size=6))
+def test_whatever_fails_a_reading_is_right_or_missing(board: Board, failing: dict[int, str]) -> None:
     """No failure of a transaction makes a wrong number, on its own leg or on another."""
-    robot = Robot(distinct, board=board, element_wise=element_wise)
+    robot = Robot(distinct, board=board)
     errors = {"nack": NackError("no"), "timeout": BusTimeoutError("stuck"), "error": BusError("arbitration")}
     robot.legs["3"].failing = {n: errors[kind] for n, kind in failing.items()}
-    for _ in range(60 if element_wise else 12):
-        frame = robot.read()
+    for _ in range(60):
+        frame = robot.scanner.read()
         expected = np.tile(DISTINCT_PF, (6, 1))
         right = np.abs(frame.capacitance_pf - expected) < 2**-11
         assert (right | np.isnan(frame.capacitance_pf)).all()

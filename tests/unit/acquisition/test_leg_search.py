@@ -10,7 +10,7 @@ from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.leg_group import BusReadings
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
-from footsense.frames import Reading
+from footsense.frames import ELEMENTS, Reading
 from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
@@ -56,10 +56,15 @@ class Robot:
         self.scanner = BusScanner(UpstreamBus(bus, 0x71, mux if reset else None), self.clock, LEGS, plan)
         self.scanner.start()
 
+    def scan(self) -> BusReadings:
+        for _ in range(ELEMENTS):
+            readings = self.scanner.read()
+        return readings
+
     def scan_until(self, t_s: float) -> list[BusReadings]:
         scans = []
         while self.clock.now_ns() < t_s * 1e9:
-            scans.append(self.scanner.read())
+            scans.append(self.scan())
         return scans
 
 
@@ -68,7 +73,7 @@ def test_the_leg_that_holds_the_bus_is_found_and_the_others_go_on() -> None:
     robot = Robot([scene_faults.StuckSda(at_s=0.5, leg="lm")])
     for scan in robot.scan_until(4.0):
         assert (scan.reading[[0, 2]] == Reading.OK).all()
-        held = scan.t_ns[0].min() > 5e8
+        held = scan.t_ns[0].max() > 5e8
         assert (scan.reading[1] == (Reading.BUS_STUCK if held else Reading.OK)).all()
 
 
@@ -78,9 +83,9 @@ def test_every_outage_costs_a_leg_the_same() -> None:
     robot = Robot([scene_faults.Absent(at_s=at_s, until_s=at_s + 0.3, leg="lm") for at_s in outages_s])
     for at_s in outages_s:
         robot.scan_until(at_s + 0.25)
-        assert (robot.scanner.read().reading[1] == Reading.NO_ANSWER).all()
+        assert (robot.scan().reading[1] == Reading.NO_ANSWER).all()
         robot.scan_until(at_s + 0.8)
-        assert (robot.scanner.read().reading == Reading.OK).all()
+        assert (robot.scan().reading == Reading.OK).all()
 
 
 def test_a_leg_is_left_out_after_three_bad_scans_in_a_row_and_not_after_three() -> None:
@@ -103,13 +108,13 @@ def test_two_legs_that_hold_the_bus_are_both_found() -> None:
     """One after the other."""
     robot = Robot([scene_faults.StuckSda(at_s=0.5, leg=leg) for leg in ("lf", "lr")])
     robot.scan_until(0.6)
-    assert (robot.scanner.read().reading[:, 0] == [Reading.BUS_STUCK, Reading.OK, Reading.BUS_STUCK]).all()
+    assert (robot.scan().reading[:, 0] == [Reading.BUS_STUCK, Reading.OK, Reading.BUS_STUCK]).all()
 
 
 def test_a_leg_that_holds_the_bus_at_start_is_left_out() -> None:
     """The service starts without it."""
     robot = Robot([scene_faults.StuckSda(at_s=0.0, until_s=0.5, leg="lf")])
-    assert (robot.scanner.read().reading[:, 0] == [Reading.BUS_STUCK, Reading.OK, Reading.OK]).all()
+    assert (robot.scan().reading[:, 0] == [Reading.BUS_STUCK, Reading.OK, Reading.OK]).all()
     assert (robot.scan_until(2.0)[-1].reading == Reading.OK).all()
 
 
@@ -117,7 +122,7 @@ def test_without_a_reset_pin_all_are_silent_until_it_lets_go() -> None:
     """And all come back with the first try that gets through."""
     robot = Robot([scene_faults.StuckSda(at_s=0.5, until_s=1.0, leg="lm")], reset=False)
     robot.scan_until(0.6)
-    assert (robot.scanner.read().reading == Reading.BUS_STUCK).all()
+    assert (robot.scan().reading == Reading.BUS_STUCK).all()
     back = [scan.reading == Reading.OK for scan in robot.scan_until(2.0)]
     assert back[-1].all()
     assert all(ok.all() for ok in back if ok[:, 0].any())
@@ -168,18 +173,19 @@ def scripts(draw: st.DrawFn) -> list[OnChips | OnWires]:
 def test_whatever_breaks_a_reading_is_right_or_missing_and_all_come_back(
     script: list[OnChips | OnWires],
 ) -> None:
-    """No exception, no wrong number, every stamp younger than its scan; all is well some seconds after the last."""
+    """No exception, no wrong number, no stamp older than its scan; all is well some seconds after the last."""
     robot = Robot(script)
     while robot.clock.now_ns() < WORKS_AGAIN_S * 1e9:
-        scan = robot.scanner.read()
+        scan = robot.scan()
         ok = scan.reading == Reading.OK
         np.testing.assert_array_equal(scan.capacitance_pf[ok], np.tile(DISTINCT_PF, (3, 1))[ok])
         assert np.isnan(scan.capacitance_pf[~ok]).all()
-        assert (robot.clock.now_ns() - scan.t_ns[ok] < 60_000_000).all()
-    scan = robot.scanner.read()
+        # A scan, and two timeouts of each leg.
+        assert (robot.clock.now_ns() - scan.t_ns[ok] < 25_000_000 + 6 * TIMEOUT_NS).all()
+    scan = robot.scan()
     while (scan.reading != Reading.OK).any():
         assert robot.clock.now_ns() < (WORKS_AGAIN_S + 20.0) * 1e9
-        scan = robot.scanner.read()
+        scan = robot.scan()
 
 
 def test_legs_that_are_found_together_begin_with_a_whole_conversion() -> None:
@@ -187,6 +193,6 @@ def test_legs_that_are_found_together_begin_with_a_whole_conversion() -> None:
     robot = Robot([scene_faults.StuckUpstreamBus(at_s=0.1, until_s=0.3)])
     looks_ns = []
     while robot.clock.now_ns() < 1_500_000_000:
-        robot.scanner.read(1)
+        robot.scanner.read()
         looks_ns.append(robot.clock.now_ns())
     assert min(np.diff(looks_ns)) > 2_000_000

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from firmware_interface.serial_frames import NO_VALUE, RECORD_BITS, Record, encode_record, pack_values
 from footsense.acquisition.mcu_source import McuSource
 from footsense.frames import LEGS, CapFrame, Reading
-from footsense.sim.chips.mcu import SimulatedMcu
+from footsense.sim.chips.mcu import SimulatedRobotMcu
 from footsense.sim.clock import VirtualClock
 from tests.support.failing_line import FailingLine, LineFaults
 
@@ -47,7 +47,7 @@ class Robot:
             silent_now = leg in silent and S <= t_ns < 2 * S
             return np.full(9, np.nan) if silent_now else elements_pf(LEGS.index(leg), t_ns)
 
-        mcu = SimulatedMcu({leg: partial(reading_pf, leg) for leg in LEGS}, step_us=step_us)
+        mcu = SimulatedRobotMcu({leg: partial(reading_pf, leg) for leg in LEGS}, step_us=step_us)
         mcu.started_ns = -round(starts_us * 1000 / (1 + 40e-6))  # its clock is fast by 40 ppm
         line = FailingLine(mcu, self.clock, rate_hz=RATE_HZ, baud=BAUD, faults=faults)
         wire_ns = RECORD_BITS * S // BAUD

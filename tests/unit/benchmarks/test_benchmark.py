@@ -3,8 +3,8 @@
 import pytest
 
 from footsense.benchmarks.c_floor import has_c_floor
-from footsense.benchmarks.cycle import cycle_figures
-from footsense.benchmarks.our_cycle import WARM_UP, recorded_scans
+from footsense.benchmarks.cycle import compare_cycle_durations
+from footsense.benchmarks.our_cycle import WARM_UP, recorded_frames
 from footsense.benchmarks.wakeup_latency import wakeup_latency_figures
 from footsense.frames import CapFrame
 
@@ -14,13 +14,13 @@ needs_c = pytest.mark.skipif(not has_c_floor(), reason="no C compiler or no onnx
 @pytest.fixture(scope="module")
 def scans() -> list[CapFrame]:
     """Scans of walking legs, those of the tare and a few more."""
-    return recorded_scans(WARM_UP + 12)
+    return recorded_frames(WARM_UP + 12)
 
 
 @needs_c
 def test_floor_and_naive_give_our_forces(scans: list[CapFrame]) -> None:
     """Every cycle is compared while it is timed; with something to compare there is a ratio."""
-    figures = cycle_figures(scans)
+    figures = compare_cycle_durations(scans)
     assert all(figures[name] is not None for name in ("p50", "p99", "c_floor_p50", "naive_p50"))
 
 

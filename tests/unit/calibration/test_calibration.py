@@ -14,6 +14,7 @@ from footsense.calibration.fit.twin import ContactLoads, FootTwin
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
+from footsense.estimation.rest import at_rest
 from footsense.foot.correction_terms import correction_terms
 from footsense.foot.directions import rotation
 from footsense.foot.force_errors import errors
@@ -35,7 +36,7 @@ def _read(loads: LoadSet, foot: FootParameters | None) -> Vector:
     closure_um = card.design.closure_um(loads.capacitance_pf - stray_pf, loads.baseline_pf - stray_pf)
     feet = CalibratedFeet(design().network(len(loads)), [foot], len(loads))
     gain_rel = np.ones(9) if foot is None else foot.gain_rel
-    return feet.estimate(closure_um / card.design.gap_um / gain_rel, np.zeros((len(loads), 9), bool))[0]
+    return feet.estimate(at_rest(closure_um / card.design.gap_um / gain_rel)).force_n
 
 
 @pytest.mark.parametrize("number", range(3))

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import can
 import numpy as np
@@ -49,6 +50,51 @@ def test_each_leg_sends_force_and_quality_with_one_counter(request: pytest.Fixtu
         assert {force.counter for force in forces} == {q.counter for q in qualities} == {scan % 15}
         assert forces[0].force_n == (0.5, 0.5, 0.5)
         assert (qualities[0].age_ns, qualities[0].sigma_n) == (12_300_000, (0.01, 0.01, 0.01))
+    robot.close()
+
+
+def test_every_fourth_cycle_sends_forces_and_the_others_what_else_is_due(
+    request: pytest.FixtureRequest,
+) -> None:
+    """The first one, then each fourth; the counter goes on by one, and heartbeats keep their time."""
+    robot = Robot(request.node.nodeid, every=4)
+    for t_ms in range(2, 202):
+        robot.publish(t_ms * MS)
+    messages = robot.heard()
+    sent_ms = {
+        can_id: [round(m.timestamp * 1e3) for m in messages if m.arbitration_id == can_id]
+        for can_id in (0x181, 0x281, 0x701)
+    }
+    assert sent_ms == {0x181: list(range(2, 202, 4)), 0x281: list(range(2, 202, 4)), 0x701: [2, 200]}
+    counters = [decode_force(0x181, bytes(m.data)).counter for m in messages if m.arbitration_id == 0x181]
+    assert counters == [n % 15 for n in range(50)]
+    robot.close()
+
+
+@pytest.mark.parametrize(
+    "change", [{"state": State.STALE}, {"mask": 4}, {"cause": Cause.DELAYED}, {"flags": 1}]
+)
+def test_a_change_is_sent_at_once(request: pytest.FixtureRequest, change: dict[str, Any]) -> None:
+    """Whichever cycle it falls on; the fourth cycle after it is the next one without a change."""
+    for at in range(1, 5):
+        robot = Robot(f"{request.node.nodeid}{at}", every=4)
+        for n in range(at):
+            robot.publish(n * MS)
+        robot.heard()
+        for n in range(at, at + 6):
+            robot.publish(n * MS, **change)
+        assert [round(m.timestamp * 1e3) for m in robot.heard(0x180)] == [at, at + 4]
+        robot.close()
+
+
+def test_changes_in_every_cycle_are_sent_with_every_other(request: pytest.FixtureRequest) -> None:
+    """What flickers must not fill the bus; the last change goes out all the same."""
+    robot = Robot(request.node.nodeid, every=4)
+    for n in range(20):
+        robot.publish(n * MS, mask=n)
+    robot.publish(20 * MS, mask=20)
+    robot.publish(21 * MS, mask=20)
+    assert [round(m.timestamp * 1e3) for m in robot.heard(0x180)] == [0, *range(1, 22, 2)]
     robot.close()
 
 

@@ -46,7 +46,7 @@ def test_the_commented_values_are_the_defaults(file: Path) -> None:
     short, long = load_config(file), load_config(DEPLOY / "footsense.yaml")
     assert (short.board, short.tare, short.max_age_ms) == (long.board, long.tare, long.max_age_ms)
     assert (short.rate_sps, short.order) == (long.rate_sps, long.order)
-    assert (short.publish, short.average_scans) == (long.publish, long.average_scans)
+    assert short.publish_every == long.publish_every
     assert (short.baseline, short.contact) == (long.baseline, long.contact)
     assert (short.buses[0].mux, short.buses[0].rate_hz) == (long.buses[0].mux, long.buses[0].rate_hz)
     assert long.metrics == Metrics()
@@ -128,7 +128,10 @@ def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
         ),
         ("can: {interface: virtual}", "the board fdc1004 is read over I2C: name its buses, with their legs"),
         (MCU + "scan: {rate_sps: 100}", "scan: the microcontroller scans at serial.rate_hz"),
-        (MCU + "publish: element", "publish: the microcontroller sends whole scans; use publish: frame"),
+        (
+            MCU + "publish_every: 1",
+            "publish_every: every record of the microcontroller is published; take pu",
+        ),
         (MCU + "max_age_ms: 6", "max_age_ms: a scan takes 5 ms and more at 200 scans/s"),
         (MCU.replace("sim", "sim, legs: [lf, rf, lf]"), "serial.legs[2]: lf is named twice"),
         (MCU.replace("sim", "ttyACM0"), "serial.device"),
@@ -157,8 +160,8 @@ def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
             "buses[0].device: simulated and real buses cannot be mixed",
         ),
         (
-            ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: 0, rf: 1, lm: 2, rm: 3}") + "publish: element",
-            "can.bitrate: 4 legs at 400 forces/s take 432 kbit/s, more than 70% of 500 kbit/s; use 1000000, or",
+            ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: 0, rf: 1, lm: 2, rm: 3}") + "publish_every: 1",
+            "400 forces/s take 432 kbit/s, more than 70% of 500 kbit/s; use 1000000, or publish_every: 2",
         ),
         (ONE_BUS + "zero: {track: false}", ":5: zero: Object contains unknown field; now called baseline"),
         (ONE_BUS + "packs: feet", ":5: packs: Object contains unknown field; now called calibrations"),
@@ -175,8 +178,8 @@ def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
             ":6: scan.gang: Object contains unknown field; the column-sum scan was removed; take this key away",
         ),
         (
-            ONE_BUS + "publish: element\naverage_scans: 2",
-            "average_scans: is for publish: frame only",
+            ONE_BUS + "publish: element",
+            ":5: publish: Object contains unknown field; now called publish_every: conversions per force on CAN",
         ),
         (ONE_BUS + "feet: {lm: foot-0001}", "feet.lm: no bus has the leg lm; the legs are lf, rf"),
         (ONE_BUS + "metrics: {address: localhost}", "metrics.address: 'localhost' is not an IP address"),

@@ -7,21 +7,23 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from footsense.estimation.calibrated_feet import CalibratedFeet
+from footsense.estimation.rest import at_rest
 from footsense.foot.correction_terms import N_CORRECTION_TERMS, correction_terms
 from footsense.foot.parameters import FootParameters
 from footsense.foot.temperature import CalibratedAt, unknown_temperature_rel
+from footsense.ports import Load, Window
 
 Vector = NDArray[np.float64]
-_NONE = np.zeros((2, 9), bool)
 
 
 class _Linear:
-    """A network that reads x, y and z off three elements."""
+    """A network that reads x, y and z off the newest readings of three elements, and the contact off four others."""
 
-    def estimate(self, closure_rel: Vector, missing: NDArray[np.bool_]) -> tuple[Vector, Vector]:
+    def estimate(self, window: Window) -> Load:
         """Return them, and a sigma of its own for each axis."""
-        del missing
-        return closure_rel[:, [5, 7, 4]], np.tile([0.01, 0.02, 0.03], (len(closure_rel), 1))
+        newest = window.closure_rel[:, 0]
+        sigma_n = np.tile([0.01, 0.02, 0.03], (len(newest), 1))
+        return Load(newest[:, [5, 7, 4]], sigma_n, newest[:, :4], newest[:, :4] + 0.1)
 
 
 def _foot(**own: object) -> FootParameters:
@@ -36,10 +38,12 @@ def _foot(**own: object) -> FootParameters:
 def test_a_foot_as_designed_is_read_as_the_network_says() -> None:
     """Neither no parameters nor neutral ones change a bit."""
     closures = np.random.default_rng(1).random((2, 9))
-    plain = _Linear().estimate(closures, _NONE)
-    read = CalibratedFeet(_Linear(), [None, _foot()], 2).estimate(closures, _NONE)
-    np.testing.assert_array_equal(read[0], plain[0])
-    np.testing.assert_allclose(read[1], plain[1])
+    plain = _Linear().estimate(at_rest(closures))
+    read = CalibratedFeet(_Linear(), [None, _foot()], 2).estimate(at_rest(closures))
+    np.testing.assert_array_equal(read.force_n, plain.force_n)
+    np.testing.assert_allclose(read.sigma_n, plain.sigma_n)
+    np.testing.assert_array_equal(read.contact, plain.contact)
+    np.testing.assert_array_equal(read.contact_sigma, plain.contact_sigma)
 
 
 def test_each_row_gets_its_own_foot() -> None:
@@ -53,7 +57,7 @@ def test_each_row_gets_its_own_foot() -> None:
     ]
     closures = np.zeros((4, 9))
     closures[:, [5, 7, 4]] = [0.2, 0.4, 0.6]
-    force_n, sigma_n = CalibratedFeet(_Linear(), feet, 4).estimate(closures, np.zeros((4, 9), bool))
+    force_n, sigma_n, *_ = CalibratedFeet(_Linear(), feet, 4).estimate(at_rest(closures))
     np.testing.assert_allclose(force_n[0], 1.5 * quarter.T @ [0.2, 0.4, 0.6])
     np.testing.assert_allclose(force_n[1], [0.2, 0.4, 0.66])
     np.testing.assert_array_equal(force_n[2:], force_n[:2])
@@ -66,11 +70,11 @@ def test_a_temperature_scales_what_it_is_known_for() -> None:
     correction = np.zeros((3, N_CORRECTION_TERMS))
     correction[2, 2] = 0.1
     feet = [_foot(correction=correction, error_rel=0.01), _foot(error_rel=0.01), None]
-    closures, none = np.full((6, 9), 0.3), np.zeros((6, 9), bool)
+    resting = at_rest(np.full((6, 9), 0.3))
     read = CalibratedFeet(_Linear(), feet, 6)
-    on_bench_n, bench_sigma_n = read.estimate(closures, none)
+    on_bench_n, bench_sigma_n, *_ = read.estimate(resting)
     read.set_temperature(np.array([33.0, np.nan, np.nan]), [CalibratedAt(23.0), CalibratedAt(23.0), None])
-    force_n, sigma_n = read.estimate(closures, none)
+    force_n, sigma_n, *_ = read.estimate(resting)
     np.testing.assert_allclose(force_n, on_bench_n * np.tile([1.044, 1.0, 1.0], 2)[:, None])
     np.testing.assert_allclose(sigma_n[[0, 3]], 1.044 * bench_sigma_n[[0, 3]])
     unknown_n = unknown_temperature_rel(10.0) * np.linalg.norm(force_n[[1, 4]], axis=1, keepdims=True)

@@ -1,79 +1,112 @@
-"""A network of another shape is refused, whichever of its inputs and outputs differs."""
+"""A network of other inputs and outputs is refused, whichever of them differs; one that fits gets what it is given."""
 
-import json
 from pathlib import Path
 
-import onnx
+import numpy as np
 import pytest
-from onnx import TensorProto, helper
 
 from footsense.daemon.foot_types import released_path
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
-from footsense.foot.files.checksum_trailer import add_checksum
-from footsense.foot.files.network_card import METADATA_KEY
+from footsense.estimation.rest import REST_AGE_S, at_rest
+from footsense.ports import Window
+from tests.support.networks import ALL_IN, ALL_OUT, DOUBLE, FLOAT, N_IN, N_OUT, card, network_file
 
-FLOAT, DOUBLE = TensorProto.FLOAT, TensorProto.DOUBLE
 TYPES = {FLOAT: "tensor(float)", DOUBLE: "tensor(double)"}
-BOTH_IN, BOTH_OUT = [(9, FLOAT)] * 2, [(3, FLOAT)] * 2
-
-Values = list[tuple[int, int]]  # width, type
 
 
-def network_file(folder: Path, inputs: Values, outputs: Values) -> Path:
-    """Write a network of zero weights with the released card, and inputs and outputs of these widths and types."""
-    released = onnx.load(str(released_path("network.onnx")))
-    [card] = [entry.value for entry in released.metadata_props if entry.key == METADATA_KEY]
-    described = json.loads(card)
-    names_in = [described[key]["name"] for key in ("input", "mask")] + ["third_in"]
-    names_out = [described[key]["name"] for key in ("output", "sigma")] + ["third_out"]
-    nodes, weights = [], []
-    for (width, kind), name in zip(outputs, names_out, strict=False):
-        nodes += [
-            helper.make_node("Cast", [names_in[0]], [f"{name}_in"], to=FLOAT),
-            helper.make_node("MatMul", [f"{name}_in", f"{name}_weights"], [f"{name}_out"]),
-            helper.make_node("Cast", [f"{name}_out"], [name], to=kind),
-        ]
-        n_in = inputs[0][0]
-        weights.append(helper.make_tensor(f"{name}_weights", FLOAT, [n_in, width], [0.0] * n_in * width))
-
-    def declared(values: Values, names: list[str]) -> list[onnx.ValueInfoProto]:
-        return [
-            helper.make_tensor_value_info(name, kind, ["n", width])
-            for (width, kind), name in zip(values, names, strict=False)
-        ]
-
-    graph = helper.make_graph(nodes, "n", declared(inputs, names_in), declared(outputs, names_out), weights)
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    helper.set_model_props(model, {METADATA_KEY: card})
-    path = folder / "network.onnx"
-    path.write_bytes(add_checksum(model.SerializeToString()))
-    return path
+def test_readings_ages_and_mask_go_in_and_every_output_comes_out(tmp_path: Path) -> None:
+    """Newest reading first, each by its elements; four outputs, of a row from that row alone."""
+    weights = np.zeros((N_IN, N_OUT))
+    # force: element 1 now, two readings ago, and of the age of element 5 one reading ago; sigma: the mask of 0, 4, 8.
+    weights[[1, 18 + 2, 27 + 9 + 5, 54, 58, 62], range(6)] = 1.0
+    weights[range(10, 18), range(6, 14)] = 1.0  # contact: elements 1 to 8 one reading ago
+    network = Network(network_file(tmp_path, card(), weights=weights), 3)
+    rng = np.random.default_rng(1)
+    for _ in range(2):
+        closure_rel, age_s = rng.random((2, 3, 3, 9))
+        missing = rng.random((3, 9)) < 0.5
+        load = network.estimate(Window(closure_rel, age_s, missing))
+        expected_n = np.stack([closure_rel[:, 0, 1], closure_rel[:, 2, 2], age_s[:, 1, 5]], axis=1)
+        np.testing.assert_allclose(load.force_n, expected_n, rtol=1e-6)
+        np.testing.assert_array_equal(load.sigma_n, missing[:, [0, 4, 8]])
+        np.testing.assert_allclose(load.contact, closure_rel[:, 1, 1:5], rtol=1e-6)
+        np.testing.assert_allclose(load.contact_sigma, closure_rel[:, 1, 5:], rtol=1e-6)
+        assert {part.dtype for part in load} == {np.dtype(np.float64)}
 
 
-def test_a_network_that_fits_is_taken(tmp_path: Path) -> None:
-    """What the other test changes is right as it is."""
-    Network(network_file(tmp_path, BOTH_IN, BOTH_OUT), 12)
+def test_an_estimate_is_not_overwritten_by_the_next(tmp_path: Path) -> None:
+    """The buffers stay with the runtime; a frame may be kept."""
+    network = Network(network_file(tmp_path, card(), weights=np.ones((N_IN, N_OUT))), 1)
+    first = network.estimate(at_rest(np.full((1, 9), 0.5)))
+    kept_n = first.force_n.copy()
+    network.estimate(at_rest(np.zeros((1, 9))))
+    np.testing.assert_array_equal(first.force_n, kept_n)
 
 
-@pytest.mark.parametrize("wrong", [(8, FLOAT), (9, DOUBLE), None, (9, FLOAT)])
-@pytest.mark.parametrize("at", [0, 1])
+def test_other_inputs_than_its_own_are_not_taken(tmp_path: Path) -> None:
+    """A window of other feet or another number of readings is an error at once."""
+    network = Network(network_file(tmp_path, card()), 2)
+    window = at_rest(np.zeros((2, 9)))
+    with pytest.raises(ValueError, match="reshape"):
+        network.estimate(window._replace(closure_rel=window.closure_rel[:, :2]))
+    with pytest.raises(ValueError, match=r"reshape|broadcast"):
+        network.estimate(at_rest(np.zeros((3, 9))))
+
+
+@pytest.mark.parametrize("wrong", ["width", "type", "name", "missing", "extra"])
+@pytest.mark.parametrize("at", [0, -1])
 @pytest.mark.parametrize("kind", ["input", "output"])
-def test_two_inputs_of_nine_and_two_outputs_of_three_float32(
-    tmp_path: Path, kind: str, at: int, wrong: tuple[int, int] | None
+def test_another_input_or_output_is_refused_with_what_there_is(
+    tmp_path: Path, kind: str, at: int, wrong: str
 ) -> None:
-    """One of another width or type, one that is missing, and one too many: refused with what there is."""
-    width = 9 if kind == "input" else 3
-    values: Values = [(width, FLOAT)] * 2
-    if wrong is None:
+    """One of another width, type or name, one that is missing, and one too many."""
+    needed = ALL_IN if kind == "input" else ALL_OUT
+    values = list(needed)
+    name, width, _ = values[at]
+    if wrong == "missing":
         del values[at]
-    elif wrong == (9, FLOAT):
-        values.insert(at, (width, FLOAT))
+    elif wrong == "extra":
+        values.append((f"{name}_2", width, FLOAT))
     else:
-        values[at] = wrong if wrong[1] == FLOAT else (width, DOUBLE)
-    path = network_file(tmp_path, *((values, BOTH_OUT) if kind == "input" else (BOTH_IN, values)))
+        values[at] = {
+            "width": (name, width - 1, FLOAT),
+            "type": (name, width, DOUBLE),
+            "name": (f"{name}_2", width, FLOAT),
+        }[wrong]
+    own_in, own_out = (values, ALL_OUT) if kind == "input" else (ALL_IN, values)
+    path = network_file(tmp_path, card(), inputs=own_in, outputs=own_out)
     with pytest.raises(ModelError) as caught:
         Network(path, 12)
-    found = " and ".join(f"{TYPES[each]} of shape ['n', {n}]" for n, each in values)
-    needed = f"the daemon needs two, float32 of shape [n, {width}]"
-    assert str(caught.value) == f"{path}: its {kind}s are {found}, {needed}"
+    found = ", ".join(f"{name} [n, {width}] {TYPES[each]}" for name, width, each in values)
+    wanted = ", ".join(f"{name} [n, {width}]" for name, width, _ in needed)
+    assert str(caught.value) == f"{path}: its {kind}s are {found}; the daemon needs float32 {wanted}"
+
+
+def test_the_former_kind_of_network_is_refused_by_its_inputs(tmp_path: Path) -> None:
+    """One scan and its mask to force and sigma, as networks were before format 3."""
+    former = [("closure_rel", 9, FLOAT), ("missing", 9, FLOAT)]
+    with pytest.raises(
+        ModelError, match=r"closure_rel \[n, 9\] tensor\(float\), missing .*closure_rel \[n, 27\]"
+    ):
+        Network(network_file(tmp_path, card(), inputs=former, outputs=ALL_OUT[:2]), 6)
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_weights_that_are_no_numbers_are_found_at_start(tmp_path: Path, number: float) -> None:
+    """Before any force is sent: the network is tried over its trained range, contact and its sigma included."""
+    weights = np.zeros((N_IN, N_OUT))
+    weights[40, 13] = number  # the last output alone
+    with pytest.raises(ModelError, match="inside its trained range; its weights are corrupt"):
+        Network(network_file(tmp_path, card(), weights=weights), 2)
+
+
+def test_the_released_network_reads_an_unloaded_foot_as_nothing() -> None:
+    """Exactly, at any age and whatever is missing."""
+    network = Network(released_path("network.onnx"), 4)
+    missing = np.zeros((4, 9), bool)
+    missing[1, 4] = missing[2, :3] = True
+    age_s = REST_AGE_S * np.array([1.0, 0.3, 3.0, 1.0])[:, None, None]
+    load = network.estimate(Window(np.zeros((4, 3, 9)), age_s, missing))
+    assert not load.force_n.any()
+    assert (load.sigma_n > 0.0).all()

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from footsense.errors import RecordingError
-from footsense.frames import Cause, CommandResult, Cycle, Result
+from footsense.frames import BaselineStatus, Cause, CommandResult, Cycle, Result
 from footsense.recording.compare import compare, same_machine
 from footsense.recording.container import messages
 from footsense.recording.container.mcap_writer import McapFile
@@ -199,7 +199,7 @@ def test_compare_names_the_first_difference() -> None:
     then, now = cycle(0).forces, cycle(0).forces
     then.force_n[3], now.force_n[3] = (0.1, 0.2, np.nan), (0.1, 0.2 + 5e-4, np.nan)
     found = compare(then, now, exact=True, legs=LEGS)
-    assert found == "scan 0, sent at 0.000 s, leg rf: fy_n was 0.2, is now 0.2005"
+    assert found == "cycle 0, sent at 0.000 s, leg rf: fy_n was 0.2, is now 0.2005"
     now.force_n[:], now.sigma_n[:] = then.force_n, then.sigma_n
     now.force_n[3, 1] += 5e-4
     assert compare(then, now, exact=False, legs=LEGS) is None
@@ -247,6 +247,18 @@ def test_a_recording_with_the_older_names_is_the_same() -> None:
     forces = cycle(0).forces._replace(cause=np.full(len(LEGS), Cause.BUS_STUCK, np.uint8))
     data = messages.encode_force(forces, LEGS)
     old = data.replace(b'"baseline_', b'"zero_').replace(b"BUS_STUCK", b"LINE_HELD")
+    assert old != data
+    assert compare(forces, messages.decode_force(old, LEGS), exact=True, legs=LEGS) is None
+
+
+@pytest.mark.parametrize(("older", "name"), [("TOO_FAR", "DRIFT_TOO_LARGE"), ("TOO_FAST", "DRIFT_TOO_FAST")])
+def test_a_baseline_status_by_its_older_name_is_read(older: str, name: str) -> None:
+    """Recordings are written with the present name only."""
+    forces = cycle(0).forces
+    status = np.full(len(LEGS), BaselineStatus[name], np.uint8)
+    forces = forces._replace(baseline=forces.baseline._replace(status=status))
+    data = messages.encode_force(forces, LEGS)
+    old = data.replace(name.encode(), older.encode())
     assert old != data
     assert compare(forces, messages.decode_force(old, LEGS), exact=True, legs=LEGS) is None
 

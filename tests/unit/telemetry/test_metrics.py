@@ -89,19 +89,19 @@ def codes_set(scraped: CollectorRegistry, name: str, leg: str, codes: type[IntEn
     return [code for code, value in values.items() if value]
 
 
-def test_scan_period_and_age_are_histograms_in_seconds(
+def test_cycle_period_and_age_are_histograms_in_seconds(
     metrics: MetricsObserver, scraped: CollectorRegistry
 ) -> None:
-    """The first scan has no period; a leg that was not measured has no age; a bound belongs to its bucket."""
+    """The first cycle has no period; a leg that was not measured has no age; a bound belongs to its bucket."""
     both, one = (State.VALID, State.VALID), (State.VALID, State.ABSENT)
-    for t_ms, states, age_ms in ((1000, both, 12), (1022.5, one, 13), (1500, one, 900)):
+    for t_ms, states, age_ms in ((1000, both, 12), (1011, one, 13), (1500, one, 900)):
         metrics.observe(cycle(t_ms, states, age_ms))
     get = scraped.get_sample_value
-    assert get("footsense_scans_total") == 3
-    assert get("footsense_scan_period_seconds_bucket", {"le": "0.0225"}) == 1
-    assert get("footsense_scan_period_seconds_bucket", {"le": "0.02"}) == 0
-    assert get("footsense_scan_period_seconds_count") == 2
-    assert get("footsense_scan_period_seconds_sum") == pytest.approx(0.5)
+    assert get("footsense_cycles_total") == 3
+    assert get("footsense_cycle_period_seconds_bucket", {"le": "0.011"}) == 1
+    assert get("footsense_cycle_period_seconds_bucket", {"le": "0.0105"}) == 0
+    assert get("footsense_cycle_period_seconds_count") == 2
+    assert get("footsense_cycle_period_seconds_sum") == pytest.approx(0.5)
     assert get("footsense_frame_age_seconds_count", {"leg": "lf"}) == 3
     assert get("footsense_frame_age_seconds_bucket", {"leg": "lf", "le": "0.012"}) == 1
     assert get("footsense_frame_age_seconds_bucket", {"leg": "lf", "le": "0.5"}) == 2
@@ -112,7 +112,7 @@ def test_scan_period_and_age_are_histograms_in_seconds(
 def test_a_fault_counts_once_per_fall_and_the_state_is_shown(
     metrics: MetricsObserver, scraped: CollectorRegistry
 ) -> None:
-    """A wire that breaks twice is two faults, each of several scans; a tare is none; the other leg has none."""
+    """A wire that breaks twice is two faults, each of several cycles; a tare is none; the other leg has none."""
     for state in (
         State.TARING,
         State.VALID,
@@ -124,8 +124,8 @@ def test_a_fault_counts_once_per_fall_and_the_state_is_shown(
         metrics.observe(cycle(0, (State.VALID, state)))
     get = scraped.get_sample_value
     assert get("footsense_faults_total", {"leg": "rr", "kind": "element_fault"}) == 2
-    assert get("footsense_leg_scans_total", {"leg": "rr", "state": "element_fault"}) == 3
-    assert get("footsense_leg_scans_total", {"leg": "lf", "state": "valid"}) == 6
+    assert get("footsense_leg_cycles_total", {"leg": "rr", "state": "element_fault"}) == 3
+    assert get("footsense_leg_cycles_total", {"leg": "lf", "state": "valid"}) == 6
     assert get("footsense_faults_total", {"leg": "lf", "kind": "element_fault"}) == 0
     assert get("footsense_faults_total", {"leg": "rr", "kind": "taring"}) is None
     assert codes_set(scraped, "footsense_leg_state", "rr", State) == [State.ELEMENT_FAULT]
@@ -146,7 +146,7 @@ def test_can_recorder_and_tares_are_counted(tmp_path: Path, scraped: CollectorRe
         unlogged=8,
     )
     metrics = MetricsObserver(
-        LEGS, can, tmp_path / "counters", n_lost_scans=lambda: 7, n_lost_lines=lambda: 5
+        LEGS, can, tmp_path / "counters", n_lost_cycles=lambda: 7, n_lost_lines=lambda: 5
     )
     refused = CommandResult(Command(CommandKind.TARE, 1), Result.NOT_QUIET, "")
     stopped = CommandResult(Command(CommandKind.STOP, 1), Result.DONE, "")
@@ -159,7 +159,7 @@ def test_can_recorder_and_tares_are_counted(tmp_path: Path, scraped: CollectorRe
             *("bus_off", "error_passive", "reopened", "unlogged_frames"),
         )
     ] == [120, 3, 4, 1, 9, 2, 5, 6, 8]
-    assert get("footsense_recorder_lost_scans_total") == 7
+    assert get("footsense_recorder_lost_cycles_total") == 7
     assert get("footsense_log_lost_lines_total") == 5
     assert get("footsense_tares_total", {"leg": "rr", "result": "not_quiet"}) == 1
     assert get("footsense_tares_total", {"leg": "rr", "result": "done"}) == 0
@@ -295,7 +295,9 @@ def test_two_services_do_not_count_into_one_file(metrics: MetricsObserver, tmp_p
     with pytest.raises(FootsenseError, match="another running service counts into this file"):
         MetricsObserver(LEGS, CanStatistics(), tmp_path / "counters")
     families, cells = read_counters(tmp_path / "counters")
-    assert cells[sum(family.n_cells for family in families[: _place(families, "footsense_scans_total")])] == 1
+    assert (
+        cells[sum(family.n_cells for family in families[: _place(families, "footsense_cycles_total")])] == 1
+    )
 
 
 def _place(families: list[MetricFamily], name: str) -> int:
@@ -307,14 +309,14 @@ def test_a_service_that_starts_ends_and_starts_again_is_shown_as_such(
 ) -> None:
     """`footsense_up` follows it; a new service begins at 0, and one that has ended shows nothing else."""
     get = scraped.get_sample_value
-    assert (get("footsense_up"), get("footsense_scans_total")) == (0, None)
+    assert (get("footsense_up"), get("footsense_cycles_total")) == (0, None)
     for _ in range(2):
         metrics = MetricsObserver(LEGS, CanStatistics(), tmp_path / "counters")
-        assert (get("footsense_up"), get("footsense_scans_total")) == (1, 0)
+        assert (get("footsense_up"), get("footsense_cycles_total")) == (1, 0)
         metrics.observe(cycle(0, (State.VALID, State.VALID)))
-        assert get("footsense_scans_total") == 1
+        assert get("footsense_cycles_total") == 1
         metrics.close()
-        assert (get("footsense_up"), get("footsense_scans_total")) == (0, None)
+        assert (get("footsense_up"), get("footsense_cycles_total")) == (0, None)
 
 
 def test_a_killed_service_is_not_shown_as_running(tmp_path: Path, scraped: CollectorRegistry) -> None:

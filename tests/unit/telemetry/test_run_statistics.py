@@ -34,7 +34,7 @@ def test_errors_are_against_the_truth_at_the_time_of_sending() -> None:
         statistics.observe(cycle(n, [0.0, 0.0, 25 * MS * n * 1e-9]))
     summary = statistics.summary()
     assert summary["force_rmse_n"] == {"x": 0.0, "y": 0.0, "z": pytest.approx(0.014)}
-    assert summary["scan_rate_hz"] == pytest.approx(40.0)
+    assert summary["cycle_rate_hz"] == pytest.approx(40.0)
     assert summary["age_ms"] == {"p50": pytest.approx(14, abs=0.06), "p99": pytest.approx(14, abs=0.06)}
 
 

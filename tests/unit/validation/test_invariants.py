@@ -14,7 +14,7 @@ from footsense.validation.tolerances import Rules
 from tests.support.can_frames import encode_force, encode_quality
 
 MS = 1_000_000
-RULES = Rules(legs=LEGS, period_s=0.024, max_age_s=0.09, gait_period_s=1.0, from_s=0.0)
+RULES = Rules(legs=LEGS, period_s=0.024, max_age_s=0.09, gait_period_s=1.0, from_s=0.0, frames_per_force=1)
 
 
 def watching(*script: Fault, rules: Rules = RULES) -> Invariants:
@@ -143,10 +143,10 @@ def test_a_day_has_every_way_of_walking() -> None:
     assert len({stretch.seed for stretch in stretches}) == len(stretches)
     assert sum(len(stretch.stands_s) for stretch in stretches) == 2
     assert sorted(stretch.kelvin for stretch in stretches if stretch.kelvin) == [-20.0, 20.0]
-    assert {(stretch.publish, stretch.rate_sps) for stretch in stretches} == {
-        ("frame", 400),
-        ("element", 400),
-        ("frame", 100),
+    assert {(stretch.publish_every, stretch.rate_sps) for stretch in stretches} == {
+        (4, 400),
+        (1, 400),
+        (4, 100),
     }
     assert sum(stretch.hours for stretch in day(0.3, 1)) == pytest.approx(0.3)
 

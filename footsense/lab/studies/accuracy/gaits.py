@@ -18,13 +18,14 @@ from footsense.frames import LEGS, Mask, Vector
 from footsense.lab.evaluation.evaluate_models import HELD_OUT_SEED
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.training.gait_readings import GaitReadings, Timing, joined, random_gaits, read_gait
+from footsense.lab.training.gait_windows import contact_of, windows_of
 from footsense.lab.training.load_cases import measured_closure_rel, paper_verification, random_loads
-from footsense.lab.training.train_windowed import contact_of, windows_of
 from footsense.ports import Load, Window
 from footsense.sim.loads.ground_load import ContactSource, Ramp
 from footsense.sim.loads.measured_walk import measured_walk
 from footsense.sim.loads.random_gait import Loads
-from footsense.sim.loads.walk import Walk, smooth_stance
+from footsense.sim.loads.smooth_stance import smooth_stance
+from footsense.sim.loads.walk import Walk
 
 #: Seed of the gaits that judge; training uses another.
 SEED = 990_001

@@ -11,7 +11,7 @@ from footsense.lab.fidelity.compare import Distance, distance, timed
 from footsense.lab.fidelity.drawing import error_against_time, pattern_tiles
 from footsense.lab.fidelity.forward import ForwardAgainstTable, forward_against_table
 from footsense.lab.fidelity.half_space import HalfSpace
-from footsense.lab.fidelity.levels import NAMES, Answer, fidelity_level, full, half_space
+from footsense.lab.fidelity.levels import LEVEL_NAMES, Answer, fidelity_level, full, half_space
 from footsense.lab.fidelity.loads import Loads, mirrored_loads, paper_loads
 from footsense.lab.studies.page import Figures, Study, StudyContext
 
@@ -123,7 +123,7 @@ def _against_full(context: StudyContext, answers: dict[str, Answer]) -> AgainstF
         Answer(answers[name].closure_um[:1], answers[name].capacitance_pf[:1]) for name in ("full", "contact")
     )
     return AgainstFull(
-        distances=_distances(context, {name: answers[name] for name in NAMES[:3]}, answers["full"]),
+        distances=_distances(context, {name: answers[name] for name in LEVEL_NAMES[:3]}, answers["full"]),
         mesh_rel=_distances(context, {"contact": contact}, reduced)["contact"].closure_rel,
         physics_rel=_distances(context, {"reduced": reduced}, first)["reduced"].closure_rel,
     )
@@ -133,12 +133,12 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Time and compare the models; the quick form leaves out the full solve."""
     ng.ngsglobals.msg_level = 0
     loads, foot_design = paper_loads(context.response), context.foot_design
-    cheap, seconds = _answers(context, NAMES[:3], loads)
+    cheap, seconds = _answers(context, LEVEL_NAMES[:3], loads)
     forward = _forward(context, loads)
-    apart = _distances(context, {name: cheap[name] for name in NAMES[:2]}, cheap["contact"])
+    apart = _distances(context, {name: cheap[name] for name in LEVEL_NAMES[:2]}, cheap["contact"])
     shown, finest, full, figures = apart, "contact", None, {}
     if not context.quick:
-        answers, taken = _answers(context, NAMES, mirrored_loads(FULL_CASES))
+        answers, taken = _answers(context, LEVEL_NAMES, mirrored_loads(FULL_CASES))
         full = _against_full(context, answers)
         shown, finest, seconds["full"] = full.distances, "full", taken["full"]
         unloaded_pf = context.response.design.unloaded_pf

@@ -11,7 +11,7 @@ import numpy as np
 from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.lab.fidelity.drawing import pattern_tiles
-from footsense.lab.fidelity.levels import NAMES, fidelity_level
+from footsense.lab.fidelity.levels import LEVEL_NAMES, fidelity_level
 from footsense.lab.studies.page import Figures, Study, StudyContext
 
 #: The load of Fig. 17: (theta1, theta2) [deg]. Its magnitude is not given; this is the one of the verification [gf].
@@ -35,7 +35,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Load the foot by three models."""
     normal = directions(*np.array(DIRECTION_DEG)[:, None])
     unloaded_pf, change_pf = context.response.design.unloaded_pf, {}
-    for name in NAMES[:3]:
+    for name in LEVEL_NAMES[:3]:
         level = fidelity_level(name, context.response, context.foot_design)
         answer = level(normal, MAGNITUDE_GF * GRAM_FORCE_N * normal)
         change_pf[name] = (answer.capacitance_pf[0] - unloaded_pf).reshape(3, 3)

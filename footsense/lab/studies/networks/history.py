@@ -18,7 +18,8 @@ from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.training.load_cases import measured_closure_rel, sensed_closure_um
 from footsense.lab.training.scan_network import HIDDEN, train_scans
 from footsense.sim.loads.measured_walk import measured_walk
-from footsense.sim.loads.walk import Walk, smooth_stance
+from footsense.sim.loads.smooth_stance import smooth_stance
+from footsense.sim.loads.walk import Walk
 
 #: A scan of nine conversions on the default board [s].
 PERIOD_S = 24.1e-3

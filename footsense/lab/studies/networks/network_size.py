@@ -1,4 +1,4 @@
-"""Study `network-size`: error and time of networks with more or fewer weights."""
+"""Study `network-size`: error and time of windowed networks with more or fewer weights."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -8,24 +8,33 @@ import numpy as np
 import onnxruntime
 from matplotlib.figure import Figure
 
+from footsense.estimation.faults.imputation import Imputation
+from footsense.estimation.rest import at_rest
 from footsense.foot.force_errors import Errors, errors
+from footsense.frames import ELEMENTS
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.export import onnx_model
-from footsense.lab.training.load_cases import Cases, measured_closure_rel, paper_verification, random_loads
-from footsense.lab.training.network import Weights
-from footsense.lab.training.train import Protocol, predict, train
+from footsense.lab.training.gait_readings import random_gaits
+from footsense.lab.training.gait_windows import windows_of
+from footsense.lab.training.load_cases import measured_closure_rel, random_loads
+from footsense.lab.training.train import moments
+from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
+from footsense.lab.training.windowed_network import predict
+from footsense.ports import Window
 
-#: Channels of each hidden layer, eight units each; the released network has 14.
-CHANNELS, QUICK_CHANNELS = (2, 4, 6, 8, 11, 14, 18, 24), (4, 8)
+#: Channels of each hidden layer, eight units each.
+CHANNELS, QUICK_CHANNELS = (4, 8, 14, 20, 28, 40), (4, 8)
 #: Steps of training, far fewer than the released network's, the same for every size.
-STEPS, QUICK_STEPS, BATCH = 4000, 1000, 256
-#: Random loads for training and for the test (a quarter as many), and their seeds.
-CASES, QUICK_CASES, TRAINING_SEED, TEST_SEED = 20_000, 2000, 11, 12
-#: The project's limit of the weights.
-WEIGHT_LIMIT = 2000
-#: Runs in one timing, and timings; the fastest counts, because other processes only add time.
-RUNS, TIMINGS = 200, 25
+STEPS, QUICK_STEPS = 4000, 500
+#: Random gaits and loads at rest for training, and for the test a quarter as many of another seed.
+GAITS, QUICK_GAITS, RESTS, QUICK_RESTS, TRAINING_SEED, TEST_SEED = 300, 20, 20_000, 2000, 11, 12
+#: Conversions of a gait, and true force from which the errors of gaits count [N].
+CONVERSIONS, LOADED_N = 1100, 0.1
+#: Legs in a call, runs in a timing, and timings; the fastest counts, because other processes only add time.
+LEGS, RUNS, TIMINGS = 6, 200, 25
+#: Kinds of test loads.
+_TESTS = {"gaits": "random gaits", "rest": "loads at rest"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,16 +44,16 @@ class Size:
     Attributes:
         channels: Channels of each hidden layer.
         weights: Number of weights.
-        run_us: One row through ONNX Runtime on one thread [us].
-        random: Errors on held-out random loads with noise.
-        paper: Errors on the paper's verification cases with noise.
+        run_us: Six legs through ONNX Runtime on one thread [us].
+        gaits: Errors on random gaits, as of sending.
+        rest: Errors on random loads at rest with noise.
     """
 
     channels: int
     weights: int
     run_us: float
-    random: Errors
-    paper: Errors
+    gaits: Errors
+    rest: Errors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,81 +62,102 @@ class Results:
 
     Attributes:
         steps: Training steps.
-        cases: Random loads for training.
-        from_n: Smallest force of the test loads [N].
+        batch: Windows in a step.
+        n_gaits: Random gaits for training.
+        n_rests: Loads at rest for training.
+        from_n: Smallest force of the test loads at rest [N].
         sizes: The networks, the smallest first.
     """
 
     steps: int
-    cases: int
+    batch: int
+    n_gaits: int
+    n_rests: int
     from_n: float
     sizes: list[Size]
 
 
 def run_us(models: list[bytes]) -> list[float]:
-    """Return the time of one row through each ONNX file on one thread [us], timed in turns, the fastest of each."""
+    """Return the time of six legs through each ONNX file on one thread [us], timed in turns, the fastest of each."""
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     timers = []
     for model in models:
         session = onnxruntime.InferenceSession(model, options, ["CPUExecutionProvider"])
-        row = dict.fromkeys(("closure_rel", "missing"), np.zeros((1, 9), np.float32))
-        timers.append(Timer(partial(session.run, None, row)))
+        legs = {one.name: np.zeros((LEGS, one.shape[1]), np.float32) for one in session.get_inputs()}
+        timers.append(Timer(partial(session.run, None, legs)))
     fastest = np.min([[timer.timeit(RUNS) for timer in timers] for _ in range(TIMINGS)], axis=0)
     return [1e6 * float(seconds) / RUNS for seconds in fastest]
-
-
-def train_sizes(context: StudyContext, channels: tuple[int, ...], cases: int, steps: int) -> list[Weights]:
-    """Return networks with so many channels each, trained in the same steps on the same random loads."""
-    training = random_loads(context.response, context.foot_design.loads, cases, TRAINING_SEED)
-    trained = []
-    for c in channels:
-        protocol = Protocol(channels=c, steps=steps, batch=BATCH)
-        trained.append(train(training, context.response.design, protocol))
-        context.say(f"network-size: {trained[-1].size} weights trained")
-    return trained
 
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Train, test and time a network of every size."""
     response, loads = context.response, context.foot_design.loads
-    quick = QUICK_CHANNELS, QUICK_STEPS, QUICK_CASES
-    channels, steps, n = quick if context.quick else (CHANNELS, STEPS, CASES)
-    drawn = random_loads(response, loads, n // 4, TEST_SEED)
-    counted = np.linalg.norm(drawn.force_n, axis=1) >= loads.min_judged_n
-    tests = Cases(drawn.force_n[counted], drawn.closure_um[counted]), paper_verification(response)
+    design = response.design
+    quick = QUICK_CHANNELS, QUICK_STEPS, QUICK_GAITS, QUICK_RESTS
+    channels, steps, n_gaits, n_rests = quick if context.quick else (CHANNELS, STEPS, GAITS, RESTS)
+    gaits, test_gaits = (
+        random_gaits(response, seed, n, CONVERSIONS, loads.max_n)
+        for seed, n in ((TRAINING_SEED, n_gaits), (TEST_SEED, n_gaits // 4))
+    )
+    rest, test_rest = (
+        random_loads(response, loads, n, seed)
+        for seed, n in ((TRAINING_SEED, n_rests), (TEST_SEED, n_rests // 4))
+    )
+    context.say(f"network-size: {n_gaits} gaits and {n_rests} loads at rest for training")
+    walked = windows_of(test_gaits)
+    loaded = np.linalg.norm(walked.force_n, axis=1) >= LOADED_N
+    none_missing = np.zeros((int(loaded.sum()), ELEMENTS), bool)
+    counted = np.linalg.norm(test_rest.force_n, axis=1) >= loads.min_judged_n
     rng = np.random.default_rng(TEST_SEED)
-    measured = [
-        (cases.force_n, measured_closure_rel(response.design, cases.closure_um, rng)) for cases in tests
-    ]
-    trained = train_sizes(context, channels, n, steps)
+    tests = {
+        "gaits": (
+            walked.force_n[loaded],
+            Window(walked.closure_rel[loaded], walked.age_s[loaded], none_missing),
+        ),
+        "rest": (
+            test_rest.force_n[counted],
+            at_rest(measured_closure_rel(design, test_rest.closure_um[counted], rng)),
+        ),
+    }
+    imputation = Imputation(moments(rest.with_symmetric_copies().closure_um / design.gap_um))
+    trained = []
+    for c in channels:
+        protocol = WindowProtocol(channels=c, steps=steps, min_force_n=loads.min_force_n)
+        trained.append(train_windowed(gaits, rest, design, protocol, imputation))
+        context.say(f"network-size: {trained[-1].size} weights trained")
     times_us = run_us([onnx_model(weights, {}).SerializeToString() for weights in trained])
     sizes = []
-    for c, weights, time_us in zip(channels, trained, times_us, strict=True):
-        random, paper = (
-            errors(force_n, predict(weights, closure_rel)[0]) for force_n, closure_rel in measured
-        )
-        sizes.append(Size(channels=c, weights=weights.size, run_us=time_us, random=random, paper=paper))
-    return Results(steps=steps, cases=n, from_n=loads.min_judged_n, sizes=sizes), {
-        "network-size.png": _figure(sizes)
-    }
+    for weights, time_us in zip(trained, times_us, strict=True):
+        judged = {
+            name: errors(force_n, predict(weights, window).force_n)
+            for name, (force_n, window) in tests.items()
+        }
+        sizes.append(Size(channels=weights.channels, weights=weights.size, run_us=time_us, **judged))
+    results = Results(
+        steps=steps,
+        batch=protocol.batch,
+        n_gaits=n_gaits,
+        n_rests=n_rests,
+        from_n=loads.min_judged_n,
+        sizes=sizes,
+    )
+    return results, {"network-size.png": _figure(sizes)}
 
 
 def _figure(sizes: list[Size]) -> Figure:
     """Draw the direction error over weights and over microseconds."""
     figure, axes = panels(2, 8.8, 4.0, sharey=True)
-    drawn = (("random", "C0", "random loads"), ("paper", "C3", "the paper's 180, centred"))
     for panel, quantity in zip(axes, ("weights", "run_us"), strict=True):
         x = [getattr(size, quantity) for size in sizes]
-        for name, colour, words in drawn:
+        for (name, words), colour in zip(_TESTS.items(), ("C0", "C3"), strict=True):
             rows = [getattr(size, name) for size in sizes]
             mean, p95 = [row.direction_deg for row in rows], [row.direction_p95_deg for row in rows]
             panel.loglog(x, mean, "o-", color=colour, label=f"{words}, mean")
             panel.loglog(x, p95, "^:", color=colour, label=f"{words}, p95", ms=4)
         panel.grid(alpha=0.3, which="both")
-    axes[0].axvline(WEIGHT_LIMIT, color="k", ls="--", lw=1, label=f"{WEIGHT_LIMIT} weights")
     axes[0].set(xlabel="weights", ylabel="direction error [deg]")
-    axes[1].set(xlabel="one row, one thread [us]")
+    axes[1].set(xlabel="six legs, one thread [us]")
     axes[0].legend(fontsize=7)
     return figure
 

@@ -95,11 +95,11 @@ def test_a_load_that_comes_slowly_in_the_air_is_contact(
 
 
 def test_a_load_as_slow_as_drift_is_followed_up_to_what_drift_explains() -> None:
-    """1 N in an hour cannot be told from drift, at 0.3 mN/s: half a threshold is absorbed, then it is TOO_FAST."""
+    """1 N in an hour cannot be told from drift, at 0.3 mN/s: half a threshold is absorbed, then: DRIFT_TOO_FAST."""
     feet = Standing(1).tared()
     for step in range(4000):
         feet.feed(step * 0.1 / 3600, passed_s=0.1)
-    assert feet.tracker.drift.status[0] == BaselineStatus.TOO_FAST
+    assert feet.tracker.drift.status[0] == BaselineStatus.DRIFT_TOO_FAST
     assert not feet.in_contact[0]
     assert feet.baseline_ff.mean() * MN_PER_FF < 1e3 * TOUCH_N / 2
 
@@ -134,7 +134,7 @@ def test_a_baseline_names_why_it_does_not_follow() -> None:
         feet.feed(np.array([0.0, 0.0, 0.5, 0.0]), drift_ff)
     assert feet.tracker.drift.status.tolist() == [
         BaselineStatus.NOT_QUIET,
-        BaselineStatus.TOO_FAST,
+        BaselineStatus.DRIFT_TOO_FAST,
         BaselineStatus.HELD,
         BaselineStatus.TRACKING,
     ]

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from footsense.estimation.baseline.drift import (
     DRIFT_PF2_PER_S,
-    FASTEST_PF_PER_S,
-    MARGIN_PF,
+    MAX_ANCHOR_DISTANCE_PF,
+    MAX_DRIFT_PF_PER_S,
     LegBaseline,
     baseline_sigma_pf,
 )
@@ -56,7 +56,9 @@ def test_no_reading_moves_it_faster_or_farther_than_it_may(
         else:
             foot.read(offset_ff, n, passed_ns)
         moved_pf = np.abs(foot.baseline.baseline_pf - UNLOADED_PF).max()
-        assert moved_pf <= 2 * MARGIN_PF + FASTEST_PF_PER_S * (foot.t_ns - start_ns) / S + 1e-12
+        assert (
+            moved_pf <= 2 * MAX_ANCHOR_DISTANCE_PF + MAX_DRIFT_PF_PER_S * (foot.t_ns - start_ns) / S + 1e-12
+        )
         assert moved_pf <= 0.03 * 5.4 + 1e-12
         assert 0.0 < foot.sigma_pf(foot.t_ns) < 1.0
 
@@ -112,10 +114,10 @@ def test_a_frame_counts_only_if_every_element_was_read_anew() -> None:
 
 
 def test_it_stops_where_a_tare_would_be_refused() -> None:
-    """TOO_FAR, element by element; the way back is open."""
+    """DRIFT_TOO_LARGE, element by element; the way back is open."""
     foot = Swinging(UNLOADED_PF * 1.0299)
     foot.read(5.4 * 0.05 * 1e3 * np.eye(9)[3] + 5.4 * 0.0299 * 1e3 * (1 - np.eye(9)[3]), 200)
-    assert foot.baseline.status is BaselineStatus.TOO_FAR
+    assert foot.baseline.status is BaselineStatus.DRIFT_TOO_LARGE
     assert foot.baseline.baseline_pf[3] <= 5.4 * 1.03
     foot.read(5.4 * 0.02 * 1e3, 60)
     assert foot.baseline.offset_pf[0] < -0.5e-3

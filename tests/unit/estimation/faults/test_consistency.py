@@ -13,6 +13,7 @@ from footsense.estimation.faults.consistency import (
     ConsistencyTest,
 )
 from footsense.estimation.faults.missing_sets import MISSING_SETS
+from footsense.estimation.reading_window import ReadingWindow
 
 SCAN_NS = 25_000_000
 SETTLED_NS = 4 * SCAN_NS
@@ -31,16 +32,16 @@ class Leg:
 
     def __init__(self) -> None:
         self.consistency = ConsistencyTest(1, MOMENTS, SETTLED_NS)
-        self.t_ns = 0
+        self.now_ns = 0
 
-    def test(self, closure_rel: NDArray[np.float64], *unread: int) -> ConsistencyResult:
-        """Test the next scan without some elements; excluded ones are measured, but not aligned."""
-        self.t_ns += SCAN_NS
-        measured_rel = closure_rel[None]
+    def test(
+        self, closure_rel: NDArray[np.float64], *unread: int, motion_rel: float = 0.0
+    ) -> ConsistencyResult:
+        """Test the next scan without some elements."""
+        self.now_ns += SCAN_NS
         missing = self.consistency.excluded.copy()
-        aligned_rel = np.where(missing, np.nan, measured_rel)
         missing[0, list(unread)] = True
-        return self.consistency.test(aligned_rel, measured_rel, missing, np.array([self.t_ns]))
+        return self.consistency.test(closure_rel[None], np.array([motion_rel]), missing, self.now_ns)
 
 
 def pressed(load: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> NDArray[np.float64]:
@@ -142,7 +143,7 @@ def test_a_gap_is_not_time_in_which_an_element_agreed() -> None:
         leg.test(stuck)
     for _ in range(200):
         leg.test(np.zeros(9))
-    leg.t_ns += 10_000_000_000
+    leg.now_ns += 10_000_000_000
     for _ in range((READMITTED_AFTER_NS - SETTLED_NS) // SCAN_NS):
         assert leg.test(pressed()).missing[0, 0]
     assert not leg.test(pressed()).missing[0, 0]
@@ -216,3 +217,63 @@ def test_a_leg_without_a_reading_is_not_tested_and_a_new_foot_is_trusted() -> No
     assert not result.missing.any()
     assert not result.inconsistency_rel.any()
     assert not (result.stuck | result.drifting).any()
+
+
+def test_what_motion_explains_is_no_fault() -> None:
+    """A residual up to the change between two readings takes no element out, and widens no sigma; one beyond does."""
+    closure_rel = pressed()
+    closure_rel[4] += 0.3
+    result = Leg().test(closure_rel, motion_rel=0.3)
+    assert not result.missing.any()
+    assert not result.inconsistency_rel.any()
+    assert np.flatnonzero(Leg().test(closure_rel, motion_rel=0.05).missing[0]).tolist() == [4]
+
+
+def test_motion_neither_clears_a_suspicion_nor_feeds_it() -> None:
+    """A stuck element that a quick load hides for a while is excluded after as long a suspicion as without it."""
+    leg, n_settled = Leg(), SETTLED_NS // SCAN_NS
+    stuck = pressed()
+    stuck[0] = 0.0
+    leg.test(stuck)
+    for _ in range(n_settled - 1):
+        assert not leg.test(stuck, motion_rel=0.5).missing.any()
+    assert not leg.consistency.excluded.any()
+    leg.test(stuck)
+    assert np.flatnonzero(leg.consistency.excluded[0]).tolist() == [0]
+
+
+def test_an_element_is_not_readmitted_for_what_motion_hides() -> None:
+    """Time in which only the motion makes it consistent does not count."""
+    leg = Leg()
+    stuck = pressed()
+    stuck[0] = 0.0
+    for _ in range(10):
+        leg.test(stuck)
+    for _ in range(200):
+        leg.test(np.zeros(9))
+    for _ in range(3 * READMITTED_AFTER_NS // SCAN_NS):
+        assert leg.test(stuck, motion_rel=0.5).missing[0, 0]
+
+
+@given(
+    st.sampled_from([(5, 0, 7, 6, 4, 2, 1, 8, 3), tuple(range(9))]),
+    st.floats(0.005, 1.0),
+    st.floats(0.05, 2.0),
+    st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)),
+)
+def test_a_sound_foot_in_motion_is_never_blamed(
+    order: tuple[int, ...], rise_s: float, size: float, tilt: tuple[float, float]
+) -> None:
+    """Nine elements read one after the other while a load comes, stays and goes: none is excluded, however fast."""
+    window, consistency = ReadingWindow(1, SCAN_NS), ConsistencyTest(1, MOMENTS, SETTLED_NS)
+    distance_rel, t_ns = np.ones((1, 9)), np.zeros((1, 9), np.int64)
+    none = np.zeros((1, 9), bool)
+    for n in range(round(9 * (2 * rise_s + 0.5) / (SCAN_NS * 1e-9))):
+        element, now_ns = order[n % 9], (n + 1) * SCAN_NS // 9
+        since_s = now_ns * 1e-9 - 0.1
+        share = np.clip(min(since_s, 2 * rise_s + 0.2 - since_s) / rise_s, 0.0, 1.0)
+        closure_rel = share * np.array([size, size * tilt[0], size * tilt[1]]) @ PATTERNS
+        distance_rel[0, element], t_ns[0, element] = 1.0 - closure_rel[element], now_ns
+        readings = window.add(distance_rel, t_ns)
+        consistency.test(1.0 - readings.distance_rel[:, 0], readings.motion_rel, none, now_ns)
+        assert not consistency.excluded.any()

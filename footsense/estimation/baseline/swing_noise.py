@@ -1,0 +1,76 @@
+"""Threshold of contact from the noise and the shake that a signal shows in swing.
+
+The peaks of short blocks of swing are kept, but for the blocks just before a touchdown, which may hold its rise, and
+for those from which the signal does not come back: shake passes, a load that comes slowly stays. The threshold is the
+mean peak and five of their standard deviations, or a little over the highest peak of the last minutes.
+"""
+
+import math
+from collections import deque
+
+#: Length of a block: about a scan [ns].
+_BLOCK_NS = 25_000_000
+#: Blocks that wait at least, as the rise of a slow touchdown is not noise, and in which shake has to come back.
+_WAITING, _LONGEST = 2, 12
+#: Share of the threshold below which the signal has come back [1].
+_BACK_REL = 1 / 3
+#: Blocks after which the measured threshold applies, and over which peaks are averaged.
+_LEAST, _AVERAGED = 20, 400.0
+#: Standard deviations of the peaks above their mean; the same at most, however high one peak was.
+_SIGMAS, _MOST_SIGMAS = 5.0, 9.0
+#: Highest peak: part that is forgotten in each block, and margin above it [1].
+_FORGOTTEN, _MARGIN = 0.0005, 1.2
+
+
+class SwingNoise:
+    """Peaks of one signal of one leg in swing.
+
+    Args:
+        threshold_n: Threshold until enough of the swing was seen [N].
+        least_n: Least threshold [N].
+
+    Attributes:
+        threshold_n: Load above the floor that is contact [N].
+        sigma_n: Half of the distance from nothing to the mean peak: about the noise of a reading [N].
+    """
+
+    def __init__(self, threshold_n: float, least_n: float) -> None:
+        self.threshold_n = threshold_n
+        self.sigma_n = threshold_n / _SIGMAS
+        self._least_n = least_n
+        self._n = 0
+        self._mean_n = self._variance_n2 = self._highest_n = 0.0
+        self.interrupt(0)
+
+    def interrupt(self, t_ns: int) -> None:
+        """Drop the blocks that wait: the foot touches, or swings again from `t_ns` [ns] on."""
+        self._waiting: deque[float] = deque(maxlen=_LONGEST)
+        self._peak_n, self._lowest_n = -math.inf, math.inf
+        self._end_ns = t_ns + _BLOCK_NS
+
+    def observe(self, above_n: float, t_ns: int) -> None:
+        """Add the signal of a foot in swing: load above the floor [N], and its time [ns]."""
+        self._peak_n, self._lowest_n = max(self._peak_n, above_n), min(self._lowest_n, above_n)
+        if t_ns < self._end_ns:
+            return
+        waiting = self._waiting
+        is_back = self._lowest_n < _BACK_REL * self.threshold_n
+        if self._peak_n > -math.inf:
+            waiting.append(max(self._peak_n, 0.0))
+        self._peak_n, self._lowest_n, self._end_ns = -math.inf, math.inf, t_ns + _BLOCK_NS
+        while is_back and len(waiting) > _WAITING:
+            self.learn(waiting.popleft())
+
+    def learn(self, peak_n: float) -> None:
+        """Add the peak [N] of a block of swing."""
+        self._n += 1
+        share = 1.0 / min(self._n, _AVERAGED)
+        off_n = peak_n - self._mean_n
+        self._mean_n += share * off_n
+        self._variance_n2 += share * (off_n * (peak_n - self._mean_n) - self._variance_n2)
+        self._highest_n = max(peak_n, (1.0 - _FORGOTTEN) * self._highest_n)
+        if self._n >= _LEAST:
+            spread_n = math.sqrt(max(self._variance_n2, 0.0))
+            highest_n = min(_MARGIN * self._highest_n, self._mean_n + _MOST_SIGMAS * spread_n)
+            self.threshold_n = max(self._mean_n + _SIGMAS * spread_n, highest_n, self._least_n)
+            self.sigma_n = max(self.threshold_n - self._mean_n, self._least_n) / _SIGMAS

@@ -1,0 +1,71 @@
+"""Windows of the last three readings of every element, of gaits that have been read."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.frames import ELEMENTS, Vector
+from footsense.lab.training.gait_readings import ORDERS, GaitReadings
+from footsense.lab.training.windowed_network import READINGS
+
+#: Conversions before the first window of a gait, and of a whole window.
+WARM_UP, WINDOW = 30, READINGS * ELEMENTS
+
+
+def age_table() -> NDArray[np.intp]:
+    """Return the conversions since each element was read, shape (orders, 9 of the last conversion, 9 elements)."""
+    place = np.argsort(ORDERS, axis=1)
+    phases = np.arange(ELEMENTS)
+    ages: NDArray[np.intp] = (phases[None, :, None] - place[:, None, :]) % ELEMENTS
+    return ages
+
+
+def contact_of(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
+    """Return contact point and friction ratio, shape (..., 4), and the normal force [N], shape (...), of loads."""
+    pressing_n = (force_n * normal).sum(axis=-1)
+    point = normal[..., :2] / (1.0 + normal[..., 2:])
+    safe_n = np.where(pressing_n > 0.0, pressing_n, 1.0)[..., None]
+    ratio = np.where(pressing_n[..., None] > 0.0, force_n / safe_n - normal, 0.0)[..., :2]
+    return np.concatenate([point, ratio], axis=-1), pressing_n
+
+
+def whole_windows(gaits: GaitReadings) -> NDArray[np.bool_]:
+    """Tell after which conversions the newest reading of every element is within its range, shape (m, n)."""
+    beyond = (~gaits.in_range).cumsum(axis=1)
+    whole = np.zeros(beyond.shape, bool)
+    whole[:, WARM_UP:] = beyond[:, WARM_UP:] == beyond[:, WARM_UP - ELEMENTS : -ELEMENTS]
+    return whole
+
+
+class GaitWindows(NamedTuple):
+    """All whole windows of some gaits, n of them.
+
+    Attributes:
+        gait: Row of the gait of each, shape (n,).
+        closure_rel: Closures over the gap, newest first [1], shape (n, 3, 9).
+        age_s: Ages of the readings at sending [s], same shape.
+        force_n: True force [N], shape (n, 3).
+        normal: True normal of the contact, shape (n, 3).
+    """
+
+    gait: NDArray[np.intp]
+    closure_rel: Vector
+    age_s: Vector
+    force_n: Vector
+    normal: Vector
+
+
+def windows_of(gaits: GaitReadings) -> GaitWindows:
+    """Return all whole windows, in the order of gaits and times."""
+    gait, time = np.nonzero(whole_windows(gaits))
+    oldest = ELEMENTS * np.arange(READINGS)[:, None]
+    since = age_table()[gaits.order[gait], time % ELEMENTS][:, None] + oldest
+    age_s = since * gaits.step_s[gait][:, None, None] + gaits.lead_s[gait, time][:, None, None]
+    return GaitWindows(
+        gait,
+        gaits.closure_rel[gait[:, None, None], time[:, None, None] - since].astype(np.float64),
+        age_s,
+        gaits.force_n[gait, time].astype(np.float64),
+        gaits.normal[gait, time].astype(np.float64),
+    )

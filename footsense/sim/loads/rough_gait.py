@@ -1,0 +1,169 @@
+"""Random stances on rough ground: friction from ice to rubber, slopes and stones, soft soil; the slid way is known.
+
+Normal force, roll and demanded friction are those of `random_gait`; here the ground answers. Stances on stones lean by
+up to 30 deg, and a part of the weight pulls downhill. On soft ground the leg's spring is softer and creeps more. In
+some stances the leg drags its foot: the body moves on while the ground no longer holds it. In swing the foot shakes.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from footsense.frames import Vector
+from footsense.sim.loads.random_gait import SWING_S, Loads, RandomStance
+from footsense.sim.loads.sliding_ground import STEP_S, SlidingGround
+from footsense.sim.loads.swing_shake import SwingShake
+
+#: Kinetic friction of the ground of a gait, and its spread between stances [1]; static over kinetic friction [1].
+_FRICTION, _FRICTION_SPREAD_REL, _STATIC_REL = (0.2, 0.6), 0.03, (1.0, 1.15)
+#: Spring along the ground [N/mm], and creep at the cone [mm/s], of hard and of soft ground; share of soft ground.
+_STIFFNESS, _CREEP, _SOFT_SHARE = ((0.4, 2.0), (0.1, 0.4)), (0.3, 2.0), 0.25
+#: Largest lean of stones and slopes [deg], and their share; largest lean of any contact [deg].
+_STONE_DEG, _STONE_SHARE, _LARGEST_DEG = 30.0, 0.5, 45.0
+#: Share of the stances in which the foot is dragged; way [mm], speed [mm/s] and time to reach it [s].
+_DRAGGED_SHARE, _DRAG_MM, _DRAG_MM_PER_S, _DRAG_EASE_S = 0.3, (5.0, 30.0), (20.0, 300.0), 0.02
+
+
+class Slides(NamedTuple):
+    """Truth of a foot on the ground at n times.
+
+    Attributes:
+        stance: Number of the stance, -1 in the air, shape (n,).
+        way_mm: Way slid since touchdown [mm], shape (n,).
+        friction: Coefficient of kinetic friction below the foot, NaN in the air, shape (n,).
+    """
+
+    stance: Vector
+    way_mm: Vector
+    friction: Vector
+
+
+class RoughStance:
+    """One stance on rough ground.
+
+    Args:
+        rng: Source of the draws.
+        max_n: Full load of the foot [N].
+        friction: Coefficient of kinetic friction.
+        is_soft: Whether the ground is soft.
+    """
+
+    def __init__(self, rng: np.random.Generator, max_n: float, friction: float, *, is_soft: bool) -> None:
+        stance = RandomStance(rng, max_n)
+        self.duration_s = stance.duration_s
+        self.friction = friction
+        ground = SlidingGround(
+            friction=friction,
+            static_rel=rng.uniform(*_STATIC_REL),
+            stiffness_n_per_mm=rng.uniform(*_STIFFNESS[is_soft]),
+            creep_mm_per_s=_CREEP[is_soft],
+        )
+        self._t_s = np.asarray(STEP_S * np.arange(round(self.duration_s / STEP_S) + 2), np.float64)
+        loads = stance.loads(self._t_s)
+        self._pressing_n = np.einsum("ij,ij->i", loads.normal, loads.force_n)
+        stone = rng.random() < _STONE_SHARE
+        lean = np.radians(_STONE_DEG) * np.sqrt(rng.random()) * stone
+        around = rng.uniform(0.0, 2.0 * np.pi)
+        self._normal = _limited(
+            loads.normal[:, :2] + np.sin(lean) * np.array([np.cos(around), np.sin(around)])
+        )
+        pressed = np.maximum(self._pressing_n, 1e-9)[:, None]
+        wanted = loads.force_n[:, :2] / pressed - loads.normal[:, :2]
+        downhill = rng.random() * stone * self._normal[:, :2] / self._normal[:, 2:]
+        demand_n = pressed * (np.where(pressed > 1e-6, wanted, 0.0) - downhill)
+        demand_n += ground.stiffness_n_per_mm * self._drag_mm(rng)
+        tangential_n, self._way_mm = ground.react(self._pressing_n, demand_n)
+        self._force_n = _pressed(self._normal, self._pressing_n, tangential_n)
+
+    def _drag_mm(self, rng: np.random.Generator) -> Vector:
+        """Return the way of the leg against the body, shape (n, 2)."""
+        if rng.random() >= _DRAGGED_SHARE:
+            return np.zeros((len(self._t_s), 2))
+        since_s = np.maximum(self._t_s - rng.uniform(0.05, 0.7) * self.duration_s, 0.0)
+        speed = float(np.exp(rng.uniform(*np.log(_DRAG_MM_PER_S))))
+        eased_s = np.where(
+            since_s < _DRAG_EASE_S, 0.5 * since_s**2 / _DRAG_EASE_S, since_s - 0.5 * _DRAG_EASE_S
+        )
+        way_mm = np.minimum(speed * eased_s, rng.uniform(*_DRAG_MM))
+        around = rng.uniform(0.0, 2.0 * np.pi)
+        return np.asarray(np.outer(way_mm, [np.cos(around), np.sin(around)]), np.float64)
+
+    def loads(self, t_s: Vector) -> Loads:
+        """Return the loads at n times since touchdown [s]."""
+        normal = _at(t_s, self._t_s, self._normal)
+        return Loads(
+            normal / np.linalg.norm(normal, axis=1, keepdims=True), _at(t_s, self._t_s, self._force_n)
+        )
+
+    def way_mm(self, t_s: Vector) -> Vector:
+        """Return the way slid at n times since touchdown [mm]."""
+        return np.asarray(np.interp(t_s, self._t_s, self._way_mm), np.float64)
+
+
+def _limited(across: Vector) -> Vector:
+    """Return unit normals of given components forward and to the left, their lean limited, shapes (n, 2), (n, 3)."""
+    size = np.linalg.norm(across, axis=1, keepdims=True)
+    across = across * np.minimum(1.0, np.sin(np.radians(_LARGEST_DEG)) / np.maximum(size, 1e-9))
+    return np.hstack([across, np.sqrt(1.0 - (across**2).sum(axis=1, keepdims=True))])
+
+
+def _pressed(normal: Vector, pressing_n: Vector, tangential_n: Vector) -> Vector:
+    """Return forces of a normal force and a tangential one, of the length given, in the direction of its shadow."""
+    along = -(normal[:, :2] * tangential_n).sum(axis=1, keepdims=True) / normal[:, 2:]
+    tangential = np.hstack([tangential_n, along])
+    wanted = np.linalg.norm(tangential_n, axis=1, keepdims=True)
+    tangential *= wanted / np.maximum(np.linalg.norm(tangential, axis=1, keepdims=True), 1e-12)
+    return np.asarray(pressing_n[:, None] * normal + tangential, np.float64)
+
+
+def _at(t_s: Vector, known_s: Vector, values: Vector) -> Vector:
+    """Return the rows of a table at n times, linearly between its times."""
+    return np.stack([np.interp(t_s, known_s, column) for column in values.T], axis=1)
+
+
+class RoughGait:
+    """Random stances of one foot on rough ground, one after the other, with shake in every swing.
+
+    Args:
+        rng: Source of the draws.
+        max_n: Full load of the foot [N].
+        duration_s: Time to fill with stances [s].
+    """
+
+    def __init__(self, rng: np.random.Generator, max_n: float, duration_s: float) -> None:
+        friction, is_soft = rng.uniform(*_FRICTION), bool(rng.random() < _SOFT_SHARE)
+        self._shake = SwingShake(rng, duration_s)
+        self.stances: list[tuple[float, RoughStance]] = []
+        start_s = rng.uniform(0.1, 0.25)
+        while start_s < duration_s:
+            own = friction * (1.0 + _FRICTION_SPREAD_REL * rng.normal())
+            stance = RoughStance(rng, max_n, own, is_soft=is_soft)
+            self.stances.append((start_s, stance))
+            start_s += stance.duration_s + rng.uniform(*SWING_S)
+        self._bounds_s = np.array(
+            [0.0, *(at for start, stance in self.stances for at in (start, start + stance.duration_s))]
+        )
+
+    def loads(self, t_s: Vector) -> Loads:
+        """Return the loads at n times [s]; in the air the normal is up and the force the shake of the swing."""
+        place = np.searchsorted(self._bounds_s, t_s, "right") - 1
+        first = self._bounds_s[place]
+        last = np.append(self._bounds_s, self._bounds_s[-1] + 1.0)[place + 1]
+        swing_rel = np.where(place % 2 == 0, (t_s - first) / (last - first), np.nan)
+        normal = np.tile([0.0, 0.0, 1.0], (len(t_s), 1))
+        force_n = self._shake.force_n(t_s, swing_rel)
+        for start_s, stance in self.stances:
+            on = (t_s >= start_s) & (t_s < start_s + stance.duration_s)
+            if on.any():
+                normal[on], force_n[on] = stance.loads(t_s[on] - start_s)
+        return Loads(normal, force_n)
+
+    def slides(self, t_s: Vector) -> Slides:
+        """Return stance, way slid and friction at n times [s]."""
+        number = np.full(len(t_s), -1.0)
+        way_mm, friction = np.zeros(len(t_s)), np.full(len(t_s), np.nan)
+        for k, (start_s, stance) in enumerate(self.stances):
+            on = (t_s >= start_s) & (t_s < start_s + stance.duration_s)
+            number[on], friction[on] = k, stance.friction
+            way_mm[on] = stance.way_mm(t_s[on] - start_s)
+        return Slides(number, way_mm, friction)

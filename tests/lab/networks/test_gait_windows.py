@@ -1,0 +1,49 @@
+"""Windows of gaits, as networks are judged on: the readings before the asked time, with their ages."""
+
+import numpy as np
+import pytest
+
+from footsense.lab.training.gait_readings import ORDERS, GaitReadings, elements_of
+from footsense.lab.training.gait_windows import windows_of
+
+pytestmark = pytest.mark.lab
+
+STEP_S, LEAD_S, N, BEYOND = 3e-3, 4e-3, 90, 50
+
+
+def numbered(order: int) -> GaitReadings:
+    """Return one gait whose readings and hundredths of newtons are the numbers of the conversions, one beyond range."""
+    numbers = np.arange(N)
+    force_n = np.zeros((1, N, 3), np.float32)
+    force_n[0, :, 2] = numbers / 100
+    return GaitReadings(
+        order=np.array([order]),
+        step_s=np.array([STEP_S]),
+        lead_s=np.full((1, N), LEAD_S),
+        closure_rel=numbers[None].astype(np.float32),
+        in_range=(numbers != BEYOND)[None],
+        force_n=force_n,
+        normal=np.tile(np.array([0.0, 0.0, 1.0], np.float32), (1, N, 1)),
+    )
+
+
+@pytest.mark.parametrize("order", range(len(ORDERS)))
+def test_a_window_holds_the_last_three_readings_of_every_element(order: int) -> None:
+    """The newest first, each as old as the conversions since; the force is that of the asked time."""
+    window = windows_of(numbered(order))
+    now = window.closure_rel.max(axis=(1, 2))
+    np.testing.assert_allclose(window.force_n[:, 2], now / 100, rtol=1e-6)
+    np.testing.assert_allclose(
+        window.age_s, (now[:, None, None] - window.closure_rel) * STEP_S + LEAD_S, rtol=1e-6
+    )
+    assert (np.diff(window.closure_rel, axis=1) == -9.0).all()
+    numbers = window.closure_rel.astype(int)
+    np.testing.assert_array_equal(
+        elements_of(order, N)[numbers], np.broadcast_to(np.arange(9), numbers.shape)
+    )
+
+
+def test_only_whole_windows_count() -> None:
+    """None with a newest reading beyond the range, and none of the first scans."""
+    now = windows_of(numbered(0)).closure_rel.max(axis=(1, 2))
+    np.testing.assert_array_equal(now, [*range(30, BEYOND), *range(BEYOND + 9, N)])

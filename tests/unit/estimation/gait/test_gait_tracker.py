@@ -1,0 +1,172 @@
+"""Gait semantics: what is said of feet that touch, carry, lean and lift; no event twice, NaN where there is nothing."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+
+from footsense.estimation.baseline.contact import ContactDetector, ContactLimits
+from footsense.estimation.gait.frame import EventKind, GaitEvent, GaitFrame, Slip
+from footsense.estimation.gait.tracker import GaitTracker
+from footsense.frames import Vector
+from footsense.ports import Load
+
+LEGS = 6
+STEP_NS = 2_716_700
+SIGMA = 0.02
+
+
+class Robot:
+    """Feet whose normal forces are given; all contacts lean by one angle, with one friction ratio."""
+
+    def __init__(self) -> None:
+        self.tracker = GaitTracker(LEGS)
+        self.contacts = [ContactDetector(ContactLimits(threshold_n=0.03)) for _ in range(LEGS)]
+        self.now_ns = 1_000_000_000
+        for contact in self.contacts:
+            contact.reset(self.now_ns)
+        self.events: list[GaitEvent] = []
+        self.lean_rad, self.ratio = 0.0, 0.0
+
+    def step(self, load_n: Vector, n: int = 1) -> GaitFrame:
+        """Return the last frame of n conversions of normal forces [N], shape (legs,), NaN where not known."""
+        normal = np.array([math.sin(self.lean_rad), 0.0, math.cos(self.lean_rad)])
+        across = np.array([math.cos(self.lean_rad), 0.0, -math.sin(self.lean_rad)])
+        force_n = load_n[:, None] * (normal + self.ratio * across)
+        point = normal[0] / (1.0 + normal[2])
+        row = [point, 0.0, self.ratio * across[0], 0.0]
+        for _ in range(n):
+            self.now_ns += STEP_NS
+            load = Load(force_n, np.full((LEGS, 3), 1e-3), np.tile(row, (LEGS, 1)), np.full((LEGS, 4), SIGMA))
+            for contact, leg_n in zip(self.contacts, force_n[:, 2].tolist(), strict=True):
+                contact.observe(leg_n, 0.001, self.now_ns, self.now_ns, leg_n)
+            frame = self.tracker.observe(load, self.contacts, self.now_ns)
+            self.events += frame.events
+        return frame
+
+
+def test_feet_in_the_air_say_so_and_nothing_else() -> None:
+    """No contact, no normal, no friction, no share of a load that nobody carries."""
+    frame = Robot().step(np.zeros(LEGS), 100)
+    assert frame.all_in_air
+    assert not frame.contact.any()
+    assert not frame.contact_raw.any()
+    assert not frame.events
+    assert (frame.probability < 1e-3).all()
+    assert (frame.touchdown_ns == 0).all()
+    assert (frame.slip == Slip.UNKNOWN).all()
+    for nothing in (frame.normal, frame.friction_use, frame.load_share, frame.touchdown_sigma_s):
+        assert np.isnan(nothing).all()
+
+
+def test_a_stance_is_told_with_its_ground() -> None:
+    """Normal and friction use of a foot that leans by 20 deg; shares of the load; one touchdown for each."""
+    robot = Robot()
+    robot.step(np.zeros(LEGS), 100)
+    robot.lean_rad, robot.ratio = math.radians(20.0), 0.3
+    frame = robot.step(np.array([1.0, 0.5, 0.5, 0.0, 0.0, 0.0]), 30)
+    assert frame.contact.tolist() == [True] * 3 + [False] * 3
+    assert not frame.all_in_air
+    assert frame.load_share.tolist() == pytest.approx([0.5, 0.25, 0.25, 0.0, 0.0, 0.0])
+    assert frame.normal[0].tolist() == pytest.approx(
+        [math.sin(robot.lean_rad), 0.0, math.cos(robot.lean_rad)]
+    )
+    assert frame.friction_use[:3].tolist() == pytest.approx([0.3] * 3)
+    assert 0.0 < frame.normal_sigma_rad[0] < 0.1
+    assert np.isnan(frame.normal[3:]).all()
+    assert [(event.kind, event.leg) for event in robot.events] == [
+        (EventKind.TOUCHDOWN, leg) for leg in range(3)
+    ]
+
+
+def test_times_are_back_dated_along_the_flanks() -> None:
+    """A rise and a fall of 40 ms: each time is within three of its sigma, and before it was said."""
+    robot = Robot()
+    robot.step(np.zeros(LEGS), 100)
+    begun_ns = robot.now_ns
+    for k in range(1, 16):
+        robot.step(np.full(LEGS, 0.06 * k))
+    robot.step(np.full(LEGS, 0.9), 50)
+    for k in range(15, 0, -1):
+        robot.step(np.full(LEGS, 0.06 * k))
+    ended_ns = robot.now_ns
+    frame = robot.step(np.zeros(LEGS), 40)
+    # Loads that are known at once are dated back too far, by the usual lag of the readings.
+    for t_ns, sigma_s, true_ns in (
+        (frame.touchdown_ns, frame.touchdown_sigma_s, begun_ns),
+        (frame.lift_off_ns, frame.lift_off_sigma_s, ended_ns),
+    ):
+        assert abs(t_ns[0] - true_ns) < 3e9 * sigma_s[0] + 5e6
+        assert sigma_s[0] < 0.02
+    assert len(robot.events) == 2 * LEGS
+
+
+def test_a_force_that_is_not_known_is_no_event() -> None:
+    """A leg that falls silent in stance loses its contact without a lift-off, and regains it by a touchdown."""
+    robot = Robot()
+    robot.step(np.zeros(LEGS), 100)
+    loads_n = np.full(LEGS, 1.0)
+    robot.step(loads_n, 20)
+    robot.events.clear()
+    loads_n[2] = np.nan
+    frame = robot.step(loads_n, 200)
+    assert not robot.events
+    assert not frame.contact[2]
+    assert np.isnan(frame.probability[2])
+    assert np.isnan(frame.load_share[2])
+    assert not frame.all_in_air
+    robot.step(np.full(LEGS, 1.0), 20)
+    assert [(event.kind, event.leg) for event in robot.events] == [(EventKind.TOUCHDOWN, 2)]
+
+
+class AnyGait(RuleBasedStateMachine):
+    """Loads of any kind, silences included."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.robot = Robot()
+        self.frame = self.robot.step(np.zeros(LEGS))
+
+    @rule(
+        leg=st.integers(0, LEGS - 1),
+        load_n=st.sampled_from([0.0, 0.01, 0.02, 0.04, 0.3, 2.0, -0.1, math.nan]),
+        n=st.integers(1, 25),
+        ratio=st.floats(0.0, 0.6),
+    )
+    def carry(self, leg: int, load_n: float, n: int, ratio: float) -> None:
+        """Load one leg, the others not at all."""
+        self.robot.ratio = ratio
+        self.frame = self.robot.step(np.where(np.arange(LEGS) == leg, load_n, 0.0), n)
+
+    @invariant()
+    def events_alternate_in_time(self) -> None:
+        """No touchdown within contact, no lift-off without one, and each later than the one before."""
+        for leg in range(LEGS):
+            own = [event for event in self.robot.events if event.leg == leg and event.kind != EventKind.SLIP]
+            lifts = [event for event in own if event.kind == EventKind.LIFT_OFF]
+            for before, event in itertools.pairwise(own):
+                assert event.t_ns > before.t_ns
+                assert (before.kind, event.kind) != (EventKind.LIFT_OFF, EventKind.LIFT_OFF)
+            assert len(lifts) <= len(own) - len(lifts)
+
+    @invariant()
+    def values_are_possible(self) -> None:
+        """Probabilities and shares are in [0, 1]; normals are units; nothing is known of a foot in the air."""
+        frame = self.frame
+        for share in (frame.probability, frame.load_share):
+            known = share[np.isfinite(share)]
+            assert ((known >= 0.0) & (known <= 1.0)).all()
+        if np.isfinite(frame.load_share).any():
+            assert np.nansum(frame.load_share) == pytest.approx(1.0)
+        length = np.linalg.norm(frame.normal, axis=1)
+        assert np.allclose(length[np.isfinite(length)], 1.0)
+        assert np.isnan(frame.friction_use[~frame.contact]).all()
+        assert not (frame.all_in_air and frame.contact.any())
+
+
+TestAnyGait = AnyGait.TestCase
+TestAnyGait.settings = settings(max_examples=15, stateful_step_count=12, deadline=None)

@@ -1,0 +1,217 @@
+"""The last three readings of every element: in their order, with their times, and nothing from before a gap."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from footsense.estimation.reading_window import Readings, ReadingWindow
+from footsense.frames import ELEMENTS, Stamps, Vector
+
+SCAN_NS = 25_000_000
+STEP_NS = SCAN_NS // ELEMENTS
+#: A gap that is no pause of the readings yet, and one that is.
+SHORT_NS, LONG_NS = round(1.75 * SCAN_NS), round(1.75 * SCAN_NS) + 1
+
+
+class Leg:
+    """One leg whose readings go into a window."""
+
+    def __init__(self) -> None:
+        self._window = ReadingWindow(1, SCAN_NS)
+        self.t_ns = np.zeros((1, ELEMENTS), np.int64)
+        self.distance_rel = np.full((1, ELEMENTS), np.nan)
+
+    def read(self, distance_rel: Vector | float, t_ns: Stamps | int, *elements: int) -> Readings:
+        """Read some elements anew, all without any named, and return the window."""
+        read = np.isin(np.arange(ELEMENTS), elements or range(ELEMENTS))
+        self.distance_rel = np.where(read, distance_rel, self.distance_rel)
+        self.t_ns = np.where(read, t_ns, self.t_ns)
+        return self._window.add(self.distance_rel, self.t_ns)
+
+    def scans(self, n: int = 3, start_ns: int = SCAN_NS) -> Readings:
+        """Read n whole scans whose distances are their numbers, and return the last window."""
+        for number in range(n):
+            readings = self.read(number, start_ns + number * SCAN_NS)
+        return readings
+
+    def discard(self, *elements: int) -> None:
+        self._window.discard(np.isin(np.arange(ELEMENTS), elements)[None])
+
+
+def times_ns(readings: Readings) -> tuple[int, int]:
+    """Return the newest and the oldest time of one leg."""
+    return int(readings.newest_ns[0]), int(readings.oldest_ns[0])
+
+
+def test_three_scans_are_a_window() -> None:
+    """The newest first, each with its own stamp."""
+    readings = Leg().scans(5)
+    np.testing.assert_array_equal(readings.distance_rel[0], np.repeat([[4.0], [3.0], [2.0]], 9, axis=1))
+    np.testing.assert_array_equal(readings.t_ns[0], np.repeat([[5], [4], [3]], 9, axis=1) * SCAN_NS)
+    assert readings.whole.all()
+    assert times_ns(readings) == (5 * SCAN_NS, 5 * SCAN_NS)
+
+
+def test_a_reading_of_one_element_moves_no_other() -> None:
+    """Conversion by conversion, each element has three readings a scan apart."""
+    leg = Leg()
+    for n in range(31):
+        readings = leg.read(float(n), (n + 1) * STEP_NS, n % ELEMENTS)
+    ages = (30 - np.arange(ELEMENTS)) % ELEMENTS + ELEMENTS * np.arange(3)[:, None]
+    np.testing.assert_array_equal(readings.distance_rel[0], 30.0 - ages)
+    np.testing.assert_array_equal(readings.t_ns[0], (31 - ages) * STEP_NS)
+    assert readings.whole.all()
+    assert times_ns(readings) == (31 * STEP_NS, 23 * STEP_NS)
+
+
+def test_an_element_is_whole_with_its_second_reading() -> None:
+    """One reading says nothing of motion. The second reading stands for a third, as far back as the two are apart."""
+    leg = Leg()
+    assert not leg.read(5.0, SCAN_NS).whole.any()
+    readings = leg.read(7.0, SCAN_NS + 20_000_000)
+    assert readings.whole.all()
+    np.testing.assert_array_equal(readings.distance_rel[0, :, 0], [7.0, 5.0, 5.0])
+    np.testing.assert_array_equal(readings.t_ns[0, :, 0] - SCAN_NS, [20_000_000, 0, -20_000_000])
+    assert leg.read(8.0, 3 * SCAN_NS).distance_rel[0, :, 0].tolist() == [8.0, 7.0, 5.0]
+
+
+@pytest.mark.parametrize(("gap_ns", "whole"), [(SHORT_NS, True), (LONG_NS, False), (0, True), (-1, False)])
+def test_readings_on_both_sides_of_a_stall_make_no_window(gap_ns: int, *, whole: bool) -> None:
+    """A late scan is in order, a pause is not, nor a stamp that jumps back; the same stamp is the same reading."""
+    leg = Leg()
+    leg.scans()
+    assert (leg.read(9.0, 3 * SCAN_NS + gap_ns).whole == whole).all()
+    after = leg.read(10.0, 4 * SCAN_NS + gap_ns)
+    assert after.whole.all()
+    assert (
+        after.distance_rel[0, :, 0].tolist() == [10.0, 9.0, 9.0 if gap_ns in (LONG_NS, -1) else 2.0]
+        or not gap_ns
+    )
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
+def test_a_reading_that_is_no_number_takes_its_element_out_for_one_more(number: float) -> None:
+    """Only its own element, until it has been read twice again."""
+    leg = Leg()
+    leg.scans()
+    whole = []
+    for n in range(4):
+        distance_rel = np.full(ELEMENTS, 3.0)
+        distance_rel[4] = number if n == 0 else 3.0
+        readings = leg.read(distance_rel, (4 + n) * SCAN_NS)
+        assert np.delete(readings.whole[0], 4).all()
+        whole.append(bool(readings.whole[0, 4]))
+    assert whole == [False, False, True, True]
+
+
+def test_a_discarded_reading_is_in_no_later_window() -> None:
+    """A wrong reading would be a step of the load twice, there and back."""
+    leg = Leg()
+    leg.scans()
+    leg.read(np.where(np.arange(ELEMENTS) == 4, 99.0, 3.0), 4 * SCAN_NS)
+    leg.discard(4)
+    # Conversion by conversion it comes again with every frame until its element has been read anew.
+    leg.read(3.0, 4 * SCAN_NS + STEP_NS, 5)
+    leg.discard(4)
+    assert np.flatnonzero(~leg.read(3.0, 5 * SCAN_NS).whole[0]).tolist() == [4]
+    readings = leg.read(3.0, 6 * SCAN_NS)
+    assert readings.whole.all()
+    assert readings.distance_rel[0, :, 4].tolist() == [3.0, 3.0, 3.0]
+    assert readings.motion_rel == 0.0
+
+
+def test_a_frame_of_the_same_stamps_corrects_the_newest_readings() -> None:
+    """A fault that shows later changes what the newest readings are worth, not how many there are."""
+    leg = Leg()
+    leg.scans()
+    readings = leg.read(7.0, 3 * SCAN_NS)
+    assert readings.distance_rel[0, :, 0].tolist() == [7.0, 1.0, 0.0]
+
+
+def test_motion_is_that_of_the_second_fastest_element() -> None:
+    """One element alone is no motion, a pair is; what changed before a pause says nothing."""
+    leg = Leg()
+    for t_ns in (SCAN_NS, 2 * SCAN_NS):
+        leg.read(0.0, t_ns)
+    steps = np.zeros(ELEMENTS)
+    steps[3] = -5.0
+    assert leg.read(steps, 3 * SCAN_NS).motion_rel == 0.0
+    steps[[3, 7]] += 0.5
+    assert leg.read(steps, 4 * SCAN_NS).motion_rel == 0.5
+    assert leg.read(steps, 5 * SCAN_NS).motion_rel == 0.5
+    assert leg.read(steps, 6 * SCAN_NS).motion_rel == 0.0
+    assert leg.read(steps + 1.0, 6 * SCAN_NS + LONG_NS).motion_rel == 0.0
+
+
+def test_an_element_without_order_does_not_age_the_leg() -> None:
+    """The age of the readings is that of those that are used."""
+    leg = Leg()
+    leg.scans()
+    stamps = np.full(ELEMENTS, 4 * SCAN_NS)
+    stamps[2] = 0
+    readings = leg.read(3.0, stamps)
+    assert times_ns(readings) == (4 * SCAN_NS, 4 * SCAN_NS)
+    silent = leg.read(np.nan, 0)
+    assert silent.newest_ns.tolist() == [0]
+    assert not silent.whole.any()
+
+
+def test_legs_do_not_mix() -> None:
+    """Each row has its own readings."""
+    window = ReadingWindow(2, SCAN_NS)
+    for n in range(3):
+        t_ns = np.repeat([[n + 1], [0]], ELEMENTS, axis=1) * SCAN_NS
+        readings = window.add(np.where(t_ns > 0, float(n), np.nan), t_ns)
+    assert readings.whole.all(axis=1).tolist() == [True, False]
+    np.testing.assert_array_equal(readings.distance_rel[0], np.repeat([[2.0], [1.0], [0.0]], 9, axis=1))
+    assert np.isnan(readings.distance_rel[1]).all()
+
+
+#: Time since the last frame over a scan, the elements that are read, and whether each gives a number.
+frames = st.lists(
+    st.tuples(
+        st.sampled_from([0.0, 0.11, 1.0, 1.5, 3.0, -2.0, 1e9]),
+        st.sets(st.integers(0, 8)),
+        st.sets(st.integers(0, 8)),
+    ),
+    max_size=12,
+)
+
+
+@given(frames)
+def test_a_window_is_the_last_readings_whatever_comes(
+    told: list[tuple[float, set[int], set[int]]],
+) -> None:
+    """Against lists: an element is whole if its last two readings are numbers and at most 1.75 scans apart."""
+    window, t_now_ns = ReadingWindow(1, SCAN_NS), 10 * SCAN_NS
+    distance_rel, t_ns = np.full((1, ELEMENTS), np.nan), np.zeros((1, ELEMENTS), np.int64)
+    lists: list[list[tuple[float, int]]] = [[(np.nan, 0)] * 3 for _ in range(ELEMENTS)]
+    for number, (scans, read, holed) in enumerate(told):
+        t_now_ns += round(scans * SCAN_NS)
+        for element in read:
+            value = np.nan if element in holed else float(number + element)
+            distance_rel[0, element] = value
+            if t_ns[0, element] == t_now_ns:
+                lists[element][-1] = (value, t_now_ns)
+            else:
+                t_ns[0, element] = t_now_ns
+                lists[element].append((value, t_now_ns))
+        readings = window.add(distance_rel, t_ns)
+        for element, kept in enumerate(lists):
+            (third, third_ns), (second, second_ns), (first, first_ns) = kept[-3:]
+            follows = [
+                0 < later - earlier <= SHORT_NS and bool(np.isfinite(value - before))
+                for later, earlier, value, before in (
+                    (first_ns, second_ns, first, second),
+                    (second_ns, third_ns, second, third),
+                )
+            ]
+            assert readings.whole[0, element] == follows[0]
+            if not follows[1]:
+                third, third_ns = second, 2 * second_ns - first_ns
+            if follows[0]:
+                assert readings.distance_rel[0, :, element].tolist() == [first, second, third]
+                assert readings.t_ns[0, :, element].tolist() == [first_ns, second_ns, third_ns]
+        assert np.isfinite(readings.motion_rel).all()
+        assert (readings.motion_rel >= 0.0).all()
