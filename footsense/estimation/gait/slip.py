@@ -17,7 +17,7 @@ from footsense.estimation.gait.ground import Ground
 
 #: Conversions of a plateau, and of the rise before it.
 _PLATEAU, _RISE = 7, 8
-#: Tolerance of a ratio in standard deviations, its least [1], and those up to which a ratio tells of a slip, and teaches.
+#: Tolerance of a ratio in standard deviations, its least [1], and those up to which it tells of a slip, and teaches.
 _SIGMAS, _LEAST, _TELLING, _TEACHING = 1.5, 0.02, 0.06, 0.045
 #: Rise of a kink in tolerances.
 _RISE_TOLERANCES = 2.0
