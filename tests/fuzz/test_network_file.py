@@ -18,6 +18,7 @@ from footsense.estimation.network import Network
 from footsense.foot.files.checksum_trailer import add_checksum
 from footsense.foot.files.network_card import read_card
 from tests.fuzz.outcome import TRIED, refusal
+from tests.support.networks import ALL_IN, ALL_OUT
 
 WHOLE = released_path("network.onnx").read_bytes()
 CARD = json.loads(
@@ -90,11 +91,13 @@ def network(tmp_path: Path, *nodes: Any, **constants: Any) -> Path:
     graph = helper.make_graph(
         list(nodes),
         "n",
-        [
-            helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 9])
-            for name in ("closure_rel", "missing")
-        ],
-        [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 3]) for name in ("force_n", "sigma_n")],
+        *(
+            [
+                helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", width])
+                for name, width, _ in values
+            ]
+            for values in (ALL_IN, ALL_OUT)
+        ),
         [
             helper.make_tensor(name, TensorProto.INT64, np.shape(value), np.ravel(value))
             for name, value in constants.items()
@@ -109,20 +112,23 @@ def network(tmp_path: Path, *nodes: Any, **constants: Any) -> Path:
 
 def test_a_network_that_asks_for_too_much(tmp_path: Path) -> None:
     """Room for 10^18 numbers, a shape of negative size, and outputs of another size than declared."""
-    half = helper.make_node("Slice", ["missing", "zero", "three", "one"], ["sigma_n"])
-    three = {"zero": [0], "three": [3], "one": [1]}
+    half = [
+        helper.make_node("Slice", ["age_s", "zero", end, "one"], [name])
+        for name, end in (("sigma_n", "three"), ("contact", "four"), ("contact_sigma", "four"))
+    ]
+    three = {"zero": [0], "three": [3], "four": [4], "one": [1]}
     files = []
     for size in ([10**9, 10**9], [1 << 62, 4], [-5, 3], [100_000, 10_000]):
         room = helper.make_node("ConstantOfShape", ["size"], ["room"])
         total = helper.make_node("ReduceSum", ["room"], ["sum"], keepdims=0)
         part = helper.make_node("Slice", ["closure_rel", "zero", "three", "one"], ["part"])
         add = helper.make_node("Add", ["part", "sum"], ["force_n"])
-        files.append(network(tmp_path, room, total, part, add, half, size=size, **three))
+        files.append(network(tmp_path, room, total, part, add, *half, size=size, **three))
     files.append(
         network(
             tmp_path,
             helper.make_node("ConstantOfShape", ["size"], ["force_n"]),
-            half,
+            *half,
             size=[7, 3],
             **three,
         )

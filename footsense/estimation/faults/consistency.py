@@ -35,6 +35,8 @@ MOVED_REL = 0.08
 READMITTED_AFTER_NS = 300_000_000
 #: Rate at which it loses that time while it is inconsistent [1].
 LOSS_RATE = 4
+#: Time for which residuals have to have the same cause before it is acted on, over the time of a step [1].
+HOLD_REL = 0.25
 #: An element that moves less than this share of what the others predict is stuck [1].
 STUCK_REL = 0.3
 
@@ -49,6 +51,7 @@ class ConsistencyResult(NamedTuple):
     Attributes:
         missing: Elements that the network does without, shape (legs, 9): missing before, or isolated.
         inconsistency_rel: Sigma to add, over the force, for residuals without an excluded element, shape (legs,) [1].
+        unexplained: Legs with residuals that neither motion nor a missing element explains, shape (legs,).
         stuck: Excluded elements that do not follow the load, shape (legs, 9).
         drifting: Excluded elements that follow it with an offset, shape (legs, 9).
         ok: Whether every element is consistent, and none is missing, suspected or excluded.
@@ -56,6 +59,7 @@ class ConsistencyResult(NamedTuple):
 
     missing: Mask
     inconsistency_rel: Vector
+    unexplained: Mask
     stuck: Mask
     drifting: Mask
     ok: bool
@@ -79,8 +83,11 @@ class ConsistencyTest:
         self._residual_matrices = np.stack([self._residual_matrix(missing) for missing in MISSING_SETS])
         self._whole = np.ascontiguousarray(self._residual_matrices[0].T)
         self._residual_and_closure = np.hstack([self._whole, np.eye(ELEMENTS)])
-        self._no_inconsistency = np.zeros(n_legs)
+        self._no_inconsistency, self._no_leg = np.zeros(n_legs), np.zeros(n_legs, bool)
+        self._unexplained = self._no_leg
         self._all_trusted = True  # no element is suspected or excluded
+        self._hold_ns = round(HOLD_REL * settled_ns)
+        self._inconsistent = np.zeros(n_legs, bool)
         self._suspected = np.zeros(shape, bool)
         self._suspected_since_ns = np.zeros(n_legs, np.int64)
         self._excluded = np.zeros(shape, bool)
@@ -132,9 +139,10 @@ class ConsistencyTest:
             and not np.count_nonzero(missing)
         ):
             self._t_ns = now_ns
-            return ConsistencyResult(missing, self._no_inconsistency, missing, missing, ok=True)
+            return ConsistencyResult(missing, self._no_inconsistency, self._no_leg, missing, missing, ok=True)
         suspicious = ~consistent.all(axis=1) | missing.any(axis=1) | self._suspected.any(axis=1)
         inconsistency_rel = np.zeros(len(closure_rel))
+        self._unexplained = np.zeros(len(closure_rel), bool)
         if suspicious.any():
             missing = missing.copy()
             for leg in np.flatnonzero(suspicious).tolist():
@@ -146,7 +154,12 @@ class ConsistencyTest:
         if self._excluded.any():
             self._stuck |= self._excluded & self._is_stuck()
         return ConsistencyResult(
-            missing, inconsistency_rel, self._stuck.copy(), self._excluded & ~self._stuck, ok=False
+            missing,
+            inconsistency_rel,
+            self._unexplained,
+            self._stuck.copy(),
+            self._excluded & ~self._stuck,
+            ok=False,
         )
 
     def _test_leg(
@@ -162,19 +175,23 @@ class ConsistencyTest:
         if excess <= 1.0:
             # What motion could explain neither clears a suspicion nor feeds it.
             if self._excess(closure_rel, missing) <= 1.0:
-                self._suspected[leg] = False
+                self._suspected[leg] = self._inconsistent[leg] = False
             return 0.0
         isolated = self._isolate(closure_rel, missing, motion_rel)
         suspected = isolated & ~missing
-        if not np.array_equal(suspected, self._suspected[leg]):
+        if not self._inconsistent[leg] or not np.array_equal(suspected, self._suspected[leg]):
+            self._inconsistent[leg] = True
             self._suspected[leg], self._suspected_since_ns[leg] = suspected, now_ns
             self._extremes[:, 0, leg], self._extremes[:, 1, leg] = np.inf, -np.inf
         rms = float(np.sqrt(np.square(closure_rel[~missing]).mean()))
         inconsistency_rel = float(
             INCONSISTENCY_REL * excess * _limit(rms, motion_rel) / max(rms, RESIDUAL_LIMIT)
         )
+        if now_ns - self._suspected_since_ns[leg] < self._hold_ns:
+            return inconsistency_rel
         missing |= isolated
         if not suspected.any():
+            self._unexplained[leg] = True
             return inconsistency_rel
         self._widen_ranges(leg, closure_rel, missing)
         if now_ns - self._suspected_since_ns[leg] < self._settled_ns:

@@ -196,7 +196,7 @@ class LegClassifier:
         kept = ~consistency.missing
         closed = measured_rel > self._gap_closed_rel
         state = self._valid.copy()
-        state[~kept.all(axis=1) | (consistency.inconsistency_rel > 0.0)] = State.DEGRADED
+        state[~kept.all(axis=1) | consistency.unexplained] = State.DEGRADED
         state[(out_of_range & kept).any(axis=1)] = State.OUT_OF_RANGE
         state[(now_ns - readings.oldest_ns > self._max_age_ns) | lost] = State.STALE
         for leg, untared_state in untared_legs.items():

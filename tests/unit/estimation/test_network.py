@@ -3,65 +3,25 @@
 from pathlib import Path
 
 import numpy as np
-import onnx
 import pytest
-from onnx import TensorProto, helper
 
 from footsense.daemon.foot_types import released_path
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
 from footsense.estimation.rest import REST_AGE_S, at_rest
-from footsense.foot.files.checksum_trailer import add_checksum
-from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS
-from footsense.frames import Vector
 from footsense.ports import Window
+from tests.support.networks import ALL_IN, ALL_OUT, DOUBLE, FLOAT, N_IN, N_OUT, card, network_file
 
-FLOAT, DOUBLE = TensorProto.FLOAT, TensorProto.DOUBLE
 TYPES = {FLOAT: "tensor(float)", DOUBLE: "tensor(double)"}
-
-#: Name, width and type of inputs or outputs.
-Values = list[tuple[str, int, int]]
-ALL_IN: Values = [(signal.name, signal.width, FLOAT) for signal in INPUTS]
-ALL_OUT: Values = [(signal.name, signal.width, FLOAT) for signal in OUTPUTS]
-
-
-def network_file(folder: Path, inputs: Values, outputs: Values, weights: Vector | None = None) -> Path:
-    """Write a network with the released card whose outputs, one behind the other, are its inputs times `weights`."""
-    released = onnx.load(str(released_path("network.onnx")))
-    [card] = [entry.value for entry in released.metadata_props if entry.key == METADATA_KEY]
-    n_in, n_out = (sum(width for _, width, _ in values) for values in (inputs, outputs))
-    weights = np.zeros((n_in, n_out)) if weights is None else weights
-    widths = [width for _, width, _ in outputs]
-    nodes = [
-        *(helper.make_node("Cast", [name], [f"{name}_in"], to=FLOAT) for name, _, _ in inputs),
-        helper.make_node("Concat", [f"{name}_in" for name, _, _ in inputs], ["all_in"], axis=1),
-        helper.make_node("MatMul", ["all_in", "weights"], ["all_out"]),
-        helper.make_node("Split", ["all_out", "widths"], [f"{name}_out" for name, _, _ in outputs], axis=1),
-        *(helper.make_node("Cast", [f"{name}_out"], [name], to=kind) for name, _, kind in outputs),
-    ]
-    tensors = [
-        helper.make_tensor("weights", FLOAT, weights.shape, weights.ravel()),
-        helper.make_tensor("widths", TensorProto.INT64, [len(widths)], widths),
-    ]
-
-    def declared(values: Values) -> list[onnx.ValueInfoProto]:
-        return [helper.make_tensor_value_info(name, kind, ["n", width]) for name, width, kind in values]
-
-    graph = helper.make_graph(nodes, "n", declared(inputs), declared(outputs), tensors)
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    helper.set_model_props(model, {METADATA_KEY: card})
-    path = folder / "network.onnx"
-    path.write_bytes(add_checksum(model.SerializeToString()))
-    return path
 
 
 def test_readings_ages_and_mask_go_in_and_every_output_comes_out(tmp_path: Path) -> None:
     """Newest reading first, each by its elements; four outputs, of a row from that row alone."""
-    weights = np.zeros((63, 14))
+    weights = np.zeros((N_IN, N_OUT))
     # force: element 1 now, two readings ago, and of the age of element 5 one reading ago; sigma: the mask of 0, 4, 8.
     weights[[1, 18 + 2, 27 + 9 + 5, 54, 58, 62], range(6)] = 1.0
     weights[range(10, 18), range(6, 14)] = 1.0  # contact: elements 1 to 8 one reading ago
-    network = Network(network_file(tmp_path, ALL_IN, ALL_OUT, weights), 3)
+    network = Network(network_file(tmp_path, card(), weights=weights), 3)
     rng = np.random.default_rng(1)
     for _ in range(2):
         closure_rel, age_s = rng.random((2, 3, 3, 9))
@@ -77,7 +37,7 @@ def test_readings_ages_and_mask_go_in_and_every_output_comes_out(tmp_path: Path)
 
 def test_an_estimate_is_not_overwritten_by_the_next(tmp_path: Path) -> None:
     """The buffers stay with the runtime; a frame may be kept."""
-    network = Network(network_file(tmp_path, ALL_IN, ALL_OUT, np.ones((63, 14))), 1)
+    network = Network(network_file(tmp_path, card(), weights=np.ones((N_IN, N_OUT))), 1)
     first = network.estimate(at_rest(np.full((1, 9), 0.5)))
     kept_n = first.force_n.copy()
     network.estimate(at_rest(np.zeros((1, 9))))
@@ -86,7 +46,7 @@ def test_an_estimate_is_not_overwritten_by_the_next(tmp_path: Path) -> None:
 
 def test_other_inputs_than_its_own_are_not_taken(tmp_path: Path) -> None:
     """A window of other feet or another number of readings is an error at once."""
-    network = Network(network_file(tmp_path, ALL_IN, ALL_OUT), 2)
+    network = Network(network_file(tmp_path, card()), 2)
     window = at_rest(np.zeros((2, 9)))
     with pytest.raises(ValueError, match="reshape"):
         network.estimate(window._replace(closure_rel=window.closure_rel[:, :2]))
@@ -114,7 +74,8 @@ def test_another_input_or_output_is_refused_with_what_there_is(
             "type": (name, width, DOUBLE),
             "name": (f"{name}_2", width, FLOAT),
         }[wrong]
-    path = network_file(tmp_path, *((values, ALL_OUT) if kind == "input" else (ALL_IN, values)))
+    own_in, own_out = (values, ALL_OUT) if kind == "input" else (ALL_IN, values)
+    path = network_file(tmp_path, card(), inputs=own_in, outputs=own_out)
     with pytest.raises(ModelError) as caught:
         Network(path, 12)
     found = ", ".join(f"{name} [n, {width}] {TYPES[each]}" for name, width, each in values)
@@ -128,16 +89,16 @@ def test_the_former_kind_of_network_is_refused_by_its_inputs(tmp_path: Path) -> 
     with pytest.raises(
         ModelError, match=r"closure_rel \[n, 9\] tensor\(float\), missing .*closure_rel \[n, 27\]"
     ):
-        Network(network_file(tmp_path, former, ALL_OUT[:2]), 6)
+        Network(network_file(tmp_path, card(), inputs=former, outputs=ALL_OUT[:2]), 6)
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf])
 def test_weights_that_are_no_numbers_are_found_at_start(tmp_path: Path, number: float) -> None:
     """Before any force is sent: the network is tried over its trained range, contact and its sigma included."""
-    weights = np.zeros((63, 14))
+    weights = np.zeros((N_IN, N_OUT))
     weights[40, 13] = number  # the last output alone
     with pytest.raises(ModelError, match="inside its trained range; its weights are corrupt"):
-        Network(network_file(tmp_path, ALL_IN, ALL_OUT, weights), 2)
+        Network(network_file(tmp_path, card(), weights=weights), 2)
 
 
 def test_the_released_network_reads_an_unloaded_foot_as_nothing() -> None:
