@@ -37,7 +37,9 @@ class OperatingPoint(NamedTuple):
 OPERATING_POINTS = {
     "low-noise": OperatingPoint(100, 4, 28.9, 151.0, 0.2, "weighing and calibrating, feet at rest"),
     "default": OperatingPoint(400, 4, 8.7, 44.0, 0.63, "walking, the default"),
-    "low-latency": OperatingPoint(400, 1, 4.6, 35.0, 0.63, "control of a walk, six legs need 1 Mbit/s of CAN"),
+    "low-latency": OperatingPoint(
+        400, 1, 4.6, 35.0, 0.63, "control of a walk, six legs need 1 Mbit/s of CAN"
+    ),
 }
 
 
