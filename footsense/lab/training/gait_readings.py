@@ -115,7 +115,8 @@ def read_gait(
     normal, force_n = _with_rubber(t_s, *read, timing.viscous_rel) if timing.viscous_rel else read
     closure_um = np.zeros((n, ELEMENTS))
     loaded = force_n.any(axis=1)
-    closure_um[loaded] = sensed_closure_um(Foot(response), normal[loaded], force_n[loaded])
+    if loaded.any():
+        closure_um[loaded] = sensed_closure_um(Foot(response), normal[loaded], force_n[loaded])
     element = elements_of(timing.order, n)
     capacitance_pf = design.capacitance_pf(closure_um[np.arange(n), element])
     measured_pf = np.minimum(capacitance_pf + NOISE_PF * rng.normal(size=n), FULL_SCALE_PF)

@@ -1,0 +1,142 @@
+"""Random gaits as a foot reads them, and a short training on them."""
+
+import numpy as np
+import pytest
+
+from footsense.estimation.faults.imputation import Imputation
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
+from footsense.frames import ELEMENTS, Vector
+from footsense.lab.evaluation.evaluate_models import open_models
+from footsense.lab.training.gait_readings import (
+    LEAD_S,
+    ORDERS,
+    STEP_S,
+    GaitReadings,
+    Timing,
+    elements_of,
+    random_gaits,
+    read_gait,
+)
+from footsense.lab.training.gait_windows import contact_of, windows_of
+from footsense.lab.training.load_cases import NOISE_PF, random_loads, sensed_closure_um
+from footsense.lab.training.train import moments
+from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
+from footsense.lab.training.windowed_network import predict
+from footsense.ports import Window
+from footsense.sim.loads.random_gait import Loads
+from tests.lab.released import FOOT_DESIGN, RELEASED
+
+pytestmark = pytest.mark.lab
+
+N = 400
+MAX_N = 2.0
+
+
+@pytest.fixture(scope="module")
+def response() -> FootResponse:
+    """Return the released foot's response."""
+    return open_models(RELEASED)[0]
+
+
+@pytest.fixture(scope="module")
+def gaits(response: FootResponse) -> GaitReadings:
+    """Return a few random gaits."""
+    return random_gaits(response, 3, 24, N, MAX_N)
+
+
+def rising(t_s: Vector) -> Loads:
+    """Return a load that leans, from nothing to 0.8 N in a second."""
+    normal = np.tile([np.sin(0.1), 0.0, np.cos(0.1)], (len(t_s), 1))
+    return Loads(normal, np.clip(t_s, 0.0, 1.0)[:, None] * np.array([0.05, 0.1, 0.8]))
+
+
+@pytest.mark.parametrize("order", range(len(ORDERS)))
+def test_a_reading_is_of_its_own_time_and_the_truth_of_the_sending(
+    response: FootResponse, order: int
+) -> None:
+    """One element in each conversion, in the order of the scan, to within the noise; the force is a lead later."""
+    gait = read_gait(response, rising, Timing(order=order), np.random.default_rng(1), N)
+    t_s = STEP_S * np.arange(1.0, N + 1)
+    np.testing.assert_allclose(gait.force_n[0], rising(t_s + gait.lead_s[0]).force_n, rtol=1e-6)
+    np.testing.assert_allclose(gait.lead_s, LEAD_S, atol=2e-4)
+    normal, force_n = rising(t_s)
+    exact_rel = sensed_closure_um(Foot(response), normal, force_n) / response.design.gap_um
+    error_rel = gait.closure_rel[0] - exact_rel[np.arange(N), elements_of(order, N)]
+    assert np.abs(error_rel).max() < 5e-3
+    in_another_order = gait.closure_rel[0] - exact_rel[np.arange(N), elements_of(1 - order, N)]
+    assert np.abs(in_another_order).max() > 0.05
+    assert gait.in_range.all()
+
+
+def test_in_the_air_a_reading_is_noise_about_a_baseline(response: FootResponse) -> None:
+    """Of the converter's size, with an offset of each element that stays."""
+    gait = read_gait(response, lambda t_s: rising(0.0 * t_s), Timing(), np.random.default_rng(2), 9 * 300)
+    of_elements = np.empty((300, ELEMENTS))
+    of_elements[:, elements_of(0, ELEMENTS)] = gait.closure_rel[0].reshape(300, ELEMENTS)
+    per_pf = 37.0 / 20.0 / response.design.unloaded_pf
+    assert of_elements.std(axis=0) / per_pf == pytest.approx(np.full(ELEMENTS, NOISE_PF), rel=0.35)
+    assert not gait.force_n.any()
+
+
+def test_a_reading_beyond_the_range_is_its_end(response: FootResponse) -> None:
+    """It is marked, and no window begins with it."""
+    gait = read_gait(
+        response,
+        lambda t_s: Loads(*(part * scale for part, scale in zip(rising(t_s), (1.0, 3.0), strict=True))),
+        Timing(),
+        np.random.default_rng(3),
+        N,
+    )
+    beyond = ~gait.in_range[0]
+    assert beyond.any()
+    assert np.isfinite(gait.closure_rel).all()
+    assert gait.closure_rel[0, beyond].std() < 5e-3
+    assert gait.closure_rel[0].max() == pytest.approx(gait.closure_rel[0, beyond].max())
+
+
+def test_a_seed_is_a_set_of_gaits_on_any_number_of_processes(response: FootResponse) -> None:
+    """The same bits, in the same order; another seed gives others."""
+    one, two = (random_gaits(response, 7, 4, 60, MAX_N, jobs=jobs) for jobs in (1, 2))
+    other = random_gaits(response, 8, 4, 60, MAX_N)
+    np.testing.assert_array_equal(one.closure_rel, two.closure_rel)
+    np.testing.assert_array_equal(one.force_n, two.force_n)
+    assert (one.closure_rel != other.closure_rel).any()
+
+
+def test_a_load_is_its_contact_point_and_its_friction_ratio() -> None:
+    """Both are zero for a load straight up the leg; a load from friction and normal gives them back."""
+    normal = np.array([[0.0, 0.0, 1.0], [0.0, np.sin(0.3), np.cos(0.3)]])
+    across = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(0.3), -np.sin(0.3)]])
+    contact, pressing_n = contact_of(0.5 * (normal + np.array([[0.0], [0.4]]) * across), normal)
+    np.testing.assert_allclose(pressing_n, 0.5)
+    np.testing.assert_allclose(contact[0], 0.0)
+    np.testing.assert_allclose(contact[1], [0.0, np.tan(0.15), 0.0, 0.4 * np.cos(0.3)])
+    nothing, none_n = contact_of(np.zeros((1, 3)), normal[1:])
+    assert (none_n[0], nothing[0, 2:].tolist()) == (0.0, [0.0, 0.0])
+
+
+def test_a_short_training_learns_and_is_the_same_twice(response: FootResponse, gaits: GaitReadings) -> None:
+    """Errors are a part of the load, and sigma and contact follow; the same seed gives the same bits."""
+    rest = random_loads(response, FOOT_DESIGN.loads, 500, 1)
+    design = response.design
+    imputation = Imputation(moments(rest.with_symmetric_copies().closure_um / design.gap_um))
+    protocol = WindowProtocol(channels=4, steps=500, batch=256, rate=1e-2)
+    lines: list[str] = []
+    weights, again = (
+        train_windowed(gaits, rest, design, protocol, imputation, lines.append) for _ in range(2)
+    )
+    for one, two in zip(weights, again, strict=True):
+        np.testing.assert_array_equal(one, two)
+    assert lines[0].startswith("step 500: loss ")
+    judged = windows_of(random_gaits(response, 99, 10, N, MAX_N))
+    loaded = np.linalg.norm(judged.force_n, axis=1) > 0.05
+    whole = np.zeros((len(loaded), ELEMENTS), bool)
+    load = predict(weights, Window(judged.closure_rel, judged.age_s, whole))
+    error_n = np.abs(load.force_n - judged.force_n)[loaded]
+    assert np.sqrt(np.square(error_n).mean()) < 0.3 * np.sqrt(np.square(judged.force_n[loaded]).mean())
+    assert (error_n < 2.0 * load.sigma_n[loaded]).mean() > 0.7
+    contact, _ = contact_of(judged.force_n[loaded], judged.normal[loaded])
+    assert np.abs(load.contact[loaded] - contact).mean() < 0.8 * np.abs(contact).mean()
+    resting = Window(np.zeros((1, 3, ELEMENTS)), judged.age_s[:1], whole[:1])
+    assert not predict(weights, resting).force_n.any()

@@ -1,0 +1,50 @@
+"""Windows of feet in motion, and the symmetry of what a network makes of them."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.estimation.faults.missing_sets import MISSING_SETS
+from footsense.lab.symmetry import SYMMETRIES, element_map
+from footsense.lab.training.gait_windows import age_table
+from footsense.ports import Load, Window
+
+STEP_S, LEAD_S = 2.7e-3, 3.2e-3
+
+
+def some_windows(n: int = 40, seed: int = 1) -> Window:
+    """Return windows of feet in motion, in every phase of a scan and with every set of missing elements."""
+    rng = np.random.default_rng(seed)
+    since = age_table()[0, np.arange(n) % 9][:, None] + 9 * np.arange(3)[:, None]
+    age_s = LEAD_S + STEP_S * (1.0 + 4.0 * rng.random((n, 1, 1)) * (rng.random((n, 1, 1)) < 0.3)) * since
+    return Window(
+        rng.uniform(-0.05, 0.8, (n, 1, 9)) + rng.normal(0.0, 0.1, (n, 3, 9)),
+        age_s,
+        MISSING_SETS[np.arange(n) % len(MISSING_SETS)],
+    )
+
+
+def turned(window: Window, image: NDArray[np.intp]) -> Window:
+    """Return the windows of the foot turned by a symmetry that moves element e to image[e]."""
+    parts = [np.empty_like(part) for part in window]
+    for part, turned_part in zip(window, parts, strict=True):
+        turned_part[..., image] = part
+    return Window(*parts)
+
+
+def assert_symmetric(estimate: Callable[[Window], Load], atol: float) -> None:
+    """Check that a turned or mirrored foot has turned or mirrored loads, and sigmas that follow."""
+    window = some_windows()
+    load = estimate(window)
+    assert all(np.ptp(part, axis=0).min() > 0.01 for part in load)
+    for symmetry in SYMMETRIES:
+        again = estimate(turned(window, element_map(symmetry)))
+        plane = np.kron(np.eye(2), symmetry[:2, :2])
+        for found, known, turn in (
+            (again.force_n, load.force_n, symmetry),
+            (again.sigma_n, load.sigma_n, np.abs(symmetry)),
+            (again.contact, load.contact, plane),
+            (again.contact_sigma, load.contact_sigma, np.abs(plane)),
+        ):
+            np.testing.assert_allclose(found, known @ turn.T, rtol=atol, atol=atol)
