@@ -35,8 +35,8 @@ from footsense.lab.training.network import N_SYMMETRIES, SEEN, Weights
 from footsense.lab.training.train import MASKS, predict
 from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
-from tests.lab.released import FOOT_DESIGN as SHIPPED
 from tests.lab.networks.windows import assert_symmetric, some_windows
+from tests.lab.released import FOOT_DESIGN as SHIPPED
 from tests.lab.released import RELEASED
 
 pytestmark = pytest.mark.lab
