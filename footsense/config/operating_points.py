@@ -35,9 +35,11 @@ class OperatingPoint(NamedTuple):
 
 # Figures of an interim network: take those of docs/report/tradeoff.json once that is made anew.
 OPERATING_POINTS = {
-    "low-noise": OperatingPoint(100, 4, 32.0, 100.0, 0.7, "weighing and calibrating, feet at rest"),
-    "default": OperatingPoint(400, 4, 8.7, 35.0, 1.4, "walking, the default"),
-    "low-latency": OperatingPoint(400, 1, 4.6, 32.0, 1.4, "control of a walk, six legs need 1 Mbit/s of CAN"),
+    "low-noise": OperatingPoint(100, 4, 28.9, 151.0, 0.2, "weighing and calibrating, feet at rest"),
+    "default": OperatingPoint(400, 4, 8.7, 44.0, 0.63, "walking, the default"),
+    "low-latency": OperatingPoint(
+        400, 1, 4.6, 35.0, 0.63, "control of a walk, six legs need 1 Mbit/s of CAN"
+    ),
 }
 
 

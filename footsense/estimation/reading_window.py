@@ -13,6 +13,10 @@ READINGS = 3
 LONGEST_REL = 1.75
 
 
+#: Smallest spike that is taken for a wrong reading [1], and change over it of the readings beside it [1].
+_SPIKE_REL, _ASIDE_REL = 0.1, 0.25
+
+
 class Readings(NamedTuple):
     """The readings of all legs, newest first.
 
@@ -77,6 +81,9 @@ class ReadingWindow:
             of_whole_ns = np.where(in_order[:, 0], kept_ns[:, 0], newest_ns[:, None])
         moved_rel = moved_rel.max(axis=1)
         moved_rel.partition(ELEMENTS - 2, axis=1)
+        # One element that moved far alone: a load moves several.
+        if (moved_rel[:, -1] > _SPIKE_REL + 3.0 * moved_rel[:, -2]).any():
+            _without_spikes(kept_rel)
         return Readings(
             kept_rel,
             kept_ns,
@@ -89,3 +96,16 @@ class ReadingWindow:
     def discard(self, elements: Mask) -> None:
         """Forget the newest reading of each element in a mask, shape (legs, 9): it was wrong."""
         self._distance_rel[:, 0][elements] = np.nan
+
+
+def _without_spikes(distance_rel: Vector) -> None:
+    """Replace a middle reading far from two others that agree by their mean, in place: it was wrong.
+
+    Args:
+        distance_rel: The readings of each element, newest first [1], shape (legs, 3, 9).
+    """
+    newest, middle, oldest = distance_rel.transpose(1, 0, 2)
+    mean_rel = (newest + oldest) / 2.0
+    spike_rel = np.abs(middle - mean_rel)
+    wrong = (spike_rel > _SPIKE_REL) & (np.abs(newest - oldest) < _ASIDE_REL * spike_rel)
+    np.copyto(middle, mean_rel, where=wrong)

@@ -23,6 +23,7 @@ from footsense.lab.template import render
 _LAB_STUDIES = {
     "released": "accuracy.released",
     "gaits": "accuracy.gaits",
+    "gait-semantics": "accuracy.gait_semantics",
     "sensors": "accuracy.sensors",
     "paper-procedure": "networks.paper_procedure",
     "hidden-layers": "networks.hidden_layers",
@@ -89,15 +90,19 @@ def page_values(name: str, folder: Path) -> dict[str, Any]:
 
 
 def is_made(name: str, folder: Path, context: StudyContext) -> bool:
-    """Tell whether a folder holds a study's page about this network, in this form (quick or full)."""
+    """Tell whether a folder holds a study's page about this network or foot, in this form (quick or full)."""
     values = page_values(name, folder)
-    return values.get("network_sha256") == context.network_sha256 and values.get("quick") == context.quick
+    if "response_sha256" in values:
+        made = values["response_sha256"] == context.response.sha256
+    else:
+        made = values.get("network_sha256") == context.network_sha256
+    return made and values.get("quick") == context.quick
 
 
 def why_stale(name: str, folder: Path, context: StudyContext, studies: Mapping[str, str] = STUDIES) -> str:
     """Return the reason to make a page again: another network or changed study code; empty if up to date."""
     if not is_made(name, folder, context):
-        return "missing, or made about another network"
+        return "missing, or made about another network or foot"
     if page_values(name, folder).get("code_sha256", "") != compute_sha256(studies[name]):
         return f"the code that measures its numbers has changed ({studies[name]})"
     return ""

@@ -46,7 +46,7 @@ class FirstFrame(Observer):
 @click.option(
     "--operating-point",
     type=click.Choice(list(OPERATING_POINTS)),
-    help="Conversion rate, averaging and publish mode by one name, instead of those of the file: "
+    help="Conversion rate and rate of publishing by one name, instead of those of the file: "
     + "; ".join(f"{name} for {point.purpose}" for name, point in OPERATING_POINTS.items())
     + ".",
 )

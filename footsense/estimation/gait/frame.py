@@ -57,7 +57,7 @@ class GaitFrame(NamedTuple):
         friction_use: Tangential over normal force [1], shape (legs,), NaN where no load tells it.
         friction_use_sigma: Standard deviation of it [1], shape (legs,).
         slip: Whether the foot slides, shape (legs,), uint8 of `Slip`.
-        friction: Coefficient of friction learnt from the leg's slips [1], shape (legs,), NaN before the first.
+        friction: Coefficient of the ground's friction, learnt from the slips of all legs [1]; NaN until enough slipped.
         all_in_air: Whether every leg is known to be without contact.
         events: What happened since the last frame.
     """
@@ -76,6 +76,6 @@ class GaitFrame(NamedTuple):
     friction_use: Vector
     friction_use_sigma: Vector
     slip: Codes
-    friction: Vector
+    friction: float
     all_in_air: bool
     events: tuple[GaitEvent, ...]

@@ -12,6 +12,7 @@ import numpy as np
 from footsense.estimation.baseline.contact import ContactDetector
 from footsense.estimation.gait.frame import EventKind, GaitEvent, GaitFrame
 from footsense.estimation.gait.leg import LegGait
+from footsense.estimation.gait.slip import Friction
 from footsense.ports import Load
 
 
@@ -23,7 +24,8 @@ class GaitTracker:
     """
 
     def __init__(self, n_legs: int) -> None:
-        self._legs = [LegGait() for _ in range(n_legs)]
+        self._friction = Friction()
+        self._legs = [LegGait(self._friction) for _ in range(n_legs)]
         self._changed = True
 
     def observe(self, load: Load, contacts: Sequence[ContactDetector], now_ns: int) -> GaitFrame:
@@ -58,7 +60,6 @@ class GaitTracker:
                     ground.normal_sigma_rad,
                     ground.friction_use,
                     ground.friction_use_sigma,
-                    leg.friction,
                     *ground.normal,
                 )
             )
@@ -84,12 +85,12 @@ class GaitTracker:
             lift_off_ns=lift_off_ns,
             lift_off_sigma_s=lift_off_sigma_s,
             load_share=np.array(shares_n) / (total_n or math.nan),
-            normal=values[:, 5:],
+            normal=values[:, 4:],
             normal_sigma_rad=values[:, 1],
             friction_use=values[:, 2],
             friction_use_sigma=values[:, 3],
             slip=states[:, 2],
-            friction=values[:, 4],
+            friction=self._friction.coefficient,
             all_in_air=all(not leg.contact and leg.known for leg in legs),
             events=tuple(events),
         )

@@ -70,6 +70,12 @@ class StudyContext:
         """Capacitors of the released network, and range and moments of its training inputs."""
         return read_card(json.dumps(self.network.card), str(self.models)).trained_inputs
 
+    def made_of(self, *, uses_network: bool) -> dict[str, str]:
+        """Return the hash that the page of a study keeps: of the network, or of the response of the foot alone."""
+        if uses_network:
+            return {"network_sha256": self.network_sha256}
+        return {"response_sha256": self.response.sha256}
+
     @cached_property
     def network_sha256(self) -> str:
         """SHA-256 of the network file, which also identifies the foot: its card holds the response table's hash."""
@@ -129,6 +135,7 @@ class Study:
             JSON.
         names: Names that the template uses and that the module itself does not.
         command: Subcommand of `footsense lab`; empty for `study <name>`.
+        uses_network: Whether the results depend on the released network; else on the foot's response alone.
     """
 
     name: str
@@ -136,6 +143,7 @@ class Study:
     compute: Callable[[StudyContext], tuple[Any, Figures]]
     names: dict[str, Any] = field(default_factory=dict)
     command: str = ""
+    uses_network: bool = True
 
     def page(self, context: StudyContext) -> Page:
         """Compute the results, and return the page with the hashes that show when the page is out of date."""
@@ -144,7 +152,7 @@ class Study:
         values = {
             "seconds": round(default_timer() - started, 1),
             "quick": context.quick,
-            "network_sha256": context.network_sha256,
+            **context.made_of(uses_network=self.uses_network),
             "code_sha256": compute_sha256(self._function.__module__),
             **msgspec.to_builtins(results, str_keys=True, enc_hook=lambda value: value.tolist()),
         }

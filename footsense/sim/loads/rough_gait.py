@@ -15,7 +15,7 @@ from footsense.sim.loads.sliding_ground import STEP_S, SlidingGround
 from footsense.sim.loads.swing_shake import SwingShake
 
 #: Kinetic friction of the ground of a gait, and its spread between stances [1]; static over kinetic friction [1].
-_FRICTION, _FRICTION_SPREAD_REL, _STATIC_REL = (0.2, 0.6), 0.03, (1.0, 1.15)
+FRICTION, _FRICTION_SPREAD_REL, _STATIC_REL = (0.2, 0.6), 0.03, (1.0, 1.15)
 #: Spring along the ground [N/mm], and creep at the cone [mm/s], of hard and of soft ground; share of soft ground.
 _STIFFNESS, _CREEP, _SOFT_SHARE = ((0.4, 2.0), (0.1, 0.4)), (0.3, 2.0), 0.25
 #: Largest lean of stones and slopes [deg], and their share; largest lean of any contact [deg].
@@ -128,10 +128,14 @@ class RoughGait:
         rng: Source of the draws.
         max_n: Full load of the foot [N].
         duration_s: Time to fill with stances [s].
+        friction: Mean coefficient of kinetic friction: that of the other legs' ground; None to draw one.
     """
 
-    def __init__(self, rng: np.random.Generator, max_n: float, duration_s: float) -> None:
-        friction, is_soft = rng.uniform(*_FRICTION), bool(rng.random() < _SOFT_SHARE)
+    def __init__(
+        self, rng: np.random.Generator, max_n: float, duration_s: float, friction: float | None = None
+    ) -> None:
+        friction = rng.uniform(*FRICTION) if friction is None else friction
+        is_soft = bool(rng.random() < _SOFT_SHARE)
         self._shake = SwingShake(rng, duration_s)
         self.stances: list[tuple[float, RoughStance]] = []
         start_s = rng.uniform(0.1, 0.25)

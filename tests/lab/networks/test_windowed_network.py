@@ -146,7 +146,8 @@ def test_a_row_is_computed_from_its_own_readings_alone(tmp_path: Path) -> None:
     for one, other in zip(together, disturbed, strict=True):
         np.testing.assert_array_equal(one[others], other[others])
     for row in range(6):
-        alone = network.estimate(Window(*(part[row : row + 1] for part in window)))
+        one_row = Window(*(part[row : row + 1] for part in window))  # type: ignore[arg-type]
+        alone = network.estimate(one_row)
         np.testing.assert_allclose(alone.force_n, together.force_n[row : row + 1], rtol=1e-5, atol=1e-6)
 
 

@@ -229,4 +229,5 @@ STUDY = Study(
     title="How many elements, and how large",
     compute=compute,
     names={"SIGNIFICANT": SIGNIFICANT},
+    uses_network=False,
 )

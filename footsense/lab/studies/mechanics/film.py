@@ -251,4 +251,5 @@ STUDY = Study(
     title="A soft film without gaps",
     compute=compute,
     names={"HIDDEN": HIDDEN, "NOISE_PF": NOISE_PF},
+    uses_network=False,
 )

@@ -111,4 +111,6 @@ def _figure(loads: list[Solved]) -> Figure:
     return figure
 
 
-STUDY = Study(name="floor", title="The error of Hertz's patch and of small strain", compute=compute)
+STUDY = Study(
+    name="floor", title="The error of Hertz's patch and of small strain", compute=compute, uses_network=False
+)

@@ -45,4 +45,4 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     return results, {"pattern.png": pattern_tiles(change_pf)}
 
 
-STUDY = Study(name="pattern", title="The pattern of Fig. 17", compute=compute)
+STUDY = Study(name="pattern", title="The pattern of Fig. 17", compute=compute, uses_network=False)

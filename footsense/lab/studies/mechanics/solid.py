@@ -283,4 +283,4 @@ def _figure(meshes: Sequence[Mesh]) -> Figure:
     return figure
 
 
-STUDY = Study(name="solid", title="How exact the solid is", compute=compute)
+STUDY = Study(name="solid", title="How exact the solid is", compute=compute, uses_network=False)

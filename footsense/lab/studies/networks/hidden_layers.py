@@ -139,4 +139,5 @@ STUDY = Study(
     title="How many hidden layers and neurons",
     compute=compute,
     names={"SIGNIFICANT": SIGNIFICANT},
+    uses_network=False,
 )

@@ -261,4 +261,6 @@ def _figure(walk_n: Vector, estimates_n: dict[str, Vector]) -> Figure:
     return figure
 
 
-STUDY = Study(name="history", title="Does a history pay", compute=compute, names={"HIDDEN": HIDDEN})
+STUDY = Study(
+    name="history", title="Does a history pay", compute=compute, names={"HIDDEN": HIDDEN}, uses_network=False
+)

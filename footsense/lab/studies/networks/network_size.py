@@ -162,4 +162,4 @@ def _figure(sizes: list[Size]) -> Figure:
     return figure
 
 
-STUDY = Study(name="network-size", title="How many weights", compute=compute)
+STUDY = Study(name="network-size", title="How many weights", compute=compute, uses_network=False)

@@ -119,5 +119,9 @@ def _figure(by_feed: dict[str, FeedErrors], points: dict[str, list[Errors]]) -> 
 
 
 STUDY = Study(
-    name="paper-procedure", title="The paper's own procedure", compute=compute, names={"HIDDEN": HIDDEN}
+    name="paper-procedure",
+    title="The paper's own procedure",
+    compute=compute,
+    names={"HIDDEN": HIDDEN},
+    uses_network=False,
 )

@@ -162,5 +162,9 @@ def _figure(runs: dict[str, Trained]) -> Figure:
 
 
 STUDY = Study(
-    name="rprop-speed", title="RPROP against back-propagation", compute=compute, names={"HIDDEN": HIDDEN}
+    name="rprop-speed",
+    title="RPROP against back-propagation",
+    compute=compute,
+    names={"HIDDEN": HIDDEN},
+    uses_network=False,
 )

@@ -61,13 +61,13 @@ def test_a_load_is_consistent(load: tuple[float, float, float]) -> None:
 def test_the_element_that_is_wrong_is_left_out(
     load: tuple[float, float, float], element: int, by: float
 ) -> None:
-    """At once and alone; sigma is wider until motion cannot be the cause any more."""
+    """After a scan, and alone; sigma is wider until motion cannot be the cause any more."""
     closure_rel = pressed(load)
     closure_rel[element] += by
     leg = Leg()
     for n in range(SETTLED_NS // SCAN_NS + 2):
         result = leg.test(closure_rel)
-        assert np.flatnonzero(result.missing[0]).tolist() == [element]
+        assert np.flatnonzero(result.missing[0]).tolist() == ([element] if n else [])
         assert (result.inconsistency_rel[0] > 0.0) == (n < SETTLED_NS // SCAN_NS)
     assert leg.consistency.excluded[0, element]
 
@@ -77,7 +77,9 @@ def test_a_line_that_is_wrong_is_left_out(line: NDArray[np.bool_]) -> None:
     """If no single element explains it."""
     closure_rel = pressed((1.0, 0.2, 0.3))
     closure_rel[line] += [0.5, -0.4, 0.6]
-    np.testing.assert_array_equal(Leg().test(closure_rel).missing[0], line)
+    leg = Leg()
+    leg.test(closure_rel)
+    np.testing.assert_array_equal(leg.test(closure_rel).missing[0], line)
 
 
 @pytest.mark.parametrize(
@@ -91,9 +93,9 @@ def test_a_wrong_element_beside_one_that_cannot_be_read_takes_their_line(
     closure_rel = pressed((1.0, 0.2, 0.3))
     closure_rel[wrong] += 0.6
     closure_rel[unread] = np.nan
-    for _ in range(SETTLED_NS // SCAN_NS + 1):
+    for n in range(SETTLED_NS // SCAN_NS + 1):
         result = leg.test(closure_rel, unread)
-        assert np.flatnonzero(result.missing[0]).tolist() == list(line)
+        assert np.flatnonzero(result.missing[0]).tolist() == (list(line) if n else [unread])
     assert leg.consistency.excluded[0, wrong]
 
 
@@ -155,8 +157,8 @@ def test_an_element_that_is_wrong_again_is_left_out_again_for_as_long() -> None:
     stuck = pressed()
     stuck[0] = 0.0
     for _ in range(2):
-        for _ in range(SETTLED_NS // SCAN_NS + 1):
-            assert leg.test(stuck).missing[0, 0]
+        for n in range(SETTLED_NS // SCAN_NS + 1):
+            assert leg.test(stuck).missing[0, 0] == (n > 0)
         for _ in range(200):
             assert leg.test(np.zeros(9)).missing[0, 0]
         scans = READMITTED_AFTER_NS // SCAN_NS
@@ -226,7 +228,7 @@ def test_what_motion_explains_is_no_fault() -> None:
     result = Leg().test(closure_rel, motion_rel=0.3)
     assert not result.missing.any()
     assert not result.inconsistency_rel.any()
-    assert np.flatnonzero(Leg().test(closure_rel, motion_rel=0.05).missing[0]).tolist() == [4]
+    assert Leg().test(closure_rel, motion_rel=0.05).inconsistency_rel.any()
 
 
 def test_motion_neither_clears_a_suspicion_nor_feeds_it() -> None:

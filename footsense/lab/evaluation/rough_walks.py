@@ -1,0 +1,144 @@
+"""Robots on rough ground: what the gait semantics say of six feet, beside the truth."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, trimmed_means
+from footsense.estimation.gait.frame import GaitEvent
+from footsense.estimation.gait.tracker import GaitTracker
+from footsense.foot.response_table import FootResponse
+from footsense.frames import LEGS, Stamps, Vector
+from footsense.lab.training.gait_readings import STEP_S, GaitReadings, Timing, joined, read_gait
+from footsense.lab.training.gait_windows import whole_windows, windows_of
+from footsense.ports import Estimator, Load, Window
+from footsense.sim.loads.rough_gait import FRICTION, RoughGait, Slides
+
+#: Threshold of contact before swings have shown their noise, and error of a baseline [N].
+_THRESHOLD_N, _BASELINE_N = 0.03, 4e-3
+#: Windows of one call.
+_AT_ONCE = 20_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RoughWalk:
+    """A robot's walk on rough ground, n conversions.
+
+    Attributes:
+        t_s: Times of sending [s], shape (n,).
+        force_n: True forces at sending [N], shape (n, legs, 3).
+        normal: True normals, same shape.
+        slides: Truth of each leg on the ground.
+        stances_s: Start and end of each stance of each leg [s], shapes (k, 2).
+        said: Every event with the row of the conversion after which it was said.
+        contact: Debounced contact, shape (n, legs).
+        found_normal: Normal of the ground, shape (n, legs, 3), NaN where there is none.
+        friction_use: Friction use, shape (n, legs), NaN where there is none.
+        coefficient: Learnt coefficient of friction, shape (n,).
+    """
+
+    t_s: Vector
+    force_n: Vector
+    normal: Vector
+    slides: list[Slides]
+    stances_s: list[Vector]
+    said: list[tuple[int, GaitEvent]]
+    contact: Vector
+    found_normal: Vector
+    friction_use: Vector
+    coefficient: Vector
+
+
+def walk(
+    response: FootResponse,
+    estimator: Estimator,
+    n_per_rel: float,
+    max_n: float,
+    seed: tuple[int, int],
+    n: int,
+) -> RoughWalk:
+    """Return one walk of a robot whose legs tread on one kind of ground.
+
+    Args:
+        response: Response of the feet.
+        estimator: The network, for any number of rows.
+        n_per_rel: Load along the leg over the trimmed mean of the closures [N].
+        max_n: Full load of a foot [N].
+        seed: Seed of gaits and noise.
+        n: Number of conversions.
+    """
+    rng = np.random.default_rng(seed)
+    friction = rng.uniform(*FRICTION)
+    gaits = [RoughGait(rng, max_n, n * STEP_S, friction) for _ in LEGS]
+    timing = Timing(drift_pf=0.3e-3)
+    readings = joined([read_gait(response, gait.loads, timing, rng, n) for gait in gaits])
+    t_s = STEP_S * np.arange(1.0, n + 1) + readings.lead_s.mean(axis=0)
+    found = _run(readings, estimator, n_per_rel, np.asarray(1e9 * t_s, np.int64))
+    return RoughWalk(
+        t_s=t_s,
+        force_n=readings.force_n.swapaxes(0, 1).astype(np.float64),
+        normal=readings.normal.swapaxes(0, 1).astype(np.float64),
+        slides=[gait.slides(t_s) for gait in gaits],
+        stances_s=[
+            np.array([(start_s, start_s + stance.duration_s) for start_s, stance in gait.stances])
+            for gait in gaits
+        ],
+        said=found.said,
+        contact=np.array(found.contact, np.float64),
+        found_normal=np.array(found.normal),
+        friction_use=np.array(found.friction_use),
+        coefficient=np.array(found.coefficient),
+    )
+
+
+@dataclass(slots=True)
+class _Found:
+    """What was said after each conversion."""
+
+    said: list[tuple[int, GaitEvent]]
+    contact: list[Sequence[bool]]
+    normal: list[Vector]
+    friction_use: list[Vector]
+    coefficient: list[float]
+
+
+def _run(readings: GaitReadings, estimator: Estimator, n_per_rel: float, t_ns: Stamps) -> _Found:
+    """Return what the gait semantics say of readings, conversion by conversion."""
+    n_legs, n = readings.closure_rel.shape
+    loads, means_n = _loads(readings, estimator)
+    means_n *= n_per_rel
+    contacts = [ContactDetector(ContactLimits(threshold_n=_THRESHOLD_N)) for _ in range(n_legs)]
+    tracker = GaitTracker(n_legs)
+    found = _Found([], [], [], [], [])
+    for k in range(n):
+        load = Load(*(part[k] for part in loads))
+        now_ns = int(t_ns[k])
+        for contact, mean_n, predicted_n in zip(
+            contacts, means_n[k].tolist(), load.force_n[:, 2].tolist(), strict=True
+        ):
+            contact.observe(mean_n, _BASELINE_N, now_ns, now_ns, predicted_n)
+        frame = tracker.observe(load, contacts, now_ns)
+        found.said += [(k, event) for event in frame.events]
+        found.contact.append(frame.contact.tolist())
+        found.normal.append(frame.normal)
+        found.friction_use.append(frame.friction_use)
+        found.coefficient.append(frame.friction)
+    return found
+
+
+def _loads(readings: GaitReadings, estimator: Estimator) -> tuple[Load, Vector]:
+    """Return the loads after every conversion, shapes (n, legs, ...), and trimmed means, NaN without a whole window."""
+    n_legs, n = readings.closure_rel.shape
+    windows = windows_of(readings)
+    gait, time = np.nonzero(whole_windows(readings))
+    loads = Load(*(np.full((n, n_legs, width), np.nan) for width in (3, 3, 4, 4)))
+    for first in range(0, len(gait), _AT_ONCE):
+        some = slice(first, first + _AT_ONCE)
+        missing = np.zeros(windows.closure_rel[some, 0].shape, bool)
+        load = estimator.estimate(Window(windows.closure_rel[some], windows.age_s[some], missing))
+        for whole, part in zip(loads, load, strict=True):
+            whole[time[some], gait[some]] = part
+    means = np.full((n, n_legs), np.nan)
+    means[time, gait] = trimmed_means(windows.closure_rel[:, 0])
+    return loads, means
