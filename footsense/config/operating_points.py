@@ -33,12 +33,11 @@ class OperatingPoint(NamedTuple):
     purpose: str
 
 
-# Figures of an interim network: take those of docs/report/tradeoff.json once that is made anew.
 OPERATING_POINTS = {
-    "low-noise": OperatingPoint(100, 4, 28.9, 151.0, 0.2, "weighing and calibrating, feet at rest"),
-    "default": OperatingPoint(400, 4, 8.7, 44.0, 0.63, "walking, the default"),
+    "low-noise": OperatingPoint(100, 4, 28.9, 137.5, 0.39, "weighing and calibrating, feet at rest"),
+    "default": OperatingPoint(400, 4, 8.7, 33.2, 0.81, "walking, the default"),
     "low-latency": OperatingPoint(
-        400, 1, 4.6, 35.0, 0.63, "control of a walk, six legs need 1 Mbit/s of CAN"
+        400, 1, 4.6, 22.9, 0.81, "control of a walk, six legs need 1 Mbit/s of CAN"
     ),
 }
 

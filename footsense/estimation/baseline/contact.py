@@ -32,9 +32,6 @@ _CREEP_S = 100.0
 #: Time for which a load has to be low before the floor follows it down: a negative glitch must not make contact later.
 _LOW_NS = 50_000_000
 
-#: Least measured threshold over the configured one [1].
-_LEAST_REL = 0.15
-
 #: A contact as short as this, that never came above so many times the thresholds, was shake.
 _SHORT_NS, _WEAK_REL = 60_000_000, 2.0
 
@@ -53,7 +50,7 @@ class ContactLimits:
     """Thresholds of contact and of confirmed swing.
 
     Attributes:
-        threshold_n: Load above the floor that is contact, until swings have shown their noise and shake [N].
+        threshold_n: Least load above the floor that is contact [N]; more where swings show more noise and shake.
         floor_n_per_s: Fastest rise of the floor [N/s]: five times the fastest drift, a fiftieth of a slow load.
         confirmed_s: Time after lift-off from which a swing is confirmed [s]: most of the rubber's quick recovery is
             over by then, and half the swing of a fast gait is left.
@@ -107,8 +104,9 @@ class ContactDetector:
 
     def __init__(self, limits: ContactLimits) -> None:
         self.limits = limits
-        least_n = _LEAST_REL * limits.threshold_n
-        self.noise, self.predicted_noise = (SwingNoise(limits.threshold_n, least_n) for _ in range(2))
+        self.noise, self.predicted_noise = (
+            SwingNoise(limits.threshold_n, limits.threshold_n) for _ in range(2)
+        )
         self._explained_n = limits.threshold_n / 2
         self._creep_load_n = 0.0
         self.drift_n = 0.0

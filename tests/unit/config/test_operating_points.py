@@ -50,7 +50,6 @@ def test_run_obeys_the_name_and_refuses_another() -> None:
     assert "'low-noise', 'default', 'low-latency'" in result.stderr
 
 
-@pytest.mark.skipif("publish_every" not in POINTS[0], reason="the page is of the time before `publish_every`")
 @pytest.mark.parametrize("name", list(OPERATING_POINTS))
 def test_the_figures_are_those_of_the_report(name: str) -> None:
     """Rounded as they are written."""

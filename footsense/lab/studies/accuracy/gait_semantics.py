@@ -14,7 +14,7 @@ from footsense.lab.evaluation.rough_walks import RoughWalk, walk
 from footsense.lab.studies.page import Figures, Study, StudyContext
 
 #: Seed of the walks.
-SEED = 990_101
+SEED = 990_307
 #: Walks and conversions of each: a minute.
 N_WALKS, CONVERSIONS, QUICK_CONVERSIONS = 8, 22_000, 7_000
 #: Time at the begin of each walk in which thresholds and friction are learnt [s].
