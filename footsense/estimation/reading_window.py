@@ -12,7 +12,6 @@ READINGS = 3
 #: mixed with newer ones.
 LONGEST_REL = 1.75
 
-
 #: Smallest spike that is taken for a wrong reading [1], and change over it of the readings beside it [1].
 _SPIKE_REL, _ASIDE_REL = 0.1, 0.25
 
@@ -70,20 +69,22 @@ class ReadingWindow:
         steps_rel = kept_rel[:, :2] - kept_rel[:, 1:]
         # A NaN makes the difference one.
         in_order = (steps_ns > 0) & (steps_ns <= self._longest_ns) & np.isfinite(steps_rel)
+        all_in_order = np.count_nonzero(in_order) == in_order.size
         moved_rel = np.abs(steps_rel)
-        of_whole_ns = kept_ns[:, 0]
-        newest_ns = of_whole_ns.max(axis=1)
-        if np.count_nonzero(in_order) != in_order.size:
+        if not all_in_order:
             moved_rel[~in_order] = 0.0
-            kept_rel, kept_ns, alone = kept_rel.copy(), kept_ns.copy(), ~in_order[:, 1]
-            np.copyto(kept_rel[:, 2], kept_rel[:, 1], where=alone)
-            np.copyto(kept_ns[:, 2], kept_ns[:, 1] - steps_ns[:, 0], where=alone)
-            of_whole_ns = np.where(in_order[:, 0], kept_ns[:, 0], newest_ns[:, None])
         moved_rel = moved_rel.max(axis=1)
         moved_rel.partition(ELEMENTS - 2, axis=1)
         # One element that moved far alone: a load moves several.
         if (moved_rel[:, -1] > _SPIKE_REL + 3.0 * moved_rel[:, -2]).any():
             _without_spikes(kept_rel)
+        of_whole_ns = kept_ns[:, 0]
+        newest_ns = of_whole_ns.max(axis=1)
+        if not all_in_order:
+            kept_rel, kept_ns, alone = kept_rel.copy(), kept_ns.copy(), ~in_order[:, 1]
+            np.copyto(kept_rel[:, 2], kept_rel[:, 1], where=alone)
+            np.copyto(kept_ns[:, 2], kept_ns[:, 1] - steps_ns[:, 0], where=alone)
+            of_whole_ns = np.where(in_order[:, 0], kept_ns[:, 0], newest_ns[:, None])
         return Readings(
             kept_rel,
             kept_ns,

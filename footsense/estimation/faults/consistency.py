@@ -104,7 +104,8 @@ class ConsistencyTest:
 
     def reset(self, legs: Mask) -> None:
         """Readmit all elements of the legs in a mask, shape (legs,), after a change of foot or baseline."""
-        self._excluded[legs] = self._suspected[legs] = self._stuck[legs] = False
+        for marks in (self._excluded, self._suspected, self._stuck, self._inconsistent):
+            marks[legs] = False
 
     def squared_residuals(self, closure_rel: Vector) -> Vector:
         """Return each leg's sum of squares of the residuals, and of the closures [1], shape (legs, 2).

@@ -168,6 +168,37 @@ def test_legs_do_not_mix() -> None:
     assert np.isnan(readings.distance_rel[1]).all()
 
 
+@pytest.mark.parametrize("beside", [True, False])
+@pytest.mark.parametrize("spike", [0.5, -0.5])
+def test_one_wrong_reading_is_replaced_by_those_beside_it(spike: float, *, beside: bool) -> None:
+    """From the reading after it on, in every place of the window, and also while another leg is silent."""
+    window = ReadingWindow(2, SCAN_NS)
+    seen = []
+    for n in range(7):
+        distance_rel = np.full((2, ELEMENTS), 1.0 - 0.01 * n)
+        distance_rel[0, 4] += spike * (n == 3)
+        t_ns = np.full((2, ELEMENTS), (n + 1) * SCAN_NS)
+        if beside:
+            distance_rel[1], t_ns[1] = np.nan, 0
+        seen.append(window.add(distance_rel, t_ns).distance_rel[0, :, 4].copy())
+    assert seen[3][0] == pytest.approx(0.97 + spike)
+    for n in (4, 5, 6):
+        np.testing.assert_allclose(seen[n], 1.0 - 0.01 * (n - np.arange(3)))
+
+
+def test_a_step_of_the_load_is_no_wrong_reading() -> None:
+    """Neither one that stays, nor one of several elements that comes and goes, nor a small one of a single element."""
+    for changed, size, n_scans in ([4], 0.5, 9), ([3, 4, 5], 0.5, 1), ([4], 0.09, 1):
+        leg = Leg()
+        leg.scans()
+        for n in range(3):
+            distance_rel = np.full(ELEMENTS, 2.0)
+            distance_rel[changed] += size * (n < n_scans)
+            readings = leg.read(distance_rel, (4 + n) * SCAN_NS)
+        expected = 2.0 + size * (np.arange(3) < n_scans)
+        np.testing.assert_allclose(readings.distance_rel[0, ::-1, 4], expected)
+
+
 #: Time since the last frame over a scan, the elements that are read, and whether each gives a number.
 frames = st.lists(
     st.tuples(

@@ -279,3 +279,14 @@ def test_a_sound_foot_in_motion_is_never_blamed(
         readings = window.add(distance_rel, t_ns)
         consistency.test(1.0 - readings.distance_rel[:, 0], readings.motion_rel, none, now_ns)
         assert not consistency.excluded.any()
+
+
+def test_after_a_reset_an_inconsistency_is_a_new_one() -> None:
+    """A foot that was changed is given as long as any other before its residuals take an element out."""
+    wrong = pressed()
+    wrong[[0, 2, 4, 7]] = 0.0
+    leg = Leg()
+    for n in range(4):
+        assert leg.test(wrong).unexplained[0] == (n > 0)
+    leg.consistency.reset(np.array([True]))
+    assert [bool(leg.test(wrong).unexplained[0]) for _ in range(2)] == [False, True]
