@@ -124,7 +124,7 @@ class Scan(Section, frozen=True, kw_only=True):
         rate_sps: Conversions per second of one converter; a lower rate has less noise: 100, 200 or 400 with board
             `fdc1004`; 9, 11, 13, 16, 26, 50, 84 or 91 with board `ad7746`. None: the board's fastest.
         order: Order of the elements: `lo_shu` (the magic square) keeps opposite ones at the same mean time, `raster`
-            switches half as many rows; time-aligned, both have equal errors. None: lo_shu, or raster where the kernel
+            switches half as many rows; the network is trained for both. None: lo_shu, or raster where the kernel
             drives the multiplexer.
     """
 

@@ -21,7 +21,7 @@ from footsense.lab.studies.page import StudyContext
 from footsense.lab.training.load_cases import paper_verification
 
 _SCAN_NS, _MAX_AGE_NS, _WINDOW = 25_000_000, 100_000_000, 4
-#: Scans after a line breaks until its leg has a force again: three readings make a parabola.
+#: Scans after a line breaks until its leg has a force again: two readings in a row make a window.
 _SETTLING = 3
 #: float32 against float64: a twentieth of a bit on CAN [N].
 _SINGLE_N = 5e-5

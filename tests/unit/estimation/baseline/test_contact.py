@@ -109,7 +109,7 @@ def test_a_glitch_right_after_a_lift_off_makes_no_contact() -> None:
 
 
 def test_a_lift_off_that_swings_below_nothing_is_followed_by_no_contact() -> None:
-    """A parabola through the end of a stance: the reading after it lies far above it, and is nothing all the same."""
+    """The reading after one below nothing lies far above it, and is nothing all the same."""
     leg = Leg()
     leg.carry(1.0, 20)
     assert not leg.carry(-0.036)
