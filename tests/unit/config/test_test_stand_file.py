@@ -63,6 +63,6 @@ def test_what_is_wrong_is_one_line(tmp_path: Path, right: str, wrong: str, says:
 
 @pytest.mark.parametrize("layout", ["Bi", "<", "<4", "<x", "<hs", "<999999999b", "hello", ""])
 def test_a_layout_that_is_none_is_refused(layout: str) -> None:
-    """Gaps, such as of text in columns, are refused, too."""
+    """Gaps that alignment would put in are refused, too."""
     with pytest.raises(struct.error):
         integer_bits(layout)
