@@ -78,7 +78,7 @@ class Network:
         for array, values in zip(self._in, window, strict=True):
             array[...] = values.reshape(array.shape)
         self._session.run_with_iobinding(self._binding)
-        return Load(*(array.astype(np.float64) for array in self._out))
+        return Load(*[array.astype(np.float64) for array in self._out])
 
     def _test(self, path: Path) -> None:
         """Estimate once unloaded, which also plans the memory, and through the trained range.
