@@ -112,7 +112,11 @@ class LinuxI2cBus:
 
 
 def _open(device: str) -> smbus2.SMBus:
-    """Open, lock and prepare an adapter; raises HardwareError."""
+    """Open an adapter, lock it, and shorten its timeout.
+
+    Raises:
+        HardwareError: It is missing, this user may not use it, or another process holds the lock.
+    """
     try:
         adapter = smbus2.SMBus(device)
     except OSError as error:
