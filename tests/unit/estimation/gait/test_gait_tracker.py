@@ -46,7 +46,8 @@ class Robot:
             frame = self.tracker.observe(load, self.contacts, self.now_ns)
             assert frame is not None
             self.events += frame.events
-        return frame
+            last = frame
+        return last
 
 
 def test_feet_in_the_air_say_so_and_nothing_else() -> None:
